@@ -1,0 +1,2 @@
+//! The align stage.
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! The optimise stage.
+#![forbid(unsafe_code)]

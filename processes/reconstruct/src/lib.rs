@@ -1,0 +1,2 @@
+//! The reconstruct stage.
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! The sensor stage.
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! The command and supervisor.
+#![forbid(unsafe_code)]

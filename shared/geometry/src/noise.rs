@@ -1,0 +1,66 @@
+//! How far a depth measurement is off, as a function of depth (SPEC 1.4, eq. 5).
+
+use serde::{Deserialize, Serialize};
+
+/// Which formula gives the standard deviation of a depth measurement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseModel {
+    /// `0.00263 z^2 - 0.00519 z + 0.00755` (Holz and Behnke 2015, eq. 5): never below 4.99 mm.
+    #[default]
+    Paper,
+    /// `0.0012 + 0.0019 (z - 0.4)^2` (Nguyen, Izadi and Lovell 2012, axial noise).
+    Nguyen,
+}
+
+/// The standard deviation of depth for one noise model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DepthNoise {
+    /// The formula in use.
+    pub model: NoiseModel,
+}
+
+impl DepthNoise {
+    /// Standard deviation in metres of a measurement at `depth_m` metres.
+    #[inline]
+    pub fn sigma_m(&self, depth_m: f32) -> f32 {
+        match self.model {
+            NoiseModel::Paper => (0.00263 * depth_m - 0.00519) * depth_m + 0.00755,
+            NoiseModel::Nguyen => {
+                let beyond = depth_m - 0.4;
+                0.0012 + 0.0019 * beyond * beyond
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_table_is_reproduced() {
+        // SPEC 1.4, in millimetres.
+        let table = [
+            (0.5, 5.6),
+            (0.8, 5.1),
+            (1.0, 5.0),
+            (1.5, 5.7),
+            (2.0, 7.7),
+            (3.0, 15.6),
+            (4.0, 28.9),
+            (5.0, 47.4),
+            (6.0, 71.1),
+            (8.0, 134.3),
+        ];
+        let noise = DepthNoise { model: NoiseModel::Paper };
+        for (depth_m, sigma_mm) in table {
+            assert!((noise.sigma_m(depth_m) * 1e3 - sigma_mm).abs() < 0.1, "at {depth_m} m");
+        }
+        let mut depth_m = 0.3;
+        while depth_m < 10.0 {
+            assert!(noise.sigma_m(depth_m) > 0.0);
+            depth_m += 0.01;
+        }
+    }
+}

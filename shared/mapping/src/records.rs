@@ -1,0 +1,164 @@
+//! What the aligner and the optimiser write down: their whole durable state.
+//!
+//! The state of both is a fold over these records and nothing else, so a process
+//! that restarted and one that did not hold the same bits.
+
+use serde::{Deserialize, Serialize};
+use tessera_geometry::PoseBits;
+
+/// Where a keyframe's surface lies in the keyframe store.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StoreSlot {
+    /// Byte offset of the first vertex.
+    pub offset: u64,
+    /// Length in bytes.
+    pub len: u64,
+    /// CRC-32 of those bytes.
+    pub crc: u32,
+}
+
+/// Whether a frame's pose can be trusted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Aligned to the map.
+    #[default]
+    Tracking,
+    /// Not aligned: the row holds the prediction.
+    Lost,
+    /// Found again by place recognition, not yet confirmed.
+    Relocalising,
+}
+
+/// The result for one frame: exactly one per processed frame index.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameRecord {
+    /// Frame index as the source counts.
+    pub index: u64,
+    /// Sensor time.
+    pub stamp_nanos: i64,
+    /// Whether the pose can be trusted.
+    pub state: State,
+    /// Why, in words and numbers; empty while tracking normally.
+    pub reason: String,
+    /// Pose as first published, in the map's frame.
+    pub world_from_camera: PoseBits,
+    /// What corrections change; `world_from_camera = world_from_odom * odom_from_camera`.
+    pub world_from_odom: PoseBits,
+    /// The keyframe that this frame hangs on.
+    pub keyframe: u32,
+    /// Pose relative to that keyframe.
+    pub keyframe_from_camera: PoseBits,
+    /// 6x6 covariance of the pose (upper triangle, row by row, translation first), m and rad.
+    pub covariance: Vec<f64>,
+    /// Correspondences in the last outer iteration.
+    pub n_correspondences: u32,
+    /// What else the tracker must remember of this frame (motion prior, reference entropy, …).
+    pub memory: Vec<f64>,
+    /// A keyframe made at this step: always the previous frame or, for the first frame, this one.
+    pub new_keyframe: Option<KeyframeRecord>,
+    /// An optimisation asked for at this step.
+    pub request: Option<RequestRecord>,
+}
+
+/// A keyframe, whose surface is in the store.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyframeRecord {
+    /// 0, 1, 2, … in the order of creation.
+    pub id: u32,
+    /// The frame it was.
+    pub frame_index: u64,
+    /// Its stamp.
+    pub stamp_nanos: i64,
+    /// Pose when it was made.
+    pub world_from_camera: PoseBits,
+    /// Its own motion per second in its camera frame, `rho phi`, for the rolling shutter.
+    pub velocity: [f64; 6],
+    /// Where its surface lies; filled in by whoever writes the store.
+    pub slot: StoreSlot,
+    /// Keyframes it shares an edge with (ids below its own), loops among them.
+    pub edges: Vec<EdgeRecord>,
+}
+
+/// A connection between two keyframes, made when the newer one was aligned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EdgeRecord {
+    /// The older keyframe.
+    pub to: u32,
+    /// Whether it closes a loop.
+    pub is_loop: bool,
+}
+
+/// A request to optimise all keyframes made so far.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RequestRecord {
+    /// 0, 1, 2, …
+    pub request: u64,
+    /// Keyframes `0..n_keyframes` take part.
+    pub n_keyframes: u32,
+    /// The correction takes effect before this frame index is aligned.
+    pub effective_before: u64,
+    /// The optimisation at the end of the run.
+    pub is_final: bool,
+}
+
+/// One corrected keyframe.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyframePose {
+    /// Keyframe.
+    pub id: u32,
+    /// Its corrected pose.
+    pub world_from_camera: PoseBits,
+}
+
+/// The answer to a request.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Correction {
+    /// Which request.
+    pub request: u64,
+    /// Hash of the input it was computed from.
+    pub input_hash: u64,
+    /// Corrected keyframes, by id.
+    pub keyframes: Vec<KeyframePose>,
+    /// Frames solved again against the optimised keyframes (final optimisation only).
+    pub frames: Vec<(u64, PoseBits)>,
+    /// Loop pairs with the weight that the optimiser left them: newer, older, weight.
+    pub loops: Vec<(u32, u32, f64)>,
+    /// Outer iterations done.
+    pub outer_iterations: u32,
+}
+
+/// A correction taking effect: the whole correction is copied into the aligner's own
+/// journal, so that its state is a fold over one file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AppliedCorrection {
+    /// First frame index aligned after it.
+    pub before_frame: u64,
+    /// What was applied.
+    pub correction: Correction,
+}
+
+/// One record of the aligner's journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum AlignRecord {
+    /// A frame was aligned (or lost), with all that happened at this step.
+    Frame(Box<FrameRecord>),
+    /// A frame was skipped in live mode: index and reason.
+    Skipped(u64, String),
+    /// A correction took effect.
+    Correction(Box<AppliedCorrection>),
+    /// The source is exhausted after this many frames, and the final request.
+    End {
+        /// Frames in the source.
+        n_frames: u64,
+        /// The final optimisation, unless there is nothing to optimise.
+        request: Option<RequestRecord>,
+    },
+}
+
+/// One record of the optimiser's journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum OptimiseRecord {
+    /// A request was answered.
+    Correction(Box<Correction>),
+}

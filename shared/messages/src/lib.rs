@@ -1,0 +1,2 @@
+//! What travels between the processes: plain data with a versioned name.
+#![forbid(unsafe_code)]

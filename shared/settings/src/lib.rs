@@ -1,0 +1,2 @@
+//! Every setting of Tessera in one typed, checked TOML file.
+#![forbid(unsafe_code)]
