@@ -21,6 +21,8 @@ pub use presets::{PRESETS, preset};
 pub use run::RunSettings;
 
 use serde::{Deserialize, Serialize};
+use tessera_registration::RegistrationSettings;
+use tessera_surface::SurfaceSettings;
 
 /// All settings of a run, one table for each part.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,6 +30,10 @@ use serde::{Deserialize, Serialize};
 pub struct Settings {
     /// What is run: the source and how it is read.
     pub run: RunSettings,
+    /// From a depth image to a surface.
+    pub surface: SurfaceSettings,
+    /// From surfaces to relative poses.
+    pub registration: RegistrationSettings,
     /// How frames move between the processes.
     pub flow: FlowSettings,
     /// What is written at the end.
@@ -73,7 +79,7 @@ impl Settings {
     /// # Errors
     /// Names the first key whose value cannot be, the value and the rule.
     pub fn check(&self) -> Result<(), SettingsError> {
-        let parts = [("run", self.run.check()), ("flow", self.flow.check()), ("output", self.output.check())];
+        let parts = [("run", words(self.run.check())), ("flow", words(self.flow.check())), ("output", self.output.check())];
         for (part, result) in parts {
             result.map_err(|reason| SettingsError::Value { part, reason })?;
         }

@@ -1,6 +1,7 @@
 //! What is written at the end.
 
 use serde::{Deserialize, Serialize};
+use tessera_surface::{SettingError, check_range};
 
 /// The outputs made from the run directory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,15 +23,9 @@ impl OutputSettings {
     /// Checks every range; NaN is outside of each.
     ///
     /// # Errors
-    /// `key is value, expected rule` for the first that cannot be.
-    pub fn check(&self) -> Result<(), String> {
-        let &Self { map_voxel_m, map_max_depth_m } = self;
-        if !(0.001..=1.0).contains(&map_voxel_m) {
-            return Err(format!("map_voxel_m is {map_voxel_m}, expected 0.001 to 1 metre"));
-        }
-        if !(0.1..=100.0).contains(&map_max_depth_m) {
-            return Err(format!("map_max_depth_m is {map_max_depth_m}, expected 0.1 to 100 metres"));
-        }
-        Ok(())
+    /// Names the first key that is out of range, its value and the rule.
+    pub fn check(&self) -> Result<(), SettingError> {
+        check_range("map_voxel_m", self.map_voxel_m, 0.001, 1.0)?;
+        check_range("map_max_depth_m", self.map_max_depth_m, 0.1, 100.0)
     }
 }

@@ -78,7 +78,7 @@ fn wrong_types_and_values_name_key_value_and_rule() {
     );
     assert_eq!(
         refusal("[output]\nmap_voxel_m = nan\n"),
-        "configuration: output.map_voxel_m is NaN, expected 0.001 to 1 metre"
+        "configuration: output.map_voxel_m is NaN, expected a number from 0.001 to 1"
     );
     assert_eq!(
         refusal("[run]\nframes = -3\n"),
