@@ -186,7 +186,9 @@ pub(crate) struct StatusArguments {
 
 /// `tessera stage`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  tessera stage align --run room-1\n  tessera stage align --run-dir results/desk")]
+#[command(
+    after_help = "Examples:\n  tessera stage align --run room-1\n  tessera stage align --run-dir results/desk"
+)]
 pub(crate) struct StageArguments {
     /// sensor, reconstruct, align or optimise
     pub(crate) stage: String,

@@ -79,7 +79,16 @@ impl Settings {
     /// # Errors
     /// Names the first key whose value cannot be, the value and the rule.
     pub fn check(&self) -> Result<(), SettingsError> {
-        let parts = [("run", words(self.run.check())), ("flow", words(self.flow.check())), ("output", self.output.check())];
+        fn words<E: std::fmt::Display>(result: Result<(), E>) -> Result<(), String> {
+            result.map_err(|error| error.to_string())
+        }
+        let parts = [
+            ("run", words(self.run.check())),
+            ("surface", words(self.surface.check())),
+            ("registration", words(self.registration.check())),
+            ("flow", words(self.flow.check())),
+            ("output", words(self.output.check())),
+        ];
         for (part, result) in parts {
             result.map_err(|reason| SettingsError::Value { part, reason })?;
         }

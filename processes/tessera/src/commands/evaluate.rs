@@ -34,8 +34,10 @@ fn for_people(evaluation: &Evaluation, options: &EvaluationOptions) -> String {
     let line = |text: &mut String, name: &str, statistics: &Statistics, unit: &str| {
         let Statistics { rmse, mean, median, max, .. } = statistics;
         // Writing to a String cannot fail.
-        let _ =
-            writeln!(text, "{name:<16} rmse {rmse:.6}  mean {mean:.6}  median {median:.6}  max {max:.6} {unit}");
+        let _ = writeln!(
+            text,
+            "{name:<16} rmse {rmse:.6}  mean {mean:.6}  median {median:.6}  max {max:.6} {unit}"
+        );
     };
     line(&mut text, "ATE", &evaluation.ate_m, "m");
     let _ = writeln!(
