@@ -1,1 +1,29 @@
-//! What lasts on disk: an append-only journal and a mapped store of keyframe surfaces.
+//! What lasts on disk: append-only journals of records, and a store of large byte blocks that
+//! readers map.
+//!
+//! The state of a stage is a fold over its journal, so a journal that is whole up to some record
+//! is a run that went up to that record. Files are untrusted input: a checksum first, then the
+//! decoder with a byte limit.
+//!
+//! Invariants:
+//! * A record is there with all its bytes or not at all; after a crash the longest prefix of
+//!   whole records is what happened.
+//! * One writer: the lock is taken before the file is read and goes away with the process.
+//! * A file that may be mapped (the store) is never shortened.
+#![deny(unsafe_code)]
+
+mod codec;
+mod error;
+mod follower;
+mod framing;
+mod lock;
+mod mapped;
+mod store;
+mod writer;
+
+pub use error::JournalError;
+pub use follower::Follower;
+pub use lock::lock_file;
+pub use mapped::StoreView;
+pub use store::{Slot, Store};
+pub use writer::{Journal, Recovered};

@@ -1,2 +1,22 @@
-//! What travels between the processes: plain data with a versioned name.
+//! What travels between the processes: plain data with a versioned wire name, and the checks
+//! that a receiver makes before it believes a word of it.
+//!
+//! Nothing here knows iceoryx2. A layout change means a new version in [`Message::NAME`]: two
+//! processes that disagree then fail to open the service instead of misreading each other.
 #![forbid(unsafe_code)]
+
+mod beat;
+mod flow;
+mod frame;
+mod message;
+mod pose;
+mod stage;
+mod surface;
+
+pub use beat::{Beat, BeatState, Latency, WaitingOn};
+pub use flow::Flow;
+pub use frame::{FrameHeader, FramePayload, FrameShape, Kind};
+pub use message::{Element, Message, Refusal, StepTimes};
+pub use pose::{POSE_STATES, PoseMessage, pack_reason};
+pub use stage::Stage;
+pub use surface::{SurfaceExpectation, SurfaceHeader};

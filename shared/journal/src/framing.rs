@@ -1,0 +1,115 @@
+//! How records lie in a file: a header that names the file, then records, each with its length,
+//! version and a checksum chained with the record before.
+//!
+//! The chain keeps stale bytes behind a torn tail from coming back to life: they continue
+//! another record than the one that now stands before them.
+
+use crate::codec::MAX_RECORD_BYTES;
+use crate::error::JournalError;
+use std::path::Path;
+
+const MAGIC: &[u8; 8] = b"TESSERAJ";
+/// Version of the framing and of the records in it.
+const VERSION: u32 = 1;
+/// Bytes before the first record.
+pub(crate) const FILE_HEADER_BYTES: usize = 32;
+/// Bytes before each record's payload: length, version, checksum.
+pub(crate) const RECORD_HEADER_BYTES: usize = 12;
+
+/// The first bytes of a journal of this kind (at most 16 bytes of name).
+pub(crate) fn file_header(kind: &str) -> [u8; FILE_HEADER_BYTES] {
+    let mut header = [0; FILE_HEADER_BYTES];
+    header[..8].copy_from_slice(MAGIC);
+    header[8..12].copy_from_slice(&VERSION.to_le_bytes());
+    let name = &kind.as_bytes()[..kind.len().min(16)];
+    header[12..12 + name.len()].copy_from_slice(name);
+    let crc = crc32fast::hash(&header[..28]);
+    header[28..].copy_from_slice(&crc.to_le_bytes());
+    header
+}
+
+/// What the first bytes of a file say.
+#[derive(Debug, PartialEq)]
+pub(crate) enum FileStart {
+    /// A journal of the expected kind; the checksum begins the chain.
+    Whole,
+    /// Cut short or zeroed: nothing was ever committed.
+    Torn,
+}
+
+/// Judges the first bytes of a file.
+pub(crate) fn check_file_header(bytes: &[u8], kind: &str, path: &Path) -> Result<FileStart, JournalError> {
+    let expected = file_header(kind);
+    if bytes.len() >= FILE_HEADER_BYTES && bytes[..FILE_HEADER_BYTES] == expected {
+        return Ok(FileStart::Whole);
+    }
+    let is_prefix = bytes.len() < FILE_HEADER_BYTES && expected.starts_with(bytes);
+    if is_prefix || bytes.iter().take(FILE_HEADER_BYTES).all(|&b| b == 0) {
+        return Ok(FileStart::Torn);
+    }
+    if bytes.len() >= 12 && &bytes[..8] == MAGIC && bytes[8..12] != VERSION.to_le_bytes() {
+        let found = u32_at(bytes, 8).unwrap_or_default();
+        return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
+    }
+    Err(JournalError::Foreign {
+        path: path.into(),
+        expected: format!("{kind} journal"),
+        found: format!("{:?}", String::from_utf8_lossy(&bytes[..bytes.len().min(28)])),
+    })
+}
+
+/// The checksum that the first record continues.
+pub(crate) fn first_link(kind: &str) -> u32 {
+    crc32fast::hash(&file_header(kind))
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes)
+}
+
+/// The checksum of a record that follows one whose checksum is `link`.
+pub(crate) fn chained_crc(link: u32, payload: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&link.to_le_bytes());
+    hasher.update(&(payload.len() as u32).to_le_bytes());
+    hasher.update(&VERSION.to_le_bytes());
+    hasher.update(payload);
+    hasher.finalize()
+}
+
+/// Fills in the header at the front of `record`, whose payload stands behind it.
+pub(crate) fn seal(record: &mut [u8], link: u32) -> u32 {
+    let (header, payload) = record.split_at_mut(RECORD_HEADER_BYTES);
+    let crc = chained_crc(link, payload);
+    header[..4].copy_from_slice(&(payload.len() as u32).to_le_bytes());
+    header[4..8].copy_from_slice(&VERSION.to_le_bytes());
+    header[8..12].copy_from_slice(&crc.to_le_bytes());
+    crc
+}
+
+/// Length of the payload and checksum, where the header can be one of ours.
+pub(crate) fn record_header(bytes: &[u8]) -> Option<(usize, u32)> {
+    let (len, version, crc) = (u32_at(bytes, 0)? as usize, u32_at(bytes, 4)?, u32_at(bytes, 8)?);
+    (version == VERSION && (1..=MAX_RECORD_BYTES).contains(&len)).then_some((len, crc))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_files_are_named_and_torn_ones_are_not_errors() {
+        let path = Path::new("a.journal");
+        let check = |bytes: &[u8]| check_file_header(bytes, "align", path);
+        assert_eq!(check(&file_header("align")).unwrap(), FileStart::Whole);
+        for cut in 0..FILE_HEADER_BYTES {
+            assert_eq!(check(&file_header("align")[..cut]).unwrap(), FileStart::Torn);
+        }
+        assert_eq!(check(&[0; 4096]).unwrap(), FileStart::Torn);
+        assert!(check(&file_header("optimise")).unwrap_err().to_string().contains("not a Tessera align"));
+        assert!(check(b"ply\nformat ascii 1.0\nelement v").unwrap_err().to_string().contains("ply"));
+        let mut newer = file_header("align");
+        newer[8] = 9;
+        assert!(check(&newer).unwrap_err().to_string().contains("version 9"));
+    }
+}

@@ -1,0 +1,40 @@
+//! One writer at a time: an flock that the kernel frees when its holder dies.
+
+use crate::error::JournalError;
+use rustix::fs::{FlockOperation, flock};
+use std::fs::File;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Takes the exclusive lock on an open file, waiting up to `wait` for its holder to end.
+///
+/// # Errors
+/// [`JournalError::Locked`] with the holder's pid when the time is over.
+pub fn lock_file(file: &File, path: &Path, wait: Duration) -> Result<(), JournalError> {
+    let deadline = Instant::now() + wait;
+    loop {
+        match flock(file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => return Ok(()),
+            Err(rustix::io::Errno::WOULDBLOCK) if Instant::now() < deadline => {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                return Err(JournalError::Locked { path: path.into(), holder: holder(file) });
+            }
+            Err(errno) => return Err(JournalError::io("lock", path)(errno.into())),
+        }
+    }
+}
+
+/// The process that holds the flock, as /proc/locks tells.
+fn holder(file: &File) -> Option<u32> {
+    let meta = file.metadata().ok()?;
+    let ending = format!(":{}", meta.ino());
+    let locks = std::fs::read_to_string("/proc/locks").ok()?;
+    locks.lines().filter(|line| line.contains("FLOCK")).find_map(|line| {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let place = fields.iter().position(|field| field.ends_with(&ending))?;
+        fields.get(place.checked_sub(1)?)?.parse().ok()
+    })
+}

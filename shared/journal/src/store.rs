@@ -1,0 +1,146 @@
+//! The writing end of the keyframe store: an append-only file of aligned byte blocks.
+//!
+//! What is in use is what a journal names; bytes behind the last named block are overwritten.
+
+use crate::error::JournalError;
+use crate::lock::lock_file;
+use rustix::fs::{FallocateFlags, fallocate};
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+const MAGIC: &[u8; 8] = b"TESSERAK";
+const VERSION: u32 = 1;
+/// Offset of the first block: a page, so that losing it loses no block.
+const FIRST_BLOCK: u64 = 4096;
+/// Blocks begin on cache lines.
+const ALIGNMENT: u64 = 64;
+
+/// Where a block lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Slot {
+    /// Byte offset, a multiple of 64.
+    pub offset: u64,
+    /// Length in bytes.
+    pub len: u64,
+    /// CRC-32 of the bytes.
+    pub crc: u32,
+}
+
+/// The store, open for writing by this process alone.
+#[derive(Debug)]
+pub struct Store {
+    file: File,
+    path: PathBuf,
+    end: u64,
+}
+
+impl Store {
+    /// Opens or creates the store and locks it, waiting up to `wait` for another writer to end.
+    ///
+    /// # Errors
+    /// Where it is locked, is something else, is of another version, or cannot be opened.
+    pub fn open(path: &Path, wait: Duration) -> Result<Self, JournalError> {
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(path)
+            .map_err(JournalError::io("open", path))?;
+        lock_file(&file, path, wait)?;
+        let mut found = [0u8; 12];
+        let n = file.read_at(&mut found, 0).map_err(JournalError::io("read", path))?;
+        if n < found.len() || found == [0; 12] {
+            let mut header = MAGIC.to_vec();
+            header.extend(VERSION.to_le_bytes());
+            file.write_all_at(&header, 0).map_err(JournalError::io("write", path))?;
+        } else if &found[..8] != MAGIC {
+            return Err(JournalError::Foreign {
+                path: path.into(),
+                expected: "keyframe store".into(),
+                found: format!("{:?}", String::from_utf8_lossy(&found)),
+            });
+        } else if found[8..] != VERSION.to_le_bytes() {
+            let found = u32::from_le_bytes([found[8], found[9], found[10], found[11]]);
+            return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
+        }
+        Ok(Self { file, path: path.into(), end: FIRST_BLOCK })
+    }
+
+    /// Marks a block that a journal names as in use: the next one goes behind it.
+    pub fn keep(&mut self, slot: &Slot) {
+        let behind = slot.offset.saturating_add(slot.len).checked_next_multiple_of(ALIGNMENT);
+        self.end = self.end.max(behind.unwrap_or(u64::MAX));
+    }
+
+    /// Writes a block behind the last one; with `sync` it has reached the disk when this returns.
+    ///
+    /// # Errors
+    /// A full disk is an error here and never a fault in a reader: space is allocated first.
+    pub fn append(&mut self, bytes: &[u8], sync: bool) -> Result<Slot, JournalError> {
+        let (offset, len) = (self.end, bytes.len() as u64);
+        match fallocate(&self.file, FallocateFlags::empty(), offset, len.max(1)) {
+            // A file system without fallocate: the write below finds out about the space.
+            Ok(()) | Err(rustix::io::Errno::OPNOTSUPP) => {}
+            Err(errno) => return Err(JournalError::io("allocate space in", &self.path)(errno.into())),
+        }
+        self.file.write_all_at(bytes, offset).map_err(JournalError::io("append to", &self.path))?;
+        if sync {
+            self.file.sync_data().map_err(JournalError::io("sync", &self.path))?;
+        }
+        let slot = Slot { offset, len, crc: crc32fast::hash(bytes) };
+        self.keep(&slot);
+        Ok(slot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::StoreView;
+
+    #[test]
+    fn blocks_come_back_in_place_and_aligned() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let blocks: Vec<Vec<u8>> = (0..5u8).map(|k| vec![k + 1; 1000 + 77 * k as usize]).collect();
+        let mut view = StoreView::open(&path).unwrap();
+        let mut slots = Vec::new();
+        for block in &blocks {
+            slots.push(store.append(block, false).unwrap());
+        }
+        for (slot, block) in slots.iter().zip(&blocks) {
+            let id = view.map(slot).unwrap();
+            assert_eq!(view.bytes(id), block);
+            assert_eq!(view.bytes(id).as_ptr() as usize % 64, 0);
+        }
+        drop(store);
+        // A writer that comes back knows from its journal what is in use: the rest is overwritten.
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        store.keep(&slots[2]);
+        assert_eq!(store.append(&blocks[3], false).unwrap(), slots[3]);
+    }
+
+    #[test]
+    fn damage_is_found_before_it_is_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let slot = store.append(&[7; 9000], false).unwrap();
+        let text = |slot: Slot| StoreView::open(&path).unwrap().map(&slot).unwrap_err().to_string();
+        assert!(text(Slot { len: 1 << 40, ..slot }).contains("lie behind its end"));
+        assert!(text(Slot { offset: u64::MAX - 63, ..slot }).contains("lie behind its end"));
+        assert!(text(Slot { offset: slot.offset + 1, ..slot }).contains("not begin on a cache line"));
+        store.file.write_all_at(&[8], slot.offset + 4097).unwrap();
+        assert!(text(slot).contains("checksum"));
+        std::fs::write(&path, "something else").unwrap();
+        drop(store);
+        assert!(
+            Store::open(&path, Duration::ZERO).unwrap_err().to_string().contains("not a Tessera keyframe")
+        );
+    }
+}

@@ -1,0 +1,94 @@
+//! What makes a type a message, and why a message is refused.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Plain data that may travel: fixed layout, no pointers, any bit pattern is a value.
+pub trait Message: Pod + std::fmt::Debug + Send + Sync {
+    /// Name on the wire, with the version of the layout.
+    const NAME: &'static str;
+}
+
+/// An element of a payload slice.
+pub trait Element: Pod + std::fmt::Debug + Send + Sync {
+    /// Name on the wire, with the version of the layout.
+    const NAME: &'static str;
+}
+
+/// Raw depth units and packed colour bytes: the machine's own type, so that programs in other
+/// languages can write frames.
+impl Element for u16 {
+    const NAME: &'static str = "u16";
+}
+
+impl Element for tessera_surface::Vertex {
+    const NAME: &'static str = "tessera.Vertex.v1";
+}
+
+/// Why a received message is not used. It is counted and logged; the sender sends again.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// A size differs from what the run's own configuration says.
+    #[error("frame {index}: {what} is {found}, expected {expected}")]
+    Size {
+        /// Frame index of the message.
+        index: u64,
+        /// Which size.
+        what: &'static str,
+        /// What the message says.
+        found: u64,
+        /// What the configuration says.
+        expected: u64,
+    },
+    /// The frame index cannot be in flight.
+    #[error("frame {index} is not in flight: only indices below {limit} may come")]
+    Future {
+        /// Frame index of the message.
+        index: u64,
+        /// First index that nobody can have sent.
+        limit: u64,
+    },
+    /// A number is not finite or outside its range.
+    #[error("frame {index}: {what} is {found}, expected {rule}")]
+    Value {
+        /// Frame index of the message.
+        index: u64,
+        /// Which value.
+        what: &'static str,
+        /// What was found, as text.
+        found: String,
+        /// What must hold.
+        rule: &'static str,
+    },
+}
+
+impl Refusal {
+    /// Refuses `found` unless it is `expected`.
+    pub(crate) fn unless_equal(
+        index: u64,
+        what: &'static str,
+        found: u64,
+        expected: u64,
+    ) -> Result<(), Refusal> {
+        if found == expected { Ok(()) } else { Err(Refusal::Size { index, what, found, expected }) }
+    }
+}
+
+/// When each step of a frame happened, nanoseconds of the monotonic clock; 0: not yet.
+///
+/// For latency figures only: no result depends on them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct StepTimes {
+    /// The sensor began to read or decode the frame.
+    pub read_began: u64,
+    /// The frame was complete in shared memory.
+    pub frame_sent: u64,
+    /// Reconstruction took it up.
+    pub surface_began: u64,
+    /// The surface was complete in shared memory.
+    pub surface_sent: u64,
+    /// Alignment took it up.
+    pub align_began: u64,
+    /// The pose was published.
+    pub pose_sent: u64,
+}

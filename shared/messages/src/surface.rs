@@ -1,0 +1,114 @@
+//! A surface on its way from the reconstruction to the alignment.
+
+use crate::frame::Kind;
+use crate::message::{Message, Refusal, StepTimes};
+use bytemuck::{Pod, Zeroable};
+use tessera_surface::{Grid, Vertex};
+
+/// Header of a surface; the payload is one [`Vertex`] per grid node, row by row.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SurfaceHeader {
+    /// Frame index as the source counts.
+    pub index: u64,
+    /// Epoch of the frame message it was made from.
+    pub epoch: u64,
+    /// Sensor time.
+    pub stamp_nanos: i64,
+    /// Frames that the source left out before this one (live mode).
+    pub dropped_before: u64,
+    /// Columns of the grid.
+    pub width: u32,
+    /// Rows of the grid.
+    pub height: u32,
+    /// Pixels between grid nodes.
+    pub step: u32,
+    /// [`Kind`] as written by [`Kind::to_wire`].
+    pub kind: u32,
+    /// Vertices that may be aligned to.
+    pub n_valid: u32,
+    /// Median depth of the measured pixels, metres; 0 where there is none.
+    pub median_depth_m: f32,
+    /// When each step happened.
+    pub times: StepTimes,
+}
+
+impl Message for SurfaceHeader {
+    const NAME: &'static str = "tessera.SurfaceHeader.v1";
+}
+
+/// What the run's configuration says of every surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceExpectation {
+    /// Shape of the grid.
+    pub grid: Grid,
+    /// First index that cannot be in flight; `None` in live mode.
+    pub limit: Option<u64>,
+}
+
+impl SurfaceHeader {
+    /// Checks header and vertices against the configuration.
+    ///
+    /// # Errors
+    /// A [`Refusal`] that names the frame, what was found and what was expected.
+    pub fn validate(&self, expected: &SurfaceExpectation, vertices: &[Vertex]) -> Result<Kind, Refusal> {
+        let index = self.index;
+        let kind = Kind::check(index, self.kind)?;
+        let grid = expected.grid;
+        Refusal::unless_equal(index, "grid width", self.width.into(), grid.width as u64)?;
+        Refusal::unless_equal(index, "grid height", self.height.into(), grid.height as u64)?;
+        Refusal::unless_equal(index, "grid step", self.step.into(), grid.step as u64)?;
+        Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, grid.len() as u64)?;
+        match expected.limit {
+            Some(limit) if index >= limit => return Err(Refusal::Future { index, limit }),
+            _ => {}
+        }
+        if kind == Kind::Frame && !all_finite(vertices) {
+            return Err(Refusal::Value {
+                index,
+                what: "a vertex",
+                found: "not finite".into(),
+                rule: "finite numbers in every vertex",
+            });
+        }
+        Ok(kind)
+    }
+}
+
+/// Whether every number is finite: no exponent has all bits set. Branch-free, so that it vectorises.
+fn all_finite(vertices: &[Vertex]) -> bool {
+    const EXPONENT: u32 = 0x7f80_0000;
+    let bad = |value: f32| u32::from(value.to_bits() & EXPONENT == EXPONENT);
+    vertices.chunks(256).all(|chunk| {
+        chunk.iter().fold(0, |sum, v| {
+            let [x, y, z] = v.position;
+            let [nx, ny, nz] = v.normal;
+            sum | bad(x) | bad(y) | bad(z) | bad(nx) | bad(ny) | bad(nz) | bad(v.intensity)
+        }) == 0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_indices_and_numbers_are_checked() {
+        let grid = Grid { width: 4, height: 2, step: 4 };
+        let expected = SurfaceExpectation { grid, limit: Some(5) };
+        let good = SurfaceHeader { index: 3, width: 4, height: 2, step: 4, ..SurfaceHeader::default() };
+        let vertices = vec![Vertex::default(); 8];
+        assert_eq!(good.validate(&expected, &vertices), Ok(Kind::Frame));
+        let text = |header: SurfaceHeader, vertices: &[Vertex]| {
+            header.validate(&expected, vertices).unwrap_err().to_string()
+        };
+        assert!(text(good, &vertices[..7]).contains("number of vertices is 7, expected 8"));
+        assert!(text(SurfaceHeader { index: 5, ..good }, &vertices).contains("not in flight"));
+        assert!(text(SurfaceHeader { width: 9, ..good }, &vertices).contains("grid width is 9"));
+        let mut broken = vertices.clone();
+        broken[6].normal[1] = f32::NAN;
+        assert!(text(good, &broken).contains("finite"));
+        broken[6].normal[1] = f32::NEG_INFINITY;
+        assert!(text(good, &broken).contains("finite"));
+    }
+}
