@@ -1,2 +1,31 @@
-//! Surface-to-surface alignment: correspondences, multi-edge graphs, Levenberg-Marquardt.
+//! Surface-to-surface alignment of organised surfaces with many edges at once.
+//!
+//! A pair of frames is one [`PairBlock`]: the exact sufficient statistics of all its
+//! correspondences (SPEC 5.3-5.4). A [`Graph`] of poses and pair blocks is solved by
+//! Levenberg-Marquardt ([`Graph::optimise`]), whether it is one new frame against a fixed
+//! window or all keyframes at once: one engine for both, as in Holz and Behnke 2015, III-E.
 #![forbid(unsafe_code)]
+
+mod block;
+mod graph;
+mod matching;
+mod projection;
+mod queries;
+mod random;
+mod sampling;
+mod settings;
+mod solve;
+mod statistics;
+mod target;
+
+pub use block::{BlockSums, PairBlock};
+pub use graph::{Graph, InnerReport, Pair, Prior};
+pub use matching::{MatchLimits, Matcher, PairReport};
+pub use projection::GridCamera;
+pub use queries::Queries;
+pub use random::SplitMix64;
+pub use sampling::{Sample, Sampler};
+pub use settings::{RegistrationSettings, SearchSettings, WeightSettings};
+pub use solve::NotPositiveDefinite;
+pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
+pub use target::{ShutterTable, Target};

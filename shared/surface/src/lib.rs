@@ -1,6 +1,24 @@
 //! From one depth image to a quad mesh with filtered points, normals and covariances.
+//!
+//! The method is Holz and Behnke, "Approximate Surface Reconstruction and Registration for
+//! RGB-D SLAM", ECMR 2015: an organised cloud ([`cloud`](self)), quads between neighbours whose
+//! connecting edges are valid (eq. 1-5), normals from the quads (eq. 8) and a multilateral
+//! filter over mesh rings (eq. 6-7). Covariances (eq. 9) are functions of the normals.
 #![forbid(unsafe_code)]
 
+mod cloud;
+mod filter;
+mod mesh;
+mod normals;
+mod planes;
+mod reconstruct;
+mod rings;
+mod settings;
 mod vertex;
 
+pub use reconstruct::{Reconstructor, SurfaceStats};
+pub use settings::{
+    BoundaryRule, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SettingError, SurfaceSettings,
+    check_range,
+};
 pub use vertex::{Grid, SurfaceView, Vertex};

@@ -1,0 +1,248 @@
+//! The exact sufficient statistics of all correspondences of one pair (SPEC 5.3-5.4).
+//!
+//! With the information matrices and the correspondences frozen, the residual of a match
+//! `(a, b)` is linear in the twelve numbers of `T = [R|t]`. Written around the transform
+//! `T0` at which the matches were found, `e = e0 - (T - T0) a~` with `a~ = (a, 1)`, the cost is
+//! `F(X) = X Q X - 2 l X + c` for `X = vec(T - T0)`: no large numbers cancel, and the inner
+//! iterations cost nothing per point.
+
+use nalgebra::{Matrix3, Matrix3x4, Vector3};
+use tessera_geometry::{Matrix6, Pose, Vector6, hat};
+
+/// Raw sums over matches: `Q` (10 products of `a~` times 6 of `Omega`), `l` (4 times 3), `c`,
+/// and the number of matches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockSums {
+    /// `sum a~_k a~_l Omega`, pairs `(k, l)` in the order 00 01 02 03 11 12 13 22 23 33, each
+    /// with the upper triangle of `Omega` row by row.
+    pub q: [f64; 60],
+    /// `sum a~_k Omega e0`.
+    pub l: [f64; 12],
+    /// `sum e0 Omega e0`.
+    pub c: f64,
+    /// Matches.
+    pub n: u32,
+}
+
+impl Default for BlockSums {
+    fn default() -> Self {
+        Self { q: [0.0; 60], l: [0.0; 12], c: 0.0, n: 0 }
+    }
+}
+
+/// One pair's cost as a function of `target_from_query`.
+#[derive(Clone, Debug)]
+pub struct PairBlock {
+    /// `T0`, where the matches were found, as a 3x4 matrix.
+    origin: Matrix3x4<f64>,
+    /// `Q` by pairs of columns.
+    q: [[Matrix3<f64>; 4]; 4],
+    l: [Vector3<f64>; 4],
+    c: f64,
+    n: u32,
+}
+
+fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
+    let mut m = Matrix3x4::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(pose.rotation.to_rotation_matrix().matrix());
+    m.set_column(3, &pose.translation.vector);
+    m
+}
+
+impl PairBlock {
+    /// A block from its sums and the transform at which the matches were found.
+    pub fn new(target_from_query: &Pose, sums: &BlockSums) -> Self {
+        let mut q = [[Matrix3::zeros(); 4]; 4];
+        let mut at = 0;
+        for k in 0..4 {
+            for m in k..4 {
+                let s = &sums.q[at..at + 6];
+                q[k][m] = Matrix3::new(s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]);
+                q[m][k] = q[k][m];
+                at += 6;
+            }
+        }
+        let l = [0, 1, 2, 3].map(|k| Vector3::new(sums.l[3 * k], sums.l[3 * k + 1], sums.l[3 * k + 2]));
+        Self { origin: matrix_of(target_from_query), q, l, c: sums.c, n: sums.n }
+    }
+
+    /// Matches in the block.
+    pub fn n_matches(&self) -> u32 {
+        self.n
+    }
+
+    /// The cost `sum e Omega e` at another transform: exact while the matches are frozen.
+    pub fn cost(&self, target_from_query: &Pose) -> f64 {
+        let x = matrix_of(target_from_query) - self.origin;
+        let mut cost = self.c;
+        for k in 0..4 {
+            let xk = x.column(k).into_owned();
+            cost -= 2.0 * self.l[k].dot(&xk);
+            for m in 0..4 {
+                cost += xk.dot(&(self.q[k][m] * x.column(m)));
+            }
+        }
+        cost
+    }
+
+    /// Gauss-Newton terms for a right perturbation of the query's pose: `(H, g, F)` with
+    /// `H d = -g` and `F` without the factor one half.
+    pub fn linearise(&self, target_from_query: &Pose) -> (Matrix6, Vector6, f64) {
+        let at = matrix_of(target_from_query);
+        let x = at - self.origin;
+        let r = at.fixed_view::<3, 3>(0, 0).into_owned();
+        let rt = r.transpose();
+        let mut cost = self.c;
+        let mut v = [Vector3::zeros(); 4];
+        for k in 0..4 {
+            for m in 0..4 {
+                v[k] += self.q[k][m] * x.column(m);
+            }
+            let xk = x.column(k).into_owned();
+            cost += xk.dot(&(v[k] - 2.0 * self.l[k]));
+            v[k] = rt * (v[k] - self.l[k]);
+        }
+        let axes = [hat(&Vector3::x()), hat(&Vector3::y()), hat(&Vector3::z())];
+        // d t = R rho, d R e_k = -R [e_k]x phi: D_3 = R for rho, D_k = -R [e_k]x for phi.
+        let mut g_phi = Vector3::zeros();
+        let mut h_rho_phi = Matrix3::zeros();
+        let mut h_phi = Matrix3::zeros();
+        for k in 0..3 {
+            g_phi += axes[k] * v[k];
+            h_rho_phi -= (rt * self.q[3][k] * r) * axes[k];
+            for m in 0..3 {
+                h_phi -= axes[k] * (rt * self.q[k][m] * r) * axes[m];
+            }
+        }
+        let mut h = Matrix6::zeros();
+        h.fixed_view_mut::<3, 3>(0, 0).copy_from(&(rt * self.q[3][3] * r));
+        h.fixed_view_mut::<3, 3>(0, 3).copy_from(&h_rho_phi);
+        h.fixed_view_mut::<3, 3>(3, 0).copy_from(&h_rho_phi.transpose());
+        h.fixed_view_mut::<3, 3>(3, 3).copy_from(&h_phi);
+        let g = Vector6::new(v[3].x, v[3].y, v[3].z, g_phi.x, g_phi.y, g_phi.z);
+        (h, g, cost)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::SplitMix64;
+    use tessera_geometry::{Twist, adjoint, compose_normalised, exp};
+
+    struct Match {
+        a: Vector3<f64>,
+        b: Vector3<f64>,
+        omega: Matrix3<f64>,
+    }
+
+    fn uniform(random: &mut SplitMix64) -> f64 {
+        random.next_u64() as f64 / u64::MAX as f64 * 2.0 - 1.0
+    }
+
+    fn matches(n: usize) -> Vec<Match> {
+        let mut random = SplitMix64::for_frame(7, 1);
+        let mut vector = || Vector3::new(uniform(&mut random), uniform(&mut random), uniform(&mut random));
+        (0..n)
+            .map(|_| {
+                let (a, d, m) = (vector() * 2.0, vector() * 0.02, vector());
+                let m = m.normalize();
+                Match { a, b: a + d, omega: Matrix3::identity() * 0.5 + m * m.transpose() * 499.5 }
+            })
+            .collect()
+    }
+
+    fn direct(matches: &[Match], t: &Pose) -> (Matrix6, Vector6, f64) {
+        let r = t.rotation.to_rotation_matrix().into_inner();
+        let (mut h, mut g, mut f) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
+        for m in matches {
+            let e = m.b - (r * m.a + t.translation.vector);
+            let mut j = nalgebra::Matrix3x6::zeros();
+            j.fixed_view_mut::<3, 3>(0, 0).copy_from(&-r);
+            j.fixed_view_mut::<3, 3>(0, 3).copy_from(&(r * hat(&m.a)));
+            h += j.transpose() * m.omega * j;
+            g += j.transpose() * m.omega * e;
+            f += e.dot(&(m.omega * e));
+        }
+        (h, g, f)
+    }
+
+    fn block(matches: &[Match], origin: &Pose) -> PairBlock {
+        let mut sums = BlockSums { n: matches.len() as u32, ..Default::default() };
+        for m in matches {
+            let e = m.b - origin.rotation * m.a - origin.translation.vector;
+            let tilde = [m.a.x, m.a.y, m.a.z, 1.0];
+            let o = &m.omega;
+            let upper = [o[(0, 0)], o[(0, 1)], o[(0, 2)], o[(1, 1)], o[(1, 2)], o[(2, 2)]];
+            let mut at = 0;
+            for k in 0..4 {
+                for l in k..4 {
+                    for u in upper {
+                        sums.q[at] += tilde[k] * tilde[l] * u;
+                        at += 1;
+                    }
+                }
+                let oe = o * e;
+                for c in 0..3 {
+                    sums.l[3 * k + c] += tilde[k] * oe[c];
+                }
+            }
+            sums.c += e.dot(&(o * e));
+        }
+        PairBlock::new(origin, &sums)
+    }
+
+    #[test]
+    fn the_statistics_equal_direct_sums_away_from_their_origin() {
+        let matches = matches(400);
+        let origin = exp(&Twist { rho: Vector3::new(0.1, -0.2, 0.05), phi: Vector3::new(0.02, 0.3, -0.1) });
+        let there = compose_normalised(
+            &origin,
+            &Twist { rho: Vector3::new(0.03, 0.01, -0.02), phi: Vector3::new(-0.05, 0.02, 0.04) },
+        );
+        let block = block(&matches, &origin);
+        let (h, g, f) = block.linearise(&there);
+        let (dh, dg, df) = direct(&matches, &there);
+        assert!((h - dh).norm() < 1e-9 * dh.norm());
+        assert!((g - dg).norm() < 1e-9 * dg.norm());
+        assert!((f - df).abs() < 1e-9 * df && (block.cost(&there) - df).abs() < 1e-9 * df);
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_cost() {
+        let matches = matches(100);
+        let at = exp(&Twist { rho: Vector3::new(0.1, -0.2, 0.05), phi: Vector3::new(0.02, 0.3, -0.1) });
+        let block = block(&matches, &Pose::identity());
+        let (_, g, f) = block.linearise(&at);
+        for k in 0..6 {
+            let mut d = Vector6::zeros();
+            d[k] = 1e-6;
+            let plus = block.cost(&compose_normalised(&at, &Twist::from_vector(&d)));
+            let minus = block.cost(&compose_normalised(&at, &Twist::from_vector(&-d)));
+            // F has no factor one half, so its slope is 2 g.
+            assert!(((plus - minus) / 2e-6 - 2.0 * g[k]).abs() < 1e-6 * f, "direction {k}");
+        }
+    }
+
+    #[test]
+    fn the_targets_side_follows_from_the_querys_by_the_adjoint() {
+        // J_j = -J_i Ad(T_ji), checked on the cost: moving the target by d is moving the query
+        // by -Ad(T_ji) d, to first order.
+        let matches = matches(100);
+        let world_from_i = exp(&Twist { rho: Vector3::new(0.5, 0.1, 0.0), phi: Vector3::new(0.2, 0.1, 0.3) });
+        let world_from_j = exp(&Twist { rho: Vector3::new(0.4, 0.2, 0.1), phi: Vector3::new(0.1, 0.2, 0.3) });
+        let j_from_i = world_from_j.inverse() * world_from_i;
+        let block = block(&matches, &Pose::identity());
+        let (_, g_i, f) = block.linearise(&j_from_i);
+        let g_j = -adjoint(&j_from_i.inverse()).transpose() * g_i;
+        for k in 0..6 {
+            let mut d = Vector6::zeros();
+            d[k] = 1e-6;
+            let cost = |d: &Vector6| {
+                let moved = compose_normalised(&world_from_j, &Twist::from_vector(d));
+                block.cost(&(moved.inverse() * world_from_i))
+            };
+            assert!(((cost(&d) - cost(&-d)) / 2e-6 - 2.0 * g_j[k]).abs() < 1e-6 * f, "direction {k}");
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! A graph of poses and pair blocks, and its Levenberg-Marquardt solver (SPEC 5).
+
+use crate::block::PairBlock;
+use crate::solve::{BlockSystem, NotPositiveDefinite};
+use tessera_geometry::{
+    Matrix6, Pose, Twist, Vector6, adjoint, compose_normalised, log, translation_rotation_norms,
+};
+
+/// All correspondences between two frames.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// Vertex whose samples were the queries.
+    pub query: usize,
+    /// Vertex whose surface was searched.
+    pub target: usize,
+    /// The matches' exact cost.
+    pub block: PairBlock,
+    /// Factor of the cost; 0 takes the pair out.
+    pub weight: f64,
+}
+
+/// What is known of a pose beside the surfaces: `e = log(predicted^-1 pose)`.
+#[derive(Clone, Debug)]
+pub struct Prior {
+    /// Vertex.
+    pub vertex: usize,
+    /// Where it should be.
+    pub predicted: Pose,
+    /// Inverse covariance, translation first, in the units of the pair blocks' information.
+    pub information: Matrix6,
+}
+
+/// A least-squares problem over poses.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    /// `world_from_camera` of each vertex.
+    pub poses: Vec<Pose>,
+    /// Vertices that do not move.
+    pub is_fixed: Vec<bool>,
+    /// Pairs.
+    pub pairs: Vec<Pair>,
+    /// Priors.
+    pub priors: Vec<Prior>,
+}
+
+/// How an inner optimisation ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InnerReport {
+    /// Steps accepted.
+    pub n_accepted: u32,
+    /// Cost before.
+    pub cost_before: f64,
+    /// Cost after.
+    pub cost_after: f64,
+    /// The last step was below the limits.
+    pub is_converged: bool,
+    /// Largest translation of any pose over all steps, metres.
+    pub moved_m: f64,
+    /// Largest rotation of any pose over all steps, radians.
+    pub turned_rad: f64,
+}
+
+/// Steps below these are no steps (SPEC 5.2): metres and radians.
+const STEP_LIMIT: f64 = 1e-6;
+
+impl Graph {
+    /// The cost `sum e Omega e` of all pairs and priors.
+    pub fn cost(&self) -> f64 {
+        self.cost_at(&self.poses)
+    }
+
+    fn cost_at(&self, poses: &[Pose]) -> f64 {
+        let pairs: f64 = self
+            .pairs
+            .iter()
+            .map(|p| p.weight * p.block.cost(&(poses[p.target].inverse() * poses[p.query])))
+            .sum();
+        let priors: f64 = self
+            .priors
+            .iter()
+            .map(|p| {
+                let e = log(&(p.predicted.inverse() * poses[p.vertex])).to_vector();
+                e.dot(&(p.information * e))
+            })
+            .sum();
+        pairs + priors
+    }
+
+    /// At most `max_iterations` Levenberg-Marquardt steps on the frozen matches, damped as in
+    /// g2o. `progress` is called in each step.
+    ///
+    /// # Errors
+    /// When a free pose has no information at all, so that no damping makes the system solvable.
+    pub fn optimise(
+        &mut self,
+        max_iterations: u32,
+        progress: &mut dyn FnMut(),
+    ) -> Result<InnerReport, NotPositiveDefinite> {
+        let free: Vec<usize> = (0..self.poses.len()).filter(|&i| !self.is_fixed[i]).collect();
+        let mut slot = vec![usize::MAX; self.poses.len()];
+        for (s, &i) in free.iter().enumerate() {
+            slot[i] = s;
+        }
+        let places = self.pairs.iter().filter_map(|p| {
+            let (a, b) = (slot[p.query], slot[p.target]);
+            (a != usize::MAX && b != usize::MAX).then_some((a, b))
+        });
+        let mut system = BlockSystem::new(free.len(), places)?;
+        let start = self.poses.clone();
+        let mut cost = self.linearise(&slot, &mut system);
+        let mut report = InnerReport { cost_before: cost, cost_after: cost, ..InnerReport::default() };
+        let mut lambda = 1e-5 * system.max_diagonal();
+        let mut growth = 2.0;
+        let mut n_rejected = 0;
+        while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
+            progress();
+            let steps = match system.solve(lambda) {
+                Ok(steps) => steps,
+                Err(error) if n_rejected >= 10 => return Err(error),
+                Err(_) => {
+                    (lambda, growth, n_rejected) = (lambda.max(1e-9) * growth, growth * 2.0, n_rejected + 1);
+                    continue;
+                }
+            };
+            let mut moved = self.poses.clone();
+            for (&i, step) in free.iter().zip(&steps) {
+                moved[i] = compose_normalised(&self.poses[i], &Twist::from_vector(step));
+            }
+            let new_cost = self.cost_at(&moved);
+            let predicted: f64 =
+                steps.iter().zip(&system.gradient).map(|(d, g)| d.dot(&(d * lambda - g))).sum::<f64>();
+            let gain = (cost - new_cost) / (predicted + 1e-12 * cost + f64::MIN_POSITIVE);
+            let largest = steps.iter().map(|d| d.amax()).fold(0.0, f64::max);
+            if gain > 0.0 && new_cost.is_finite() {
+                self.poses = moved;
+                report.n_accepted += 1;
+                let decrease = cost - new_cost;
+                cost = new_cost;
+                let shrink = 1.0 - (2.0 * gain - 1.0) * (2.0 * gain - 1.0) * (2.0 * gain - 1.0);
+                lambda *= shrink.clamp(1.0 / 3.0, 2.0 / 3.0);
+                (growth, n_rejected) = (2.0, 0);
+                if largest < STEP_LIMIT || decrease < 1e-6 * cost {
+                    report.is_converged = true;
+                    break;
+                }
+                self.linearise(&slot, &mut system);
+            } else {
+                // At the minimum rounding decides the sign of the gain: a tiny step is the end.
+                if largest < STEP_LIMIT {
+                    report.is_converged = true;
+                    break;
+                }
+                (lambda, growth, n_rejected) = (lambda * growth, growth * 2.0, n_rejected + 1);
+                if n_rejected > 10 {
+                    break;
+                }
+            }
+        }
+        report.cost_after = cost;
+        for &i in &free {
+            let (m, r) = translation_rotation_norms(&(start[i].inverse() * self.poses[i]));
+            (report.moved_m, report.turned_rad) = (report.moved_m.max(m), report.turned_rad.max(r));
+        }
+        Ok(report)
+    }
+
+    /// Fills the system and returns the cost.
+    fn linearise(&self, slot: &[usize], system: &mut BlockSystem) -> f64 {
+        system.clear();
+        let mut cost = 0.0;
+        for pair in &self.pairs {
+            let (i, j) = (slot[pair.query], slot[pair.target]);
+            if pair.weight == 0.0 || (i == usize::MAX && j == usize::MAX) {
+                continue;
+            }
+            let target_from_query = self.poses[pair.target].inverse() * self.poses[pair.query];
+            let (h, g, f) = pair.block.linearise(&target_from_query);
+            let (h, g) = (h * pair.weight, g * pair.weight);
+            cost += pair.weight * f;
+            if i != usize::MAX {
+                system.diagonal[i] += h;
+                system.gradient[i] += g;
+            }
+            if j == usize::MAX {
+                continue;
+            }
+            // J_j = -J_i Ad(T_ji) (SPEC 4.1).
+            let ad = adjoint(&target_from_query.inverse());
+            let h_ad = h * ad;
+            system.diagonal[j] += ad.transpose() * h_ad;
+            system.gradient[j] -= ad.transpose() * g;
+            if i != usize::MAX
+                && let Some(place) = system.place(i, j)
+            {
+                // H_ij = -H_ii Ad; stored with the larger slot as row.
+                if i > j {
+                    system.lower[place] -= h_ad;
+                } else {
+                    system.lower[place] -= h_ad.transpose();
+                }
+            }
+        }
+        for prior in &self.priors {
+            let s = slot[prior.vertex];
+            let e: Vector6 = log(&(prior.predicted.inverse() * self.poses[prior.vertex])).to_vector();
+            cost += e.dot(&(prior.information * e));
+            if s != usize::MAX {
+                // Near the prediction the Jacobian of the logarithm is the identity.
+                system.diagonal[s] += prior.information;
+                system.gradient[s] += prior.information * e;
+            }
+        }
+        // Pairs between fixed poses are left out of the loop above but belong to the cost.
+        cost + self
+            .pairs
+            .iter()
+            .filter(|p| p.weight != 0.0 && slot[p.query] == usize::MAX && slot[p.target] == usize::MAX)
+            .map(|p| p.weight * p.block.cost(&(self.poses[p.target].inverse() * self.poses[p.query])))
+            .sum::<f64>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::BlockSums;
+    use nalgebra::Vector3;
+
+    /// A pair whose matches are the six ends of a cross, all with identity information, so that
+    /// its cost is zero exactly at `target_from_query`.
+    fn pair(query: usize, target: usize, target_from_query: &Pose) -> Pair {
+        let mut sums = BlockSums { n: 6, ..Default::default() };
+        for a in [Vector3::x(), Vector3::y(), Vector3::z()].iter().flat_map(|a| [*a, -a]) {
+            let tilde = [a.x, a.y, a.z, 1.0];
+            let mut at = 0;
+            for k in 0..4 {
+                for l in k..4 {
+                    for u in [1.0, 0.0, 0.0, 1.0, 0.0, 1.0] {
+                        sums.q[at] += tilde[k] * tilde[l] * u;
+                        at += 1;
+                    }
+                }
+            }
+        }
+        Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight: 1.0 }
+    }
+
+    fn ring(n: usize) -> (Vec<Pose>, Graph) {
+        let truth: Vec<Pose> = (0..n)
+            .map(|i| {
+                let angle = i as f64 / n as f64 * std::f64::consts::TAU;
+                tessera_geometry::exp(&Twist {
+                    rho: Vector3::new(angle.cos(), 0.1 * angle.sin(), angle.sin()),
+                    phi: Vector3::new(0.1, angle * 0.3, 0.0),
+                })
+            })
+            .collect();
+        let mut graph = Graph { poses: truth.clone(), is_fixed: vec![false; n], ..Graph::default() };
+        graph.is_fixed[0] = true;
+        for i in 0..n {
+            for gap in [1, 3] {
+                let j = (i + gap) % n;
+                let (query, target) = if i % 2 == 0 { (j, i) } else { (i, j) };
+                graph.pairs.push(pair(query, target, &(truth[target].inverse() * truth[query])));
+            }
+        }
+        for (i, pose) in graph.poses.iter_mut().enumerate().skip(1) {
+            let twist = Twist {
+                rho: Vector3::new(0.05, -0.03, 0.02) * ((i % 3) as f64 - 1.0),
+                phi: Vector3::new(0.02, 0.01, -0.03) * ((i % 4) as f64 - 1.5),
+            };
+            *pose = compose_normalised(pose, &twist);
+        }
+        (truth, graph)
+    }
+
+    #[test]
+    fn a_ring_of_poses_comes_back_dense_and_sparse() {
+        for n in [2, 12, 60] {
+            let (truth, mut graph) = ring(n);
+            let report = graph.optimise(50, &mut || ()).unwrap();
+            assert!(report.is_converged, "{n} poses: {report:?}");
+            for (pose, expected) in graph.poses.iter().zip(&truth) {
+                let (m, r) = translation_rotation_norms(&(expected.inverse() * pose));
+                assert!(m < 1e-6 && r < 1e-6, "{n} poses: off by {m} m, {r} rad");
+            }
+        }
+    }
+
+    #[test]
+    fn a_prior_pulls_where_pairs_are_silent() {
+        let predicted = Pose::translation(0.1, 0.2, 0.3);
+        let mut graph = Graph {
+            poses: vec![Pose::identity()],
+            is_fixed: vec![false],
+            priors: vec![Prior { vertex: 0, predicted, information: Matrix6::identity() }],
+            ..Graph::default()
+        };
+        graph.optimise(10, &mut || ()).unwrap();
+        assert!(translation_rotation_norms(&(predicted.inverse() * graph.poses[0])).0 < 1e-6);
+    }
+}
