@@ -1,2 +1,47 @@
-//! The command and supervisor.
+//! The command `tessera`: runs the four processes and says what came of it.
+//!
+//! A command is one small file under `commands`; the outputs of a run are pure functions of its
+//! run directory, under `outputs`.
 #![forbid(unsafe_code)]
+
+mod arguments;
+mod commands;
+mod exit;
+mod outputs;
+mod terminal;
+
+use arguments::{Arguments, Command, RunArguments};
+use clap::Parser;
+use exit::{CommandError, Exit};
+use std::process::ExitCode;
+
+/// Reads the command line, carries the command out and returns the exit code.
+pub fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return refuse(&error),
+    };
+    let result = match arguments.command.unwrap_or_else(|| Command::Run(RunArguments::default())) {
+        Command::Evaluate(arguments) => commands::evaluate(&arguments),
+        Command::Completions { shell } => commands::completions(shell),
+    };
+    match result {
+        Ok(exit) => exit.into(),
+        Err(error) => {
+            terminal::say_error(&error.to_string());
+            error.exit().into()
+        }
+    }
+}
+
+/// Prints help and version where asked for, else what is wrong with the arguments.
+fn refuse(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        // A closed pipe (`tessera --help | head -1`) is no failure.
+        let _ = error.print();
+        return Exit::Done.into();
+    }
+    let text = error.render().to_string();
+    terminal::say_error(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
+    Exit::Arguments.into()
+}

@@ -1,4 +1,8 @@
 //! The `tessera` executable: the command, the supervisor and, on request, any one stage.
 #![forbid(unsafe_code)]
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    tessera_command::main()
+}

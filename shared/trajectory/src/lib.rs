@@ -1,2 +1,32 @@
-//! TUM trajectory files, association by time, and the errors ATE and RPE.
+//! How far an estimated trajectory is from the truth, by the definitions that everybody quotes.
+//!
+//! Files in the TUM form (`timestamp tx ty tz qx qy qz qw`), association by time, rigid alignment,
+//! the absolute trajectory error (ATE) of `evaluate_ate.py` and of evo, and the relative pose
+//! error (RPE) of `evaluate_rpe.py`. Where the scripts have quirks, they are kept: a figure that
+//! differs from theirs cannot be compared with any table.
+//!
+//! Times are whole nanoseconds (`i64`), so that no stamp loses digits on its way through. Only
+//! the comparisons of the scripts are made in `f64` seconds, as the scripts do.
 #![forbid(unsafe_code)]
+
+mod align;
+mod associate;
+mod ate;
+mod evaluate;
+mod file;
+mod offset;
+mod rpe;
+mod stamp;
+mod statistics;
+
+pub use align::{Similarity, align_rigid, align_similarity};
+pub use associate::{associate_evo, associate_tum};
+pub use ate::{Ate, AteOptions, ape_evo, ate};
+pub use evaluate::{
+    Coverage, Evaluation, EvaluationError, EvaluationOptions, ScaleReport, TimeOffsetReport, evaluate,
+};
+pub use file::{ReadError, Trajectory, TrajectoryError, parse_tum, read_tum, write_tum, write_tum_row};
+pub use offset::best_time_offset_s;
+pub use rpe::{Rpe, RpeOptions, rpe};
+pub use stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};
+pub use statistics::Statistics;

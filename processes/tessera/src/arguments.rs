@@ -1,0 +1,235 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
+
+const EXAMPLES: &str = "\
+Examples:
+  tessera                                  the simulated room (the same as `tessera run room`)
+  tessera run FOLDER                       a recording in the TUM RGB-D layout
+  tessera run FOLDER --camera freiburg1    with a built-in camera
+  tessera evaluate trajectory.txt groundtruth.txt
+
+Exit codes:
+  0    done
+  2    wrong arguments or configuration
+  3    unusable input
+  4    a stage failed, or an output could not be written
+  130  interrupted; the outputs of what was processed are written";
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(name = "tessera", version, about = ABOUT, after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// What to do; without it the simulated room is run.
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Turn frames into a trajectory and a map
+    Run(RunArguments),
+    /// Go on with a run that was interrupted or killed
+    Resume(ResumeArguments),
+    /// Write the outputs of a run again, also of one that crashed
+    Export(ExportArguments),
+    /// Compare a trajectory with the ground truth
+    Evaluate(EvaluateArguments),
+    /// Show the processes of a run without disturbing it
+    Status(StatusArguments),
+    /// Run one stage by hand, for a debugger or a profiler
+    Stage(StageArguments),
+    /// Look at a source before running it: sizes, camera, depth, pairing, gaps
+    Check(CheckArguments),
+    /// Remove what dead runs left in shared memory, and only that
+    #[command(after_help = "Examples:\n  tessera clean")]
+    Clean,
+    /// Print a completion script for a shell
+    #[command(
+        after_help = "Examples:\n  tessera completions bash > ~/.local/share/bash-completion/completions/tessera"
+    )]
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+}
+
+/// `tessera run`.
+#[derive(Clone, Debug, Default, Args)]
+#[command(after_help = "\
+Examples:
+  tessera run                              the simulated room
+  tessera run room --frames 100            its first 100 frames
+  tessera run FOLDER --out results         a recording in the TUM layout
+  tessera run FOLDER --config paper        with the values of the paper
+  tessera run FOLDER --set surface.step=2  with one setting changed
+  tessera run FOLDER --live                at the rate of the recording, newest frame first")]
+pub(crate) struct RunArguments {
+    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
+    pub(crate) source: Option<String>,
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    #[arg(long, value_name = "CAMERA")]
+    pub(crate) camera: Option<String>,
+    /// A preset (default, paper, fast) or a TOML file
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub(crate) config: Option<String>,
+    /// Change one setting; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) overrides: Vec<String>,
+    /// Folder for the outputs [default: runs/NAME]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Name of the run [default: a fresh one, after the source]
+    #[arg(long)]
+    pub(crate) name: Option<String>,
+    /// Process at most so many frames
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<u64>,
+    /// Frames come at the source's own rate and the newest wins; drops are counted
+    #[arg(long)]
+    pub(crate) live: bool,
+    /// Go on where the source looks wrong
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Decode all frames into memory first
+    #[arg(long)]
+    pub(crate) preload: bool,
+    /// For tests: throw state away after every N frames and read it back
+    #[arg(long, value_name = "N")]
+    pub(crate) forget_every: Option<u64>,
+    #[command(flatten)]
+    pub(crate) speech: Speech,
+}
+
+/// How much is said, and in what form.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct Speech {
+    /// No progress and no summary, errors only
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `tessera resume`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  tessera resume room-1\n  tessera resume results/desk")]
+pub(crate) struct ResumeArguments {
+    /// Name of the run, or its folder
+    pub(crate) run: String,
+    #[command(flatten)]
+    pub(crate) speech: Speech,
+}
+
+/// `tessera export`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  tessera export room-1\n  tessera export results/desk --out elsewhere")]
+pub(crate) struct ExportArguments {
+    /// Name of the run, or its folder
+    pub(crate) run: String,
+    /// Folder for the outputs [default: the run's own]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) speech: Speech,
+}
+
+/// What offset of stamps to report beside the standard figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TimeOffset {
+    /// The constant offset that fits best.
+    Auto,
+}
+
+/// `tessera evaluate`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+ATE is the absolute trajectory error after rigid alignment, RPE the relative pose error over one second,
+both by the definitions of the TUM scripts. Further figures stand beside the standard ones, never instead.
+
+Examples:
+  tessera evaluate runs/room-1/trajectory.txt runs/room-1/groundtruth.txt
+  tessera evaluate estimate.txt groundtruth.txt --json
+  tessera evaluate estimate.txt groundtruth.txt --time-offset auto --scale")]
+pub(crate) struct EvaluateArguments {
+    /// The estimated trajectory: lines of `timestamp tx ty tz qx qy qz qw`
+    pub(crate) estimate: PathBuf,
+    /// The true trajectory, in the same form
+    pub(crate) groundtruth: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Report the figures under the best constant offset of the stamps too
+    #[arg(long, value_name = "auto")]
+    pub(crate) time_offset: Option<TimeOffset>,
+    /// Report the ATE with the scale corrected too
+    #[arg(long)]
+    pub(crate) scale: bool,
+}
+
+/// `tessera status`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  tessera status\n  tessera status room-1 --json")]
+pub(crate) struct StatusArguments {
+    /// Name of the run, or its folder [default: every run in runs/ that is going on]
+    pub(crate) run: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `tessera stage`.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  tessera stage align --run room-1\n  tessera stage align --run-dir results/desk"
+)]
+pub(crate) struct StageArguments {
+    /// sensor, reconstruct, align or optimise
+    pub(crate) stage: String,
+    /// Name of the run
+    #[arg(long, value_name = "NAME", required_unless_present = "run_dir", conflicts_with = "run_dir")]
+    pub(crate) run: Option<String>,
+    /// Folder of the run
+    #[arg(long, value_name = "DIR")]
+    pub(crate) run_dir: Option<PathBuf>,
+}
+
+/// `tessera check`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  tessera check FOLDER\n  tessera check FOLDER --camera freiburg1 --json")]
+pub(crate) struct CheckArguments {
+    /// A folder in the TUM layout, or a simulated world
+    pub(crate) source: String,
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    #[arg(long, value_name = "CAMERA")]
+    pub(crate) camera: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_help_with_examples() {
+        for command in Arguments::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains("Examples:"), "{} has no examples", command.get_name());
+            assert!(command.get_about().is_some(), "{} has no description", command.get_name());
+        }
+    }
+}

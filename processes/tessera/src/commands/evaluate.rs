@@ -1,0 +1,78 @@
+//! `tessera evaluate`: a trajectory against the ground truth.
+
+use crate::arguments::EvaluateArguments;
+use crate::exit::{CommandError, Exit};
+use crate::terminal::say;
+use std::fmt::Write;
+use tessera_trajectory::{Evaluation, EvaluationOptions, Statistics, read_tum};
+
+/// Prints the errors of an estimate.
+pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandError> {
+    let estimate = read_tum(&arguments.estimate)?;
+    let groundtruth = read_tum(&arguments.groundtruth)?;
+    let options = EvaluationOptions { time_offset: arguments.time_offset.is_some(), scale: arguments.scale };
+    let evaluation = tessera_trajectory::evaluate(&estimate, &groundtruth, &options).map_err(|source| {
+        CommandError::Evaluation {
+            estimate: arguments.estimate.display().to_string(),
+            groundtruth: arguments.groundtruth.display().to_string(),
+            source,
+        }
+    })?;
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&evaluation);
+        say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+    } else {
+        say(&for_people(&evaluation, &options));
+    }
+    Ok(Exit::Done)
+}
+
+/// The evaluation as a few lines that fit 80 columns.
+fn for_people(evaluation: &Evaluation, options: &EvaluationOptions) -> String {
+    let mut text = String::new();
+    let coverage = &evaluation.coverage;
+    let line = |text: &mut String, name: &str, statistics: &Statistics, unit: &str| {
+        let Statistics { rmse, mean, median, max, .. } = statistics;
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{name:<16} rmse {rmse:.6}  mean {mean:.6}  median {median:.6}  max {max:.6} {unit}"
+        );
+    };
+    line(&mut text, "ATE", &evaluation.ate_m, "m");
+    let _ = writeln!(
+        text,
+        "{:<16} {} pairs: {:.1} % of the estimate's {} poses, {:.1} % of the true path's time",
+        "",
+        evaluation.pairs,
+        100.0 * coverage.share_of_estimate,
+        coverage.estimate_poses,
+        100.0 * coverage.share_of_groundtruth_time,
+    );
+    match (&evaluation.rpe_translation_m_per_s, &evaluation.rpe_rotation_deg_per_s) {
+        (Some(translation), Some(rotation)) => {
+            line(&mut text, "RPE translation", translation, "m/s");
+            line(&mut text, "RPE rotation", rotation, "deg/s");
+            let _ = writeln!(text, "{:<16} {} pairs one second apart", "", evaluation.rpe_pairs);
+        }
+        _ => text.push_str("RPE              none: no two poses one second apart have ground truth\n"),
+    }
+    if options.time_offset {
+        match &evaluation.with_time_offset {
+            Some(report) => {
+                let rpe = report.rpe_translation_rmse_m_per_s;
+                let rpe = rpe.map_or(String::new(), |rpe| format!(", RPE rmse {rpe:.6} m/s"));
+                let _ = writeln!(
+                    text,
+                    "with stamps moved by {:+.4} s: ATE rmse {:.6} m{rpe}",
+                    report.offset_s, report.ate_rmse_m
+                );
+            }
+            None => text.push_str("no time offset: the trajectories overlap too little to fit one\n"),
+        }
+    }
+    if let Some(report) = &evaluation.with_scale {
+        let _ = writeln!(text, "with scale {:.6}: ATE rmse {:.6} m", report.scale, report.ate_rmse_m);
+    }
+    text
+}
