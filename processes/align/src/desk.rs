@@ -67,7 +67,7 @@ impl Desk {
         }
         let answers = Follower::open(&files.optimise_journal(), OPTIMISE_JOURNAL)?;
         let mut desk = Self {
-            tracker: Tracker::new(&context.run.camera),
+            tracker: Tracker::new(context.mapping_context()),
             keyframes,
             last_frame: None,
             end: None,

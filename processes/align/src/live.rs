@@ -26,8 +26,11 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
         }
         let next = desk.tracker.next_index();
         if let Some(correction) = desk.any_answer()? {
-            let record = desk.tracker.correction_record(correction, next);
-            desk.commit(&record)?;
+            let request = correction.request;
+            match desk.tracker.correction_record(correction, next) {
+                Some(record) => desk.commit(&record)?,
+                None => tracing::warn!(request, "a correction of other keyframes is dropped"),
+            }
             ports.pulse.progress();
             continue;
         }

@@ -141,7 +141,11 @@ pub(crate) fn apply_answer(
 ) -> Result<bool, StageError> {
     let Some(correction) = desk.answer(request)? else { return Ok(false) };
     ports.pulse.working(before);
-    let record = desk.tracker.correction_record(correction, before);
+    let Some(record) = desk.tracker.correction_record(correction, before) else {
+        return Err(StageError::Inconsistent(format!(
+            "correction {request} was computed from other keyframes than those of the journal"
+        )));
+    };
     desk.commit(&record)?;
     tracing::info!(frame = before, "correction {request} takes effect");
     ports.pulse.progress();

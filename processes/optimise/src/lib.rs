@@ -36,7 +36,7 @@ struct Desk {
 impl Desk {
     fn open(context: &Context) -> Result<Self, StageError> {
         let files = &context.files;
-        let mut optimiser = Optimiser::new(&context.run.camera);
+        let mut optimiser = Optimiser::new(context.mapping_context());
         let (journal, recovered) = Journal::open(
             &files.optimise_journal(),
             OPTIMISE_JOURNAL,
@@ -115,6 +115,9 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             pulse.progress();
             context.kill_points.pass("solving", request.request);
         });
+        let Some(correction) = correction else {
+            return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));
+        };
         let record = OptimiseRecord::Correction(Box::new(correction));
         desk.journal.append(&record, context.settings.flow.fsync != Fsync::Never)?;
         context.kill_points.pass("journaled", request.request);
