@@ -1,13 +1,31 @@
 //! Keyframes, local windows, loops, and the tracker's state as a fold over its records.
+//!
+//! [`Tracker`] aligns one frame at a time against a local window of fixed poses and decides on
+//! keyframes and loops; [`Optimiser`] solves for all keyframes at once. Both are folds over
+//! [`records`](AlignRecord) plus a pure step, so that a process which restarted and one which did
+//! not hold the same bits. Holz and Behnke 2015, III-F to III-H.
 #![forbid(unsafe_code)]
 
+mod alignment;
+mod context;
+mod global;
+mod keyframes;
+mod loops;
+mod neighbours;
 mod optimiser;
 mod records;
+mod refine;
+mod settings;
+mod state;
 mod tracker;
+mod window;
 
+pub use context::Context;
 pub use optimiser::Optimiser;
 pub use records::{
-    AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
-    OptimiseRecord, RequestRecord, State, StoreSlot,
+    AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
+    KeyframeRecord, OptimiseRecord, RequestRecord, State, StoreSlot,
 };
+pub use settings::{GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, WindowSettings};
+pub use state::{KeyframeState, TrackerState};
 pub use tracker::{FrameSurface, KeyframeSurfaces, Tracker};

@@ -1,41 +1,137 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
-use crate::records::{AlignRecord, Correction, OptimiseRecord, RequestRecord};
+use crate::context::Context;
+use crate::global;
+use crate::records::{AlignRecord, Correction, KeyframePose, OptimiseRecord, RequestRecord};
+use crate::refine::FrameBlocks;
+use crate::state::{KeyframeState, TrackerState};
 use crate::tracker::KeyframeSurfaces;
-use tessera_geometry::Camera;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use tessera_geometry::{Pose, PoseBits};
 
 /// The optimiser: a fold over both journals plus a pure solve.
-pub struct Optimiser {}
+///
+/// A request's input is the aligner's journal up to the record that holds it: corrections
+/// before it are in there, and nothing of an earlier solve is carried over.
+pub struct Optimiser {
+    context: Context,
+    state: TrackerState,
+    /// Requests with the keyframes as they were at that record.
+    pending: VecDeque<(RequestRecord, Vec<KeyframeState>)>,
+    frames: Vec<FrameBlocks>,
+    n_answered: u64,
+}
 
 impl Optimiser {
     /// An optimiser that has seen nothing.
-    pub fn new(_camera: &Camera) -> Self {
-        Self {}
+    pub fn new(context: Context) -> Self {
+        Self {
+            context,
+            state: TrackerState::default(),
+            pending: VecDeque::new(),
+            frames: Vec::new(),
+            n_answered: 0,
+        }
     }
 
     /// Takes a record of the aligner's journal into the state.
-    pub fn apply(&mut self, _record: &AlignRecord) {}
+    pub fn apply(&mut self, record: &AlignRecord) {
+        self.state.apply(record);
+        let request = match record {
+            AlignRecord::Frame(frame) => {
+                self.frames.extend(FrameBlocks::of(frame));
+                frame.request
+            }
+            AlignRecord::End { request, .. } => *request,
+            AlignRecord::Skipped(..) | AlignRecord::Correction(_) => None,
+        };
+        if let Some(request) = request
+            && request.request >= self.n_answered
+        {
+            let n = (request.n_keyframes as usize).min(self.state.keyframes.len());
+            self.pending.push_back((request, self.state.keyframes[..n].to_vec()));
+        }
+    }
 
     /// Takes a record of its own journal into the state.
-    pub fn apply_own(&mut self, _record: &OptimiseRecord) {}
+    pub fn apply_own(&mut self, record: &OptimiseRecord) {
+        let OptimiseRecord::Correction(correction) = record;
+        self.n_answered = self.n_answered.max(correction.request + 1);
+        self.pending.retain(|(request, _)| request.request > correction.request);
+    }
 
     /// The oldest request without an answer.
     pub fn next_request(&self) -> Option<RequestRecord> {
-        None
+        self.pending.front().map(|(request, _)| *request)
     }
 
     /// Whether the aligner's journal has ended and every request is answered.
     pub fn is_done(&self) -> bool {
-        false
+        self.state.is_ended && self.pending.is_empty()
     }
 
-    /// Answers a request; `progress` is called in each inner iteration (a heartbeat).
+    /// The aligner's state as of the records taken in.
+    pub fn state(&self) -> &TrackerState {
+        &self.state
+    }
+
+    /// Answers a pending request; `progress` is called in each inner iteration (a heartbeat).
+    /// `None` when the request is not pending.
     pub fn solve(
         &self,
-        _request: &RequestRecord,
-        _keyframes: &dyn KeyframeSurfaces,
-        _progress: &mut dyn FnMut(),
-    ) -> Correction {
-        unimplemented!("comes with the global optimisation")
+        request: &RequestRecord,
+        surfaces: &dyn KeyframeSurfaces,
+        progress: &mut dyn FnMut(),
+    ) -> Option<Correction> {
+        let (_, keyframes) = self.pending.iter().find(|(r, _)| r.request == request.request)?;
+        let settings = &self.context.mapping.global;
+        let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
+        let solution = global::solve(&self.context, keyframes, surfaces, iterations, progress);
+        let frames = if request.is_final { self.refine(&solution.poses) } else { Vec::new() };
+        Some(Correction {
+            request: request.request,
+            input_hash: input_hash(keyframes),
+            keyframes: keyframes
+                .iter()
+                .zip(&solution.poses)
+                .map(|(k, pose)| KeyframePose { id: k.id, world_from_camera: PoseBits::from(pose) })
+                .collect(),
+            frames,
+            loops: solution.loops,
+            outer_iterations: solution.outer_iterations,
+        })
     }
+
+    /// Every frame solved again against the optimised keyframes; keyframes take their own pose.
+    fn refine(&self, poses: &[Pose]) -> Vec<(u64, PoseBits)> {
+        let keyframe_of =
+            |index: u64| self.state.keyframes.binary_search_by_key(&index, |k| k.frame_index).ok();
+        self.frames
+            .par_iter()
+            .filter_map(|frame| {
+                let pose = match keyframe_of(frame.index) {
+                    Some(id) => *poses.get(id)?,
+                    None => frame.solve(poses)?,
+                };
+                Some((frame.index, PoseBits::from(&pose)))
+            })
+            .collect()
+    }
+}
+
+/// FNV-1a over the bits of the keyframes' poses: names the input a correction was computed from.
+pub(crate) fn input_hash(keyframes: &[KeyframeState]) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    let mut eat = |bits: u64| {
+        for byte in bits.to_le_bytes() {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    };
+    for k in keyframes {
+        eat(u64::from(k.id));
+        let pose = &k.world_from_camera;
+        pose.translation_m.iter().chain(&pose.rotation_xyzw).for_each(|v| eat(v.to_bits()));
+    }
+    hash
 }

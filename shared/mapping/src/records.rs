@@ -53,12 +53,30 @@ pub struct FrameRecord {
     pub covariance: Vec<f64>,
     /// Correspondences in the last outer iteration.
     pub n_correspondences: u32,
-    /// What else the tracker must remember of this frame (motion prior, reference entropy, …).
-    pub memory: Vec<f64>,
+    /// The frame's own motion per second in its camera frame, `rho phi`: the next prediction,
+    /// and the rolling shutter of this frame.
+    pub velocity: [f64; 6],
+    /// Entropy of the pose relative to the last keyframe, nats (SPEC 9.4); NaN where unknown.
+    pub entropy_nats: f64,
+    /// Matches with the keyframes of the window, so that the frame can be solved again.
+    pub blocks: Vec<BlockRecord>,
     /// A keyframe made at this step: always the previous frame or, for the first frame, this one.
     pub new_keyframe: Option<KeyframeRecord>,
     /// An optimisation asked for at this step.
     pub request: Option<RequestRecord>,
+}
+
+/// All matches between a frame and one keyframe: the exact sufficient statistics (SPEC 5.4).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockRecord {
+    /// The keyframe that was searched.
+    pub keyframe: u32,
+    /// The transform at which the matches were found.
+    pub keyframe_from_camera: PoseBits,
+    /// `Q`, `l` and `c`, 73 numbers.
+    pub sums: Vec<f64>,
+    /// Matches.
+    pub n_matches: u32,
 }
 
 /// A keyframe, whose surface is in the store.

@@ -24,6 +24,25 @@ pub struct BlockSums {
     pub n: u32,
 }
 
+impl BlockSums {
+    /// `q`, `l` and `c` as one run of 73 numbers, for storing.
+    pub fn to_numbers(&self) -> Vec<f64> {
+        self.q.iter().chain(&self.l).chain(std::iter::once(&self.c)).copied().collect()
+    }
+
+    /// The inverse of [`Self::to_numbers`]; `None` unless there are 73.
+    pub fn from_numbers(numbers: &[f64], n: u32) -> Option<Self> {
+        let mut sums = Self { n, ..Self::default() };
+        if numbers.len() != 73 {
+            return None;
+        }
+        sums.q.copy_from_slice(&numbers[..60]);
+        sums.l.copy_from_slice(&numbers[60..72]);
+        sums.c = numbers[72];
+        Some(sums)
+    }
+}
+
 impl Default for BlockSums {
     fn default() -> Self {
         Self { q: [0.0; 60], l: [0.0; 12], c: 0.0, n: 0 }

@@ -1,6 +1,6 @@
 //! Correspondences of one pair by projective search, and their sums (SPEC 4.2, 10).
 
-use crate::block::{BlockSums, PairBlock};
+use crate::block::BlockSums;
 use crate::projection::GridCamera;
 use crate::queries::Queries;
 use crate::settings::RegistrationSettings;
@@ -88,7 +88,8 @@ impl Matcher {
 
     /// Matches the queries of `range` against a target and sums them up.
     ///
-    /// `target_from_query` maps the query frame (at its stamp) into the target's (at its stamp).
+    /// `target_from_query` maps the query frame (at its stamp) into the target's (at its stamp);
+    /// the sums are about it.
     pub fn match_pair(
         &mut self,
         queries: &Queries,
@@ -96,7 +97,7 @@ impl Matcher {
         target: &Target<'_>,
         target_from_query: &Pose,
         limits: &MatchLimits,
-    ) -> (PairBlock, PairReport) {
+    ) -> (BlockSums, PairReport) {
         let mut report = PairReport { n_queries: range.len() as u32, ..PairReport::default() };
         self.search(queries, range, target, target_from_query, limits, &mut report);
         if self.settings.search.one_to_one {
@@ -106,7 +107,7 @@ impl Matcher {
         self.weigh();
         report.n_matches = self.matches.len() as u32;
         let sums = accumulate(&self.matches, self.settings.weight.covariance_epsilon);
-        (PairBlock::new(target_from_query, &sums), report)
+        (sums, report)
     }
 
     fn search(

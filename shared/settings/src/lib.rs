@@ -21,6 +21,7 @@ pub use presets::{PRESETS, preset};
 pub use run::RunSettings;
 
 use serde::{Deserialize, Serialize};
+use tessera_mapping::MappingSettings;
 use tessera_registration::RegistrationSettings;
 use tessera_surface::SurfaceSettings;
 
@@ -34,6 +35,8 @@ pub struct Settings {
     pub surface: SurfaceSettings,
     /// From surfaces to relative poses.
     pub registration: RegistrationSettings,
+    /// Tracking, keyframes, loops and the optimisation of all keyframes.
+    pub mapping: MappingSettings,
     /// How frames move between the processes.
     pub flow: FlowSettings,
     /// What is written at the end.
@@ -86,6 +89,7 @@ impl Settings {
             ("run", words(self.run.check())),
             ("surface", words(self.surface.check())),
             ("registration", words(self.registration.check())),
+            ("mapping", words(self.mapping.check())),
             ("flow", words(self.flow.check())),
             ("output", words(self.output.check())),
         ];

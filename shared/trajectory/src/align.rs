@@ -99,11 +99,11 @@ mod tests {
     #[test]
     fn a_planted_motion_is_found_also_in_a_plane_and_near_half_a_turn() {
         let clouds: [Vec<Vector3<f64>>; 2] = [
-            (0..20).map(|k| f64::from(k)).map(|k| Vector3::new(k.sin(), k.cos() * 3.0, 0.1 * k)).collect(),
-            (0..20).map(|k| f64::from(k)).map(|k| Vector3::new(k.sin(), k.cos() * 3.0, 1.0)).collect(),
+            (0..20).map(f64::from).map(|k| Vector3::new(k.sin(), k.cos() * 3.0, 0.1 * k)).collect(),
+            (0..20).map(f64::from).map(|k| Vector3::new(k.sin(), k.cos() * 3.0, 1.0)).collect(),
         ];
         for cloud in &clouds {
-            for angle in [0.0, 1e-9, 0.7, 3.141592] {
+            for angle in [0.0, 1e-9, 0.7, std::f64::consts::PI - 1e-6] {
                 for scale in [1.0, 0.2, 7.0] {
                     let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.6, 0.0, 0.8) * angle);
                     let rigid = Pose::from_parts(Translation3::new(4.0, -5.0, 6.0), rotation);

@@ -133,6 +133,6 @@ mod tests {
         }
         assert_eq!(format_stamp(1_500_000_000), "1.500000");
         assert_eq!(stamp_seconds(1_305_031_453_374_112_000), 1305031453.374112);
-        assert_eq!(stamp_seconds(i64::MIN), -9223372036.854775808);
+        assert_eq!(stamp_seconds(i64::MIN), -9_223_372_036.854_776);
     }
 }

@@ -1,0 +1,200 @@
+//! One frame against fixed references: the outer iterations of SPEC 5.1.
+
+use crate::context::Context;
+use tessera_geometry::{Matrix6, Pose, Twist, Vector6, log};
+use tessera_registration::{
+    BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample,
+    ShutterTable, Target,
+};
+use tessera_surface::SurfaceView;
+
+/// A fixed surface with its pose.
+pub(crate) struct Reference<'a> {
+    pub(crate) world_from_camera: Pose,
+    pub(crate) surface: SurfaceView<'a>,
+    pub(crate) shutter: ShutterTable,
+}
+
+/// Where the new frame should be, and how it got there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Prediction {
+    pub(crate) world_from_camera: Pose,
+    /// The frame before, and the seconds since: the rolling shutter's velocity comes from both.
+    pub(crate) previous: Option<(Pose, f64)>,
+    /// Velocity until an alignment says better.
+    pub(crate) velocity: Twist,
+    /// First distance limit, metres.
+    pub(crate) first_distance_m: f64,
+    pub(crate) outer_iterations: u32,
+}
+
+/// An alignment's result, good or bad: the caller judges.
+#[derive(Clone, Debug)]
+pub(crate) struct Alignment {
+    pub(crate) world_from_camera: Pose,
+    pub(crate) velocity: Twist,
+    /// One per reference: where its matches were found, and their sums.
+    pub(crate) blocks: Vec<(Pose, BlockSums)>,
+    pub(crate) reports: Vec<PairReport>,
+    /// Information of the pose from all references, at the result, in the blocks' units.
+    pub(crate) information: Matrix6,
+    pub(crate) outer_iterations: u32,
+    pub(crate) is_solved: bool,
+}
+
+impl Alignment {
+    pub(crate) fn n_matches(&self) -> u32 {
+        self.reports.iter().map(|r| r.n_matches).sum()
+    }
+
+    pub(crate) fn match_share(&self) -> f64 {
+        let n_queries: u32 = self.reports.iter().map(|r| r.n_queries).sum();
+        f64::from(self.n_matches()) / f64::from(n_queries.max(1))
+    }
+
+    /// Largest median normal residual of a reference that has matches, standard deviations.
+    pub(crate) fn residual_sigmas(&self) -> f64 {
+        let medians =
+            self.reports.iter().filter(|r| r.n_matches > 0).map(|r| f64::from(r.median_residual_sigmas));
+        medians.fold(0.0, f64::max)
+    }
+}
+
+/// Buffers of the alignment, reused from frame to frame.
+pub(crate) struct Aligner {
+    matcher: Matcher,
+    queries: Queries,
+    shutter: ShutterTable,
+}
+
+impl Aligner {
+    pub(crate) fn new(context: &Context) -> Self {
+        Self {
+            matcher: context.matcher(),
+            queries: Queries::default(),
+            shutter: context.shutter(&Twist::default()),
+        }
+    }
+
+    /// Aligns `samples` to the references: search, then at most ten inner iterations, with
+    /// shrinking limits, until the last limits have been solved once.
+    pub(crate) fn align(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        references: &[Reference<'_>],
+        prediction: &Prediction,
+    ) -> Alignment {
+        let window = &context.mapping.window;
+        let last = prediction.outer_iterations.max(2) - 1;
+        let mut result = Alignment {
+            world_from_camera: prediction.world_from_camera,
+            velocity: prediction.velocity,
+            blocks: Vec::new(),
+            reports: Vec::new(),
+            information: Matrix6::zeros(),
+            outer_iterations: 0,
+            is_solved: false,
+        };
+        let prior = prior(context, prediction, self.matcher.metric_factor());
+        let mut k = 0;
+        loop {
+            let limits = MatchLimits {
+                first_distance_m: prediction.first_distance_m as f32,
+                progress: k as f32 / last as f32,
+            };
+            self.match_all(context, samples, references, &limits, &mut result);
+            result.outer_iterations += 1;
+            let mut graph = graph_of(references, &result, prior.clone());
+            let Ok(report) = graph.optimise(context.registration.inner_iterations, &mut || ()) else {
+                result.is_solved = false;
+                return result;
+            };
+            let n = references.len();
+            result.is_solved = true;
+            result.world_from_camera = graph.poses[n];
+            if let Some((previous, seconds)) = prediction.previous {
+                let step = log(&(previous.inverse() * result.world_from_camera));
+                result.velocity = step.scaled(1.0 / seconds);
+            }
+            if k == last {
+                result.information = information(&graph, n);
+                return result;
+            }
+            let is_still =
+                report.moved_m < window.converged_step && report.turned_rad < window.converged_step;
+            k = if is_still { last } else { k + 1 };
+        }
+    }
+
+    fn match_all(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        references: &[Reference<'_>],
+        limits: &MatchLimits,
+        result: &mut Alignment,
+    ) {
+        context.fill_shutter(&result.velocity, &mut self.shutter);
+        self.queries.fill(samples, &self.shutter);
+        result.blocks.clear();
+        result.reports.clear();
+        let budget = context.mapping.window.match_budget as usize / references.len().max(1);
+        let n = self.queries.len();
+        for (place, reference) in references.iter().enumerate() {
+            // Samples are in random order: each reference takes another run of them.
+            let count = budget.min(n);
+            let start = if count < n { place * count % (n - count + 1) } else { 0 };
+            let target = Target { surface: reference.surface, shutter: &reference.shutter };
+            let target_from_query = reference.world_from_camera.inverse() * result.world_from_camera;
+            let (sums, report) = self.matcher.match_pair(
+                &self.queries,
+                start..start + count,
+                &target,
+                &target_from_query,
+                limits,
+            );
+            result.blocks.push((target_from_query, sums));
+            result.reports.push(report);
+        }
+    }
+
+    pub(crate) fn metric_factor(&self) -> f64 {
+        self.matcher.metric_factor()
+    }
+}
+
+fn graph_of(references: &[Reference<'_>], result: &Alignment, prior: Option<Prior>) -> Graph {
+    let n = references.len();
+    let mut graph = Graph::default();
+    for (place, reference) in references.iter().enumerate() {
+        graph.poses.push(reference.world_from_camera);
+        graph.is_fixed.push(true);
+        let (origin, sums) = &result.blocks[place];
+        graph.pairs.push(Pair { query: n, target: place, block: PairBlock::new(origin, sums), weight: 1.0 });
+    }
+    graph.poses.push(result.world_from_camera);
+    graph.is_fixed.push(false);
+    graph.priors.extend(prior.map(|p| Prior { vertex: n, ..p }));
+    graph
+}
+
+/// The constant velocity prediction as an edge, in the units of the blocks' information.
+fn prior(context: &Context, prediction: &Prediction, metric_factor: f64) -> Option<Prior> {
+    prediction.previous?;
+    let w = &context.mapping.window;
+    let (t, r) = (w.prior_translation_m, w.prior_rotation_deg.to_radians());
+    let (t, r) = (metric_factor / (t * t), metric_factor / (r * r));
+    let information = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
+    Some(Prior { vertex: 0, predicted: prediction.world_from_camera, information })
+}
+
+/// Information of the free pose at the solution.
+fn information(graph: &Graph, vertex: usize) -> Matrix6 {
+    let mut h: Matrix6 = graph.priors.iter().map(|p| p.information).sum();
+    for pair in &graph.pairs {
+        let target_from_query = graph.poses[pair.target].inverse() * graph.poses[vertex];
+        h += pair.block.linearise(&target_from_query).0;
+    }
+    h
+}

@@ -1,0 +1,66 @@
+//! What aligner and optimiser both need and neither changes: camera, grid and settings.
+
+use crate::settings::MappingSettings;
+use tessera_geometry::{Camera, DepthNoise, Twist};
+use tessera_registration::{GridCamera, Matcher, RegistrationSettings, ShutterTable};
+use tessera_surface::{CellSample, Grid, SurfaceSettings};
+
+/// Camera, grid and settings of one run.
+#[derive(Clone, Debug)]
+pub struct Context {
+    /// The camera.
+    pub camera: Camera,
+    /// Shape of every surface.
+    pub grid: Grid,
+    /// Settings of the registration.
+    pub registration: RegistrationSettings,
+    /// Settings of mapping.
+    pub mapping: MappingSettings,
+    noise: DepthNoise,
+    offset_px: f64,
+}
+
+impl Context {
+    /// Collects what a run's aligner and optimiser share.
+    pub fn new(
+        camera: &Camera,
+        surface: &SurfaceSettings,
+        registration: &RegistrationSettings,
+        mapping: &MappingSettings,
+    ) -> Self {
+        let step = surface.step as usize;
+        let grid = Grid {
+            width: (camera.width as usize).div_ceil(step),
+            height: (camera.height as usize).div_ceil(step),
+            step,
+        };
+        let offset_px = match surface.cell_sample {
+            CellSample::Mean => (f64::from(surface.step) - 1.0) / 2.0,
+            CellSample::Corner | CellSample::Nearest => 0.0,
+        };
+        Self {
+            camera: camera.clone(),
+            grid,
+            registration: registration.clone(),
+            mapping: mapping.clone(),
+            noise: DepthNoise { model: surface.noise },
+            offset_px,
+        }
+    }
+
+    /// A matcher with buffers of its own.
+    pub fn matcher(&self) -> Matcher {
+        let camera = GridCamera::new(&self.camera, self.grid, self.offset_px);
+        Matcher::new(camera, self.noise, &self.registration)
+    }
+
+    /// Motion during the readout of a frame with this velocity.
+    pub fn shutter(&self, velocity: &Twist) -> ShutterTable {
+        ShutterTable::new(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px)
+    }
+
+    /// As [`Self::shutter`], into a table that exists.
+    pub fn fill_shutter(&self, velocity: &Twist, table: &mut ShutterTable) {
+        table.fill(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px);
+    }
+}

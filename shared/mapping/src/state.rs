@@ -1,0 +1,154 @@
+//! The aligner's whole state between two frames, as a fold over its journal.
+
+use crate::records::{
+    AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, RequestRecord, State, StoreSlot,
+};
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
+
+/// A keyframe as the aligner knows it now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyframeState {
+    /// 0, 1, 2, …
+    pub id: u32,
+    /// The frame it was.
+    pub frame_index: u64,
+    /// Its stamp.
+    pub stamp_nanos: i64,
+    /// Its pose after all corrections so far.
+    pub world_from_camera: PoseBits,
+    /// Its own motion per second, `rho phi`.
+    pub velocity: [f64; 6],
+    /// Where its surface lies.
+    pub slot: StoreSlot,
+    /// Keyframes it was aligned to.
+    pub edges: Vec<EdgeRecord>,
+}
+
+/// One of the last frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RecentFrame {
+    /// Frame index.
+    pub index: u64,
+    /// Its stamp.
+    pub stamp_nanos: i64,
+    /// Whether it was tracked.
+    pub state: State,
+    /// Its pose in the map as corrected so far.
+    pub world_from_camera: PoseBits,
+    /// Its own motion per second, `rho phi`.
+    pub velocity: [f64; 6],
+}
+
+/// Everything that the aligner must know between two frames beside surfaces.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrackerState {
+    /// The next index to align.
+    pub next_index: u64,
+    /// All keyframes, by id.
+    pub keyframes: Vec<KeyframeState>,
+    /// The last two frames, newest last.
+    pub recent: Vec<RecentFrame>,
+    /// What corrections have moved so far; identity before the first.
+    pub world_from_odom: Option<PoseBits>,
+    /// Entropy of the first frame aligned to the last keyframe, nats.
+    pub reference_entropy: Option<f64>,
+    /// Frames since the last keyframe was made.
+    pub frames_since_keyframe: u32,
+    /// The request without an effect yet.
+    pub pending: Option<RequestRecord>,
+    /// Requests made.
+    pub n_requests: u64,
+    /// Keyframes that took part in the last request.
+    pub n_keyframes_at_request: u32,
+    /// Frames lost in a row.
+    pub n_lost: u32,
+    /// The source is exhausted.
+    pub is_ended: bool,
+}
+
+impl TrackerState {
+    /// Takes one record in. The only way the state changes, live and in replay.
+    pub fn apply(&mut self, record: &AlignRecord) {
+        match record {
+            AlignRecord::Frame(frame) => self.apply_frame(frame),
+            AlignRecord::Skipped(index, _) => self.next_index = self.next_index.max(index + 1),
+            AlignRecord::Correction(applied) => self.apply_correction(applied),
+            AlignRecord::End { request, .. } => {
+                self.is_ended = true;
+                if let Some(request) = request {
+                    self.note_request(request);
+                }
+            }
+        }
+    }
+
+    fn apply_frame(&mut self, frame: &FrameRecord) {
+        self.next_index = frame.index + 1;
+        self.frames_since_keyframe += 1;
+        if let Some(keyframe) = &frame.new_keyframe {
+            self.keyframes.push(KeyframeState {
+                id: keyframe.id,
+                frame_index: keyframe.frame_index,
+                stamp_nanos: keyframe.stamp_nanos,
+                world_from_camera: keyframe.world_from_camera,
+                velocity: keyframe.velocity,
+                slot: keyframe.slot,
+                edges: keyframe.edges.clone(),
+            });
+            self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
+            self.reference_entropy = None;
+        }
+        if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
+            self.reference_entropy = Some(frame.entropy_nats);
+        }
+        self.n_lost = if frame.state == State::Tracking { 0 } else { self.n_lost + 1 };
+        self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
+        if self.recent.len() == 2 {
+            self.recent.remove(0);
+        }
+        self.recent.push(RecentFrame {
+            index: frame.index,
+            stamp_nanos: frame.stamp_nanos,
+            state: frame.state,
+            world_from_camera: frame.world_from_camera,
+            velocity: frame.velocity,
+        });
+        if let Some(request) = &frame.request {
+            self.note_request(request);
+        }
+    }
+
+    fn note_request(&mut self, request: &RequestRecord) {
+        self.pending = Some(*request);
+        self.n_requests = request.request + 1;
+        self.n_keyframes_at_request = request.n_keyframes;
+    }
+
+    /// Corrected keyframes take their new poses; everything newer moves rigidly with the last of
+    /// them, and so does `world_from_odom`, so that `odom_from_camera` does not jump.
+    fn apply_correction(&mut self, applied: &AppliedCorrection) {
+        self.pending = None;
+        let Some(last) = applied.correction.keyframes.last() else { return };
+        let Some(before) = self.keyframes.get(last.id as usize) else { return };
+        let after = Pose::from(&last.world_from_camera);
+        let new_from_old = after * Pose::from(&before.world_from_camera).inverse();
+        let moved = |bits: &PoseBits| {
+            let still = Twist::default();
+            PoseBits::from(&compose_normalised(&(new_from_old * Pose::from(bits)), &still))
+        };
+        for keyframe in &mut self.keyframes[last.id as usize + 1..] {
+            keyframe.world_from_camera = moved(&keyframe.world_from_camera);
+        }
+        for corrected in &applied.correction.keyframes {
+            if let Some(keyframe) = self.keyframes.get_mut(corrected.id as usize) {
+                keyframe.world_from_camera = corrected.world_from_camera;
+            }
+        }
+        for frame in &mut self.recent {
+            frame.world_from_camera = moved(&frame.world_from_camera);
+        }
+        let world_from_odom = self.world_from_odom.unwrap_or(PoseBits::IDENTITY);
+        self.world_from_odom = Some(moved(&world_from_odom));
+    }
+}

@@ -1,0 +1,67 @@
+//! The local window: which fixed poses a new frame is aligned to (SPEC 6).
+
+use crate::settings::WindowSettings;
+use crate::state::TrackerState;
+use tessera_geometry::Pose;
+
+/// One fixed pose of a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Member {
+    /// A recent frame that is no keyframe: its place in the tracker's list.
+    Recent(usize),
+    /// A keyframe, by id.
+    Keyframe(u32),
+}
+
+/// The last frame, the last keyframe, the oldest keyframe that sees the same, then the nearest.
+///
+/// `predicted`: `world_from_camera` of the new frame. `only_newest` leaves out all but the last
+/// frame and the last keyframe (a second solve without old poses, SPEC 7).
+pub(crate) fn select(
+    state: &TrackerState,
+    settings: &WindowSettings,
+    predicted: &Pose,
+    oldest_allowed: u32,
+) -> Vec<Member> {
+    let size = settings.size as usize;
+    let mut members = Vec::with_capacity(size);
+    let last_keyframe = state.keyframes.last();
+    if let Some((place, recent)) = state.recent.iter().enumerate().next_back()
+        && last_keyframe.is_none_or(|k| k.frame_index != recent.index)
+        && recent.state == crate::records::State::Tracking
+    {
+        members.push(Member::Recent(place));
+    }
+    let Some(last_keyframe) = last_keyframe else { return members };
+    if members.len() < size {
+        members.push(Member::Keyframe(last_keyframe.id));
+    }
+    let mut near: Vec<(f64, u32)> = state
+        .keyframes
+        .iter()
+        .filter(|k| k.id != last_keyframe.id && k.id >= oldest_allowed)
+        .filter_map(|k| {
+            let (distance_m, angle_rad) = view_difference(&Pose::from(&k.world_from_camera), predicted);
+            let angle_limit = settings.angle_deg.to_radians();
+            (distance_m <= settings.radius_m && angle_rad <= angle_limit)
+                .then(|| (distance_m / settings.radius_m.max(1e-9) + angle_rad / angle_limit.max(1e-9), k.id))
+        })
+        .collect();
+    if let Some(oldest) = near.iter().map(|n| n.1).min()
+        && members.len() < size
+    {
+        members.push(Member::Keyframe(oldest));
+        near.retain(|n| n.1 != oldest);
+    }
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    members.extend(near.iter().take(size.saturating_sub(members.len())).map(|n| Member::Keyframe(n.1)));
+    members
+}
+
+/// Distance of the camera centres in metres and angle between the optical axes in radians.
+pub(crate) fn view_difference(a: &Pose, b: &Pose) -> (f64, f64) {
+    let distance_m = (a.translation.vector - b.translation.vector).norm();
+    let axis_a = a.rotation * nalgebra::Vector3::z();
+    let axis_b = b.rotation * nalgebra::Vector3::z();
+    (distance_m, libm::acos(axis_a.dot(&axis_b).clamp(-1.0, 1.0)))
+}

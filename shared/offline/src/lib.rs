@@ -1,0 +1,215 @@
+//! A whole sequence in one process: the pipeline's steps without the pipeline.
+//!
+//! The same pure steps as the processes, called one after the other, so the same bits come out.
+//! For experiments (`tessera ablate`), examples and tests of the method.
+#![forbid(unsafe_code)]
+
+use std::collections::BTreeMap;
+use tessera_geometry::{Camera, Pose, PoseBits};
+use tessera_mapping::{
+    AlignRecord, Context, Correction, FrameSurface, KeyframeSurfaces, MappingSettings, Optimiser, OptimiseRecord,
+    State, Tracker,
+};
+use tessera_registration::RegistrationSettings;
+use tessera_surface::{Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
+use tessera_trajectory::Trajectory;
+
+/// One frame as the sensor delivers it.
+#[derive(Clone, Debug)]
+pub struct RawFrame {
+    /// Sensor time.
+    pub stamp_nanos: i64,
+    /// Raw depth, row by row.
+    pub depth: Vec<u16>,
+    /// Red, green, blue, registered to depth.
+    pub colour: Option<Vec<u8>>,
+}
+
+/// The settings of the algorithms.
+#[derive(Clone, Debug, Default)]
+pub struct Method {
+    /// Reconstruction.
+    pub surface: SurfaceSettings,
+    /// Registration.
+    pub registration: RegistrationSettings,
+    /// Tracking and mapping.
+    pub mapping: MappingSettings,
+}
+
+/// Surfaces of keyframes, copied.
+#[derive(Default)]
+struct Keyframes(Vec<Vec<Vertex>>);
+
+impl KeyframeSurfaces for Keyframes {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        &self.0[keyframe as usize]
+    }
+}
+
+/// A run in progress: push frames, then finish.
+pub struct Run {
+    reconstructor: Reconstructor,
+    tracker: Tracker,
+    optimiser: Optimiser,
+    keyframes: Keyframes,
+    previous: Option<(u64, i64, Vec<Vertex>)>,
+    correction: Option<Correction>,
+    records: Vec<AlignRecord>,
+}
+
+impl Run {
+    /// A run that has seen nothing.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn new(camera: &Camera, method: &Method) -> Result<Self, SettingError> {
+        method.registration.check()?;
+        method.mapping.check()?;
+        let context = Context::new(camera, &method.surface, &method.registration, &method.mapping);
+        Ok(Self {
+            reconstructor: Reconstructor::new(camera, &method.surface)?,
+            tracker: Tracker::new(context.clone()),
+            optimiser: Optimiser::new(context),
+            keyframes: Keyframes::default(),
+            previous: None,
+            correction: None,
+            records: Vec::new(),
+        })
+    }
+
+    /// Processes the next frame.
+    pub fn push(&mut self, frame: &RawFrame) {
+        let grid = self.reconstructor.grid();
+        let mut vertices = vec![Vertex::default(); grid.len()];
+        self.reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut vertices);
+        let index = self.tracker.next_index();
+        if self.tracker.correction_due(index).is_some() {
+            self.apply_correction(index);
+        }
+        let view = |index, stamp_nanos, vertices| FrameSurface { index, stamp_nanos, surface: SurfaceView { grid, vertices } };
+        let current = view(index, frame.stamp_nanos, vertices.as_slice());
+        let recent: Vec<FrameSurface<'_>> =
+            self.previous.iter().map(|(index, stamp, vertices)| view(*index, *stamp, vertices.as_slice())).collect();
+        let record = self.tracker.align(&current, &recent, &self.keyframes);
+        if let Some(keyframe) = &record.new_keyframe {
+            let is_current = keyframe.frame_index == index;
+            let source = if is_current { Some(&vertices) } else { self.previous.as_ref().map(|p| &p.2) };
+            self.keyframes.0.extend(source.cloned());
+        }
+        self.previous = Some((index, frame.stamp_nanos, vertices));
+        self.take(AlignRecord::Frame(Box::new(record)));
+        self.solve();
+    }
+
+    /// Ends the sequence with the final optimisation and returns all records.
+    pub fn finish(mut self) -> Records {
+        let next = self.tracker.next_index();
+        if self.tracker.pending_request().is_some() {
+            self.apply_correction(next);
+        }
+        let request = self.tracker.final_request();
+        self.take(AlignRecord::End { n_frames: next, request });
+        self.solve();
+        if request.is_some() {
+            self.apply_correction(next);
+        }
+        Records { records: self.records }
+    }
+
+    fn take(&mut self, record: AlignRecord) {
+        self.tracker.apply(&record);
+        self.optimiser.apply(&record);
+        self.records.push(record);
+    }
+
+    fn solve(&mut self) {
+        if let Some(request) = self.optimiser.next_request()
+            && let Some(correction) = self.optimiser.solve(&request, &self.keyframes, &mut || ())
+        {
+            self.optimiser.apply_own(&OptimiseRecord::Correction(Box::new(correction.clone())));
+            self.correction = Some(correction);
+        }
+    }
+
+    fn apply_correction(&mut self, before_frame: u64) {
+        if let Some(correction) = self.correction.take()
+            && let Some(record) = self.tracker.correction_record(correction, before_frame)
+        {
+            self.take(record);
+        }
+    }
+}
+
+/// All records of a run, from which every output follows.
+pub struct Records {
+    /// In order.
+    pub records: Vec<AlignRecord>,
+}
+
+impl Records {
+    /// Poses as first published.
+    pub fn online(&self) -> Trajectory {
+        let mut trajectory = Trajectory::default();
+        for frame in self.frames() {
+            let _ = trajectory.push(frame.stamp_nanos, Pose::from(&frame.world_from_camera));
+        }
+        trajectory
+    }
+
+    /// Every frame on its keyframe as finally corrected, or as solved again by the last correction.
+    pub fn last(&self) -> Trajectory {
+        let mut keyframes: BTreeMap<u32, PoseBits> = BTreeMap::new();
+        let mut solved: BTreeMap<u64, PoseBits> = BTreeMap::new();
+        for record in &self.records {
+            match record {
+                AlignRecord::Frame(frame) => {
+                    keyframes.extend(frame.new_keyframe.iter().map(|k| (k.id, k.world_from_camera)));
+                }
+                AlignRecord::Correction(applied) => {
+                    let correction = &applied.correction;
+                    if let Some(last) = correction.keyframes.last() {
+                        let old = keyframes.get(&last.id).map_or(Pose::identity(), Pose::from);
+                        let moved = Pose::from(&last.world_from_camera) * old.inverse();
+                        for (_, pose) in keyframes.range_mut(last.id + 1..) {
+                            *pose = PoseBits::from(&(moved * Pose::from(&*pose)));
+                        }
+                    }
+                    keyframes.extend(correction.keyframes.iter().map(|k| (k.id, k.world_from_camera)));
+                    solved = correction.frames.iter().copied().collect();
+                }
+                _ => {}
+            }
+        }
+        let mut trajectory = Trajectory::default();
+        for frame in self.frames() {
+            let pose = solved.get(&frame.index).map(Pose::from).or_else(|| {
+                Some(Pose::from(keyframes.get(&frame.keyframe)?) * Pose::from(&frame.keyframe_from_camera))
+            });
+            let _ = trajectory.push(frame.stamp_nanos, pose.unwrap_or(Pose::from(&frame.world_from_camera)));
+        }
+        trajectory
+    }
+
+    /// Frames in order.
+    pub fn frames(&self) -> impl Iterator<Item = &tessera_mapping::FrameRecord> {
+        self.records.iter().filter_map(|record| match record {
+            AlignRecord::Frame(frame) => Some(&**frame),
+            _ => None,
+        })
+    }
+
+    /// Frames whose state is not tracking.
+    pub fn n_untracked(&self) -> usize {
+        self.frames().filter(|f| f.state != State::Tracking).count()
+    }
+
+    /// Keyframes made.
+    pub fn n_keyframes(&self) -> usize {
+        self.frames().filter(|f| f.new_keyframe.is_some()).count()
+    }
+
+    /// Corrections applied, the final one included.
+    pub fn n_corrections(&self) -> usize {
+        self.records.iter().filter(|r| matches!(r, AlignRecord::Correction(_))).count()
+    }
+}
