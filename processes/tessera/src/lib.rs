@@ -8,6 +8,7 @@ mod arguments;
 mod commands;
 mod exit;
 mod outputs;
+mod run_folder;
 mod terminal;
 
 use arguments::{Arguments, Command, RunArguments};
@@ -23,7 +24,9 @@ pub fn main() -> ExitCode {
     };
     let result = match arguments.command.unwrap_or_else(|| Command::Run(RunArguments::default())) {
         Command::Evaluate(arguments) => commands::evaluate(&arguments),
+        Command::Export(arguments) => commands::export(&arguments),
         Command::Completions { shell } => commands::completions(shell),
+        _ => Err(CommandError::Stage("not built yet".to_owned())),
     };
     match result {
         Ok(exit) => exit.into(),
