@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_mapping::{
-    AlignRecord, Context, Correction, FrameSurface, KeyframeSurfaces, MappingSettings, Optimiser, OptimiseRecord,
-    State, Tracker,
+    AlignRecord, Context, Correction, FrameSurface, KeyframeSurfaces, MappingSettings, OptimiseRecord,
+    Optimiser, State, Tracker,
 };
 use tessera_registration::RegistrationSettings;
 use tessera_surface::{Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
@@ -86,10 +86,17 @@ impl Run {
         if self.tracker.correction_due(index).is_some() {
             self.apply_correction(index);
         }
-        let view = |index, stamp_nanos, vertices| FrameSurface { index, stamp_nanos, surface: SurfaceView { grid, vertices } };
+        let view = |index, stamp_nanos, vertices| FrameSurface {
+            index,
+            stamp_nanos,
+            surface: SurfaceView { grid, vertices },
+        };
         let current = view(index, frame.stamp_nanos, vertices.as_slice());
-        let recent: Vec<FrameSurface<'_>> =
-            self.previous.iter().map(|(index, stamp, vertices)| view(*index, *stamp, vertices.as_slice())).collect();
+        let recent: Vec<FrameSurface<'_>> = self
+            .previous
+            .iter()
+            .map(|(index, stamp, vertices)| view(*index, *stamp, vertices.as_slice()))
+            .collect();
         let record = self.tracker.align(&current, &recent, &self.keyframes);
         if let Some(keyframe) = &record.new_keyframe {
             let is_current = keyframe.frame_index == index;

@@ -8,11 +8,10 @@ use crate::outputs::summary::Summary;
 use crate::outputs::{states, trajectories};
 use std::fs;
 use std::path::Path;
-use tessera_geometry::Camera;
-use tessera_journal::{Follower, JournalError, Slot, StoreView};
-use tessera_mapping::AlignRecord;
+use tessera_journal::{Follower, JournalError};
+use tessera_mapping::{AlignRecord, KeyframeSurfaces};
 use tessera_settings::Settings;
-use tessera_surface::Vertex;
+use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles, StageError};
 use tessera_trajectory::{Trajectory, read_tum};
 
 /// Writes every output of the run in `run_folder` into `out_folder` and says what came of it.
@@ -20,14 +19,15 @@ use tessera_trajectory::{Trajectory, read_tum};
 /// # Errors
 /// Names the file that cannot be read or written, and why.
 pub(crate) fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, CommandError> {
-    let settings = read_settings(run_folder)?;
-    let replay = read_journal(run_folder)?;
+    let files = RunFiles::new(run_folder);
+    let settings = read_settings(&files)?;
+    let replay = read_journal(&files)?;
     let groundtruth = read_groundtruth(run_folder)?;
     let statistics = read_statistics(run_folder)?;
     fs::create_dir_all(out_folder).map_err(|error| CommandError::write(out_folder, error))?;
     trajectories::write(&replay, out_folder)?;
     states::write(&replay, out_folder)?;
-    write_map(run_folder, out_folder, &replay, &settings)?;
+    write_map(&files, out_folder, &replay, &settings)?;
     let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref());
     summary.write(out_folder)?;
     Ok(summary)
@@ -41,22 +41,26 @@ fn journal_error(error: JournalError) -> CommandError {
     CommandError::Input(error.to_string())
 }
 
-fn read_settings(run_folder: &Path) -> Result<Settings, CommandError> {
-    let path = run_folder.join("config.toml");
+fn stage_error(error: StageError) -> CommandError {
+    CommandError::Input(error.to_string())
+}
+
+fn read_settings(files: &RunFiles) -> Result<Settings, CommandError> {
+    let path = files.config();
     let text = fs::read_to_string(&path).map_err(|error| {
         input_error(&path, format!("{error}: expected the folder of a run, which has a config.toml"))
     })?;
     Ok(Settings::from_toml(&text, &path.display().to_string())?)
 }
 
-fn read_journal(run_folder: &Path) -> Result<Replay, CommandError> {
-    let path = run_folder.join("align.journal");
+fn read_journal(files: &RunFiles) -> Result<Replay, CommandError> {
+    let path = files.align_journal();
     let mut replay = Replay::default();
     if !path.exists() {
         // The run ended before its first frame: there is nothing, and that is no error.
         return Ok(replay);
     }
-    let mut follower = Follower::<AlignRecord>::open(&path, "align").map_err(journal_error)?;
+    let mut follower = Follower::<AlignRecord>::open(&path, ALIGN_JOURNAL).map_err(journal_error)?;
     while let Some(record) = follower.next().map_err(journal_error)? {
         replay.apply(record);
     }
@@ -82,31 +86,23 @@ fn read_statistics(run_folder: &Path) -> Result<RunStatistics, CommandError> {
 }
 
 fn write_map(
-    run_folder: &Path,
+    files: &RunFiles,
     out_folder: &Path,
     replay: &Replay,
     settings: &Settings,
 ) -> Result<(), CommandError> {
-    let path = run_folder.join("camera.toml");
-    let text = fs::read_to_string(&path).map_err(|error| input_error(&path, error))?;
-    let camera: Camera = toml::from_str(&text).map_err(|error| input_error(&path, error))?;
-    let input =
-        MapInput { camera: &camera, step: settings.surface.step as usize, settings: &settings.output };
-    let mut surfaces = Vec::new();
+    let run = RunFile::read(files).map_err(stage_error)?;
+    let step = settings.surface.step as usize;
+    let input = MapInput { camera: &run.camera, step, settings: &settings.output };
+    let mut keyframes = None;
     if !replay.keyframes.is_empty() {
-        let store = run_folder.join("keyframes.store");
-        let mut view = StoreView::open(&store).map_err(journal_error)?;
+        let n_vertices = run.layout(settings).grid.len();
+        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices).map_err(journal_error)?;
         for keyframe in &replay.keyframes {
-            let slot = Slot { offset: keyframe.slot.offset, len: keyframe.slot.len, crc: keyframe.slot.crc };
-            surfaces.push(view.map(&slot).map_err(journal_error)?);
+            mapped.add(keyframe).map_err(stage_error)?;
         }
-        let vertices = |id: u32| -> Result<&[Vertex], CommandError> {
-            let position = surfaces.get(id as usize).copied().unwrap_or(usize::MAX);
-            bytemuck::try_cast_slice(view.bytes(position)).map_err(|error| {
-                input_error(&store, format!("keyframe {id} is no list of vertices: {error}"))
-            })
-        };
-        return map::write(&map::gather(replay, &input, vertices)?, out_folder);
+        keyframes = Some(mapped);
     }
-    map::write(&map::gather(replay, &input, |_| Ok::<_, CommandError>(&[]))?, out_folder)
+    let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
+    map::write(&map::gather(replay, &input, surfaces), out_folder)
 }

@@ -22,18 +22,18 @@ pub(crate) struct MapInput<'a> {
 }
 
 /// Gathers the vertices of all keyframes, whose surfaces `vertices` gives by id.
-pub(crate) fn gather<'s, E>(
+pub(crate) fn gather<'s>(
     replay: &Replay,
     input: &MapInput<'_>,
-    mut vertices: impl FnMut(u32) -> Result<&'s [Vertex], E>,
-) -> Result<VoxelCloud, E> {
+    vertices: impl Fn(u32) -> &'s [Vertex],
+) -> VoxelCloud {
     let mut cloud = VoxelCloud::new(input.settings.map_voxel_m);
     for (keyframe, world_from_camera) in replay.keyframes.iter().zip(&replay.keyframe_poses) {
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(input.camera, &velocity, input.step);
-        add_keyframe(&mut cloud, input, vertices(keyframe.id)?, world_from_camera, &shutter);
+        add_keyframe(&mut cloud, input, vertices(keyframe.id), world_from_camera, &shutter);
     }
-    Ok(cloud)
+    cloud
 }
 
 fn add_keyframe(
@@ -94,7 +94,7 @@ mod tests {
         let (camera, settings) = (test_run::camera(), OutputSettings::default());
         let input = MapInput { camera: &camera, step: 4, settings: &settings };
         let surfaces: Vec<Vec<Vertex>> = (0..3).map(test_run::surface).collect();
-        gather(&test_run::replay(), &input, |id| Ok::<_, ()>(&surfaces[id as usize][..])).unwrap()
+        gather(&test_run::replay(), &input, |id| &surfaces[id as usize][..])
     }
 
     #[test]
