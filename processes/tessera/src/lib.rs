@@ -8,6 +8,8 @@ mod arguments;
 mod commands;
 mod exit;
 mod outputs;
+mod run_folder;
+mod supervisor;
 mod terminal;
 
 use arguments::{Arguments, Command, RunArguments};
@@ -22,8 +24,15 @@ pub fn main() -> ExitCode {
         Err(error) => return refuse(&error),
     };
     let result = match arguments.command.unwrap_or_else(|| Command::Run(RunArguments::default())) {
+        Command::Run(arguments) => commands::run(&arguments),
+        Command::Stage(arguments) => match commands::stage(&arguments) {
+            Ok(code) => return code,
+            Err(error) => Err(error),
+        },
         Command::Evaluate(arguments) => commands::evaluate(&arguments),
+        Command::Export(arguments) => commands::export(&arguments),
         Command::Completions { shell } => commands::completions(shell),
+        _ => Err(CommandError::Stage("not built yet".to_owned())),
     };
     match result {
         Ok(exit) => exit.into(),

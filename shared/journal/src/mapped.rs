@@ -36,7 +36,7 @@ impl StoreView {
             len: slot.len,
             problem,
         };
-        if slot.offset % 64 != 0 {
+        if !slot.offset.is_multiple_of(64) {
             return Err(wrong("do not begin on a cache line".into()));
         }
         let file_len = self.file.metadata().map_err(JournalError::io("look at", &self.path))?.len();

@@ -14,7 +14,7 @@ mod presets;
 mod run;
 
 pub use error::SettingsError;
-pub use flow::FlowSettings;
+pub use flow::{FlowSettings, Fsync, Restart};
 pub use layers::Layers;
 pub use output::OutputSettings;
 pub use presets::{PRESETS, preset};

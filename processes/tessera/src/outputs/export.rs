@@ -1,0 +1,108 @@
+//! All outputs of a run from its folder: journal, store, camera, configuration, ground truth.
+
+use crate::exit::CommandError;
+use crate::outputs::map::{self, MapInput};
+use crate::outputs::replay::Replay;
+use crate::outputs::statistics::{RunStatistics, STATISTICS_FILE};
+use crate::outputs::summary::Summary;
+use crate::outputs::{states, trajectories};
+use std::fs;
+use std::path::Path;
+use tessera_journal::{Follower, JournalError};
+use tessera_mapping::{AlignRecord, KeyframeSurfaces};
+use tessera_settings::Settings;
+use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles, StageError};
+use tessera_trajectory::{Trajectory, read_tum};
+
+/// Writes every output of the run in `run_folder` into `out_folder` and says what came of it.
+///
+/// # Errors
+/// Names the file that cannot be read or written, and why.
+pub(crate) fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, CommandError> {
+    let files = RunFiles::new(run_folder);
+    let settings = read_settings(&files)?;
+    let replay = read_journal(&files)?;
+    let groundtruth = read_groundtruth(run_folder)?;
+    let statistics = read_statistics(run_folder)?;
+    fs::create_dir_all(out_folder).map_err(|error| CommandError::write(out_folder, error))?;
+    trajectories::write(&replay, out_folder)?;
+    states::write(&replay, out_folder)?;
+    write_map(&files, out_folder, &replay, &settings)?;
+    let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref());
+    summary.write(out_folder)?;
+    Ok(summary)
+}
+
+fn input_error(path: &Path, reason: impl std::fmt::Display) -> CommandError {
+    CommandError::Input(format!("{}: {reason}", path.display()))
+}
+
+fn journal_error(error: JournalError) -> CommandError {
+    CommandError::Input(error.to_string())
+}
+
+fn stage_error(error: StageError) -> CommandError {
+    CommandError::Input(error.to_string())
+}
+
+fn read_settings(files: &RunFiles) -> Result<Settings, CommandError> {
+    let path = files.config();
+    let text = fs::read_to_string(&path).map_err(|error| {
+        input_error(&path, format!("{error}: expected the folder of a run, which has a config.toml"))
+    })?;
+    Ok(Settings::from_toml(&text, &path.display().to_string())?)
+}
+
+fn read_journal(files: &RunFiles) -> Result<Replay, CommandError> {
+    let path = files.align_journal();
+    let mut replay = Replay::default();
+    if !path.exists() {
+        // The run ended before its first frame: there is nothing, and that is no error.
+        return Ok(replay);
+    }
+    let mut follower = Follower::<AlignRecord>::open(&path, ALIGN_JOURNAL).map_err(journal_error)?;
+    while let Some(record) = follower.next().map_err(journal_error)? {
+        replay.apply(record);
+    }
+    Ok(replay)
+}
+
+fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, CommandError> {
+    let path = run_folder.join("groundtruth.txt");
+    if !path.exists() {
+        return Ok(None);
+    }
+    Ok(Some(read_tum(&path)?))
+}
+
+fn read_statistics(run_folder: &Path) -> Result<RunStatistics, CommandError> {
+    let path = run_folder.join(STATISTICS_FILE);
+    match fs::read(&path) {
+        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| input_error(&path, error)),
+        // Written at the end: a run that was killed has none.
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(RunStatistics::default()),
+        Err(error) => Err(input_error(&path, error)),
+    }
+}
+
+fn write_map(
+    files: &RunFiles,
+    out_folder: &Path,
+    replay: &Replay,
+    settings: &Settings,
+) -> Result<(), CommandError> {
+    let run = RunFile::read(files).map_err(stage_error)?;
+    let step = settings.surface.step as usize;
+    let input = MapInput { camera: &run.camera, step, settings: &settings.output };
+    let mut keyframes = None;
+    if !replay.keyframes.is_empty() {
+        let n_vertices = run.layout(settings).grid.len();
+        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices).map_err(journal_error)?;
+        for keyframe in &replay.keyframes {
+            mapped.add(keyframe).map_err(stage_error)?;
+        }
+        keyframes = Some(mapped);
+    }
+    let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
+    map::write(&map::gather(replay, &input, surfaces), out_folder)
+}

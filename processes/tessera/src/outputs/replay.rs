@@ -1,0 +1,141 @@
+//! The aligner's journal read back: every frame with its final pose, every keyframe, every loop.
+
+use std::collections::BTreeMap;
+use tessera_geometry::{Pose, PoseBits};
+use tessera_mapping::{AlignRecord, Correction, FrameRecord, KeyframeRecord, State};
+
+/// Loops that the optimiser left with less weight than this do not count as closed.
+const LOOP_WEIGHT: f64 = 0.5;
+
+/// A fold over the aligner's journal.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Replay {
+    /// Processed frames in order.
+    pub(crate) frames: Vec<FrameRecord>,
+    /// Frames left out in live mode: index and reason.
+    pub(crate) skipped: Vec<(u64, String)>,
+    /// Keyframes by id, as they were made.
+    pub(crate) keyframes: Vec<KeyframeRecord>,
+    /// Corrected `world_from_camera` of each keyframe, by id.
+    pub(crate) keyframe_poses: Vec<Pose>,
+    /// Corrections that took effect.
+    pub(crate) n_corrections: u64,
+    /// Frames in the source, once it is exhausted.
+    pub(crate) n_source_frames: Option<u64>,
+    /// Whether a correction took effect after the end of the source.
+    pub(crate) is_finally_optimised: bool,
+    /// `world_from_camera` of frames that the final optimisation solved again.
+    solved: BTreeMap<u64, PoseBits>,
+    /// Weight that the optimiser left each loop, newer and older keyframe.
+    loop_weights: BTreeMap<(u32, u32), f64>,
+    /// Which keyframe a frame became.
+    keyframe_of_frame: BTreeMap<u64, u32>,
+}
+
+impl Replay {
+    /// Takes the next record in.
+    pub(crate) fn apply(&mut self, record: AlignRecord) {
+        match record {
+            AlignRecord::Frame(mut frame) => {
+                if let Some(keyframe) = frame.new_keyframe.take() {
+                    self.add_keyframe(keyframe);
+                }
+                // The tracker's own memory is of no use here, and large.
+                frame.blocks = Vec::new();
+                self.frames.push(*frame);
+            }
+            AlignRecord::Skipped(index, reason) => self.skipped.push((index, reason)),
+            AlignRecord::Correction(applied) => self.correct(&applied.correction),
+            AlignRecord::End { n_frames, .. } => self.n_source_frames = Some(n_frames),
+        }
+    }
+
+    fn add_keyframe(&mut self, keyframe: KeyframeRecord) {
+        self.keyframe_of_frame.insert(keyframe.frame_index, keyframe.id);
+        self.keyframe_poses.push(Pose::from(&keyframe.world_from_camera));
+        self.keyframes.push(keyframe);
+    }
+
+    /// Moves the keyframes; those made since the request was answered hang on the last of it.
+    fn correct(&mut self, correction: &Correction) {
+        self.n_corrections += 1;
+        self.is_finally_optimised |= self.n_source_frames.is_some();
+        let mut new_from_old = None;
+        let mut n_corrected = 0;
+        for corrected in &correction.keyframes {
+            let Some(pose) = self.keyframe_poses.get_mut(corrected.id as usize) else { continue };
+            let new = Pose::from(&corrected.world_from_camera);
+            new_from_old = Some(new * pose.inverse());
+            *pose = new;
+            n_corrected = n_corrected.max(corrected.id as usize + 1);
+        }
+        if let Some(new_from_old) = new_from_old {
+            for pose in self.keyframe_poses.iter_mut().skip(n_corrected) {
+                *pose = new_from_old * *pose;
+            }
+        }
+        self.solved.extend(correction.frames.iter().copied());
+        for &(newer, older, weight) in &correction.loops {
+            self.loop_weights.insert((newer, older), weight);
+        }
+    }
+
+    /// The final `world_from_camera` of a frame: solved again, or a keyframe itself, or hanging on
+    /// its keyframe by the pose that was journaled.
+    pub(crate) fn final_pose(&self, frame: &FrameRecord) -> Pose {
+        if let Some(solved) = self.solved.get(&frame.index) {
+            return Pose::from(solved);
+        }
+        if let Some(pose) = self.keyframe_of_frame.get(&frame.index).and_then(|&id| self.keyframe_pose(id)) {
+            return pose;
+        }
+        match self.keyframe_pose(frame.keyframe) {
+            Some(world_from_keyframe) => world_from_keyframe * Pose::from(&frame.keyframe_from_camera),
+            // Before the first keyframe there is nothing to hang on.
+            None => Pose::from(&frame.world_from_camera),
+        }
+    }
+
+    fn keyframe_pose(&self, id: u32) -> Option<Pose> {
+        self.keyframe_poses.get(id as usize).copied()
+    }
+
+    /// Loops between keyframes that the optimiser kept.
+    pub(crate) fn n_loops_closed(&self) -> u64 {
+        let weight = |newer, older| self.loop_weights.get(&(newer, older)).copied().unwrap_or(1.0);
+        let loops = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
+        loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
+    }
+
+    /// Frames whose pose cannot be trusted.
+    pub(crate) fn n_untracked(&self) -> u64 {
+        self.frames.iter().filter(|frame| frame.state != State::Tracking).count() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::outputs::test_run;
+
+    #[test]
+    fn frames_follow_their_corrected_keyframe() {
+        let mut replay = Replay::default();
+        test_run::records().into_iter().for_each(|record| replay.apply(record));
+        assert_eq!((replay.frames.len(), replay.keyframes.len(), replay.n_corrections), (6, 3, 1));
+        // The correction moves keyframe 1 by 1 m along x; keyframe 2, made later, moves with it.
+        let x: Vec<f64> = replay.frames.iter().map(|f| replay.final_pose(f).translation.x).collect();
+        assert_eq!(x, [0.0, 0.1, 1.2, 1.3, 1.4, 7.0]);
+    }
+
+    #[test]
+    fn counts_say_what_happened() {
+        let mut replay = Replay::default();
+        test_run::records().into_iter().for_each(|record| replay.apply(record));
+        assert_eq!(replay.n_loops_closed(), 1);
+        assert_eq!(replay.n_untracked(), 1);
+        assert_eq!(replay.skipped, [(6, "newer frames had come".to_owned())]);
+        assert_eq!(replay.n_source_frames, Some(7));
+        assert!(!replay.is_finally_optimised);
+    }
+}

@@ -1,0 +1,119 @@
+//! What a stage has in hand from its first instruction to its last.
+
+use crate::error::StageError;
+use crate::kill_point::KillPoints;
+use crate::lifeline::Lifeline;
+use crate::log::start_log;
+use crate::names::RunFiles;
+use crate::run_file::RunFile;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+use tessera_messages::Stage;
+use tessera_settings::Settings;
+use tessera_transport::{Layout, Link};
+
+/// Longest sleep of a stage: the safety net under the events, and how late it notices a signal.
+pub const IDLE: Duration = Duration::from_millis(10);
+
+/// Arguments of a stage process.
+#[derive(Clone, Debug)]
+pub struct StageArgs {
+    /// The run directory.
+    pub run_dir: PathBuf,
+    /// Whether standard input is the supervisor's life line (not so for a stage started by hand).
+    pub watch_stdin: bool,
+}
+
+/// How a stage ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Its part of the run is done.
+    Finished,
+    /// It was told to stop; `resume` goes on.
+    Stopped,
+}
+
+impl Outcome {
+    /// Exit code of a stage that was told to stop before its part was done.
+    pub const STOPPED: u8 = 75;
+
+    fn exit_code(self) -> u8 {
+        match self {
+            Outcome::Finished => 0,
+            Outcome::Stopped => Self::STOPPED,
+        }
+    }
+}
+
+/// The run as one stage sees it.
+#[derive(Debug)]
+pub struct Context {
+    /// Files of the run directory.
+    pub files: RunFiles,
+    /// What all processes agree on.
+    pub run: RunFile,
+    /// Every setting.
+    pub settings: Settings,
+    /// Sizes of the services.
+    pub layout: Layout,
+    /// When to stop.
+    pub lifeline: Lifeline,
+    /// Where to die, in tests.
+    pub kill_points: KillPoints,
+}
+
+impl Context {
+    /// Starts the log and reads what the supervisor wrote.
+    ///
+    /// # Errors
+    /// Names the file that cannot be used.
+    pub fn open(stage: Stage, args: &StageArgs) -> Result<Self, StageError> {
+        let files = RunFiles::new(&args.run_dir);
+        let wrong = |path: PathBuf, error: &dyn std::fmt::Display| StageError::RunFile {
+            path,
+            problem: error.to_string(),
+        };
+        start_log(&files.log(), stage.name()).map_err(|e| wrong(files.log(), &e))?;
+        let run = RunFile::read(&files)?;
+        let config = files.config();
+        let text = std::fs::read_to_string(&config).map_err(|e| wrong(config.clone(), &e))?;
+        let settings = Settings::from_toml(&text, &config.display().to_string())
+            .map_err(|e| StageError::Settings(e.to_string()))?;
+        let layout = run.layout(&settings);
+        let lifeline = Lifeline::hold(args.watch_stdin)
+            .map_err(|e| StageError::Inconsistent(format!("cannot listen to signals: {e}")))?;
+        Ok(Self { files, run, settings, layout, lifeline, kill_points: KillPoints::from_environment() })
+    }
+
+    /// What the algorithms of mapping share.
+    pub fn mapping_context(&self) -> tessera_mapping::Context {
+        let settings = &self.settings;
+        tessera_mapping::Context::new(
+            &self.run.camera,
+            &settings.surface,
+            &settings.registration,
+            &settings.mapping,
+        )
+    }
+
+    /// Joins the run's shared memory.
+    ///
+    /// # Errors
+    /// Where the run's configuration is gone or no node can be made.
+    pub fn link(&self, stage: Stage) -> Result<Link, StageError> {
+        Ok(Link::open(&self.run.identity, &self.layout, stage.name())?)
+    }
+}
+
+/// Runs a stage as a process: logs its error once and turns its outcome into an exit code.
+pub fn stage_main(stage: Stage, run: impl FnOnce() -> Result<Outcome, StageError>) -> ExitCode {
+    match run() {
+        Ok(outcome) => outcome.exit_code().into(),
+        Err(error) => {
+            tracing::error!("{error}");
+            eprintln!("{stage}: {error}");
+            error.exit_code().into()
+        }
+    }
+}

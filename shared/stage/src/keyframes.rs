@@ -1,0 +1,76 @@
+//! Surfaces of keyframes, mapped from the store and read in place.
+
+use crate::error::StageError;
+use tessera_journal::{JournalError, Slot, StoreView};
+use tessera_mapping::{KeyframeRecord, KeyframeSurfaces, StoreSlot};
+use tessera_surface::Vertex;
+
+/// The store's slot of a journaled one.
+pub fn journal_slot(slot: &StoreSlot) -> Slot {
+    Slot { offset: slot.offset, len: slot.len, crc: slot.crc }
+}
+
+/// The journal's form of a slot.
+pub fn store_slot(slot: &Slot) -> StoreSlot {
+    StoreSlot { offset: slot.offset, len: slot.len, crc: slot.crc }
+}
+
+/// All keyframes so far; each is mapped and checked once.
+#[derive(Debug)]
+pub struct MappedKeyframes {
+    view: StoreView,
+    /// Position in the view, by keyframe id.
+    positions: Vec<usize>,
+    n_vertices: usize,
+}
+
+impl MappedKeyframes {
+    /// No keyframe yet. Each will have `n_vertices` vertices.
+    ///
+    /// # Errors
+    /// Where the store cannot be opened.
+    pub fn open(store: &std::path::Path, n_vertices: usize) -> Result<Self, JournalError> {
+        Ok(Self { view: StoreView::open(store)?, positions: Vec::new(), n_vertices })
+    }
+
+    /// Takes a keyframe in; ids come in order.
+    ///
+    /// # Errors
+    /// Where its surface is not in the store, whole, or its id is not the next one.
+    pub fn add(&mut self, keyframe: &KeyframeRecord) -> Result<(), StageError> {
+        if keyframe.id as usize != self.positions.len() {
+            return Err(StageError::Inconsistent(format!(
+                "keyframe {} was journaled, expected {}",
+                keyframe.id,
+                self.positions.len()
+            )));
+        }
+        let expected = (self.n_vertices * size_of::<Vertex>()) as u64;
+        if keyframe.slot.len != expected {
+            return Err(StageError::Inconsistent(format!(
+                "the surface of keyframe {} has {} bytes, expected {expected}",
+                keyframe.id, keyframe.slot.len
+            )));
+        }
+        self.positions.push(self.view.map(&journal_slot(&keyframe.slot))?);
+        Ok(())
+    }
+
+    /// Number of keyframes.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there is no keyframe yet.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+}
+
+impl KeyframeSurfaces for MappedKeyframes {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        let Some(&position) = self.positions.get(keyframe as usize) else { return &[] };
+        // Slots lie on 64-byte borders and their length was checked when they were added.
+        bytemuck::try_cast_slice(self.view.bytes(position)).unwrap_or(&[])
+    }
+}

@@ -1,0 +1,40 @@
+//! When to stop: the supervisor is gone or wants an end, or somebody sent a signal.
+
+use std::io::Read;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Says when it is time to finish the frame in hand, make it durable and end.
+#[derive(Clone, Debug)]
+pub struct Lifeline {
+    is_cut: Arc<AtomicBool>,
+}
+
+impl Lifeline {
+    /// Listens to SIGTERM, SIGINT and, where `watch_stdin`, to the end of standard input: a pipe
+    /// that the supervisor holds, which the kernel closes with it however it dies.
+    ///
+    /// # Errors
+    /// Where a signal handler or the thread cannot be set up.
+    pub fn hold(watch_stdin: bool) -> std::io::Result<Self> {
+        let is_cut = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+            signal_hook::flag::register(signal, Arc::clone(&is_cut))?;
+        }
+        if watch_stdin {
+            let flag = Arc::clone(&is_cut);
+            std::thread::Builder::new().name("lifeline".into()).spawn(move || {
+                let mut word = [0u8; 64];
+                // Nothing is ever written: a read returns when the other end is closed.
+                while matches!(std::io::stdin().lock().read(&mut word), Ok(n) if n > 0) {}
+                flag.store(true, Ordering::Release);
+            })?;
+        }
+        Ok(Self { is_cut })
+    }
+
+    /// Whether it is time to end.
+    pub fn is_cut(&self) -> bool {
+        self.is_cut.load(Ordering::Acquire)
+    }
+}

@@ -1,0 +1,99 @@
+//! One log for all processes of a run: whole lines, each with time, level, process and frame.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::sync::Arc;
+use tracing::{Event, Subscriber};
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
+
+/// `2026-11-21T08:00:00.000000Z  INFO align[4711] frame=12 …`
+struct LineFormat {
+    process: &'static str,
+    pid: u32,
+}
+
+impl<S, N> FormatEvent<S, N> for LineFormat
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &Event<'_>,
+    ) -> std::fmt::Result {
+        SystemTime.format_time(&mut writer)?;
+        write!(writer, " {:>5} {}[{}] ", event.metadata().level(), self.process, self.pid)?;
+        context.field_format().format_fields(writer.by_ref(), event)?;
+        writeln!(writer)
+    }
+}
+
+/// Opens a log file for appending: lines of several processes do not mix.
+fn open_log(path: &Path) -> std::io::Result<File> {
+    OpenOptions::new().append(true).create(true).mode(0o600).open(path)
+}
+
+/// Sends this process's log, panics included, to the file. `TESSERA_LOG` sets the level
+/// (`info` by default, for instance `debug`).
+///
+/// # Errors
+/// Where the file cannot be opened.
+pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
+    let file = Arc::new(open_log(path)?);
+    let filter = EnvFilter::try_from_env("TESSERA_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    // A second start in one process (tests) keeps the first log.
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(false)
+        .event_format(LineFormat { process, pid: std::process::id() })
+        .with_writer(file)
+        .try_init();
+    let print = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        tracing::error!("panicked: {}", info.to_string().replace('\n', " "));
+        print(info);
+    }));
+    Ok(())
+}
+
+/// The last lines of a log that a process wrote, oldest first.
+pub fn last_lines(path: &Path, process: &str, n: usize) -> Vec<String> {
+    const TAIL_BYTES: u64 = 256 << 10;
+    let tail = || -> std::io::Result<String> {
+        let mut file = File::open(path)?;
+        let len = file.metadata()?.len();
+        file.seek(SeekFrom::Start(len.saturating_sub(TAIL_BYTES)))?;
+        let mut bytes = Vec::new();
+        file.take(TAIL_BYTES).read_to_end(&mut bytes)?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    };
+    let text = tail().unwrap_or_default();
+    let mark = format!(" {process}[");
+    let lines: Vec<&str> = text.lines().filter(|line| line.contains(&mark)).collect();
+    lines[lines.len().saturating_sub(n)..].iter().map(|line| line.to_string()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_lines_are_those_of_one_process() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("log.txt");
+        let text: String = (0..10)
+            .map(|k| format!("t INFO {}[7] line {k}\n", if k % 2 == 0 { "align" } else { "sensor" }))
+            .collect();
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(last_lines(&path, "align", 2), ["t INFO align[7] line 6", "t INFO align[7] line 8"]);
+        assert!(last_lines(&dir.path().join("none"), "align", 2).is_empty());
+    }
+}

@@ -1,0 +1,57 @@
+//! The files of a run directory that the stages write and read.
+
+use std::path::{Path, PathBuf};
+
+/// What the aligner's journal calls itself.
+pub const ALIGN_JOURNAL: &str = "align";
+/// What the optimiser's journal calls itself.
+pub const OPTIMISE_JOURNAL: &str = "optimise";
+
+/// Paths inside a run directory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFiles {
+    /// The run directory.
+    pub dir: PathBuf,
+}
+
+impl RunFiles {
+    /// Paths inside `dir`.
+    pub fn new(dir: &Path) -> Self {
+        Self { dir: dir.into() }
+    }
+
+    /// What is run, by whom, with which camera.
+    pub fn run_file(&self) -> PathBuf {
+        self.dir.join("run.json")
+    }
+
+    /// Every setting that is used.
+    pub fn config(&self) -> PathBuf {
+        self.dir.join("config.toml")
+    }
+
+    /// What the aligner did.
+    pub fn align_journal(&self) -> PathBuf {
+        self.dir.join("align.journal")
+    }
+
+    /// What the optimiser did.
+    pub fn optimise_journal(&self) -> PathBuf {
+        self.dir.join("optimise.journal")
+    }
+
+    /// Surfaces of the keyframes.
+    pub fn store(&self) -> PathBuf {
+        self.dir.join("keyframes.store")
+    }
+
+    /// What all processes have to say.
+    pub fn log(&self) -> PathBuf {
+        self.dir.join("log.txt")
+    }
+
+    /// When the first frame of a live run was due.
+    pub fn live_clock(&self) -> PathBuf {
+        self.dir.join("live.clock")
+    }
+}

@@ -1,0 +1,137 @@
+//! Signs of life: what a stage is doing and has done, for the supervisor and for `status`.
+
+use crate::clock::{cpu_nanos, monotonic_nanos};
+use hdrhistogram::Histogram;
+use tessera_messages::{Beat, BeatState, Latency, Stage, WaitingOn};
+use tessera_transport::{Link, Publisher, TransportError};
+
+/// Time between beats, nanoseconds, unless the state changes for good.
+const INTERVAL_NANOS: u64 = 100_000_000;
+/// Beats between two looks at the memory in use.
+const MEMORY_EVERY: u64 = 10;
+
+/// Counts, and sends a beat now and then.
+#[derive(Debug)]
+pub struct Pulse {
+    publisher: Publisher<Beat>,
+    /// Counters to raise; the rest is filled in when a beat is sent.
+    pub beat: Beat,
+    latency: Histogram<u64>,
+    end_to_end: Histogram<u64>,
+    last_sent: u64,
+    n_sent: u64,
+}
+
+impl Pulse {
+    /// Opens the service of beats and sends the first one.
+    ///
+    /// # Errors
+    /// Where the service cannot be opened.
+    pub fn start(link: &Link, stage: Stage) -> Result<Self, TransportError> {
+        let mut beat = Beat {
+            stage: stage.number(),
+            pid: std::process::id(),
+            state: BeatState::Starting as u32,
+            ..Beat::default()
+        };
+        let version = env!("CARGO_PKG_VERSION").as_bytes();
+        let n = version.len().min(beat.version.len());
+        beat.version[..n].copy_from_slice(&version[..n]);
+        let histogram = || {
+            let mut histogram = Histogram::new(2)
+                .map_err(|e| TransportError::Open { what: "a histogram".into(), reason: e.to_string() })?;
+            histogram.auto(true);
+            Ok::<_, TransportError>(histogram)
+        };
+        let mut pulse = Self {
+            publisher: link.beat_publisher()?,
+            beat,
+            latency: histogram()?,
+            end_to_end: histogram()?,
+            last_sent: 0,
+            n_sent: 0,
+        };
+        pulse.send();
+        Ok(pulse)
+    }
+
+    /// Nothing to do until something comes.
+    pub fn waiting(&mut self, on: WaitingOn) {
+        self.beat.state = BeatState::Waiting as u32;
+        self.beat.waiting_on = on as u32;
+        self.send_if_due();
+    }
+
+    /// Work on this frame (or request) begins.
+    pub fn working(&mut self, index: u64) {
+        self.beat.state = BeatState::Working as u32;
+        self.beat.waiting_on = WaitingOn::Nothing as u32;
+        self.beat.index = index;
+        // Sent each time, so that a frame that kills its stage is known by name.
+        self.beat.sequence += 1;
+        let _ = self.publisher.send(self.beat);
+    }
+
+    /// Work goes on: an inner iteration is done.
+    pub fn progress(&mut self) {
+        self.beat.progress += 1;
+        self.send_if_due();
+    }
+
+    /// A frame (or request) is done, `nanos` after it was taken up.
+    pub fn done(&mut self, nanos: u64) {
+        self.beat.frames += 1;
+        self.beat.progress += 1;
+        self.latency.saturating_record(nanos.max(1));
+        self.send_if_due();
+    }
+
+    /// A pose was published, `nanos` after its frame was in shared memory.
+    pub fn published(&mut self, nanos: u64) {
+        self.end_to_end.saturating_record(nanos.max(1));
+    }
+
+    /// The last beat: all counters final.
+    pub fn finish(&mut self) {
+        self.beat.state = BeatState::Finished as u32;
+        self.beat.waiting_on = WaitingOn::Nothing as u32;
+        self.beat.peak_rss_bytes = peak_rss_bytes();
+        self.send();
+    }
+
+    fn send_if_due(&mut self) {
+        if monotonic_nanos().saturating_sub(self.last_sent) >= INTERVAL_NANOS {
+            self.send();
+        }
+    }
+
+    fn send(&mut self) {
+        self.last_sent = monotonic_nanos();
+        if self.n_sent.is_multiple_of(MEMORY_EVERY) {
+            self.beat.peak_rss_bytes = peak_rss_bytes();
+        }
+        self.n_sent += 1;
+        self.beat.sequence += 1;
+        self.beat.cpu_nanos = cpu_nanos();
+        self.beat.latency = summary(&self.latency);
+        self.beat.end_to_end = summary(&self.end_to_end);
+        // A beat that cannot be sent is a beat that is missed: the supervisor sees to that.
+        let _ = self.publisher.send(self.beat);
+    }
+}
+
+fn summary(histogram: &Histogram<u64>) -> Latency {
+    Latency {
+        p50: histogram.value_at_quantile(0.5),
+        p99: histogram.value_at_quantile(0.99),
+        max: histogram.max(),
+    }
+}
+
+/// Highest resident set of this process so far.
+fn peak_rss_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kilobytes = line.and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+    kilobytes.unwrap_or(0) << 10
+}

@@ -1,0 +1,138 @@
+//! Where a run's shared memory lives: a private folder and a prefix of its own.
+
+use crate::error::TransportError;
+use iceoryx2::prelude::{Config, FileName, FilePath, Path as IoxPath, SemanticString};
+use std::fs::DirBuilder;
+use std::io::Read;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+/// The part of shared memory that belongs to one run and to nobody else.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct RunIdentity {
+    /// iceoryx2's root: nodes and services. No Tessera process opens a file below it, except
+    /// through iceoryx2: opening and closing one would make a living node look dead.
+    pub root: PathBuf,
+    /// Beginning of all names in /dev/shm, at most 8 characters.
+    pub prefix: String,
+    /// iceoryx2's configuration for this run, beside the root.
+    pub config_file: PathBuf,
+}
+
+impl RunIdentity {
+    /// Makes a root that nobody has, and the configuration that every process of the run loads.
+    ///
+    /// # Errors
+    /// Where the private folder is not private or cannot be made.
+    pub fn create() -> Result<Self, TransportError> {
+        let base = private_folder()?;
+        for _ in 0..100 {
+            let prefix = random_word(&base)?;
+            let root = base.join(&prefix);
+            match DirBuilder::new().mode(0o700).create(&root) {
+                Ok(()) => {
+                    let identity = Self { config_file: base.join(format!("{prefix}.toml")), root, prefix };
+                    identity.write_config()?;
+                    return Ok(identity);
+                }
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(TransportError::io("make", &root)(error)),
+            }
+        }
+        Err(TransportError::NotPrivate { path: base, problem: "holds every name that was tried".into() })
+    }
+
+    fn write_config(&self) -> Result<(), TransportError> {
+        let wrong =
+            |reason: String| TransportError::Open { what: "a configuration of iceoryx2".into(), reason };
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(self.prefix.as_bytes())
+            .map_err(|e| wrong(format!("{e:?}: prefix {}", self.prefix)))?;
+        let root = IoxPath::new(self.root.as_os_str().as_encoded_bytes())
+            .map_err(|e| wrong(format!("{e:?}: root {}", self.root.display())))?;
+        config.global.set_root_path(&root);
+        let text = toml::to_string(&config).map_err(|e| wrong(e.to_string()))?;
+        std::fs::write(&self.config_file, text).map_err(TransportError::io("write", &self.config_file))
+    }
+
+    /// Loads the run's configuration, also as the global one: where iceoryx2 falls back to that,
+    /// it must find this run and no other.
+    pub(crate) fn load(&self) -> Result<Config, TransportError> {
+        let wrong = |reason: String| TransportError::Open {
+            what: format!("the configuration {}", self.config_file.display()),
+            reason,
+        };
+        let path = FilePath::new(self.config_file.as_os_str().as_encoded_bytes())
+            .map_err(|e| wrong(format!("{e:?}")))?;
+        let config = Config::from_file(&path).map_err(|e| wrong(format!("{e:?}")))?;
+        let _ = Config::setup_global_config_from_file(&path);
+        Ok(config)
+    }
+}
+
+/// The user's private folder for runs: `$XDG_RUNTIME_DIR/tessera` or `/tmp/tessera-<uid>`.
+///
+/// iceoryx2 makes sockets below it, whose paths must stay short; a long XDG_RUNTIME_DIR is not used.
+pub(crate) fn private_folder() -> Result<PathBuf, TransportError> {
+    const LONGEST: usize = 30;
+    let uid = rustix::process::getuid().as_raw();
+    let base = std::env::var_os("XDG_RUNTIME_DIR")
+        .map(PathBuf::from)
+        .filter(|dir| dir.is_absolute() && dir.is_dir() && dir.as_os_str().len() <= LONGEST)
+        .map_or_else(|| PathBuf::from(format!("/tmp/tessera-{uid}")), |dir| dir.join("tessera"));
+    match DirBuilder::new().mode(0o700).create(&base) {
+        Ok(()) => {}
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+        Err(error) => return Err(TransportError::io("make", &base)(error)),
+    }
+    check_private(&base, uid)?;
+    Ok(base)
+}
+
+/// Refuses a folder that somebody else owns, may look into, or has put a link in place of.
+fn check_private(path: &Path, uid: u32) -> Result<(), TransportError> {
+    let meta = std::fs::symlink_metadata(path).map_err(TransportError::io("look at", path))?;
+    let problem = if !meta.is_dir() {
+        "is no folder".to_string()
+    } else if meta.uid() != uid {
+        format!("belongs to uid {}, expected {uid}", meta.uid())
+    } else if meta.mode() & 0o077 != 0 {
+        format!("has mode {:o}, expected 700", meta.mode() & 0o777)
+    } else {
+        return Ok(());
+    };
+    Err(TransportError::NotPrivate { path: path.into(), problem })
+}
+
+/// Eight random letters and digits.
+fn random_word(base: &Path) -> Result<String, TransportError> {
+    let mut bytes = [0u8; 8];
+    std::fs::File::open("/dev/urandom")
+        .and_then(|mut file| file.read_exact(&mut bytes))
+        .map_err(TransportError::io("read random bytes for", base))?;
+    const LETTERS: &[u8; 32] = b"abcdefghijkmnopqrstuvwxyz2345678";
+    Ok(bytes.map(|byte| char::from(LETTERS[usize::from(byte % 32)])).iter().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    #[test]
+    fn a_folder_that_others_can_read_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let uid = rustix::process::getuid().as_raw();
+        let set_mode = |mode| {
+            std::fs::set_permissions(dir.path(), std::fs::Permissions::from_mode(mode)).unwrap();
+        };
+        set_mode(0o755);
+        assert!(check_private(dir.path(), uid).unwrap_err().to_string().contains("mode 755"));
+        set_mode(0o700);
+        check_private(dir.path(), uid).unwrap();
+        assert!(check_private(dir.path(), uid + 1).unwrap_err().to_string().contains("belongs to uid"));
+        let link = dir.path().join("link");
+        std::os::unix::fs::symlink("/tmp", &link).unwrap();
+        assert!(check_private(&link, uid).unwrap_err().to_string().contains("is no folder"));
+    }
+}

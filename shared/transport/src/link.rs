@@ -1,0 +1,360 @@
+//! A process's place in a run: its node, and its ports by the table.
+
+use crate::cleanup::{Cleaned, clean_dead_nodes, make_private};
+use crate::error::TransportError;
+use crate::identity::RunIdentity;
+use crate::layout::{Layout, Service, slice_type};
+use crate::messages::{Publisher, Subscriber};
+use crate::slices::{SlicePublisher, SliceSubscriber};
+use crate::wake::{Bell, Ear};
+use crate::wire::{Wire, WireElement};
+use iceoryx2::prelude::{
+    AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc,
+    set_log_level_from_env_or,
+};
+use std::time::{Duration, Instant};
+use tessera_messages::{Beat, Element, Flow, FrameHeader, Message, PoseMessage, Stage, SurfaceHeader};
+use tessera_surface::Vertex;
+
+/// How long opening is tried while dead predecessors are cleaned up.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// A node in a run's shared memory. Single-threaded, as its ports are.
+#[derive(Debug)]
+pub struct Link {
+    node: Node<ipc::Service>,
+    config: Config,
+    identity: RunIdentity,
+    layout: Layout,
+}
+
+type SliceService<H, E> =
+    iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [WireElement<E>], Wire<H>>;
+type MessageService<T> =
+    iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Wire<T>, ()>;
+
+impl Link {
+    /// Joins a run under a name that tools show.
+    ///
+    /// # Errors
+    /// Where the run's configuration is missing or no node can be made.
+    pub fn open(identity: &RunIdentity, layout: &Layout, name: &str) -> Result<Self, TransportError> {
+        set_log_level_from_env_or(LogLevel::Fatal);
+        let config = identity.load()?;
+        let node_name = NodeName::new(name).map_err(|e| TransportError::Open {
+            what: format!("a node named {name:?}"),
+            reason: format!("{e:?}"),
+        })?;
+        let node = patiently(&format!("a node in {}", identity.root.display()), None, || {
+            NodeBuilder::new()
+                .name(&node_name)
+                .config(&config)
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .create::<ipc::Service>()
+        })?;
+        // Whoever makes the first node closes the door behind it.
+        make_private(identity)?;
+        Ok(Self { node, config, identity: identity.clone(), layout: *layout })
+    }
+
+    /// The sizes of this run's services.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Removes what dead processes of this run left.
+    pub fn clean_dead_nodes(&self) -> Cleaned {
+        clean_dead_nodes(&self.config, &self.identity)
+    }
+
+    fn slice_service<H: Message, E: Element>(
+        &self,
+        row: &Service,
+    ) -> Result<SliceService<H, E>, TransportError> {
+        let name = service_name(row.name)?;
+        let what = format!("service {} of {}", row.name, slice_type::<H, E>());
+        patiently(&what, Some(&self.node), || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<[WireElement<E>]>()
+                .user_header::<Wire<H>>()
+                .max_publishers(row.publishers)
+                .max_subscribers(row.subscribers)
+                .max_nodes(24)
+                .history_size(row.history)
+                .subscriber_max_buffer_size(row.buffer)
+                .subscriber_max_borrowed_samples(row.borrowed)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        })
+    }
+
+    fn message_service<T: Message>(&self, row: &Service) -> Result<MessageService<T>, TransportError> {
+        let name = service_name(row.name)?;
+        patiently(&format!("service {} of {}", row.name, T::NAME), Some(&self.node), || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<Wire<T>>()
+                .max_publishers(row.publishers)
+                .max_subscribers(row.subscribers)
+                .max_nodes(24)
+                .history_size(row.history)
+                .subscriber_max_buffer_size(row.buffer)
+                .subscriber_max_borrowed_samples(row.borrowed)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        })
+    }
+
+    fn slice_publisher<H: Message, E: Element>(
+        &self,
+        row: &Service,
+        max_len: usize,
+    ) -> Result<SlicePublisher<H, E>, TransportError> {
+        let service = self.slice_service::<H, E>(row)?;
+        let port = patiently(&format!("a publisher of {}", row.name), Some(&self.node), || {
+            service
+                .publisher_builder()
+                .max_loaned_samples(row.loans)
+                .initial_max_slice_len(max_len)
+                .allocation_strategy(AllocationStrategy::Static)
+                .create()
+        })?;
+        Ok(SlicePublisher { port, service: row.name })
+    }
+
+    fn slice_subscriber<H: Message, E: Element>(
+        &self,
+        row: &Service,
+    ) -> Result<SliceSubscriber<H, E>, TransportError> {
+        let service = self.slice_service::<H, E>(row)?;
+        let port = patiently(&format!("a subscriber of {}", row.name), Some(&self.node), || {
+            service.subscriber_builder().create()
+        })?;
+        Ok(SliceSubscriber { port, service: row.name })
+    }
+
+    fn publisher<T: Message>(&self, row: &Service) -> Result<Publisher<T>, TransportError> {
+        let service = self.message_service::<T>(row)?;
+        let port = patiently(&format!("a publisher of {}", row.name), Some(&self.node), || {
+            service.publisher_builder().max_loaned_samples(row.loans).create()
+        })?;
+        Ok(Publisher { port, service: row.name })
+    }
+
+    fn subscriber<T: Message>(&self, row: &Service) -> Result<Subscriber<T>, TransportError> {
+        let service = self.message_service::<T>(row)?;
+        let port = patiently(&format!("a subscriber of {}", row.name), Some(&self.node), || {
+            service.subscriber_builder().create()
+        })?;
+        Ok(Subscriber { port, service: row.name })
+    }
+
+    /// Writes frames.
+    ///
+    /// # Errors
+    /// Where the service cannot be opened; the same for all functions below.
+    pub fn frame_publisher(&self) -> Result<SlicePublisher<FrameHeader, u16>, TransportError> {
+        self.slice_publisher(&self.layout.frames(), self.layout.frame.payload_len())
+    }
+
+    /// Reads frames.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn frame_subscriber(&self) -> Result<SliceSubscriber<FrameHeader, u16>, TransportError> {
+        self.slice_subscriber(&self.layout.frames())
+    }
+
+    /// Writes surfaces.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn surface_publisher(&self) -> Result<SlicePublisher<SurfaceHeader, Vertex>, TransportError> {
+        self.slice_publisher(&self.layout.surfaces(), self.layout.grid.len())
+    }
+
+    /// Reads surfaces.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn surface_subscriber(&self) -> Result<SliceSubscriber<SurfaceHeader, Vertex>, TransportError> {
+        self.slice_subscriber(&self.layout.surfaces())
+    }
+
+    /// Writes poses.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn pose_publisher(&self) -> Result<Publisher<PoseMessage>, TransportError> {
+        self.publisher(&self.layout.poses())
+    }
+
+    /// Reads poses.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn pose_subscriber(&self) -> Result<Subscriber<PoseMessage>, TransportError> {
+        self.subscriber(&self.layout.poses())
+    }
+
+    /// Writes the flow.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn flow_publisher(&self) -> Result<Publisher<Flow>, TransportError> {
+        self.publisher(&self.layout.flow())
+    }
+
+    /// Reads the flow.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn flow_subscriber(&self) -> Result<Subscriber<Flow>, TransportError> {
+        self.subscriber(&self.layout.flow())
+    }
+
+    /// Writes beats.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn beat_publisher(&self) -> Result<Publisher<Beat>, TransportError> {
+        self.publisher(&self.layout.beats())
+    }
+
+    /// Reads beats.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn beat_subscriber(&self) -> Result<Subscriber<Beat>, TransportError> {
+        self.subscriber(&self.layout.beats())
+    }
+
+    /// Wakes a stage.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn bell(&self, stage: Stage) -> Result<Bell, TransportError> {
+        let name = Layout::bell_name(stage);
+        let service_name = service_name(&name)?;
+        let what = format!("event {name}");
+        let service = patiently(&what, Some(&self.node), || {
+            self.node.service_builder(&service_name).event().open_or_create()
+        })?;
+        let notifier = patiently(&what, Some(&self.node), || service.notifier_builder().create())?;
+        Ok(Bell { notifier })
+    }
+
+    /// Where a stage sleeps.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn ear(&self, stage: Stage) -> Result<Ear, TransportError> {
+        let name = Layout::bell_name(stage);
+        let service_name = service_name(&name)?;
+        let what = format!("event {name}");
+        let service = patiently(&what, Some(&self.node), || {
+            self.node.service_builder(&service_name).event().open_or_create()
+        })?;
+        let listener = patiently(&what, Some(&self.node), || service.listener_builder().create())?;
+        Ok(Ear { listener })
+    }
+}
+
+fn service_name(name: &str) -> Result<ServiceName, TransportError> {
+    ServiceName::new(name)
+        .map_err(|e| TransportError::Open { what: format!("service {name}"), reason: format!("{e:?}") })
+}
+
+/// Tries again while places may still be taken by the dead or a service is half made.
+fn patiently<T, E: std::fmt::Debug>(
+    what: &str,
+    node: Option<&Node<ipc::Service>>,
+    mut attempt: impl FnMut() -> Result<T, E>,
+) -> Result<T, TransportError> {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match attempt() {
+            Ok(made) => return Ok(made),
+            Err(error) if Instant::now() > deadline => {
+                return Err(TransportError::Open { what: what.into(), reason: format!("{error:?}") });
+            }
+            Err(_) => {
+                if let Some(node) = node {
+                    let _ = node.blocking_cleanup_dead_nodes(Duration::from_millis(100));
+                }
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::registry::RunClaim;
+    use crate::space::shared_memory_in_use;
+    use tessera_messages::FrameShape;
+    use tessera_surface::Grid;
+
+    fn layout() -> Layout {
+        Layout {
+            frame: FrameShape { width: 64, height: 48 },
+            grid: Grid { width: 16, height: 12, step: 4 },
+            window: 2,
+            recent: 2,
+            ahead: 2,
+            live: false,
+        }
+    }
+
+    #[test]
+    fn a_message_is_written_and_read_in_one_place_and_nothing_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let claim = RunClaim::take(&format!("test-link-{}", std::process::id()), dir.path()).unwrap();
+        let identity = claim.entry.identity.clone();
+        let link = Link::open(&identity, &layout(), "test").unwrap();
+        let publisher = link.frame_publisher().unwrap();
+        let len = layout().frame.payload_len();
+        let send = |index: u64| {
+            let mut loan = publisher.loan(len).unwrap();
+            loan.header_mut().index = index;
+            loan.payload_mut()[5] = 500 + index as u16;
+            loan.send().unwrap();
+        };
+        (0..3).for_each(send);
+        // A late reader gets the history; what overflows is the oldest.
+        let subscriber = link.frame_subscriber().unwrap();
+        publisher.update();
+        (3..6).for_each(send);
+        let first = subscriber.receive().unwrap().unwrap();
+        assert_eq!((first.header().index, first.payload()[5]), (2, 502));
+        let second = subscriber.receive().unwrap().unwrap();
+        assert_eq!((second.header().index, second.payload().len()), (3, len));
+        assert!(publisher.loan(len + 1).is_err());
+        drop(first);
+        assert_eq!(subscriber.receive().unwrap().unwrap().header().index, 4);
+
+        let (bell, ear) = (link.bell(Stage::Align).unwrap(), link.ear(Stage::Align).unwrap());
+        assert!(!ear.wait(Duration::from_millis(1)).unwrap());
+        bell.ring();
+        assert!(ear.wait(Duration::from_secs(5)).unwrap());
+
+        let flow = link.flow_publisher().unwrap();
+        let reader = link.flow_subscriber().unwrap();
+        for acknowledged in 0..5 {
+            flow.send(Flow { acknowledged, ..Flow::default() }).unwrap();
+        }
+        assert_eq!(reader.newest().unwrap().unwrap().acknowledged, 4);
+        assert!(shared_memory_in_use(&identity) > 0);
+        use std::os::unix::fs::PermissionsExt;
+        for path in crate::cleanup::shared_memory_files(&identity) {
+            let mode = std::fs::metadata(&path).unwrap().permissions().mode();
+            assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", path.display());
+        }
+        drop((second, subscriber, publisher, flow, reader, bell, ear));
+        drop(link);
+        claim.release().unwrap();
+        assert!(crate::cleanup::shared_memory_files(&identity).is_empty());
+    }
+}

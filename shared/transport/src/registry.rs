@@ -1,0 +1,197 @@
+//! Which runs of this user are going on, by name: one small file each, locked while it lives.
+
+use crate::cleanup::remove_everything;
+use crate::error::TransportError;
+use crate::identity::{RunIdentity, private_folder};
+use rustix::fs::{FlockOperation, flock};
+use std::fs::{File, OpenOptions};
+use std::io::Read;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+/// What the registry says of a run.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct RunEntry {
+    /// The run's name.
+    pub name: String,
+    /// Its supervisor's process id.
+    pub pid: u32,
+    /// Its run directory, absolute.
+    pub run_dir: PathBuf,
+    /// Its shared memory.
+    pub identity: RunIdentity,
+}
+
+/// A run in the registry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Registered {
+    /// What its file says.
+    pub entry: RunEntry,
+    /// Whether its supervisor lives.
+    pub is_alive: bool,
+}
+
+/// A name taken by this process; free again when it is dropped or the process ends.
+#[derive(Debug)]
+pub struct RunClaim {
+    /// What the registry says of this run.
+    pub entry: RunEntry,
+    path: PathBuf,
+    /// Holds the lock.
+    _file: File,
+}
+
+/// Checks that a run's name is harmless as a file name.
+///
+/// # Errors
+/// [`TransportError::Name`].
+pub fn check_name(name: &str) -> Result<(), TransportError> {
+    let fits = (1..=64).contains(&name.len())
+        && !name.starts_with(['.', '-'])
+        && name.bytes().all(|b| b.is_ascii_alphanumeric() || b"._-".contains(&b));
+    if fits { Ok(()) } else { Err(TransportError::Name { name: name.into() }) }
+}
+
+impl RunClaim {
+    /// Takes the name for a run in `run_dir`, with fresh shared memory; what a dead run of that
+    /// name left there is removed.
+    ///
+    /// # Errors
+    /// Where a living run has the name.
+    pub fn take(name: &str, run_dir: &Path) -> Result<Self, TransportError> {
+        check_name(name)?;
+        let path = private_folder()?.join(format!("{name}.run"));
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
+            .open(&path)
+            .map_err(TransportError::io("open", &path))?;
+        let before = read_entry(&file);
+        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let (pid, run_dir) = before.map_or((0, PathBuf::new()), |entry| (entry.pid, entry.run_dir));
+            return Err(TransportError::NameInUse { name: name.into(), pid, run_dir });
+        }
+        if let Some(entry) = before {
+            remove_everything(&entry.identity)?;
+        }
+        let run_dir = std::path::absolute(run_dir).map_err(TransportError::io("find", run_dir))?;
+        let entry = RunEntry {
+            name: name.into(),
+            pid: std::process::id(),
+            run_dir,
+            identity: RunIdentity::create()?,
+        };
+        let text = serde_json::to_vec(&entry)
+            .map_err(|e| TransportError::io("write", &path)(std::io::Error::other(e)))?;
+        file.set_len(0)
+            .and_then(|()| file.write_all_at(&text, 0))
+            .map_err(TransportError::io("write", &path))?;
+        Ok(Self { entry, path, _file: file })
+    }
+
+    /// Ends the run: removes its shared memory and frees the name, as dropping it does, but says
+    /// what cannot be removed.
+    ///
+    /// # Errors
+    /// Where something cannot be removed.
+    pub fn release(self) -> Result<(), TransportError> {
+        self.remove()
+    }
+
+    fn remove(&self) -> Result<(), TransportError> {
+        remove_everything(&self.entry.identity)?;
+        // Removed while locked: whoever opened it meanwhile finds a name without a file.
+        match std::fs::remove_file(&self.path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(TransportError::io("remove", &self.path)(error))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Drop for RunClaim {
+    fn drop(&mut self) {
+        // What stays behind here is what `clean` is for.
+        let _ = self.remove();
+    }
+}
+
+fn read_entry(file: &File) -> Option<RunEntry> {
+    let mut text = String::new();
+    file.take(1 << 16).read_to_string(&mut text).ok()?;
+    let entry: RunEntry = serde_json::from_str(&text).ok()?;
+    let base = private_folder().ok()?;
+    // The paths decide what gets removed: they must be ours.
+    let identity = &entry.identity;
+    let is_ours = identity.root == base.join(&identity.prefix)
+        && identity.prefix.len() == 8
+        && identity.prefix.bytes().all(|b| b.is_ascii_alphanumeric())
+        && identity.config_file == base.join(format!("{}.toml", identity.prefix));
+    is_ours.then_some(entry)
+}
+
+/// All runs that have a file in the registry, by name.
+///
+/// # Errors
+/// Where the private folder cannot be read.
+pub fn registered_runs() -> Result<Vec<Registered>, TransportError> {
+    let base = private_folder()?;
+    let mut runs = Vec::new();
+    for item in std::fs::read_dir(&base).map_err(TransportError::io("read", &base))? {
+        let path = item.map_err(TransportError::io("read", &base))?.path();
+        if path.extension().is_none_or(|extension| extension != "run") {
+            continue;
+        }
+        let Ok(file) = File::open(&path) else { continue };
+        let Some(entry) = read_entry(&file) else { continue };
+        // A shared lock does not disturb: it is held for an instant and only where nobody holds it.
+        let is_alive = flock(&file, FlockOperation::NonBlockingLockShared).is_err();
+        runs.push(Registered { entry, is_alive });
+    }
+    runs.sort_by(|a, b| a.entry.name.cmp(&b.entry.name));
+    Ok(runs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_could_leave_the_folder_are_refused() {
+        for name in ["a", "room-1", "2026.11.21_x"] {
+            check_name(name).unwrap();
+        }
+        for name in ["", "..", ".x", "-x", "a/b", "a b", "ä", &"x".repeat(65)] {
+            assert!(check_name(name).is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_name_is_taken_once_and_free_after_release() {
+        let name = format!("test-registry-{}", std::process::id());
+        let dir = tempfile::tempdir().unwrap();
+        let claim = RunClaim::take(&name, dir.path()).unwrap();
+        let second = RunClaim::take(&name, dir.path()).unwrap_err().to_string();
+        assert!(second.contains(&format!("pid {}", std::process::id())), "{second}");
+        let find = || registered_runs().unwrap().into_iter().find(|run| run.entry.name == name);
+        assert!(find().unwrap().is_alive);
+        let root = claim.entry.identity.root.clone();
+        // As after a kill: the lock goes, the files stay.
+        let left = std::fs::read(&claim.path).unwrap();
+        let path = claim.path.clone();
+        drop(claim);
+        std::fs::create_dir(&root).unwrap();
+        std::fs::write(&path, left).unwrap();
+        assert!(!find().unwrap().is_alive);
+        let again = RunClaim::take(&name, dir.path()).unwrap();
+        assert!(!root.exists(), "what the dead run left is gone");
+        let (root, config) = (again.entry.identity.root.clone(), again.entry.identity.config_file.clone());
+        again.release().unwrap();
+        assert!(find().is_none() && !root.exists() && !config.exists());
+    }
+}
