@@ -15,16 +15,18 @@ mod neighbours;
 mod optimiser;
 mod records;
 mod refine;
+mod robust;
 mod settings;
 mod state;
 mod tracker;
+mod verify;
 mod window;
 
 pub use context::Context;
 pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
-    KeyframeRecord, OptimiseRecord, RequestRecord, State, StoreSlot,
+    KeyframeRecord, LoopRecord, LoopVerdict, OptimiseRecord, RequestRecord, State, StoreSlot,
 };
 pub use settings::{GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, WindowSettings};
 pub use state::{KeyframeState, TrackerState};

@@ -140,6 +140,13 @@ pub struct GlobalSettings {
     pub first_distance_m: f64,
     /// Least share of queries with a match for a pair to count.
     pub min_overlap: f64,
+    /// Largest share of queries in front of what the other keyframe of a loop pair saw.
+    pub max_in_front: f64,
+    /// Largest disagreement between both directions of a loop pair, standard deviations of depth.
+    pub max_inconsistency_sigmas: f64,
+    /// A loop pair that disagrees with the graph by more loses its weight, standard deviations of
+    /// depth; 0 switches this off.
+    pub loop_residual_sigmas: f64,
 }
 
 impl Default for GlobalSettings {
@@ -153,6 +160,9 @@ impl Default for GlobalSettings {
             final_iterations: 6,
             first_distance_m: 0.15,
             min_overlap: 0.3,
+            max_in_front: 0.2,
+            max_inconsistency_sigmas: 1.5,
+            loop_residual_sigmas: 1.0,
         }
     }
 }
@@ -215,6 +225,9 @@ impl MappingSettings {
         check_range("global.outer_iterations", g.outer_iterations.into(), 1.0, 100.0)?;
         check_range("global.final_iterations", g.final_iterations.into(), 1.0, 100.0)?;
         check_range("global.first_distance_m", g.first_distance_m, 0.001, 10.0)?;
-        check_range("global.min_overlap", g.min_overlap, 0.0, 1.0)
+        check_range("global.min_overlap", g.min_overlap, 0.0, 1.0)?;
+        check_range("global.max_in_front", g.max_in_front, 0.0, 1.0)?;
+        check_range("global.max_inconsistency_sigmas", g.max_inconsistency_sigmas, 0.0, 1e3)?;
+        check_range("global.loop_residual_sigmas", g.loop_residual_sigmas, 0.0, 1e3)
     }
 }
