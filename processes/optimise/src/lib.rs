@@ -9,7 +9,7 @@
 use std::process::ExitCode;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal};
-use tessera_mapping::{AlignRecord, LoopVerdict, OptimiseRecord, Optimiser, RequestRecord};
+use tessera_mapping::{AlignRecord, Correction, LoopVerdict, OptimiseRecord, Optimiser, RequestRecord};
 use tessera_messages::{Stage, WaitingOn};
 use tessera_settings::Fsync;
 use tessera_stage::{

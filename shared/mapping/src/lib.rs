@@ -7,14 +7,19 @@
 #![forbid(unsafe_code)]
 
 mod alignment;
+mod attempt;
 mod context;
+mod frame_record;
 mod global;
+mod judge;
 mod keyframes;
 mod loops;
 mod neighbours;
 mod optimiser;
+mod promotion;
 mod records;
 mod refine;
+mod relocalise;
 mod robust;
 mod settings;
 mod state;
@@ -28,6 +33,8 @@ pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
     KeyframeRecord, LoopRecord, LoopVerdict, OptimiseRecord, RequestRecord, State, StoreSlot,
 };
-pub use settings::{GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, WindowSettings};
+pub use settings::{
+    GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,
+};
 pub use state::{KeyframeState, TrackerState};
 pub use tracker::{FrameSurface, KeyframeSurfaces, Tracker};

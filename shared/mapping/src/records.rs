@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 use tessera_geometry::PoseBits;
+use tessera_recognition::PlaceCode;
 
 /// Where a keyframe's surface lies in the keyframe store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -96,6 +97,8 @@ pub struct KeyframeRecord {
     pub slot: StoreSlot,
     /// Keyframes it shares an edge with (ids below its own), loops among them.
     pub edges: Vec<EdgeRecord>,
+    /// What the place looks like, to recognise it.
+    pub place: PlaceCode,
 }
 
 /// A connection between two keyframes, made when the newer one was aligned.
