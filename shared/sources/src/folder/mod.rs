@@ -1,0 +1,128 @@
+//! A folder in the TUM RGB-D layout: `rgb.txt`, `depth.txt`, images, `groundtruth.txt` if there.
+
+mod decode;
+mod list;
+
+use crate::cameras::{load_camera, named_camera};
+use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
+use crate::{ImageError, SourceError};
+use list::ListEntry;
+use std::path::{Path, PathBuf};
+use tessera_geometry::Camera;
+use tessera_trajectory::{Trajectory, read_tum};
+
+/// Depth and colour belong together when their times differ by less than this.
+const MAX_DIFFERENCE_NANOS: i64 = 20_000_000;
+
+/// Frames of a folder, in the order of `depth.txt`. Stamps are those of depth.
+#[derive(Clone, Debug)]
+pub struct FolderSource {
+    folder: PathBuf,
+    camera: Camera,
+    depth: Vec<ListEntry>,
+    /// For each depth image its colour image, if there is one near enough.
+    colour: Vec<Option<ListEntry>>,
+    ground_truth: Option<Trajectory>,
+    pairing: Pairing,
+}
+
+impl FolderSource {
+    /// Opens a folder: reads the lists, the camera and the ground truth, no image yet.
+    ///
+    /// The camera is `camera` (a built-in name or a file) if given, else `camera.toml` inside.
+    /// At most `frames` depth images are used.
+    ///
+    /// # Errors
+    /// Names the file and line of the first thing that is wrong.
+    pub fn open(folder: &Path, camera: Option<&str>, frames: Option<u64>) -> Result<Self, SourceError> {
+        if !folder.is_dir() {
+            return Err(SourceError::NoFolder { path: folder.to_owned() });
+        }
+        let mut depth = list::read(&folder.join("depth.txt"))?;
+        let colour = list::read(&folder.join("rgb.txt"))?;
+        let camera = match camera {
+            Some(name) => named_camera(name)?,
+            None => load_own_camera(folder)?,
+        };
+        let truth_file = folder.join("groundtruth.txt");
+        let ground_truth = if truth_file.exists() { Some(read_tum(&truth_file)?) } else { None };
+        let mut partners = list::pair(&depth, &colour, MAX_DIFFERENCE_NANOS);
+        if let Some(frames) = frames {
+            let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());
+            depth.truncate(kept);
+            partners.truncate(kept);
+        }
+        let differences = depth.iter().zip(&partners).filter_map(|(entry, partner)| {
+            partner.map(|at| (colour[at].stamp_nanos - entry.stamp_nanos).abs())
+        });
+        let pairing = Pairing {
+            n_depth: depth.len(),
+            n_colour: colour.len(),
+            n_pairs: partners.iter().flatten().count(),
+            largest_difference_nanos: differences.max().unwrap_or(0),
+        };
+        let colour = partners.iter().map(|partner| partner.map(|at| colour[at].clone())).collect();
+        Ok(Self { folder: folder.to_owned(), camera, depth, colour, ground_truth, pairing })
+    }
+
+    fn entry(&self, index: u64) -> Option<(usize, &ListEntry)> {
+        let at = usize::try_from(index).ok()?;
+        Some((at, self.depth.get(at)?))
+    }
+}
+
+fn load_own_camera(folder: &Path) -> Result<Camera, SourceError> {
+    let file = folder.join("camera.toml");
+    if !file.exists() {
+        return Err(SourceError::NoCamera { folder: folder.to_owned() });
+    }
+    load_camera(&file)
+}
+
+impl Source for FolderSource {
+    fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    fn n_frames(&self) -> Option<u64> {
+        Some(self.depth.len() as u64)
+    }
+
+    fn stamp_nanos(&self, index: u64) -> Option<i64> {
+        self.entry(index).map(|(_, entry)| entry.stamp_nanos)
+    }
+
+    fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
+        buffers.check(&self.camera)?;
+        let (at, depth) = self.entry(index).ok_or(SourceError::NoFrame {
+            frame: index,
+            last: (self.depth.len() as u64).saturating_sub(1),
+        })?;
+        let size = (self.camera.width, self.camera.height);
+        let located = |entry: &ListEntry| {
+            let path = self.folder.join(&entry.file);
+            (path.clone(), move |source: ImageError| SourceError::Image { frame: index, path, source })
+        };
+        let (path, failed) = located(depth);
+        decode::depth(&path, size, buffers.depth).map_err(failed)?;
+        match &self.colour[at] {
+            Some(colour) => {
+                let (path, failed) = located(colour);
+                decode::colour(&path, size, buffers.colour).map_err(failed)?;
+            }
+            None => buffers.colour.fill(0),
+        }
+        Ok(FrameInfo { stamp_nanos: depth.stamp_nanos, has_colour: self.colour[at].is_some() })
+    }
+
+    fn ground_truth(&self) -> Option<&Trajectory> {
+        self.ground_truth.as_ref()
+    }
+
+    fn pairing(&self) -> Pairing {
+        self.pairing
+    }
+}
+
+#[cfg(test)]
+mod tests;

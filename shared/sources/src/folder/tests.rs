@@ -1,0 +1,166 @@
+//! Folders made on the spot, good and bad, with a check on each message.
+
+use super::*;
+use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
+use std::fs;
+
+const WIDTH: u32 = 20;
+const HEIGHT: u32 = 16;
+const N_PIXELS: usize = (WIDTH * HEIGHT) as usize;
+const CAMERA: &str =
+    "width = 20\nheight = 16\nfx = 20.0\nfy = 20.0\ncx = 9.5\ncy = 7.5\nunits_per_metre = 1000.0\n";
+
+fn png(bytes: &[u8], width: u32, height: u32, pixels: ExtendedColorType) -> Vec<u8> {
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file).write_image(bytes, width, height, pixels).unwrap();
+    file
+}
+
+fn depth_png(first: u16) -> Vec<u8> {
+    let values: Vec<u16> = (0..N_PIXELS as u16).map(|k| first + k).collect();
+    png(bytemuck::cast_slice(&values), WIDTH, HEIGHT, ExtendedColorType::L16)
+}
+
+/// Three depth images, two colour images near the first and the last, a camera.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("camera.toml"), CAMERA).unwrap();
+    fs::write(at.join("depth.txt"), "# depth\n0.000 d0.png\n0.100 d1.png\n0.200 d2.png\n").unwrap();
+    fs::write(at.join("rgb.txt"), "# rgb\n0.005 c0.jpg\n0.205 c2.png\n").unwrap();
+    for k in 0..3 {
+        fs::write(at.join(format!("d{k}.png")), depth_png(1000 * k)).unwrap();
+    }
+    let grey = vec![100; 3 * N_PIXELS];
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, 95)
+        .write_image(&grey, WIDTH, HEIGHT, ExtendedColorType::Rgb8)
+        .unwrap();
+    fs::write(at.join("c0.jpg"), jpeg).unwrap();
+    fs::write(at.join("c2.png"), png(&[7; N_PIXELS], WIDTH, HEIGHT, ExtendedColorType::L8)).unwrap();
+    folder
+}
+
+fn read(folder: &Path, index: u64) -> Result<(FrameInfo, Vec<u16>, Vec<u8>), SourceError> {
+    let source = FolderSource::open(folder, None, None)?;
+    let (mut depth, mut colour) = (vec![9; N_PIXELS], vec![9; 3 * N_PIXELS]);
+    let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
+    Ok((info, depth, colour))
+}
+
+fn check(break_it: impl Fn(&Path), index: u64, expected: &[&str]) {
+    let folder = folder();
+    break_it(folder.path());
+    let message = read(folder.path(), index).unwrap_err().to_string();
+    for part in expected {
+        assert!(message.contains(part), "'{message}' lacks '{part}'");
+    }
+}
+
+#[test]
+fn frames_are_those_of_depth_with_colour_where_it_is_near() {
+    let folder = folder();
+    let (info, depth, colour) = read(folder.path(), 0).unwrap();
+    assert_eq!(info, FrameInfo { stamp_nanos: 0, has_colour: true });
+    assert_eq!((depth[0], depth[N_PIXELS - 1]), (0, N_PIXELS as u16 - 1));
+    assert!(colour.iter().all(|&c| c.abs_diff(100) <= 2));
+    let (info, depth, colour) = read(folder.path(), 1).unwrap();
+    assert_eq!(info, FrameInfo { stamp_nanos: 100_000_000, has_colour: false });
+    assert!(depth[0] == 1000 && colour.iter().all(|&c| c == 0));
+    let (_, _, colour) = read(folder.path(), 2).unwrap();
+    assert!(colour.iter().all(|&c| c == 7));
+    let source = FolderSource::open(folder.path(), None, Some(2)).unwrap();
+    assert_eq!(
+        (source.n_frames(), source.stamp_nanos(1), source.stamp_nanos(2)),
+        (Some(2), Some(100_000_000), None)
+    );
+    assert_eq!((source.pairing().n_pairs, source.pairing().largest_difference_nanos), (1, 5_000_000));
+    assert!(source.ground_truth().is_none());
+}
+
+#[test]
+fn a_missing_folder_list_or_image_is_named() {
+    let message = FolderSource::open(Path::new("no/such"), None, None).unwrap_err().to_string();
+    assert!(message.contains("no source 'no/such': expected room, corridor"), "{message}");
+    check(|at| fs::remove_file(at.join("depth.txt")).unwrap(), 0, &["depth.txt: ", "No such file"]);
+    check(|at| fs::remove_file(at.join("rgb.txt")).unwrap(), 0, &["rgb.txt: "]);
+    check(|at| fs::remove_file(at.join("d1.png")).unwrap(), 1, &["frame 1, ", "d1.png: "]);
+}
+
+#[test]
+fn a_missing_camera_is_answered_with_what_to_give() {
+    check(
+        |at| fs::remove_file(at.join("camera.toml")).unwrap(),
+        0,
+        &["has no camera.toml", "--camera FILE or --camera freiburg1|freiburg2|freiburg3|icl"],
+    );
+    let message = FolderSource::open(folder().path(), Some("webcam"), None).unwrap_err().to_string();
+    assert!(message.contains("no camera 'webcam'"), "{message}");
+}
+
+#[test]
+fn bad_images_are_named_with_frame_file_found_and_expected() {
+    let write =
+        |name: &'static str, bytes: Vec<u8>| move |at: &Path| fs::write(at.join(name), &bytes).unwrap();
+    let truncated = depth_png(0)[..200].to_vec();
+    check(
+        write("d1.png", truncated),
+        1,
+        &["frame 1, ", "d1.png: the image is cut short or damaged", "whole PNG"],
+    );
+    check(write("d0.png", Vec::new()), 0, &["frame 0, ", "nothing (0 bytes)", "expected a PNG"]);
+    check(write("d0.png", b"hello world".to_vec()), 0, &["begins with 'hello wo', expected a PNG"]);
+    let eight = png(&[1; N_PIXELS], WIDTH, HEIGHT, ExtendedColorType::L8);
+    check(write("d2.png", eight), 2, &["frame 2", "1 channel of 8 bits, expected 1 channel of 16 bits"]);
+    let small = png(&[1; 50], 5, 5, ExtendedColorType::L16);
+    check(write("d0.png", small), 0, &["depth image is 5x5 px, expected 20x16 px"]);
+    let other_size = png(&[1; 3 * 100], 10, 10, ExtendedColorType::Rgb8);
+    check(write("c0.jpg", other_size), 0, &["c0.jpg: colour image is 10x10 px, expected 20x16 px"]);
+    let deep = png(&[1; 6 * N_PIXELS], WIDTH, HEIGHT, ExtendedColorType::Rgb16);
+    check(
+        write("c0.jpg", deep),
+        0,
+        &["colour image has 3 channels of 16 bits, expected 1 to 4 channels of 8"],
+    );
+    check(
+        |at| {
+            let whole = fs::read(at.join("c0.jpg")).unwrap();
+            fs::write(at.join("c0.jpg"), &whole[..whole.len() - 20]).unwrap();
+        },
+        0,
+        &["c0.jpg: the image is cut short or damaged", "whole JPEG"],
+    );
+}
+
+#[test]
+fn every_cut_of_an_image_is_an_error_and_never_a_panic() {
+    let folder = folder();
+    for name in ["d0.png", "c0.jpg"] {
+        let whole = fs::read(folder.path().join(name)).unwrap();
+        for end in (0..whole.len() - 2).step_by(7) {
+            fs::write(folder.path().join(name), &whole[..end]).unwrap();
+            assert!(read(folder.path(), 0).is_err(), "{name} cut at {end} of {}", whole.len());
+        }
+        fs::write(folder.path().join(name), &whole).unwrap();
+        assert!(read(folder.path(), 0).is_ok());
+    }
+}
+
+#[test]
+fn bad_ground_truth_is_named_with_its_line() {
+    check(
+        |at| fs::write(at.join("groundtruth.txt"), "# t\n0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n").unwrap(),
+        0,
+        &["groundtruth.txt, line 3: tx is 'nan', expected a finite number"],
+    );
+}
+
+#[test]
+fn frames_beyond_the_end_and_wrong_slices_are_refused() {
+    check(|_| {}, 3, &["frame 3 was asked for, the source has frames 0 to 2"]);
+    let folder = folder();
+    let source = FolderSource::open(folder.path(), None, None).unwrap();
+    let message =
+        source.read(0, &mut FrameBuffers { depth: &mut [0; 3], colour: &mut [] }).unwrap_err().to_string();
+    assert!(message.contains("buffers hold 3 depth and 0 colour values, expected 320 and 960"), "{message}");
+}

@@ -1,0 +1,134 @@
+//! Scenes as sources: same bytes whoever renders them, right depth, holes where they belong.
+
+use super::*;
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+fn open(name: SceneName, options: &SimulationOptions) -> SimulatedSource {
+    SimulatedSource::open(name, None, None, options).unwrap()
+}
+
+fn read(source: &SimulatedSource, index: u64) -> (Vec<u16>, Vec<u8>) {
+    let n = source.rays.width * source.rays.height;
+    let (mut depth, mut colour) = (vec![7; n], vec![7; 3 * n]);
+    source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+    (depth, colour)
+}
+
+#[test]
+fn a_frame_is_the_same_in_any_order_and_on_any_thread() {
+    let options = SimulationOptions { person: true, readout_s: Some(0.03), ..SimulationOptions::default() };
+    let one = open(SceneName::Room, &options);
+    let in_order: Vec<_> = (0..4).map(|k| read(&one, 20 * k)).collect();
+    let other = open(SceneName::Room, &options);
+    let together: Vec<_> = (0..4usize).into_par_iter().rev().map(|k| read(&other, 20 * k as u64)).collect();
+    for (k, frame) in in_order.iter().enumerate() {
+        assert!(*frame == together[3 - k], "frame {}", 20 * k);
+    }
+    assert!(in_order[0].0 != in_order[1].0);
+    let reseeded = open(SceneName::Room, &SimulationOptions { seed: 2, ..options });
+    assert!(read(&reseeded, 0).0 != in_order[0].0);
+}
+
+#[test]
+fn exact_depth_moves_from_frame_to_frame_as_the_true_poses_say() {
+    // Points of one frame, carried by the ground truth into another, lie on its surface.
+    for (distortion, readout_s) in
+        [(None, 0.0), (Some([0.26, -0.95, -0.005, 0.0026, 1.16]), 0.0), (None, 0.03)]
+    {
+        let options = SimulationOptions {
+            noise: false,
+            distortion,
+            readout_s: Some(readout_s),
+            ..SimulationOptions::default()
+        };
+        let source = open(SceneName::Room, &options);
+        let (a, _) = read(&source, 100);
+        let (b, _) = read(&source, 106);
+        let camera = source.camera();
+        let pose_at = |index: u64, row: f64| {
+            source.walk.world_from_camera(stamp_nanos(index) as f64 * 1e-9 + camera.row_time_s(row))
+        };
+        let (mut close, mut all) = (0, 0);
+        for row in (8..472).step_by(8) {
+            for column in (8..632).step_by(8) {
+                let depth_m = f64::from(a[row * 640 + column]) / camera.units_per_metre;
+                let ray = camera.ray(row as f64, column as f64);
+                let world = pose_at(100, row as f64) * Point3::from(ray * depth_m);
+                // Fixed point: the row decides the pose that decides the row.
+                let mut seen_row = row as f64;
+                let mut seen = None;
+                for _ in 0..4 {
+                    let local = pose_at(106, seen_row).inverse() * world;
+                    seen = camera.project(&local.coords).map(|(r, c)| (r, c, local.z));
+                    seen_row = seen.map_or(seen_row, |(r, _, _)| r.clamp(0.0, 479.0));
+                }
+                let Some((r, c, z)) = seen else { continue };
+                if !(1.0..478.0).contains(&r) || !(1.0..638.0).contains(&c) {
+                    continue;
+                }
+                let found =
+                    f64::from(b[r.round() as usize * 640 + c.round() as usize]) / camera.units_per_metre;
+                all += 1;
+                close += usize::from((found - z).abs() < 0.01 + 0.01 * z);
+            }
+        }
+        assert!(all > 3000 && close * 100 > all * 90, "{close} of {all} agree with readout {readout_s}");
+    }
+}
+
+#[test]
+fn noise_is_a_kinects() {
+    let exact = open(SceneName::Room, &SimulationOptions { noise: false, ..SimulationOptions::default() });
+    let noisy = open(SceneName::Room, &SimulationOptions::default());
+    let ((truth, _), (measured, _)) = (read(&exact, 0), read(&noisy, 0));
+    let holes = measured.iter().filter(|&&raw| raw == 0).count() as f64 / measured.len() as f64;
+    assert!((0.01..0.30).contains(&holes), "{holes} of the pixels are holes");
+    let mut errors_m: Vec<f64> = Vec::new();
+    for (&a, &b) in truth.iter().zip(&measured) {
+        let depth_m = f64::from(a) / 5000.0;
+        if b != 0 && (1.9..2.1).contains(&depth_m) {
+            errors_m.push((f64::from(b) / 5000.0 - depth_m).abs());
+        }
+    }
+    errors_m.sort_by(f64::total_cmp);
+    // A normal error of 7.5 mm has its median magnitude at 5 mm.
+    let median_m = errors_m[errors_m.len() / 2];
+    assert!(
+        errors_m.len() > 1000 && (0.003..0.009).contains(&median_m),
+        "{median_m} m over {}",
+        errors_m.len()
+    );
+}
+
+#[test]
+fn every_scene_is_seen_everywhere_and_colour_lag_moves_colour_alone() {
+    for name in SceneName::ALL {
+        let source = open(name, &SimulationOptions::default());
+        for index in [0, source.n_frames / 3, source.n_frames - 1] {
+            let (depth, colour) = read(&source, index);
+            let valid = depth.iter().filter(|&&raw| raw != 0).count() as f64 / depth.len() as f64;
+            assert!(valid > 0.5, "{name:?} frame {index}: {valid} valid");
+            assert!(colour.iter().any(|&c| c > 60), "{name:?} frame {index} is dark");
+        }
+    }
+    let plain = open(SceneName::Room, &SimulationOptions::default());
+    let late =
+        open(SceneName::Room, &SimulationOptions { colour_lag_s: 0.02, ..SimulationOptions::default() });
+    let ((depth, colour), (late_depth, late_colour)) = (read(&plain, 50), read(&late, 50));
+    assert!(depth == late_depth && colour != late_colour);
+}
+
+#[test]
+fn wrong_options_are_named() {
+    let message = |options: SimulationOptions| {
+        SimulatedSource::open(SceneName::Room, None, None, &options).unwrap_err().to_string()
+    };
+    let bad = SimulationOptions { colour_lag_s: f64::NAN, ..SimulationOptions::default() };
+    assert_eq!(message(bad), "colour_lag_s is NaN, expected -0.2 to 0.2 s");
+    let bad = SimulationOptions { distortion: Some([f64::NAN; 5]), ..SimulationOptions::default() };
+    assert!(message(bad).contains("distortion is NaN"));
+    let error =
+        SimulatedSource::open(SceneName::Room, None, Some(0), &SimulationOptions::default()).unwrap_err();
+    assert_eq!(error.to_string(), "frames is 0, expected 1 to 1000000 frames");
+}

@@ -1,0 +1,98 @@
+//! Naming a source in one word, and opening it.
+
+use crate::simulation::{SceneName, SimulatedSource, SimulationOptions};
+use crate::{FolderSource, Source, SourceError};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::PathBuf;
+
+/// Which source; written into the run directory so that a restarted process opens the same.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SourceSpec {
+    /// A simulated scene.
+    Scene(SceneName),
+    /// A folder in the TUM layout.
+    Folder(PathBuf),
+}
+
+/// Options of a source, beside its name.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SourceOptions {
+    /// A built-in camera or a camera file; without it the folder's own, or the scene's default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// Use at most this many frames; a scene goes on for as many as are asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<u64>,
+    /// For simulated scenes alone.
+    pub simulation: SimulationOptions,
+}
+
+impl SourceSpec {
+    /// Reads a source name: a scene, or else a folder. Write `./room` for a folder named room.
+    ///
+    /// A folder is made absolute, so that the name stays good in another working directory.
+    pub fn parse(text: &str) -> Self {
+        match SceneName::parse(text) {
+            Some(scene) => Self::Scene(scene),
+            None => Self::Folder(std::path::absolute(text).unwrap_or_else(|_| PathBuf::from(text))),
+        }
+    }
+}
+
+impl fmt::Display for SourceSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scene(scene) => f.write_str(scene.name()),
+            Self::Folder(folder) => write!(f, "{}", folder.display()),
+        }
+    }
+}
+
+/// Opens a source.
+///
+/// # Errors
+/// Names what is wrong and where.
+pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+    Ok(match spec {
+        SourceSpec::Scene(scene) => Box::new(SimulatedSource::open(
+            *scene,
+            options.camera.as_deref(),
+            options.frames,
+            &options.simulation,
+        )?),
+        SourceSpec::Folder(folder) => {
+            Box::new(FolderSource::open(folder, options.camera.as_deref(), options.frames)?)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_scenes_and_everything_else_is_a_folder() {
+        assert_eq!(SourceSpec::parse("room"), SourceSpec::Scene(SceneName::Room));
+        assert_eq!(SourceSpec::parse("house"), SourceSpec::Scene(SceneName::House));
+        let SourceSpec::Folder(folder) = SourceSpec::parse("./room") else { panic!("a folder was meant") };
+        assert!(folder.is_absolute() && folder.ends_with("room"));
+    }
+
+    #[test]
+    fn spec_and_options_survive_a_file() {
+        #[derive(Debug, PartialEq, Serialize, Deserialize)]
+        struct Both {
+            source: SourceSpec,
+            options: SourceOptions,
+        }
+        for source in [SourceSpec::Scene(SceneName::Wall), SourceSpec::Folder("/a/b".into())] {
+            let options = SourceOptions { frames: Some(7), ..SourceOptions::default() };
+            let both = Both { source, options };
+            let text = toml::to_string(&both).unwrap();
+            assert_eq!(toml::from_str::<Both>(&text).unwrap(), both, "{text}");
+        }
+    }
+}
