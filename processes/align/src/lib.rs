@@ -1,2 +1,68 @@
-//! The align stage.
+//! The align stage: surfaces come in, poses go out; it owns the map's keyframes.
+//!
+//! The order for each frame: compute, keyframe surface into the store, record into the journal,
+//! publish the pose, acknowledge. So an acknowledged frame is durable; a frame that is not comes
+//! again, is computed again to the same bits, and is journaled exactly once.
 #![forbid(unsafe_code)]
+
+mod desk;
+mod flow;
+mod inbox;
+mod live;
+mod lossless;
+mod ports;
+mod publish;
+
+use desk::Desk;
+use ports::Ports;
+use std::process::ExitCode;
+use tessera_messages::Stage;
+use tessera_stage::{Context, Outcome, StageArgs, StageError, stage_main};
+
+/// Runs the stage as a process.
+pub fn main(args: &StageArgs) -> ExitCode {
+    stage_main(Stage::Align, || run(args))
+}
+
+/// Why work at one desk came to an end.
+enum Pause {
+    /// The stage is done.
+    Over(Outcome),
+    /// All state is to be thrown away and read back (`--forget-every`).
+    Forget,
+}
+
+/// Runs the stage until the run is finished or it is told to stop.
+///
+/// # Errors
+/// Where the run directory, the settings or the shared memory cannot be used.
+pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
+    let context = Context::open(Stage::Align, args)?;
+    // The journal first: it is what says where to go on.
+    let mut desk = Desk::open(&context)?;
+    let link = context.link(Stage::Align)?;
+    let mut ports = Ports::open(&link, &context)?;
+    context.kill_points.pass("opened", 0);
+    loop {
+        tracing::info!(frame = desk.tracker.next_index(), "ready");
+        // What was journaled may not have been published: the same bytes go out again.
+        ports.publish_again(&desk)?;
+        let pause = if context.settings.run.live {
+            live::work(&context, &mut desk, &mut ports)?
+        } else {
+            lossless::work(&context, &mut desk, &mut ports)?
+        };
+        match pause {
+            Pause::Over(outcome) => {
+                ports.pulse.finish();
+                return Ok(outcome);
+            }
+            Pause::Forget => {
+                // The lock on the journal goes with the old desk.
+                drop(desk);
+                ports.forget();
+                desk = Desk::open(&context)?;
+            }
+        }
+    }
+}

@@ -1,2 +1,103 @@
-//! The reconstruct stage.
+//! The reconstruct stage: a frame comes in, its surface goes out.
+//!
+//! It keeps nothing: a surface is a pure function of its frame, so a restart loses nothing but
+//! time, and an index is never left out because it was seen in an earlier epoch.
 #![forbid(unsafe_code)]
+
+mod feed;
+
+use feed::Feed;
+use std::process::ExitCode;
+use tessera_messages::{FrameHeader, Kind, Stage, SurfaceHeader, WaitingOn};
+use tessera_stage::{Context, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main};
+use tessera_surface::{Reconstructor, Vertex};
+use tessera_transport::{Loan, Received};
+
+/// Runs the stage as a process.
+pub fn main(args: &StageArgs) -> ExitCode {
+    stage_main(Stage::Reconstruct, || run(args))
+}
+
+/// Runs the stage until the run is finished or it is told to stop.
+///
+/// # Errors
+/// Where the run directory, the settings or the shared memory cannot be used.
+pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
+    let context = Context::open(Stage::Reconstruct, args)?;
+    let mut reconstructor = Reconstructor::new(&context.run.camera, &context.settings.surface)
+        .map_err(|e| StageError::Settings(e.to_string()))?;
+    let link = context.link(Stage::Reconstruct)?;
+    let ear = link.ear(Stage::Reconstruct)?;
+    let mut feed = Feed::open(&link, context.settings.run.live)?;
+    let surfaces = link.surface_publisher()?;
+    let align = link.bell(Stage::Align)?;
+    let mut pulse = Pulse::start(&link, Stage::Reconstruct)?;
+    context.kill_points.pass("opened", 0);
+    tracing::info!("ready");
+    loop {
+        if context.lifeline.is_cut() {
+            pulse.finish();
+            return Ok(Outcome::Stopped);
+        }
+        if feed.is_finished()? {
+            pulse.finish();
+            return Ok(Outcome::Finished);
+        }
+        let Some((header, kind, frame)) = feed.next(&mut pulse)? else {
+            surfaces.update();
+            pulse.waiting(WaitingOn::Frames);
+            ear.wait(IDLE)?;
+            continue;
+        };
+        pulse.working(header.index);
+        context.kill_points.pass("received", header.index);
+        let began = monotonic_nanos();
+        let mut loan = surfaces.loan(context.layout.grid.len())?;
+        *loan.header_mut() = surface_header(&header, &reconstructor, began);
+        if kind == Kind::Frame {
+            if let Err(refusal) = fill(&mut loan, &header, &frame, &mut reconstructor, &feed) {
+                tracing::warn!(frame = header.index, "refused: {refusal}");
+                pulse.beat.refused += 1;
+                continue;
+            }
+        }
+        context.kill_points.pass("computed", header.index);
+        loan.header_mut().times.surface_sent = monotonic_nanos();
+        loan.send()?;
+        align.ring();
+        context.kill_points.pass("sent", header.index);
+        pulse.done(monotonic_nanos().saturating_sub(began));
+    }
+}
+
+fn surface_header(frame: &FrameHeader, reconstructor: &Reconstructor, began: u64) -> SurfaceHeader {
+    let grid = reconstructor.grid();
+    let mut times = frame.times;
+    times.surface_began = began;
+    SurfaceHeader {
+        index: frame.index,
+        epoch: frame.epoch,
+        stamp_nanos: frame.stamp_nanos,
+        dropped_before: frame.dropped_before,
+        width: grid.width as u32,
+        height: grid.height as u32,
+        step: grid.step as u32,
+        kind: frame.kind,
+        times,
+        ..SurfaceHeader::default()
+    }
+}
+
+/// The pure step, from shared memory into shared memory.
+fn fill(
+    loan: &mut Loan<SurfaceHeader, Vertex>,
+    header: &FrameHeader,
+    frame: &Received<FrameHeader, u16>,
+    reconstructor: &mut Reconstructor,
+    feed: &Feed,
+) -> Result<(), tessera_messages::Refusal> {
+    let payload = header.payload(feed.shape, frame.payload())?;
+    let stats = reconstructor.reconstruct(payload.depth, payload.colour, loan.payload_mut());
+    loan.header_mut().n_valid = stats.n_valid as u32;
+    Ok(())
+}

@@ -1,2 +1,70 @@
-//! The sensor stage.
+//! The sensor stage: frames are read or decoded straight into shared memory and sent on.
+//!
+//! It keeps nothing but the next index: a recorded frame can be read again at any time, so after
+//! a restart it waits for the aligner's word and goes on from there.
 #![forbid(unsafe_code)]
+
+mod frames;
+mod live;
+mod lossless;
+
+use frames::Frames;
+use std::process::ExitCode;
+use tessera_messages::{Flow, FrameHeader, Stage};
+use tessera_settings::Settings;
+use tessera_sources::Source;
+use tessera_stage::{Context, Outcome, Pulse, StageArgs, StageError, stage_main};
+use tessera_transport::{Bell, Ear, SlicePublisher, Subscriber};
+
+/// Runs the stage as a process.
+pub fn main(args: &StageArgs) -> ExitCode {
+    stage_main(Stage::Sensor, || run(args))
+}
+
+/// All connections of the sensor.
+struct Ports {
+    ear: Ear,
+    frames: SlicePublisher<FrameHeader, u16>,
+    flow: Subscriber<Flow>,
+    reconstruct: Bell,
+    pulse: Pulse,
+}
+
+/// Runs the stage until the run is finished or it is told to stop.
+///
+/// # Errors
+/// Where the source, the run directory or the shared memory cannot be used.
+pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
+    let context = Context::open(Stage::Sensor, args)?;
+    let source = open_source(&context.settings)?;
+    if *source.camera() != context.run.camera {
+        return Err(StageError::Input(format!(
+            "the camera of {} is not the one that the run began with",
+            context.settings.run.source
+        )));
+    }
+    let link = context.link(Stage::Sensor)?;
+    let mut ports = Ports {
+        ear: link.ear(Stage::Sensor)?,
+        frames: link.frame_publisher()?,
+        flow: link.flow_subscriber()?,
+        reconstruct: link.bell(Stage::Reconstruct)?,
+        pulse: Pulse::start(&link, Stage::Sensor)?,
+    };
+    context.kill_points.pass("opened", 0);
+    tracing::info!("ready");
+    let frames = Frames::new(&*source, &context);
+    let outcome = if context.settings.run.live {
+        live::work(&context, &frames, &mut ports)
+    } else {
+        lossless::work(&context, &frames, &mut ports)
+    };
+    ports.pulse.finish();
+    outcome
+}
+
+/// Opens the source that the settings name.
+fn open_source(settings: &Settings) -> Result<Box<dyn Source>, StageError> {
+    let (spec, options) = settings.source();
+    tessera_sources::open(&spec, &options).map_err(|e| StageError::Input(e.to_string()))
+}

@@ -9,6 +9,7 @@ mod commands;
 mod exit;
 mod outputs;
 mod run_folder;
+mod supervisor;
 mod terminal;
 
 use arguments::{Arguments, Command, RunArguments};

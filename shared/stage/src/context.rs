@@ -86,6 +86,17 @@ impl Context {
         Ok(Self { files, run, settings, layout, lifeline, kill_points: KillPoints::from_environment() })
     }
 
+    /// What the algorithms of mapping share.
+    pub fn mapping_context(&self) -> tessera_mapping::Context {
+        let settings = &self.settings;
+        tessera_mapping::Context::new(
+            &self.run.camera,
+            &settings.surface,
+            &settings.registration,
+            &settings.mapping,
+        )
+    }
+
     /// Joins the run's shared memory.
     ///
     /// # Errors

@@ -19,6 +19,7 @@ pub struct Pulse {
     latency: Histogram<u64>,
     end_to_end: Histogram<u64>,
     last_sent: u64,
+    n_sent: u64,
 }
 
 impl Pulse {
@@ -48,6 +49,7 @@ impl Pulse {
             latency: histogram()?,
             end_to_end: histogram()?,
             last_sent: 0,
+            n_sent: 0,
         };
         pulse.send();
         Ok(pulse)
@@ -65,7 +67,9 @@ impl Pulse {
         self.beat.state = BeatState::Working as u32;
         self.beat.waiting_on = WaitingOn::Nothing as u32;
         self.beat.index = index;
-        self.send_if_due();
+        // Sent each time, so that a frame that kills its stage is known by name.
+        self.beat.sequence += 1;
+        let _ = self.publisher.send(self.beat);
     }
 
     /// Work goes on: an inner iteration is done.
@@ -103,9 +107,10 @@ impl Pulse {
 
     fn send(&mut self) {
         self.last_sent = monotonic_nanos();
-        if self.beat.sequence.is_multiple_of(MEMORY_EVERY) {
+        if self.n_sent.is_multiple_of(MEMORY_EVERY) {
             self.beat.peak_rss_bytes = peak_rss_bytes();
         }
+        self.n_sent += 1;
         self.beat.sequence += 1;
         self.beat.cpu_nanos = cpu_nanos();
         self.beat.latency = summary(&self.latency);

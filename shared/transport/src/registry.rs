@@ -93,14 +93,31 @@ impl RunClaim {
         Ok(Self { entry, path, _file: file })
     }
 
-    /// Ends the run: removes its shared memory and frees the name.
+    /// Ends the run: removes its shared memory and frees the name, as dropping it does, but says
+    /// what cannot be removed.
     ///
     /// # Errors
     /// Where something cannot be removed.
     pub fn release(self) -> Result<(), TransportError> {
+        self.remove()
+    }
+
+    fn remove(&self) -> Result<(), TransportError> {
         remove_everything(&self.entry.identity)?;
         // Removed while locked: whoever opened it meanwhile finds a name without a file.
-        std::fs::remove_file(&self.path).map_err(TransportError::io("remove", &self.path))
+        match std::fs::remove_file(&self.path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(TransportError::io("remove", &self.path)(error))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Drop for RunClaim {
+    fn drop(&mut self) {
+        // What stays behind here is what `clean` is for.
+        let _ = self.remove();
     }
 }
 
@@ -164,7 +181,12 @@ mod tests {
         let find = || registered_runs().unwrap().into_iter().find(|run| run.entry.name == name);
         assert!(find().unwrap().is_alive);
         let root = claim.entry.identity.root.clone();
+        // As after a kill: the lock goes, the files stay.
+        let left = std::fs::read(&claim.path).unwrap();
+        let path = claim.path.clone();
         drop(claim);
+        std::fs::create_dir(&root).unwrap();
+        std::fs::write(&path, left).unwrap();
         assert!(!find().unwrap().is_alive);
         let again = RunClaim::take(&name, dir.path()).unwrap();
         assert!(!root.exists(), "what the dead run left is gone");

@@ -1,0 +1,115 @@
+//! Surfaces in shared memory: the one that is next, some that came early, and the recent ones.
+
+use std::collections::BTreeMap;
+use tessera_mapping::FrameSurface;
+use tessera_messages::{Kind, SurfaceExpectation, SurfaceHeader};
+use tessera_stage::{Pulse, StageError};
+use tessera_surface::{Grid, SurfaceView, Vertex};
+use tessera_transport::{Link, Received, SliceSubscriber};
+
+/// A checked surface, read in place.
+pub(crate) struct Surface {
+    /// A copy that nobody else can change.
+    pub(crate) header: SurfaceHeader,
+    pub(crate) kind: Kind,
+    received: Received<SurfaceHeader, Vertex>,
+}
+
+impl Surface {
+    /// The vertices, in place.
+    pub(crate) fn vertices(&self) -> &[Vertex] {
+        self.received.payload()
+    }
+
+    /// As the tracker takes it.
+    pub(crate) fn view(&self, grid: Grid) -> FrameSurface<'_> {
+        FrameSurface {
+            index: self.header.index,
+            stamp_nanos: self.header.stamp_nanos,
+            surface: SurfaceView { grid, vertices: self.vertices() },
+        }
+    }
+}
+
+/// Surfaces by index, as many as may be held.
+pub(crate) struct Inbox {
+    subscriber: SliceSubscriber<SurfaceHeader, Vertex>,
+    held: BTreeMap<u64, Surface>,
+    capacity: usize,
+    pub(crate) grid: Grid,
+}
+
+impl Inbox {
+    pub(crate) fn open(link: &Link) -> Result<Self, StageError> {
+        let layout = link.layout();
+        Ok(Self {
+            subscriber: link.surface_subscriber()?,
+            held: BTreeMap::new(),
+            // One less than may be borrowed: the one being looked at.
+            capacity: layout.surfaces().borrowed - 1,
+            grid: layout.grid,
+        })
+    }
+
+    /// Takes in what has come, if it is at or above `first` and below `limit`; answers index and
+    /// epoch of all that was believed.
+    pub(crate) fn fill(
+        &mut self,
+        first: u64,
+        limit: Option<u64>,
+        pulse: &mut Pulse,
+    ) -> Result<Vec<(u64, u64)>, StageError> {
+        let expected = SurfaceExpectation { grid: self.grid, limit };
+        let mut seen = Vec::new();
+        while self.held.len() < self.capacity {
+            let Some(received) = self.subscriber.receive()? else { break };
+            let header = received.header();
+            if header.index < first || self.held.contains_key(&header.index) {
+                pulse.beat.duplicates += 1;
+                continue;
+            }
+            match header.validate(&expected, received.payload()) {
+                Ok(kind) => {
+                    seen.push((header.index, header.epoch));
+                    self.held.insert(header.index, Surface { header, kind, received });
+                }
+                Err(refusal) => {
+                    tracing::warn!(frame = header.index, "refused: {refusal}");
+                    pulse.beat.refused += 1;
+                }
+            }
+        }
+        pulse.beat.queue = self.held.len() as u64;
+        Ok(seen)
+    }
+
+    /// The surface of a frame.
+    pub(crate) fn get(&self, index: u64) -> Option<&Surface> {
+        self.held.get(&index)
+    }
+
+    /// The newest surface (live mode).
+    pub(crate) fn newest(&self) -> Option<&Surface> {
+        self.held.values().next_back()
+    }
+
+    /// The first index in `first..=next` that is not here, or `next` where only that may be missing.
+    pub(crate) fn first_missing(&self, first: u64, next: u64) -> u64 {
+        (first..next).find(|index| !self.held.contains_key(index)).unwrap_or(next)
+    }
+
+    /// Surfaces of the frames `first..next` that are here, in order.
+    pub(crate) fn recent(&self, first: u64, next: u64) -> Vec<FrameSurface<'_>> {
+        self.held.range(first..next.max(first)).map(|(_, surface)| surface.view(self.grid)).collect()
+    }
+
+    /// Gives back what lies below `first`.
+    pub(crate) fn let_go_below(&mut self, first: u64) {
+        self.held = self.held.split_off(&first);
+    }
+
+    /// Gives everything back.
+    pub(crate) fn clear(&mut self) {
+        self.held.clear();
+    }
+}

@@ -1,0 +1,110 @@
+//! Frames at the camera's own rate: the newest wins, what is left out is written down.
+
+use crate::Pause;
+use crate::desk::Desk;
+use crate::lossless::finish;
+use crate::ports::Ports;
+use tessera_mapping::AlignRecord;
+use tessera_messages::{Kind, WaitingOn};
+use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
+
+/// Works until the run is finished, the stage is told to stop, or it is time to forget.
+pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Result<Pause, StageError> {
+    let forget_every = context.settings.run.forget_every;
+    let mut n_done = 0;
+    ports.begin_epoch(desk.tracker.next_index())?;
+    ports.tell_optimiser();
+    loop {
+        if context.lifeline.is_cut() {
+            return Ok(Pause::Over(Outcome::Stopped));
+        }
+        if let Some(end) = desk.end {
+            match finish(desk, ports, end)? {
+                true => return Ok(Pause::Over(Outcome::Finished)),
+                false => continue,
+            }
+        }
+        let next = desk.tracker.next_index();
+        if let Some(correction) = desk.any_answer()? {
+            let request = correction.request;
+            match desk.tracker.correction_record(correction, next) {
+                Some(record) => desk.commit(&record)?,
+                None => tracing::warn!(request, "a correction of other keyframes is dropped"),
+            }
+            ports.pulse.progress();
+            continue;
+        }
+        let first = desk.tracker.first_recent_index().min(next);
+        ports.inbox.let_go_below(first);
+        ports.inbox.fill(first, None, &mut ports.pulse)?;
+        let Some(index) = ports.inbox.newest().map(|s| s.header.index).filter(|&index| index >= next) else {
+            ports.wait(WaitingOn::Surfaces)?;
+            continue;
+        };
+        step(context, desk, ports, next, index)?;
+        n_done += 1;
+        if forget_every > 0 && n_done >= forget_every && desk.end.is_none() {
+            return Ok(Pause::Forget);
+        }
+    }
+}
+
+/// One frame, and a record for each that was left out before it.
+fn step(
+    context: &Context,
+    desk: &mut Desk,
+    ports: &mut Ports,
+    next: u64,
+    index: u64,
+) -> Result<(), StageError> {
+    ports.pulse.working(index);
+    let began = monotonic_nanos();
+    let Some(surface) = ports.inbox.get(index) else { return Ok(()) };
+    context.kill_points.pass("received", index);
+    let upstream = surface.header.dropped_before;
+    let (kind, mut times) = (surface.header.kind, surface.header.times);
+    times.align_began = began;
+    for skipped in next..index {
+        let here = skipped - next >= upstream;
+        let reason = if here { "newer frames had come" } else { "left out before alignment" };
+        desk.commit(&AlignRecord::Skipped(skipped, reason.to_string()))?;
+        ports.pulse.beat.dropped += u64::from(here);
+    }
+    let Some(surface) = ports.inbox.get(index) else { return Ok(()) };
+    if kind == Kind::End.to_wire() {
+        let request = desk.tracker.final_request();
+        desk.commit(&AlignRecord::End { n_frames: index, request })?;
+        context.kill_points.pass("ended", index);
+        ports.tell_optimiser();
+        return Ok(());
+    }
+    let first = desk.tracker.first_recent_index();
+    let recent = ports.inbox.recent(first, index);
+    let mut record = desk.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
+    context.kill_points.pass("computed", index);
+    if let Some(keyframe) = &record.new_keyframe {
+        match ports.inbox.get(keyframe.frame_index) {
+            Some(kept) => desk.store_keyframe(&mut record, kept.vertices())?,
+            // Lost with a predecessor: the next frame will make one.
+            None => record.new_keyframe = None,
+        }
+    }
+    let matters = record.new_keyframe.is_some() || record.request.is_some();
+    let record = AlignRecord::Frame(Box::new(record));
+    desk.commit(&record)?;
+    context.kill_points.pass("journaled", index);
+    if let AlignRecord::Frame(frame) = &record {
+        ports.publish(frame, times)?;
+    }
+    let now = monotonic_nanos();
+    if ports.control.acknowledge(index + 1, now) {
+        ports.tell_sensor()?;
+    }
+    if matters {
+        ports.tell_optimiser();
+    }
+    ports.pulse.beat.keyframes = desk.keyframes.len() as u64;
+    ports.pulse.beat.loops = desk.n_loops;
+    ports.pulse.done(now.saturating_sub(began));
+    Ok(())
+}

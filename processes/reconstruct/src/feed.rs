@@ -1,0 +1,104 @@
+//! Which frame comes next: each in order, or in live mode the newest.
+
+use tessera_messages::{Flow, FrameHeader, FrameShape, Kind};
+use tessera_stage::{Pulse, StageError};
+use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
+
+/// A checked frame: a copy of its header, what it stands for, and the frame in place.
+pub(crate) type Frame = (FrameHeader, Kind, Received<FrameHeader, u16>);
+
+/// Frames as they come from the sensor.
+pub(crate) struct Feed {
+    frames: SliceSubscriber<FrameHeader, u16>,
+    flow: Subscriber<Flow>,
+    newest_flow: Option<Flow>,
+    /// Image size of the run's camera.
+    pub(crate) shape: FrameShape,
+    window: u64,
+    is_live: bool,
+    /// The frame received last, to count what is missing (live mode).
+    last_index: Option<u64>,
+    /// Frames left out before the next one, by the sensor or here.
+    dropped: u64,
+}
+
+impl Feed {
+    pub(crate) fn open(link: &Link, is_live: bool) -> Result<Self, StageError> {
+        Ok(Self {
+            frames: link.frame_subscriber()?,
+            flow: link.flow_subscriber()?,
+            newest_flow: None,
+            shape: link.layout().frame,
+            window: link.layout().window.into(),
+            is_live,
+            last_index: None,
+            dropped: 0,
+        })
+    }
+
+    /// Whether the aligner has everything.
+    pub(crate) fn is_finished(&mut self) -> Result<bool, StageError> {
+        if let Some(flow) = self.flow.newest()?
+            && flow.validate().is_ok()
+        {
+            self.newest_flow = Some(flow);
+        }
+        Ok(self.newest_flow.is_some_and(|flow| flow.finished == 1))
+    }
+
+    /// The next frame worth working on; bad ones are counted and left out.
+    pub(crate) fn next(&mut self, pulse: &mut Pulse) -> Result<Option<Frame>, StageError> {
+        let mut newest: Option<Frame> = None;
+        while let Some(frame) = self.frames.receive()? {
+            let header = frame.header();
+            let kind = match header.validate(self.shape, self.limit(header.epoch)) {
+                Ok(kind) => kind,
+                Err(refusal) => {
+                    tracing::warn!(frame = header.index, "refused: {refusal}");
+                    pulse.beat.refused += 1;
+                    continue;
+                }
+            };
+            if !self.is_live {
+                if self.known_flow(header.epoch).is_some_and(|flow| header.index < flow.acknowledged) {
+                    pulse.beat.duplicates += 1;
+                    continue;
+                }
+                return Ok(Some((header, kind, frame)));
+            }
+            if kind == Kind::End && newest.is_some() {
+                // The end comes again; the last frame does not.
+                continue;
+            }
+            self.count(&header, pulse);
+            if newest.replace((header, kind, frame)).is_some() {
+                pulse.beat.dropped += 1;
+                self.dropped += 1;
+            }
+        }
+        if let Some((header, ..)) = &mut newest {
+            header.dropped_before = std::mem::take(&mut self.dropped);
+        }
+        Ok(newest)
+    }
+
+    /// What the aligner said last, unless the sensor has already heard of a newer epoch.
+    fn known_flow(&self, epoch: u64) -> Option<Flow> {
+        self.newest_flow.filter(|flow| epoch <= flow.epoch)
+    }
+
+    /// First index that cannot be in flight: the window above what was acknowledged, and once more
+    /// because the sensor may have heard of an acknowledgement before us.
+    fn limit(&self, epoch: u64) -> Option<u64> {
+        let flow = self.known_flow(epoch).filter(|_| !self.is_live)?;
+        Some(flow.acknowledged.saturating_add(2 * self.window + 1))
+    }
+
+    /// Live mode: what the sensor left out, and what was overwritten in our queue.
+    fn count(&mut self, header: &FrameHeader, pulse: &mut Pulse) {
+        let gap = self.last_index.map_or(header.dropped_before, |last| header.index.saturating_sub(last + 1));
+        self.dropped += gap;
+        pulse.beat.dropped += gap.saturating_sub(header.dropped_before);
+        self.last_index = Some(header.index);
+    }
+}

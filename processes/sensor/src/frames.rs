@@ -1,0 +1,102 @@
+//! Frames prepared in shared memory: decoded in place, several at a time.
+
+use rayon::prelude::*;
+use tessera_messages::{FrameHeader, FrameShape, Kind};
+use tessera_sources::{FrameBuffers, FrameInfo, Source};
+use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_transport::{Loan, SlicePublisher, TransportError};
+
+/// A frame in shared memory that has not been sent.
+pub(crate) struct Prepared {
+    pub(crate) index: u64,
+    pub(crate) loan: Loan<FrameHeader, u16>,
+}
+
+/// The source as the sensor uses it.
+pub(crate) struct Frames<'a> {
+    source: &'a dyn Source,
+    shape: FrameShape,
+    /// Frames there are; `u64::MAX`: no end in sight.
+    pub(crate) n_frames: u64,
+}
+
+impl<'a> Frames<'a> {
+    pub(crate) fn new(source: &'a dyn Source, context: &Context) -> Self {
+        let n_frames = context.run.n_frames.or(source.n_frames()).unwrap_or(u64::MAX);
+        Self { source, shape: context.layout.frame, n_frames }
+    }
+
+    /// Sensor time of a frame.
+    pub(crate) fn stamp_nanos(&self, index: u64) -> Option<i64> {
+        self.source.stamp_nanos(index)
+    }
+
+    /// Reads frames straight into shared memory, in parallel; the first that cannot be read ends
+    /// the answer.
+    pub(crate) fn prepare(
+        &self,
+        indices: std::ops::Range<u64>,
+        publisher: &SlicePublisher<FrameHeader, u16>,
+    ) -> Result<(Vec<Prepared>, Option<StageError>), TransportError> {
+        let mut prepared = Vec::new();
+        for index in indices {
+            let mut loan = publisher.loan(self.shape.payload_len())?;
+            *loan.header_mut() = self.header(index, Kind::Frame);
+            prepared.push(Prepared { index, loan });
+        }
+        let mut jobs: Vec<(u64, &mut [u16])> =
+            prepared.iter_mut().map(|frame| (frame.index, frame.loan.payload_mut())).collect();
+        let read: Vec<Result<FrameInfo, StageError>> =
+            jobs.par_iter_mut().map(|(index, payload)| self.read(*index, payload)).collect();
+        let mut error = None;
+        for (frame, info) in prepared.iter_mut().zip(read) {
+            match info {
+                Ok(info) => {
+                    let header = frame.loan.header_mut();
+                    header.stamp_nanos = info.stamp_nanos;
+                    header.has_colour = info.has_colour.into();
+                }
+                Err(problem) => {
+                    error = Some((frame.index, problem));
+                    break;
+                }
+            }
+        }
+        if let Some((bad, problem)) = error {
+            prepared.retain(|frame| frame.index < bad);
+            return Ok((prepared, Some(problem)));
+        }
+        Ok((prepared, None))
+    }
+
+    /// The message that says that the source is exhausted.
+    pub(crate) fn end(
+        &self,
+        publisher: &SlicePublisher<FrameHeader, u16>,
+    ) -> Result<Prepared, TransportError> {
+        let mut loan = publisher.loan(self.shape.payload_len())?;
+        *loan.header_mut() = self.header(self.n_frames, Kind::End);
+        Ok(Prepared { index: self.n_frames, loan })
+    }
+
+    fn header(&self, index: u64, kind: Kind) -> FrameHeader {
+        let mut header = FrameHeader {
+            index,
+            width: self.shape.width,
+            height: self.shape.height,
+            kind: kind.to_wire(),
+            ..FrameHeader::default()
+        };
+        header.times.read_began = monotonic_nanos();
+        header
+    }
+
+    fn read(&self, index: u64, payload: &mut [u16]) -> Result<FrameInfo, StageError> {
+        let Some((depth, colour)) = self.shape.split_mut(payload) else {
+            return Err(StageError::Inconsistent(format!("frame {index}: a loan is too short")));
+        };
+        self.source
+            .read(index, &mut FrameBuffers { depth, colour })
+            .map_err(|e| StageError::Input(e.to_string()))
+    }
+}

@@ -1,0 +1,96 @@
+//! Every frame, in order, as fast as the window allows.
+
+use crate::Ports;
+use crate::frames::{Frames, Prepared};
+use std::collections::VecDeque;
+use tessera_messages::{Flow, WaitingOn};
+use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
+
+/// Sends while `index - acknowledged < window`; begins again where the aligner asks for it.
+pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) -> Result<Outcome, StageError> {
+    let (window, ahead) = (u64::from(context.layout.window), context.layout.ahead as usize);
+    // Decoding in batches as wide as the machine keeps all cores busy while the window is full.
+    let batch = rayon::current_num_threads().clamp(1, ahead) as u64;
+    let mut flow: Option<Flow> = None;
+    let mut ready: VecDeque<Prepared> = VecDeque::new();
+    // The next index to prepare; the source's end counts as one more.
+    let mut next = 0;
+    let mut unreadable: Option<StageError> = None;
+    loop {
+        if context.lifeline.is_cut() {
+            return Ok(Outcome::Stopped);
+        }
+        if let Some(newest) = ports.flow.newest()? {
+            match newest.validate() {
+                Ok(()) if flow.is_none_or(|known| newest.epoch > known.epoch) => {
+                    ready.clear();
+                    next = newest.resend_from;
+                    unreadable = None;
+                    flow = Some(newest);
+                }
+                Ok(()) if flow.is_some_and(|known| newest.epoch == known.epoch) => flow = Some(newest),
+                Ok(()) => {}
+                Err(refusal) => {
+                    tracing::warn!("refused: {refusal}");
+                    ports.pulse.beat.refused += 1;
+                }
+            }
+        }
+        let Some(flow) = flow else {
+            ports.pulse.waiting(WaitingOn::Flow);
+            ports.ear.wait(IDLE)?;
+            continue;
+        };
+        if flow.finished == 1 {
+            return Ok(Outcome::Finished);
+        }
+        let mut did_something = false;
+        let limit = flow.acknowledged.saturating_add(window);
+        while ready.front().is_some_and(|frame| frame.index < limit) {
+            if let Some(frame) = ready.pop_front() {
+                send(context, frame, &flow, ports)?;
+            }
+            did_something = true;
+        }
+        let has_room = ready.len() + (batch as usize) <= ahead.max(batch as usize);
+        if has_room && unreadable.is_none() && next <= frames.n_frames {
+            ports.pulse.working(next);
+            if next == frames.n_frames {
+                ready.push_back(frames.end(&ports.frames)?);
+                next += 1;
+            } else {
+                let end = frames.n_frames.min(next + batch);
+                let (prepared, problem) = frames.prepare(next..end, &ports.frames)?;
+                next += prepared.len() as u64;
+                ready.extend(prepared);
+                unreadable = problem;
+            }
+            did_something = true;
+        }
+        // A frame that cannot be read ends the run after all frames before it are safe.
+        if unreadable.is_some() && ready.is_empty() && flow.acknowledged >= next {
+            return unreadable.map_or(Ok(Outcome::Stopped), Err);
+        }
+        if !did_something {
+            ports.frames.update();
+            ports.pulse.beat.queue = ready.len() as u64;
+            ports.pulse.waiting(WaitingOn::Credit);
+            ports.ear.wait(IDLE)?;
+        }
+    }
+}
+
+fn send(context: &Context, mut frame: Prepared, flow: &Flow, ports: &mut Ports) -> Result<(), StageError> {
+    let index = frame.index;
+    context.kill_points.pass("read", index);
+    let header = frame.loan.header_mut();
+    header.epoch = flow.epoch;
+    header.times.frame_sent = monotonic_nanos();
+    let took = header.times.frame_sent.saturating_sub(header.times.read_began);
+    frame.loan.send()?;
+    ports.reconstruct.ring();
+    context.kill_points.pass("sent", index);
+    ports.pulse.beat.index = index;
+    ports.pulse.done(took);
+    Ok(())
+}

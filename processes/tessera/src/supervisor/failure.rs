@@ -1,0 +1,75 @@
+//! Why a run ends in an error.
+
+use std::path::PathBuf;
+use tessera_messages::Stage;
+use tessera_stage::StageError;
+use tessera_transport::TransportError;
+
+/// A stage that ended in an error, with what is known of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct StageFailure {
+    /// Which stage.
+    pub(crate) stage: Stage,
+    /// How it ended, for instance `exit status 4` or `signal 11 (SIGSEGV)`.
+    pub(crate) status: String,
+    /// Its exit code, where it had one.
+    pub(crate) exit_code: Option<i32>,
+    /// The frame (or request) it had in hand.
+    pub(crate) index: u64,
+    /// Deaths on that frame.
+    pub(crate) n_deaths: u32,
+    /// The last lines of its log, oldest first.
+    pub(crate) last_lines: Vec<String>,
+}
+
+impl std::fmt::Display for StageFailure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { stage, status, index, n_deaths, last_lines, .. } = self;
+        match n_deaths {
+            0 | 1 => write!(f, "{stage} ended with {status}")?,
+            n => write!(f, "{stage} ended with {status} {n} times at frame {index}")?,
+        }
+        if last_lines.is_empty() {
+            return write!(f, " and left nothing in the log");
+        }
+        write!(f, "; its last lines of log:")?;
+        last_lines.iter().try_for_each(|line| write!(f, "\n  {line}"))
+    }
+}
+
+/// A run cannot be started or kept up.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum SupervisorError {
+    /// The run directory holds a run already.
+    #[error("{} holds a run already; give another --name or --out, or go on with it: tessera resume {name}", dir.display())]
+    RunExists {
+        /// The run directory.
+        dir: PathBuf,
+        /// Name of the run.
+        name: String,
+    },
+    /// The run directory cannot be written, or read.
+    #[error("cannot {action} {}: {reason}", path.display())]
+    Directory {
+        /// What was tried.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// Shared memory, or the name of the run.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// A file of the run directory.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// A process cannot be started.
+    #[error("cannot start {what}: {reason}")]
+    Spawn {
+        /// Which process.
+        what: String,
+        /// Why not.
+        reason: String,
+    },
+}

@@ -1,0 +1,18 @@
+//! The supervisor: it alone starts the stages, notices their death, cleans up and starts them again.
+//!
+//! It holds no state that a run needs: what has happened is in the run directory, and a killed
+//! supervisor is replaced by another one (`tessera resume`).
+
+mod failure;
+mod plan;
+mod policy;
+mod signals;
+mod stage_process;
+mod tally;
+mod watch;
+
+pub(crate) use failure::{StageFailure, SupervisorError};
+pub(crate) use plan::Plan;
+pub(crate) use stage_process::run_stage;
+pub(crate) use tally::{Counters, Tally};
+pub(crate) use watch::{Outcome, Progress, Supervised, supervise};

@@ -1,0 +1,116 @@
+//! What is to be run, and the run directory that says so to every process.
+
+use super::failure::SupervisorError;
+use std::fs::{DirBuilder, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tessera_geometry::Camera;
+use tessera_journal::{Journal, Recovered, Store};
+use tessera_mapping::{AlignRecord, OptimiseRecord};
+use tessera_messages::Stage;
+use tessera_settings::Settings;
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log};
+use tessera_transport::{Layout, RunClaim, check_space};
+
+/// How long stages of an earlier supervisor may take to end.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// What is to be run.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    /// Name of the run.
+    pub(crate) name: String,
+    /// Its folder; made where it is missing.
+    pub(crate) run_dir: PathBuf,
+    /// Every setting.
+    pub(crate) settings: Settings,
+    /// Camera of the source.
+    pub(crate) camera: Camera,
+    /// Frames of the source.
+    pub(crate) n_frames: Option<u64>,
+    /// Go on with the run that is there.
+    pub(crate) resume: bool,
+    /// The program that becomes the stages: `std::env::current_exe()`.
+    pub(crate) executable: PathBuf,
+    /// For tests: kill points of the first life of a stage, as `point:index,…`.
+    pub(crate) kill_points: Vec<(Stage, String)>,
+}
+
+/// A run directory that is ours alone.
+pub(super) struct Prepared {
+    pub(super) claim: RunClaim,
+    pub(super) files: RunFiles,
+    pub(super) layout: Layout,
+    /// Bytes of shared memory that the run may take.
+    pub(super) need_bytes: u64,
+}
+
+impl Plan {
+    /// Takes the name, checks the room in shared memory and writes what every process reads.
+    pub(super) fn prepare(&self) -> Result<Prepared, SupervisorError> {
+        let files = RunFiles::new(&self.run_dir);
+        let is_there = files.run_file().exists();
+        if is_there && !self.resume {
+            return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
+        }
+        let claim = RunClaim::take(&self.name, &self.run_dir)?;
+        let run = RunFile {
+            name: self.name.clone(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            identity: claim.entry.identity.clone(),
+            camera: self.camera.clone(),
+            n_frames: self.n_frames,
+        };
+        let layout = run.layout(&self.settings);
+        let need_bytes = check_space(&layout)?;
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(&self.run_dir)
+            .map_err(|e| directory("make", &self.run_dir, &e))?;
+        let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
+        write_private(&files.config(), config.as_bytes())?;
+        start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
+        // Their readers want them to be there; their locks say that no earlier stage is left.
+        let (_, recovered) =
+            Journal::<AlignRecord>::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |_| Ok(()))
+                .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
+        say_dropped(&files.align_journal(), &recovered);
+        let (_, recovered) = Journal::<OptimiseRecord>::open(
+            &files.optimise_journal(),
+            OPTIMISE_JOURNAL,
+            PATIENCE,
+            |_| Ok(()),
+        )
+        .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
+        say_dropped(&files.optimise_journal(), &recovered);
+        Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
+        let _ = std::fs::remove_file(files.live_clock());
+        run.write(&files)?;
+        Ok(Prepared { claim, files, layout, need_bytes })
+    }
+}
+
+/// What was torn off a journal, for the log.
+fn say_dropped(path: &Path, recovered: &Recovered) {
+    if let Some(reason) = &recovered.reason {
+        let Recovered { n_records, dropped_bytes, .. } = recovered;
+        tracing::warn!(
+            "{} ends after {n_records} records, {dropped_bytes} bytes behind them are dropped: {reason}",
+            path.display()
+        );
+    }
+}
+
+/// An error about a file of the run directory.
+fn directory(action: &'static str, path: &Path, reason: &dyn std::fmt::Display) -> SupervisorError {
+    SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
+}
+
+fn write_private(path: &Path, bytes: &[u8]) -> Result<(), SupervisorError> {
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    options.open(path).and_then(|mut file| file.write_all(bytes)).map_err(|e| directory("write", path, &e))
+}

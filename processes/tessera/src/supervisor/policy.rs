@@ -1,0 +1,143 @@
+//! Whether and when a dead stage is started again: pure, so that it is tested.
+
+use std::time::{Duration, Instant};
+use tessera_settings::{FlowSettings, Restart};
+
+/// Deaths of its own on one frame after which a stage is given up.
+const POISON: u32 = 3;
+/// Pause after the first death without progress; doubled with each further one.
+const FIRST_PAUSE: Duration = Duration::from_millis(20);
+const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+
+/// How a stage died.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Death {
+    /// When.
+    pub(super) at: Instant,
+    /// By its own doing (an error, a panic, a bad access, a hang), not by somebody's kill.
+    pub(super) is_own: bool,
+    /// Whether it had done anything in this life.
+    pub(super) had_progress: bool,
+    /// The frame (or request) it had in hand.
+    pub(super) index: u64,
+}
+
+/// What to do about a death.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Start it again after a pause.
+    Again(Duration),
+    /// Give the run up.
+    GiveUp,
+}
+
+/// The deaths of one stage.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    deaths: Vec<Instant>,
+    without_progress: u32,
+    /// The frame of the last deaths of its own, and how many there were on it.
+    poison: Option<(u64, u32)>,
+}
+
+impl History {
+    /// Takes a death in and decides.
+    pub(super) fn judge(&mut self, death: &Death, settings: &FlowSettings) -> Verdict {
+        self.without_progress = if death.had_progress { 0 } else { self.without_progress + 1 };
+        if death.is_own {
+            let before = self.poison.filter(|(index, _)| *index == death.index).map_or(0, |(_, n)| n);
+            self.poison = Some((death.index, before + 1));
+        }
+        self.deaths.push(death.at);
+        let within = Duration::from_secs_f64(settings.restarts_within_s);
+        self.deaths.retain(|at| death.at.saturating_duration_since(*at) <= within);
+        let may = match settings.restart {
+            Restart::Always => true,
+            Restart::Limited => self.deaths.len() <= settings.restarts as usize,
+            Restart::Never => false,
+        };
+        if !may || self.n_own_deaths() >= POISON {
+            return Verdict::GiveUp;
+        }
+        Verdict::Again(match self.without_progress {
+            0 => Duration::ZERO,
+            n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(LONGEST_PAUSE),
+        })
+    }
+
+    /// Deaths of its own on the frame that killed it last.
+    pub(super) fn n_own_deaths(&self) -> u32 {
+        self.poison.map_or(0, |(_, n)| n)
+    }
+
+    /// Deaths in a row without anything done between them.
+    pub(super) fn n_without_progress(&self) -> u32 {
+        self.without_progress
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn death(at_s: u64, is_own: bool, had_progress: bool, index: u64) -> (Death, FlowSettings) {
+        let at = Instant::now() + Duration::from_secs(at_s);
+        (Death { at, is_own, had_progress, index }, FlowSettings::default())
+    }
+
+    fn judge(history: &mut History, (death, settings): (Death, FlowSettings)) -> Verdict {
+        history.judge(&death, &settings)
+    }
+
+    #[test]
+    fn somebody_elses_kills_are_forgiven_without_end_and_without_pause() {
+        let mut history = History::default();
+        for k in 0..1000 {
+            assert_eq!(judge(&mut history, death(k, false, true, 7)), Verdict::Again(Duration::ZERO));
+        }
+    }
+
+    #[test]
+    fn the_third_death_of_its_own_on_one_frame_is_the_last() {
+        let mut history = History::default();
+        assert!(matches!(judge(&mut history, death(0, true, true, 7)), Verdict::Again(_)));
+        assert!(matches!(judge(&mut history, death(1, true, false, 7)), Verdict::Again(_)));
+        // A kill from outside in between changes nothing.
+        assert!(matches!(judge(&mut history, death(2, false, false, 7)), Verdict::Again(_)));
+        assert_eq!(judge(&mut history, death(3, true, false, 7)), Verdict::GiveUp);
+        let mut other = History::default();
+        for index in 0..50 {
+            assert_ne!(judge(&mut other, death(index, true, true, index)), Verdict::GiveUp);
+        }
+    }
+
+    #[test]
+    fn pauses_grow_only_without_progress() {
+        let mut history = History::default();
+        let pauses: Vec<u128> = (0..12)
+            .map(|k| match judge(&mut history, death(k, false, false, k)) {
+                Verdict::Again(pause) => pause.as_millis(),
+                Verdict::GiveUp => 0,
+            })
+            .collect();
+        assert_eq!(pauses[..4], [20, 40, 80, 160]);
+        assert_eq!(pauses[11], 2000);
+        assert_eq!(judge(&mut history, death(20, false, true, 0)), Verdict::Again(Duration::ZERO));
+    }
+
+    #[test]
+    fn policies_limit_restarts() {
+        let mut history = History::default();
+        let (first, settings) = death(0, false, true, 0);
+        let never = FlowSettings { restart: Restart::Never, ..settings.clone() };
+        assert_eq!(history.judge(&first, &never), Verdict::GiveUp);
+        let limited =
+            FlowSettings { restart: Restart::Limited, restarts: 2, restarts_within_s: 10.0, ..settings };
+        let mut history = History::default();
+        let verdicts: Vec<bool> = [0, 1, 20, 21, 22]
+            .iter()
+            .map(|&s| history.judge(&death(s, false, true, 0).0, &limited) == Verdict::GiveUp)
+            .collect();
+        assert_eq!(verdicts, [false, false, false, false, true]);
+    }
+}

@@ -1,0 +1,120 @@
+//! One stage as a process: starting it, ending it, and what its end means.
+
+use super::failure::SupervisorError;
+use super::plan::Plan;
+use std::fs::OpenOptions;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use tessera_messages::Stage;
+use tessera_stage::{KILL_POINTS_VARIABLE, RunFiles, StageArgs};
+
+/// Set for a stage whose standard input is the supervisor's life line.
+const LIFELINE_VARIABLE: &str = "TESSERA_LIFELINE";
+
+/// Becomes a stage: what `tessera stage STAGE --run-dir DIR` does.
+pub(crate) fn run_stage(stage: Stage, run_dir: PathBuf) -> ExitCode {
+    let watch_stdin = std::env::var_os(LIFELINE_VARIABLE).is_some();
+    let args = StageArgs { run_dir, watch_stdin };
+    match stage {
+        Stage::Sensor => tessera_sensor::main(&args),
+        Stage::Reconstruct => tessera_reconstruct::main(&args),
+        Stage::Align => tessera_align::main(&args),
+        Stage::Optimise => tessera_optimise::main(&args),
+    }
+}
+
+/// Starts a stage in its own process group: Ctrl-C reaches the supervisor alone.
+pub(super) fn spawn(
+    plan: &Plan,
+    files: &RunFiles,
+    stage: Stage,
+    is_first: bool,
+) -> Result<Child, SupervisorError> {
+    let failed = |reason: std::io::Error| SupervisorError::Spawn {
+        what: format!("{stage} from {}", plan.executable.display()),
+        reason: reason.to_string(),
+    };
+    let log = OpenOptions::new().append(true).create(true).open(files.log()).map_err(failed)?;
+    let mut command = Command::new(&plan.executable);
+    command
+        .args(["stage", stage.name(), "--run-dir"])
+        .arg(&files.dir)
+        .env(LIFELINE_VARIABLE, "1")
+        .env_remove(KILL_POINTS_VARIABLE)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(log)
+        .process_group(0);
+    let points: Vec<&str> =
+        plan.kill_points.iter().filter(|(of, _)| *of == stage).map(|(_, points)| points.as_str()).collect();
+    if is_first && !points.is_empty() {
+        command.env(KILL_POINTS_VARIABLE, points.join(","));
+    }
+    command.spawn().map_err(failed)
+}
+
+/// What the end of a stage means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Meaning {
+    /// Its part is done.
+    Finished,
+    /// Somebody told it to stop, or killed it.
+    Killed,
+    /// It failed in a way that trying again cannot cure.
+    Unusable,
+    /// It failed by its own doing.
+    Failed,
+}
+
+/// What an exit status means.
+pub(super) fn meaning(status: ExitStatus) -> Meaning {
+    const FROM_OUTSIDE: [i32; 4] = [
+        signal_hook::consts::SIGKILL,
+        signal_hook::consts::SIGTERM,
+        signal_hook::consts::SIGINT,
+        signal_hook::consts::SIGHUP,
+    ];
+    match (status.code(), status.signal()) {
+        (Some(0), _) => Meaning::Finished,
+        (Some(code), _) if code == i32::from(tessera_stage::Outcome::STOPPED) => Meaning::Killed,
+        (Some(2 | 3), _) => Meaning::Unusable,
+        (_, Some(signal)) if FROM_OUTSIDE.contains(&signal) => Meaning::Killed,
+        _ => Meaning::Failed,
+    }
+}
+
+/// An exit status in words.
+pub(super) fn describe(status: ExitStatus) -> String {
+    match (status.code(), status.signal()) {
+        (Some(101), _) => "exit status 101 (a panic: a bug in Tessera)".into(),
+        (Some(code), _) => format!("exit status {code}"),
+        (None, Some(signal)) => {
+            let name = signal_hook::low_level::signal_name(signal).unwrap_or("unknown");
+            format!("signal {signal} ({name})")
+        }
+        (None, None) => "an unknown status".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statuses_have_meanings_and_words() {
+        let exit = |code: i32| ExitStatus::from_raw(code << 8);
+        let cases = [
+            (exit(0), Meaning::Finished, "exit status 0"),
+            (exit(75), Meaning::Killed, "exit status 75"),
+            (exit(3), Meaning::Unusable, "exit status 3"),
+            (exit(4), Meaning::Failed, "exit status 4"),
+            (exit(101), Meaning::Failed, "exit status 101 (a panic: a bug in Tessera)"),
+            (ExitStatus::from_raw(9), Meaning::Killed, "signal 9 (SIGKILL)"),
+            (ExitStatus::from_raw(11), Meaning::Failed, "signal 11 (SIGSEGV)"),
+        ];
+        for (status, expected, words) in cases {
+            assert_eq!((meaning(status), describe(status).as_str()), (expected, words));
+        }
+    }
+}
