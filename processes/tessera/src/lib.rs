@@ -24,6 +24,11 @@ pub fn main() -> ExitCode {
         Err(error) => return refuse(&error),
     };
     let result = match arguments.command.unwrap_or_else(|| Command::Run(RunArguments::default())) {
+        Command::Run(arguments) => commands::run(&arguments),
+        Command::Stage(arguments) => match commands::stage(&arguments) {
+            Ok(code) => return code,
+            Err(error) => Err(error),
+        },
         Command::Evaluate(arguments) => commands::evaluate(&arguments),
         Command::Export(arguments) => commands::export(&arguments),
         Command::Completions { shell } => commands::completions(shell),

@@ -41,7 +41,7 @@ impl Replay {
                     self.add_keyframe(keyframe);
                 }
                 // The tracker's own memory is of no use here, and large.
-                frame.memory = Vec::new();
+                frame.blocks = Vec::new();
                 self.frames.push(*frame);
             }
             AlignRecord::Skipped(index, reason) => self.skipped.push((index, reason)),
