@@ -13,24 +13,34 @@ pub enum NoiseModel {
     Nguyen,
 }
 
-/// The standard deviation of depth for one noise model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// The standard deviation of depth for one noise model: a quadratic in depth, whichever it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthNoise {
-    /// The formula in use.
-    pub model: NoiseModel,
+    quadratic: f32,
+    linear: f32,
+    constant: f32,
 }
 
 impl DepthNoise {
-    /// Standard deviation in metres of a measurement at `depth_m` metres.
-    #[inline]
-    pub fn sigma_m(&self, depth_m: f32) -> f32 {
-        match self.model {
-            NoiseModel::Paper => (0.00263 * depth_m - 0.00519) * depth_m + 0.00755,
-            NoiseModel::Nguyen => {
-                let beyond = depth_m - 0.4;
-                0.0012 + 0.0019 * beyond * beyond
-            }
+    /// The formula of a model.
+    pub const fn new(model: NoiseModel) -> Self {
+        match model {
+            NoiseModel::Paper => Self { quadratic: 0.00263, linear: -0.00519, constant: 0.00755 },
+            // 0.0012 + 0.0019 (z - 0.4)^2, multiplied out.
+            NoiseModel::Nguyen => Self { quadratic: 0.0019, linear: -0.00152, constant: 0.001504 },
         }
+    }
+
+    /// Standard deviation in metres of a measurement at `depth_m` metres.
+    #[inline(always)]
+    pub fn sigma_m(&self, depth_m: f32) -> f32 {
+        (self.quadratic * depth_m + self.linear) * depth_m + self.constant
+    }
+}
+
+impl Default for DepthNoise {
+    fn default() -> Self {
+        Self::new(NoiseModel::default())
     }
 }
 
@@ -53,10 +63,12 @@ mod tests {
             (6.0, 71.1),
             (8.0, 134.3),
         ];
-        let noise = DepthNoise { model: NoiseModel::Paper };
+        let noise = DepthNoise::new(NoiseModel::Paper);
         for (depth_m, sigma_mm) in table {
             assert!((noise.sigma_m(depth_m) * 1e3 - sigma_mm).abs() < 0.1, "at {depth_m} m");
         }
+        let nguyen = DepthNoise::new(NoiseModel::Nguyen);
+        assert!((nguyen.sigma_m(2.0) * 1e3 - 6.064).abs() < 1e-2);
         let mut depth_m = 0.3;
         while depth_m < 10.0 {
             assert!(noise.sigma_m(depth_m) > 0.0);

@@ -43,7 +43,7 @@ impl Context {
             grid,
             registration: registration.clone(),
             mapping: mapping.clone(),
-            noise: DepthNoise { model: surface.noise },
+            noise: DepthNoise::new(surface.noise),
             offset_px,
         }
     }

@@ -1,25 +1,35 @@
 //! The organised cloud: one point per cell of `n x n` pixels (SPEC 1.1).
 
+use crate::cell::{CellDepth, CellRule};
 use crate::planes::Workspace;
 use crate::settings::CellSample;
 use tessera_geometry::{Camera, DepthNoise, RayTable};
 
-/// What the cloud needs to know of the camera, made once per camera.
+/// Turns pixels into points; knows the camera's rays.
 #[derive(Debug)]
 pub(crate) struct CloudMaker {
+    /// Rays of all pixels, for cells that are not whole.
     rays: RayTable,
-    sample: CellSample,
+    /// Rays through where a whole cell is measured, row by row.
+    centre_x: Vec<f32>,
+    centre_y: Vec<f32>,
+    rule: CellRule,
+    width: usize,
     step: usize,
-    metres_per_unit: f32,
-    max_depth_m: f32,
-    noise: DepthNoise,
+    /// Sums, least and largest raw depth of each image column over the rows of a cell.
+    columns: ColumnSums,
 }
 
-/// One cell's measurement: depth and the pixel it belongs to, relative to the cell's corner.
-struct CellDepth {
-    depth_m: f32,
-    row: f32,
-    column: f32,
+#[derive(Debug, Default)]
+struct ColumnSums {
+    sum: Vec<u32>,
+    least: Vec<u16>,
+    most: Vec<u16>,
+    /// The same for each cell, and its mean depth.
+    cell_sum: Vec<u32>,
+    cell_least: Vec<u16>,
+    cell_most: Vec<u16>,
+    mean_m: Vec<f32>,
 }
 
 impl CloudMaker {
@@ -30,39 +40,79 @@ impl CloudMaker {
         max_depth_m: f32,
         noise: DepthNoise,
     ) -> Self {
+        let rays = RayTable::new(camera, 1);
+        let (rows, columns) = (rays.height.div_ceil(step), rays.width.div_ceil(step));
+        let offset = match sample {
+            CellSample::Mean => (step as f64 - 1.0) / 2.0,
+            CellSample::Corner | CellSample::Nearest => 0.0,
+        };
+        let centre = |i: usize| {
+            let (row, column) = (i / columns * step, i % columns * step);
+            camera.ray(row as f64 + offset, column as f64 + offset)
+        };
         Self {
-            rays: RayTable::new(camera, 1),
-            sample,
+            centre_x: (0..rows * columns).map(|i| centre(i).x as f32).collect(),
+            centre_y: (0..rows * columns).map(|i| centre(i).y as f32).collect(),
+            rule: CellRule::new(camera, step, sample, max_depth_m, noise),
+            width: rays.width,
             step,
-            metres_per_unit: (1.0 / camera.units_per_metre) as f32,
-            max_depth_m,
-            noise,
+            columns: ColumnSums {
+                sum: vec![0; rays.width],
+                least: vec![0; rays.width],
+                most: vec![0; rays.width],
+                cell_sum: vec![0; columns],
+                cell_least: vec![0; columns],
+                cell_most: vec![0; columns],
+                mean_m: vec![0.0; columns],
+            },
+            rays,
         }
     }
 
     /// Fills points, brightness and colour; returns the number of cells with a measurement.
-    pub(crate) fn fill(&self, depth: &[u16], colour: Option<&[u8]>, w: &mut Workspace) -> usize {
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, depth: &[u16], colour: Option<&[u8]>, w: &mut Workspace) -> usize {
         let mut n_measured = 0;
-        for row in 0..w.grid.height {
-            for column in 0..w.grid.width {
-                let i = row * w.grid.width + column;
-                let Some(cell) = self.cell_depth(depth, row, column) else {
-                    w.points.set(i, [0.0; 3]);
-                    w.intensity[i] = 0.0;
-                    w.colour_row[i] = [0; 4];
-                    continue;
-                };
-                n_measured += 1;
-                w.points.set(i, self.point(row, column, &cell));
-                // Colour at the pixel nearest to where the depth is.
-                let (row_offset, column_offset) = ((cell.row + 0.5) as usize, (cell.column + 0.5) as usize);
-                let pixel =
-                    (row * self.step + row_offset) * self.rays.width + column * self.step + column_offset;
-                let rgb = colour.map_or([128; 3], |c| [c[3 * pixel], c[3 * pixel + 1], c[3 * pixel + 2]]);
-                let sum = u32::from(rgb[0]) + u32::from(rgb[1]) + u32::from(rgb[2]);
-                w.intensity[i] = sum as f32 * (1.0 / 765.0);
-                w.colour_row[i] = [rgb[0], rgb[1], rgb[2], row_offset as u8];
+        for row in 0..w.layout.grid.height {
+            n_measured += self.fill_row(row, depth, w);
+            colours(row, self.step, self.width, colour, w);
+        }
+        n_measured
+    }
+
+    #[inline(always)]
+    fn fill_row(&mut self, row: usize, depth: &[u16], w: &mut Workspace) -> usize {
+        let (start, n) = (w.layout.row(row), w.layout.grid.width);
+        let whole_columns = self.width / self.step;
+        let is_whole = self.rule.averages() && (row + 1) * self.step <= self.rays.height;
+        self.columns.mean_m.fill(0.0);
+        if is_whole {
+            self.columns.fill(&depth[row * self.step * self.width..], self.width, self.step);
+            self.columns.whole_cells(whole_columns, self.step, &self.rule);
+        }
+        let means = &self.columns.mean_m[..n];
+        let rays = (&self.centre_x[row * n..(row + 1) * n], &self.centre_y[row * n..(row + 1) * n]);
+        let [x, y, z] = w.points.run_mut(start, n);
+        point_row(rays, means, x, y, z);
+        let whole_row_offset = if self.rule.averages() { self.step / 2 } else { 0 };
+        let mut n_measured = 0;
+        for column in 0..n {
+            let mut row_offset = whole_row_offset;
+            if means[column] == 0.0 {
+                // Not whole: a hole, a depth edge or a steep slope.
+                let cell = self.rule.measure(
+                    depth,
+                    self.width,
+                    row * self.step,
+                    column * self.step,
+                    self.rays.height,
+                );
+                let point = cell.map_or([0.0; 3], |cell| self.point(row, column, &cell));
+                row_offset = cell.map_or(0, |cell| (cell.row + 0.5) as usize);
+                w.points.set(start + column, point);
             }
+            n_measured += usize::from(w.points.z[start + column] > 0.0);
+            w.colour_row[row * n + column][3] = row_offset as u8;
         }
         n_measured
     }
@@ -71,88 +121,89 @@ impl CloudMaker {
     fn point(&self, row: usize, column: usize, cell: &CellDepth) -> [f32; 3] {
         let RayTable { width, height, x, y, .. } = &self.rays;
         let (r, c) = (row * self.step + cell.row as usize, column * self.step + cell.column as usize);
-        let (dr, dc) = (cell.row.fract(), cell.column.fract());
+        let (dr, dc) = (cell.row - (cell.row as usize) as f32, cell.column - (cell.column as usize) as f32);
         let (at, right, down) =
-            (r * width + c, (c + 1 < *width) as usize, (r + 1 < *height) as usize * width);
+            (r * width + c, usize::from(c + 1 < *width), usize::from(r + 1 < *height) * width);
         // Rays are smooth: linear between neighbouring pixels to 1e-7.
         let ray_x = x[at] + dc * (x[at + right] - x[at]) + dr * (x[at + down] - x[at]);
         let ray_y = y[at] + dc * (y[at + right] - y[at]) + dr * (y[at + down] - y[at]);
         [ray_x * cell.depth_m, ray_y * cell.depth_m, cell.depth_m]
     }
+}
 
-    fn metres(&self, raw: u16) -> f32 {
-        // 0 and 65535 are no measurement; both fail the range test below.
-        let depth_m = if raw == u16::MAX { 0.0 } else { f32::from(raw) * self.metres_per_unit };
-        if depth_m <= self.max_depth_m { depth_m } else { 0.0 }
-    }
-
-    fn cell_depth(&self, depth: &[u16], row: usize, column: usize) -> Option<CellDepth> {
-        let (top, left) = (row * self.step, column * self.step);
-        let (n_rows, n_columns) =
-            (self.step.min(self.rays.height - top), self.step.min(self.rays.width - left));
-        let at = |r: usize, c: usize| self.metres(depth[(top + r) * self.rays.width + left + c]);
-        match self.sample {
-            CellSample::Corner => {
-                let depth_m = at(0, 0);
-                (depth_m > 0.0).then_some(CellDepth { depth_m, row: 0.0, column: 0.0 })
-            }
-            CellSample::Nearest => nearest_pixel(n_rows, n_columns, at),
-            CellSample::Mean => {
-                // The reference is the valid pixel nearest to the cell's middle.
-                let reference = middle_pixel(n_rows, n_columns, at)?;
-                let inverse_m = 1.0 / reference;
-                let tolerance = 2.0 * self.noise.sigma_m(reference) * inverse_m * inverse_m;
-                let (mut sum, mut n, mut sum_row, mut sum_column) = (0.0f32, 0.0f32, 0.0f32, 0.0f32);
-                for r in 0..n_rows {
-                    for c in 0..n_columns {
-                        let depth_m = at(r, c);
-                        let inverse = if depth_m > 0.0 { 1.0 / depth_m } else { 0.0 };
-                        let here =
-                            f32::from(u8::from((inverse - inverse_m).abs() <= tolerance && depth_m > 0.0));
-                        sum += here * inverse;
-                        sum_row += here * r as f32;
-                        sum_column += here * c as f32;
-                        n += here;
-                    }
-                }
-                // Disparity is affine in the pixel on a plane, so its mean at the mean pixel is exact.
-                Some(CellDepth { depth_m: n / sum, row: sum_row / n, column: sum_column / n })
+impl ColumnSums {
+    #[inline(always)]
+    fn fill(&mut self, rows: &[u16], width: usize, n_rows: usize) {
+        let (sum, least, most) = (&mut self.sum[..width], &mut self.least[..width], &mut self.most[..width]);
+        sum.fill(0);
+        least.fill(u16::MAX);
+        most.fill(0);
+        for row in rows.chunks_exact(width).take(n_rows) {
+            for c in 0..width {
+                sum[c] += u32::from(row[c]);
+                least[c] = least[c].min(row[c]);
+                most[c] = most[c].max(row[c]);
             }
         }
+    }
+
+    /// Mean depth of each cell all of whose pixels lie on one surface; 0 for the others.
+    #[inline(always)]
+    fn whole_cells(&mut self, n_cells: usize, step: usize, rule: &CellRule) {
+        for cell in 0..n_cells {
+            let columns = cell * step..(cell + 1) * step;
+            self.cell_least[cell] = self.least[columns.clone()].iter().fold(u16::MAX, |a, &b| a.min(b));
+            self.cell_most[cell] = self.most[columns.clone()].iter().fold(0, |a, &b| a.max(b));
+            self.cell_sum[cell] = self.sum[columns].iter().sum();
+        }
+        mean_row(
+            rule,
+            &self.cell_least[..n_cells],
+            &self.cell_most[..n_cells],
+            &self.cell_sum[..n_cells],
+            &mut self.mean_m[..n_cells],
+        );
     }
 }
 
-/// The valid pixel nearest to the corner, rows before columns among equals.
-fn nearest_pixel(n_rows: usize, n_columns: usize, at: impl Fn(usize, usize) -> f32) -> Option<CellDepth> {
-    let mut best: Option<(usize, CellDepth)> = None;
-    for r in 0..n_rows {
-        for c in 0..n_columns {
-            let distance = r * r + c * c;
-            let depth_m = at(r, c);
-            if depth_m > 0.0 && best.as_ref().is_none_or(|(d, _)| distance < *d) {
-                best = Some((distance, CellDepth { depth_m, row: r as f32, column: c as f32 }));
-            }
-        }
+#[inline(always)]
+fn mean_row(rule: &CellRule, least: &[u16], most: &[u16], sum: &[u32], out: &mut [f32]) {
+    let n = out.len();
+    let (least, most, sum) = (&least[..n], &most[..n], &sum[..n]);
+    for c in 0..n {
+        out[c] = rule.whole_mean(least[c], most[c], sum[c]);
     }
-    best.map(|(_, cell)| cell)
 }
 
-/// Depth of the valid pixel nearest to the middle of the cell.
-fn middle_pixel(n_rows: usize, n_columns: usize, at: impl Fn(usize, usize) -> f32) -> Option<f32> {
-    let first = at(n_rows / 2, n_columns / 2);
-    if first > 0.0 {
-        return Some(first);
+#[inline(always)]
+fn point_row((ray_x, ray_y): (&[f32], &[f32]), depth_m: &[f32], x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
+    let n = x.len();
+    let (ray_x, ray_y, depth_m, y, z) = (&ray_x[..n], &ray_y[..n], &depth_m[..n], &mut y[..n], &mut z[..n]);
+    for c in 0..n {
+        [x[c], y[c], z[c]] = [ray_x[c] * depth_m[c], ray_y[c] * depth_m[c], depth_m[c]];
     }
-    let mut best: Option<(usize, f32)> = None;
-    for r in 0..n_rows {
-        for c in 0..n_columns {
-            let (dr, dc) = ((2 * r + 1).abs_diff(n_rows), (2 * c + 1).abs_diff(n_columns));
-            let distance = dr * dr + dc * dc;
-            let depth_m = at(r, c);
-            if depth_m > 0.0 && best.is_none_or(|(d, _)| distance < d) {
-                best = Some((distance, depth_m));
-            }
+}
+
+/// Brightness and colour at the middle pixel of each cell of a row.
+#[inline(always)]
+fn colours(row: usize, step: usize, width: usize, colour: Option<&[u8]>, w: &mut Workspace) {
+    let (start, n) = (w.layout.row(row), w.layout.grid.width);
+    let Some(colour) = colour else {
+        w.intensity[start..start + n].fill(0.5);
+        for c in &mut w.colour_row[row * n..(row + 1) * n] {
+            *c = [128, 128, 128, c[3]];
         }
+        return;
+    };
+    let height = colour.len() / (3 * width);
+    let pixel_row = (row * step + step / 2).min(height - 1);
+    let line = &colour[3 * pixel_row * width..3 * (pixel_row + 1) * width];
+    for column in 0..n {
+        let at = 3 * (column * step + step / 2).min(width - 1);
+        let rgb = [line[at], line[at + 1], line[at + 2]];
+        let sum = u32::from(rgb[0]) + u32::from(rgb[1]) + u32::from(rgb[2]);
+        w.intensity[start + column] = sum as f32 * (1.0 / 765.0);
+        let out = &mut w.colour_row[row * n + column];
+        *out = [rgb[0], rgb[1], rgb[2], out[3]];
     }
-    best.map(|(_, depth_m)| depth_m)
 }

@@ -6,6 +6,7 @@
 //! filter over mesh rings (eq. 6-7). Covariances (eq. 9) are functions of the normals.
 #![forbid(unsafe_code)]
 
+mod cell;
 mod cloud;
 mod filter;
 mod mesh;

@@ -1,24 +1,16 @@
 //! Which neighbours of the grid are joined by an edge, and which four make a quad (SPEC 1.2-1.5).
 
-use crate::planes::{Planes3, Workspace};
+use crate::planes::{Layout, Mesh, Run, Workspace};
 use crate::settings::{EdgeRule, LengthRule, SurfaceSettings};
 use tessera_geometry::DepthNoise;
-
-/// The edge to the right neighbour is valid.
-pub(crate) const RIGHT: u8 = 1;
-/// The edge to the lower neighbour is valid.
-pub(crate) const DOWN: u8 = 2;
-/// The edge to the lower right neighbour is valid.
-pub(crate) const DIAGONAL: u8 = 4;
-/// The cell whose upper left corner this vertex is, is a quad.
-pub(crate) const QUAD: u8 = 8;
 
 /// The edge test of eq. 1, with its constants worked out.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EdgeTest {
     cos_sq: f32,
     tolerance_factor: f32,
-    rule: EdgeRule,
+    /// 1 joins the two tests by "or", 0 by "and".
+    is_or: bool,
     noise: DepthNoise,
 }
 
@@ -33,17 +25,18 @@ impl EdgeTest {
         Self {
             cos_sq: cosine * cosine,
             tolerance_factor: 2.0 * growth,
-            rule: settings.edge_rule,
-            noise: DepthNoise { model: settings.noise },
+            is_or: settings.edge_rule == EdgeRule::Or,
+            noise: DepthNoise::new(settings.noise),
         }
     }
 
     /// Eq. 1-4 for the edge between two points of one cloud, viewpoint at the origin.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn is_valid(&self, a: [f32; 3], b: [f32; 3]) -> bool {
         // The nearer endpoint occludes: the angle is taken there.
-        let (near, far) = if a[2] <= b[2] { (a, b) } else { (b, a) };
-        let edge = [near[0] - far[0], near[1] - far[1], near[2] - far[2]];
+        let is_a_near = a[2] <= b[2];
+        let near: [f32; 3] = std::array::from_fn(|k| if is_a_near { a[k] } else { b[k] });
+        let edge = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
         let length_sq = edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2];
         let range_sq = near[0] * near[0] + near[1] * near[1] + near[2] * near[2];
         let dot = near[0] * edge[0] + near[1] * edge[1] + near[2] * edge[2];
@@ -51,64 +44,72 @@ impl EdgeTest {
         let is_short = length_sq <= tolerance_m * tolerance_m;
         // |cos| <= cos(eps): not along one line of sight. Coincident points fail by `<`.
         let is_across = dot * dot < self.cos_sq * range_sq * length_sq;
-        let joined = match self.rule {
-            EdgeRule::Or => is_short | is_across,
-            EdgeRule::And => is_short & is_across,
-        };
+        let joined = (is_short & is_across) | (self.is_or & (is_short | is_across));
         joined & (near[2] > 0.0)
     }
 }
 
-/// Fills edge and quad bits and counts the quads around each vertex.
-pub(crate) fn build(test: &EdgeTest, w: &mut Workspace) {
-    let (width, height) = (w.grid.width, w.grid.height);
-    edges(test, &w.points, width, height, &mut w.bits);
-    for row in 0..height.saturating_sub(1) {
-        let (upper, lower) = w.bits[row * width..].split_at_mut(width);
-        for c in 0..width - 1 {
-            let four_sides =
-                (upper[c] & RIGHT) & (upper[c] & DOWN) >> 1 & (lower[c] & RIGHT) & (upper[c + 1] & DOWN) >> 1;
-            upper[c] |= four_sides * QUAD;
-        }
+/// Fills edges, quads and the number of quads around each vertex.
+#[inline(always)]
+pub(crate) fn build(test: EdgeTest, w: &mut Workspace) {
+    let Layout { grid, stride } = w.layout;
+    let n = grid.width;
+    for row in 0..grid.height {
+        let start = w.layout.row(row);
+        let here = w.points.run(start, n);
+        let out = start..start + n;
+        edge_row(test, here, w.points.run(start + 1, n), &mut w.mesh.right[out.clone()]);
+        edge_row(test, here, w.points.run(start + stride, n), &mut w.mesh.down[out.clone()]);
+        edge_row(test, here, w.points.run(start + stride + 1, n), &mut w.mesh.diagonal[out]);
     }
-    count_quads(w);
-}
-
-fn edges(test: &EdgeTest, points: &Planes3, width: usize, height: usize, bits: &mut [u8]) {
-    for row in 0..height {
-        for column in 0..width {
-            let i = row * width + column;
-            let p = points.at(i);
-            let mut b = 0;
-            if p[2] > 0.0 {
-                let (has_right, has_down) = (column + 1 < width, row + 1 < height);
-                if has_right && test.is_valid(p, points.at(i + 1)) {
-                    b |= RIGHT;
-                }
-                if has_down && test.is_valid(p, points.at(i + width)) {
-                    b |= DOWN;
-                }
-                if has_right && has_down && test.is_valid(p, points.at(i + width + 1)) {
-                    b |= DIAGONAL;
-                }
-            }
-            bits[i] = b;
-        }
+    let Mesh { right, down, quad, n_quads, .. } = &mut w.mesh;
+    for row in 0..grid.height {
+        let start = w.layout.row(row);
+        quad_row(
+            [&right[start..start + n], &right[start + stride..start + stride + n]],
+            [&down[start..start + n], &down[start + 1..start + 1 + n]],
+            &mut quad[start..start + n],
+        );
+    }
+    for row in 0..grid.height {
+        let start = w.layout.row(row);
+        let above = start - stride;
+        count_row(
+            [&quad[start..start + n], &quad[start - 1..start - 1 + n]],
+            [&quad[above..above + n], &quad[above - 1..above - 1 + n]],
+            &mut n_quads[start..start + n],
+        );
     }
 }
 
-fn count_quads(w: &mut Workspace) {
-    let width = w.grid.width;
-    w.quads.fill(0);
-    for row in 0..w.grid.height.saturating_sub(1) {
-        let bits = &w.bits[row * width..(row + 1) * width];
-        let (upper, lower) = w.quads[row * width..].split_at_mut(width);
-        for c in 0..width - 1 {
-            let quad = (bits[c] & QUAD) / QUAD;
-            upper[c] += quad;
-            upper[c + 1] += quad;
-            lower[c] += quad;
-            lower[c + 1] += quad;
-        }
+// The rows are functions of their own so that the compiler knows the output overlaps no input:
+// without that it makes no vectors of loops over so many planes.
+
+#[inline(always)]
+fn edge_row(test: EdgeTest, a: Run<'_>, b: Run<'_>, out: &mut [f32]) {
+    let n = out.len();
+    let (ax, ay, az) = (&a.x[..n], &a.y[..n], &a.z[..n]);
+    let (bx, by, bz) = (&b.x[..n], &b.y[..n], &b.z[..n]);
+    for c in 0..n {
+        let is_valid = test.is_valid([ax[c], ay[c], az[c]], [bx[c], by[c], bz[c]]);
+        out[c] = if is_valid { 1.0 } else { 0.0 };
+    }
+}
+
+#[inline(always)]
+fn quad_row([top, bottom]: [&[f32]; 2], [left, right]: [&[f32]; 2], out: &mut [f32]) {
+    let n = out.len();
+    let (top, bottom, left, right) = (&top[..n], &bottom[..n], &left[..n], &right[..n]);
+    for c in 0..n {
+        out[c] = top[c] * bottom[c] * left[c] * right[c];
+    }
+}
+
+#[inline(always)]
+fn count_row([here, left]: [&[f32]; 2], [above, corner]: [&[f32]; 2], out: &mut [f32]) {
+    let n = out.len();
+    let (here, left, above, corner) = (&here[..n], &left[..n], &above[..n], &corner[..n]);
+    for c in 0..n {
+        out[c] = here[c] + left[c] + above[c] + corner[c];
     }
 }

@@ -1,8 +1,35 @@
 //! Structure-of-arrays storage of one surface while it is being made.
+//!
+//! Planes are padded by one cell on each side, so that a loop over a row may read all neighbours
+//! without asking where the image ends: the padding holds no measurement and no edge.
 
 use crate::vertex::Grid;
 
-/// Three coordinates, each in an array of its own.
+/// Where a grid lies in a padded plane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layout {
+    pub(crate) grid: Grid,
+    pub(crate) stride: usize,
+}
+
+impl Layout {
+    pub(crate) fn new(grid: Grid) -> Self {
+        Self { grid, stride: grid.width + 2 }
+    }
+
+    /// Length of a padded plane.
+    pub(crate) fn len(&self) -> usize {
+        self.stride * (self.grid.height + 2)
+    }
+
+    /// Place of the first vertex of a row.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> usize {
+        (row + 1) * self.stride + 1
+    }
+}
+
+/// Three coordinates, each in a padded plane of its own.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Planes3 {
     pub(crate) x: Vec<f32>,
@@ -15,58 +42,113 @@ impl Planes3 {
         Self { x: vec![0.0; len], y: vec![0.0; len], z: vec![0.0; len] }
     }
 
-    #[inline]
+    #[inline(always)]
     pub(crate) fn at(&self, i: usize) -> [f32; 3] {
         [self.x[i], self.y[i], self.z[i]]
     }
 
-    #[inline]
     pub(crate) fn set(&mut self, i: usize, [x, y, z]: [f32; 3]) {
-        self.x[i] = x;
-        self.y[i] = y;
-        self.z[i] = z;
+        (self.x[i], self.y[i], self.z[i]) = (x, y, z);
     }
+
+    /// The three runs of `n` values from `start`.
+    #[inline(always)]
+    pub(crate) fn run(&self, start: usize, n: usize) -> Run<'_> {
+        Run { x: &self.x[start..start + n], y: &self.y[start..start + n], z: &self.z[start..start + n] }
+    }
+
+    /// The three runs of `n` values from `start`, to write.
+    #[inline(always)]
+    pub(crate) fn run_mut(&mut self, start: usize, n: usize) -> [&mut [f32]; 3] {
+        [&mut self.x[start..start + n], &mut self.y[start..start + n], &mut self.z[start..start + n]]
+    }
+}
+
+/// A run of points or normals along a row.
+#[derive(Clone, Copy)]
+pub(crate) struct Run<'a> {
+    pub(crate) x: &'a [f32],
+    pub(crate) y: &'a [f32],
+    pub(crate) z: &'a [f32],
+}
+
+impl<'a> Run<'a> {
+    /// The first `n`, so that the compiler sees one length for all.
+    #[inline(always)]
+    pub(crate) fn first(self, n: usize) -> Self {
+        Self { x: &self.x[..n], y: &self.y[..n], z: &self.z[..n] }
+    }
+
+    #[inline(always)]
+    pub(crate) fn at(&self, i: usize) -> [f32; 3] {
+        [self.x[i], self.y[i], self.z[i]]
+    }
+}
+
+/// Edges and quads as factors: 1 where there is one, 0 where there is none.
+#[derive(Clone, Debug)]
+pub(crate) struct Mesh {
+    pub(crate) right: Vec<f32>,
+    pub(crate) down: Vec<f32>,
+    pub(crate) diagonal: Vec<f32>,
+    /// The quad whose upper left corner is the vertex.
+    pub(crate) quad: Vec<f32>,
+    /// Quads around the vertex, 0 to 4.
+    pub(crate) n_quads: Vec<f32>,
 }
 
 /// All that is kept between the steps of one reconstruction; reused from frame to frame.
 #[derive(Debug)]
 pub(crate) struct Workspace {
-    pub(crate) grid: Grid,
+    pub(crate) layout: Layout,
     /// Points; `z == 0` where there is no measurement.
     pub(crate) points: Planes3,
     /// Brightness in `[0, 1]`.
     pub(crate) intensity: Vec<f32>,
-    /// Red, green, blue and the row offset inside the cell.
+    /// Red, green, blue and the row offset inside the cell; not padded.
     pub(crate) colour_row: Vec<[u8; 4]>,
-    /// Edge and quad bits of [`crate::mesh`].
-    pub(crate) bits: Vec<u8>,
-    /// Quads around each vertex.
-    pub(crate) quads: Vec<u8>,
+    pub(crate) mesh: Mesh,
     /// Unit normals; zero where there is none.
     pub(crate) normals: Planes3,
     pub(crate) filtered_points: Planes3,
     pub(crate) filtered_normals: Planes3,
-    /// Normal of the quad whose upper left corner is the vertex, not normalised.
+    /// Normal of each quad, not normalised.
     pub(crate) quad_normals: Planes3,
-    /// Filter weights of the three forward edges.
-    pub(crate) edge_weights: [Vec<f32>; 3],
+    /// Filter weights of the edges to the right, below and to the lower right.
+    pub(crate) weights: [Vec<f32>; 3],
+    /// The filter's sums along one row.
+    pub(crate) sums: RowSums,
+}
+
+/// Weighted sums along one row: weight, point and normal of eq. 6.
+#[derive(Clone, Debug)]
+pub(crate) struct RowSums {
+    pub(crate) weight: Vec<f32>,
+    pub(crate) point: Planes3,
+    pub(crate) normal: Planes3,
 }
 
 impl Workspace {
     pub(crate) fn new(grid: Grid) -> Self {
-        let len = grid.len();
+        let layout = Layout::new(grid);
+        let len = layout.len();
+        let plane = || vec![0.0; len];
         Self {
-            grid,
+            layout,
             points: Planes3::zeros(len),
-            intensity: vec![0.0; len],
-            colour_row: vec![[0; 4]; len],
-            bits: vec![0; len],
-            quads: vec![0; len],
+            intensity: plane(),
+            colour_row: vec![[0; 4]; grid.len()],
+            mesh: Mesh { right: plane(), down: plane(), diagonal: plane(), quad: plane(), n_quads: plane() },
             normals: Planes3::zeros(len),
             filtered_points: Planes3::zeros(len),
             filtered_normals: Planes3::zeros(len),
             quad_normals: Planes3::zeros(len),
-            edge_weights: [vec![0.0; len], vec![0.0; len], vec![0.0; len]],
+            weights: [plane(), plane(), plane()],
+            sums: RowSums {
+                weight: vec![0.0; grid.width],
+                point: Planes3::zeros(grid.width),
+                normal: Planes3::zeros(grid.width),
+            },
         }
     }
 }

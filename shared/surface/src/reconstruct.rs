@@ -4,7 +4,7 @@ use crate::cloud::CloudMaker;
 use crate::filter;
 use crate::mesh::{self, EdgeTest};
 use crate::normals::{self, From};
-use crate::planes::Workspace;
+use crate::planes::{Layout, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SettingError, SurfaceSettings};
 use crate::vertex::{Grid, Vertex};
@@ -30,6 +30,7 @@ pub struct Reconstructor {
     test: EdgeTest,
     workspace: Workspace,
     walk: Option<RingWalk>,
+    arch: pulp::Arch,
 }
 
 impl Reconstructor {
@@ -45,19 +46,20 @@ impl Reconstructor {
             height: (camera.height as usize).div_ceil(step),
             step,
         };
-        let noise = DepthNoise { model: settings.noise };
+        let noise = DepthNoise::new(settings.noise);
         Ok(Self {
             settings: settings.clone(),
             cloud: CloudMaker::new(camera, step, settings.cell_sample, settings.max_depth_m, noise),
             test: EdgeTest::new(settings),
             workspace: Workspace::new(grid),
-            walk: (settings.filter_rings > 1).then(|| RingWalk::new(grid)),
+            walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
+            arch: pulp::Arch::new(),
         })
     }
 
     /// The shape of every surface that [`Self::reconstruct`] makes.
     pub fn grid(&self) -> Grid {
-        self.workspace.grid
+        self.workspace.layout.grid
     }
 
     /// Makes the surface of one frame.
@@ -68,9 +70,15 @@ impl Reconstructor {
     /// # Panics
     /// When a slice is shorter than the camera's image or grid, which the caller checks on entry.
     pub fn reconstruct(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
+        let arch = self.arch;
+        arch.dispatch(OneFrame { reconstructor: self, depth, colour, out })
+    }
+
+    #[inline(always)]
+    fn run(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
         let w = &mut self.workspace;
         let n_measured = self.cloud.fill(depth, colour, w);
-        mesh::build(&self.test, w);
+        mesh::build(self.test, w);
         normals::fill(w, From::Raw, self.settings.min_view_cosine);
         if self.settings.filter_rings > 0 {
             for _ in 0..self.settings.filter_passes {
@@ -86,23 +94,48 @@ impl Reconstructor {
     }
 }
 
+/// A reconstruction compiled for each instruction set and run on the widest that the machine has:
+/// plain arithmetic in a fixed order, so the bits are the same on all.
+struct OneFrame<'a> {
+    reconstructor: &'a mut Reconstructor,
+    depth: &'a [u16],
+    colour: Option<&'a [u8]>,
+    out: &'a mut [Vertex],
+}
+
+impl pulp::WithSimd for OneFrame<'_> {
+    type Output = SurfaceStats;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> SurfaceStats {
+        self.reconstructor.run(self.depth, self.colour, self.out)
+    }
+}
+
+#[inline(always)]
 fn write_vertices(w: &Workspace, n_measured: usize, out: &mut [Vertex]) -> SurfaceStats {
     let mut stats = SurfaceStats { n_measured, ..SurfaceStats::default() };
-    for (i, vertex) in out.iter_mut().enumerate().take(w.grid.len()) {
-        let normal = w.normals.at(i);
-        let is_valid = w.quads[i] > 0 && normal != [0.0; 3];
-        let is_inner = is_valid && w.quads[i] == 4;
-        stats.n_valid += usize::from(is_valid);
-        stats.n_inner += usize::from(is_inner);
-        let [r, g, b, row_offset] = w.colour_row[i];
-        let boundary = if is_inner { 0 } else { Vertex::BOUNDARY };
-        let flags = if is_valid { Vertex::VALID | boundary } else { boundary };
-        *vertex = Vertex {
-            position: w.points.at(i),
-            flags_rgb: Vertex::pack(flags, u32::from(row_offset), [r, g, b]),
-            normal,
-            intensity: w.intensity[i],
-        };
+    let n = w.layout.grid.width;
+    for (row, line) in out.chunks_exact_mut(n).enumerate().take(w.layout.grid.height) {
+        let start = w.layout.row(row);
+        let (p, u) = (w.points.run(start, n), w.normals.run(start, n));
+        let (n_quads, intensity) = (&w.mesh.n_quads[start..start + n], &w.intensity[start..start + n]);
+        let colour_row = &w.colour_row[row * n..(row + 1) * n];
+        for (c, vertex) in line.iter_mut().enumerate() {
+            let normal = u.at(c);
+            let is_valid = (n_quads[c] > 0.0) & (normal != [0.0; 3]);
+            let is_inner = is_valid & (n_quads[c] == 4.0);
+            stats.n_valid += usize::from(is_valid);
+            stats.n_inner += usize::from(is_inner);
+            let [r, g, b, row_offset] = colour_row[c];
+            let flags = u32::from(is_valid) * Vertex::VALID + u32::from(!is_inner) * Vertex::BOUNDARY;
+            *vertex = Vertex {
+                position: p.at(c),
+                flags_rgb: Vertex::pack(flags, u32::from(row_offset), [r, g, b]),
+                normal,
+                intensity: intensity[c],
+            };
+        }
     }
     stats
 }

@@ -89,7 +89,7 @@ pub(super) fn measure(
 
 /// A little grey noise on each pixel, independent of the depth's.
 pub(super) fn add_colour_noise(key: u64, rgb: &mut [u8]) {
-    let key = random::mix(key ^ 0xc010_0e);
+    let key = random::mix(key ^ 0x00c0_100e);
     for (at, pixel) in rgb.chunks_exact_mut(3).enumerate() {
         let word = random::word(key, at as u64);
         // The sum of four bytes is nearly normal; 148 is its standard deviation.
@@ -110,7 +110,7 @@ fn inverse_depth(plane: &[f32; 3], x: f32, y: f32) -> f32 {
 #[inline]
 fn to_raw(depth_m: f32, units_per_metre: f32) -> u16 {
     let raw = depth_m * units_per_metre + 0.5;
-    if raw >= 1.0 && raw < 65_535.0 { raw as u16 } else { 0 }
+    if (1.0..65_535.0).contains(&raw) { raw as u16 } else { 0 }
 }
 
 fn is_grazing(plane: &[f32; 3], inverse_m: f32, x: f32, y: f32, luck: f32) -> bool {

@@ -55,7 +55,7 @@ impl Walk {
                 waves.push(Wave { rate_hz, phase, amplitude, fits_lap: true });
                 let phase = TAU * random::unit(key, 3 * at + 2);
                 waves.push(Wave {
-                    rate_hz: rate_hz * 0.7071,
+                    rate_hz: rate_hz * 0.618,
                     phase,
                     amplitude: 0.4 * amplitude,
                     fits_lap: false,

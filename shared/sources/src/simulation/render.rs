@@ -6,11 +6,11 @@
 use super::path::Walk;
 use super::person;
 use super::scenes::Scene;
-use super::solid::{LocalRays, Shape, Viewpoint};
+use super::solid::{LINE, LocalRays, RayLine, Shape, Solid, Viewpoint};
 use tessera_geometry::{Camera, Pose, RayTable};
 
 const TILE_ROWS: usize = 16;
-const TILE_COLUMNS: usize = 32;
+const TILE_COLUMNS: usize = LINE;
 /// Slack of the tiles' bounds for what moves within sixteen rows of a rolling shutter.
 const SLACK: f32 = 0.01;
 
@@ -127,45 +127,47 @@ impl Exposure<'_> {
         mut rgb: Option<&mut [u8]>,
     ) {
         let width = self.rays.width;
-        let rays_x = &self.rays.x[row * width..(row + 1) * width];
-        let rays_y = &self.rays.y[row * width..(row + 1) * width];
         let solids = &self.scene.solids;
-        for column in 0..width {
-            let (x, y) = (rays_x[column], rays_y[column]);
-            let (mut depth_m, mut seen) = (f32::MAX, u32::MAX);
-            for &(nearest_m, at) in &tiles[column / TILE_COLUMNS] {
+        for (tile, seen) in tiles.iter().enumerate() {
+            let columns = tile * TILE_COLUMNS..((tile + 1) * TILE_COLUMNS).min(width);
+            let rays = row * width + columns.start..row * width + columns.end;
+            let mut line = RayLine::new(&self.rays.x[rays.clone()], &self.rays.y[rays]);
+            let mut farthest_m = f32::MAX;
+            for &(nearest_m, at) in seen {
                 // The space itself comes last and must be tried whatever was met before.
-                if nearest_m > depth_m && nearest_m < f32::MAX {
-                    continue;
-                }
-                let index = at as usize;
-                if let Some(t) = solids[index].hit(&local[index], x, y, depth_m) {
-                    depth_m = t;
-                    seen = at;
+                if nearest_m <= farthest_m || nearest_m == f32::MAX {
+                    solids[at as usize].cast(&local[at as usize], &mut line, at);
+                    farthest_m = line.farthest_m();
                 }
             }
-            let Some(solid) = solids.get(seen as usize) else { continue };
-            let rays = &local[seen as usize];
-            let direction = rays.direction(x, y);
-            let point: [f32; 3] = std::array::from_fn(|k| rays.origin[k] + depth_m * direction[k]);
-            let normal = solid.normal(&point);
-            let along = normal[0] * direction[0] + normal[1] * direction[1] + normal[2] * direction[2];
-            let scale = 1.0 / (depth_m * along);
-            planes[column] = std::array::from_fn(|j| {
-                scale
-                    * (normal[0] * rays.axes[0][j]
-                        + normal[1] * rays.axes[1][j]
-                        + normal[2] * rays.axes[2][j])
-            });
-            if let Some(rgb) = rgb.as_deref_mut() {
-                let colour = solid.material.colour(&self.scene.grain, &point, &normal);
-                let shade = 255.0 * shading(solid.to_world(normal));
-                for (byte, value) in rgb[3 * column..3 * column + 3].iter_mut().zip(colour) {
-                    // A cast from float to integer saturates.
-                    *byte = (shade * value + 0.5) as u8;
+            for (k, column) in columns.enumerate() {
+                let at = line.seen[k] as usize;
+                let Some(solid) = solids.get(at) else { continue };
+                let (plane, colour) =
+                    self.surface(solid, &local[at], [line.x[k], line.y[k]], line.depth_m[k]);
+                planes[column] = plane;
+                if let Some(rgb) = rgb.as_deref_mut() {
+                    rgb[3 * column..3 * column + 3].copy_from_slice(&colour);
                 }
             }
         }
+    }
+
+    /// Tangent plane in inverse depth, and colour, where a ray meets a solid.
+    #[inline]
+    fn surface(&self, solid: &Solid, rays: &LocalRays, ray: [f32; 2], depth_m: f32) -> ([f32; 3], [u8; 3]) {
+        let direction = rays.direction(ray[0], ray[1]);
+        let point: [f32; 3] = std::array::from_fn(|k| rays.origin[k] + depth_m * direction[k]);
+        let normal = solid.normal(&point);
+        let along = normal[0] * direction[0] + normal[1] * direction[1] + normal[2] * direction[2];
+        let scale = 1.0 / (depth_m * along);
+        let plane = std::array::from_fn(|j| {
+            scale * (normal[0] * rays.axes[0][j] + normal[1] * rays.axes[1][j] + normal[2] * rays.axes[2][j])
+        });
+        let shade = 255.0 * shading(solid.to_world(normal));
+        let colour = solid.material.colour(&self.scene.grain, &point, &normal);
+        // A cast from float to integer saturates.
+        (plane, colour.map(|value| (shade * value + 0.5) as u8))
     }
 }
 
@@ -186,7 +188,7 @@ struct CameraBox {
 }
 
 impl CameraBox {
-    fn new(solid: &super::solid::Solid, view: &Viewpoint) -> Self {
+    fn new(solid: &Solid, view: &Viewpoint) -> Self {
         let rays = solid.local_rays(view);
         let sides: [[f32; 3]; 3] = std::array::from_fn(|k| rays.axes[k].map(|v| v * solid.half[k]));
         let centre: [f32; 3] =

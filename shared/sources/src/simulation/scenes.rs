@@ -122,6 +122,18 @@ fn wall_with_door(builder: &mut Builder, length: f32, height: f32, tint: [f32; 3
         builder.add(Shape::Box, [sign * 0.52, 0.0, 1.05], [0.06, 0.2, 2.1], frame);
     }
     builder.add(Shape::Box, [0.0, 0.0, 0.5 * (height + 2.1)], [1.0, 0.14, height - 2.1], wallpaper(tint));
+    // Something to hold on to on the way to a door, on both faces: a bare wall leaves a pose free.
+    for face in [-1.0, 1.0] {
+        let (x, y) = (face * (0.95 + 0.12 * length), face * 0.22);
+        let chest = Material::patterned([0.7, 0.62, 0.5], Pattern::Joints(0.26), 0.5);
+        builder.add(Shape::Box, [x, y, 0.4], [0.6, 0.3, 0.8], chest);
+        let vase = Material::patterned([0.35, 0.5, 0.7], Pattern::Stripes(0.05), 0.5);
+        builder.add(Shape::Cylinder, [x + 0.1, y, 0.95], [0.15, 0.15, 0.3], vase);
+        let frame = Material::patterned([0.9, 0.85, 0.8], Pattern::Patches(0.1), 0.7);
+        builder.add(Shape::Box, [-x, face * 0.09, 1.4], [0.5, 0.08, 0.4], frame);
+        let heater = Material::patterned([0.85; 3], Pattern::Books(0.06), 0.3);
+        builder.add(Shape::Box, [-x, face * 0.13, 0.4], [0.7, 0.12, 0.5], heater);
+    }
 }
 
 /// Furniture of one room about its middle, another choice for each room. The way and the doors

@@ -43,6 +43,39 @@ pub(super) struct LocalRays {
     pub(super) axes: [[f32; 3]; 3],
 }
 
+/// Rays that are cast together.
+pub(super) const LINE: usize = 32;
+
+/// Neighbouring rays of one row, and what they met so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RayLine {
+    pub(super) x: [f32; LINE],
+    pub(super) y: [f32; LINE],
+    /// Depth of the nearest hit, metres; `f32::MAX`: none.
+    pub(super) depth_m: [f32; LINE],
+    /// Number of the solid that was hit; `u32::MAX`: none.
+    pub(super) seen: [u32; LINE],
+}
+
+impl RayLine {
+    /// Up to [`LINE`] rays that have met nothing yet; the rest of a short line repeats its last ray.
+    pub(super) fn new(x: &[f32], y: &[f32]) -> Self {
+        let pick = |values: &[f32], k: usize| values.get(k).or(values.last()).copied().unwrap_or(0.0);
+        let mut line =
+            Self { x: [0.0; LINE], y: [0.0; LINE], depth_m: [f32::MAX; LINE], seen: [u32::MAX; LINE] };
+        for k in 0..LINE {
+            line.x[k] = pick(x, k);
+            line.y[k] = pick(y, k);
+        }
+        line
+    }
+
+    /// Depth beyond which nothing can be seen any more.
+    pub(super) fn farthest_m(&self) -> f32 {
+        self.depth_m.iter().fold(0.0, |most, &depth_m| if depth_m > most { depth_m } else { most })
+    }
+}
+
 /// A camera's pose as the renderer uses it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Viewpoint {
@@ -76,34 +109,28 @@ impl Solid {
         LocalRays { origin: to_local(from_centre), axes: std::array::from_fn(|k| [x[k], y[k], z[k]]) }
     }
 
-    /// Depth at which the ray enters the solid (leaves it, for a shell), below `limit_m`.
+    /// Where rays of one row enter the solid (leave it, for a shell): lowers `depth_m` and names
+    /// the solid in `seen` for each ray that meets it before anything else.
+    ///
+    /// A loop without branches over a fixed number of rays, which compilers turn into vectors.
     #[inline]
-    pub(super) fn hit(&self, rays: &LocalRays, x: f32, y: f32, limit_m: f32) -> Option<f32> {
-        let d = rays.direction(x, y);
-        let o = &rays.origin;
-        let h = &self.half;
-        let t = match self.shape {
-            Shape::Box => {
-                let (enter, leave) = slabs(o, &d, h);
-                if enter > leave {
-                    return None;
+    pub(super) fn cast(&self, rays: &LocalRays, line: &mut RayLine, name: u32) {
+        let RayLine { x, y, depth_m, seen } = line;
+        for k in 0..LINE {
+            let d = rays.direction(x[k], y[k]);
+            let t = match self.shape {
+                Shape::Box => {
+                    let (enter, leave) = slabs(&rays.origin, &d, &self.half);
+                    if enter <= leave { enter } else { f32::MAX }
                 }
-                enter
-            }
-            Shape::Shell => slabs(o, &d, h).1,
-            Shape::Cylinder => return hit_cylinder(o, &d, h).filter(|t| (NEAREST_M..limit_m).contains(t)),
-            Shape::Sphere => {
-                let a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                let b = o[0] * d[0] + o[1] * d[1] + o[2] * d[2];
-                let c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - h[0] * h[0];
-                let root = b * b - a * c;
-                if root < 0.0 {
-                    return None;
-                }
-                (-b - root.sqrt()) / a
-            }
-        };
-        (t > NEAREST_M && t < limit_m).then_some(t)
+                Shape::Shell => slabs(&rays.origin, &d, &self.half).1,
+                Shape::Sphere => hit_sphere(&rays.origin, &d, self.half[0]),
+                Shape::Cylinder => hit_cylinder(&rays.origin, &d, &self.half),
+            };
+            let is_nearer = (t > NEAREST_M) & (t < depth_m[k]);
+            depth_m[k] = if is_nearer { t } else { depth_m[k] };
+            seen[k] = if is_nearer { name } else { seen[k] };
+        }
     }
 
     /// Outward normal (inward, for a shell) at a point on the surface, in the solid's axes.
@@ -160,22 +187,27 @@ fn slabs(o: &[f32; 3], d: &[f32; 3], h: &[f32; 3]) -> (f32, f32) {
     (enter, leave)
 }
 
-fn hit_cylinder(o: &[f32; 3], d: &[f32; 3], h: &[f32; 3]) -> Option<f32> {
+/// Depth at which a ray enters a sphere; NaN, for which no comparison holds, where it does not.
+#[inline]
+fn hit_sphere(o: &[f32; 3], d: &[f32; 3], radius: f32) -> f32 {
+    let a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    let b = o[0] * d[0] + o[1] * d[1] + o[2] * d[2];
+    let c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - radius * radius;
+    (-b - (b * b - a * c).sqrt()) / a
+}
+
+/// Depth at which a ray enters a cylinder; NaN or `f32::MAX` where it does not.
+#[inline]
+fn hit_cylinder(o: &[f32; 3], d: &[f32; 3], h: &[f32; 3]) -> f32 {
     let a = d[0] * d[0] + d[1] * d[1];
     let b = o[0] * d[0] + o[1] * d[1];
     let c = o[0] * o[0] + o[1] * o[1] - h[0] * h[0];
-    let root = b * b - a * c;
-    if root < 0.0 {
-        return None;
-    }
-    let side = (-b - root.sqrt()) / a;
-    if (o[2] + side * d[2]).abs() <= h[2] {
-        return Some(side);
-    }
+    let side = (-b - (b * b - a * c).sqrt()) / a;
     // The cap on the ray's side.
     let cap = (-sign(d[2]) * h[2] - o[2]) / d[2];
     let (x, y) = (o[0] + cap * d[0], o[1] + cap * d[1]);
-    (x * x + y * y <= h[0] * h[0]).then_some(cap)
+    let cap = if x * x + y * y <= h[0] * h[0] { cap } else { f32::MAX };
+    if (o[2] + side * d[2]).abs() <= h[2] { side } else { cap }
 }
 
 #[cfg(test)]
@@ -196,7 +228,9 @@ mod tests {
     /// A ray from `o` along `d`: the camera's z axis.
     fn hit(solid: &Solid, o: [f32; 3], d: [f32; 3]) -> Option<f32> {
         let rays = LocalRays { origin: o, axes: d.map(|v| [0.0, 0.0, v]) };
-        solid.hit(&rays, 0.0, 0.0, 100.0)
+        let mut line = RayLine::new(&[0.0], &[0.0]);
+        solid.cast(&rays, &mut line, 5);
+        (line.seen[0] == 5).then_some(line.depth_m[0])
     }
 
     #[test]

@@ -1,0 +1,123 @@
+//! Runs whole sequences in one process and prints their errors.
+//!
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [key=value]...`
+#![forbid(unsafe_code)]
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+use tessera_offline::{Method, RawFrame, Records, Run};
+use tessera_settings::Settings;
+use tessera_sources::{FolderSource, FrameBuffers, Source};
+use tessera_surface::{Reconstructor, Vertex};
+use tessera_trajectory::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let (mut sequences, mut overrides, mut frames, mut n_seeds) = (Vec::new(), Vec::new(), None, 1);
+    let mut arguments = std::env::args().skip(1);
+    let mut out = None;
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
+            "--seeds" => n_seeds = arguments.next().ok_or("--seeds N")?.parse::<u64>()?,
+            "--out" => out = arguments.next(),
+            a if a.contains('=') => overrides.push(argument),
+            _ => sequences.push(argument),
+        }
+    }
+    for sequence in &sequences {
+        let source = FolderSource::open(Path::new(sequence), None, frames)?;
+        let decoded = decode(&source)?;
+        reconstruction_alone(&source, &decoded, &Settings::load(None, &overrides)?)?;
+        for seed in 0..n_seeds {
+            let mut settings = Settings::load(None, &overrides)?;
+            settings.registration.seed += seed;
+            let method = Method {
+                surface: settings.surface.clone(),
+                registration: settings.registration.clone(),
+                mapping: settings.mapping.clone(),
+            };
+            let started = Instant::now();
+            let mut run = Run::new(source.camera(), &method)?;
+            for frame in &decoded {
+                run.push(frame);
+            }
+            let tracked = started.elapsed();
+            let records = run.finish();
+            report(sequence, seed, &source, &records, decoded.len());
+            println!(
+                "    {:.2} ms a frame, {:.2} with the final optimisation",
+                tracked.as_secs_f64() * 1e3 / decoded.len() as f64,
+                started.elapsed().as_secs_f64() * 1e3 / decoded.len() as f64
+            );
+            if let Some(out) = &out {
+                let mut file = std::fs::File::create(out)?;
+                let last = records.last();
+                for (stamp, pose) in last.stamps_nanos.iter().zip(&last.poses) {
+                    write_tum_row(&mut file, *stamp, pose)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn decode(source: &FolderSource) -> Result<Vec<RawFrame>, Box<dyn Error>> {
+    use rayon::prelude::*;
+    let n_pixels = source.camera().width as usize * source.camera().height as usize;
+    let n = source.n_frames().unwrap_or(0);
+    (0..n)
+        .into_par_iter()
+        .map(|index| {
+            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+            let info = source
+                .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
+                .map_err(|error| error.to_string())?;
+            Ok(RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: info.has_colour.then_some(colour) })
+        })
+        .collect::<Result<Vec<_>, String>>()
+        .map_err(Into::into)
+}
+
+fn reconstruction_alone(
+    source: &FolderSource,
+    frames: &[RawFrame],
+    settings: &Settings,
+) -> Result<(), Box<dyn Error>> {
+    let mut reconstructor = Reconstructor::new(source.camera(), &settings.surface)?;
+    let mut out = vec![Vertex::default(); reconstructor.grid().len()];
+    let mut times_ms: Vec<f64> = frames
+        .iter()
+        .map(|frame| {
+            let started = Instant::now();
+            reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut out);
+            started.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    times_ms.sort_by(f64::total_cmp);
+    println!("    reconstruction alone: median {:.3} ms", times_ms[times_ms.len() / 2]);
+    Ok(())
+}
+
+fn report(sequence: &str, seed: u64, source: &FolderSource, records: &Records, n: usize) {
+    println!(
+        "{sequence} seed {seed}: {n} frames, {} keyframes, {} corrections, {} untracked",
+        records.n_keyframes(),
+        records.n_corrections(),
+        records.n_untracked()
+    );
+    let Some(truth) = source.ground_truth() else { return };
+    let line =
+        |name: &str, estimate: &Trajectory| match evaluate(estimate, truth, &EvaluationOptions::default()) {
+            Ok(e) => println!(
+                "    {name:7} ATE {:.5} m  RPE {:.5} m/s  {:.3} deg/s  ({} pairs)",
+                e.ate_rmse_m,
+                e.rpe_translation_rmse_m_per_s.unwrap_or(f64::NAN),
+                e.rpe_rotation_rmse_deg_per_s.unwrap_or(f64::NAN),
+                e.pairs
+            ),
+            Err(error) => println!("    {name}: {error}"),
+        };
+    line("online", &records.online());
+    line("final", &records.last());
+}
