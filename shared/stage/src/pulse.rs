@@ -38,10 +38,9 @@ impl Pulse {
         let n = version.len().min(beat.version.len());
         beat.version[..n].copy_from_slice(&version[..n]);
         let histogram = || {
-            let mut histogram = Histogram::new(2)
-                .map_err(|e| TransportError::Open { what: "a histogram".into(), reason: e.to_string() })?;
-            histogram.auto(true);
-            Ok::<_, TransportError>(histogram)
+            // Up to 1000 s, which is more than anything may take; two digits.
+            Histogram::new_with_bounds(1, 1_000_000_000_000, 2)
+                .map_err(|e| TransportError::Open { what: "a histogram".into(), reason: e.to_string() })
         };
         let mut pulse = Self {
             publisher: link.beat_publisher()?,
