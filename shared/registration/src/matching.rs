@@ -7,6 +7,7 @@ use crate::settings::RegistrationSettings;
 use crate::target::{Target, flat, rotate, transform, transform_inverse};
 use std::ops::Range;
 use tessera_geometry::{DepthNoise, Pose};
+use tessera_surface::Grid;
 
 /// Limits of one outer iteration.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +50,20 @@ struct Match {
     weight: f32,
 }
 
+impl Match {
+    /// A match that counts nothing, to fill lanes up.
+    const NONE: Self = Self {
+        a: [0.0; 3],
+        e: [0.0; 3],
+        na: [0.0; 3],
+        nb: [0.0; 3],
+        vertex: 0,
+        distance_sq: 0.0,
+        sigmas: 0.0,
+        weight: 0.0,
+    };
+}
+
 /// Searches and sums; holds its buffers.
 pub struct Matcher {
     camera: GridCamera,
@@ -59,6 +74,7 @@ pub struct Matcher {
     /// For one-to-one: the match that holds a target vertex, valid where the stamp is current.
     holders: Vec<(u32, u32)>,
     stamp: u32,
+    arch: pulp::Arch,
 }
 
 /// Depth at which a correspondence has weight one.
@@ -76,6 +92,7 @@ impl Matcher {
             residuals: Vec::new(),
             holders,
             stamp: 0,
+            arch: pulp::Arch::new(),
         }
     }
 
@@ -106,7 +123,8 @@ impl Matcher {
         self.reject_by_median(&mut report);
         self.weigh();
         report.n_matches = self.matches.len() as u32;
-        let sums = accumulate(&self.matches, self.settings.weight.covariance_epsilon);
+        let epsilon = self.settings.weight.covariance_epsilon;
+        let sums = self.arch.dispatch(Accumulate { matches: &self.matches, epsilon });
         (sums, report)
     }
 
@@ -121,7 +139,7 @@ impl Matcher {
     ) {
         let s = &self.settings.search;
         let blend = |first: f32, last: f32| first + (last - first) * limits.progress;
-        let radius = (blend(s.first_radius as f32, s.last_radius as f32) + 0.5) as isize;
+        let reach = (blend(s.first_reach as f32, s.last_reach as f32) + 0.5) as u32;
         let min_cosine = blend(s.first_normal_cosine, s.last_normal_cosine);
         let tolerance_factor = 4.0 * self.camera.grid.step as f32;
         let motion = flat(target_from_query);
@@ -131,9 +149,7 @@ impl Matcher {
             let (a, n) = (queries.points[k], queries.normals[k]);
             let q = transform(&motion, a);
             let Some((row, column, q_row)) = self.locate(q, target) else { continue };
-            let Some((vertex, distance_sq)) =
-                nearest(target, grid.width, grid.height, row, column, radius, q_row)
-            else {
+            let Some((vertex, distance_sq)) = nearest(target, grid, row, column, reach, q_row) else {
                 continue;
             };
             report.n_in_view += 1;
@@ -175,7 +191,7 @@ impl Matcher {
 
     /// Grid cell that sees `q`, and `q` in the frame of that row's exposure.
     #[inline]
-    fn locate(&self, q: [f32; 3], target: &Target<'_>) -> Option<(isize, isize, [f32; 3])> {
+    fn locate(&self, q: [f32; 3], target: &Target<'_>) -> Option<(usize, usize, [f32; 3])> {
         let (mut row, mut column) = self.camera.project(q)?;
         let mut q_row = q;
         if !target.shutter.is_global() {
@@ -186,12 +202,12 @@ impl Matcher {
             }
         }
         // Rounded, not truncated (TRAPS 11).
-        let (row, column) = ((row + 0.5).floor(), (column + 0.5).floor());
+        let (row, column) = (row + 0.5, column + 0.5);
         let inside = row >= 0.0
             && column >= 0.0
             && row < self.camera.grid.height as f32
             && column < self.camera.grid.width as f32;
-        inside.then_some((row as isize, column as isize, q_row))
+        inside.then_some((row as usize, column as usize, q_row))
     }
 
     /// Each target vertex serves its nearest query only; the first among equals.
@@ -248,31 +264,43 @@ impl Matcher {
     }
 }
 
-/// The valid vertex nearest to `q` in the window around a cell, first in raster order among equals.
-#[inline]
+/// The valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
+/// then around that one, until the middle is nearest or `reach` steps were taken. Near the
+/// solution this reads nine vertices, whatever the reach.
+#[inline(always)]
 fn nearest(
     target: &Target<'_>,
-    width: usize,
-    height: usize,
-    row: isize,
-    column: isize,
-    radius: isize,
+    grid: Grid,
+    row: usize,
+    column: usize,
+    reach: u32,
     q: [f32; 3],
 ) -> Option<(usize, f32)> {
-    let (top, bottom) = ((row - radius).max(0) as usize, ((row + radius) as usize).min(height - 1));
-    let (left, right) = ((column - radius).max(0) as usize, ((column + radius) as usize).min(width - 1));
     let mut best = (usize::MAX, f32::INFINITY);
-    for r in top..=bottom {
-        let start = r * width;
-        for (c, v) in target.surface.vertices[start + left..=start + right].iter().enumerate() {
-            let d = [v.position[0] - q[0], v.position[1] - q[1], v.position[2] - q[2]];
-            let distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            if distance_sq < best.1 && v.is_valid() {
-                best = (start + left + c, distance_sq);
+    let mut middle = (row, column);
+    for _ in 0..reach.max(1) {
+        let (top, bottom) = (middle.0.saturating_sub(1), (middle.0 + 1).min(grid.height - 1));
+        let (left, right) = (middle.1.saturating_sub(1), (middle.1 + 1).min(grid.width - 1));
+        for r in top..=bottom {
+            let start = r * grid.width;
+            for (c, v) in target.surface.vertices[start + left..=start + right].iter().enumerate() {
+                let d = [v.position[0] - q[0], v.position[1] - q[1], v.position[2] - q[2]];
+                let distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                if (distance_sq < best.1) & v.is_valid() {
+                    best = (start + left + c, distance_sq);
+                }
             }
         }
+        if best.0 == usize::MAX {
+            return None;
+        }
+        let found = (best.0 / grid.width, best.0 % grid.width);
+        if found == middle {
+            break;
+        }
+        middle = found;
     }
-    (best.0 != usize::MAX).then_some(best)
+    Some(best)
 }
 
 /// Matches summed in one `f32` run before they go into `f64` sums.
@@ -281,12 +309,34 @@ const CHUNK: usize = 256;
 const LANES: usize = 8;
 
 /// The sums of SPEC 5.4 over all matches: `f32` lanes inside fixed chunks, `f64` across them.
+/// Compiled for each instruction set; the lanes and the order are the same on all.
+struct Accumulate<'a> {
+    matches: &'a [Match],
+    epsilon: f32,
+}
+
+impl pulp::WithSimd for Accumulate<'_> {
+    type Output = BlockSums;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> BlockSums {
+        accumulate(self.matches, self.epsilon)
+    }
+}
+
+#[inline(always)]
 fn accumulate(matches: &[Match], epsilon: f32) -> BlockSums {
     let mut sums = BlockSums { n: matches.len() as u32, ..BlockSums::default() };
     for chunk in matches.chunks(CHUNK) {
         let mut lanes = [[0.0f32; LANES]; 73];
-        for eight in chunk.chunks(LANES) {
+        let (whole, rest) = chunk.as_chunks::<LANES>();
+        for eight in whole {
             add_lanes(eight, epsilon, &mut lanes);
+        }
+        if !rest.is_empty() {
+            let mut eight = [Match::NONE; LANES];
+            eight[..rest.len()].copy_from_slice(rest);
+            add_lanes(&eight, epsilon, &mut lanes);
         }
         let mut total = lanes.iter().map(|lane| lane.iter().map(|&v| f64::from(v)).sum::<f64>());
         for value in sums.q.iter_mut().chain(&mut sums.l).chain(std::iter::once(&mut sums.c)) {
@@ -298,21 +348,21 @@ fn accumulate(matches: &[Match], epsilon: f32) -> BlockSums {
 
 type Lane = [f32; LANES];
 
-#[inline]
+#[inline(always)]
 fn lane(f: impl Fn(usize) -> f32) -> Lane {
     std::array::from_fn(f)
 }
 
-/// Adds up to eight matches; missing ones have weight zero.
-#[inline]
-fn add_lanes(matches: &[Match], epsilon: f32, sums: &mut [Lane; 73]) {
+/// Adds eight matches.
+#[inline(always)]
+fn add_lanes(matches: &[Match; LANES], epsilon: f32, sums: &mut [Lane; 73]) {
     let s = 1.0 - epsilon;
-    let get = |f: fn(&Match) -> f32| lane(|l| matches.get(l).map_or(0.0, f));
-    let tilde = [get(|m| m.a[0]), get(|m| m.a[1]), get(|m| m.a[2]), [1.0; LANES]];
-    let e = [get(|m| m.e[0]), get(|m| m.e[1]), get(|m| m.e[2])];
-    let na = [get(|m| m.na[0]), get(|m| m.na[1]), get(|m| m.na[2])];
-    let nb = [get(|m| m.nb[0]), get(|m| m.nb[1]), get(|m| m.nb[2])];
-    let w = get(|m| m.weight);
+    let tilde =
+        [lane(|l| matches[l].a[0]), lane(|l| matches[l].a[1]), lane(|l| matches[l].a[2]), [1.0; LANES]];
+    let e = [lane(|l| matches[l].e[0]), lane(|l| matches[l].e[1]), lane(|l| matches[l].e[2])];
+    let na = [lane(|l| matches[l].na[0]), lane(|l| matches[l].na[1]), lane(|l| matches[l].na[2])];
+    let nb = [lane(|l| matches[l].nb[0]), lane(|l| matches[l].nb[1]), lane(|l| matches[l].nb[2])];
+    let w = lane(|l| matches[l].weight);
     let u: [Lane; 3] = std::array::from_fn(|c| lane(|l| na[c][l] + nb[c][l]));
     let d: [Lane; 3] = std::array::from_fn(|c| lane(|l| na[c][l] - nb[c][l]));
     let dot = |x: &[Lane; 3], l: usize| x[0][l] * x[0][l] + x[1][l] * x[1][l] + x[2][l] * x[2][l];
