@@ -81,13 +81,14 @@ impl Pulse {
     pub fn done(&mut self, nanos: u64) {
         self.beat.frames += 1;
         self.beat.progress += 1;
-        self.latency.saturating_record(nanos.max(1));
+        // Recording resizes; saturating would clip to the first, tiny range.
+        let _ = self.latency.record(nanos.max(1));
         self.send_if_due();
     }
 
     /// A pose was published, `nanos` after its frame was in shared memory.
     pub fn published(&mut self, nanos: u64) {
-        self.end_to_end.saturating_record(nanos.max(1));
+        let _ = self.end_to_end.record(nanos.max(1));
     }
 
     /// The last beat: all counters final.
