@@ -7,7 +7,7 @@ use std::os::unix::fs::PermissionsExt;
 
 #[test]
 fn a_signal_ends_all_processes_and_writes_the_outputs() {
-    let run = room().with(&["--frames", "100000"]);
+    let run = room().frames(100_000);
     let mut child = run.start();
     run.wait_until_busy();
     let pids = run.stage_pids();
@@ -21,25 +21,24 @@ fn a_signal_ends_all_processes_and_writes_the_outputs() {
 
 #[test]
 fn stages_end_when_their_supervisor_is_killed() {
-    let run = room().with(&["--frames", "100000"]);
+    let run = room().frames(100_000);
     let mut child = run.start();
     run.wait_until_busy();
     signal(child.id(), "KILL");
     child.wait().unwrap();
     wait_for("the stages to end", || run.stage_pids().is_empty());
     // What the dead run left is in nobody's way: a run of the same name takes it over.
-    let again = room();
-    let other = common::Run { name: run.name.clone(), ..again };
+    let other = room().named(&run.name);
     assert!(other.finish().success());
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
 fn a_name_in_use_is_refused() {
-    let run = room().with(&["--frames", "100000"]);
+    let run = room().frames(100_000);
     let mut child = run.start();
     run.wait_until_busy();
-    let second = common::Run { name: run.name.clone(), ..room() };
+    let second = room().named(&run.name);
     let output = second.command().output().unwrap();
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!output.status.success() && text.contains("is going on"), "{text}");
@@ -49,7 +48,7 @@ fn a_name_in_use_is_refused() {
 
 #[test]
 fn what_a_run_writes_is_its_owners_alone() {
-    let run = room().with(&["--frames", "100000"]);
+    let run = room().frames(100_000);
     let mut child = run.start();
     run.wait_until_busy();
     let prefix = run.prefix();
@@ -69,7 +68,7 @@ fn what_a_run_writes_is_its_owners_alone() {
 
 #[test]
 fn a_hung_stage_is_killed_and_started_again() {
-    let run = room().with(&["--set", "flow.hang_s=1.0", "--frames", "60"]);
+    let run = room().with(&["--set", "flow.hang_s=1.0"]).frames(200);
     let mut child = run.start();
     run.wait_until_busy();
     // A frozen process gives no sign of life.

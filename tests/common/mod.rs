@@ -1,5 +1,5 @@
 //! Running the real executable over real shared memory, each run under its own name.
-#![allow(dead_code, reason = "each test file uses a part of it")]
+#![allow(dead_code, unreachable_pub, reason = "each test file uses a part of it")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -20,6 +20,7 @@ pub const OUTPUTS: [&str; 4] = ["trajectory.txt", "trajectory_online.txt", "keyf
 pub struct Run {
     pub dir: tempfile::TempDir,
     pub name: String,
+    frames: String,
     arguments: Vec<String>,
     environment: Vec<(String, String)>,
 }
@@ -30,17 +31,23 @@ pub fn room() -> Run {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("camera.toml"), CAMERA).unwrap();
     let name = format!("test-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    Run { dir, name, arguments: Vec::new(), environment: Vec::new() }.with(&[
-        "--frames",
-        FRAMES,
-        "--set",
-        "surface.step=2",
-    ])
+    Run { dir, name, frames: FRAMES.into(), arguments: Vec::new(), environment: Vec::new() }
+        .with(&["--set", "surface.step=2"])
 }
 
 impl Run {
     pub fn with(mut self, arguments: &[&str]) -> Self {
         self.arguments.extend(arguments.iter().map(ToString::to_string));
+        self
+    }
+
+    pub fn frames(mut self, n: u64) -> Self {
+        self.frames = n.to_string();
+        self
+    }
+
+    pub fn named(mut self, name: &str) -> Self {
+        self.name = name.into();
         self
     }
 
@@ -60,6 +67,7 @@ impl Run {
             .arg(self.dir.path().join("camera.toml"))
             .arg("--out")
             .arg(self.out())
+            .args(["--frames", &self.frames])
             .args(&self.arguments)
             .envs(self.environment.iter().cloned())
             .stdin(Stdio::null())
@@ -150,7 +158,7 @@ impl Run {
 
 /// Waits until something holds.
 pub fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + Duration::from_secs(30);
     while !holds() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(5));
