@@ -6,8 +6,9 @@ use tessera_messages::Flow;
 /// publishers, a dying one and its successor, may interleave.
 const GRACE_NANOS: u64 = 30_000_000;
 /// How long nothing may come before everything is asked for again; doubled when that did not help.
-const PATIENCE_NANOS: u64 = 400_000_000;
-const MOST_PATIENCE_NANOS: u64 = 6_400_000_000;
+/// Long, for it is the last resort: what died is replaced and goes on by itself.
+const PATIENCE_NANOS: u64 = 1_500_000_000;
+const MOST_PATIENCE_NANOS: u64 = 12_000_000_000;
 
 /// The aligner's side of the window.
 #[derive(Debug)]
@@ -121,9 +122,9 @@ mod tests {
     #[test]
     fn silence_is_asked_into_less_and_less_often() {
         let mut control = FlowControl::begin(10, 0);
-        let raised: Vec<u64> = (0..10_000).filter(|&ms| control.waited(ms * MS)).collect();
-        assert_eq!(raised, [400, 1200, 2800, 6000]);
-        control.acknowledge(11, 10_000 * MS);
-        assert!(control.waited(10_400 * MS));
+        let raised: Vec<u64> = (0..20_000).filter(|&ms| control.waited(ms * MS)).collect();
+        assert_eq!(raised, [1500, 4500, 10_500]);
+        control.acknowledge(11, 20_000 * MS);
+        assert!(control.waited(21_500 * MS));
     }
 }

@@ -12,7 +12,7 @@ use frames::Frames;
 use std::process::ExitCode;
 use tessera_messages::{Flow, FrameHeader, Stage};
 use tessera_settings::Settings;
-use tessera_sources::{Source, SourceOptions, SourceSpec};
+use tessera_sources::Source;
 use tessera_stage::{Context, Outcome, Pulse, StageArgs, StageError, stage_main};
 use tessera_transport::{Bell, Ear, SlicePublisher, Subscriber};
 
@@ -65,12 +65,6 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
 
 /// Opens the source that the settings name.
 fn open_source(settings: &Settings) -> Result<Box<dyn Source>, StageError> {
-    let run = &settings.run;
-    let options = SourceOptions {
-        camera: (!run.camera.is_empty()).then(|| run.camera.clone()),
-        frames: (run.frames > 0).then_some(run.frames),
-        ..SourceOptions::default()
-    };
-    tessera_sources::open(&SourceSpec::parse(&run.source), &options)
-        .map_err(|e| StageError::Input(e.to_string()))
+    let (spec, options) = settings.source();
+    tessera_sources::open(&spec, &options).map_err(|e| StageError::Input(e.to_string()))
 }

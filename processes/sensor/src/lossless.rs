@@ -24,7 +24,8 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
             match newest.validate() {
                 Ok(()) if flow.is_none_or(|known| newest.epoch > known.epoch) => {
                     ready.clear();
-                    next = newest.resend_from;
+                    // Never below what was asked for, and nothing that is in hand by now.
+                    next = newest.acknowledged;
                     unreadable = None;
                     flow = Some(newest);
                 }

@@ -1,9 +1,14 @@
 //! Exit codes, and the errors that lead to them.
 
+use crate::supervisor::SupervisorError;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use tessera_journal::JournalError;
 use tessera_settings::SettingsError;
+use tessera_sources::SourceError;
+use tessera_stage::StageError;
 use tessera_trajectory::{EvaluationError, ReadError};
+use tessera_transport::TransportError;
 
 /// How the command ended; documented in the README and in `tessera --help`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +64,30 @@ pub(crate) enum CommandError {
         /// The system's words.
         reason: String,
     },
-    /// A stage, or the supervisor itself, failed.
+    /// The source cannot be used.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The run could not be started or kept up.
+    #[error(transparent)]
+    Supervisor(#[from] SupervisorError),
+    /// Shared memory or the registry of runs.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// A file of the run directory.
+    #[error(transparent)]
+    RunFile(#[from] StageError),
+    /// A journal or a store.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// A stage failed; what it said decides on the exit code.
+    #[error("{message}")]
+    Failed {
+        /// The exit code.
+        exit: Exit,
+        /// Which stage, how, and its last lines of log.
+        message: String,
+    },
+    /// Anything else that is not the user's doing.
     #[error("{0}")]
     Stage(String),
 }
@@ -70,6 +98,11 @@ impl CommandError {
         match self {
             Self::Settings(_) | Self::Arguments(_) => Exit::Arguments,
             Self::Trajectory(_) | Self::Evaluation { .. } | Self::Input(_) => Exit::Input,
+            Self::Source(_) | Self::Journal(_) => Exit::Input,
+            Self::Supervisor(error) => of_supervisor(error),
+            Self::Transport(error) => of_transport(error),
+            Self::RunFile(error) => of_stage(error),
+            Self::Failed { exit, .. } => *exit,
             Self::Write { .. } | Self::Stage(_) => Exit::Stage,
         }
     }
@@ -77,5 +110,32 @@ impl CommandError {
     /// A failure to write `path`.
     pub(crate) fn write(path: &Path, error: impl std::fmt::Display) -> Self {
         Self::Write { path: path.to_owned(), reason: error.to_string() }
+    }
+}
+
+fn of_supervisor(error: &SupervisorError) -> Exit {
+    match error {
+        // A name or folder that cannot be used was given by somebody.
+        SupervisorError::RunExists { .. } | SupervisorError::Directory { .. } => Exit::Arguments,
+        SupervisorError::Transport(error) => of_transport(error),
+        SupervisorError::Stage(error) => of_stage(error),
+        SupervisorError::Spawn { .. } => Exit::Stage,
+    }
+}
+
+fn of_transport(error: &TransportError) -> Exit {
+    match error {
+        TransportError::Name { .. } | TransportError::NameInUse { .. } | TransportError::Space { .. } => {
+            Exit::Arguments
+        }
+        _ => Exit::Stage,
+    }
+}
+
+fn of_stage(error: &StageError) -> Exit {
+    match error.exit_code() {
+        2 => Exit::Arguments,
+        3 => Exit::Input,
+        _ => Exit::Stage,
     }
 }

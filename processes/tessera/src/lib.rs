@@ -7,14 +7,16 @@
 mod arguments;
 mod commands;
 mod exit;
+mod launch;
 mod outputs;
+mod progress;
 mod run_folder;
 mod supervisor;
 mod terminal;
 
 use arguments::{Arguments, Command, RunArguments};
 use clap::Parser;
-use exit::{CommandError, Exit};
+use exit::Exit;
 use std::process::ExitCode;
 
 /// Reads the command line, carries the command out and returns the exit code.
@@ -31,8 +33,11 @@ pub fn main() -> ExitCode {
         },
         Command::Evaluate(arguments) => commands::evaluate(&arguments),
         Command::Export(arguments) => commands::export(&arguments),
+        Command::Resume(arguments) => commands::resume(&arguments),
+        Command::Status(arguments) => commands::status(&arguments),
+        Command::Check(arguments) => commands::check(&arguments),
+        Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
-        _ => Err(CommandError::Stage("not built yet".to_owned())),
     };
     match result {
         Ok(exit) => exit.into(),

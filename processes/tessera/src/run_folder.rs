@@ -23,6 +23,15 @@ pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
     )))
 }
 
+/// What fresh names of runs of this source begin with: a scene, or the last part of a path.
+pub(crate) fn label(source: &str) -> String {
+    let last = Path::new(source).file_name().map(|name| name.to_string_lossy().into_owned());
+    let keep = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
+    let label: String = last.unwrap_or_default().chars().map(keep).take(40).collect();
+    let label = label.trim_start_matches(['.', '-']);
+    if label.is_empty() { "run".to_owned() } else { label.to_owned() }
+}
+
 /// Names of the runs in `runs/`, in order.
 pub(crate) fn names() -> Vec<String> {
     let entries = std::fs::read_dir(RUNS).into_iter().flatten().flatten();
@@ -30,4 +39,30 @@ pub(crate) fn names() -> Vec<String> {
     let mut names: Vec<String> = runs.filter_map(|entry| entry.file_name().into_string().ok()).collect();
     names.sort();
     names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_usable_names() {
+        let cases = [
+            ("room", "room"),
+            ("/data/fr1 desk", "fr1_desk"),
+            ("/data/.hidden/", "hidden"),
+            ("/", "run"),
+            ("/däta", "d_ta"),
+        ];
+        for (source, expected) in cases {
+            assert_eq!(label(source), expected, "{source}");
+            tessera_transport::check_name(&label(source)).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_run_that_is_not_there_is_answered_with_where_to_look() {
+        let message = find("no-such-run").unwrap_err().to_string();
+        assert!(message.starts_with("no run \"no-such-run\": expected the folder of a run"), "{message}");
+    }
 }

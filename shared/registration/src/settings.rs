@@ -7,10 +7,10 @@ use tessera_surface::{SettingError, check_range};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SearchSettings {
-    /// Half width of the search window in the first outer iteration, grid cells.
-    pub first_radius: u32,
-    /// Half width of the search window in the last outer iteration, grid cells.
-    pub last_radius: u32,
+    /// Steps of the descent to the nearest vertex in the first outer iteration, grid cells.
+    pub first_reach: u32,
+    /// Steps of the descent in the last outer iteration, grid cells.
+    pub last_reach: u32,
     /// Least cosine between normals in the first outer iteration.
     pub first_normal_cosine: f32,
     /// Least cosine between normals in the last outer iteration.
@@ -24,8 +24,8 @@ pub struct SearchSettings {
 impl Default for SearchSettings {
     fn default() -> Self {
         Self {
-            first_radius: 3,
-            last_radius: 1,
+            first_reach: 4,
+            last_reach: 2,
             first_normal_cosine: 0.707,
             last_normal_cosine: 0.866,
             one_to_one: true,
@@ -97,8 +97,8 @@ impl RegistrationSettings {
         check_range("max_sample_depth_m", self.max_sample_depth_m.into(), 0.5, 50.0)?;
         check_range("inner_iterations", self.inner_iterations.into(), 1.0, 100.0)?;
         let s = &self.search;
-        check_range("search.first_radius", s.first_radius.into(), 0.0, 20.0)?;
-        check_range("search.last_radius", s.last_radius.into(), 0.0, 20.0)?;
+        check_range("search.first_reach", s.first_reach.into(), 0.0, 20.0)?;
+        check_range("search.last_reach", s.last_reach.into(), 0.0, 20.0)?;
         check_range("search.first_normal_cosine", s.first_normal_cosine.into(), -1.0, 1.0)?;
         check_range("search.last_normal_cosine", s.last_normal_cosine.into(), -1.0, 1.0)?;
         check_range("search.median_factor", s.median_factor.into(), 0.0, 1e3)?;

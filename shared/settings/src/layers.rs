@@ -23,8 +23,12 @@ impl Default for Layers {
 impl Layers {
     /// No layer over the defaults yet.
     pub fn new() -> Self {
-        // The defaults are plain tables, numbers and words: they always serialise (tested).
-        let known = Table::try_from(Settings::default()).unwrap_or_default();
+        let mut known = Settings::default();
+        // What has no default is left out of a TOML file; it is known all the same.
+        known.simulation.distortion = Some([0.0; 5]);
+        known.simulation.readout_s = Some(0.0);
+        // These are plain tables, numbers and words: they always serialise (tested).
+        let known = Table::try_from(known).unwrap_or_default();
         Self { known, given: Table::new() }
     }
 

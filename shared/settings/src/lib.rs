@@ -23,6 +23,7 @@ pub use run::RunSettings;
 use serde::{Deserialize, Serialize};
 use tessera_mapping::MappingSettings;
 use tessera_registration::RegistrationSettings;
+use tessera_sources::{SimulationOptions, SourceOptions, SourceSpec};
 use tessera_surface::SurfaceSettings;
 
 /// All settings of a run, one table for each part.
@@ -31,6 +32,8 @@ use tessera_surface::SurfaceSettings;
 pub struct Settings {
     /// What is run: the source and how it is read.
     pub run: RunSettings,
+    /// What the simulated worlds look like; folders have no use for it.
+    pub simulation: SimulationOptions,
     /// From a depth image to a surface.
     pub surface: SurfaceSettings,
     /// From surfaces to relative poses.
@@ -69,6 +72,17 @@ impl Settings {
         layers.resolve()
     }
 
+    /// The source that these settings name, and how it is opened.
+    pub fn source(&self) -> (SourceSpec, SourceOptions) {
+        let run = &self.run;
+        let options = SourceOptions {
+            camera: (!run.camera.is_empty()).then(|| run.camera.clone()),
+            frames: (run.frames > 0).then_some(run.frames),
+            simulation: self.simulation.clone(),
+        };
+        (SourceSpec::parse(&run.source), options)
+    }
+
     /// Every value, in the order of the structs.
     ///
     /// # Errors
@@ -87,6 +101,7 @@ impl Settings {
         }
         let parts = [
             ("run", words(self.run.check())),
+            ("simulation", words(self.simulation.check())),
             ("surface", words(self.surface.check())),
             ("registration", words(self.registration.check())),
             ("mapping", words(self.mapping.check())),

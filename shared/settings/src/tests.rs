@@ -60,6 +60,17 @@ fn each_layer_covers_the_one_before() {
 }
 
 #[test]
+fn what_has_no_default_can_be_set() {
+    let overrides = ["simulation.readout_s=0.03", "run.frames=7", "run.camera=icl"].map(str::to_owned);
+    let settings = Settings::load(None, &overrides).unwrap();
+    assert_eq!(settings.simulation.readout_s, Some(0.03));
+    let (spec, options) = settings.source();
+    assert_eq!(spec.to_string(), "room");
+    assert_eq!((options.camera.as_deref(), options.frames), (Some("icl"), Some(7)));
+    assert_eq!(options.simulation, settings.simulation);
+}
+
+#[test]
 fn an_unknown_key_names_its_line_and_the_nearest() {
     assert_eq!(
         refusal("[output]\nmap_max_depth_m = 2.0\nmap_voxl_m = 0.01\n"),

@@ -38,10 +38,9 @@ impl Pulse {
         let n = version.len().min(beat.version.len());
         beat.version[..n].copy_from_slice(&version[..n]);
         let histogram = || {
-            let mut histogram = Histogram::new(2)
-                .map_err(|e| TransportError::Open { what: "a histogram".into(), reason: e.to_string() })?;
-            histogram.auto(true);
-            Ok::<_, TransportError>(histogram)
+            // Up to 1000 s, which is more than anything may take; two digits.
+            Histogram::new_with_bounds(1, 1_000_000_000_000, 2)
+                .map_err(|e| TransportError::Open { what: "a histogram".into(), reason: e.to_string() })
         };
         let mut pulse = Self {
             publisher: link.beat_publisher()?,
@@ -82,13 +81,14 @@ impl Pulse {
     pub fn done(&mut self, nanos: u64) {
         self.beat.frames += 1;
         self.beat.progress += 1;
-        self.latency.saturating_record(nanos.max(1));
+        // Recording resizes; saturating would clip to the first, tiny range.
+        let _ = self.latency.record(nanos.max(1));
         self.send_if_due();
     }
 
     /// A pose was published, `nanos` after its frame was in shared memory.
     pub fn published(&mut self, nanos: u64) {
-        self.end_to_end.saturating_record(nanos.max(1));
+        let _ = self.end_to_end.record(nanos.max(1));
     }
 
     /// The last beat: all counters final.

@@ -19,6 +19,7 @@ pub(crate) struct CellRule {
     metres_per_unit: f32,
     max_depth_m: f32,
     noise: DepthNoise,
+    order: Vec<(u8, u8)>,
 }
 
 impl CellRule {
@@ -29,18 +30,12 @@ impl CellRule {
         max_depth_m: f32,
         noise: DepthNoise,
     ) -> Self {
-        Self { step, sample, metres_per_unit: (1.0 / camera.units_per_metre) as f32, max_depth_m, noise }
+        let metres_per_unit = (1.0 / camera.units_per_metre) as f32;
+        Self { step, sample, metres_per_unit, max_depth_m, noise, order: order(step, sample) }
     }
 
     pub(crate) fn averages(&self) -> bool {
         self.sample == CellSample::Mean
-    }
-
-    /// Metres; 0 where there is no measurement (raw 0 and 65535, or too far).
-    #[inline(always)]
-    fn metres(&self, raw: u16) -> f32 {
-        let depth_m = if raw == u16::MAX { 0.0 } else { f32::from(raw) * self.metres_per_unit };
-        if depth_m <= self.max_depth_m { depth_m } else { 0.0 }
     }
 
     /// The mean of a whole cell whose depths span at most four standard deviations; 0 sends it to
@@ -57,64 +52,58 @@ impl CellRule {
         if is_measured & (span_m <= 4.0 * self.noise.sigma_m(mean_m)) { mean_m } else { 0.0 }
     }
 
-    /// The depth of any cell, whole or with holes, at an edge or not.
-    pub(crate) fn measure(
-        &self,
-        depth: &[u16],
-        width: usize,
-        top: usize,
-        left: usize,
-        height: usize,
-    ) -> Option<CellDepth> {
-        let (n_rows, n_columns) = (self.step.min(height - top), self.step.min(width - left));
-        let at = |r: usize, c: usize| self.metres(depth[(top + r) * width + left + c]);
-        match self.sample {
-            CellSample::Corner => {
-                let depth_m = at(0, 0);
-                (depth_m > 0.0).then_some(CellDepth { depth_m, row: 0.0, column: 0.0 })
-            }
-            CellSample::Nearest => nearest_to(n_rows, n_columns, (0, 0), at),
-            CellSample::Mean => {
-                // The surface in the cell's middle decides; the others do not pull on it.
-                let reference = nearest_to(n_rows, n_columns, (n_rows - 1, n_columns - 1), at)?.depth_m;
-                let tolerance_m = 2.0 * self.noise.sigma_m(reference);
-                let (mut sum, mut n, mut sum_row, mut sum_column) = (0.0f32, 0.0f32, 0.0f32, 0.0f32);
-                for r in 0..n_rows {
-                    for c in 0..n_columns {
-                        let depth_m = at(r, c);
-                        if depth_m > 0.0 && (depth_m - reference).abs() <= tolerance_m {
-                            sum += depth_m;
-                            sum_row += r as f32;
-                            sum_column += c as f32;
-                            n += 1.0;
-                        }
-                    }
-                }
-                Some(CellDepth { depth_m: sum / n, row: sum_row / n, column: sum_column / n })
+    /// The depth of any cell, whole or with holes, at an edge or not. `rows` starts at the cell's
+    /// first row and column; `size` is that of the cell, smaller than `n x n` at the image's end.
+    pub(crate) fn measure(&self, rows: &[u16], width: usize, size: (usize, usize)) -> Option<CellDepth> {
+        let at = |&(r, c): &(u8, u8)| {
+            let (r, c) = (usize::from(r), usize::from(c));
+            if r < size.0 && c < size.1 { rows[r * width + c] } else { 0 }
+        };
+        let reference = self.order.iter().find(|place| self.is_measured(at(place)))?;
+        let reference_m = f32::from(at(reference)) * self.metres_per_unit;
+        if self.sample != CellSample::Mean {
+            let (row, column) = (f32::from(reference.0), f32::from(reference.1));
+            return Some(CellDepth { depth_m: reference_m, row, column });
+        }
+        // The surface in the cell's middle decides; the others do not pull on it.
+        let tolerance = 2.0 * self.noise.sigma_m(reference_m) / self.metres_per_unit;
+        let middle = f32::from(at(reference));
+        let (low, high) = ((middle - tolerance).max(1.0) as u16, (middle + tolerance).min(65_534.0) as u16);
+        let (mut sum, mut n, mut sum_row, mut sum_column) = (0u32, 0u32, 0u32, 0u32);
+        for (r, row) in rows.chunks(width).take(size.0).enumerate() {
+            for (c, &raw) in row[..size.1].iter().enumerate() {
+                let here = u32::from((raw >= low) & (raw <= high));
+                sum += here * u32::from(raw);
+                n += here;
+                sum_row += here * r as u32;
+                sum_column += here * c as u32;
             }
         }
+        let share = 1.0 / n.max(1) as f32;
+        let depth_m = sum as f32 * share * self.metres_per_unit;
+        Some(CellDepth { depth_m, row: sum_row as f32 * share, column: sum_column as f32 * share })
+    }
+
+    #[inline(always)]
+    fn is_measured(&self, raw: u16) -> bool {
+        (raw > 0) & (raw < u16::MAX) & (f32::from(raw) * self.metres_per_unit <= self.max_depth_m)
     }
 }
 
-/// The measured pixel nearest to a place given in half pixels, rows first among equals.
-fn nearest_to(
-    n_rows: usize,
-    n_columns: usize,
-    half_place: (usize, usize),
-    at: impl Fn(usize, usize) -> f32,
-) -> Option<CellDepth> {
-    let mut best: Option<(usize, CellDepth)> = None;
-    for r in 0..n_rows {
-        for c in 0..n_columns {
-            let (dr, dc) = ((2 * r).abs_diff(half_place.0), (2 * c).abs_diff(half_place.1));
-            let distance = dr * dr + dc * dc;
-            let depth_m = at(r, c);
-            if depth_m > 0.0 && best.is_none_or(|(d, _)| distance < d) {
-                best = Some((distance, CellDepth { depth_m, row: r as f32, column: c as f32 }));
-            }
-        }
-    }
-    best.map(|(_, cell)| cell)
+/// The pixels of a cell in the order in which they may stand for it: by distance from the corner
+/// or from the middle, rows first among equals. The corner rule knows the corner alone.
+fn order(step: usize, sample: CellSample) -> Vec<(u8, u8)> {
+    let place = if sample == CellSample::Mean { step - 1 } else { 0 };
+    let mut order: Vec<(usize, (u8, u8))> = (0..step * step)
+        .map(|i| (i / step, i % step))
+        .map(|(r, c)| {
+            let (dr, dc) = ((2 * r).abs_diff(place), (2 * c).abs_diff(place));
+            (dr * dr + dc * dc, (r as u8, c as u8))
+        })
+        .collect();
+    order.sort_unstable();
+    order.truncate(if sample == CellSample::Corner { 1 } else { step * step });
+    order.into_iter().map(|(_, place)| place).collect()
 }
 
 #[cfg(test)]
@@ -141,9 +130,9 @@ mod tests {
     fn a_hole_at_the_corner_costs_the_vertex_only_by_the_corner_rule() {
         let mut depth = vec![1000u16; 256];
         depth[0] = 0;
-        assert_eq!(rule(CellSample::Corner).measure(&depth, 16, 0, 0, 16), None);
-        assert_eq!(rule(CellSample::Nearest).measure(&depth, 16, 0, 0, 16).map(|c| c.column), Some(1.0));
-        let mean = rule(CellSample::Mean).measure(&depth, 16, 0, 0, 16).unwrap();
+        assert_eq!(rule(CellSample::Corner).measure(&depth, 16, (4, 4)), None);
+        assert_eq!(rule(CellSample::Nearest).measure(&depth, 16, (4, 4)).map(|c| c.column), Some(1.0));
+        let mean = rule(CellSample::Mean).measure(&depth, 16, (4, 4)).unwrap();
         // Fifteen pixels: the mean pixel is a little below and right of the middle.
         assert!((mean.depth_m - 1.0).abs() < 1e-6 && (mean.row - 1.6).abs() < 1e-6);
     }
@@ -155,7 +144,7 @@ mod tests {
             depth[row * 16 + 3] = 2000;
         }
         let mean = rule(CellSample::Mean);
-        assert!((mean.measure(&depth, 16, 0, 0, 16).unwrap().depth_m - 1.0).abs() < 1e-6);
+        assert!((mean.measure(&depth, 16, (4, 4)).unwrap().depth_m - 1.0).abs() < 1e-6);
         assert_eq!(mean.whole_mean(1000, 2000, 12 * 1000 + 4 * 2000), 0.0);
         assert_eq!(mean.whole_mean(0, 1000, 15 * 1000), 0.0, "a hole is no whole cell");
         assert_eq!(mean.whole_mean(1000, u16::MAX, 15 * 1000), 0.0);

@@ -98,15 +98,13 @@ impl CloudMaker {
         let mut n_measured = 0;
         for column in 0..n {
             let mut row_offset = whole_row_offset;
-            if means[column] == 0.0 {
+            if means[column] == 0.0
+                && !(is_whole && column < whole_columns && self.columns.cell_most[column] == 0)
+            {
                 // Not whole: a hole, a depth edge or a steep slope.
-                let cell = self.rule.measure(
-                    depth,
-                    self.width,
-                    row * self.step,
-                    column * self.step,
-                    self.rays.height,
-                );
+                let (top, left) = (row * self.step, column * self.step);
+                let size = (self.step.min(self.rays.height - top), self.step.min(self.width - left));
+                let cell = self.rule.measure(&depth[top * self.width + left..], self.width, size);
                 let point = cell.map_or([0.0; 3], |cell| self.point(row, column, &cell));
                 row_offset = cell.map_or(0, |cell| (cell.row + 0.5) as usize);
                 w.points.set(start + column, point);
@@ -147,14 +145,21 @@ impl ColumnSums {
         }
     }
 
+    #[inline(always)]
+    fn sum_cells<const STEP: usize>(&mut self) {
+        sum_row::<STEP>(&self.sum, &mut self.cell_sum);
+        least_row::<STEP>(&self.least, &mut self.cell_least);
+        most_row::<STEP>(&self.most, &mut self.cell_most);
+    }
+
     /// Mean depth of each cell all of whose pixels lie on one surface; 0 for the others.
     #[inline(always)]
     fn whole_cells(&mut self, n_cells: usize, step: usize, rule: &CellRule) {
-        for cell in 0..n_cells {
-            let columns = cell * step..(cell + 1) * step;
-            self.cell_least[cell] = self.least[columns.clone()].iter().fold(u16::MAX, |a, &b| a.min(b));
-            self.cell_most[cell] = self.most[columns.clone()].iter().fold(0, |a, &b| a.max(b));
-            self.cell_sum[cell] = self.sum[columns].iter().sum();
+        match step {
+            2 => self.sum_cells::<2>(),
+            4 => self.sum_cells::<4>(),
+            8 => self.sum_cells::<8>(),
+            _ => self.sum_cells::<1>(),
         }
         mean_row(
             rule,
@@ -163,6 +168,27 @@ impl ColumnSums {
             &self.cell_sum[..n_cells],
             &mut self.mean_m[..n_cells],
         );
+    }
+}
+
+#[inline(always)]
+fn sum_row<const STEP: usize>(columns: &[u32], cells: &mut [u32]) {
+    for (cell, run) in cells.iter_mut().zip(columns.chunks_exact(STEP)) {
+        *cell = run.iter().sum();
+    }
+}
+
+#[inline(always)]
+fn least_row<const STEP: usize>(columns: &[u16], cells: &mut [u16]) {
+    for (cell, run) in cells.iter_mut().zip(columns.chunks_exact(STEP)) {
+        *cell = run.iter().fold(u16::MAX, |a, &b| a.min(b));
+    }
+}
+
+#[inline(always)]
+fn most_row<const STEP: usize>(columns: &[u16], cells: &mut [u16]) {
+    for (cell, run) in cells.iter_mut().zip(columns.chunks_exact(STEP)) {
+        *cell = run.iter().fold(0, |a, &b| a.max(b));
     }
 }
 

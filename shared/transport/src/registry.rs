@@ -6,7 +6,7 @@ use crate::identity::{RunIdentity, private_folder};
 use rustix::fs::{FlockOperation, flock};
 use std::fs::{File, OpenOptions};
 use std::io::Read;
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// What the registry says of a run.
@@ -61,20 +61,7 @@ impl RunClaim {
     pub fn take(name: &str, run_dir: &Path) -> Result<Self, TransportError> {
         check_name(name)?;
         let path = private_folder()?.join(format!("{name}.run"));
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-            .open(&path)
-            .map_err(TransportError::io("open", &path))?;
-        let before = read_entry(&file);
-        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-            let (pid, run_dir) = before.map_or((0, PathBuf::new()), |entry| (entry.pid, entry.run_dir));
-            return Err(TransportError::NameInUse { name: name.into(), pid, run_dir });
-        }
+        let (file, before) = lock(name, &path)?;
         if let Some(entry) = before {
             remove_everything(&entry.identity)?;
         }
@@ -118,6 +105,31 @@ impl Drop for RunClaim {
     fn drop(&mut self) {
         // What stays behind here is what `clean` is for.
         let _ = self.remove();
+    }
+}
+
+/// Opens and locks the file of a name; answers what a dead run wrote there.
+fn lock(name: &str, path: &Path) -> Result<(File, Option<RunEntry>), TransportError> {
+    loop {
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
+            .open(path)
+            .map_err(TransportError::io("open", path))?;
+        let before = read_entry(&file);
+        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let (pid, run_dir) = before.map_or((0, PathBuf::new()), |entry| (entry.pid, entry.run_dir));
+            return Err(TransportError::NameInUse { name: name.into(), pid, run_dir });
+        }
+        // A run that ended between the two calls has removed the file that is locked now.
+        let locked = file.metadata().map_err(TransportError::io("look at", path))?;
+        if std::fs::metadata(path).is_ok_and(|there| there.ino() == locked.ino()) {
+            return Ok((file, before));
+        }
     }
 }
 

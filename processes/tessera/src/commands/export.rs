@@ -5,22 +5,23 @@ use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, Summary};
 use crate::run_folder;
 use crate::terminal::say;
+use std::path::Path;
 
 /// Writes all outputs of a run.
 pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> {
     let run_folder = run_folder::find(&arguments.run)?;
     let out_folder = arguments.out.as_deref().unwrap_or(&run_folder);
     let summary = outputs::export(&run_folder, out_folder)?;
-    say_summary(&summary, arguments.speech)?;
+    say_summary(&summary, out_folder, arguments.speech)?;
     Ok(Exit::Done)
 }
 
 /// Prints a summary in the form asked for.
-pub(crate) fn say_summary(summary: &Summary, speech: Speech) -> Result<(), CommandError> {
+pub(crate) fn say_summary(summary: &Summary, folder: &Path, speech: Speech) -> Result<(), CommandError> {
     if speech.json {
         say(&summary.to_json()?);
     } else if !speech.quiet {
-        say(&summary.for_people());
+        say(&format!("{}  outputs     {}", summary.for_people(), folder.display()));
     }
     Ok(())
 }

@@ -1,13 +1,21 @@
 //! One file for each command.
 
+mod check;
+mod clean;
 mod completions;
 mod evaluate;
 mod export;
+mod resume;
 mod run;
 mod stage;
+mod status;
 
+pub(crate) use check::check;
+pub(crate) use clean::clean;
 pub(crate) use completions::completions;
 pub(crate) use evaluate::evaluate;
-pub(crate) use export::export;
+pub(crate) use export::{export, say_summary};
+pub(crate) use resume::resume;
 pub(crate) use run::run;
 pub(crate) use stage::stage;
+pub(crate) use status::status;

@@ -2,75 +2,95 @@
 
 use crate::arguments::RunArguments;
 use crate::exit::{CommandError, Exit};
-use crate::outputs;
-use crate::supervisor::{Outcome, Plan, supervise};
-use std::path::PathBuf;
-use tessera_messages::Stage;
+use crate::launch::{LaunchError, kill_plan, launch};
+use crate::run_folder;
+use crate::supervisor::{Plan, SupervisorError};
+use std::path::Path;
 use tessera_settings::Settings;
-use tessera_sources::{SourceOptions, SourceSpec};
+use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
+use tessera_transport::{TransportError, check_name};
 
-/// Kill points of the first life of each stage, for tests: `align=stored:12,journaled:40;sensor=…`.
-const KILL_PLAN_VARIABLE: &str = "TESSERA_KILL_PLAN";
+/// Frames looked at before the start, to notice wrong depth units.
+const FRAMES_LOOKED_AT: u64 = 5;
+/// Fresh names tried at most.
+const MOST_NAMES: u32 = 10_000;
 
 /// Runs a source to its end.
 pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
+    let settings = settings(arguments)?;
+    let (spec, options) = settings.source();
+    let source = tessera_sources::open(&spec, &options)?;
+    let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
+    refuse_impossible_depth(&depth, source.camera(), settings.run.force)
+        .map_err(|error| CommandError::Input(format!("{spec}: {error}")))?;
+    if let Some(name) = &arguments.name {
+        check_name(name).map_err(|error| CommandError::Arguments(error.to_string()))?;
+        return Ok(start(arguments, &settings, &*source, name)?);
+    }
+    let label = run_folder::label(&settings.run.source);
+    for number in 1..=MOST_NAMES {
+        let name = format!("{label}-{number}");
+        match start(arguments, &settings, &*source, &name) {
+            // Somebody has that name already: the next one, unless the folder was asked for.
+            Err(LaunchError::Supervisor(SupervisorError::RunExists { .. })) if arguments.out.is_none() => {}
+            Err(LaunchError::Supervisor(SupervisorError::Transport(TransportError::NameInUse {
+                ..
+            }))) => {}
+            ended => return Ok(ended?),
+        }
+    }
+    Err(CommandError::Arguments(format!(
+        "all names {label}-1 to {label}-{MOST_NAMES} are taken, expected --name NAME"
+    )))
+}
+
+/// The settings of the run: file and `--set` first, then the arguments that have a flag of their own.
+fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     let mut settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
     let run = &mut settings.run;
     if let Some(source) = &arguments.source {
-        run.source = source.clone();
+        run.source.clone_from(source);
     }
     if let Some(camera) = &arguments.camera {
-        run.camera = camera.clone();
+        run.camera.clone_from(camera);
     }
     run.frames = arguments.frames.unwrap_or(run.frames);
     run.forget_every = arguments.forget_every.unwrap_or(run.forget_every);
     run.live |= arguments.live;
-    let spec = SourceSpec::parse(&run.source);
-    run.source = spec.to_string();
-    let options = SourceOptions {
-        camera: (!run.camera.is_empty()).then(|| run.camera.clone()),
-        frames: (run.frames > 0).then_some(run.frames),
-        ..SourceOptions::default()
-    };
-    let source = tessera_sources::open(&spec, &options).map_err(|e| CommandError::Input(e.to_string()))?;
-    let name = arguments.name.clone().unwrap_or_else(|| format!("run-{}", std::process::id()));
-    let run_dir = arguments.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(&name));
+    run.force |= arguments.force;
+    run.preload |= arguments.preload;
+    if arguments.frames == Some(0) {
+        return Err(CommandError::Arguments("--frames is 0, expected at least 1".to_owned()));
+    }
+    settings.check()?;
+    // Absolute, so that the stages and a later `resume` find them from anywhere.
+    let run = &mut settings.run;
+    run.source = SourceSpec::parse(&run.source).to_string();
+    if !run.camera.is_empty() && !CAMERA_NAMES.contains(&run.camera.as_str()) {
+        if let Ok(path) = std::path::absolute(&run.camera) {
+            run.camera = path.display().to_string();
+        }
+    }
+    Ok(settings)
+}
+
+fn start(
+    arguments: &RunArguments,
+    settings: &Settings,
+    source: &dyn Source,
+    name: &str,
+) -> Result<Exit, LaunchError> {
+    let run_dir = arguments.out.clone().unwrap_or_else(|| Path::new(run_folder::RUNS).join(name));
     let plan = Plan {
-        name,
-        run_dir: run_dir.clone(),
-        settings,
+        name: name.to_owned(),
+        run_dir,
+        settings: settings.clone(),
         camera: source.camera().clone(),
         n_frames: source.n_frames(),
         resume: false,
-        executable: std::env::current_exe().map_err(|e| CommandError::Stage(e.to_string()))?,
+        executable: std::env::current_exe()
+            .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
     };
-    let supervised = supervise(&plan, &mut |progress| {
-        if !arguments.speech.quiet {
-            eprintln!(
-                "{} of {:?} frames, {} keyframes, {} loops",
-                progress.frames, progress.n_frames, progress.keyframes, progress.loops
-            );
-        }
-    })
-    .map_err(|e| CommandError::Stage(e.to_string()))?;
-    if !arguments.speech.quiet {
-        eprintln!("{supervised:#?}");
-    }
-    outputs::export(&run_dir, &run_dir)?;
-    match supervised.outcome {
-        Outcome::Finished => Ok(Exit::Done),
-        Outcome::Interrupted => Ok(Exit::Interrupted),
-        Outcome::Failed(failure) => Err(CommandError::Stage(failure.to_string())),
-    }
-}
-
-fn kill_plan() -> Vec<(Stage, String)> {
-    let text = std::env::var(KILL_PLAN_VARIABLE).unwrap_or_default();
-    text.split(';')
-        .filter_map(|part| {
-            let (stage, points) = part.split_once('=')?;
-            Some((Stage::from_name(stage)?, points.to_string()))
-        })
-        .collect()
+    launch(&plan, source.ground_truth(), arguments.speech)
 }

@@ -1,18 +1,22 @@
 //! All outputs of a run from its folder: journal, store, camera, configuration, ground truth.
 
 use crate::exit::CommandError;
+use crate::outputs::files::write_whole;
 use crate::outputs::map::{self, MapInput};
 use crate::outputs::replay::Replay;
-use crate::outputs::statistics::{RunStatistics, STATISTICS_FILE};
+use crate::outputs::statistics::read_statistics;
 use crate::outputs::summary::Summary;
 use crate::outputs::{states, trajectories};
 use std::fs;
 use std::path::Path;
-use tessera_journal::{Follower, JournalError};
+use tessera_journal::Follower;
 use tessera_mapping::{AlignRecord, KeyframeSurfaces};
 use tessera_settings::Settings;
-use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles, StageError};
-use tessera_trajectory::{Trajectory, read_tum};
+use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles};
+use tessera_trajectory::{Trajectory, read_tum, write_tum};
+
+/// Name of the ground truth in the run directory.
+const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
 
 /// Writes every output of the run in `run_folder` into `out_folder` and says what came of it.
 ///
@@ -37,14 +41,6 @@ fn input_error(path: &Path, reason: impl std::fmt::Display) -> CommandError {
     CommandError::Input(format!("{}: {reason}", path.display()))
 }
 
-fn journal_error(error: JournalError) -> CommandError {
-    CommandError::Input(error.to_string())
-}
-
-fn stage_error(error: StageError) -> CommandError {
-    CommandError::Input(error.to_string())
-}
-
 fn read_settings(files: &RunFiles) -> Result<Settings, CommandError> {
     let path = files.config();
     let text = fs::read_to_string(&path).map_err(|error| {
@@ -60,29 +56,28 @@ fn read_journal(files: &RunFiles) -> Result<Replay, CommandError> {
         // The run ended before its first frame: there is nothing, and that is no error.
         return Ok(replay);
     }
-    let mut follower = Follower::<AlignRecord>::open(&path, ALIGN_JOURNAL).map_err(journal_error)?;
-    while let Some(record) = follower.next().map_err(journal_error)? {
+    let mut follower = Follower::<AlignRecord>::open(&path, ALIGN_JOURNAL)?;
+    while let Some(record) = follower.next()? {
         replay.apply(record);
     }
     Ok(replay)
 }
 
+/// Keeps the ground truth in the run folder, so that outputs need nothing from elsewhere.
+pub(crate) fn write_groundtruth(run_folder: &Path, truth: Option<&Trajectory>) -> Result<(), CommandError> {
+    let Some(truth) = truth else { return Ok(()) };
+    write_whole(run_folder, GROUNDTRUTH_FILE, |mut writer| {
+        let rows = truth.stamps_nanos.iter().copied().zip(&truth.poses);
+        write_tum(&mut writer, "ground truth of the source\nmetres: timestamp tx ty tz qx qy qz qw", rows)
+    })
+}
+
 fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, CommandError> {
-    let path = run_folder.join("groundtruth.txt");
+    let path = run_folder.join(GROUNDTRUTH_FILE);
     if !path.exists() {
         return Ok(None);
     }
     Ok(Some(read_tum(&path)?))
-}
-
-fn read_statistics(run_folder: &Path) -> Result<RunStatistics, CommandError> {
-    let path = run_folder.join(STATISTICS_FILE);
-    match fs::read(&path) {
-        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| input_error(&path, error)),
-        // Written at the end: a run that was killed has none.
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(RunStatistics::default()),
-        Err(error) => Err(input_error(&path, error)),
-    }
 }
 
 fn write_map(
@@ -91,15 +86,15 @@ fn write_map(
     replay: &Replay,
     settings: &Settings,
 ) -> Result<(), CommandError> {
-    let run = RunFile::read(files).map_err(stage_error)?;
+    let run = RunFile::read(files)?;
     let step = settings.surface.step as usize;
     let input = MapInput { camera: &run.camera, step, settings: &settings.output };
     let mut keyframes = None;
     if !replay.keyframes.is_empty() {
         let n_vertices = run.layout(settings).grid.len();
-        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices).map_err(journal_error)?;
+        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
         for keyframe in &replay.keyframes {
-            mapped.add(keyframe).map_err(stage_error)?;
+            mapped.add(keyframe)?;
         }
         keyframes = Some(mapped);
     }

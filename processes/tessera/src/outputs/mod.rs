@@ -13,6 +13,6 @@ mod test_run;
 mod trajectories;
 mod voxels;
 
-pub(crate) use export::export;
-pub(crate) use statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
+pub(crate) use export::{export, write_groundtruth};
+pub(crate) use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};
 pub(crate) use summary::Summary;

@@ -43,9 +43,11 @@ fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>)
         keyframe_from_camera: along_x(hangs_on.1),
         covariance: if index == 4 { covariance() } else { Vec::new() },
         n_correspondences: if index == 4 { 12 } else { 0 },
-        memory: Vec::new(),
         new_keyframe,
         request: None,
+        velocity: [0.0; 6],
+        entropy_nats: 0.0,
+        blocks: Vec::new(),
     }))
 }
 

@@ -11,8 +11,8 @@ mod stage_process;
 mod tally;
 mod watch;
 
-pub(crate) use failure::{StageFailure, SupervisorError};
+pub(crate) use failure::SupervisorError;
 pub(crate) use plan::Plan;
 pub(crate) use stage_process::run_stage;
-pub(crate) use tally::{Counters, Tally};
+pub(crate) use tally::Counters;
 pub(crate) use watch::{Outcome, Progress, Supervised, supervise};

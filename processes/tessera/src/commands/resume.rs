@@ -1,0 +1,35 @@
+//! `tessera resume`: a run that was interrupted or killed goes on to its end.
+
+use crate::arguments::ResumeArguments;
+use crate::exit::{CommandError, Exit};
+use crate::launch::{kill_plan, launch};
+use crate::run_folder;
+use crate::supervisor::Plan;
+use tessera_settings::Settings;
+use tessera_stage::{RunFile, RunFiles};
+
+/// Goes on with a run as it was begun: same name, camera and settings.
+pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> {
+    let run_dir = run_folder::find(&arguments.run)?;
+    let files = RunFiles::new(&run_dir);
+    let run = RunFile::read(&files)?;
+    let config = files.config();
+    let text = std::fs::read_to_string(&config)
+        .map_err(|error| CommandError::Input(format!("{}: {error}", config.display())))?;
+    let settings = Settings::from_toml(&text, &config.display().to_string())?;
+    let (spec, options) = settings.source();
+    // Opened here too, so that a source that went away is told before anything starts.
+    let source = tessera_sources::open(&spec, &options)?;
+    let plan = Plan {
+        name: run.name,
+        run_dir,
+        settings,
+        camera: run.camera,
+        n_frames: run.n_frames,
+        resume: true,
+        executable: std::env::current_exe()
+            .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
+        kill_points: kill_plan(),
+    };
+    Ok(launch(&plan, source.ground_truth(), arguments.speech)?)
+}

@@ -1,0 +1,161 @@
+//! `tessera status`: the processes of a run, read without disturbing it.
+
+use crate::arguments::StatusArguments;
+use crate::exit::{CommandError, Exit};
+use crate::outputs::{self, LatencyMs, RunStatistics};
+use crate::run_folder;
+use crate::terminal::say;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use tessera_messages::{Beat, BeatState, Stage, WaitingOn};
+use tessera_settings::Settings;
+use tessera_stage::{RunFile, RunFiles};
+use tessera_transport::{Link, Registered, RunEntry, registered_runs};
+
+/// How long to listen for the beats of all stages; each beats some ten times a second.
+const LISTEN: Duration = Duration::from_millis(500);
+
+/// One process of a run.
+#[derive(Clone, Debug, Serialize)]
+struct StageStatus {
+    stage: String,
+    /// Absent where nothing was heard of it.
+    pid: Option<u32>,
+    state: String,
+    restarts: u64,
+    frames: u64,
+    latency_ms: LatencyMs,
+    queue: u64,
+}
+
+/// One run.
+#[derive(Clone, Debug, Serialize)]
+struct RunStatus {
+    name: String,
+    folder: PathBuf,
+    running: bool,
+    stages: Vec<StageStatus>,
+}
+
+/// Prints the status of one run, or of all that are going on.
+pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> {
+    let runs = registered_runs()?;
+    let Some(wanted) = &arguments.run else {
+        let alive: Result<Vec<RunStatus>, CommandError> =
+            runs.iter().filter(|run| run.is_alive).map(|run| of_running(&run.entry)).collect();
+        let alive = alive?;
+        if arguments.json {
+            say(&to_json(&alive)?);
+        } else if alive.is_empty() {
+            say("no run is going on");
+        } else {
+            alive.iter().for_each(|run| say(&for_people(run)));
+        }
+        return Ok(Exit::Done);
+    };
+    let status = match runs.iter().find(|run| run.is_alive && is_named(run, wanted)) {
+        Some(run) => of_running(&run.entry)?,
+        None => of_ended(wanted)?,
+    };
+    say(&if arguments.json { to_json(&status)? } else { for_people(&status) });
+    Ok(Exit::Done)
+}
+
+fn is_named(run: &Registered, wanted: &str) -> bool {
+    run.entry.name == wanted || std::path::absolute(wanted).is_ok_and(|folder| folder == run.entry.run_dir)
+}
+
+fn of_running(run: &RunEntry) -> Result<RunStatus, CommandError> {
+    let beats = listen(run)?;
+    let statistics = outputs::read_statistics(&run.run_dir)?;
+    let stages = Stage::ALL.map(|stage| of_stage(stage, beats.get(&stage), &statistics)).to_vec();
+    Ok(RunStatus { name: run.name.clone(), folder: run.run_dir.clone(), running: true, stages })
+}
+
+/// A run that is over: what its supervisor wrote last.
+fn of_ended(name_or_folder: &str) -> Result<RunStatus, CommandError> {
+    let folder = run_folder::find(name_or_folder)?;
+    let statistics = outputs::read_statistics(&folder)?;
+    let stages = Stage::ALL.map(|stage| of_stage(stage, None, &statistics)).to_vec();
+    Ok(RunStatus { name: RunFile::read(&RunFiles::new(&folder))?.name, folder, running: false, stages })
+}
+
+fn of_stage(stage: Stage, beat: Option<&Beat>, statistics: &RunStatistics) -> StageStatus {
+    let kept = statistics.stages.get(stage.name()).copied().unwrap_or_default();
+    let mut status = StageStatus {
+        stage: stage.name().to_owned(),
+        pid: None,
+        state: if beat.is_some() { "unknown".to_owned() } else { "not running".to_owned() },
+        restarts: kept.restarts,
+        frames: kept.frames,
+        latency_ms: kept.latency_ms,
+        queue: 0,
+    };
+    if let Some(beat) = beat {
+        status.pid = Some(beat.pid);
+        status.latency_ms = LatencyMs::from(beat.latency);
+        status.frames = beat.frames;
+        status.queue = beat.queue;
+        if let Ok((_, state, on)) = beat.validate() {
+            status.state = match (state, on) {
+                (BeatState::Waiting, WaitingOn::Nothing) => "waiting".to_owned(),
+                (BeatState::Waiting, on) => format!("waiting for {}", on.name()),
+                (state, _) => state.name().to_owned(),
+            };
+        }
+    }
+    status
+}
+
+/// The newest beat of each stage.
+fn listen(run: &RunEntry) -> Result<BTreeMap<Stage, Beat>, CommandError> {
+    let files = RunFiles::new(&run.run_dir);
+    let config = files.config();
+    let text = read(&config)?;
+    let settings = Settings::from_toml(&text, &config.display().to_string())?;
+    let layout = RunFile::read(&files)?.layout(&settings);
+    let link = Link::open(&run.identity, &layout, "status")?;
+    let subscriber = link.beat_subscriber()?;
+    let (began, mut beats) = (Instant::now(), BTreeMap::new());
+    while began.elapsed() < LISTEN && beats.len() < Stage::ALL.len() {
+        while let Some(beat) = subscriber.receive()? {
+            if let Ok((stage, ..)) = beat.validate() {
+                beats.insert(stage, beat);
+            }
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(beats)
+}
+
+fn read(path: &Path) -> Result<String, CommandError> {
+    std::fs::read_to_string(path).map_err(|error| CommandError::Input(format!("{}: {error}", path.display())))
+}
+
+fn to_json(status: &impl Serialize) -> Result<String, CommandError> {
+    serde_json::to_string_pretty(status).map_err(|error| CommandError::Stage(error.to_string()))
+}
+
+fn for_people(run: &RunStatus) -> String {
+    let state = if run.running { "going on" } else { "over" };
+    let mut text = format!("{}: {state}, {}\n", run.name, run.folder.display());
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "  {:<12}{:>8}  {:<22}{:>8}{:>8}{:>8}{:>9}",
+        "stage", "pid", "state", "restarts", "frames", "queue", "p50 ms"
+    );
+    for stage in &run.stages {
+        let StageStatus { stage, pid, state, restarts, frames, queue, latency_ms } = stage;
+        let pid = pid.map_or("-".to_owned(), |pid| pid.to_string());
+        let _ = writeln!(
+            text,
+            "  {stage:<12}{pid:>8}  {state:<22}{restarts:>8}{frames:>8}{queue:>8}{:>9.2}",
+            latency_ms.p50
+        );
+    }
+    text
+}

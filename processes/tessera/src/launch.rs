@@ -1,0 +1,114 @@
+//! A run from its first process to its last output, whether fresh or resumed.
+
+use crate::arguments::Speech;
+use crate::commands::say_summary;
+use crate::exit::{CommandError, Exit};
+use crate::outputs::{self, Ended, RunStatistics};
+use crate::progress::ProgressView;
+use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, supervise};
+use std::time::Duration;
+use tessera_messages::Stage;
+use tessera_trajectory::Trajectory;
+
+/// Time between two looks that `tessera status` can take at the counters.
+const REFRESH: Duration = Duration::from_secs(1);
+/// Kill points of the first life of each stage, for tests: `align=stored:12,journaled:40;sensor=…`.
+const KILL_PLAN_VARIABLE: &str = "TESSERA_KILL_PLAN";
+
+/// Runs the plan, writes the outputs and says what came of it.
+pub(crate) fn launch(
+    plan: &Plan,
+    groundtruth: Option<&Trajectory>,
+    speech: Speech,
+) -> Result<Exit, LaunchError> {
+    let before = outputs::read_statistics(&plan.run_dir)?;
+    let mut view = ProgressView::new(speech.quiet);
+    let mut due = Duration::ZERO;
+    let mut refused = None;
+    let mut tell = |progress: &Progress| {
+        view.tell(progress);
+        if progress.elapsed >= due {
+            if due.is_zero() {
+                // The run directory is ours from here on.
+                refused = outputs::write_groundtruth(&plan.run_dir, groundtruth).err();
+            }
+            due = progress.elapsed + REFRESH;
+            // Only for `status`: the last word on these numbers is written at the end.
+            let now = RunStatistics::new(Ended::Unfinished, &progress.stages, progress.elapsed, 0);
+            let _ = outputs::write_statistics(&plan.run_dir, &before.and(&now));
+        }
+    };
+    let supervised = supervise(plan, &mut tell).map_err(LaunchError::Supervisor);
+    view.end();
+    let supervised = supervised?;
+    if let Some(error) = refused {
+        return Err(error.into());
+    }
+    let concluded = conclude(plan, &before, &supervised, speech);
+    // Only now: the name is taken until the last output is written.
+    let released = supervised.claim.release().map_err(CommandError::from);
+    Ok(concluded.and_then(|exit| released.map(|()| exit))?)
+}
+
+/// Writes and tells what can be told, however the run ended.
+fn conclude(
+    plan: &Plan,
+    before: &RunStatistics,
+    supervised: &Supervised,
+    speech: Speech,
+) -> Result<Exit, CommandError> {
+    let Supervised { outcome, stages, shared_memory_bytes, duration, .. } = supervised;
+    let ended = match outcome {
+        Outcome::Finished => Ended::Finished,
+        Outcome::Interrupted => Ended::Interrupted,
+        Outcome::Failed(_) => Ended::Failed,
+    };
+    let statistics = RunStatistics::new(ended, stages, *duration, *shared_memory_bytes);
+    let written = outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
+        .and_then(|()| outputs::export(&plan.run_dir, &plan.run_dir));
+    if let Outcome::Failed(failure) = outcome {
+        // A stage that could not use its input or settings says so by its exit code.
+        let exit = match failure.exit_code {
+            Some(2) => Exit::Arguments,
+            Some(3) => Exit::Input,
+            _ => Exit::Stage,
+        };
+        return Err(CommandError::Failed { exit, message: failure.to_string() });
+    }
+    say_summary(&written?, &plan.run_dir, speech)?;
+    Ok(if ended == Ended::Interrupted { Exit::Interrupted } else { Exit::Done })
+}
+
+/// Why a run did not come to its end; told apart so that a fresh name can be tried again.
+pub(crate) enum LaunchError {
+    /// It could not be started or kept up.
+    Supervisor(SupervisorError),
+    /// Anything else.
+    Command(CommandError),
+}
+
+impl From<CommandError> for LaunchError {
+    fn from(error: CommandError) -> Self {
+        Self::Command(error)
+    }
+}
+
+impl From<LaunchError> for CommandError {
+    fn from(error: LaunchError) -> Self {
+        match error {
+            LaunchError::Supervisor(error) => error.into(),
+            LaunchError::Command(error) => error,
+        }
+    }
+}
+
+/// The kill points that a test asks for.
+pub(crate) fn kill_plan() -> Vec<(Stage, String)> {
+    let text = std::env::var(KILL_PLAN_VARIABLE).unwrap_or_default();
+    text.split(';')
+        .filter_map(|part| {
+            let (stage, points) = part.split_once('=')?;
+            Some((Stage::from_name(stage)?, points.to_string()))
+        })
+        .collect()
+}

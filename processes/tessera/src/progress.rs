@@ -1,0 +1,100 @@
+//! What a run says while it goes on: one bar on a terminal, plain lines elsewhere.
+
+use crate::supervisor::Progress;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+use std::time::Duration;
+
+/// Time between two plain lines.
+const LINE_INTERVAL: Duration = Duration::from_secs(2);
+
+/// Shows how far a run is, on standard error.
+pub(crate) enum ProgressView {
+    /// Nothing is shown.
+    Quiet,
+    /// One line that is drawn again and again.
+    Bar(ProgressBar),
+    /// A line now and then.
+    Lines {
+        /// When the next is due, since the start.
+        due: Duration,
+    },
+}
+
+impl ProgressView {
+    /// The view that fits: nothing if asked for, a bar on a terminal, lines elsewhere.
+    pub(crate) fn new(is_quiet: bool) -> Self {
+        if is_quiet {
+            return Self::Quiet;
+        }
+        if !std::io::stderr().is_terminal() {
+            return Self::Lines { due: LINE_INTERVAL };
+        }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10));
+        // No colours: nothing to switch off for NO_COLOR.
+        if let Ok(style) = ProgressStyle::with_template("{bar:24} {msg}") {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        Self::Bar(bar)
+    }
+
+    /// Shows the present state.
+    pub(crate) fn tell(&mut self, progress: &Progress) {
+        match self {
+            Self::Quiet => {}
+            Self::Bar(bar) => {
+                if let Some(n_frames) = progress.n_frames {
+                    bar.set_length(n_frames);
+                }
+                bar.set_position(progress.frames);
+                bar.set_message(words(progress));
+            }
+            Self::Lines { due } => {
+                if progress.elapsed >= *due {
+                    *due = progress.elapsed + LINE_INTERVAL;
+                    eprintln!("{}", words(progress));
+                }
+            }
+        }
+    }
+
+    /// Takes the bar away: the summary says the rest.
+    pub(crate) fn end(self) {
+        if let Self::Bar(bar) = self {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// The state in a few words, short enough for 80 columns beside the bar.
+fn words(progress: &Progress) -> String {
+    let Progress { frames, keyframes, loops, .. } = progress;
+    let of = progress.n_frames.map_or(String::new(), |n| format!("/{n}"));
+    let seconds = progress.elapsed.as_secs_f64();
+    let rate = if seconds > 0.0 { *frames as f64 / seconds } else { 0.0 };
+    let dropped: u64 = progress.stages.values().map(|stage| stage.dropped).sum();
+    format!("{frames}{of} {rate:.0} frames/s, {keyframes} keyframes, {loops} loops, {dropped} drops")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::supervisor::Counters;
+    use tessera_messages::Stage;
+
+    #[test]
+    fn the_words_fit_beside_the_bar() {
+        let dropped = Counters { dropped: 3, ..Counters::default() };
+        let progress = Progress {
+            frames: 120,
+            n_frames: Some(360),
+            keyframes: 12,
+            loops: 1,
+            stages: [(Stage::Align, dropped), (Stage::Reconstruct, dropped)].into(),
+            elapsed: Duration::from_millis(1500),
+        };
+        let text = words(&progress);
+        assert_eq!(text, "120/360 80 frames/s, 12 keyframes, 1 loops, 6 drops");
+        assert!(text.len() + 25 <= 80);
+    }
+}

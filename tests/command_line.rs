@@ -1,0 +1,155 @@
+//! The command as its users meet it: help, exit codes, messages.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn tessera(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).env_remove("RUST_BACKTRACE").output().unwrap()
+}
+
+/// Standard error of a command that must end with this exit code.
+fn refusal(arguments: &[&str], code: i32) -> String {
+    let output = tessera(arguments);
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    assert!(text.starts_with("tessera: "), "{text}");
+    assert_eq!(text.matches("tessera: ").count(), 1, "an error is told once: {text}");
+    text
+}
+
+fn stdout(arguments: &[&str]) -> String {
+    let output = tessera(arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A trajectory file along x, one pose every tenth of a second.
+fn write_trajectory(path: &Path, n: usize, scale: f64) {
+    let row = |k: usize| {
+        let (t, x) = (k as f64 / 10.0, k as f64 / 10.0);
+        format!("{t:.6} {} {} 0 0 0 0 1\n", scale * x, 0.1 * x * x)
+    };
+    std::fs::write(path, (0..n).map(row).collect::<String>()).unwrap();
+}
+
+#[test]
+fn help_has_examples_and_exit_codes() {
+    let help = stdout(&["--help"]);
+    assert!(help.contains("Exit codes:") && help.contains("Examples:"), "{help}");
+    for command in ["run", "resume", "export", "evaluate", "status", "stage", "check", "clean", "completions"]
+    {
+        assert!(help.contains(command), "{command} is not in the help");
+        assert!(stdout(&[command, "--help"]).contains("Examples:"), "{command}");
+    }
+    assert_eq!(stdout(&["--version"]).trim(), concat!("tessera ", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn wrong_arguments_end_with_2() {
+    assert!(refusal(&["rum"], 2).contains("'rum'"));
+    assert!(refusal(&["run", "--frams", "3"], 2).contains("--frames"));
+    assert!(refusal(&["run", "--frames", "many"], 2).contains("invalid value 'many'"));
+    assert!(refusal(&["run", "--frames", "0"], 2).contains("--frames is 0, expected at least 1"));
+    assert!(refusal(&["run", "--name", "../x"], 2).contains("\"../x\" is not usable"));
+    assert!(
+        refusal(&["stage", "algin", "--run-dir", "x"], 2).contains("sensor, reconstruct, align, optimise")
+    );
+    assert!(refusal(&["stage", "align"], 2).contains("--run"));
+    assert!(refusal(&["export", "no-such-run"], 2).contains("no run \"no-such-run\""));
+    assert!(refusal(&["resume", "no-such-run"], 2).contains("no run \"no-such-run\""));
+    assert!(refusal(&["status", "no-such-run"], 2).contains("no run \"no-such-run\""));
+}
+
+#[test]
+fn wrong_settings_name_key_value_and_rule() {
+    let set = |pair: &str| refusal(&["run", "--set", pair], 2);
+    assert!(
+        set("surface.stepp=2")
+            .contains("unknown key `surface.stepp`; the nearest known key is `surface.step`")
+    );
+    assert!(set("surface.step=3").contains("surface.step is 3, expected 1, 2, 4 or 8"));
+    assert!(set("surface.max_depth_m=nan").contains("surface.max_depth_m is NaN, expected a number from"));
+    assert!(set("surface.step=two").contains("`surface.step` is the text \"two\", expected a whole number"));
+    assert!(set("surface.edge_rule=xor").contains("unknown variant `xor`, expected `or` or `and`"));
+    assert!(set("flow.window").contains("expected key=value"));
+    assert!(refusal(&["run", "--config", "nowhere.toml"], 2).contains("presets are default, paper, fast"));
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("mine.toml");
+    std::fs::write(&file, "[surface]\nstep = 4\nedge_rul = \"or\"\n").unwrap();
+    let message = refusal(&["run", "--config", file.to_str().unwrap()], 2);
+    assert!(message.contains("mine.toml, line 3: unknown key `surface.edge_rul`"), "{message}");
+}
+
+#[test]
+fn unusable_sources_end_with_3() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().to_str().unwrap();
+    assert!(
+        refusal(&["run", "no/such/folder"], 3).contains("expected room, corridor, wall, house or a folder")
+    );
+    assert!(refusal(&["check", "no/such/folder"], 3).contains("no/such/folder"));
+    assert!(refusal(&["run", folder], 3).contains("tessera: "));
+    assert!(refusal(&["run", "room", "--camera", "kinect"], 3).contains("no camera"));
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_written_ends_with_2() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("file");
+    std::fs::write(&file, "in the way").unwrap();
+    let out = file.join("out");
+    let message = refusal(&["run", "room", "--frames", "2", "--out", out.to_str().unwrap()], 2);
+    assert!(message.contains("file/out"), "{message}");
+}
+
+#[test]
+fn evaluate_prints_the_standard_figures_and_more_beside_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let (estimate, truth) = (dir.path().join("estimate.txt"), dir.path().join("truth.txt"));
+    write_trajectory(&estimate, 50, 0.5);
+    write_trajectory(&truth, 60, 1.0);
+    let files = [estimate.to_str().unwrap(), truth.to_str().unwrap()];
+    let text = stdout(&["evaluate", files[0], files[1]]);
+    assert!(text.contains("ATE") && text.contains("50 pairs: 100.0 % of the estimate's 50 poses"), "{text}");
+    let json = |extra: &[&str]| -> serde_json::Value {
+        let arguments = [&["evaluate", files[0], files[1], "--json"], extra].concat();
+        serde_json::from_str(&stdout(&arguments)).unwrap()
+    };
+    let plain = json(&[]);
+    assert_eq!(plain["pairs"], 50);
+    assert!(plain["ate_rmse_m"].as_f64().unwrap() > 0.1);
+    assert!(plain["rpe_translation_rmse_m_per_s"].as_f64().unwrap() > 0.4);
+    assert!(plain["rpe_rotation_rmse_deg_per_s"].is_number());
+    let more = json(&["--scale", "--time-offset", "auto"]);
+    assert_eq!(more["ate_rmse_m"], plain["ate_rmse_m"], "further figures stand beside, never instead");
+    assert!(more["with_scale"]["scale"].as_f64().unwrap() > 1.0);
+}
+
+#[test]
+fn evaluate_refuses_what_it_cannot_compare() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    write_trajectory(Path::new(&path("good.txt")), 20, 1.0);
+    std::fs::write(path("nan.txt"), "0 0 0 0 0 0 0 1\n1 0 nan 0 0 0 0 1\n").unwrap();
+    std::fs::write(path("late.txt"), "1000 0 0 0 0 0 0 1\n1001 0 0 0 0 0 0 1\n").unwrap();
+    let message = refusal(&["evaluate", &path("good.txt"), &path("nan.txt")], 3);
+    assert!(message.contains("nan.txt, line 2"), "{message}");
+    assert!(refusal(&["evaluate", &path("none.txt"), &path("good.txt")], 3).contains("none.txt"));
+    let message = refusal(&["evaluate", &path("good.txt"), &path("late.txt")], 3);
+    assert!(message.contains("found 0 pairs"), "{message}");
+}
+
+#[test]
+fn completions_are_printed_for_each_shell() {
+    for shell in ["bash", "zsh", "fish"] {
+        assert!(stdout(&["completions", shell]).contains("tessera"), "{shell}");
+    }
+}
+
+#[test]
+fn check_looks_at_a_source() {
+    let text = stdout(&["check", "wall"]);
+    assert!(text.contains("640x480 px") && text.contains("median depth"), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&stdout(&["check", "room", "--json"])).unwrap();
+    assert!(json["n_frames"].as_u64().unwrap() > 100);
+}

@@ -1,0 +1,171 @@
+//! Running the real executable over real shared memory, each run under its own name.
+#![allow(dead_code, unreachable_pub, reason = "each test file uses a part of it")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Frames of the runs here: enough for several keyframes.
+pub const FRAMES: &str = "40";
+
+/// A small camera, so that a run takes little time.
+const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\
+                      units_per_metre = 5000.0\n";
+
+/// The outputs that must be the same bytes whatever happened.
+pub const OUTPUTS: [&str; 4] = ["trajectory.txt", "trajectory_online.txt", "keyframes.txt", "map.ply"];
+
+/// A run's folder and name, both of its own.
+pub struct Run {
+    pub dir: tempfile::TempDir,
+    pub name: String,
+    frames: String,
+    arguments: Vec<String>,
+    environment: Vec<(String, String)>,
+}
+
+/// A small run of the simulated room.
+pub fn room() -> Run {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("camera.toml"), CAMERA).unwrap();
+    let name = format!("test-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    Run { dir, name, frames: FRAMES.into(), arguments: Vec::new(), environment: Vec::new() }
+        .with(&["--set", "surface.step=2"])
+}
+
+impl Run {
+    pub fn with(mut self, arguments: &[&str]) -> Self {
+        self.arguments.extend(arguments.iter().map(ToString::to_string));
+        self
+    }
+
+    pub fn frames(mut self, n: u64) -> Self {
+        self.frames = n.to_string();
+        self
+    }
+
+    pub fn named(mut self, name: &str) -> Self {
+        self.name = name.into();
+        self
+    }
+
+    pub fn with_env(mut self, name: &str, value: &str) -> Self {
+        self.environment.push((name.into(), value.into()));
+        self
+    }
+
+    pub fn out(&self) -> PathBuf {
+        self.dir.path().join("out")
+    }
+
+    pub fn command(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tessera"));
+        command
+            .args(["run", "room", "--quiet", "--name", &self.name, "--camera"])
+            .arg(self.dir.path().join("camera.toml"))
+            .arg("--out")
+            .arg(self.out())
+            .args(["--frames", &self.frames])
+            .args(&self.arguments)
+            .envs(self.environment.iter().cloned())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command
+    }
+
+    pub fn start(&self) -> Child {
+        self.command().spawn().unwrap()
+    }
+
+    /// Runs to the end; a failure shows the log.
+    pub fn finish(&self) -> ExitStatus {
+        let output = self.command().output().unwrap();
+        if !output.status.success() {
+            eprintln!(
+                "{}{}",
+                String::from_utf8_lossy(&output.stdout),
+                String::from_utf8_lossy(&output.stderr)
+            );
+            eprintln!("{}", self.log());
+        }
+        output.status
+    }
+
+    pub fn log(&self) -> String {
+        std::fs::read_to_string(self.out().join("log.txt")).unwrap_or_default()
+    }
+
+    /// Beginning of the names of this run's shared memory.
+    pub fn prefix(&self) -> String {
+        let text = std::fs::read_to_string(self.out().join("run.json")).unwrap();
+        let run: serde_json::Value = serde_json::from_str(&text).unwrap();
+        run["identity"]["prefix"].as_str().unwrap().to_string()
+    }
+
+    /// Names in shared memory and private folders that belong to this run.
+    pub fn leftovers(&self) -> Vec<PathBuf> {
+        let text = std::fs::read_to_string(self.out().join("run.json")).unwrap();
+        let run: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let root = PathBuf::from(run["identity"]["root"].as_str().unwrap());
+        let mut left: Vec<PathBuf> = Vec::new();
+        for folder in [Path::new("/dev/shm"), root.parent().unwrap()] {
+            left.extend(std::fs::read_dir(folder).unwrap().flatten().map(|item| item.path()).filter(
+                |path| {
+                    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+                    name.starts_with(&self.prefix()) || name == format!("{}.run", self.name)
+                },
+            ));
+        }
+        left
+    }
+
+    pub fn output(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.out().join(name)).unwrap_or_else(|e| panic!("{name}: {e}\n{}", self.log()))
+    }
+
+    /// Fails unless all outputs are the same bytes as those of `other`.
+    pub fn assert_same_bytes(&self, other: &Run, what: &str) {
+        for name in OUTPUTS {
+            assert!(self.output(name) == other.output(name), "{name} differs: {what}\n{}", self.log());
+        }
+    }
+
+    /// Waits until the aligner has journaled something.
+    pub fn wait_until_busy(&self) {
+        wait_for("the first records", || {
+            std::fs::metadata(self.out().join("align.journal")).is_ok_and(|meta| meta.len() > 4096)
+        });
+    }
+
+    /// Process ids of the stages.
+    pub fn stage_pids(&self) -> Vec<u32> {
+        let out = self.out().display().to_string();
+        let mut pids = Vec::new();
+        for item in std::fs::read_dir("/proc").unwrap().flatten() {
+            let Ok(pid) = item.file_name().to_string_lossy().parse::<u32>() else { continue };
+            let line = std::fs::read(item.path().join("cmdline")).unwrap_or_default();
+            let line = String::from_utf8_lossy(&line).replace('\0', " ");
+            if line.contains(" stage ") && line.contains(&out) {
+                pids.push(pid);
+            }
+        }
+        pids
+    }
+}
+
+/// Waits until something holds.
+pub fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while !holds() {
+        assert!(Instant::now() < deadline, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Sends a signal to a process.
+pub fn signal(pid: u32, name: &str) {
+    assert!(Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().unwrap().success());
+}
