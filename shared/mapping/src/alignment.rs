@@ -9,6 +9,9 @@ use tessera_registration::{
 };
 use tessera_surface::SurfaceView;
 
+/// Outer iterations that follow once free directions are held at the prediction.
+const HELD_ITERATIONS: u32 = 3;
+
 /// A fixed surface with its pose.
 pub(crate) struct Reference<'a> {
     pub(crate) world_from_camera: Pose,
@@ -102,7 +105,7 @@ impl Aligner {
         };
         let factor = self.metric_factor(context);
         let motion = prior(context, prediction, self.matcher.metric_factor());
-        let mut k = 0;
+        let (mut k, mut is_checked, mut n_more) = (0, false, 0);
         loop {
             let limits = MatchLimits {
                 first_distance_m: prediction.first_distance_m as f32,
@@ -128,12 +131,22 @@ impl Aligner {
                 result.velocity = step.scaled(1.0 / seconds);
             }
             if k == last {
+                if !is_checked {
+                    // Judged by the last, tightest matches: the first ones are too often wrong.
+                    is_checked = true;
+                    let centroid = degeneracy::centroid(result.blocks.iter().map(|(_, sums)| sums));
+                    let metric = information(&graph, n) / factor;
+                    result.free = degeneracy::free_directions(window, &metric, &centroid);
+                    n_more = if result.free.is_empty() { 0 } else { HELD_ITERATIONS };
+                }
+                if n_more > 0 {
+                    n_more -= 1;
+                    continue;
+                }
                 let priors: Matrix6 = graph.priors.iter().map(|p| p.information).sum();
                 result.information = information(&graph, n) + priors;
                 return result;
             }
-            let centroid = degeneracy::centroid(result.blocks.iter().map(|(_, sums)| sums));
-            result.free = degeneracy::free_directions(window, &(information(&graph, n) / factor), &centroid);
             let is_still =
                 report.moved_m < window.converged_step && report.turned_rad < window.converged_step;
             k = if is_still { last } else { k + 1 };

@@ -67,9 +67,10 @@ pub(crate) fn free_directions(
         [(Motion::Translation, translation, limit_m), (Motion::Rotation, rotation, limit_rad)]
     {
         let eigen = SymmetricEigen::new((matrix + matrix.transpose()) * 0.5);
+        let best = 1.0 / eigen.eigenvalues.max().max(1e-12).sqrt();
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
             let sigma = 1.0 / value.max(1e-12).sqrt();
-            if sigma > limit {
+            if sigma > limit && sigma > settings.free_ratio * best {
                 free.push(direction(motion, eigen.eigenvectors.column(k).into_owned(), sigma, centroid));
             }
         }
@@ -86,15 +87,14 @@ fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<
     FreeDirection { motion, axis, sigma, tangent, coordinate }
 }
 
+/// Standard deviation at which a free direction is held, metres or radians.
+const HELD: f64 = 1e-4;
+
 /// Information that holds the free directions where they are predicted, metric.
 pub(crate) fn hold(free: &[FreeDirection]) -> Matrix6 {
     let mut held = Matrix6::zeros();
     for f in free {
-        let sigma = match f.motion {
-            Motion::Translation => 5e-4,
-            Motion::Rotation => 5e-4,
-        };
-        held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);
+        held += f.coordinate * f.coordinate.transpose() / (HELD * HELD);
     }
     held
 }

@@ -37,11 +37,16 @@ pub struct WindowSettings {
     pub min_matched: f64,
     /// Largest share of that in front of what the reference saw.
     pub max_in_front: f64,
-    /// A direction with a larger standard deviation by its matches is free, metres.
+    /// A translation is free when its matches claim a larger standard deviation, metres, and it
+    /// is `free_ratio` times that of the best known translation.
     pub free_translation_m: f64,
-    /// A rotation with a larger standard deviation by its matches is free, degrees.
+    /// A rotation is free when its matches claim a larger standard deviation, degrees, and it is
+    /// `free_ratio` times that of the best known rotation.
     pub free_rotation_deg: f64,
-    /// How many correspondences say the same: factor of the covariance of independent ones.
+    /// See `free_translation_m`.
+    pub free_ratio: f64,
+    /// Factor of the covariance that independent, unfiltered correspondences would have. Below
+    /// one: the filter takes more noise away than correlation brings back.
     pub correlation: f64,
 }
 
@@ -63,9 +68,10 @@ impl Default for WindowSettings {
             max_residual_sigmas: 3.0,
             min_matched: 0.3,
             max_in_front: 0.4,
-            free_translation_m: 0.02,
-            free_rotation_deg: 1.0,
-            correlation: 20.0,
+            free_translation_m: 0.0015,
+            free_rotation_deg: 0.1,
+            free_ratio: 10.0,
+            correlation: 0.1,
         }
     }
 }
@@ -273,6 +279,7 @@ impl MappingSettings {
         check_range("window.max_in_front", w.max_in_front, 0.0, 1.0)?;
         check_range("window.free_translation_m", w.free_translation_m, 1e-4, 1e3)?;
         check_range("window.free_rotation_deg", w.free_rotation_deg, 1e-2, 1e3)?;
+        check_range("window.free_ratio", w.free_ratio, 1.0, 1e6)?;
         check_range("window.correlation", w.correlation, 1e-3, 1e6)?;
         let k = &self.keyframe;
         check_range("keyframe.translation_m", k.translation_m, 0.001, 10.0)?;
