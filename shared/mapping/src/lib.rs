@@ -12,6 +12,7 @@ mod context;
 mod covariance;
 mod degeneracy;
 mod frame_record;
+mod gaps;
 mod global;
 mod judge;
 mod keyframes;

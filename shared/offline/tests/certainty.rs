@@ -61,23 +61,43 @@ fn share_within_3_sigma(errors: &[(Vector6, Matrix6, String)]) -> f64 {
     within.count() as f64 / errors.len() as f64
 }
 
+/// Standard deviations of a 3x3 block along its principal axes, smallest first.
+fn principal_sigmas(c: &Matrix6, first: usize) -> [f64; 3] {
+    let block = c.fixed_view::<3, 3>(first, first).into_owned();
+    let mut sigmas: Vec<f64> =
+        block.symmetric_eigen().eigenvalues.iter().map(|v| v.max(0.0).sqrt()).collect();
+    sigmas.sort_by(f64::total_cmp);
+    [sigmas[0], sigmas[1], sigmas[2]]
+}
+
 #[test]
-fn explore() {
-    for (name, n) in [(SceneName::Room, 100), (SceneName::Corridor, 90), (SceneName::Wall, 60)] {
-        let all = errors(name, n);
-        eprintln!(
-            "{}: NEES {:.2}, within 3 sigma {:.3}, free in {}",
-            name.name(),
-            mean_nees(&all),
-            share_within_3_sigma(&all),
-            all.iter().filter(|e| !e.2.is_empty()).count()
-        );
-        for k in [0, 1, 4, 9, 19, 29, 59, 89, 118] {
-            if let Some((e, c, r)) = all.get(k) {
-                let s: Vec<String> =
-                    (0..6).map(|i| format!("{:+.5}/{:.5}", e[i], c[(i, i)].sqrt())).collect();
-                eprintln!("  {k} {} | {r}", s.join(" "));
-            }
-        }
+fn a_room_leaves_nothing_free_and_the_errors_are_as_large_as_expected() {
+    let all = errors(SceneName::Room, 100);
+    assert!(all.iter().all(|e| e.2.is_empty()));
+    let nees = mean_nees(&all);
+    assert!((0.3 * 6.0..3.0 * 6.0).contains(&nees), "NEES {nees}");
+}
+
+#[test]
+fn a_corridor_leaves_the_way_along_it_free_and_says_so() {
+    let all = errors(SceneName::Corridor, 60);
+    assert!(all.iter().all(|e| e.2.contains("translation along")), "{}", all[0].2);
+    assert!(share_within_3_sigma(&all) >= 0.95);
+    for (k, (_, c, _)) in all.iter().enumerate() {
+        let [_, middle, free] = principal_sigmas(c, 0);
+        assert!(free >= 10.0 * middle, "frame {k}: {free} m along it, {middle} m across");
+    }
+}
+
+#[test]
+fn a_wall_leaves_two_translations_and_a_turn_free_and_says_so() {
+    let all = errors(SceneName::Wall, 40);
+    assert!(all.iter().all(|e| e.2.contains("rotation about")), "{}", all[0].2);
+    assert!(share_within_3_sigma(&all) >= 0.95);
+    for (k, (_, c, _)) in all.iter().enumerate() {
+        let [off, free, _] = principal_sigmas(c, 0);
+        let [_, tilt, turn] = principal_sigmas(c, 3);
+        assert!(free >= 10.0 * off, "frame {k}: {free} m along the wall, {off} m off it");
+        assert!(turn >= 10.0 * tilt, "frame {k}: {turn} rad about the normal, {tilt} rad of tilt");
     }
 }
