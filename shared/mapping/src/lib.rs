@@ -20,6 +20,7 @@ mod loops;
 mod neighbours;
 mod optimiser;
 mod promotion;
+mod recognised;
 mod records;
 mod refine;
 mod relocalise;

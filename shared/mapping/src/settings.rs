@@ -124,6 +124,8 @@ pub struct LoopSettings {
     pub delay_frames: u32,
     /// See `delay_frames`.
     pub delay_per_keyframe: f64,
+    /// Keyframes that look more alike than this are tried as a loop wherever they lie, 0 to 1.
+    pub min_similarity: f64,
 }
 
 impl Default for LoopSettings {
@@ -137,6 +139,7 @@ impl Default for LoopSettings {
             request_interval: 20,
             delay_frames: 15,
             delay_per_keyframe: 0.5,
+            min_similarity: 0.75,
         }
     }
 }
@@ -296,6 +299,7 @@ impl MappingSettings {
         check_range("loop.request_interval", l.request_interval.into(), 1.0, 1e6)?;
         check_range("loop.delay_frames", l.delay_frames.into(), 1.0, 1e6)?;
         check_range("loop.delay_per_keyframe", l.delay_per_keyframe, 0.0, 100.0)?;
+        check_range("loop.min_similarity", l.min_similarity, 0.0, 1.0)?;
         let r = &self.relocalise;
         check_range("relocalise.n_recognised", r.n_recognised.into(), 0.0, 1e3)?;
         check_range("relocalise.n_turned", r.n_turned.into(), 0.0, 1e3)?;
