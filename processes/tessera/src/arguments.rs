@@ -61,6 +61,7 @@ pub(crate) enum Command {
 
 /// `tessera run`.
 #[derive(Clone, Debug, Default, Args)]
+#[command(args_override_self = true)]
 #[command(after_help = "\
 Examples:
   tessera run                              the simulated room
@@ -231,5 +232,14 @@ mod tests {
             assert!(help.contains("Examples:"), "{} has no examples", command.get_name());
             assert!(command.get_about().is_some(), "{} has no description", command.get_name());
         }
+    }
+
+    #[test]
+    fn a_flag_given_twice_means_the_last_but_settings_add_up() {
+        let line = "tessera run --frames 3 --set a=1 --frames 5 --set b=2";
+        let arguments = Arguments::try_parse_from(line.split(' ')).unwrap();
+        let Some(Command::Run(run)) = arguments.command else { panic!("not a run") };
+        assert_eq!(run.frames, Some(5));
+        assert_eq!(run.overrides, ["a=1", "b=2"]);
     }
 }

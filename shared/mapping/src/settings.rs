@@ -47,8 +47,8 @@ impl Default for WindowSettings {
             min_first_distance_m: 0.1,
             max_first_distance_m: 0.5,
             converged_step: 2e-4,
-            prior_translation_m: 0.02,
-            prior_rotation_deg: 1.5,
+            prior_translation_m: 0.05,
+            prior_rotation_deg: 3.0,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,
         }
