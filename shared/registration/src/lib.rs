@@ -6,8 +6,11 @@
 //! window or all keyframes at once: one engine for both, as in Holz and Behnke 2015, III-E.
 #![forbid(unsafe_code)]
 
+mod accumulate;
 mod block;
+mod columns;
 mod graph;
+mod locate;
 mod matching;
 mod projection;
 mod queries;
