@@ -15,6 +15,8 @@ pub struct WindowSettings {
     pub angle_deg: f64,
     /// Correspondences sought per frame, split evenly over the window.
     pub match_budget: u32,
+    /// Share of the correspondences sought in all but the last outer iteration.
+    pub early_share: f64,
     /// Outer iterations while tracking.
     pub outer_iterations: u32,
     /// Outer iterations of the second attempt, after a failure.
@@ -46,6 +48,7 @@ impl Default for WindowSettings {
             radius_m: 0.5,
             angle_deg: 30.0,
             match_budget: 4000,
+            early_share: 0.3,
             outer_iterations: 6,
             retry_iterations: 10,
             min_first_distance_m: 0.1,
@@ -251,6 +254,7 @@ impl MappingSettings {
         check_range("window.radius_m", w.radius_m, 0.0, 100.0)?;
         check_range("window.angle_deg", w.angle_deg, 0.0, 180.0)?;
         check_range("window.match_budget", w.match_budget.into(), 50.0, 1e6)?;
+        check_range("window.early_share", w.early_share, 0.01, 1.0)?;
         check_range("window.outer_iterations", w.outer_iterations.into(), 2.0, 100.0)?;
         check_range("window.retry_iterations", w.retry_iterations.into(), 2.0, 100.0)?;
         check_range("window.min_first_distance_m", w.min_first_distance_m, 0.001, 10.0)?;
