@@ -5,6 +5,7 @@
 
 use std::error::Error;
 use std::path::Path;
+use tessera_mapping::{AlignRecord, LoopRecord};
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_settings::Settings;
 use tessera_sources::{FolderSource, FrameBuffers, Source};
@@ -111,6 +112,7 @@ fn report(sequence: &str, seed: u64, source: &FolderSource, records: &Records, n
         records.n_corrections(),
         records.n_untracked()
     );
+    report_loops(records);
     let Some(truth) = source.ground_truth() else { return };
     let line =
         |name: &str, estimate: &Trajectory| match evaluate(estimate, truth, &EvaluationOptions::default()) {
@@ -125,4 +127,33 @@ fn report(sequence: &str, seed: u64, source: &FolderSource, records: &Records, n
         };
     line("online", &records.online());
     line("final", &records.last());
+}
+
+/// Quantiles of the loop pairs' tests in the last correction.
+fn report_loops(records: &Records) {
+    let last = records.records.iter().rev().find_map(|r| match r {
+        AlignRecord::Correction(applied) => Some(&applied.correction.loops),
+        _ => None,
+    });
+    let Some(loops) = last.filter(|l| !l.is_empty()) else { return };
+    let mut verdicts = std::collections::BTreeMap::new();
+    loops.iter().for_each(|l| *verdicts.entry(format!("{:?}", l.verdict)).or_insert(0) += 1);
+    println!("    {} loop pairs: {verdicts:?}", loops.len());
+    let quantiles = |name: &str, value: fn(&LoopRecord) -> f64| {
+        let mut values: Vec<f64> = loops.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        let at = |q: f64| values[((values.len() - 1) as f64 * q) as usize];
+        println!(
+            "      {name:22} 1 % {:.3}  10 % {:.3}  median {:.3}  90 % {:.3}  99 % {:.3}",
+            at(0.01),
+            at(0.1),
+            at(0.5),
+            at(0.9),
+            at(0.99)
+        );
+    };
+    quantiles("overlap", |l| l.overlap);
+    quantiles("in front", |l| l.in_front);
+    quantiles("inconsistency sigmas", |l| l.inconsistency_sigmas);
+    quantiles("residual sigmas", |l| l.residual_sigmas);
 }
