@@ -21,7 +21,8 @@ pub(crate) fn launch(
     groundtruth: Option<&Trajectory>,
     speech: Speech,
 ) -> Result<Exit, LaunchError> {
-    let before = outputs::read_statistics(&plan.run_dir)?;
+    let before =
+        if plan.resume { outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
     let mut view = ProgressView::new(speech.quiet);
     let mut due = Duration::ZERO;
     let mut refused = None;
