@@ -45,7 +45,7 @@ impl Default for WindowSettings {
     fn default() -> Self {
         Self {
             size: 5,
-            radius_m: 0.5,
+            radius_m: 0.3,
             angle_deg: 30.0,
             match_budget: 4000,
             early_share: 0.3,
@@ -218,7 +218,7 @@ impl Default for GlobalSettings {
             outer_iterations: 2,
             final_iterations: 4,
             first_distance_m: 0.15,
-            min_overlap: 0.3,
+            min_overlap: 0.2,
             max_in_front: 0.2,
             max_inconsistency_sigmas: 1.5,
             loop_residual_sigmas: 1.0,
