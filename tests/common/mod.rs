@@ -140,15 +140,26 @@ impl Run {
         });
     }
 
+    /// Process id of one stage.
+    pub fn stage_pid(&self, stage: &str) -> u32 {
+        let pids = self.processes(&format!(" stage {stage} "));
+        assert_eq!(pids.len(), 1, "{stage}\n{}", self.log());
+        pids[0]
+    }
+
     /// Process ids of the stages.
     pub fn stage_pids(&self) -> Vec<u32> {
+        self.processes(" stage ")
+    }
+
+    fn processes(&self, word: &str) -> Vec<u32> {
         let out = self.out().display().to_string();
         let mut pids = Vec::new();
         for item in std::fs::read_dir("/proc").unwrap().flatten() {
             let Ok(pid) = item.file_name().to_string_lossy().parse::<u32>() else { continue };
             let line = std::fs::read(item.path().join("cmdline")).unwrap_or_default();
             let line = String::from_utf8_lossy(&line).replace('\0', " ");
-            if line.contains(" stage ") && line.contains(&out) {
+            if line.contains(word) && line.contains(&out) {
                 pids.push(pid);
             }
         }

@@ -54,12 +54,12 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let began = monotonic_nanos();
         let mut loan = surfaces.loan(context.layout.grid.len())?;
         *loan.header_mut() = surface_header(&header, &reconstructor, began);
-        if kind == Kind::Frame {
-            if let Err(refusal) = fill(&mut loan, &header, &frame, &mut reconstructor, &feed) {
-                tracing::warn!(frame = header.index, "refused: {refusal}");
-                pulse.beat.refused += 1;
-                continue;
-            }
+        if kind == Kind::Frame
+            && let Err(refusal) = fill(&mut loan, &header, &frame, &mut reconstructor, &feed)
+        {
+            tracing::warn!(frame = header.index, "refused: {refusal}");
+            pulse.beat.refused += 1;
+            continue;
         }
         context.kill_points.pass("computed", header.index);
         loan.header_mut().times.surface_sent = monotonic_nanos();

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use tessera_messages::{FrameHeader, FrameShape, Kind};
 use tessera_sources::{FrameBuffers, FrameInfo, Source};
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{Context, Pulse, StageError, monotonic_nanos};
 use tessera_transport::{Loan, SlicePublisher, TransportError};
 
 /// A frame in shared memory that has not been sent.
@@ -18,12 +18,40 @@ pub(crate) struct Frames<'a> {
     shape: FrameShape,
     /// Frames there are; `u64::MAX`: no end in sight.
     pub(crate) n_frames: u64,
+    /// Frames decoded before the first was sent (`--preload`), by index.
+    preloaded: Vec<(FrameInfo, Vec<u16>)>,
 }
+
+/// Frames decoded between two signs of life while preloading.
+const PRELOAD_BATCH: u64 = 16;
 
 impl<'a> Frames<'a> {
     pub(crate) fn new(source: &'a dyn Source, context: &Context) -> Self {
         let n_frames = context.run.n_frames.or(source.n_frames()).unwrap_or(u64::MAX);
-        Self { source, shape: context.layout.frame, n_frames }
+        Self { source, shape: context.layout.frame, n_frames, preloaded: Vec::new() }
+    }
+
+    /// Decodes every frame into memory, so that what follows is as fast as the other stages.
+    ///
+    /// The first frame that cannot be read ends it; reading that one again will say why.
+    pub(crate) fn preload(&mut self, pulse: &mut Pulse) {
+        let mut next = 0;
+        while next < self.n_frames {
+            pulse.working(next);
+            let batch: Vec<_> = (next..self.n_frames.min(next + PRELOAD_BATCH))
+                .into_par_iter()
+                .map(|index| {
+                    let mut payload = vec![0; self.shape.payload_len()];
+                    self.read(index, &mut payload).map(|info| (info, payload))
+                })
+                .collect();
+            for frame in batch {
+                let Ok(frame) = frame else { return };
+                self.preloaded.push(frame);
+                next += 1;
+            }
+            pulse.progress();
+        }
     }
 
     /// Sensor time of a frame.
@@ -92,6 +120,13 @@ impl<'a> Frames<'a> {
     }
 
     fn read(&self, index: u64, payload: &mut [u16]) -> Result<FrameInfo, StageError> {
+        let preloaded = usize::try_from(index).ok().and_then(|index| self.preloaded.get(index));
+        if let Some((info, bytes)) = preloaded
+            && bytes.len() == payload.len()
+        {
+            payload.copy_from_slice(bytes);
+            return Ok(*info);
+        }
         let Some((depth, colour)) = self.shape.split_mut(payload) else {
             return Err(StageError::Inconsistent(format!("frame {index}: a loan is too short")));
         };

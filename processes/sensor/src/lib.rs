@@ -53,7 +53,10 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     };
     context.kill_points.pass("opened", 0);
     tracing::info!("ready");
-    let frames = Frames::new(&*source, &context);
+    let mut frames = Frames::new(&*source, &context);
+    if context.settings.run.preload {
+        frames.preload(&mut ports.pulse);
+    }
     let outcome = if context.settings.run.live {
         live::work(&context, &frames, &mut ports)
     } else {

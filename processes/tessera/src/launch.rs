@@ -6,6 +6,7 @@ use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, Ended, RunStatistics};
 use crate::progress::ProgressView;
 use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, supervise};
+use crate::terminal::say;
 use std::time::Duration;
 use tessera_messages::Stage;
 use tessera_trajectory::Trajectory;
@@ -21,7 +22,8 @@ pub(crate) fn launch(
     groundtruth: Option<&Trajectory>,
     speech: Speech,
 ) -> Result<Exit, LaunchError> {
-    let before = outputs::read_statistics(&plan.run_dir)?;
+    let before =
+        if plan.resume { outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
     let mut view = ProgressView::new(speech.quiet);
     let mut due = Duration::ZERO;
     let mut refused = None;
@@ -73,10 +75,22 @@ fn conclude(
             Some(3) => Exit::Input,
             _ => Exit::Stage,
         };
-        return Err(CommandError::Failed { exit, message: failure.to_string() });
+        let go_on = format!("once the cause is gone, go on with: {}", resume_command(plan));
+        return Err(CommandError::Failed { exit, message: format!("{failure}\n{go_on}") });
     }
     say_summary(&written?, &plan.run_dir, speech)?;
-    Ok(if ended == Ended::Interrupted { Exit::Interrupted } else { Exit::Done })
+    if ended != Ended::Interrupted {
+        return Ok(Exit::Done);
+    }
+    if !speech.quiet && !speech.json {
+        say(&format!("go on with: {}", resume_command(plan)));
+    }
+    Ok(Exit::Interrupted)
+}
+
+/// What brings the run to its end.
+fn resume_command(plan: &Plan) -> String {
+    format!("tessera resume {}", plan.run_dir.display())
 }
 
 /// Why a run did not come to its end; told apart so that a fresh name can be tried again.

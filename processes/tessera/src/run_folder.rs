@@ -2,18 +2,23 @@
 
 use crate::exit::CommandError;
 use std::path::{Path, PathBuf};
+use tessera_transport::registered_runs;
 
 /// Folder of all runs that have no `--out`.
 pub(crate) const RUNS: &str = "runs";
 
-/// The folder of a run by its name or by its path.
+/// The folder of a run by its name or by its path. A name is looked for in `runs/` and among the
+/// runs that are going on or died, wherever their folders are.
 ///
 /// # Errors
-/// Where there is neither; names the runs there are.
+/// Where there is none; names the runs there are.
 pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
     let by_name = Path::new(RUNS).join(name_or_folder);
+    let registered = registered_runs().unwrap_or_default();
+    let registered = registered.into_iter().find(|run| run.entry.name == name_or_folder);
     let candidates = [by_name, PathBuf::from(name_or_folder)];
-    if let Some(folder) = candidates.into_iter().find(|folder| folder.join("config.toml").is_file()) {
+    let mut candidates = candidates.into_iter().chain(registered.map(|run| run.entry.run_dir));
+    if let Some(folder) = candidates.find(|folder| folder.join("config.toml").is_file()) {
         return Ok(folder);
     }
     let names = names();

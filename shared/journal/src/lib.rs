@@ -23,7 +23,7 @@ mod writer;
 
 pub use error::JournalError;
 pub use follower::Follower;
-pub use lock::lock_file;
+pub use lock::{end_holder, lock_file};
 pub use mapped::StoreView;
 pub use store::{Slot, Store};
 pub use writer::{Journal, Recovered};

@@ -27,6 +27,30 @@ pub fn lock_file(file: &File, path: &Path, wait: Duration) -> Result<(), Journal
     }
 }
 
+/// Ends the process that holds the lock on a file for good: one that was frozen when its
+/// supervisor died must never write beside its successor. `false` where nobody holds it.
+///
+/// # Errors
+/// Where the file cannot be opened or the holder cannot be signalled.
+pub fn end_holder(path: &Path) -> Result<bool, JournalError> {
+    let file = File::open(path).map_err(JournalError::io("open", path))?;
+    let Some(holder) = holder(&file) else { return Ok(false) };
+    let signal = || -> rustix::io::Result<()> {
+        let pid = rustix::process::Pid::from_raw(holder as i32).ok_or(rustix::io::Errno::SRCH)?;
+        // The descriptor names the process, not the number: if it still holds the lock after the
+        // descriptor was made, it is the one that is meant.
+        let process = rustix::process::pidfd_open(pid, rustix::process::PidfdFlags::empty())?;
+        if self::holder(&file) == Some(holder) {
+            rustix::process::pidfd_send_signal(&process, rustix::process::Signal::KILL)?;
+        }
+        Ok(())
+    };
+    match signal() {
+        Ok(()) | Err(rustix::io::Errno::SRCH) => Ok(true),
+        Err(errno) => Err(JournalError::io("end the writer of", path)(errno.into())),
+    }
+}
+
 /// The process that holds the flock, as /proc/locks tells.
 fn holder(file: &File) -> Option<u32> {
     let meta = file.metadata().ok()?;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
-    Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler, ShutterTable, Target,
+    Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler, Selection, ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
 
@@ -148,12 +148,10 @@ fn pair(
     limits: &MatchLimits,
 ) -> Pair {
     let settings = &context.mapping.global;
-    let count = (settings.queries_per_pair as usize).min(newer.queries.len());
-    // Each pair takes another run of the samples, which are in random order.
-    let start = (target * 97) % (newer.queries.len() - count + 1);
+    // Each pair takes another choice of the samples.
+    let selection = Selection { count: settings.queries_per_pair as usize, shift: target };
     let view = Target { surface: older.surface, shutter: &older.shutter };
-    let (sums, report) =
-        matcher.match_pair(&newer.queries, start..start + count, &view, target_from_query, limits);
+    let (sums, report) = matcher.match_pair(&newer.queries, selection, &view, target_from_query, limits);
     let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
     let is_neighbour = query == target + 1 && report.n_matches >= 30;
     let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };

@@ -91,6 +91,8 @@ impl Tracker {
         prediction.world_from_camera = first.alignment.world_from_camera;
         prediction.velocity = first.alignment.velocity;
         prediction.first_distance_m = self.context.mapping.window.min_first_distance_m;
+        // It starts at a solution: once with wide limits, once with the last.
+        prediction.outer_iterations = 2;
         let second = self.attempt(samples, surfaces, &prediction);
         let result = if judge::tracking(&self.context.mapping.window, &second.alignment).is_ok() {
             let mut keyframe = keyframe;

@@ -15,6 +15,8 @@ pub struct WindowSettings {
     pub angle_deg: f64,
     /// Correspondences sought per frame, split evenly over the window.
     pub match_budget: u32,
+    /// Share of the correspondences sought in all but the last outer iteration.
+    pub early_share: f64,
     /// Outer iterations while tracking.
     pub outer_iterations: u32,
     /// Outer iterations of the second attempt, after a failure.
@@ -54,9 +56,10 @@ impl Default for WindowSettings {
     fn default() -> Self {
         Self {
             size: 5,
-            radius_m: 0.5,
+            radius_m: 0.3,
             angle_deg: 30.0,
             match_budget: 4000,
+            early_share: 0.3,
             outer_iterations: 6,
             retry_iterations: 10,
             min_first_distance_m: 0.1,
@@ -136,7 +139,7 @@ impl Default for LoopSettings {
             min_keyframes: 5,
             conflict_translation_m: 0.05,
             conflict_rotation_deg: 3.0,
-            request_interval: 20,
+            request_interval: 30,
             delay_frames: 15,
             delay_per_keyframe: 0.5,
             min_similarity: 0.75,
@@ -229,11 +232,11 @@ impl Default for GlobalSettings {
             radius_m: 1.5,
             angle_deg: 45.0,
             neighbours: 24,
-            queries_per_pair: 400,
-            outer_iterations: 4,
-            final_iterations: 6,
+            queries_per_pair: 150,
+            outer_iterations: 2,
+            final_iterations: 4,
             first_distance_m: 0.15,
-            min_overlap: 0.3,
+            min_overlap: 0.2,
             max_in_front: 0.2,
             max_inconsistency_sigmas: 1.5,
             loop_residual_sigmas: 1.0,
@@ -269,6 +272,7 @@ impl MappingSettings {
         check_range("window.radius_m", w.radius_m, 0.0, 100.0)?;
         check_range("window.angle_deg", w.angle_deg, 0.0, 180.0)?;
         check_range("window.match_budget", w.match_budget.into(), 50.0, 1e6)?;
+        check_range("window.early_share", w.early_share, 0.01, 1.0)?;
         check_range("window.outer_iterations", w.outer_iterations.into(), 2.0, 100.0)?;
         check_range("window.retry_iterations", w.retry_iterations.into(), 2.0, 100.0)?;
         check_range("window.min_first_distance_m", w.min_first_distance_m, 0.001, 10.0)?;

@@ -6,7 +6,9 @@ use crate::robust::{disagreement_sigmas, own_optimum};
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
 use tessera_registration::Target;
-use tessera_registration::{BlockSums, MatchLimits, Matcher, PairBlock, PairReport, Queries, ShutterTable};
+use tessera_registration::{
+    BlockSums, MatchLimits, Matcher, PairBlock, PairReport, Queries, Selection, ShutterTable,
+};
 use tessera_surface::SurfaceView;
 
 /// Queries of a test: enough for shares to a few per cent.
@@ -42,10 +44,10 @@ pub(crate) fn test(
 ) -> Tested {
     let limits = |progress| MatchLimits { first_distance_m: settings.first_distance_m as f32, progress };
     let mut find = |query: &Side<'_>, target: &Side<'_>, at: &Pose, progress: f32| {
-        let count = N_QUERIES.min(query.queries.len());
+        let selection = Selection { count: N_QUERIES, shift: 0 };
         let target = Target { surface: target.surface, shutter: target.shutter };
         let (sums, report): (BlockSums, PairReport) =
-            matcher.match_pair(query.queries, 0..count, &target, at, &limits(progress));
+            matcher.match_pair(query.queries, selection, &target, at, &limits(progress));
         let block = PairBlock::new(at, &sums);
         let (own, cost) = own_optimum(&block, at);
         (block, own, cost, report)

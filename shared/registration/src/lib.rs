@@ -25,7 +25,7 @@ pub use block::{BlockSums, PairBlock};
 pub use graph::{Graph, InnerReport, Pair, Prior};
 pub use matching::{MatchLimits, Matcher, PairReport};
 pub use projection::GridCamera;
-pub use queries::Queries;
+pub use queries::{Queries, Selection};
 pub use random::SplitMix64;
 pub use sampling::{Sample, Sampler};
 pub use settings::{RegistrationSettings, SearchSettings, WeightSettings};

@@ -4,10 +4,9 @@ use crate::accumulate::{Accumulate, Match};
 use crate::block::BlockSums;
 use crate::locate::Located;
 use crate::projection::GridCamera;
-use crate::queries::Queries;
+use crate::queries::{Queries, Selection};
 use crate::settings::RegistrationSettings;
 use crate::target::{ShutterTable, Target, flat, rotate};
-use std::ops::Range;
 use tessera_geometry::{DepthNoise, Pose};
 use tessera_surface::Grid;
 
@@ -41,6 +40,7 @@ pub struct Matcher {
     camera: GridCamera,
     noise: DepthNoise,
     settings: RegistrationSettings,
+    chosen: Queries,
     located: Located,
     matches: Vec<Match>,
     residuals: Vec<f32>,
@@ -61,6 +61,7 @@ impl Matcher {
             camera,
             noise,
             settings: settings.clone(),
+            chosen: Queries::default(),
             located: Located::default(),
             matches: Vec::new(),
             residuals: Vec::new(),
@@ -77,20 +78,20 @@ impl Matcher {
         sigma * sigma / f64::from(self.settings.weight.covariance_epsilon)
     }
 
-    /// Matches the queries of `range` against a target and sums them up.
+    /// Matches the selected queries against a target and sums them up.
     ///
     /// `target_from_query` maps the query frame (at its stamp) into the target's (at its stamp);
     /// the sums are about it.
     pub fn match_pair(
         &mut self,
         queries: &Queries,
-        range: Range<usize>,
+        selection: Selection,
         target: &Target<'_>,
         target_from_query: &Pose,
         limits: &MatchLimits,
     ) -> (BlockSums, PairReport) {
-        let mut report = PairReport { n_queries: range.len() as u32, ..PairReport::default() };
-        self.search(queries, range, target, target_from_query, limits, &mut report);
+        let mut report = PairReport::default();
+        self.search(queries, selection, target, target_from_query, limits, &mut report);
         if self.settings.search.one_to_one {
             self.keep_one_to_one();
         }
@@ -105,7 +106,7 @@ impl Matcher {
     fn search(
         &mut self,
         queries: &Queries,
-        range: Range<usize>,
+        selection: Selection,
         target: &Target<'_>,
         target_from_query: &Pose,
         limits: &MatchLimits,
@@ -118,17 +119,20 @@ impl Matcher {
         let tolerance_factor = 4.0 * self.camera.grid.step as f32;
         let motion = flat(target_from_query);
         let grid = self.camera.grid;
-        self.located.resize(range.len());
-        let p = &queries.points;
+        self.chosen.choose(queries, selection);
+        let n = self.chosen.len();
+        report.n_queries = n as u32;
+        self.located.resize(n);
+        let p = &self.chosen.points;
         self.arch.dispatch(Locate {
             located: &mut self.located,
             camera: self.camera,
             motion: &motion,
             shutter: *target.shutter,
-            points: [&p.x[range.clone()], &p.y[range.clone()], &p.z[range.clone()]],
+            points: [&p.x[..n], &p.y[..n], &p.z[..n]],
         });
         self.matches.clear();
-        for (place, k) in range.enumerate() {
+        for place in 0..n {
             // Rounded, not truncated (TRAPS 11).
             let (row, column) = (self.located.row[place] + 0.5, self.located.column[place] + 0.5);
             let is_inside =
@@ -144,7 +148,7 @@ impl Matcher {
             };
             report.n_in_view += 1;
             let v = &target.surface.vertices[vertex];
-            let (a, q) = (queries.points.at(k), self.located.q.at(place));
+            let (a, q) = (self.chosen.points.at(place), self.located.q.at(place));
             let sigma_b = self.noise.sigma_m(v.position[2]);
             let sigma_a = self.noise.sigma_m(a[2]);
             let (b, nb) = if target.shutter.is_global() {
@@ -162,7 +166,7 @@ impl Matcher {
             }
             // 2 eps_d(z) = 2 * 2 n sigma(z).
             let limit = blend(limits.first_distance_m, tolerance_factor * sigma_b);
-            let na = rotate(&motion, queries.normals.at(k));
+            let na = rotate(&motion, self.chosen.normals.at(place));
             let cosine = na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2];
             if !v.is_inner() || !(distance_sq <= limit * limit) || !(cosine >= min_cosine) {
                 continue;

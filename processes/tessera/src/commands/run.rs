@@ -66,10 +66,9 @@ fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     // Absolute, so that the stages and a later `resume` find them from anywhere.
     let run = &mut settings.run;
     run.source = SourceSpec::parse(&run.source).to_string();
-    if !run.camera.is_empty() && !CAMERA_NAMES.contains(&run.camera.as_str()) {
-        if let Ok(path) = std::path::absolute(&run.camera) {
-            run.camera = path.display().to_string();
-        }
+    let is_file = !run.camera.is_empty() && !CAMERA_NAMES.contains(&run.camera.as_str());
+    if is_file && let Ok(path) = std::path::absolute(&run.camera) {
+        run.camera = path.display().to_string();
     }
     Ok(settings)
 }

@@ -7,15 +7,15 @@ use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_geometry::Camera;
-use tessera_journal::{Journal, Recovered, Store};
+use tessera_journal::{Journal, Recovered, Store, end_holder, lock_file};
 use tessera_mapping::{AlignRecord, OptimiseRecord};
 use tessera_messages::Stage;
 use tessera_settings::Settings;
-use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log};
+use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log};
 use tessera_transport::{Layout, RunClaim, check_space};
 
 /// How long stages of an earlier supervisor may take to end.
-const PATIENCE: Duration = Duration::from_secs(2);
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// What is to be run.
 #[derive(Clone, Debug)]
@@ -73,10 +73,21 @@ impl Plan {
         let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
         write_private(&files.config(), config.as_bytes())?;
         start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
-        // Their readers want them to be there; their locks say that no earlier stage is left.
-        let (_, recovered) =
-            Journal::<AlignRecord>::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |_| Ok(()))
-                .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
+        end_stages_left(&files)?;
+        // Their readers want them to be there, and whole: a record whose keyframe is not in the
+        // store ends the journal, before anybody follows it.
+        Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
+        let mut keyframes = MappedKeyframes::open(&files.store(), layout.grid.len())
+            .map_err(|e| directory("map", &files.store(), &e))?;
+        let (_, recovered) = Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record| {
+            let AlignRecord::Frame(frame) = record else { return Ok(()) };
+            frame
+                .new_keyframe
+                .iter()
+                .try_for_each(|keyframe| keyframes.add(keyframe))
+                .map_err(|e| e.to_string())
+        })
+        .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
         say_dropped(&files.align_journal(), &recovered);
         let (_, recovered) = Journal::<OptimiseRecord>::open(
             &files.optimise_journal(),
@@ -86,11 +97,23 @@ impl Plan {
         )
         .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
         say_dropped(&files.optimise_journal(), &recovered);
-        Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
         let _ = std::fs::remove_file(files.live_clock());
         run.write(&files)?;
         Ok(Prepared { claim, files, layout, need_bytes })
     }
+}
+
+/// Stages of an earlier supervisor end by themselves; one that does not, for instance because it
+/// is frozen, is ended: it must not write beside its successor.
+fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
+    for path in [files.align_journal(), files.optimise_journal(), files.store()] {
+        let Ok(file) = std::fs::File::open(&path) else { continue };
+        if lock_file(&file, &path, PATIENCE).is_err() {
+            tracing::warn!("{} is still being written: its writer is ended", path.display());
+            end_holder(&path).map_err(|e| directory("free", &path, &e))?;
+        }
+    }
+    Ok(())
 }
 
 /// What was torn off a journal, for the log.

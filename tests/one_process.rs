@@ -1,0 +1,58 @@
+//! The pipeline is the method and nothing else: four processes and one write the same records.
+
+mod common;
+
+use tessera_journal::Follower;
+use tessera_mapping::{AlignRecord, StoreSlot};
+use tessera_offline::{Method, RawFrame, Run};
+use tessera_settings::Settings;
+use tessera_sources::FrameBuffers;
+
+/// Where a surface lies is the pipeline's own; all else must agree to the bit.
+fn without_slot(mut record: AlignRecord) -> AlignRecord {
+    if let AlignRecord::Frame(frame) = &mut record
+        && let Some(keyframe) = &mut frame.new_keyframe
+    {
+        keyframe.slot = StoreSlot::default();
+    }
+    record
+}
+
+fn offline(settings: &Settings) -> Vec<AlignRecord> {
+    let (spec, options) = settings.source();
+    let source = tessera_sources::open(&spec, &options).unwrap();
+    let method = Method {
+        surface: settings.surface.clone(),
+        registration: settings.registration.clone(),
+        mapping: settings.mapping.clone(),
+    };
+    let mut run = Run::new(source.camera(), &method).unwrap();
+    let n_pixels = source.camera().width as usize * source.camera().height as usize;
+    for index in 0..source.n_frames().unwrap() {
+        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+        run.push(&RawFrame {
+            stamp_nanos: info.stamp_nanos,
+            depth,
+            colour: info.has_colour.then_some(colour),
+        });
+    }
+    run.finish().records
+}
+
+#[test]
+fn four_processes_and_one_write_the_same_records() {
+    let run = common::room();
+    assert!(run.finish().success());
+    let text = String::from_utf8(run.output("config.toml")).unwrap();
+    let expected = offline(&Settings::from_toml(&text, "config.toml").unwrap());
+    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
+    for (position, expected) in expected.into_iter().enumerate() {
+        let found = journal.next().unwrap().expect("the journal is shorter");
+        // As text: NaN stands for what is not known, and is not equal to itself.
+        let (found, expected) =
+            (format!("{:?}", without_slot(found)), format!("{:?}", without_slot(expected)));
+        assert!(found == expected, "record {position} differs:\n{found}\nfrom\n{expected}");
+    }
+    assert!(journal.next().unwrap().is_none(), "the journal is longer");
+}

@@ -1,0 +1,74 @@
+//! Stages killed at random moments, from their first instruction on.
+//!
+//! `TESSERA_TEST_KILLS` sets how many kills there are at least (30 by default).
+
+mod common;
+
+use common::{Run, room};
+use std::process::Command;
+use std::time::Duration;
+
+/// SplitMix64: a schedule that a seed repeats as far as the machine lets it.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % n
+    }
+}
+
+/// Kills stages of a run until it ends; answers how many.
+fn disturb(run: &Run, random: &mut Random) -> u64 {
+    let mut child = run.start();
+    let mut n_kills = 0;
+    loop {
+        std::thread::sleep(Duration::from_millis(10 + random.below(150)));
+        if let Some(status) = child.try_wait().unwrap() {
+            assert!(status.success(), "after {n_kills} kills\n{}", run.log());
+            return n_kills;
+        }
+        let pids = run.stage_pids();
+        // One stage, sometimes two at once.
+        for _ in 0..1 + random.below(4) / 3 {
+            if pids.is_empty() {
+                break;
+            }
+            let pid = pids[random.below(pids.len() as u64) as usize];
+            n_kills +=
+                u64::from(Command::new("kill").args(["-KILL", &pid.to_string()]).status().unwrap().success());
+        }
+    }
+}
+
+#[test]
+fn lossless_runs_keep_their_bytes() {
+    let least: u64 = std::env::var("TESSERA_TEST_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(30);
+    let undisturbed = room().frames(200);
+    assert!(undisturbed.finish().success());
+    let mut random = Random(20_261_121);
+    let (mut n_kills, mut n_runs) = (0, 0);
+    while n_kills < least {
+        let run = room().frames(200);
+        n_kills += disturb(&run, &mut random);
+        n_runs += 1;
+        run.assert_same_bytes(&undisturbed, &format!("run {n_runs}, {n_kills} kills in all"));
+        assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+    }
+    eprintln!("{n_kills} kills in {n_runs} runs");
+}
+
+#[test]
+fn live_runs_go_on() {
+    let run = room().frames(90).with(&["--live"]);
+    let n_kills = disturb(&run, &mut Random(7));
+    assert!(n_kills > 3);
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let count = |key: &str| summary[key].as_u64().unwrap();
+    // Every frame is accounted for.
+    assert_eq!(count("frames_processed") + count("frames_dropped") + count("frames_lost"), 90, "{summary}");
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}

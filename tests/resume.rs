@@ -1,0 +1,91 @@
+//! Runs that were broken off and went on: the outputs keep their bytes.
+
+mod common;
+
+use common::{Run, room, signal, wait_for};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+const FRAMES: u64 = 60;
+
+fn undisturbed() -> &'static Run {
+    static RUN: OnceLock<Run> = OnceLock::new();
+    RUN.get_or_init(|| {
+        let run = room().frames(FRAMES);
+        assert!(run.finish().success());
+        run
+    })
+}
+
+fn resume(run: &Run) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tessera")).args(["resume", "--quiet"]).arg(run.out()).output().unwrap()
+}
+
+fn assert_resumes(run: &Run, what: &str) {
+    let output = resume(run);
+    assert!(output.status.success(), "{what}: {}\n{}", String::from_utf8_lossy(&output.stderr), run.log());
+    run.assert_same_bytes(undisturbed(), what);
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new(), "{what}");
+}
+
+#[test]
+fn after_an_interrupt() {
+    let run = room().frames(FRAMES);
+    let mut child = run.start();
+    run.wait_until_busy();
+    signal(child.id(), "INT");
+    // Fast machines may have finished already.
+    assert!(matches!(child.wait().unwrap().code(), Some(0 | 130)));
+    assert_resumes(&run, "after an interrupt");
+}
+
+#[test]
+fn after_the_whole_group_was_killed() {
+    let run = room().frames(FRAMES);
+    let mut child = run.start();
+    run.wait_until_busy();
+    signal(child.id(), "KILL");
+    run.stage_pids().into_iter().for_each(|pid| {
+        let _ = Command::new("kill").args(["-KILL", &pid.to_string()]).status();
+    });
+    child.wait().unwrap();
+    assert_resumes(&run, "after all were killed");
+}
+
+#[test]
+fn a_stage_frozen_when_its_supervisor_died_never_writes_again() {
+    let run = room().frames(FRAMES);
+    let mut child = run.start();
+    run.wait_until_busy();
+    let align = run.stage_pid("align");
+    signal(align, "STOP");
+    signal(child.id(), "KILL");
+    child.wait().unwrap();
+    wait_for("the others to end", || run.stage_pids().len() == 1);
+    assert_resumes(&run, "with a frozen aligner left");
+    assert!(run.stage_pids().is_empty());
+}
+
+#[test]
+fn with_torn_files() {
+    let run = room().frames(FRAMES);
+    assert!(run.finish().success());
+    let journal = run.out().join("align.journal");
+    let whole = std::fs::read(&journal).unwrap();
+    for tenth in 0..10 {
+        let cut = whole.len() * tenth / 10 + 7 * tenth;
+        std::fs::write(&journal, &whole[..cut]).unwrap();
+        assert_resumes(&run, &format!("align.journal cut at {cut} of {}", whole.len()));
+    }
+    // A page of the store that never reached the disk takes everything from its keyframe on.
+    let store = run.out().join("keyframes.store");
+    let mut bytes = std::fs::read(&store).unwrap();
+    let page = bytes.len() / 2 / 4096 * 4096;
+    bytes[page..page + 4096].fill(0);
+    std::fs::write(&store, &bytes).unwrap();
+    assert_resumes(&run, "a page of the store is zero");
+    for name in ["optimise.journal", "keyframes.store", "align.journal"] {
+        std::fs::write(run.out().join(name), "").unwrap();
+        assert_resumes(&run, &format!("{name} is empty"));
+    }
+}
