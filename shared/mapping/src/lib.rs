@@ -9,6 +9,8 @@
 mod alignment;
 mod attempt;
 mod context;
+mod covariance;
+mod degeneracy;
 mod frame_record;
 mod global;
 mod judge;

@@ -83,6 +83,7 @@ impl Tracker {
             velocity: keyframe.velocity,
             slot: keyframe.slot,
             edges: Vec::new(),
+            covariance: self.state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
             place: Vec::new(),
         });
         let mut prediction = self.predict(frame);

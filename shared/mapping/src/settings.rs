@@ -39,6 +39,12 @@ pub struct WindowSettings {
     pub min_matched: f64,
     /// Largest share of that in front of what the reference saw.
     pub max_in_front: f64,
+    /// A direction with a larger standard deviation by its matches is free, metres.
+    pub free_translation_m: f64,
+    /// A rotation with a larger standard deviation by its matches is free, degrees.
+    pub free_rotation_deg: f64,
+    /// How many correspondences say the same: factor of the covariance of independent ones.
+    pub correlation: f64,
 }
 
 impl Default for WindowSettings {
@@ -60,6 +66,9 @@ impl Default for WindowSettings {
             max_residual_sigmas: 3.0,
             min_matched: 0.3,
             max_in_front: 0.4,
+            free_translation_m: 0.02,
+            free_rotation_deg: 1.0,
+            correlation: 20.0,
         }
     }
 }
@@ -266,6 +275,9 @@ impl MappingSettings {
         check_range("window.max_residual_sigmas", w.max_residual_sigmas, 0.1, 1e3)?;
         check_range("window.min_matched", w.min_matched, 0.0, 1.0)?;
         check_range("window.max_in_front", w.max_in_front, 0.0, 1.0)?;
+        check_range("window.free_translation_m", w.free_translation_m, 1e-4, 1e3)?;
+        check_range("window.free_rotation_deg", w.free_rotation_deg, 1e-2, 1e3)?;
+        check_range("window.correlation", w.correlation, 1e-3, 1e6)?;
         let k = &self.keyframe;
         check_range("keyframe.translation_m", k.translation_m, 0.001, 10.0)?;
         check_range("keyframe.rotation_deg", k.rotation_deg, 0.1, 180.0)?;
