@@ -9,7 +9,7 @@
 use std::process::ExitCode;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal};
-use tessera_mapping::{AlignRecord, OptimiseRecord, Optimiser, RequestRecord};
+use tessera_mapping::{AlignRecord, Correction, LoopVerdict, OptimiseRecord, Optimiser, RequestRecord};
 use tessera_messages::{Stage, WaitingOn};
 use tessera_settings::Fsync;
 use tessera_stage::{
@@ -78,6 +78,34 @@ impl Desk {
     }
 }
 
+/// Each loop candidate with its tests, and how many went which way.
+fn log_loops(correction: &Correction) {
+    let mut n_by_verdict = [0_u32; 5];
+    for pair in &correction.loops {
+        let place = match pair.verdict {
+            LoopVerdict::Accepted => 0,
+            LoopVerdict::LittleOverlap => 1,
+            LoopVerdict::FreeSpaceViolated => 2,
+            LoopVerdict::Inconsistent => 3,
+            LoopVerdict::Outvoted => 4,
+        };
+        n_by_verdict[place] += 1;
+        tracing::debug!(
+            newer = pair.newer,
+            older = pair.older,
+            overlap = pair.overlap,
+            in_front = pair.in_front,
+            inconsistency_sigmas = pair.inconsistency_sigmas,
+            residual_sigmas = pair.residual_sigmas,
+            weight = pair.weight,
+            "loop {:?}",
+            pair.verdict
+        );
+    }
+    let [accepted, little_overlap, free_space_violated, inconsistent, outvoted] = n_by_verdict;
+    tracing::info!(accepted, little_overlap, free_space_violated, inconsistent, outvoted, "loop pairs");
+}
+
 /// Runs the stage until the run is finished or it is told to stop.
 ///
 /// # Errors
@@ -118,6 +146,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let Some(correction) = correction else {
             return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));
         };
+        log_loops(&correction);
         let record = OptimiseRecord::Correction(Box::new(correction));
         desk.journal.append(&record, context.settings.flow.fsync != Fsync::Never)?;
         context.kill_points.pass("journaled", request.request);

@@ -3,7 +3,7 @@
 use crate::context::Context;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, log};
 use tessera_registration::{
-    BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample,
+    BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample, Selection,
     ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
@@ -139,21 +139,17 @@ impl Aligner {
         self.queries.fill(samples, &self.shutter);
         result.blocks.clear();
         result.reports.clear();
-        let budget = context.mapping.window.match_budget as usize / references.len().max(1);
-        let n = self.queries.len();
+        let window = &context.mapping.window;
+        // While the pose is still far off, fewer matches lead it as well.
+        let is_early = limits.progress < 1.0;
+        let share = if is_early { window.early_share } else { 1.0 };
+        let count = (f64::from(window.match_budget) * share) as usize / references.len().max(1);
         for (place, reference) in references.iter().enumerate() {
-            // Samples are in random order: each reference takes another run of them.
-            let count = budget.min(n);
-            let start = if count < n { place * count % (n - count + 1) } else { 0 };
+            let selection = Selection { count, shift: place };
             let target = Target { surface: reference.surface, shutter: &reference.shutter };
             let target_from_query = reference.world_from_camera.inverse() * result.world_from_camera;
-            let (sums, report) = self.matcher.match_pair(
-                &self.queries,
-                start..start + count,
-                &target,
-                &target_from_query,
-                limits,
-            );
+            let (sums, report) =
+                self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, limits);
             result.blocks.push((target_from_query, sums));
             result.reports.push(report);
         }

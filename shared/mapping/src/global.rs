@@ -1,26 +1,48 @@
 //! All keyframes with all their multi-edges at once (SPEC 5, 8).
 
 use crate::context::Context;
+use crate::loops;
 use crate::neighbours;
+use crate::records::{LoopRecord, LoopVerdict};
+use crate::robust;
 use crate::state::KeyframeState;
 use crate::tracker::KeyframeSurfaces;
+use crate::verify::{self, Side, Tested};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use tessera_geometry::{Pose, Twist, Vector6};
-use tessera_registration::{Graph, MatchLimits, Pair, PairBlock, Queries, Sampler, ShutterTable, Target};
+use tessera_registration::{
+    Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler, Selection, ShutterTable, Target,
+};
 use tessera_surface::SurfaceView;
 
 /// The outcome of an optimisation.
 pub(crate) struct Solution {
     pub(crate) poses: Vec<Pose>,
-    /// Pairs far apart in index with the weight they ended with: newer, older, weight.
-    pub(crate) loops: Vec<(u32, u32, f64)>,
+    /// Loop pairs of the last outer iteration.
+    pub(crate) loops: Vec<LoopRecord>,
     pub(crate) outer_iterations: u32,
+    /// Graduated rounds over all outer iterations; 0: every loop fitted at once.
+    pub(crate) n_rounds: u32,
 }
 
 /// A keyframe made ready: queries at its stamp, and its readout motion as a target.
-struct Prepared {
+struct Prepared<'a> {
     queries: Queries,
     shutter: ShutterTable,
+    surface: SurfaceView<'a>,
+}
+
+impl Prepared<'_> {
+    fn side(&self) -> Side<'_> {
+        Side { queries: &self.queries, surface: self.surface, shutter: &self.shutter }
+    }
+}
+
+/// A pair with the tests that it had to pass, if it closes a loop.
+struct Found {
+    pair: Pair,
+    tested: Option<Tested>,
 }
 
 /// Solves for all keyframes, the first one fixed. The same bits for any number of threads: each
@@ -34,68 +56,126 @@ pub(crate) fn solve(
 ) -> Solution {
     let settings = &context.mapping.global;
     let mut poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
-    let prepared: Vec<Prepared> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
+    let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
     progress();
-    let mut weights = Vec::new();
+    let metric_factor = context.matcher().metric_factor();
+    let mut known: BTreeMap<(usize, usize), Tested> = BTreeMap::new();
+    let mut loops = Vec::new();
+    let mut n_rounds = 0;
     for k in 0..outer_iterations {
-        let pairs = neighbours::pairs(&poses, settings);
         let limits = MatchLimits {
             first_distance_m: settings.first_distance_m as f32,
             progress: if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 },
         };
-        let blocks: Vec<Pair> = pairs
+        let found: Vec<Found> = neighbours::pairs(&poses, settings)
             .par_iter()
             .map_init(
                 || context.matcher(),
                 |matcher, &(query, target)| {
-                    let queries = &prepared[query].queries;
-                    let count = (settings.queries_per_pair as usize).min(queries.len());
-                    // Each pair takes another run of the samples, which are in random order.
-                    let start = (target * 97) % (queries.len() - count + 1);
-                    let surface =
-                        SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframes[target].id) };
-                    let target_view = Target { surface, shutter: &prepared[target].shutter };
-                    let target_from_query = poses[target].inverse() * poses[query];
-                    let (sums, report) = matcher.match_pair(
-                        queries,
-                        start..start + count,
-                        &target_view,
-                        &target_from_query,
-                        &limits,
-                    );
-                    let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
-                    let is_neighbour = query == target + 1 && report.n_matches >= 30;
-                    let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };
-                    Pair { query, target, block: PairBlock::new(&target_from_query, &sums), weight }
+                    let is_loop =
+                        loops::are_far(&context.mapping.loops, &keyframes[query], &keyframes[target]);
+                    let at = poses[target].inverse() * poses[query];
+                    let (newer, older) = (&prepared[query], &prepared[target]);
+                    let tested = is_loop.then(|| {
+                        known.get(&(query, target)).copied().unwrap_or_else(|| {
+                            verify::test(settings, matcher, &newer.side(), &older.side(), &at)
+                        })
+                    });
+                    Found {
+                        pair: pair(context, matcher, (query, newer), (target, older), &at, &limits),
+                        tested,
+                    }
                 },
             )
             .collect();
-        weights = blocks.iter().map(|p| (p.query, p.target, p.weight)).collect();
-        let pairs = blocks.into_iter().filter(|p| p.weight > 0.0).collect();
+        progress();
+        known.extend(found.iter().filter_map(|f| Some(((f.pair.query, f.pair.target), f.tested?))));
+        loops.clear();
+        let (mut pairs, mut is_loop, mut tests) = (Vec::new(), Vec::new(), Vec::new());
+        for f in found {
+            let is_good = f.tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
+            if f.pair.weight > 0.0 && is_good {
+                pairs.push(f.pair);
+                is_loop.push(f.tested.is_some());
+                tests.push(f.tested);
+            } else if let Some(tested) = f.tested {
+                loops.push(loop_record(keyframes, &f.pair, &tested, 0.0, 0.0));
+            }
+        }
         let mut is_fixed = vec![false; poses.len()];
         is_fixed[0] = true;
         let mut graph = Graph { poses: poses.clone(), is_fixed, pairs, priors: Vec::new() };
-        progress();
+        let inner_iterations = context.registration.inner_iterations;
+        let report =
+            robust::optimise(&mut graph, &is_loop, settings, metric_factor, inner_iterations, progress);
         // Without a solution the poses stay as they are: a correction that changes nothing.
-        if graph.optimise(context.registration.inner_iterations, progress).is_ok() {
+        if let Ok(report) = report {
+            n_rounds += report.n_rounds;
             poses = graph.poses;
+            for ((pair, tested), residual) in graph.pairs.iter().zip(&tests).zip(&report.residuals_sigmas) {
+                let Some(tested) = tested else { continue };
+                loops.push(loop_record(keyframes, pair, tested, *residual, pair.weight));
+            }
         }
     }
-    let loop_gap = context.mapping.loops.min_frames;
-    let loops = weights
-        .into_iter()
-        .filter(|&(i, j, _)| keyframes[i].frame_index - keyframes[j].frame_index > loop_gap)
-        .map(|(i, j, w)| (keyframes[i].id, keyframes[j].id, w))
-        .collect();
-    Solution { poses, loops, outer_iterations }
+    loops.sort_by_key(|l| (l.newer, l.older));
+    Solution { poses, loops, outer_iterations, n_rounds }
 }
 
-fn prepare(context: &Context, keyframe: &KeyframeState, surfaces: &dyn KeyframeSurfaces) -> Prepared {
+/// Matches a pair; weight 0 where it overlaps too little to count.
+fn pair(
+    context: &Context,
+    matcher: &mut Matcher,
+    (query, newer): (usize, &Prepared<'_>),
+    (target, older): (usize, &Prepared<'_>),
+    target_from_query: &Pose,
+    limits: &MatchLimits,
+) -> Pair {
+    let settings = &context.mapping.global;
+    // Each pair takes another choice of the samples.
+    let selection = Selection { count: settings.queries_per_pair as usize, shift: target };
+    let view = Target { surface: older.surface, shutter: &older.shutter };
+    let (sums, report) = matcher.match_pair(&newer.queries, selection, &view, target_from_query, limits);
+    let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
+    let is_neighbour = query == target + 1 && report.n_matches >= 30;
+    let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };
+    Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight }
+}
+
+fn loop_record(
+    keyframes: &[KeyframeState],
+    pair: &Pair,
+    tested: &Tested,
+    residual_sigmas: f64,
+    weight: f64,
+) -> LoopRecord {
+    let verdict = match tested.verdict {
+        LoopVerdict::Accepted if pair.weight == 0.0 && residual_sigmas > 0.0 => LoopVerdict::Outvoted,
+        LoopVerdict::Accepted if pair.weight == 0.0 => LoopVerdict::LittleOverlap,
+        verdict => verdict,
+    };
+    LoopRecord {
+        newer: keyframes[pair.query].id,
+        older: keyframes[pair.target].id,
+        overlap: tested.overlap,
+        in_front: tested.in_front,
+        inconsistency_sigmas: tested.inconsistency_sigmas,
+        residual_sigmas,
+        weight,
+        verdict,
+    }
+}
+
+fn prepare<'a>(
+    context: &Context,
+    keyframe: &KeyframeState,
+    surfaces: &'a dyn KeyframeSurfaces,
+) -> Prepared<'a> {
     let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframe.id) };
     let mut samples = Vec::new();
     Sampler::default().draw(&surface, keyframe.frame_index, &context.registration, &mut samples);
     let shutter = context.shutter(&Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity)));
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);
-    Prepared { queries, shutter }
+    Prepared { queries, shutter, surface }
 }

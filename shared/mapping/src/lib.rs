@@ -7,25 +7,34 @@
 #![forbid(unsafe_code)]
 
 mod alignment;
+mod attempt;
 mod context;
+mod frame_record;
 mod global;
+mod judge;
 mod keyframes;
 mod loops;
 mod neighbours;
 mod optimiser;
+mod promotion;
 mod records;
 mod refine;
+mod relocalise;
+mod robust;
 mod settings;
 mod state;
 mod tracker;
+mod verify;
 mod window;
 
 pub use context::Context;
 pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
-    KeyframeRecord, OptimiseRecord, RequestRecord, State, StoreSlot,
+    KeyframeRecord, LoopRecord, LoopVerdict, OptimiseRecord, RequestRecord, State, StoreSlot,
 };
-pub use settings::{GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, WindowSettings};
+pub use settings::{
+    GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,
+};
 pub use state::{KeyframeState, TrackerState};
 pub use tracker::{FrameSurface, KeyframeSurfaces, Tracker};

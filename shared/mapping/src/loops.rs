@@ -19,6 +19,15 @@ pub(crate) fn is_loop(
         && hops > settings.min_keyframes
 }
 
+/// Whether two keyframes are far enough apart in index, time and graph for a pair of them to
+/// close a loop.
+pub(crate) fn are_far(settings: &LoopSettings, newer: &KeyframeState, older: &KeyframeState) -> bool {
+    let seconds = (newer.stamp_nanos - older.stamp_nanos) as f64 * 1e-9;
+    newer.frame_index.saturating_sub(older.frame_index) > settings.min_frames
+        && seconds > settings.min_seconds
+        && newer.id.saturating_sub(older.id) > settings.min_keyframes
+}
+
 /// A request made at frame `index`, unless one is pending or the last was just now. The correction
 /// takes effect a number of frames later that depends on the graph's size alone.
 pub(crate) fn request(

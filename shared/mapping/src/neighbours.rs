@@ -7,7 +7,7 @@ use tessera_geometry::Pose;
 /// Index gap that counts as large.
 const FAR_GAP: usize = 10;
 
-/// Pairs `(newer, older)`, sorted: consecutive keyframes, and for each keyframe its neighbours,
+/// Pairs `(newer, older)`, sorted by the older: consecutive keyframes, and for each keyframe its neighbours,
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
 /// picks neighbours in time).
 pub(crate) fn pairs(poses: &[Pose], settings: &GlobalSettings) -> Vec<(usize, usize)> {
@@ -34,7 +34,8 @@ pub(crate) fn pairs(poses: &[Pose], settings: &GlobalSettings) -> Vec<(usize, us
         let far = near.iter().skip(half).filter(|n| n.1.abs_diff(i) >= FAR_GAP).take(half);
         found.extend(nearest.chain(far).map(|&(_, j)| (i.max(j), i.min(j))));
     }
-    found.sort_unstable();
+    // By target first: its surface then stays in the cache for all its pairs.
+    found.sort_unstable_by_key(|&(newer, older)| (older, newer));
     found.dedup();
     found
 }

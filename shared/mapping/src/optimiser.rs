@@ -100,6 +100,7 @@ impl Optimiser {
             frames,
             loops: solution.loops,
             outer_iterations: solution.outer_iterations,
+            n_graduated_rounds: solution.n_rounds,
         })
     }
 

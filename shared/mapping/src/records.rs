@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 use tessera_geometry::PoseBits;
+use tessera_recognition::PlaceCode;
 
 /// Where a keyframe's surface lies in the keyframe store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -96,6 +97,8 @@ pub struct KeyframeRecord {
     pub slot: StoreSlot,
     /// Keyframes it shares an edge with (ids below its own), loops among them.
     pub edges: Vec<EdgeRecord>,
+    /// What the place looks like, to recognise it.
+    pub place: PlaceCode,
 }
 
 /// A connection between two keyframes, made when the newer one was aligned.
@@ -129,6 +132,44 @@ pub struct KeyframePose {
     pub world_from_camera: PoseBits,
 }
 
+/// What became of a loop pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LoopVerdict {
+    /// It takes part.
+    Accepted,
+    /// Too few queries have a match, in one of the directions.
+    LittleOverlap,
+    /// Points of one keyframe float in what the other saw to be empty.
+    FreeSpaceViolated,
+    /// Aligning the newer to the older and the older to the newer gives different answers.
+    Inconsistent,
+    /// The tests passed, but it contradicts the rest of the graph: the optimiser took its weight.
+    Outvoted,
+}
+
+/// A pair of keyframes that would close a loop, and why it does or does not take part.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoopRecord {
+    /// The newer keyframe.
+    pub newer: u32,
+    /// The older keyframe.
+    pub older: u32,
+    /// Smaller share of queries with a match, of both directions.
+    pub overlap: f64,
+    /// Larger share of queries in view more than three standard deviations in front of what the
+    /// other keyframe saw there, of both directions.
+    pub in_front: f64,
+    /// Root mean square disagreement between both directions, standard deviations of depth.
+    pub inconsistency_sigmas: f64,
+    /// Root mean square disagreement between the pair and the graph, standard deviations of depth.
+    pub residual_sigmas: f64,
+    /// Factor of the pair's cost at the end.
+    pub weight: f64,
+    /// Why.
+    pub verdict: LoopVerdict,
+}
+
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Correction {
@@ -140,10 +181,12 @@ pub struct Correction {
     pub keyframes: Vec<KeyframePose>,
     /// Frames solved again against the optimised keyframes (final optimisation only).
     pub frames: Vec<(u64, PoseBits)>,
-    /// Loop pairs with the weight that the optimiser left them: newer, older, weight.
-    pub loops: Vec<(u32, u32, f64)>,
+    /// Loop pairs with what their tests found and the weight that the optimiser left them.
+    pub loops: Vec<LoopRecord>,
     /// Outer iterations done.
     pub outer_iterations: u32,
+    /// Rounds of graduated non-convexity over all outer iterations; 0: every loop fitted at once.
+    pub n_graduated_rounds: u32,
 }
 
 /// A correction taking effect: the whole correction is copied into the aligner's own

@@ -15,6 +15,8 @@ pub struct WindowSettings {
     pub angle_deg: f64,
     /// Correspondences sought per frame, split evenly over the window.
     pub match_budget: u32,
+    /// Share of the correspondences sought in all but the last outer iteration.
+    pub early_share: f64,
     /// Outer iterations while tracking.
     pub outer_iterations: u32,
     /// Outer iterations of the second attempt, after a failure.
@@ -33,6 +35,10 @@ pub struct WindowSettings {
     pub min_match_share: f64,
     /// Largest median normal residual, standard deviations of depth.
     pub max_residual_sigmas: f64,
+    /// Least share with a match of what the best reference sees of the frame.
+    pub min_matched: f64,
+    /// Largest share of that in front of what the reference saw.
+    pub max_in_front: f64,
 }
 
 impl Default for WindowSettings {
@@ -42,6 +48,7 @@ impl Default for WindowSettings {
             radius_m: 0.5,
             angle_deg: 30.0,
             match_budget: 4000,
+            early_share: 0.3,
             outer_iterations: 6,
             retry_iterations: 10,
             min_first_distance_m: 0.1,
@@ -51,6 +58,8 @@ impl Default for WindowSettings {
             prior_rotation_deg: 3.0,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,
+            min_matched: 0.3,
+            max_in_front: 0.4,
         }
     }
 }
@@ -113,9 +122,59 @@ impl Default for LoopSettings {
             min_keyframes: 5,
             conflict_translation_m: 0.05,
             conflict_rotation_deg: 3.0,
-            request_interval: 20,
+            request_interval: 30,
             delay_frames: 15,
             delay_per_keyframe: 0.5,
+        }
+    }
+}
+
+/// How a lost camera finds its place again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RelocaliseSettings {
+    /// Whether a lost frame's place is looked for at all.
+    pub enabled: bool,
+    /// Keyframes that look most like the frame and are tried.
+    pub n_recognised: u32,
+    /// Turned and shifted views that are tried in each frame.
+    pub n_turned: u32,
+    /// Least share of the frame that the best reference sees.
+    pub min_in_view: f64,
+    /// Least share of that part that has a match.
+    pub min_matched: f64,
+    /// Largest share of that part that floats in front of what the reference saw.
+    pub max_in_front: f64,
+    /// Largest median normal residual, standard deviations of depth.
+    pub max_residual_sigmas: f64,
+    /// Frames in a row that must pass after a place was found before the map may change again.
+    pub confirm_frames: u32,
+}
+
+impl Default for RelocaliseSettings {
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            n_recognised: 3,
+            n_turned: 6,
+            min_in_view: 0.3,
+            min_matched: 0.5,
+            max_in_front: 0.1,
+            max_residual_sigmas: 0.7,
+            confirm_frames: 3,
+        }
+    }
+}
+
+impl RelocaliseSettings {
+    /// Looser limits, for the first alignment of a candidate.
+    pub(crate) fn coarse(&self) -> Self {
+        Self {
+            min_in_view: 0.8 * self.min_in_view,
+            min_matched: 0.7 * self.min_matched,
+            max_in_front: 2.0 * self.max_in_front,
+            max_residual_sigmas: 1.5 * self.max_residual_sigmas,
+            ..self.clone()
         }
     }
 }
@@ -140,6 +199,13 @@ pub struct GlobalSettings {
     pub first_distance_m: f64,
     /// Least share of queries with a match for a pair to count.
     pub min_overlap: f64,
+    /// Largest share of queries in front of what the other keyframe of a loop pair saw.
+    pub max_in_front: f64,
+    /// Largest disagreement between both directions of a loop pair, standard deviations of depth.
+    pub max_inconsistency_sigmas: f64,
+    /// A loop pair that disagrees with the graph by more loses its weight, standard deviations of
+    /// depth; 0 switches this off.
+    pub loop_residual_sigmas: f64,
 }
 
 impl Default for GlobalSettings {
@@ -148,11 +214,14 @@ impl Default for GlobalSettings {
             radius_m: 1.5,
             angle_deg: 45.0,
             neighbours: 24,
-            queries_per_pair: 400,
-            outer_iterations: 4,
-            final_iterations: 6,
+            queries_per_pair: 150,
+            outer_iterations: 2,
+            final_iterations: 4,
             first_distance_m: 0.15,
             min_overlap: 0.3,
+            max_in_front: 0.2,
+            max_inconsistency_sigmas: 1.5,
+            loop_residual_sigmas: 1.0,
         }
     }
 }
@@ -168,6 +237,8 @@ pub struct MappingSettings {
     /// Loops.
     #[serde(rename = "loop")]
     pub loops: LoopSettings,
+    /// Lost and found.
+    pub relocalise: RelocaliseSettings,
     /// Global optimisation.
     pub global: GlobalSettings,
 }
@@ -183,6 +254,7 @@ impl MappingSettings {
         check_range("window.radius_m", w.radius_m, 0.0, 100.0)?;
         check_range("window.angle_deg", w.angle_deg, 0.0, 180.0)?;
         check_range("window.match_budget", w.match_budget.into(), 50.0, 1e6)?;
+        check_range("window.early_share", w.early_share, 0.01, 1.0)?;
         check_range("window.outer_iterations", w.outer_iterations.into(), 2.0, 100.0)?;
         check_range("window.retry_iterations", w.retry_iterations.into(), 2.0, 100.0)?;
         check_range("window.min_first_distance_m", w.min_first_distance_m, 0.001, 10.0)?;
@@ -192,6 +264,8 @@ impl MappingSettings {
         check_range("window.prior_rotation_deg", w.prior_rotation_deg, 1e-3, 1e3)?;
         check_range("window.min_match_share", w.min_match_share, 0.0, 1.0)?;
         check_range("window.max_residual_sigmas", w.max_residual_sigmas, 0.1, 1e3)?;
+        check_range("window.min_matched", w.min_matched, 0.0, 1.0)?;
+        check_range("window.max_in_front", w.max_in_front, 0.0, 1.0)?;
         let k = &self.keyframe;
         check_range("keyframe.translation_m", k.translation_m, 0.001, 10.0)?;
         check_range("keyframe.rotation_deg", k.rotation_deg, 0.1, 180.0)?;
@@ -207,6 +281,14 @@ impl MappingSettings {
         check_range("loop.request_interval", l.request_interval.into(), 1.0, 1e6)?;
         check_range("loop.delay_frames", l.delay_frames.into(), 1.0, 1e6)?;
         check_range("loop.delay_per_keyframe", l.delay_per_keyframe, 0.0, 100.0)?;
+        let r = &self.relocalise;
+        check_range("relocalise.n_recognised", r.n_recognised.into(), 0.0, 1e3)?;
+        check_range("relocalise.n_turned", r.n_turned.into(), 0.0, 1e3)?;
+        check_range("relocalise.min_in_view", r.min_in_view, 0.0, 1.0)?;
+        check_range("relocalise.min_matched", r.min_matched, 0.0, 1.0)?;
+        check_range("relocalise.max_in_front", r.max_in_front, 0.0, 1.0)?;
+        check_range("relocalise.max_residual_sigmas", r.max_residual_sigmas, 0.0, 1e3)?;
+        check_range("relocalise.confirm_frames", r.confirm_frames.into(), 1.0, 1e3)?;
         let g = &self.global;
         check_range("global.radius_m", g.radius_m, 0.0, 100.0)?;
         check_range("global.angle_deg", g.angle_deg, 0.0, 180.0)?;
@@ -215,6 +297,9 @@ impl MappingSettings {
         check_range("global.outer_iterations", g.outer_iterations.into(), 1.0, 100.0)?;
         check_range("global.final_iterations", g.final_iterations.into(), 1.0, 100.0)?;
         check_range("global.first_distance_m", g.first_distance_m, 0.001, 10.0)?;
-        check_range("global.min_overlap", g.min_overlap, 0.0, 1.0)
+        check_range("global.min_overlap", g.min_overlap, 0.0, 1.0)?;
+        check_range("global.max_in_front", g.max_in_front, 0.0, 1.0)?;
+        check_range("global.max_inconsistency_sigmas", g.max_inconsistency_sigmas, 0.0, 1e3)?;
+        check_range("global.loop_residual_sigmas", g.loop_residual_sigmas, 0.0, 1e3)
     }
 }

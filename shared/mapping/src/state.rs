@@ -5,6 +5,7 @@ use crate::records::{
 };
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
+use tessera_recognition::PlaceCode;
 
 /// A keyframe as the aligner knows it now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +24,8 @@ pub struct KeyframeState {
     pub slot: StoreSlot,
     /// Keyframes it was aligned to.
     pub edges: Vec<EdgeRecord>,
+    /// What the place looks like.
+    pub place: PlaceCode,
 }
 
 /// One of the last frames.
@@ -63,6 +66,8 @@ pub struct TrackerState {
     pub n_keyframes_at_request: u32,
     /// Frames lost in a row.
     pub n_lost: u32,
+    /// Frames in a row that were found by place recognition and passed the strict tests.
+    pub n_confirmed: u32,
     /// The source is exhausted.
     pub is_ended: bool,
 }
@@ -95,6 +100,7 @@ impl TrackerState {
                 velocity: keyframe.velocity,
                 slot: keyframe.slot,
                 edges: keyframe.edges.clone(),
+                place: keyframe.place.clone(),
             });
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
             self.reference_entropy = None;
@@ -102,7 +108,8 @@ impl TrackerState {
         if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
             self.reference_entropy = Some(frame.entropy_nats);
         }
-        self.n_lost = if frame.state == State::Tracking { 0 } else { self.n_lost + 1 };
+        self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
+        self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
         if self.recent.len() == 2 {
             self.recent.remove(0);

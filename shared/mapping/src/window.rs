@@ -2,6 +2,7 @@
 
 use crate::settings::WindowSettings;
 use crate::state::TrackerState;
+use nalgebra::Vector3;
 use tessera_geometry::Pose;
 
 /// One fixed pose of a window.
@@ -36,32 +37,42 @@ pub(crate) fn select(
     if members.len() < size {
         members.push(Member::Keyframe(last_keyframe.id));
     }
-    let mut near: Vec<(f64, u32)> = state
-        .keyframes
-        .iter()
-        .filter(|k| k.id != last_keyframe.id && k.id >= oldest_allowed)
-        .filter_map(|k| {
-            let (distance_m, angle_rad) = view_difference(&Pose::from(&k.world_from_camera), predicted);
-            let angle_limit = settings.angle_deg.to_radians();
-            (distance_m <= settings.radius_m && angle_rad <= angle_limit)
-                .then(|| (distance_m / settings.radius_m.max(1e-9) + angle_rad / angle_limit.max(1e-9), k.id))
-        })
-        .collect();
+    let mut near = near(state, settings, predicted);
+    near.retain(|n| n.1 != last_keyframe.id && n.1 >= oldest_allowed);
     if let Some(oldest) = near.iter().map(|n| n.1).min()
         && members.len() < size
     {
         members.push(Member::Keyframe(oldest));
         near.retain(|n| n.1 != oldest);
     }
-    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     members.extend(near.iter().take(size.saturating_sub(members.len())).map(|n| Member::Keyframe(n.1)));
     members
+}
+
+/// Keyframes within the window's limits of a view, nearest first, by distance and angle together.
+pub(crate) fn near(state: &TrackerState, settings: &WindowSettings, view: &Pose) -> Vec<(f64, u32)> {
+    let radius_sq = settings.radius_m * settings.radius_m;
+    let angle_limit = settings.angle_deg.to_radians();
+    let centre = view.translation.vector;
+    let mut near: Vec<(f64, u32)> = state
+        .keyframes
+        .iter()
+        // Most keyframes of a long run are far away: that must cost nothing.
+        .filter(|k| (Vector3::from(k.world_from_camera.translation_m) - centre).norm_squared() <= radius_sq)
+        .filter_map(|k| {
+            let (distance_m, angle_rad) = view_difference(&Pose::from(&k.world_from_camera), view);
+            (angle_rad <= angle_limit)
+                .then(|| (distance_m / settings.radius_m.max(1e-9) + angle_rad / angle_limit.max(1e-9), k.id))
+        })
+        .collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    near
 }
 
 /// Distance of the camera centres in metres and angle between the optical axes in radians.
 pub(crate) fn view_difference(a: &Pose, b: &Pose) -> (f64, f64) {
     let distance_m = (a.translation.vector - b.translation.vector).norm();
-    let axis_a = a.rotation * nalgebra::Vector3::z();
-    let axis_b = b.rotation * nalgebra::Vector3::z();
+    let axis_a = a.rotation * Vector3::z();
+    let axis_b = b.rotation * Vector3::z();
     (distance_m, libm::acos(axis_a.dot(&axis_b).clamp(-1.0, 1.0)))
 }

@@ -6,8 +6,11 @@
 //! window or all keyframes at once: one engine for both, as in Holz and Behnke 2015, III-E.
 #![forbid(unsafe_code)]
 
+mod accumulate;
 mod block;
+mod columns;
 mod graph;
+mod locate;
 mod matching;
 mod projection;
 mod queries;
@@ -22,7 +25,7 @@ pub use block::{BlockSums, PairBlock};
 pub use graph::{Graph, InnerReport, Pair, Prior};
 pub use matching::{MatchLimits, Matcher, PairReport};
 pub use projection::GridCamera;
-pub use queries::Queries;
+pub use queries::{Queries, Selection};
 pub use random::SplitMix64;
 pub use sampling::{Sample, Sampler};
 pub use settings::{RegistrationSettings, SearchSettings, WeightSettings};

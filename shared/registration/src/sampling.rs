@@ -22,6 +22,7 @@ pub struct Sample {
 pub struct Sampler {
     candidates: Vec<u32>,
     bins: Vec<Vec<u32>>,
+    drawn: Vec<u32>,
 }
 
 /// Cells of normal space: polar bands (towards the camera is the pole) times azimuth sectors.
@@ -29,8 +30,9 @@ const POLAR: usize = 6;
 const AZIMUTH: usize = 12;
 
 impl Sampler {
-    /// Draws the samples of the frame with this index, in random order, so that any run of them
-    /// is spread over the image. Vertices at depth edges and far points take no part (TRAPS 65).
+    /// Draws the samples of the frame with this index, in raster order: neighbours in the list are
+    /// neighbours in the image, so a search goes through the target's memory once. Vertices at
+    /// depth edges and far points take no part (TRAPS 65).
     pub fn draw(
         &mut self,
         surface: &SurfaceView<'_>,
@@ -46,18 +48,13 @@ impl Sampler {
             }
         }
         out.clear();
-        let width = surface.grid.width;
-        let push = |out: &mut Vec<Sample>, i: u32| {
-            let v = &surface.vertices[i as usize];
-            let grid_row = (i as usize / width) as u16;
-            out.push(Sample { point: v.position, normal: v.normal, intensity: v.intensity, grid_row });
-        };
+        self.drawn.clear();
         let n_uniform = (settings.uniform_samples as usize).min(self.candidates.len());
         // One draw from each of n equal runs of the raster order: uniform, without clumps.
         for k in 0..n_uniform {
             let (from, to) =
                 (k * self.candidates.len() / n_uniform, (k + 1) * self.candidates.len() / n_uniform);
-            push(out, self.candidates[from + random.below(to - from)]);
+            self.drawn.push(self.candidates[from + random.below(to - from)]);
         }
         self.fill_bins(surface.vertices);
         let mut wanted = settings.normal_space_samples as usize;
@@ -68,16 +65,20 @@ impl Sampler {
                     break;
                 }
                 let pick = random.below(bin.len());
-                push(out, bin.swap_remove(pick));
+                self.drawn.push(bin.swap_remove(pick));
                 wanted -= 1;
             }
             if wanted == before {
                 break;
             }
         }
-        for k in (1..out.len()).rev() {
-            out.swap(k, random.below(k + 1));
-        }
+        self.drawn.sort_unstable();
+        let width = surface.grid.width;
+        out.extend(self.drawn.iter().map(|&i| {
+            let v = &surface.vertices[i as usize];
+            let grid_row = (i as usize / width) as u16;
+            Sample { point: v.position, normal: v.normal, intensity: v.intensity, grid_row }
+        }));
     }
 
     fn fill_bins(&mut self, vertices: &[Vertex]) {

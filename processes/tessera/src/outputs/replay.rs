@@ -75,8 +75,8 @@ impl Replay {
             }
         }
         self.solved.extend(correction.frames.iter().copied());
-        for &(newer, older, weight) in &correction.loops {
-            self.loop_weights.insert((newer, older), weight);
+        for pair in &correction.loops {
+            self.loop_weights.insert((pair.newer, pair.older), pair.weight);
         }
     }
 

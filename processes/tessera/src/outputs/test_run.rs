@@ -3,8 +3,8 @@
 use crate::outputs::replay::Replay;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_mapping::{
-    AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord, State,
-    StoreSlot,
+    AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
+    LoopRecord, LoopVerdict, State, StoreSlot,
 };
 use tessera_surface::Vertex;
 
@@ -60,6 +60,20 @@ fn covariance() -> Vec<f64> {
     triangle
 }
 
+/// A loop from keyframe 2 to an older one.
+fn loop_pair(older: u32, weight: f64) -> LoopRecord {
+    LoopRecord {
+        newer: 2,
+        older,
+        overlap: 0.6,
+        in_front: 0.0,
+        inconsistency_sigmas: 0.5,
+        residual_sigmas: 0.5,
+        weight,
+        verdict: LoopVerdict::Accepted,
+    }
+}
+
 /// The journal: keyframes at frames 0, 2 and 4, a correction that moves keyframe 1 by 1 m and
 /// solves frame 5 again, one loop kept and one refused, and frame 6 dropped.
 pub(crate) fn records() -> Vec<AlignRecord> {
@@ -71,8 +85,9 @@ pub(crate) fn records() -> Vec<AlignRecord> {
             KeyframePose { id: 1, world_from_camera: along_x(1.2) },
         ],
         frames: vec![(5, along_x(7.0))],
-        loops: vec![(2, 0, 0.9), (2, 1, 0.1)],
+        loops: vec![loop_pair(0, 0.9), loop_pair(1, 0.1)],
         outer_iterations: 4,
+        n_graduated_rounds: 0,
     };
     let edge = |to, is_loop| EdgeRecord { to, is_loop };
     vec![

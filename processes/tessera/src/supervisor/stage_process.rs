@@ -46,9 +46,11 @@ pub(super) fn spawn(
         .stdout(Stdio::null())
         .stderr(log)
         .process_group(0);
-    let points: Vec<&str> =
-        plan.kill_points.iter().filter(|(of, _)| *of == stage).map(|(_, points)| points.as_str()).collect();
-    if is_first && !points.is_empty() {
+    // Those marked with a star belong to every life, the others to the first.
+    let points =
+        plan.kill_points.iter().filter(|(of, _)| *of == stage).flat_map(|(_, words)| words.split(','));
+    let points: Vec<&str> = points.filter(|word| is_first || word.ends_with('*')).collect();
+    if !points.is_empty() {
         command.env(KILL_POINTS_VARIABLE, points.join(","));
     }
     command.spawn().map_err(failed)

@@ -9,7 +9,7 @@ use super::tally::{Counters, Tally};
 use std::collections::BTreeMap;
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
-use tessera_messages::{Beat, Stage};
+use tessera_messages::{Beat, BeatState, Stage};
 use tessera_stage::last_lines;
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
@@ -71,7 +71,7 @@ struct Watched {
     n_lives: u64,
     is_finished: bool,
     was_hung: bool,
-    /// Whether its present life has done anything.
+    /// Whether its present life has done anything, or has found nothing to do.
     had_progress: bool,
     /// Keyframes and loops as it last said (align).
     map: (u64, u64),
@@ -209,13 +209,14 @@ impl Supervisor<'_> {
     /// Takes in all beats; those of the dead say nothing new.
     fn hear(&mut self) -> Result<(), SupervisorError> {
         while let Some(beat) = self.beats.receive()? {
-            let Ok((stage, ..)) = beat.validate() else { continue };
+            let Ok((stage, state, _)) = beat.validate() else { continue };
             let watched = &mut self.stages[stage as usize];
             if watched.child.as_ref().is_some_and(|child| child.id() == beat.pid)
                 && beat.sequence > watched.tally.beat.sequence
             {
                 watched.heard_at = Instant::now();
-                watched.had_progress |= beat.progress > 0;
+                // To have come as far as waiting for work is progress too: there may be none.
+                watched.had_progress |= beat.progress > 0 || state == BeatState::Waiting;
                 if beat.keyframes > 0 {
                     watched.map = (beat.keyframes, beat.loops);
                 }

@@ -1,0 +1,113 @@
+//! One frame against its window, and what is tried after a failure (SPEC 6).
+
+use crate::alignment::{Alignment, Prediction, Reference};
+use crate::judge;
+use crate::records::State;
+use crate::tracker::{Surfaces, Tracker};
+use crate::window::{self, Member};
+use tessera_geometry::{Pose, Twist, Vector6};
+use tessera_registration::Sample;
+use tessera_surface::SurfaceView;
+
+/// An alignment with the window it was made in.
+#[derive(Clone, Debug)]
+pub(crate) struct Attempt {
+    pub(crate) members: Vec<Member>,
+    pub(crate) alignment: Alignment,
+    /// What the frame becomes if the attempt stands.
+    pub(crate) state: State,
+    /// Why, where it is not plain tracking.
+    pub(crate) reason: String,
+}
+
+impl Tracker {
+    /// The prediction first; after a failure the last pose with wide limits; then the last
+    /// keyframe (SPEC 6), both under the strict tests. The error says why the first will not do.
+    pub(crate) fn attempt_all(
+        &mut self,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+    ) -> Result<Attempt, String> {
+        let w = &self.context.mapping.window.clone();
+        let strict = &self.context.mapping.relocalise.clone();
+        let first = self.attempt(samples, surfaces, prediction);
+        let Err(reason) = judge::tracking(w, &first.alignment) else { return Ok(first) };
+        let mut wide = Prediction {
+            first_distance_m: w.max_first_distance_m,
+            outer_iterations: w.retry_iterations,
+            ..*prediction
+        };
+        if let Some(last) = self.state.recent.last() {
+            wide.world_from_camera = Pose::from(&last.world_from_camera);
+            wide.velocity = Twist::default();
+        }
+        let second = self.attempt(samples, surfaces, &wide);
+        if judge::found_again(strict, &second.alignment).is_ok() {
+            return Ok(second);
+        }
+        if let Some(keyframe) = self.state.keyframes.last() {
+            wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
+            wide.previous = None;
+            let third = self.attempt(samples, surfaces, &wide);
+            if judge::found_again(strict, &third.alignment).is_ok() {
+                return Ok(third);
+            }
+        }
+        Err(reason)
+    }
+
+    pub(crate) fn attempt(
+        &mut self,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+    ) -> Attempt {
+        let window = &self.context.mapping.window;
+        let members = window::select(&self.state, window, &prediction.world_from_camera, 0);
+        self.attempt_in(members, samples, surfaces, prediction)
+    }
+
+    /// Aligns to these members, without those whose surface is not at hand.
+    pub(crate) fn attempt_in(
+        &mut self,
+        members: Vec<Member>,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+    ) -> Attempt {
+        let (members, references): (Vec<Member>, Vec<Reference<'_>>) = members
+            .into_iter()
+            .filter_map(|member| Some((member, self.reference(member, surfaces)?)))
+            .unzip();
+        let alignment = self.aligner.align(&self.context, samples, &references, prediction);
+        Attempt { members, alignment, state: State::Tracking, reason: String::new() }
+    }
+
+    pub(crate) fn reference<'a>(&self, member: Member, surfaces: &Surfaces<'a>) -> Option<Reference<'a>> {
+        let (pose, velocity, surface) = match member {
+            Member::Recent(place) => {
+                let recent = &self.state.recent[place];
+                let surface = surfaces.recent.iter().find(|s| s.index == recent.index)?.surface;
+                (&recent.world_from_camera, &recent.velocity, surface)
+            }
+            Member::Keyframe(id) => {
+                let keyframe = self.state.keyframes.get(id as usize)?;
+                // A keyframe promoted at this step is not in the store yet; its bits are the same.
+                let fresh =
+                    surfaces.recent.iter().find(|s| s.index == keyframe.frame_index).map(|s| s.surface);
+                let surface = fresh.unwrap_or_else(|| SurfaceView {
+                    grid: self.context.grid,
+                    vertices: surfaces.keyframes.vertices(id),
+                });
+                (&keyframe.world_from_camera, &keyframe.velocity, surface)
+            }
+        };
+        let velocity = Twist::from_vector(&Vector6::from_column_slice(velocity));
+        Some(Reference {
+            world_from_camera: Pose::from(pose),
+            surface,
+            shutter: self.context.shutter(&velocity),
+        })
+    }
+}

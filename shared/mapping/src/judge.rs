@@ -1,0 +1,79 @@
+//! Whether an alignment may be believed.
+
+use crate::alignment::Alignment;
+use crate::settings::{RelocaliseSettings, WindowSettings};
+
+/// The failure tests of SPEC 6, for a frame that was expected where it was found.
+pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), String> {
+    if !a.is_solved {
+        return Err("the normal equations could not be solved".into());
+    }
+    if !(a.match_share() >= w.min_match_share) {
+        let (found, least) = (100.0 * a.match_share(), 100.0 * w.min_match_share);
+        return Err(format!("{found:.1} % of the queries have a match, at least {least:.1} % are needed"));
+    }
+    if !(a.residual_sigmas() <= w.max_residual_sigmas) {
+        let (found, most) = (a.residual_sigmas(), w.max_residual_sigmas);
+        return Err(format!(
+            "median residual is {found:.2} standard deviations, at most {most:.2} are allowed"
+        ));
+    }
+    let best = Best::of(a);
+    if !(best.matched >= w.min_matched && best.in_front <= w.max_in_front) {
+        return Err(format!(
+            "{best}; at least {:.0} % matched and at most {:.0} % in front are needed",
+            100.0 * w.min_matched,
+            100.0 * w.max_in_front
+        ));
+    }
+    Ok(())
+}
+
+/// How well the frame fits the reference that it fits best.
+struct Best {
+    in_view: f64,
+    matched: f64,
+    in_front: f64,
+    residual_sigmas: f64,
+}
+
+impl Best {
+    fn of(a: &Alignment) -> Self {
+        let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
+        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
+        Self {
+            in_view: share(best.n_in_view, best.n_queries),
+            matched: share(best.n_matches, best.n_in_view),
+            in_front: share(best.n_in_front, best.n_in_view),
+            residual_sigmas: f64::from(best.median_residual_sigmas),
+        }
+    }
+}
+
+impl std::fmt::Display for Best {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{:.0} % of the frame in view, {:.0} % of that matched, {:.1} % in front, median residual {:.2} sigma",
+            100.0 * self.in_view,
+            100.0 * self.matched,
+            100.0 * self.in_front,
+            self.residual_sigmas
+        )
+    }
+}
+
+/// Stricter tests, for a frame that may be anywhere: the best reference must see enough of it,
+/// nearly all of what it sees must fit, and next to nothing may float in front. Both answers
+/// hold the numbers.
+pub(crate) fn found_again(r: &RelocaliseSettings, a: &Alignment) -> Result<String, String> {
+    if !a.is_solved {
+        return Err("the normal equations could not be solved".into());
+    }
+    let best = Best::of(a);
+    let is_good = best.in_view >= r.min_in_view
+        && best.matched >= r.min_matched
+        && best.in_front <= r.max_in_front
+        && best.residual_sigmas <= r.max_residual_sigmas;
+    if is_good { Ok(best.to_string()) } else { Err(best.to_string()) }
+}

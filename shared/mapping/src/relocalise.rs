@@ -1,0 +1,154 @@
+//! Lost and found: where could this frame be?
+//!
+//! The last pose is tried first, then the keyframes that look most like the frame, then views
+//! turned and shifted against both, a few in each frame. A candidate counts only after it has
+//! been aligned and has passed the strict tests, and only after several frames in a row have
+//! passed them the map may change again.
+
+use crate::alignment::Prediction;
+use crate::attempt::Attempt;
+use crate::judge;
+use crate::records::State;
+use crate::settings::WindowSettings;
+use crate::tracker::{FrameSurface, Surfaces, Tracker};
+use crate::window::{self, Member};
+use tessera_geometry::{Pose, Twist, exp};
+use tessera_recognition::similarity;
+use tessera_registration::Sample;
+
+/// Samples of the first, coarse alignment of a candidate.
+const COARSE_SAMPLES: usize = 500;
+/// References of a coarse alignment.
+const COARSE_REFERENCES: usize = 2;
+
+/// A pose from which an alignment is worth a try.
+struct Candidate {
+    start: Pose,
+    /// The view whose neighbours are the references.
+    near: Pose,
+    name: String,
+}
+
+impl Tracker {
+    /// Tracks on after the frame's place was found, under the strict tests, until enough frames
+    /// in a row have passed.
+    pub(crate) fn confirm(
+        &mut self,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+    ) -> Result<Attempt, String> {
+        let settings = self.context.mapping.relocalise.clone();
+        let wide = Prediction {
+            first_distance_m: self.context.mapping.window.max_first_distance_m,
+            outer_iterations: self.context.mapping.window.retry_iterations,
+            ..*prediction
+        };
+        let members = self.near(&prediction.world_from_camera, usize::MAX);
+        let attempt = self.attempt_in(members, samples, surfaces, &wide);
+        let numbers = judge::found_again(&settings, &attempt.alignment)?;
+        let n_confirmed = self.state.n_confirmed + 1;
+        let state =
+            if n_confirmed >= settings.confirm_frames { State::Tracking } else { State::Relocalising };
+        let reason = format!("confirmed {n_confirmed} of {} times: {numbers}", settings.confirm_frames);
+        Ok(Attempt { state, reason, ..attempt })
+    }
+
+    /// Looks for the frame's place in the map.
+    pub(crate) fn relocalise(
+        &mut self,
+        frame: &FrameSurface<'_>,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+        why_lost: &str,
+    ) -> Result<Attempt, String> {
+        let settings = self.context.mapping.relocalise.clone();
+        if !settings.enabled {
+            return Err(why_lost.into());
+        }
+        let candidates = self.candidates(frame, prediction);
+        let n_candidates = candidates.len();
+        for candidate in candidates {
+            let members = self.near(&candidate.near, COARSE_REFERENCES);
+            if members.is_empty() {
+                continue;
+            }
+            let wide = self.wide(&candidate.start);
+            let coarse = &samples[..COARSE_SAMPLES.min(samples.len())];
+            let attempt = self.attempt_in(members, coarse, surfaces, &wide);
+            if judge::found_again(&settings.coarse(), &attempt.alignment).is_err() {
+                continue;
+            }
+            // Now with all samples, against what lies near the place itself.
+            let found = attempt.alignment.world_from_camera;
+            let members = self.near(&found, usize::MAX);
+            let attempt = self.attempt_in(members, samples, surfaces, &self.wide(&found));
+            if let Ok(numbers) = judge::found_again(&settings, &attempt.alignment) {
+                let reason = format!("{why_lost}; found by {}: {numbers}", candidate.name);
+                return Ok(Attempt { state: State::Relocalising, reason, ..attempt });
+            }
+        }
+        Err(format!("{why_lost}; none of {n_candidates} candidate places fits"))
+    }
+
+    fn wide(&self, start: &Pose) -> Prediction {
+        Prediction {
+            world_from_camera: *start,
+            previous: None,
+            velocity: Twist::default(),
+            first_distance_m: self.context.mapping.window.max_first_distance_m,
+            outer_iterations: self.context.mapping.window.retry_iterations,
+        }
+    }
+
+    /// Keyframes that may see something of what `view` sees, nearest first.
+    fn near(&self, view: &Pose, at_most: usize) -> Vec<Member> {
+        let w = WindowSettings { radius_m: 1.5, angle_deg: 50.0, ..self.context.mapping.window.clone() };
+        let near = window::near(&self.state, &w, view);
+        near.into_iter().take(at_most.min(w.size as usize)).map(|(_, id)| Member::Keyframe(id)).collect()
+    }
+
+    fn candidates(&self, frame: &FrameSurface<'_>, prediction: &Prediction) -> Vec<Candidate> {
+        let settings = &self.context.mapping.relocalise;
+        let last = prediction.world_from_camera;
+        let direct = |pose: Pose, name: String| Candidate { start: pose, near: pose, name };
+        let mut candidates = vec![direct(last, "the last pose".into())];
+        let code = self.ferns.code(&frame.surface);
+        let mut alike: Vec<(f64, u32)> =
+            self.state.keyframes.iter().map(|k| (similarity(&code, &k.place), k.id)).collect();
+        alike.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let poses: Vec<Pose> = alike
+            .iter()
+            .take(settings.n_recognised as usize)
+            .map(|(_, id)| Pose::from(&self.state.keyframes[*id as usize].world_from_camera))
+            .collect();
+        candidates.extend(poses.iter().zip(&alike).map(|(pose, (similarity, id))| {
+            direct(*pose, format!("recognising keyframe {id} (similarity {similarity:.2})"))
+        }));
+        let turned = turned_views();
+        let n = settings.n_turned as usize;
+        // Around the last pose and around the best look-alike in turn, another part each time.
+        let round = self.state.n_lost as usize;
+        let base = if round.is_multiple_of(2) { last } else { poses.first().copied().unwrap_or(last) };
+        candidates.extend((0..n).map(|k| {
+            let delta = &turned[(round / 2 * n + k) % turned.len()];
+            Candidate { start: base * delta, near: base, name: "a turned view".into() }
+        }));
+        candidates
+    }
+}
+
+/// Turns about the vertical axis of the camera with shifts along the others.
+fn turned_views() -> Vec<Pose> {
+    let mut views = Vec::new();
+    for shift in [[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]] {
+        for yaw_deg in [0.0_f64, 20.0, -20.0, 40.0, -40.0] {
+            let mut twist = Twist::default();
+            twist.phi.y = yaw_deg.to_radians();
+            views.push(Pose::translation(shift[0], 0.0, shift[1]) * exp(&twist));
+        }
+    }
+    views.remove(0);
+    views
+}
