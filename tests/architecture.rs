@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 17] = [
+const MAY_KNOW: [(&str, &[&str]); 18] = [
     ("shared/geometry", &[]),
     ("shared/surface", &["geometry"]),
     ("shared/registration", &["geometry", "surface"]),
-    ("shared/mapping", &["geometry", "surface", "registration"]),
+    ("shared/recognition", &["surface", "registration"]),
+    ("shared/mapping", &["geometry", "surface", "registration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
@@ -50,7 +51,7 @@ const MAY_KNOW: [(&str, &[&str]); 17] = [
 ];
 
 /// The method: no files, no clock, no processes, no threads but rayon's, no environment.
-const ALGORITHMS: [&str; 5] = ["geometry", "surface", "registration", "mapping", "trajectory"];
+const ALGORITHMS: [&str; 6] = ["geometry", "surface", "registration", "recognition", "mapping", "trajectory"];
 
 /// The only files with unsafe code, beside `shared/transport`.
 const UNSAFE_FILES: [&str; 1] = ["shared/journal/src/mapped.rs"];

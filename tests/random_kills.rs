@@ -26,7 +26,8 @@ fn disturb(run: &Run, random: &mut Random) -> u64 {
     let mut child = run.start();
     let mut n_kills = 0;
     loop {
-        std::thread::sleep(Duration::from_millis(10 + random.below(150)));
+        // Some lives are cut in their first moments; none of the stages is always the one.
+        std::thread::sleep(Duration::from_millis(20 + random.below(500)));
         if let Some(status) = child.try_wait().unwrap() {
             assert!(status.success(), "after {n_kills} kills\n{}", run.log());
             return n_kills;
@@ -47,12 +48,12 @@ fn disturb(run: &Run, random: &mut Random) -> u64 {
 #[test]
 fn lossless_runs_keep_their_bytes() {
     let least: u64 = std::env::var("TESSERA_TEST_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(30);
-    let undisturbed = room().frames(200);
+    let undisturbed = room().frames(300);
     assert!(undisturbed.finish().success());
     let mut random = Random(20_261_121);
     let (mut n_kills, mut n_runs) = (0, 0);
     while n_kills < least {
-        let run = room().frames(200);
+        let run = room().frames(300);
         n_kills += disturb(&run, &mut random);
         n_runs += 1;
         run.assert_same_bytes(&undisturbed, &format!("run {n_runs}, {n_kills} kills in all"));
@@ -65,7 +66,7 @@ fn lossless_runs_keep_their_bytes() {
 fn live_runs_go_on() {
     let run = room().frames(90).with(&["--live"]);
     let n_kills = disturb(&run, &mut Random(7));
-    assert!(n_kills > 3);
+    assert!(n_kills > 2);
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let count = |key: &str| summary[key].as_u64().unwrap();
     // Every frame is accounted for.

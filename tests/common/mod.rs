@@ -35,6 +35,15 @@ pub fn room() -> Run {
         .with(&["--set", "surface.step=2"])
 }
 
+/// A test that fails leaves no process behind.
+impl Drop for Run {
+    fn drop(&mut self) {
+        for pid in self.processes(" run ").into_iter().chain(self.processes(" stage ")) {
+            let _ = Command::new("kill").args(["-KILL", &pid.to_string()]).status();
+        }
+    }
+}
+
 impl Run {
     pub fn with(mut self, arguments: &[&str]) -> Self {
         self.arguments.extend(arguments.iter().map(ToString::to_string));

@@ -5,6 +5,8 @@
 //! and written beside the outputs with every value that was used.
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod documented;
 mod error;
 mod flow;
 mod known;

@@ -29,9 +29,10 @@ fn every_file_in_config_loads() {
 #[test]
 fn default_toml_lists_every_default() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/default.toml");
-    let header = "# Every setting with its default. The meaning, unit and range of each stand beside its\n\
-                  # algorithm: run `cargo doc --open` or see the struct that the table is named after.\n\n";
-    let expected = format!("{header}{}", Settings::default().to_toml().unwrap());
+    let header = "# Every setting with its default. A file for --config holds what differs, for instance:\n\
+                  # [surface]\n# step = 8\n\n";
+    let defaults = Settings::default().to_toml().unwrap();
+    let expected = format!("{header}{}", crate::documented::with_comments(&defaults));
     if std::env::var_os("TESSERA_UPDATE").is_some() {
         std::fs::write(path, &expected).unwrap();
     }

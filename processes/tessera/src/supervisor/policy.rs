@@ -8,6 +8,8 @@ const POISON: u32 = 3;
 /// Pause after the first death without progress; doubled with each further one.
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+/// Longest pause after somebody else's kill, which says nothing about the stage.
+const LONGEST_PAUSE_AFTER_KILL: Duration = Duration::from_millis(80);
 
 /// How a stage died.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,9 +61,10 @@ impl History {
         if !may || self.n_own_deaths() >= POISON {
             return Verdict::GiveUp;
         }
+        let longest = if death.is_own { LONGEST_PAUSE } else { LONGEST_PAUSE_AFTER_KILL };
         Verdict::Again(match self.without_progress {
             0 => Duration::ZERO,
-            n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(LONGEST_PAUSE),
+            n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(longest),
         })
     }
 
@@ -115,13 +118,15 @@ mod tests {
     fn pauses_grow_only_without_progress() {
         let mut history = History::default();
         let pauses: Vec<u128> = (0..12)
-            .map(|k| match judge(&mut history, death(k, false, false, k)) {
+            .map(|k| match judge(&mut history, death(k, true, false, k)) {
                 Verdict::Again(pause) => pause.as_millis(),
                 Verdict::GiveUp => 0,
             })
             .collect();
         assert_eq!(pauses[..4], [20, 40, 80, 160]);
         assert_eq!(pauses[11], 2000);
+        let after_kill = judge(&mut history, death(19, false, false, 0));
+        assert_eq!(after_kill, Verdict::Again(LONGEST_PAUSE_AFTER_KILL));
         assert_eq!(judge(&mut history, death(20, false, true, 0)), Verdict::Again(Duration::ZERO));
     }
 
