@@ -6,9 +6,10 @@ use std::process::{Command, Output};
 use std::sync::atomic::{AtomicU32, Ordering};
 use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
-const WIDTH: u32 = 160;
-const HEIGHT: u32 = 120;
-const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\
+/// A Kinect: what is lost on it must be found again.
+const WIDTH: u32 = 640;
+const HEIGHT: u32 = 480;
+const CAMERA: &str = "width = 640\nheight = 480\nfx = 525.0\nfy = 525.0\ncx = 319.5\ncy = 239.5\n\
                       units_per_metre = 5000.0\n";
 
 /// A recording in the TUM layout, made from the simulated room.
@@ -68,7 +69,7 @@ impl Recording {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let name = format!("test-bad-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
         Command::new(env!("CARGO_BIN_EXE_tessera"))
-            .args(["run", "--quiet", "--set", "surface.step=2", "--name", &name, "--out"])
+            .args(["run", "--quiet", "--set", "surface.step=4", "--name", &name, "--out"])
             .arg(self.path("out"))
             .arg(self.dir.path())
             .args(arguments)
@@ -113,8 +114,8 @@ fn lists_and_cameras_are_refused_by_file_line_and_key() {
     check(depth, second, "9.000000 depth/1.png", &["depth.txt, line 3", "expected increasing timestamps"]);
     check(depth, second, "soon depth/1.png", &["depth.txt, line 2", "soon"]);
     check(depth, second, "0.033333 ../x.png", &["depth.txt, line 2", "expected a path inside the folder"]);
-    check("camera.toml", "fx = 131.25", "fx = 0.0", &["camera.toml", "fx is 0, expected a finite number"]);
-    check("camera.toml", "fx = 131.25\n", "", &["camera.toml", "missing field `fx`"]);
+    check("camera.toml", "fx = 525.0", "fx = 0.0", &["camera.toml", "fx is 0, expected a finite number"]);
+    check("camera.toml", "fx = 525.0\n", "", &["camera.toml", "missing field `fx`"]);
     check("camera.toml", "fx", "focal = 1.0\nfx", &["camera.toml", "unknown field `focal`"]);
     recording.write("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 0 nan 0 0 0 0 1\n");
     assert_contains(&recording.refusal(), &["groundtruth.txt, line 2", "nan"]);
@@ -139,7 +140,7 @@ fn images_are_refused_by_frame_and_file() {
     assert_contains(&recording.refusal(), &["frame 0", "depth/0.png", "expected"]);
     std::fs::write(recording.path("depth/0.png"), &whole).unwrap();
     image::RgbImage::new(80, 60).save(recording.path("rgb/0.png")).unwrap();
-    assert_contains(&recording.refusal(), &["frame 0", "rgb/0.png", "80x60 px, expected 160x120 px"]);
+    assert_contains(&recording.refusal(), &["frame 0", "rgb/0.png", "80x60 px, expected 640x480 px"]);
 }
 
 #[test]
@@ -177,18 +178,18 @@ fn frames_without_depth_are_lost_and_tracking_comes_back() {
     let recording = Recording::new(20);
     let n_pixels = (WIDTH * HEIGHT) as usize;
     let mut few = vec![0; n_pixels];
-    few[5000..5050].fill(8000);
+    few[50000..50050].fill(8000);
     for (index, depth) in [(8, vec![0; n_pixels]), (9, vec![65535; n_pixels]), (10, few)] {
         recording.write_depth(index, &depth);
     }
     let output = recording.run(&[]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let states = recording.states();
+    let text = std::fs::read_to_string(recording.path("out/states.csv")).unwrap();
     assert_eq!(states.len(), 20);
     assert!(states[..8].iter().all(|state| state == "tracking"), "{states:?}");
     assert!(states[8..11].iter().all(|state| state == "lost"), "{states:?}");
     assert!(states[14..].iter().all(|state| state == "tracking"), "{states:?}");
-    let text = std::fs::read_to_string(recording.path("out/states.csv")).unwrap();
     let reason = text.lines().nth(9).unwrap().split(',').nth(3).unwrap();
     assert!(!reason.is_empty(), "a lost frame says why");
 }

@@ -89,3 +89,28 @@ fn with_torn_files() {
         assert_resumes(&run, &format!("{name} is empty"));
     }
 }
+
+#[test]
+fn a_full_disk_is_told_and_loses_nothing() {
+    let frames = 400;
+    let whole = room().frames(frames);
+    assert!(whole.finish().success());
+    let store_bytes = std::fs::metadata(whole.out().join("keyframes.store")).unwrap().len();
+    let run = room().frames(frames).with(&["--set", "flow.window=1"]);
+    // A limit on the size of files, in kB, stands in for a full disk: the store is the largest file.
+    let limit = store_bytes * 2 / 3 / 1024;
+    let script = format!("trap '' XFSZ; ulimit -f {limit}; exec \"$@\"");
+    let command = run.command();
+    let output = Command::new("bash")
+        .args(["-c", &script, "bash"])
+        .arg(command.get_program())
+        .args(command.get_args())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{text}");
+    assert!(text.contains("keyframes.store") && text.contains("align ended with exit status 4"), "{text}");
+    let output = resume(&run);
+    assert!(output.status.success(), "{}\n{}", String::from_utf8_lossy(&output.stderr), run.log());
+    run.assert_same_bytes(&whole, "after a full disk");
+}

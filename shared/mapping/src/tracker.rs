@@ -30,6 +30,8 @@ pub trait KeyframeSurfaces: Sync {
 
 /// Fewer samples than this cannot be aligned.
 const MIN_SAMPLES: usize = 100;
+/// Frames in a row without an alignment through which the motion before them is believed.
+const MOST_COASTED: u32 = 10;
 
 /// The aligner: a fold over [`AlignRecord`]s plus a pure step that makes the next one.
 pub struct Tracker {
@@ -199,8 +201,10 @@ impl Tracker {
         let Some(last) = self.state.recent.last() else { return still(Pose::identity()) };
         let last_pose = Pose::from(&last.world_from_camera);
         let seconds = (frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
-        // A stamp that does not advance, or a gap in time, leaves no velocity to go by.
-        if last.state == State::Lost || !(seconds > 0.0 && seconds < 1.0) {
+        // A stamp that does not advance, or a gap in time, leaves no velocity to go by. A camera
+        // that saw nothing for a moment has most likely moved on as before.
+        let is_long_lost = self.state.n_lost > MOST_COASTED;
+        if is_long_lost || !(seconds > 0.0 && seconds < 1.0) {
             return still(last_pose);
         }
         let velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));

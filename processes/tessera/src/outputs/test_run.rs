@@ -27,6 +27,7 @@ fn keyframe(id: u32, frame_index: u64, x: f64, edges: Vec<EdgeRecord>) -> Option
         velocity,
         slot: StoreSlot::default(),
         edges,
+        place: Vec::new(),
     })
 }
 
