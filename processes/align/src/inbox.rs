@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use tessera_mapping::FrameSurface;
-use tessera_messages::{Kind, SurfaceExpectation, SurfaceHeader};
+use tessera_messages::{Kind, Refusal, SurfaceExpectation, SurfaceHeader};
 use tessera_stage::{Pulse, StageError};
 use tessera_surface::{Grid, SurfaceView, Vertex};
 use tessera_transport::{Link, Received, SliceSubscriber};
@@ -37,10 +37,12 @@ pub(crate) struct Inbox {
     held: BTreeMap<u64, Surface>,
     capacity: usize,
     pub(crate) grid: Grid,
+    /// Frames of the source, where known.
+    n_frames: Option<u64>,
 }
 
 impl Inbox {
-    pub(crate) fn open(link: &Link) -> Result<Self, StageError> {
+    pub(crate) fn open(link: &Link, n_frames: Option<u64>) -> Result<Self, StageError> {
         let layout = link.layout();
         Ok(Self {
             subscriber: link.surface_subscriber()?,
@@ -48,6 +50,7 @@ impl Inbox {
             // One less than may be borrowed: the one being looked at.
             capacity: layout.surfaces().borrowed - 1,
             grid: layout.grid,
+            n_frames,
         })
     }
 
@@ -68,7 +71,11 @@ impl Inbox {
                 pulse.beat.duplicates += 1;
                 continue;
             }
-            match header.validate(&expected, received.payload()) {
+            let checked = header.validate(&expected, received.payload()).and_then(|kind| {
+                Refusal::unless_in_source(header.index, kind, self.n_frames)?;
+                Ok(kind)
+            });
+            match checked {
                 Ok(kind) => {
                     seen.push((header.index, header.epoch));
                     self.held.insert(header.index, Surface { header, kind, received });

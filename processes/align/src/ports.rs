@@ -22,10 +22,10 @@ pub(crate) struct Ports {
 }
 
 impl Ports {
-    pub(crate) fn open(link: &Link, _context: &Context) -> Result<Self, StageError> {
+    pub(crate) fn open(link: &Link, context: &Context) -> Result<Self, StageError> {
         Ok(Self {
             ear: link.ear(Stage::Align)?,
-            inbox: Inbox::open(link)?,
+            inbox: Inbox::open(link, context.run.n_frames)?,
             control: FlowControl::begin(0, 0),
             poses: link.pose_publisher()?,
             flow: link.flow_publisher()?,

@@ -1,7 +1,7 @@
 //! Which frame comes next: each in order, or in live mode the newest.
 
-use tessera_messages::{Flow, FrameHeader, FrameShape, Kind};
-use tessera_stage::{Pulse, StageError};
+use tessera_messages::{Flow, FrameHeader, FrameShape, Kind, Refusal};
+use tessera_stage::{Context, Pulse, StageError};
 use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
 
 /// A checked frame: a copy of its header, what it stands for, and the frame in place.
@@ -15,6 +15,8 @@ pub(crate) struct Feed {
     /// Image size of the run's camera.
     pub(crate) shape: FrameShape,
     window: u64,
+    /// Frames of the source, where known.
+    n_frames: Option<u64>,
     is_live: bool,
     /// The frame received last, to count what is missing (live mode).
     last_index: Option<u64>,
@@ -23,14 +25,15 @@ pub(crate) struct Feed {
 }
 
 impl Feed {
-    pub(crate) fn open(link: &Link, is_live: bool) -> Result<Self, StageError> {
+    pub(crate) fn open(link: &Link, context: &Context) -> Result<Self, StageError> {
         Ok(Self {
             frames: link.frame_subscriber()?,
             flow: link.flow_subscriber()?,
             newest_flow: None,
             shape: link.layout().frame,
             window: link.layout().window.into(),
-            is_live,
+            n_frames: context.run.n_frames,
+            is_live: context.settings.run.live,
             last_index: None,
             dropped: 0,
         })
@@ -51,7 +54,11 @@ impl Feed {
         let mut newest: Option<Frame> = None;
         while let Some(frame) = self.frames.receive()? {
             let header = frame.header();
-            let kind = match header.validate(self.shape, self.limit(header.epoch)) {
+            let checked = header.validate(self.shape, self.limit(header.epoch)).and_then(|kind| {
+                Refusal::unless_in_source(header.index, kind, self.n_frames)?;
+                Ok(kind)
+            });
+            let kind = match checked {
                 Ok(kind) => kind,
                 Err(refusal) => {
                     tracing::warn!(frame = header.index, "refused: {refusal}");

@@ -28,7 +28,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         .map_err(|e| StageError::Settings(e.to_string()))?;
     let link = context.link(Stage::Reconstruct)?;
     let ear = link.ear(Stage::Reconstruct)?;
-    let mut feed = Feed::open(&link, context.settings.run.live)?;
+    let mut feed = Feed::open(&link, &context)?;
     let surfaces = link.surface_publisher()?;
     let align = link.bell(Stage::Align)?;
     let mut pulse = Pulse::start(&link, Stage::Reconstruct)?;

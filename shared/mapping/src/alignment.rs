@@ -1,12 +1,16 @@
 //! One frame against fixed references: the outer iterations of SPEC 5.1.
 
 use crate::context::Context;
+use crate::degeneracy::{self, FreeDirection};
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, log};
 use tessera_registration::{
     BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample, Selection,
     ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
+
+/// Outer iterations that follow once free directions are held at the prediction.
+const HELD_ITERATIONS: u32 = 3;
 
 /// A fixed surface with its pose.
 pub(crate) struct Reference<'a> {
@@ -38,6 +42,8 @@ pub(crate) struct Alignment {
     pub(crate) reports: Vec<PairReport>,
     /// Information of the pose from all references, at the result, in the blocks' units.
     pub(crate) information: Matrix6,
+    /// Directions that the matches leave free; they are held at the prediction.
+    pub(crate) free: Vec<FreeDirection>,
     pub(crate) outer_iterations: u32,
     pub(crate) is_solved: bool,
 }
@@ -93,11 +99,13 @@ impl Aligner {
             blocks: Vec::new(),
             reports: Vec::new(),
             information: Matrix6::zeros(),
+            free: Vec::new(),
             outer_iterations: 0,
             is_solved: false,
         };
-        let prior = prior(context, prediction, self.matcher.metric_factor());
-        let mut k = 0;
+        let factor = self.metric_factor(context);
+        let motion = prior(context, prediction, self.matcher.metric_factor());
+        let (mut k, mut is_checked, mut n_more) = (0, false, 0);
         loop {
             let limits = MatchLimits {
                 first_distance_m: prediction.first_distance_m as f32,
@@ -105,7 +113,12 @@ impl Aligner {
             };
             self.match_all(context, samples, references, &limits, &mut result);
             result.outer_iterations += 1;
-            let mut graph = graph_of(references, &result, prior.clone());
+            let held = (!result.free.is_empty()).then(|| Prior {
+                vertex: 0,
+                predicted: prediction.world_from_camera,
+                information: degeneracy::hold(&result.free) * factor,
+            });
+            let mut graph = graph_of(references, &result, motion.iter().chain(&held));
             let Ok(report) = graph.optimise(context.registration.inner_iterations, &mut || ()) else {
                 result.is_solved = false;
                 return result;
@@ -118,7 +131,20 @@ impl Aligner {
                 result.velocity = step.scaled(1.0 / seconds);
             }
             if k == last {
-                result.information = information(&graph, n);
+                if !is_checked {
+                    // Judged by the last, tightest matches: the first ones are too often wrong.
+                    is_checked = true;
+                    let centroid = degeneracy::centroid(result.blocks.iter().map(|(_, sums)| sums));
+                    let metric = information(&graph, n) / factor;
+                    result.free = degeneracy::free_directions(window, &metric, &centroid);
+                    n_more = if result.free.is_empty() { 0 } else { HELD_ITERATIONS };
+                }
+                if n_more > 0 {
+                    n_more -= 1;
+                    continue;
+                }
+                let priors: Matrix6 = graph.priors.iter().map(|p| p.information).sum();
+                result.information = information(&graph, n) + priors;
                 return result;
             }
             let is_still =
@@ -155,12 +181,23 @@ impl Aligner {
         }
     }
 
-    pub(crate) fn metric_factor(&self) -> f64 {
+    /// Makes an inverse information matrix metric: the variance of one correspondence times how
+    /// many correspondences say the same (SPEC 9.3).
+    pub(crate) fn metric_factor(&self, context: &Context) -> f64 {
+        self.independent_factor() * context.mapping.window.correlation
+    }
+
+    /// As [`Self::metric_factor`] for independent correspondences.
+    pub(crate) fn independent_factor(&self) -> f64 {
         self.matcher.metric_factor()
     }
 }
 
-fn graph_of(references: &[Reference<'_>], result: &Alignment, prior: Option<Prior>) -> Graph {
+fn graph_of<'a>(
+    references: &[Reference<'_>],
+    result: &Alignment,
+    priors: impl Iterator<Item = &'a Prior>,
+) -> Graph {
     let n = references.len();
     let mut graph = Graph::default();
     for (place, reference) in references.iter().enumerate() {
@@ -171,7 +208,7 @@ fn graph_of(references: &[Reference<'_>], result: &Alignment, prior: Option<Prio
     }
     graph.poses.push(result.world_from_camera);
     graph.is_fixed.push(false);
-    graph.priors.extend(prior.map(|p| Prior { vertex: n, ..p }));
+    graph.priors.extend(priors.map(|p| Prior { vertex: n, ..p.clone() }));
     graph
 }
 
@@ -185,9 +222,9 @@ fn prior(context: &Context, prediction: &Prediction, metric_factor: f64) -> Opti
     Some(Prior { vertex: 0, predicted: prediction.world_from_camera, information })
 }
 
-/// Information of the free pose at the solution.
+/// Information of the matches about the free pose at the solution.
 fn information(graph: &Graph, vertex: usize) -> Matrix6 {
-    let mut h: Matrix6 = graph.priors.iter().map(|p| p.information).sum();
+    let mut h = Matrix6::zeros();
     for pair in &graph.pairs {
         let target_from_query = graph.poses[pair.target].inverse() * graph.poses[vertex];
         h += pair.block.linearise(&target_from_query).0;

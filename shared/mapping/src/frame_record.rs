@@ -2,6 +2,8 @@
 
 use crate::alignment::Prediction;
 use crate::attempt::Attempt;
+use crate::covariance::{self, upper_triangle};
+use crate::degeneracy::describe;
 use crate::records::{BlockRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
 use crate::tracker::{FrameSurface, Tracker};
 use crate::window::Member;
@@ -10,6 +12,13 @@ use tessera_registration::{PairBlock, entropy_of_covariance, metric_covariance};
 
 /// No keyframe yet.
 const NO_KEYFRAME: u32 = u32::MAX;
+
+/// What there is to say about an attempt that stands.
+fn reason(attempt: &Attempt) -> String {
+    let free = &attempt.alignment.free;
+    let parts = [attempt.reason.clone(), if free.is_empty() { String::new() } else { describe(free) }];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+}
 
 impl Tracker {
     pub(crate) fn record(
@@ -21,7 +30,7 @@ impl Tracker {
         let a = &attempt.alignment;
         let last_keyframe = self.state.keyframes.last();
         let keyframe_pose = last_keyframe.map_or(Pose::identity(), |k| Pose::from(&k.world_from_camera));
-        let factor = self.aligner.metric_factor();
+        let factor = self.aligner.metric_factor(&self.context);
         let blocks: Vec<BlockRecord> = attempt
             .members
             .iter()
@@ -43,19 +52,25 @@ impl Tracker {
             .and_then(|place| {
                 let (origin, sums) = &a.blocks[place];
                 let now = keyframe_pose.inverse() * a.world_from_camera;
-                entropy_of_covariance(&PairBlock::new(origin, sums).linearise(&now).0, factor)
+                entropy_of_covariance(
+                    &PairBlock::new(origin, sums).linearise(&now).0,
+                    self.aligner.independent_factor(),
+                )
             })
             .unwrap_or(f64::NAN);
         FrameRecord {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
             state: attempt.state,
-            reason: attempt.reason.clone(),
+            reason: reason(attempt),
             world_from_camera: PoseBits::from(&a.world_from_camera),
             world_from_odom: self.state.world_from_odom.unwrap_or(PoseBits::IDENTITY),
             keyframe: last_keyframe.map_or(NO_KEYFRAME, |k| k.id),
             keyframe_from_camera: PoseBits::from(&(keyframe_pose.inverse() * a.world_from_camera)),
-            covariance: metric_covariance(&a.information, factor).map_or(Vec::new(), |c| upper_triangle(&c)),
+            covariance: metric_covariance(&a.information, factor).map_or(Vec::new(), |own| {
+                let w = &self.context.mapping.window;
+                upper_triangle(&covariance::of_world(w, &self.state, attempt, &own, frame.index))
+            }),
             n_correspondences: a.n_matches(),
             velocity: a.velocity.to_vector().into(),
             entropy_nats,
@@ -117,9 +132,4 @@ impl Tracker {
             request: None,
         }
     }
-}
-
-/// 21 numbers, row by row.
-fn upper_triangle(m: &Matrix6) -> Vec<f64> {
-    (0..6).flat_map(|r| (r..6).map(move |c| (r, c))).map(|(r, c)| m[(r, c)]).collect()
 }

@@ -3,6 +3,7 @@
 use crate::context::Context;
 use crate::loops;
 use crate::neighbours;
+use crate::recognised;
 use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust;
 use crate::state::KeyframeState;
@@ -27,14 +28,14 @@ pub(crate) struct Solution {
 }
 
 /// A keyframe made ready: queries at its stamp, and its readout motion as a target.
-struct Prepared<'a> {
-    queries: Queries,
-    shutter: ShutterTable,
-    surface: SurfaceView<'a>,
+pub(crate) struct Prepared<'a> {
+    pub(crate) queries: Queries,
+    pub(crate) shutter: ShutterTable,
+    pub(crate) surface: SurfaceView<'a>,
 }
 
 impl Prepared<'_> {
-    fn side(&self) -> Side<'_> {
+    pub(crate) fn side(&self) -> Side<'_> {
         Side { queries: &self.queries, surface: self.surface, shutter: &self.shutter }
     }
 }
@@ -101,6 +102,21 @@ pub(crate) fn solve(
             } else if let Some(tested) = f.tested {
                 loops.push(loop_record(keyframes, &f.pair, &tested, 0.0, 0.0));
             }
+        }
+        if k == 0 {
+            let mut is_closed = vec![false; keyframes.len()];
+            for (pair, _) in pairs.iter().zip(&is_loop).filter(|(_, is_loop)| **is_loop) {
+                (is_closed[pair.query], is_closed[pair.target]) = (true, true);
+            }
+            let open: Vec<usize> = (0..keyframes.len()).filter(|&i| !is_closed[i]).collect();
+            for (pair, tested) in recognised::pairs(context, keyframes, &prepared, &open) {
+                pairs.push(pair);
+                is_loop.push(true);
+                tests.push(Some(tested));
+                // The poses will move: what was refused where they were may fit then.
+                known.clear();
+            }
+            progress();
         }
         let mut is_fixed = vec![false; poses.len()];
         is_fixed[0] = true;

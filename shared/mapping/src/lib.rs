@@ -9,7 +9,10 @@
 mod alignment;
 mod attempt;
 mod context;
+mod covariance;
+mod degeneracy;
 mod frame_record;
+mod gaps;
 mod global;
 mod judge;
 mod keyframes;
@@ -17,6 +20,7 @@ mod loops;
 mod neighbours;
 mod optimiser;
 mod promotion;
+mod recognised;
 mod records;
 mod refine;
 mod relocalise;

@@ -1,13 +1,14 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
 use crate::context::Context;
+use crate::gaps::Timeline;
 use crate::global;
 use crate::records::{AlignRecord, Correction, KeyframePose, OptimiseRecord, RequestRecord};
 use crate::refine::FrameBlocks;
 use crate::state::{KeyframeState, TrackerState};
 use crate::tracker::KeyframeSurfaces;
 use rayon::prelude::*;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use tessera_geometry::{Pose, PoseBits};
 
 /// The optimiser: a fold over both journals plus a pure solve.
@@ -20,6 +21,7 @@ pub struct Optimiser {
     /// Requests with the keyframes as they were at that record.
     pending: VecDeque<(RequestRecord, Vec<KeyframeState>)>,
     frames: Vec<FrameBlocks>,
+    timeline: Timeline,
     n_answered: u64,
 }
 
@@ -31,6 +33,7 @@ impl Optimiser {
             state: TrackerState::default(),
             pending: VecDeque::new(),
             frames: Vec::new(),
+            timeline: Timeline::default(),
             n_answered: 0,
         }
     }
@@ -41,6 +44,7 @@ impl Optimiser {
         let request = match record {
             AlignRecord::Frame(frame) => {
                 self.frames.extend(FrameBlocks::of(frame));
+                self.timeline.add(frame);
                 frame.request
             }
             AlignRecord::End { request, .. } => *request,
@@ -104,20 +108,30 @@ impl Optimiser {
         })
     }
 
-    /// Every frame solved again against the optimised keyframes; keyframes take their own pose.
+    /// Every frame solved again against the optimised keyframes; keyframes take their own pose,
+    /// and lost frames one between those around them.
     fn refine(&self, poses: &[Pose]) -> Vec<(u64, PoseBits)> {
         let keyframe_of =
             |index: u64| self.state.keyframes.binary_search_by_key(&index, |k| k.frame_index).ok();
-        self.frames
+        let solved: Vec<(u64, Pose)> = self
+            .frames
             .par_iter()
             .filter_map(|frame| {
                 let pose = match keyframe_of(frame.index) {
                     Some(id) => *poses.get(id)?,
                     None => frame.solve(poses)?,
                 };
-                Some((frame.index, PoseBits::from(&pose)))
+                Some((frame.index, pose))
             })
-            .collect()
+            .collect();
+        let mut known: BTreeMap<u64, Pose> = solved.iter().copied().collect();
+        let keyframes = self.state.keyframes.iter().zip(poses);
+        known.extend(keyframes.map(|(k, pose)| (k.frame_index, *pose)));
+        let mut frames: Vec<(u64, PoseBits)> =
+            solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();
+        frames.extend(self.timeline.interpolated(&known));
+        frames.sort_by_key(|f| f.0);
+        frames
     }
 }
 

@@ -9,6 +9,7 @@ use crate::state::{KeyframeState, RecentFrame};
 use crate::tracker::{FrameSurface, Surfaces, Tracker};
 use crate::window::Member;
 use tessera_geometry::{Pose, log};
+use tessera_recognition::similarity;
 use tessera_registration::Sample;
 
 impl Tracker {
@@ -83,6 +84,7 @@ impl Tracker {
             velocity: keyframe.velocity,
             slot: keyframe.slot,
             edges: Vec::new(),
+            covariance: self.state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
             place: Vec::new(),
         });
         let mut prediction = self.predict(frame);
@@ -144,10 +146,20 @@ impl Tracker {
                 }),
                 Member::Recent(_) => false,
             });
-        if sees_loop {
+        let looks_known = || record.new_keyframe.as_ref().is_some_and(|k| self.looks_known(k));
+        if sees_loop || looks_known() {
             let n_keyframes = self.state.keyframes.len() as u32 + u32::from(record.new_keyframe.is_some());
             record.request = loops::request(settings, &self.state, frame.index, n_keyframes);
         }
         record
+    }
+
+    /// Whether a new keyframe looks like one that could close a loop: the optimiser will see.
+    fn looks_known(&self, keyframe: &KeyframeRecord) -> bool {
+        let settings = &self.context.mapping.loops;
+        self.state.keyframes.iter().any(|older| {
+            loops::is_loop(settings, &self.state, older, keyframe.frame_index, keyframe.stamp_nanos)
+                && similarity(&keyframe.place, &older.place) >= settings.min_similarity
+        })
     }
 }

@@ -50,7 +50,9 @@ pub struct FrameRecord {
     pub keyframe: u32,
     /// Pose relative to that keyframe.
     pub keyframe_from_camera: PoseBits,
-    /// 6x6 covariance of the pose (upper triangle, row by row, translation first), m and rad.
+    /// 6x6 covariance of `world_from_camera` (upper triangle, row by row, translation first), m
+    /// and rad: of the tangent `d` in `world_from_camera * exp(d)`, thus along the camera's axes.
+    /// The first frame is certain. Empty where the frame is lost.
     pub covariance: Vec<f64>,
     /// Correspondences in the last outer iteration.
     pub n_correspondences: u32,

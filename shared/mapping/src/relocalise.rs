@@ -27,6 +27,7 @@ struct Candidate {
     /// The view whose neighbours are the references.
     near: Pose,
     name: String,
+    is_last_pose: bool,
 }
 
 impl Tracker {
@@ -84,6 +85,10 @@ impl Tracker {
             let found = attempt.alignment.world_from_camera;
             let members = self.near(&found, usize::MAX);
             let attempt = self.attempt_in(members, samples, surfaces, &self.wide(&found));
+            // Along a free direction the place is a guess, unless the camera never left it.
+            if !attempt.alignment.free.is_empty() && !candidate.is_last_pose {
+                continue;
+            }
             if let Ok(numbers) = judge::found_again(&settings, &attempt.alignment) {
                 let reason = format!("{why_lost}; found by {}: {numbers}", candidate.name);
                 return Ok(Attempt { state: State::Relocalising, reason, ..attempt });
@@ -112,8 +117,9 @@ impl Tracker {
     fn candidates(&self, frame: &FrameSurface<'_>, prediction: &Prediction) -> Vec<Candidate> {
         let settings = &self.context.mapping.relocalise;
         let last = prediction.world_from_camera;
-        let direct = |pose: Pose, name: String| Candidate { start: pose, near: pose, name };
-        let mut candidates = vec![direct(last, "the last pose".into())];
+        let direct =
+            |pose: Pose, name: String| Candidate { start: pose, near: pose, name, is_last_pose: false };
+        let mut candidates = vec![Candidate { is_last_pose: true, ..direct(last, "the last pose".into()) }];
         let code = self.ferns.code(&frame.surface);
         let mut alike: Vec<(f64, u32)> =
             self.state.keyframes.iter().map(|k| (similarity(&code, &k.place), k.id)).collect();
@@ -133,7 +139,7 @@ impl Tracker {
         let base = if round.is_multiple_of(2) { last } else { poses.first().copied().unwrap_or(last) };
         candidates.extend((0..n).map(|k| {
             let delta = &turned[(round / 2 * n + k) % turned.len()];
-            Candidate { start: base * delta, near: base, name: "a turned view".into() }
+            Candidate { start: base * delta, ..direct(base, "a turned view".into()) }
         }));
         candidates
     }

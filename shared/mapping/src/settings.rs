@@ -39,13 +39,24 @@ pub struct WindowSettings {
     pub min_matched: f64,
     /// Largest share of that in front of what the reference saw.
     pub max_in_front: f64,
+    /// A translation is free when its matches claim a larger standard deviation, metres, and it
+    /// is `free_ratio` times that of the best known translation.
+    pub free_translation_m: f64,
+    /// A rotation is free when its matches claim a larger standard deviation, degrees, and it is
+    /// `free_ratio` times that of the best known rotation.
+    pub free_rotation_deg: f64,
+    /// See `free_translation_m`.
+    pub free_ratio: f64,
+    /// Factor of the covariance that independent, unfiltered correspondences would have. Below
+    /// one: the filter takes more noise away than correlation brings back.
+    pub correlation: f64,
 }
 
 impl Default for WindowSettings {
     fn default() -> Self {
         Self {
             size: 5,
-            radius_m: 0.5,
+            radius_m: 0.3,
             angle_deg: 30.0,
             match_budget: 4000,
             early_share: 0.3,
@@ -60,6 +71,10 @@ impl Default for WindowSettings {
             max_residual_sigmas: 3.0,
             min_matched: 0.3,
             max_in_front: 0.4,
+            free_translation_m: 0.0015,
+            free_rotation_deg: 0.1,
+            free_ratio: 10.0,
+            correlation: 0.1,
         }
     }
 }
@@ -112,6 +127,8 @@ pub struct LoopSettings {
     pub delay_frames: u32,
     /// See `delay_frames`.
     pub delay_per_keyframe: f64,
+    /// Keyframes that look more alike than this are tried as a loop wherever they lie, 0 to 1.
+    pub min_similarity: f64,
 }
 
 impl Default for LoopSettings {
@@ -125,6 +142,7 @@ impl Default for LoopSettings {
             request_interval: 30,
             delay_frames: 15,
             delay_per_keyframe: 0.5,
+            min_similarity: 0.75,
         }
     }
 }
@@ -218,7 +236,7 @@ impl Default for GlobalSettings {
             outer_iterations: 2,
             final_iterations: 4,
             first_distance_m: 0.15,
-            min_overlap: 0.3,
+            min_overlap: 0.2,
             max_in_front: 0.2,
             max_inconsistency_sigmas: 1.5,
             loop_residual_sigmas: 1.0,
@@ -266,6 +284,10 @@ impl MappingSettings {
         check_range("window.max_residual_sigmas", w.max_residual_sigmas, 0.1, 1e3)?;
         check_range("window.min_matched", w.min_matched, 0.0, 1.0)?;
         check_range("window.max_in_front", w.max_in_front, 0.0, 1.0)?;
+        check_range("window.free_translation_m", w.free_translation_m, 1e-4, 1e3)?;
+        check_range("window.free_rotation_deg", w.free_rotation_deg, 1e-2, 1e3)?;
+        check_range("window.free_ratio", w.free_ratio, 1.0, 1e6)?;
+        check_range("window.correlation", w.correlation, 1e-3, 1e6)?;
         let k = &self.keyframe;
         check_range("keyframe.translation_m", k.translation_m, 0.001, 10.0)?;
         check_range("keyframe.rotation_deg", k.rotation_deg, 0.1, 180.0)?;
@@ -281,6 +303,7 @@ impl MappingSettings {
         check_range("loop.request_interval", l.request_interval.into(), 1.0, 1e6)?;
         check_range("loop.delay_frames", l.delay_frames.into(), 1.0, 1e6)?;
         check_range("loop.delay_per_keyframe", l.delay_per_keyframe, 0.0, 100.0)?;
+        check_range("loop.min_similarity", l.min_similarity, 0.0, 1.0)?;
         let r = &self.relocalise;
         check_range("relocalise.n_recognised", r.n_recognised.into(), 0.0, 1e3)?;
         check_range("relocalise.n_turned", r.n_turned.into(), 0.0, 1e3)?;

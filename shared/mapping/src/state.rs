@@ -24,6 +24,8 @@ pub struct KeyframeState {
     pub slot: StoreSlot,
     /// Keyframes it was aligned to.
     pub edges: Vec<EdgeRecord>,
+    /// Covariance of its pose when it was made, as in [`FrameRecord::covariance`].
+    pub covariance: Vec<f64>,
     /// What the place looks like.
     pub place: PlaceCode,
 }
@@ -41,6 +43,8 @@ pub struct RecentFrame {
     pub world_from_camera: PoseBits,
     /// Its own motion per second, `rho phi`.
     pub velocity: [f64; 6],
+    /// Covariance of its pose, as in [`FrameRecord::covariance`].
+    pub covariance: Vec<f64>,
 }
 
 /// Everything that the aligner must know between two frames beside surfaces.
@@ -100,6 +104,11 @@ impl TrackerState {
                 velocity: keyframe.velocity,
                 slot: keyframe.slot,
                 edges: keyframe.edges.clone(),
+                covariance: self
+                    .recent
+                    .iter()
+                    .find(|r| r.index == keyframe.frame_index)
+                    .map_or(Vec::new(), |r| r.covariance.clone()),
                 place: keyframe.place.clone(),
             });
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
@@ -120,6 +129,7 @@ impl TrackerState {
             state: frame.state,
             world_from_camera: frame.world_from_camera,
             velocity: frame.velocity,
+            covariance: frame.covariance.clone(),
         });
         if let Some(request) = &frame.request {
             self.note_request(request);

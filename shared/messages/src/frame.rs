@@ -163,6 +163,9 @@ mod tests {
         assert!(refused(FrameHeader { height: 9, ..header() }).contains("height is 9"));
         assert!(refused(FrameHeader { kind: 77, ..header() }).contains("kind is 77"));
         assert!(refused(FrameHeader { index: 10, ..header() }).contains("below 10"));
+        let in_source = |index, kind| Refusal::unless_in_source(index, kind, Some(8)).is_ok();
+        assert!(in_source(7, Kind::Frame) && in_source(8, Kind::End));
+        assert!(!in_source(8, Kind::Frame) && !in_source(7, Kind::End));
         assert!(header().payload(SHAPE, &[0; 4]).unwrap_err().to_string().contains("payload length is 4"));
     }
 }

@@ -62,6 +62,23 @@ pub enum Refusal {
 }
 
 impl Refusal {
+    /// Refuses what contradicts the number of frames in the source, where that is known: a frame
+    /// behind the last one, or an end in the middle.
+    ///
+    /// # Errors
+    /// Names the index and the rule.
+    pub fn unless_in_source(index: u64, kind: crate::Kind, n_frames: Option<u64>) -> Result<(), Refusal> {
+        let (is_right, rule) = match (kind, n_frames) {
+            (_, None) => return Ok(()),
+            (crate::Kind::Frame, Some(n)) => (index < n, "a frame of the source"),
+            (crate::Kind::End, Some(n)) => (index == n, "the end where the source ends"),
+        };
+        if is_right {
+            return Ok(());
+        }
+        Err(Refusal::Value { index, what: "index", found: index.to_string(), rule })
+    }
+
     /// Refuses `found` unless it is `expected`.
     pub(crate) fn unless_equal(
         index: u64,

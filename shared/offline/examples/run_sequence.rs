@@ -112,6 +112,8 @@ fn report(sequence: &str, seed: u64, source: &FolderSource, records: &Records, n
         records.n_corrections(),
         records.n_untracked()
     );
+    let n_free = records.frames().filter(|f| f.reason.contains("leave free")).count();
+    println!("    {n_free} frames with a free direction");
     report_loops(records);
     let Some(truth) = source.ground_truth() else { return };
     let line =

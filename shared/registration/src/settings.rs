@@ -75,8 +75,8 @@ pub struct RegistrationSettings {
 impl Default for RegistrationSettings {
     fn default() -> Self {
         Self {
-            uniform_samples: 1000,
-            normal_space_samples: 1000,
+            uniform_samples: 800,
+            normal_space_samples: 1200,
             max_sample_depth_m: 5.0,
             seed: 0,
             inner_iterations: 10,

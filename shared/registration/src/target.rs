@@ -53,24 +53,33 @@ impl ShutterTable {
     #[inline(always)]
     pub(crate) fn move_point(&self, p: [f32; 3], seconds: f32) -> [f32; 3] {
         let turn = cross(self.phi, p);
-        let first = [0, 1, 2].map(|k| seconds * (turn[k] + self.rho[k]));
+        let first = scale(seconds, [turn[0] + self.rho[0], turn[1] + self.rho[1], turn[2] + self.rho[2]]);
         self.finish(p, first, seconds)
     }
 
     /// The rotation of `exp(velocity seconds)` applied to a direction.
     #[inline(always)]
     pub(crate) fn turn(&self, n: [f32; 3], seconds: f32) -> [f32; 3] {
-        let first = cross(self.phi, n).map(|v| seconds * v);
-        self.finish(n, first, seconds)
+        self.finish(n, scale(seconds, cross(self.phi, n)), seconds)
     }
 
     /// `p + first + X first / 2 + X^2 first / 6` with `X = seconds [phi]x`.
     #[inline(always)]
     fn finish(&self, p: [f32; 3], first: [f32; 3], seconds: f32) -> [f32; 3] {
-        let second = cross(self.phi, first).map(|v| 0.5 * seconds * v);
-        let third = cross(self.phi, second).map(|v| (1.0 / 3.0) * seconds * v);
-        [0, 1, 2].map(|k| p[k] + first[k] + second[k] + third[k])
+        let second = scale(0.5 * seconds, cross(self.phi, first));
+        let third = scale((1.0 / 3.0) * seconds, cross(self.phi, second));
+        [
+            p[0] + first[0] + second[0] + third[0],
+            p[1] + first[1] + second[1] + third[1],
+            p[2] + first[2] + second[2] + third[2],
+        ]
     }
+}
+
+// Written out by coordinate: `map` over an array would go through memory.
+#[inline(always)]
+fn scale(factor: f32, v: [f32; 3]) -> [f32; 3] {
+    [factor * v[0], factor * v[1], factor * v[2]]
 }
 
 #[inline(always)]

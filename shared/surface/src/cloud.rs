@@ -3,19 +3,22 @@
 use crate::cell::{CellDepth, CellRule};
 use crate::planes::Workspace;
 use crate::settings::CellSample;
-use tessera_geometry::{Camera, DepthNoise, RayTable};
+use tessera_geometry::{Camera, DepthNoise};
 
 /// Turns pixels into points; knows the camera's rays.
 #[derive(Debug)]
 pub(crate) struct CloudMaker {
-    /// Rays of all pixels, for cells that are not whole.
-    rays: RayTable,
     /// Rays through where a whole cell is measured, row by row.
     centre_x: Vec<f32>,
     centre_y: Vec<f32>,
     rule: CellRule,
     width: usize,
+    height: usize,
     step: usize,
+    /// Where a whole cell is measured, pixels from its first.
+    offset: f32,
+    /// Cells per pixel.
+    per_pixel: f32,
     /// Sums, least and largest raw depth of each image column over the rows of a cell.
     columns: ColumnSums,
 }
@@ -40,8 +43,8 @@ impl CloudMaker {
         max_depth_m: f32,
         noise: DepthNoise,
     ) -> Self {
-        let rays = RayTable::new(camera, 1);
-        let (rows, columns) = (rays.height.div_ceil(step), rays.width.div_ceil(step));
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let (rows, columns) = (height.div_ceil(step), width.div_ceil(step));
         let offset = match sample {
             CellSample::Mean => (step as f64 - 1.0) / 2.0,
             CellSample::Corner | CellSample::Nearest => 0.0,
@@ -54,18 +57,20 @@ impl CloudMaker {
             centre_x: (0..rows * columns).map(|i| centre(i).x as f32).collect(),
             centre_y: (0..rows * columns).map(|i| centre(i).y as f32).collect(),
             rule: CellRule::new(camera, step, sample, max_depth_m, noise),
-            width: rays.width,
+            width,
+            height,
             step,
+            offset: offset as f32,
+            per_pixel: 1.0 / step as f32,
             columns: ColumnSums {
-                sum: vec![0; rays.width],
-                least: vec![0; rays.width],
-                most: vec![0; rays.width],
+                sum: vec![0; width],
+                least: vec![0; width],
+                most: vec![0; width],
                 cell_sum: vec![0; columns],
                 cell_least: vec![0; columns],
                 cell_most: vec![0; columns],
                 mean_m: vec![0.0; columns],
             },
-            rays,
         }
     }
 
@@ -84,7 +89,7 @@ impl CloudMaker {
     fn fill_row(&mut self, row: usize, depth: &[u16], w: &mut Workspace) -> usize {
         let (start, n) = (w.layout.row(row), w.layout.grid.width);
         let whole_columns = self.width / self.step;
-        let is_whole = self.rule.averages() && (row + 1) * self.step <= self.rays.height;
+        let is_whole = self.rule.averages() && (row + 1) * self.step <= self.height;
         self.columns.mean_m.fill(0.0);
         if is_whole {
             self.columns.fill(&depth[row * self.step * self.width..], self.width, self.step);
@@ -103,9 +108,9 @@ impl CloudMaker {
             {
                 // Not whole: a hole, a depth edge or a steep slope.
                 let (top, left) = (row * self.step, column * self.step);
-                let size = (self.step.min(self.rays.height - top), self.step.min(self.width - left));
+                let size = (self.step.min(self.height - top), self.step.min(self.width - left));
                 let cell = self.rule.measure(&depth[top * self.width + left..], self.width, size);
-                let point = cell.map_or([0.0; 3], |cell| self.point(row, column, &cell));
+                let point = cell.map_or([0.0; 3], |cell| self.point(row, column, n, &cell));
                 row_offset = cell.map_or(0, |cell| (cell.row + 0.5) as usize);
                 w.points.set(start + column, point);
             }
@@ -115,16 +120,18 @@ impl CloudMaker {
         n_measured
     }
 
-    /// Back-projects a cell's depth through the ray of its (fractional) pixel.
-    fn point(&self, row: usize, column: usize, cell: &CellDepth) -> [f32; 3] {
-        let RayTable { width, height, x, y, .. } = &self.rays;
-        let (r, c) = (row * self.step + cell.row as usize, column * self.step + cell.column as usize);
-        let (dr, dc) = (cell.row - (cell.row as usize) as f32, cell.column - (cell.column as usize) as f32);
-        let (at, right, down) =
-            (r * width + c, usize::from(c + 1 < *width), usize::from(r + 1 < *height) * width);
-        // Rays are smooth: linear between neighbouring pixels to 1e-7.
-        let ray_x = x[at] + dc * (x[at + right] - x[at]) + dr * (x[at + down] - x[at]);
-        let ray_y = y[at] + dc * (y[at + right] - y[at]) + dr * (y[at + down] - y[at]);
+    /// Back-projects a cell's depth through the ray of its (fractional) pixel: from the ray of a
+    /// whole cell by the slope between neighbouring cells (rays are smooth: 1e-6 over a cell).
+    #[inline(always)]
+    fn point(&self, row: usize, column: usize, n: usize, cell: &CellDepth) -> [f32; 3] {
+        let i = row * n + column;
+        let (x, y) = (&self.centre_x, &self.centre_y);
+        let right = if column + 1 < n { (i, i + 1) } else { (i - 1, i) };
+        let down = if i + n < x.len() { (i, i + n) } else { (i - n, i) };
+        let (dr, dc) =
+            ((cell.row - self.offset) * self.per_pixel, (cell.column - self.offset) * self.per_pixel);
+        let ray_x = x[i] + dc * (x[right.1] - x[right.0]) + dr * (x[down.1] - x[down.0]);
+        let ray_y = y[i] + dc * (y[right.1] - y[right.0]) + dr * (y[down.1] - y[down.0]);
         [ray_x * cell.depth_m, ray_y * cell.depth_m, cell.depth_m]
     }
 }

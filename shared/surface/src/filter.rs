@@ -261,16 +261,16 @@ fn moved(
 ) -> [f32; 3] {
     let is_filtered = is_normal(n) & (weight > 0.0);
     let scale = 1.0 / weight;
-    let mean = sum.map(|v| v * scale);
+    let mean = [sum[0] * scale, sum[1] * scale, sum[2] * scale];
     let along = match rule {
         BoundaryRule::AlongNormal => {
             n[0] * (mean[0] - p[0]) + n[1] * (mean[1] - p[1]) + n[2] * (mean[2] - p[2])
         }
         BoundaryRule::Keep | BoundaryRule::Full => 0.0,
     };
+    let held = [p[0] + along * n[0], p[1] + along * n[1], p[2] + along * n[2]];
     let is_held = is_boundary & (rule != BoundaryRule::Full);
-    let new = [0, 1, 2].map(|k| if is_held { p[k] + along * n[k] } else { mean[k] });
-    [0, 1, 2].map(|k| if is_filtered { new[k] } else { p[k] })
+    select(is_filtered, select(is_held, held, mean), p)
 }
 
 /// The normal after the filter, unit length again. Without one it stays none.
@@ -278,7 +278,17 @@ fn moved(
 fn turned(weight: f32, sum: [f32; 3], p: [f32; 3], n: [f32; 3]) -> [f32; 3] {
     let turned = towards_camera(sum, p, 0.0);
     let has_turned = is_normal(n) & (weight > 0.0) & is_normal(turned);
-    [0, 1, 2].map(|k| if has_turned { turned[k] } else { n[k] })
+    select(has_turned, turned, n)
+}
+
+/// By coordinate and without a branch. (`map` over an array would go through memory.)
+#[inline(always)]
+fn select(condition: bool, a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [
+        if condition { a[0] } else { b[0] },
+        if condition { a[1] } else { b[1] },
+        if condition { a[2] } else { b[2] },
+    ]
 }
 
 #[cfg(test)]

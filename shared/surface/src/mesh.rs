@@ -35,7 +35,11 @@ impl EdgeTest {
     pub(crate) fn is_valid(&self, a: [f32; 3], b: [f32; 3]) -> bool {
         // The nearer endpoint occludes: the angle is taken there.
         let is_a_near = a[2] <= b[2];
-        let near: [f32; 3] = std::array::from_fn(|k| if is_a_near { a[k] } else { b[k] });
+        let near = [
+            if is_a_near { a[0] } else { b[0] },
+            if is_a_near { a[1] } else { b[1] },
+            if is_a_near { a[2] } else { b[2] },
+        ];
         let edge = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
         let length_sq = edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2];
         let range_sq = near[0] * near[0] + near[1] * near[1] + near[2] * near[2];

@@ -64,7 +64,7 @@ pub(crate) fn towards_camera(n: [f32; 3], p: [f32; 3], min_view_cosine: f32) -> 
     let inverse = 1.0 / length;
     let signed = if toward > 0.0 { inverse } else { -inverse };
     let scale = if is_normal { signed } else { 0.0 };
-    n.map(|v| v * scale)
+    [n[0] * scale, n[1] * scale, n[2] * scale]
 }
 
 #[inline(always)]

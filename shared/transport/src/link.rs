@@ -308,6 +308,16 @@ mod tests {
         }
     }
 
+    /// Whether an address lies in shared memory of that prefix.
+    fn is_shared(address: usize, prefix: &str) -> bool {
+        let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
+        maps.lines().filter(|line| line.contains(&format!("/dev/shm/{prefix}"))).any(|line| {
+            let (from, to) = line.split_whitespace().next().unwrap().split_once('-').unwrap();
+            let parse = |text: &str| usize::from_str_radix(text, 16).unwrap();
+            (parse(from)..parse(to)).contains(&address)
+        })
+    }
+
     #[test]
     fn a_message_is_written_and_read_in_one_place_and_nothing_stays() {
         let dir = tempfile::tempdir().unwrap();
@@ -332,6 +342,9 @@ mod tests {
         let second = subscriber.receive().unwrap().unwrap();
         assert_eq!((second.header().index, second.payload().len()), (3, len));
         assert!(publisher.loan(len + 1).is_err());
+        // Nothing was copied: what is read lies in the segment, and so does what is written.
+        assert!(is_shared(second.payload().as_ptr() as usize, &identity.prefix));
+        assert!(is_shared(publisher.loan(len).unwrap().payload_mut().as_ptr() as usize, &identity.prefix));
         drop(first);
         assert_eq!(subscriber.receive().unwrap().unwrap().header().index, 4);
 
