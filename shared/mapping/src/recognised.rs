@@ -11,7 +11,7 @@ use crate::verify::{self, Tested};
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_recognition::similarity;
-use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Target};
+use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection, Target};
 
 /// First distance limit of an alignment from scratch, metres.
 const FIRST_DISTANCE_M: f32 = 0.5;
@@ -67,14 +67,14 @@ fn from_scratch(
     newer: &Prepared<'_>,
     older: &Prepared<'_>,
 ) -> (Pose, PairBlock) {
-    let count = (context.mapping.global.queries_per_pair as usize).min(newer.queries.len());
+    let selection = Selection { count: context.mapping.global.queries_per_pair as usize, shift: 0 };
     let target = Target { surface: older.surface, shutter: &older.shutter };
     let mut at = Pose::identity();
     let mut k = 0;
     loop {
         let progress = k as f32 / (ITERATIONS - 1) as f32;
         let limits = MatchLimits { first_distance_m: FIRST_DISTANCE_M, progress };
-        let (sums, _) = matcher.match_pair(&newer.queries, 0..count, &target, &at, &limits);
+        let (sums, _) = matcher.match_pair(&newer.queries, selection, &target, &at, &limits);
         let block = PairBlock::new(&at, &sums);
         k += 1;
         if k == ITERATIONS {
