@@ -3,6 +3,7 @@
 use crate::columns::Columns3;
 use crate::projection::GridCamera;
 use crate::target::{ShutterTable, transform};
+use tessera_surface::Grid;
 
 /// Queries of one run moved into the target's frame, and the cells that see them.
 #[derive(Debug, Default)]
@@ -76,6 +77,18 @@ impl Located {
                 column,
             );
         }
+    }
+}
+
+impl Located {
+    /// The cell that sees a query; `None` outside the image.
+    #[inline(always)]
+    pub(crate) fn cell(&self, place: usize, grid: Grid) -> Option<(usize, usize)> {
+        // Rounded, not truncated (TRAPS 11).
+        let (row, column) = (self.row[place] + 0.5, self.column[place] + 0.5);
+        let is_inside =
+            (row >= 0.0) & (column >= 0.0) & (row < grid.height as f32) & (column < grid.width as f32);
+        is_inside.then_some((row as usize, column as usize))
     }
 }
 

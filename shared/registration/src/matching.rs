@@ -133,17 +133,9 @@ impl Matcher {
         });
         self.matches.clear();
         for place in 0..n {
-            // Rounded, not truncated (TRAPS 11).
-            let (row, column) = (self.located.row[place] + 0.5, self.located.column[place] + 0.5);
-            let is_inside =
-                (row >= 0.0) & (column >= 0.0) & (row < grid.height as f32) & (column < grid.width as f32);
-            if !is_inside {
-                continue;
-            }
+            let Some((row, column)) = self.located.cell(place, grid) else { continue };
             let q_row = self.located.q_row.at(place);
-            let Some((vertex, distance_sq)) =
-                nearest(target, grid, row as usize, column as usize, reach, q_row)
-            else {
+            let Some((vertex, distance_sq)) = nearest(target, grid, row, column, reach, q_row) else {
                 continue;
             };
             report.n_in_view += 1;
@@ -268,29 +260,31 @@ fn nearest(
     reach: u32,
     q: [f32; 3],
 ) -> Option<(usize, f32)> {
-    let mut best = (usize::MAX, f32::INFINITY);
+    // Squared distance and place in one number: distances are not negative, so their bits order as
+    // they do, and the least of these numbers needs no branch to find.
+    let mut best = u64::MAX;
     let mut middle = (row, column);
     for _ in 0..reach.max(1) {
         let (top, bottom) = (middle.0.saturating_sub(1), (middle.0 + 1).min(grid.height - 1));
         let (left, right) = (middle.1.saturating_sub(1), (middle.1 + 1).min(grid.width - 1));
         for r in top..=bottom {
-            let start = r * grid.width;
-            for (c, v) in target.surface.vertices[start + left..=start + right].iter().enumerate() {
+            let start = r * grid.width + left;
+            for (c, v) in target.surface.vertices[start..=start + right - left].iter().enumerate() {
                 let d = [v.position[0] - q[0], v.position[1] - q[1], v.position[2] - q[2]];
                 let distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                if (distance_sq < best.1) & v.is_valid() {
-                    best = (start + left + c, distance_sq);
-                }
+                let bits = if v.is_valid() { distance_sq.to_bits() } else { u32::MAX };
+                best = best.min(u64::from(bits) << 32 | (start + c) as u64);
             }
         }
-        if best.0 == usize::MAX {
+        // Nothing valid here, or a distance that is no number.
+        if (best >> 32) as u32 > f32::INFINITY.to_bits() {
             return None;
         }
-        let found = (best.0 / grid.width, best.0 % grid.width);
-        if found == middle {
+        let vertex = best as u32 as usize;
+        if vertex == middle.0 * grid.width + middle.1 {
             break;
         }
-        middle = found;
+        middle = (vertex / grid.width, vertex % grid.width);
     }
-    Some(best)
+    Some((best as u32 as usize, f32::from_bits((best >> 32) as u32)))
 }
