@@ -33,7 +33,41 @@ type SliceService<H, E> =
 type MessageService<T> =
     iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Wire<T>, ()>;
 
+type EventService = iceoryx2::service::port_factory::event::PortFactory<ipc::Service>;
+
+/// All services of a run, kept open by its supervisor.
+///
+/// A process that is killed while it *creates* a service leaves half of one, which nobody can
+/// open or create any more. So the supervisor creates them all before a stage starts.
+#[derive(Debug)]
+pub struct HeldServices {
+    _frames: SliceService<FrameHeader, u16>,
+    _surfaces: SliceService<SurfaceHeader, Vertex>,
+    _poses: MessageService<PoseMessage>,
+    _flow: MessageService<Flow>,
+    _beats: MessageService<Beat>,
+    _bells: Vec<EventService>,
+}
+
 impl Link {
+    /// Creates all services of the run, for as long as the answer is kept.
+    ///
+    /// # Errors
+    /// Where a service cannot be created.
+    pub fn hold_services(&self) -> Result<HeldServices, TransportError> {
+        Ok(HeldServices {
+            _frames: self.slice_service(&self.layout.frames())?,
+            _surfaces: self.slice_service(&self.layout.surfaces())?,
+            _poses: self.message_service(&self.layout.poses())?,
+            _flow: self.message_service(&self.layout.flow())?,
+            _beats: self.message_service(&self.layout.beats())?,
+            _bells: Stage::ALL
+                .into_iter()
+                .map(|stage| self.event_service(stage))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
     /// Joins a run under a name that tools show.
     ///
     /// # Errors
@@ -235,12 +269,8 @@ impl Link {
     /// # Errors
     /// As above.
     pub fn bell(&self, stage: Stage) -> Result<Bell, TransportError> {
-        let name = Layout::bell_name(stage);
-        let service_name = service_name(&name)?;
-        let what = format!("event {name}");
-        let service = patiently(&what, Some(&self.node), || {
-            self.node.service_builder(&service_name).event().open_or_create()
-        })?;
+        let service = self.event_service(stage)?;
+        let what = format!("a bell for {stage}");
         let notifier = patiently(&what, Some(&self.node), || service.notifier_builder().create())?;
         Ok(Bell { notifier })
     }
@@ -250,14 +280,18 @@ impl Link {
     /// # Errors
     /// As above.
     pub fn ear(&self, stage: Stage) -> Result<Ear, TransportError> {
-        let name = Layout::bell_name(stage);
-        let service_name = service_name(&name)?;
-        let what = format!("event {name}");
-        let service = patiently(&what, Some(&self.node), || {
-            self.node.service_builder(&service_name).event().open_or_create()
-        })?;
+        let service = self.event_service(stage)?;
+        let what = format!("the ear of {stage}");
         let listener = patiently(&what, Some(&self.node), || service.listener_builder().create())?;
         Ok(Ear { listener })
+    }
+
+    fn event_service(&self, stage: Stage) -> Result<EventService, TransportError> {
+        let name = Layout::bell_name(stage);
+        let service_name = service_name(&name)?;
+        patiently(&format!("event {name}"), Some(&self.node), || {
+            self.node.service_builder(&service_name).event().open_or_create()
+        })
     }
 }
 
