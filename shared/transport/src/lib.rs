@@ -12,6 +12,7 @@ mod identity;
 mod layout;
 mod link;
 mod messages;
+mod patience;
 mod registry;
 mod slices;
 mod space;

@@ -5,19 +5,16 @@ use crate::error::TransportError;
 use crate::identity::RunIdentity;
 use crate::layout::{Layout, Service, slice_type};
 use crate::messages::{Publisher, Subscriber};
+use crate::patience::{patiently, service_name};
 use crate::slices::{SlicePublisher, SliceSubscriber};
 use crate::wake::{Bell, Ear};
 use crate::wire::{Wire, WireElement};
 use iceoryx2::prelude::{
-    AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc,
+    AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, SignalHandlingMode, ipc,
     set_log_level_from_env_or,
 };
-use std::time::{Duration, Instant};
 use tessera_messages::{Beat, Element, Flow, FrameHeader, Message, PoseMessage, Stage, SurfaceHeader};
 use tessera_surface::Vertex;
-
-/// How long opening is tried while dead predecessors are cleaned up.
-const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A node in a run's shared memory. Single-threaded, as its ports are.
 #[derive(Debug)]
@@ -295,39 +292,12 @@ impl Link {
     }
 }
 
-fn service_name(name: &str) -> Result<ServiceName, TransportError> {
-    ServiceName::new(name)
-        .map_err(|e| TransportError::Open { what: format!("service {name}"), reason: format!("{e:?}") })
-}
-
-/// Tries again while places may still be taken by the dead or a service is half made.
-fn patiently<T, E: std::fmt::Debug>(
-    what: &str,
-    node: Option<&Node<ipc::Service>>,
-    mut attempt: impl FnMut() -> Result<T, E>,
-) -> Result<T, TransportError> {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        match attempt() {
-            Ok(made) => return Ok(made),
-            Err(error) if Instant::now() > deadline => {
-                return Err(TransportError::Open { what: what.into(), reason: format!("{error:?}") });
-            }
-            Err(_) => {
-                if let Some(node) = node {
-                    let _ = node.blocking_cleanup_dead_nodes(Duration::from_millis(100));
-                }
-                std::thread::sleep(Duration::from_millis(5));
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::registry::RunClaim;
     use crate::space::shared_memory_in_use;
+    use std::time::Duration;
     use tessera_messages::FrameShape;
     use tessera_surface::Grid;
 
