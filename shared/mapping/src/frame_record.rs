@@ -124,8 +124,7 @@ impl Tracker {
             keyframe_from_camera: PoseBits::from(&(keyframe_pose.inverse() * prediction.world_from_camera)),
             covariance: Vec::new(),
             n_correspondences: 0,
-            // What the prediction went by, so that the next one goes by it too.
-            velocity: prediction.velocity.to_vector().into(),
+            velocity: [0.0; 6],
             entropy_nats: f64::NAN,
             blocks: Vec::new(),
             new_keyframe: None,

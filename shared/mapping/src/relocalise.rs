@@ -68,6 +68,9 @@ impl Tracker {
         if !settings.enabled {
             return Err(why_lost.into());
         }
+        // Samples may be in any order: an even choice covers the whole frame.
+        let step = samples.len().div_ceil(COARSE_SAMPLES).max(1);
+        let coarse: Vec<Sample> = samples.iter().step_by(step).copied().collect();
         let candidates = self.candidates(frame, prediction);
         let n_candidates = candidates.len();
         for candidate in candidates {
@@ -76,8 +79,7 @@ impl Tracker {
                 continue;
             }
             let wide = self.wide(&candidate.start);
-            let coarse = &samples[..COARSE_SAMPLES.min(samples.len())];
-            let attempt = self.attempt_in(members, coarse, surfaces, &wide);
+            let attempt = self.attempt_in(members, &coarse, surfaces, &wide);
             if judge::found_again(&settings.coarse(), &attempt.alignment).is_err() {
                 continue;
             }

@@ -30,7 +30,7 @@ pub trait KeyframeSurfaces: Sync {
 
 /// Fewer samples than this cannot be aligned.
 const MIN_SAMPLES: usize = 100;
-/// Frames in a row without an alignment through which the motion before them is believed.
+/// Frames in a row without enough points through which the motion before them is believed.
 const MOST_COASTED: u32 = 10;
 
 /// The aligner: a fold over [`AlignRecord`]s plus a pure step that makes the next one.
@@ -143,7 +143,9 @@ impl Tracker {
         let prediction = self.predict(frame);
         if samples.len() < MIN_SAMPLES {
             let reason = format!("{} usable points, at least {MIN_SAMPLES} are needed", samples.len());
-            return self.lost(frame, &prediction, reason);
+            // What the prediction went by, so that the next one goes by it too.
+            let velocity = prediction.velocity.to_vector().into();
+            return FrameRecord { velocity, ..self.lost(frame, &prediction, reason) };
         }
         if self.state.keyframes.is_empty() {
             return self.first(frame, &prediction);
@@ -201,10 +203,10 @@ impl Tracker {
         let Some(last) = self.state.recent.last() else { return still(Pose::identity()) };
         let last_pose = Pose::from(&last.world_from_camera);
         let seconds = (frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
-        // A stamp that does not advance, or a gap in time, leaves no velocity to go by. A camera
-        // that saw nothing for a moment has most likely moved on as before.
-        let is_long_lost = self.state.n_lost > MOST_COASTED;
-        if is_long_lost || !(seconds > 0.0 && seconds < 1.0) {
+        // A stamp that does not advance, or a gap in time, leaves no velocity to go by, nor does a
+        // frame that fitted nowhere. A camera that saw nothing for a moment has moved on as before.
+        let is_coasting = self.state.n_lost <= MOST_COASTED && last.velocity != [0.0; 6];
+        if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < 1.0) {
             return still(last_pose);
         }
         let velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));

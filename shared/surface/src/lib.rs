@@ -6,6 +6,8 @@
 //! filter over mesh rings (eq. 6-7). Covariances (eq. 9) are functions of the normals.
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod acceptance;
 mod cell;
 mod cloud;
 mod filter;
