@@ -63,6 +63,27 @@ fn lossless_runs_keep_their_bytes() {
 }
 
 #[test]
+fn lives_cut_in_their_first_moments_leave_no_half_made_service() {
+    let frames = 300;
+    let undisturbed = room().frames(frames);
+    assert!(undisturbed.finish().success());
+    let run = room().frames(frames);
+    let mut child = run.start();
+    run.wait_until_busy();
+    let mut random = Random(3);
+    for _ in 0..12 {
+        for pid in run.stage_pids() {
+            std::thread::sleep(Duration::from_millis(random.below(40)));
+            // It may have ended by itself.
+            let _ = Command::new("kill").args(["-KILL", &pid.to_string()]).output();
+        }
+    }
+    assert!(child.wait().unwrap().success(), "{}", run.log());
+    run.assert_same_bytes(&undisturbed, "lives cut short");
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
 fn live_runs_go_on() {
     let run = room().frames(90).with(&["--live"]);
     let n_kills = disturb(&run, &mut Random(7));

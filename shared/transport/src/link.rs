@@ -5,19 +5,16 @@ use crate::error::TransportError;
 use crate::identity::RunIdentity;
 use crate::layout::{Layout, Service, slice_type};
 use crate::messages::{Publisher, Subscriber};
+use crate::patience::{patiently, service_name};
 use crate::slices::{SlicePublisher, SliceSubscriber};
 use crate::wake::{Bell, Ear};
 use crate::wire::{Wire, WireElement};
 use iceoryx2::prelude::{
-    AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc,
+    AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, SignalHandlingMode, ipc,
     set_log_level_from_env_or,
 };
-use std::time::{Duration, Instant};
 use tessera_messages::{Beat, Element, Flow, FrameHeader, Message, PoseMessage, Stage, SurfaceHeader};
 use tessera_surface::Vertex;
-
-/// How long opening is tried while dead predecessors are cleaned up.
-const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A node in a run's shared memory. Single-threaded, as its ports are.
 #[derive(Debug)]
@@ -33,7 +30,41 @@ type SliceService<H, E> =
 type MessageService<T> =
     iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Wire<T>, ()>;
 
+type EventService = iceoryx2::service::port_factory::event::PortFactory<ipc::Service>;
+
+/// All services of a run, kept open by its supervisor.
+///
+/// A process that is killed while it *creates* a service leaves half of one, which nobody can
+/// open or create any more. So the supervisor creates them all before a stage starts.
+#[derive(Debug)]
+pub struct HeldServices {
+    _frames: SliceService<FrameHeader, u16>,
+    _surfaces: SliceService<SurfaceHeader, Vertex>,
+    _poses: MessageService<PoseMessage>,
+    _flow: MessageService<Flow>,
+    _beats: MessageService<Beat>,
+    _bells: Vec<EventService>,
+}
+
 impl Link {
+    /// Creates all services of the run, for as long as the answer is kept.
+    ///
+    /// # Errors
+    /// Where a service cannot be created.
+    pub fn hold_services(&self) -> Result<HeldServices, TransportError> {
+        Ok(HeldServices {
+            _frames: self.slice_service(&self.layout.frames())?,
+            _surfaces: self.slice_service(&self.layout.surfaces())?,
+            _poses: self.message_service(&self.layout.poses())?,
+            _flow: self.message_service(&self.layout.flow())?,
+            _beats: self.message_service(&self.layout.beats())?,
+            _bells: Stage::ALL
+                .into_iter()
+                .map(|stage| self.event_service(stage))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
     /// Joins a run under a name that tools show.
     ///
     /// # Errors
@@ -235,12 +266,8 @@ impl Link {
     /// # Errors
     /// As above.
     pub fn bell(&self, stage: Stage) -> Result<Bell, TransportError> {
-        let name = Layout::bell_name(stage);
-        let service_name = service_name(&name)?;
-        let what = format!("event {name}");
-        let service = patiently(&what, Some(&self.node), || {
-            self.node.service_builder(&service_name).event().open_or_create()
-        })?;
+        let service = self.event_service(stage)?;
+        let what = format!("a bell for {stage}");
         let notifier = patiently(&what, Some(&self.node), || service.notifier_builder().create())?;
         Ok(Bell { notifier })
     }
@@ -250,42 +277,18 @@ impl Link {
     /// # Errors
     /// As above.
     pub fn ear(&self, stage: Stage) -> Result<Ear, TransportError> {
-        let name = Layout::bell_name(stage);
-        let service_name = service_name(&name)?;
-        let what = format!("event {name}");
-        let service = patiently(&what, Some(&self.node), || {
-            self.node.service_builder(&service_name).event().open_or_create()
-        })?;
+        let service = self.event_service(stage)?;
+        let what = format!("the ear of {stage}");
         let listener = patiently(&what, Some(&self.node), || service.listener_builder().create())?;
         Ok(Ear { listener })
     }
-}
 
-fn service_name(name: &str) -> Result<ServiceName, TransportError> {
-    ServiceName::new(name)
-        .map_err(|e| TransportError::Open { what: format!("service {name}"), reason: format!("{e:?}") })
-}
-
-/// Tries again while places may still be taken by the dead or a service is half made.
-fn patiently<T, E: std::fmt::Debug>(
-    what: &str,
-    node: Option<&Node<ipc::Service>>,
-    mut attempt: impl FnMut() -> Result<T, E>,
-) -> Result<T, TransportError> {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        match attempt() {
-            Ok(made) => return Ok(made),
-            Err(error) if Instant::now() > deadline => {
-                return Err(TransportError::Open { what: what.into(), reason: format!("{error:?}") });
-            }
-            Err(_) => {
-                if let Some(node) = node {
-                    let _ = node.blocking_cleanup_dead_nodes(Duration::from_millis(100));
-                }
-                std::thread::sleep(Duration::from_millis(5));
-            }
-        }
+    fn event_service(&self, stage: Stage) -> Result<EventService, TransportError> {
+        let name = Layout::bell_name(stage);
+        let service_name = service_name(&name)?;
+        patiently(&format!("event {name}"), Some(&self.node), || {
+            self.node.service_builder(&service_name).event().open_or_create()
+        })
     }
 }
 
@@ -294,6 +297,7 @@ mod tests {
     use super::*;
     use crate::registry::RunClaim;
     use crate::space::shared_memory_in_use;
+    use std::time::Duration;
     use tessera_messages::FrameShape;
     use tessera_surface::Grid;
 

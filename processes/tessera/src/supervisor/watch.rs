@@ -111,6 +111,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
     let prepared = plan.prepare()?;
     // The first node: it closes the door to shared memory before a stage starts.
     let link = Link::open(&prepared.claim.entry.identity, &prepared.layout, "supervisor")?;
+    let services = link.hold_services()?;
     let beats = link.beat_subscriber()?;
     tracing::info!(
         "run {} in {}, up to {} bytes of shared memory",
@@ -135,7 +136,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
     let stages = supervisor.counters();
     let shared_memory_bytes = supervisor.shared_memory_bytes;
     drop(supervisor);
-    drop((beats, link));
+    drop((beats, services, link));
     remove_everything(&prepared.claim.entry.identity)?;
     Ok(Supervised { outcome, stages, shared_memory_bytes, duration: began.elapsed(), claim: prepared.claim })
 }

@@ -1,0 +1,37 @@
+//! Opening what may still be half made or taken by the dead.
+
+use crate::error::TransportError;
+use iceoryx2::prelude::{Node, ServiceName, ipc};
+use std::time::{Duration, Instant};
+
+/// How long opening is tried while dead predecessors are cleaned up.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// A name as iceoryx2 takes it.
+pub(crate) fn service_name(name: &str) -> Result<ServiceName, TransportError> {
+    ServiceName::new(name)
+        .map_err(|e| TransportError::Open { what: format!("service {name}"), reason: format!("{e:?}") })
+}
+
+/// Tries again while places may still be taken by the dead or a service is half made.
+pub(crate) fn patiently<T, E: std::fmt::Debug>(
+    what: &str,
+    node: Option<&Node<ipc::Service>>,
+    mut attempt: impl FnMut() -> Result<T, E>,
+) -> Result<T, TransportError> {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match attempt() {
+            Ok(made) => return Ok(made),
+            Err(error) if Instant::now() > deadline => {
+                return Err(TransportError::Open { what: what.into(), reason: format!("{error:?}") });
+            }
+            Err(_) => {
+                if let Some(node) = node {
+                    let _ = node.blocking_cleanup_dead_nodes(Duration::from_millis(100));
+                }
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+    }
+}
