@@ -15,12 +15,13 @@ const FRAMES: u64 = 150;
 fn nonsense_is_refused_and_changes_nothing() {
     let undisturbed = room().frames(FRAMES);
     assert!(undisturbed.finish().success());
-    let run = room().frames(FRAMES);
+    // The aligner stops in the middle, and nobody takes that for a hang: time to write nonsense.
+    let run = room()
+        .frames(FRAMES)
+        .with(&["--set", "flow.hang_s=600"])
+        .with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
     let mut child = run.start();
-    run.wait_until_busy();
-    // Time to write into the queues before the run is over.
-    let align = run.stage_pid("align");
-    signal(align, "STOP");
+    let align = run.wait_until_stopped("align");
     let files = RunFiles::new(&run.out());
     let file = RunFile::read(&files).unwrap();
     let config = std::fs::read_to_string(files.config()).unwrap();

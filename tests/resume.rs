@@ -54,11 +54,9 @@ fn after_the_whole_group_was_killed() {
 
 #[test]
 fn a_stage_frozen_when_its_supervisor_died_never_writes_again() {
-    let run = room().frames(FRAMES);
+    let run = room().frames(FRAMES).with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
     let mut child = run.start();
-    run.wait_until_busy();
-    let align = run.stage_pid("align");
-    signal(align, "STOP");
+    run.wait_until_stopped("align");
     signal(child.id(), "KILL");
     child.wait().unwrap();
     wait_for("the others to end", || run.stage_pids().len() == 1);

@@ -156,6 +156,21 @@ impl Run {
         pids[0]
     }
 
+    /// Waits until a stage has stopped itself, as `TESSERA_KILL_PLAN` told it: then the run cannot
+    /// end before a slow test gets round to it.
+    pub fn wait_until_stopped(&self, stage: &str) -> u32 {
+        let mut stopped = None;
+        wait_for("a stage to stop itself", || {
+            let word = format!(" stage {stage} ");
+            stopped = self.processes(&word).into_iter().find(|pid| {
+                let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+                stat.rsplit(") ").next().is_some_and(|rest| rest.starts_with('T'))
+            });
+            stopped.is_some()
+        });
+        stopped.unwrap()
+    }
+
     /// Process ids of the stages.
     pub fn stage_pids(&self) -> Vec<u32> {
         self.processes(" stage ")
