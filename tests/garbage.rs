@@ -72,9 +72,10 @@ fn nonsense_is_refused_and_changes_nothing() {
         send(SurfaceHeader { index, ..good }, layout.grid.len(), f32::NAN);
     }
     send(SurfaceHeader { index: FRAMES - 1, ..good }, 4, 0.0);
-    drop((frames, surfaces, link));
+    // The ports stay open: what was sent to a reader that never looked while they were is gone.
     signal(align, "CONT");
     assert!(child.wait().unwrap().success(), "{}", run.log());
+    drop((frames, surfaces, link));
     assert!(run.log().contains("refused"), "{}", run.log());
     run.assert_same_bytes(&undisturbed, "nonsense in the services");
 }

@@ -231,7 +231,7 @@ impl Default for GlobalSettings {
         Self {
             radius_m: 1.5,
             angle_deg: 45.0,
-            neighbours: 24,
+            neighbours: 12,
             queries_per_pair: 150,
             outer_iterations: 2,
             final_iterations: 4,
