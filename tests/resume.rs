@@ -59,7 +59,9 @@ fn a_stage_frozen_when_its_supervisor_died_never_writes_again() {
     run.wait_until_stopped("align");
     signal(child.id(), "KILL");
     child.wait().unwrap();
-    wait_for("the others to end", || run.stage_pids().len() == 1);
+    // The kernel may wake and hang up a stopped process that its parent's death orphaned: then
+    // none is left, and resume has nobody to end.
+    wait_for("the others to end", || run.stage_pids().len() <= 1);
     assert_resumes(&run, "with a frozen aligner left");
     assert!(run.stage_pids().is_empty());
 }
