@@ -51,8 +51,13 @@ pub fn end_holder(path: &Path) -> Result<bool, JournalError> {
     }
 }
 
-/// The process that holds the flock, as /proc/locks tells.
+/// The process that holds the flock, as /proc/locks tells. That file is read in pieces, and locks
+/// of others that come and go between them can hide a line: a few looks find it.
 fn holder(file: &File) -> Option<u32> {
+    (0..5).find_map(|_| look_for_holder(file))
+}
+
+fn look_for_holder(file: &File) -> Option<u32> {
     let meta = file.metadata().ok()?;
     let ending = format!(":{}", meta.ino());
     let locks = std::fs::read_to_string("/proc/locks").ok()?;
