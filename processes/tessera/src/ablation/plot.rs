@@ -38,15 +38,17 @@ fn draw(
     area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
 ) -> Result<(), Box<dyn Error>> {
     let n_columns = tables.columns.len();
-    let cells = tables.rows.iter().flat_map(|r| &r.cells);
-    let top = 1.1 * cells.map(|c| c.rpe_m_per_s.most).filter(|v| v.is_finite()).fold(1e-4, f64::max);
+    // Logarithmic: the columns of a sequence differ by factors.
+    let cells = || tables.rows.iter().flat_map(|r| &r.cells).filter(|c| c.rpe_m_per_s.least > 0.0);
+    let least = cells().map(|c| c.rpe_m_per_s.least).fold(f64::INFINITY, f64::min).clamp(1e-6, 1.0);
+    let most = cells().map(|c| c.rpe_m_per_s.most).fold(least, f64::max).min(1e3);
     let font = ("sans-serif", 14);
     let mut chart = ChartBuilder::on(area)
         .caption("RPE of the initial alignments, m/s", ("sans-serif", 18))
         .margin(12)
         .x_label_area_size(48)
         .y_label_area_size(64)
-        .build_cartesian_2d(-0.5..n_columns as f64 - 0.5, 0.0..top)?;
+        .build_cartesian_2d(-0.5..n_columns as f64 - 0.5, (0.7 * least..1.4 * most).log_scale())?;
     let head = |x: &f64| {
         let place = x.round();
         let is_column = (x - place).abs() < 1e-6 && (0.0..n_columns as f64).contains(&place);
@@ -58,7 +60,9 @@ fn draw(
         .x_labels(2 * n_columns + 1)
         .x_label_formatter(&head)
         .y_label_formatter(&|y| format!("{y:.3}"))
-        .x_desc("pairwise, every n-th pixel        pairwise n = 4, filter over k rings        window of w, n = 4, k = 4")
+        .x_desc(
+            "n: pairwise, every n-th pixel; k: pairwise n = 4, filter over k rings; w: window, n = 4, k = 4",
+        )
         .label_style(font)
         .light_line_style(BLACK.mix(0.08))
         .draw()?;
