@@ -101,7 +101,12 @@ fn a_start_in_the_middle_is_found_and_the_map_grows() {
 
 #[test]
 fn deaths_and_forgetting_change_no_byte() {
-    for plan in ["align=opened:0", "align=journaled:0;optimise=opened:0", "align=stored:40,acknowledged:90", "optimise=solving:0"] {
+    for plan in [
+        "align=opened:0",
+        "align=journaled:0;optimise=opened:0",
+        "align=stored:40,acknowledged:90",
+        "optimise=solving:0",
+    ] {
         let run = second().with_env("TESSERA_KILL_PLAN", plan);
         assert!(run.finish().success(), "{plan}");
         run.assert_same_bytes(undisturbed(), plan);
@@ -185,7 +190,10 @@ fn what_cannot_be_used_is_refused_in_words() {
     let text = std::fs::read_to_string(&camera).unwrap().replace("fx = 262.5", "fx = 270.0");
     std::fs::write(&camera, text).unwrap();
     let text = refused(&run, 2);
-    assert!(text.contains("another camera") && text.contains("fx 262.5") && text.contains("fx 270"), "{text}");
+    assert!(
+        text.contains("another camera") && text.contains("fx 262.5") && text.contains("fx 270"),
+        "{text}"
+    );
     // A run that is going on still changes its map.
     let going_on = room().frames(100_000);
     let mut child = going_on.start();

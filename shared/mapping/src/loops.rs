@@ -43,8 +43,8 @@ pub(crate) fn request(
     index: u64,
     n_keyframes: u32,
 ) -> Option<RequestRecord> {
-    let is_soon =
-        state.n_keyframes_at_request > 0 && n_keyframes < state.n_keyframes_at_request + settings.request_interval;
+    let is_soon = state.n_keyframes_at_request > 0
+        && n_keyframes < state.n_keyframes_at_request + settings.request_interval;
     if state.pending.is_some() || is_soon || n_keyframes < 2 {
         return None;
     }

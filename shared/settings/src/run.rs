@@ -75,7 +75,8 @@ impl RunSettings {
         let wrong = || format!("at is {:?}, expected {expected}", self.at);
         let words: Vec<&str> = self.at.split_whitespace().collect();
         let numbers: Vec<f64> = words.iter().filter_map(|word| word.parse().ok()).collect();
-        let ([tx, ty, tz, qx, qy, qz, qw], 7) = (<[f64; 7]>::try_from(numbers).map_err(|_| wrong())?, words.len())
+        let ([tx, ty, tz, qx, qy, qz, qw], 7) =
+            (<[f64; 7]>::try_from(numbers).map_err(|_| wrong())?, words.len())
         else {
             return Err(wrong());
         };
@@ -100,7 +101,9 @@ mod tests {
         let start = run("1 -2 3.5 0 0 0.7071 0.7071").start().unwrap().unwrap();
         assert_eq!(start.translation_m, [1.0, -2.0, 3.5]);
         assert!(start.is_valid());
-        for bad in ["1 2 3", "1 2 3 0 0 0 2", "1 2 3 0 0 0 1 x", "1 2 x 0 0 0 1", "nan 2 3 0 0 0 1", "1 2 3 0 0 0 0"] {
+        for bad in
+            ["1 2 3", "1 2 3 0 0 0 2", "1 2 3 0 0 0 1 x", "1 2 x 0 0 0 1", "nan 2 3 0 0 0 1", "1 2 3 0 0 0 0"]
+        {
             let message = run(bad).check().unwrap_err();
             assert!(message.contains("expected seven numbers"), "{bad}: {message}");
         }

@@ -61,7 +61,8 @@ mod tests {
     fn frames_are_those_from_there_on() {
         let spec = SourceSpec::Scene(SceneName::Wall);
         let options = |skip, frames| SourceOptions { skip, frames, ..SourceOptions::default() };
-        let (whole, rest) = (open(&spec, &options(0, None)).unwrap(), open(&spec, &options(7, Some(5))).unwrap());
+        let (whole, rest) =
+            (open(&spec, &options(0, None)).unwrap(), open(&spec, &options(7, Some(5))).unwrap());
         assert_eq!(rest.n_frames(), Some(5));
         assert_eq!((rest.stamp_nanos(0), rest.stamp_nanos(5)), (whole.stamp_nanos(7), None));
         let n = (whole.camera().width * whole.camera().height) as usize;

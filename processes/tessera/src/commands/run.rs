@@ -109,7 +109,11 @@ fn start(
         let map = Path::new(&settings.run.map);
         update_map(map, &plan.run_dir).map_err(CommandError::from)?;
         if !arguments.speech.quiet && !arguments.speech.json {
-            say(&format!("the extended map is in {}, the map before in {}", map.display(), plan.run_dir.display()));
+            say(&format!(
+                "the extended map is in {}, the map before in {}",
+                map.display(),
+                plan.run_dir.display()
+            ));
         }
     }
     Ok(exit)

@@ -64,7 +64,8 @@ impl Replay {
         self.n_map_keyframes = map.keyframes.len();
         for keyframe in map.keyframes {
             // What place it is matters to the tracker alone.
-            let KeyframeState { id, frame_index, stamp_nanos, world_from_camera, velocity, slot, .. } = keyframe;
+            let KeyframeState { id, frame_index, stamp_nanos, world_from_camera, velocity, slot, .. } =
+                keyframe;
             let (edges, place) = (Vec::new(), Vec::new());
             self.keyframe_poses.push(Pose::from(&world_from_camera));
             self.keyframes.push(KeyframeRecord {

@@ -141,7 +141,10 @@ impl Summary {
                 let _ = writeln!(text, "  started in  a map of {n} keyframes, found at frame {frame}");
             }
             (n, None) => {
-                let _ = writeln!(text, "  WARNING     never found in the map of {n} keyframes, which stays as it was");
+                let _ = writeln!(
+                    text,
+                    "  WARNING     never found in the map of {n} keyframes, which stays as it was"
+                );
             }
         }
         if self.wall_s > 0.0 {

@@ -81,8 +81,8 @@ impl Plan {
         end_stages_left(&files)?;
         // Their readers want them to be there, and whole: a record whose keyframe is not in the
         // store ends the journal, before anybody follows it.
-        let mut store = Store::open(&files.store(), PATIENCE)
-            .map_err(|e| directory("prepare", &files.store(), &e))?;
+        let mut store =
+            Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
         let mut keyframes = MappedKeyframes::open(&files.store(), layout.grid.len())
             .map_err(|e| directory("map", &files.store(), &e))?;
         let (mut journal, recovered) =
@@ -96,7 +96,8 @@ impl Plan {
         say_dropped(&files.align_journal(), &recovered);
         if recovered.n_records == 0 {
             // Also where a run's journal was lost whole: it begins again as it began.
-            let map = map.map_or_else(|| SavedMap::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
+            let map =
+                map.map_or_else(|| SavedMap::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
             if let Some(map) = map {
                 run.map = Some(map.plant(&mut store, &mut journal, expected)?);
             }
@@ -141,7 +142,11 @@ fn say_dropped(path: &Path, recovered: &Recovered) {
 }
 
 /// An error about a file of the run directory.
-pub(super) fn directory(action: &'static str, path: &Path, reason: &dyn std::fmt::Display) -> SupervisorError {
+pub(super) fn directory(
+    action: &'static str,
+    path: &Path,
+    reason: &dyn std::fmt::Display,
+) -> SupervisorError {
     SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
 }
 

@@ -42,7 +42,8 @@ impl SavedMap {
         }
         let run = RunFile::read(&files)?;
         refuse_if_going_on(&files, &run).map_err(&refuse)?;
-        let text = std::fs::read_to_string(files.config()).map_err(|e| directory("read", &files.config(), &e))?;
+        let text =
+            std::fs::read_to_string(files.config()).map_err(|e| directory("read", &files.config(), &e))?;
         let old = Settings::from_toml(&text, &files.config().display().to_string())
             .map_err(|e| refuse(e.to_string()))?;
         check_alike((&run.camera, &old), (camera, settings)).map_err(&refuse)?;
@@ -117,8 +118,7 @@ impl SavedMap {
 pub(crate) fn update_map(map: &Path, run_dir: &Path) -> Result<(), SupervisorError> {
     let files = RunFiles::new(map);
     let run = RunFile::read(&files)?;
-    refuse_if_going_on(&files, &run)
-        .map_err(|reason| SupervisorError::Map { dir: map.into(), reason })?;
+    refuse_if_going_on(&files, &run).map_err(|reason| SupervisorError::Map { dir: map.into(), reason })?;
     renameat_with(CWD, map, CWD, run_dir, RenameFlags::EXCHANGE)
         .map_err(|e| directory("exchange with the map's folder", run_dir, &e))
 }
@@ -129,7 +129,8 @@ fn refuse_if_going_on(files: &RunFiles, run: &RunFile) -> Result<(), String> {
         (Ok(other), Ok(ours)) => other == ours,
         _ => false,
     };
-    let alive = registered_runs().unwrap_or_default().into_iter().find(|r| r.is_alive && same(&r.entry.run_dir));
+    let alive =
+        registered_runs().unwrap_or_default().into_iter().find(|r| r.is_alive && same(&r.entry.run_dir));
     if let Some(alive) = alive {
         return Err(format!(
             "belongs to a run that is going on: {} (pid {}); wait for its end or stop it",
@@ -154,11 +155,9 @@ fn check_alike(
             "{width}x{height} fx {fx} fy {fy} cx {cx} cy {cy} distortion {distortion:?} readout {readout_s} s"
         )
     };
-    let grid = |s: &Settings| format!("surface.step {} and cell_sample {:?}", s.surface.step, s.surface.cell_sample);
-    let pairs = [
-        ("camera", words(old_camera), words(camera)),
-        ("grid", grid(old), grid(settings)),
-    ];
+    let grid =
+        |s: &Settings| format!("surface.step {} and cell_sample {:?}", s.surface.step, s.surface.cell_sample);
+    let pairs = [("camera", words(old_camera), words(camera)), ("grid", grid(old), grid(settings))];
     for (what, found, expected) in pairs {
         if found != expected {
             return Err(format!("was made with another {what}: {found}, this run has {expected}"));
