@@ -2,25 +2,31 @@
 
 use crate::block::BlockSums;
 
-/// One correspondence.
+/// One correspondence, both frames at their stamps.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Match {
-    /// Query point in its own frame.
-    pub(crate) a: [f32; 3],
-    /// Residual `b - T a` in the target's frame.
-    pub(crate) e: [f32; 3],
+pub struct Match {
+    /// Query point in its own frame, metres.
+    pub a: [f32; 3],
+    /// Residual `b - T a` in the target's frame, metres.
+    pub e: [f32; 3],
     /// Query's normal in the target's frame.
-    pub(crate) na: [f32; 3],
+    pub na: [f32; 3],
     /// Target's normal.
-    pub(crate) nb: [f32; 3],
+    pub nb: [f32; 3],
     pub(crate) vertex: u32,
     pub(crate) distance_sq: f32,
-    /// Normal residual in standard deviations.
-    pub(crate) sigmas: f32,
-    pub(crate) weight: f32,
+    /// Normal residual in standard deviations of depth.
+    pub sigmas: f32,
+    /// Factor of its cost.
+    pub weight: f32,
 }
 
 impl Match {
+    /// A correspondence of weight one.
+    pub fn new(a: [f32; 3], e: [f32; 3], na: [f32; 3], nb: [f32; 3]) -> Self {
+        Self { a, e, na, nb, weight: 1.0, ..Self::NONE }
+    }
+
     /// A match that counts nothing, to fill lanes up.
     const NONE: Self = Self {
         a: [0.0; 3],

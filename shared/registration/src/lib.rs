@@ -21,6 +21,7 @@ mod solve;
 mod statistics;
 mod target;
 
+pub use accumulate::Match;
 pub use block::{BlockSums, PairBlock};
 pub use graph::{Graph, InnerReport, Pair, Prior};
 pub use matching::{MatchLimits, Matcher, PairReport};

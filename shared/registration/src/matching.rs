@@ -103,6 +103,11 @@ impl Matcher {
         (sums, report)
     }
 
+    /// The matches of the last call of [`Self::match_pair`].
+    pub fn matches(&self) -> &[Match] {
+        &self.matches
+    }
+
     fn search(
         &mut self,
         queries: &Queries,
