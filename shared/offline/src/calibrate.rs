@@ -112,7 +112,7 @@ pub fn calibrate<E>(
         }
         let (records, map) = run.finish_with_map();
         let (calibration, n_untracked) =
-            solve(&records, &map, &raw, &camera, start, method, options, progress)?;
+            solve(&records, &map, &raw, (&camera, start), method, options, progress)?;
         passes.push(Pass {
             n_frames: n_frames as usize,
             n_untracked,
@@ -159,8 +159,7 @@ fn solve<E>(
     records: &Records,
     map: &SavedMap,
     raw: &RawSurfaces,
-    camera: &Camera,
-    start: &Camera,
+    (camera, start): (&Camera, &Camera),
     method: &Method,
     options: &CalibrateOptions,
     progress: &mut dyn FnMut(),
