@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod chaos;
 mod commands;
 mod exit;
 mod launch;
@@ -36,6 +37,7 @@ pub fn main() -> ExitCode {
         Command::Resume(arguments) => commands::resume(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
+        Command::Chaos(arguments) => commands::chaos(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

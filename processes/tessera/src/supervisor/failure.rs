@@ -58,6 +58,16 @@ pub(crate) enum SupervisorError {
         /// Why not.
         reason: String,
     },
+    /// Too few files may be open.
+    #[error(
+        "a process may have {allowed} files open here, a run needs {needed}; raise the limit (ulimit -n)"
+    )]
+    OpenFiles {
+        /// What the system allows.
+        allowed: u64,
+        /// What is needed.
+        needed: u64,
+    },
     /// Shared memory, or the name of the run.
     #[error(transparent)]
     Transport(#[from] TransportError),
