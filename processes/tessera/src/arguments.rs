@@ -21,6 +21,7 @@ Exit codes:
   2    wrong arguments or configuration
   3    unusable input
   4    a stage failed, or an output could not be written
+  5    the camera was never found in the map given by --map; the map has not grown
   130  interrupted; the outputs of what was processed are written";
 
 /// The whole command line.
@@ -74,6 +75,7 @@ Examples:
   tessera run FOLDER --out results         a recording in the TUM layout
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
+  tessera run FOLDER --map runs/room-1     in the map of an earlier run, which stays as it is
   tessera run FOLDER --live                at the rate of the recording, newest frame first")]
 pub(crate) struct RunArguments {
     /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
@@ -93,9 +95,21 @@ pub(crate) struct RunArguments {
     /// Name of the run [default: a fresh one, after the source]
     #[arg(long)]
     pub(crate) name: Option<String>,
+    /// Leave out so many frames at the beginning
+    #[arg(long, value_name = "N")]
+    pub(crate) skip: Option<u64>,
     /// Process at most so many frames
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<u64>,
+    /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
+    #[arg(long, value_name = "RUN")]
+    pub(crate) map: Option<String>,
+    /// Where the first frame stands in that map: "tx ty tz qx qy qz qw"
+    #[arg(long, value_name = "POSE", requires = "map", allow_hyphen_values = true)]
+    pub(crate) at: Option<String>,
+    /// At the end of the run its folder and that of the map change places: the map is updated
+    #[arg(long, requires = "map")]
+    pub(crate) map_update: bool,
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,

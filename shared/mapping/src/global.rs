@@ -32,6 +32,8 @@ pub(crate) struct Prepared<'a> {
     pub(crate) queries: Queries,
     pub(crate) shutter: ShutterTable,
     pub(crate) surface: SurfaceView<'a>,
+    /// The run that made it.
+    session: u32,
 }
 
 impl Prepared<'_> {
@@ -57,6 +59,7 @@ pub(crate) fn solve(
 ) -> Solution {
     let settings = &context.mapping.global;
     let mut poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
+    let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
     let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
     progress();
     let metric_factor = context.matcher().metric_factor();
@@ -68,7 +71,7 @@ pub(crate) fn solve(
             first_distance_m: settings.first_distance_m as f32,
             progress: if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 },
         };
-        let found: Vec<Found> = neighbours::pairs(&poses, settings)
+        let found: Vec<Found> = neighbours::pairs(&poses, &sessions, settings)
             .par_iter()
             .map_init(
                 || context.matcher(),
@@ -153,7 +156,7 @@ fn pair(
     let view = Target { surface: older.surface, shutter: &older.shutter };
     let (sums, report) = matcher.match_pair(&newer.queries, selection, &view, target_from_query, limits);
     let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
-    let is_neighbour = query == target + 1 && report.n_matches >= 30;
+    let is_neighbour = query == target + 1 && newer.session == older.session && report.n_matches >= 30;
     let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };
     Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight }
 }
@@ -193,5 +196,5 @@ fn prepare<'a>(
     let shutter = context.shutter(&Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity)));
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);
-    Prepared { queries, shutter, surface }
+    Prepared { queries, shutter, surface, session: keyframe.session }
 }

@@ -79,6 +79,7 @@ impl Settings {
         let run = &self.run;
         let options = SourceOptions {
             camera: (!run.camera.is_empty()).then(|| run.camera.clone()),
+            skip: run.skip,
             frames: (run.frames > 0).then_some(run.frames),
             simulation: self.simulation.clone(),
         };

@@ -26,4 +26,4 @@ pub use lifeline::Lifeline;
 pub use log::{last_lines, start_log};
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
-pub use run_file::{RECENT_SURFACES, RunFile};
+pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};

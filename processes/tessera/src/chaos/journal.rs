@@ -42,7 +42,7 @@ fn tally(records: &[AlignRecord]) -> FrameCount {
                 count.skipped += 1;
                 *times.entry(*index).or_default() += 1;
             }
-            AlignRecord::Correction(_) => {}
+            AlignRecord::Map(_) | AlignRecord::Correction(_) => {}
             AlignRecord::End { n_frames, .. } => count.n_frames = *n_frames,
         }
     }

@@ -7,6 +7,7 @@ mod failure;
 mod limits;
 mod plan;
 mod policy;
+mod saved_map;
 mod signals;
 mod stage_process;
 mod tally;
@@ -14,6 +15,7 @@ mod watch;
 
 pub(crate) use failure::SupervisorError;
 pub(crate) use plan::Plan;
+pub(crate) use saved_map::update_map;
 pub(crate) use stage_process::run_stage;
 pub(crate) use tally::Counters;
 pub(crate) use watch::{Outcome, Progress, Supervised, supervise};
