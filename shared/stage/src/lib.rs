@@ -11,6 +11,7 @@ mod keyframes;
 mod kill_point;
 mod lifeline;
 mod log;
+mod memory;
 mod names;
 mod pulse;
 mod run_file;
@@ -24,6 +25,7 @@ pub use kill_point::{
 };
 pub use lifeline::Lifeline;
 pub use log::{last_lines, start_log};
+pub use memory::{ran_out_of_memory, stage_settings};
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};

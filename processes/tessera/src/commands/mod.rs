@@ -1,7 +1,7 @@
 //! One file for each command.
 
-mod chaos;
 mod ablate;
+mod chaos;
 mod check;
 mod clean;
 mod completions;
@@ -12,8 +12,8 @@ mod run;
 mod stage;
 mod status;
 
-pub(crate) use chaos::chaos;
 pub(crate) use ablate::ablate;
+pub(crate) use chaos::chaos;
 pub(crate) use check::check;
 pub(crate) use clean::clean;
 pub(crate) use completions::completions;
