@@ -62,6 +62,8 @@ pub struct Context {
     pub lifeline: Lifeline,
     /// Where to die, in tests.
     pub kill_points: KillPoints,
+    /// Whether a supervisor of ours started this stage.
+    is_supervised: bool,
 }
 
 impl Context {
@@ -87,7 +89,15 @@ impl Context {
         let layout = run.layout(&settings);
         let lifeline = Lifeline::hold(args.watch_stdin)
             .map_err(|e| StageError::Inconsistent(format!("cannot listen to signals: {e}")))?;
-        Ok(Self { files, run, settings, layout, lifeline, kill_points: KillPoints::from_environment() })
+        Ok(Self {
+            files,
+            run,
+            settings,
+            layout,
+            lifeline,
+            kill_points: KillPoints::from_environment(),
+            is_supervised: args.watch_stdin,
+        })
     }
 
     /// What the algorithms of mapping share.
@@ -106,7 +116,12 @@ impl Context {
     /// # Errors
     /// Where the run's configuration is gone or no node can be made.
     pub fn link(&self, stage: Stage) -> Result<Link, StageError> {
-        Ok(Link::open(&self.run.identity, &self.layout, stage.name())?)
+        let link = Link::open(&self.run.identity, &self.layout, stage.name())?;
+        if !self.is_supervised {
+            // Nobody else cleans up after a dead predecessor, whose places this one needs.
+            link.clean_dead_nodes();
+        }
+        Ok(link)
     }
 }
 

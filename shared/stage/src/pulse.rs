@@ -1,6 +1,7 @@
 //! Signs of life: what a stage is doing and has done, for the supervisor and for `status`.
 
 use crate::clock::{cpu_nanos, monotonic_nanos};
+use crate::notify::Notifier;
 use hdrhistogram::Histogram;
 use tessera_messages::{Beat, BeatState, Latency, Stage, WaitingOn};
 use tessera_transport::{Link, Publisher, TransportError};
@@ -20,6 +21,7 @@ pub struct Pulse {
     end_to_end: Histogram<u64>,
     last_sent: u64,
     n_sent: u64,
+    notifier: Notifier,
 }
 
 impl Pulse {
@@ -49,7 +51,9 @@ impl Pulse {
             end_to_end: histogram()?,
             last_sent: 0,
             n_sent: 0,
+            notifier: Notifier::from_environment(),
         };
+        pulse.notifier.ready();
         pulse.send();
         Ok(pulse)
     }
@@ -69,6 +73,7 @@ impl Pulse {
         // Sent each time, so that a frame that kills its stage is known by name.
         self.beat.sequence += 1;
         let _ = self.publisher.send(self.beat);
+        self.notifier.alive();
     }
 
     /// Work goes on: an inner iteration is done.
@@ -97,6 +102,7 @@ impl Pulse {
         self.beat.waiting_on = WaitingOn::Nothing as u32;
         self.beat.peak_rss_bytes = peak_rss_bytes();
         self.send();
+        self.notifier.stopping();
     }
 
     fn send_if_due(&mut self) {
@@ -117,6 +123,7 @@ impl Pulse {
         self.beat.end_to_end = summary(&self.end_to_end);
         // A beat that cannot be sent is a beat that is missed: the supervisor sees to that.
         let _ = self.publisher.send(self.beat);
+        self.notifier.alive();
     }
 }
 

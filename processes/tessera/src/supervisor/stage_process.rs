@@ -7,7 +7,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use tessera_messages::Stage;
-use tessera_stage::{KILL_POINTS_VARIABLE, RunFiles, StageArgs};
+use tessera_stage::{KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, RunFiles, StageArgs};
 
 /// Set for a stage whose standard input is the supervisor's life line.
 const LIFELINE_VARIABLE: &str = "TESSERA_LIFELINE";
@@ -46,6 +46,9 @@ pub(super) fn spawn(
         .stdout(Stdio::null())
         .stderr(log)
         .process_group(0);
+    for name in NOTIFY_VARIABLES {
+        command.env_remove(name);
+    }
     // Those marked with a star belong to every life, the others to the first.
     let points =
         plan.kill_points.iter().filter(|(of, _)| *of == stage).flat_map(|(_, words)| words.split(','));
