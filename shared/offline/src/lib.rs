@@ -155,6 +155,11 @@ impl Run {
         (Records { records: self.records }, SavedMap { keyframes, surfaces: self.keyframes.0 })
     }
 
+    /// Ends the sequence where it is, without the final optimisation, and returns all records.
+    pub fn stop(self) -> Records {
+        Records { records: self.records }
+    }
+
     fn take(&mut self, record: AlignRecord) {
         self.tracker.apply(&record);
         self.optimiser.apply(&record);
