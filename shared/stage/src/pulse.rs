@@ -10,6 +10,11 @@ const INTERVAL_NANOS: u64 = 100_000_000;
 /// Beats between two looks at the memory in use.
 const MEMORY_EVERY: u64 = 10;
 
+/// Log line of a stage that can work.
+pub const READY: &str = "ready";
+/// Log line of the first new frame, surface or pose that a stage has sent in its life.
+pub const FIRST_OUTPUT: &str = "first output";
+
 /// Counts, and sends a beat now and then.
 #[derive(Debug)]
 pub struct Pulse {
@@ -20,6 +25,7 @@ pub struct Pulse {
     end_to_end: Histogram<u64>,
     last_sent: u64,
     n_sent: u64,
+    has_output: bool,
 }
 
 impl Pulse {
@@ -49,9 +55,22 @@ impl Pulse {
             end_to_end: histogram()?,
             last_sent: 0,
             n_sent: 0,
+            has_output: false,
         };
         pulse.send();
         Ok(pulse)
+    }
+
+    /// Everything is open and read back: work can come. `next` is the frame that is expected.
+    pub fn ready(&mut self, next: Option<u64>) {
+        tracing::info!(at_nanos = monotonic_nanos(), frame = next, "{READY}");
+    }
+
+    /// Something new went out; the first of this life is told to the log.
+    pub fn output(&mut self, index: u64) {
+        if !std::mem::replace(&mut self.has_output, true) {
+            tracing::info!(at_nanos = monotonic_nanos(), frame = index, "{FIRST_OUTPUT}");
+        }
     }
 
     /// Nothing to do until something comes.

@@ -4,6 +4,7 @@
 //! supervisor is replaced by another one (`tessera resume`).
 
 mod failure;
+mod limits;
 mod plan;
 mod policy;
 mod saved_map;
