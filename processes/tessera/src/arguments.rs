@@ -1,5 +1,8 @@
 //! The command line.
 
+mod chaos;
+
+pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use std::path::PathBuf;
@@ -47,6 +50,8 @@ pub(crate) enum Command {
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps
     Check(CheckArguments),
+    /// Kill, freeze and damage a run on purpose, and prove that it changed nothing
+    Chaos(ChaosArguments),
     /// Measure what each part of the method is worth, as the paper's Table I does
     Ablate(AblateArguments),
     /// Remove what dead runs left in shared memory, and only that

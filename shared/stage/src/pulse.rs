@@ -11,6 +11,11 @@ const INTERVAL_NANOS: u64 = 100_000_000;
 /// Beats between two looks at the memory in use.
 const MEMORY_EVERY: u64 = 10;
 
+/// Log line of a stage that can work.
+pub const READY: &str = "ready";
+/// Log line of the first new frame, surface or pose that a stage has sent in its life.
+pub const FIRST_OUTPUT: &str = "first output";
+
 /// Counts, and sends a beat now and then.
 #[derive(Debug)]
 pub struct Pulse {
@@ -22,6 +27,7 @@ pub struct Pulse {
     last_sent: u64,
     n_sent: u64,
     notifier: Notifier,
+    has_output: bool,
 }
 
 impl Pulse {
@@ -52,10 +58,23 @@ impl Pulse {
             last_sent: 0,
             n_sent: 0,
             notifier: Notifier::from_environment(),
+            has_output: false,
         };
         pulse.notifier.ready();
         pulse.send();
         Ok(pulse)
+    }
+
+    /// Everything is open and read back: work can come. `next` is the frame that is expected.
+    pub fn ready(&mut self, next: Option<u64>) {
+        tracing::info!(at_nanos = monotonic_nanos(), frame = next, "{READY}");
+    }
+
+    /// Something new went out; the first of this life is told to the log.
+    pub fn output(&mut self, index: u64) {
+        if !std::mem::replace(&mut self.has_output, true) {
+            tracing::info!(at_nanos = monotonic_nanos(), frame = index, "{FIRST_OUTPUT}");
+        }
     }
 
     /// Nothing to do until something comes.

@@ -5,6 +5,7 @@
 
 mod failure;
 mod hold;
+mod limits;
 mod plan;
 mod policy;
 mod saved_map;
