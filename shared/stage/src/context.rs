@@ -119,6 +119,7 @@ impl Context {
     pub fn link(&self, stage: Stage) -> Result<Link, StageError> {
         let link = Link::open(&self.run.identity, &self.layout, stage.name())?;
         if !self.is_supervised {
+            // Nobody else cleans up after a dead predecessor, whose places this one needs.
             link.clean_dead_nodes();
         }
         Ok(link)

@@ -13,6 +13,7 @@ mod lifeline;
 mod log;
 mod memory;
 mod names;
+mod notify;
 mod pulse;
 mod run_file;
 
@@ -27,5 +28,6 @@ pub use lifeline::Lifeline;
 pub use log::{last_lines, start_log};
 pub use memory::{ran_out_of_memory, stage_settings};
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
+pub use notify::{NOTIFY_VARIABLES, Notifier};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};

@@ -1,6 +1,7 @@
 //! Signs of life: what a stage is doing and has done, for the supervisor and for `status`.
 
 use crate::clock::{cpu_nanos, monotonic_nanos};
+use crate::notify::Notifier;
 use hdrhistogram::Histogram;
 use tessera_messages::{Beat, BeatState, Latency, Stage, WaitingOn};
 use tessera_transport::{Link, Publisher, TransportError};
@@ -25,6 +26,7 @@ pub struct Pulse {
     end_to_end: Histogram<u64>,
     last_sent: u64,
     n_sent: u64,
+    notifier: Notifier,
     has_output: bool,
 }
 
@@ -55,8 +57,10 @@ impl Pulse {
             end_to_end: histogram()?,
             last_sent: 0,
             n_sent: 0,
+            notifier: Notifier::from_environment(),
             has_output: false,
         };
+        pulse.notifier.ready();
         pulse.send();
         Ok(pulse)
     }
@@ -88,6 +92,7 @@ impl Pulse {
         // Sent each time, so that a frame that kills its stage is known by name.
         self.beat.sequence += 1;
         let _ = self.publisher.send(self.beat);
+        self.notifier.alive();
     }
 
     /// Work goes on: an inner iteration is done.
@@ -116,6 +121,7 @@ impl Pulse {
         self.beat.waiting_on = WaitingOn::Nothing as u32;
         self.beat.peak_rss_bytes = peak_rss_bytes();
         self.send();
+        self.notifier.stopping();
     }
 
     fn send_if_due(&mut self) {
@@ -136,6 +142,7 @@ impl Pulse {
         self.beat.end_to_end = summary(&self.end_to_end);
         // A beat that cannot be sent is a beat that is missed: the supervisor sees to that.
         let _ = self.publisher.send(self.beat);
+        self.notifier.alive();
     }
 }
 

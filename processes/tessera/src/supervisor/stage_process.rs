@@ -7,7 +7,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use tessera_messages::Stage;
-use tessera_stage::{KILL_POINTS_VARIABLE, POISON_VARIABLE, RunFiles, STRUCK, StageArgs};
+use tessera_stage::{KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageArgs};
 
 /// Set for a stage whose standard input is the supervisor's life line.
 const LIFELINE_VARIABLE: &str = "TESSERA_LIFELINE";
@@ -49,6 +49,9 @@ pub(super) fn spawn(
         .stdout(Stdio::null())
         .stderr(log)
         .process_group(0);
+    for name in NOTIFY_VARIABLES {
+        command.env_remove(name);
+    }
     if !poison.is_empty() {
         let words: Vec<String> = poison.iter().map(u64::to_string).collect();
         command.env(POISON_VARIABLE, words.join(","));

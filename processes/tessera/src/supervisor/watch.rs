@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
-use tessera_stage::{last_lines, ran_out_of_memory, stage_settings};
+use tessera_stage::{Notifier, last_lines, ran_out_of_memory, stage_settings};
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -163,7 +163,10 @@ struct Supervisor<'a> {
 impl Supervisor<'_> {
     fn run(&mut self, tell: &mut dyn FnMut(&Progress)) -> Result<Outcome, SupervisorError> {
         let mut told_at: Option<Instant> = None;
+        let mut notifier = Notifier::from_environment();
+        notifier.ready();
         loop {
+            notifier.alive();
             self.start_due()?;
             // Only now: a successor finds a free place beside its dead twin, and starts meanwhile.
             if std::mem::take(&mut self.has_dead) {
