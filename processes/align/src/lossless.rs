@@ -2,6 +2,7 @@
 
 use crate::Pause;
 use crate::desk::{Desk, End};
+use crate::inbox::Seen;
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
 use tessera_messages::{Kind, WaitingOn};
@@ -59,10 +60,10 @@ fn await_history(
     ports: &mut Ports,
     first: u64,
     next: u64,
-) -> Result<Option<(u64, Vec<(u64, u64)>)>, StageError> {
+) -> Result<Option<(u64, Seen)>, StageError> {
     let limit = next.saturating_add(2 * u64::from(context.layout.window) + 1);
     let began = monotonic_nanos();
-    let mut seen = Vec::new();
+    let mut seen = Seen::new();
     // At the run's first frame, and to a reader that was here before, no history comes.
     while std::mem::take(&mut ports.is_fresh) && first < next {
         seen.extend(ports.inbox.fill(first, Some(limit), &mut ports.pulse)?);
