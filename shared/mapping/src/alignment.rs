@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::degeneracy::{self, FreeDirection};
+use crate::trees::Trees;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, log};
 use tessera_registration::{
     BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample, Selection,
@@ -15,6 +16,8 @@ const HELD_ITERATIONS: u32 = 3;
 /// A fixed surface with its pose.
 pub(crate) struct Reference<'a> {
     pub(crate) world_from_camera: Pose,
+    /// Names its surface among the recent frames or, with `true`, among the keyframes.
+    pub(crate) key: (bool, u64),
     pub(crate) surface: SurfaceView<'a>,
     pub(crate) shutter: ShutterTable,
 }
@@ -71,6 +74,7 @@ pub(crate) struct Aligner {
     matcher: Matcher,
     queries: Queries,
     shutter: ShutterTable,
+    trees: Trees,
 }
 
 impl Aligner {
@@ -79,6 +83,7 @@ impl Aligner {
             matcher: context.matcher(),
             queries: Queries::default(),
             shutter: context.shutter(&Twist::default()),
+            trees: Trees::default(),
         }
     }
 
@@ -103,6 +108,13 @@ impl Aligner {
             outer_iterations: 0,
             is_solved: false,
         };
+        self.queries.fill(samples, &self.shutter);
+        let trees = self.trees.of(context, references);
+        let targets: Vec<Target<'_>> = references
+            .iter()
+            .zip(&trees)
+            .map(|(r, tree)| Target { surface: r.surface, shutter: &r.shutter, tree: tree.as_deref() })
+            .collect();
         let factor = self.metric_factor(context);
         let motion = prior(context, prediction, self.matcher.metric_factor());
         let (mut k, mut is_checked, mut n_more) = (0, false, 0);
@@ -111,7 +123,7 @@ impl Aligner {
                 first_distance_m: prediction.first_distance_m as f32,
                 progress: k as f32 / last as f32,
             };
-            self.match_all(context, samples, references, &limits, &mut result);
+            self.match_all(context, references, &targets, &limits, &mut result);
             result.outer_iterations += 1;
             let held = (!result.free.is_empty()).then(|| Prior {
                 vertex: 0,
@@ -156,13 +168,13 @@ impl Aligner {
     fn match_all(
         &mut self,
         context: &Context,
-        samples: &[Sample],
         references: &[Reference<'_>],
+        targets: &[Target<'_>],
         limits: &MatchLimits,
         result: &mut Alignment,
     ) {
         context.fill_shutter(&result.velocity, &mut self.shutter);
-        self.queries.fill(samples, &self.shutter);
+        self.queries.set_shutter(&self.shutter);
         result.blocks.clear();
         result.reports.clear();
         let window = &context.mapping.window;
@@ -170,12 +182,11 @@ impl Aligner {
         let is_early = limits.progress < 1.0;
         let share = if is_early { window.early_share } else { 1.0 };
         let count = (f64::from(window.match_budget) * share) as usize / references.len().max(1);
-        for (place, reference) in references.iter().enumerate() {
+        for (place, (reference, target)) in references.iter().zip(targets).enumerate() {
             let selection = Selection { count, shift: place };
-            let target = Target { surface: reference.surface, shutter: &reference.shutter };
             let target_from_query = reference.world_from_camera.inverse() * result.world_from_camera;
             let (sums, report) =
-                self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, limits);
+                self.matcher.match_pair(&self.queries, selection, target, &target_from_query, limits);
             result.blocks.push((target_from_query, sums));
             result.reports.push(report);
         }

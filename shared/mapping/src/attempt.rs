@@ -85,11 +85,11 @@ impl Tracker {
     }
 
     pub(crate) fn reference<'a>(&self, member: Member, surfaces: &Surfaces<'a>) -> Option<Reference<'a>> {
-        let (pose, velocity, surface) = match member {
+        let (pose, velocity, key, surface) = match member {
             Member::Recent(place) => {
                 let recent = &self.state.recent[place];
                 let surface = surfaces.recent.iter().find(|s| s.index == recent.index)?.surface;
-                (&recent.world_from_camera, &recent.velocity, surface)
+                (&recent.world_from_camera, &recent.velocity, (false, recent.index), surface)
             }
             Member::Keyframe(id) => {
                 let keyframe = self.state.keyframes.get(id as usize)?;
@@ -100,12 +100,13 @@ impl Tracker {
                     grid: self.context.grid,
                     vertices: surfaces.keyframes.vertices(id),
                 });
-                (&keyframe.world_from_camera, &keyframe.velocity, surface)
+                (&keyframe.world_from_camera, &keyframe.velocity, (true, u64::from(id)), surface)
             }
         };
         let velocity = Twist::from_vector(&Vector6::from_column_slice(velocity));
         Some(Reference {
             world_from_camera: Pose::from(pose),
+            key,
             surface,
             shutter: self.context.shutter(&velocity),
         })

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
-    Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler, Selection, ShutterTable, Target,
+    Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler, Selection, ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
 
@@ -32,11 +32,16 @@ pub(crate) struct Prepared<'a> {
     pub(crate) queries: Queries,
     pub(crate) shutter: ShutterTable,
     pub(crate) surface: SurfaceView<'a>,
+    pub(crate) tree: Option<KdTree>,
 }
 
 impl Prepared<'_> {
+    pub(crate) fn target(&self) -> Target<'_> {
+        Target { surface: self.surface, shutter: &self.shutter, tree: self.tree.as_ref() }
+    }
+
     pub(crate) fn side(&self) -> Side<'_> {
-        Side { queries: &self.queries, surface: self.surface, shutter: &self.shutter }
+        Side { queries: &self.queries, target: self.target() }
     }
 }
 
@@ -150,7 +155,7 @@ fn pair(
     let settings = &context.mapping.global;
     // Each pair takes another choice of the samples.
     let selection = Selection { count: settings.queries_per_pair as usize, shift: target };
-    let view = Target { surface: older.surface, shutter: &older.shutter };
+    let view = older.target();
     let (sums, report) = matcher.match_pair(&newer.queries, selection, &view, target_from_query, limits);
     let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
     let is_neighbour = query == target + 1 && report.n_matches >= 30;
@@ -193,5 +198,6 @@ fn prepare<'a>(
     let shutter = context.shutter(&Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity)));
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);
-    Prepared { queries, shutter, surface }
+    let tree = context.tree(&surface, &shutter);
+    Prepared { queries, shutter, surface, tree }
 }

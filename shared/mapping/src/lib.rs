@@ -28,6 +28,7 @@ mod robust;
 mod settings;
 mod state;
 mod tracker;
+mod trees;
 mod verify;
 mod window;
 

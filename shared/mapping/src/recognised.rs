@@ -11,7 +11,7 @@ use crate::verify::{self, Tested};
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_recognition::similarity;
-use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection, Target};
+use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection};
 
 /// First distance limit of an alignment from scratch, metres.
 const FIRST_DISTANCE_M: f32 = 0.5;
@@ -68,7 +68,7 @@ fn from_scratch(
     older: &Prepared<'_>,
 ) -> (Pose, PairBlock) {
     let selection = Selection { count: context.mapping.global.queries_per_pair as usize, shift: 0 };
-    let target = Target { surface: older.surface, shutter: &older.shutter };
+    let target = older.target();
     let mut at = Pose::identity();
     let mut k = 0;
     loop {

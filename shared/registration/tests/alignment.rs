@@ -98,8 +98,11 @@ impl Setup {
         let mut queries = Queries::default();
         queries.fill(&samples, &shutter(&self.query_velocity));
         let target_shutter = shutter(&self.target_velocity);
-        let target =
-            Target { surface: SurfaceView { grid, vertices: &self.target }, shutter: &target_shutter };
+        let target = Target {
+            surface: SurfaceView { grid, vertices: &self.target },
+            shutter: &target_shutter,
+            tree: None,
+        };
         let grid_camera = GridCamera::new(&self.camera, grid, offset_px);
         let mut matcher = Matcher::new(grid_camera, DepthNoise::default(), &settings);
         let mut pose = *start;
