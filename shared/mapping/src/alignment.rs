@@ -5,8 +5,8 @@ use crate::degeneracy::{self, FreeDirection};
 use crate::trees::Trees;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, log};
 use tessera_registration::{
-    BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample, Selection,
-    ShutterTable, Target,
+    BlockSums, BrightnessUse, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries,
+    Sample, Selection, ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
 
@@ -87,14 +87,36 @@ impl Aligner {
         }
     }
 
-    /// Aligns `samples` to the references: search, then at most ten inner iterations, with
-    /// shrinking limits, until the last limits have been solved once.
+    /// Aligns `samples` to the references; where geometry leaves a direction free, once more with
+    /// the brightness, if the settings say so.
     pub(crate) fn align(
         &mut self,
         context: &Context,
         samples: &[Sample],
         references: &[Reference<'_>],
         prediction: &Prediction,
+    ) -> Alignment {
+        let brightness = context.registration.weight.brightness;
+        let is_always = brightness == BrightnessUse::Always;
+        let first = self.descend(context, samples, references, prediction, is_always);
+        let is_asked =
+            brightness == BrightnessUse::WhereFree && context.camera.colour_registered && first.is_solved;
+        if !is_asked || first.free.is_empty() {
+            return first;
+        }
+        let second = self.descend(context, samples, references, prediction, true);
+        if second.is_solved { second } else { first }
+    }
+
+    /// Search, then at most ten inner iterations, with shrinking limits, until the last limits have
+    /// been solved once (SPEC 5.1).
+    fn descend(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        references: &[Reference<'_>],
+        prediction: &Prediction,
+        brightness: bool,
     ) -> Alignment {
         let window = &context.mapping.window;
         let last = prediction.outer_iterations.max(2) - 1;
@@ -122,6 +144,7 @@ impl Aligner {
             let limits = MatchLimits {
                 first_distance_m: prediction.first_distance_m as f32,
                 progress: k as f32 / last as f32,
+                brightness,
             };
             self.match_all(context, references, &targets, &limits, &mut result);
             result.outer_iterations += 1;

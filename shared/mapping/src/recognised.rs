@@ -14,7 +14,7 @@ use tessera_recognition::similarity;
 use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection};
 
 /// First distance limit of an alignment from scratch, metres.
-const FIRST_DISTANCE_M: f32 = 0.5;
+const FIRST_DISTANCE_M: f64 = 0.5;
 /// Outer iterations of an alignment from scratch.
 const ITERATIONS: usize = 6;
 
@@ -73,7 +73,7 @@ fn from_scratch(
     let mut k = 0;
     loop {
         let progress = k as f32 / (ITERATIONS - 1) as f32;
-        let limits = MatchLimits { first_distance_m: FIRST_DISTANCE_M, progress };
+        let limits = MatchLimits::new(FIRST_DISTANCE_M, progress);
         let (sums, _) = matcher.match_pair(&newer.queries, selection, &target, &at, &limits);
         let block = PairBlock::new(&at, &sums);
         k += 1;

@@ -34,7 +34,7 @@ pub use projection::GridCamera;
 pub use queries::{Queries, Selection};
 pub use random::SplitMix64;
 pub use sampling::{Sample, Sampler};
-pub use settings::{RegistrationSettings, SearchMethod, SearchSettings, WeightSettings};
+pub use settings::{BrightnessUse, RegistrationSettings, SearchMethod, SearchSettings, WeightSettings};
 pub use solve::NotPositiveDefinite;
 pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
 pub use target::{ShutterTable, Target};

@@ -20,6 +20,15 @@ pub struct MatchLimits {
     /// 0 in the first outer iteration, 1 in the last: distances shrink from `first_distance_m`
     /// to twice the local edge tolerance, radii and normals from their first to their last value.
     pub progress: f32,
+    /// Whether brightness counts beside geometry.
+    pub brightness: bool,
+}
+
+impl MatchLimits {
+    /// The limits at a point of the schedule, geometry alone.
+    pub fn new(first_distance_m: f64, progress: f32) -> Self {
+        Self { first_distance_m: first_distance_m as f32, progress, brightness: false }
+    }
 }
 
 /// What a search found, in numbers.
@@ -99,6 +108,7 @@ impl Matcher {
         self.arch.dispatch(Straighten { chosen: &mut self.chosen, shutter: queries.shutter() });
         self.found.reset(self.chosen.len());
         self.locate(target, &motion);
+        let with_brightness = limits.brightness && self.has_colour;
         let limits = self.limits(limits);
         let n_in_view = match target.tree {
             Some(tree) => {
@@ -128,7 +138,7 @@ impl Matcher {
             self.keep_one_to_one();
         }
         let median_residual_sigmas = self.reject_by_median();
-        let brightness = self.brightness(target);
+        let brightness = if with_brightness { self.brightness(target) } else { Brightness::default() };
         self.weigh();
         let epsilon = self.settings.weight.covariance_epsilon;
         let sums = self.arch.dispatch(Accumulate {
@@ -234,13 +244,10 @@ impl Matcher {
         median
     }
 
-    /// Brightness as a further residual of each match, where colours are registered to depth.
+    /// Brightness as a further residual of each match.
     fn brightness(&mut self, target: &Target<'_>) -> Brightness {
-        let sigma = self.settings.weight.brightness_sigma;
-        if sigma <= 0.0 || !self.has_colour {
-            return Brightness::default();
-        }
         let information = self.metric_factor() as f32;
+        let sigma = self.settings.weight.brightness_sigma;
         brightness::gather(&mut self.found, &self.chosen, target, information, sigma)
     }
 
