@@ -37,6 +37,7 @@ const MAY_KNOW: [(&str, &[&str]); 18] = [
             "journal",
             "mapping",
             "messages",
+            "offline",
             "optimise",
             "reconstruct",
             "sensor",

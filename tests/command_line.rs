@@ -36,7 +36,8 @@ fn write_trajectory(path: &Path, n: usize, scale: f64) {
 fn help_has_examples_and_exit_codes() {
     let help = stdout(&["--help"]);
     assert!(help.contains("Exit codes:") && help.contains("Examples:"), "{help}");
-    for command in ["run", "resume", "export", "evaluate", "status", "stage", "check", "clean", "completions"]
+    for command in
+        ["run", "resume", "export", "evaluate", "status", "stage", "check", "ablate", "clean", "completions"]
     {
         assert!(help.contains(command), "{command} is not in the help");
         assert!(stdout(&[command, "--help"]).contains("Examples:"), "{command}");

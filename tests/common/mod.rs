@@ -16,6 +16,11 @@ const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 
 /// The outputs that must be the same bytes whatever happened.
 pub const OUTPUTS: [&str; 4] = ["trajectory.txt", "trajectory_online.txt", "keyframes.txt", "map.ply"];
 
+/// Writes the small camera to a file.
+pub fn write_camera(path: &Path) {
+    std::fs::write(path, CAMERA).unwrap();
+}
+
 /// A run's folder and name, both of its own.
 pub struct Run {
     pub dir: tempfile::TempDir,

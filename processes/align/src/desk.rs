@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
-use tessera_mapping::{AlignRecord, Correction, FrameRecord, OptimiseRecord, RequestRecord, Tracker};
+use tessera_mapping::{
+    AlignRecord, Correction, FrameRecord, OptimiseRecord, RequestRecord, StoreSlot, Tracker,
+};
 use tessera_settings::Fsync;
 use tessera_stage::{
     ALIGN_JOURNAL, Context, MappedKeyframes, OPTIMISE_JOURNAL, StageError, journal_slot, store_slot,
@@ -51,10 +53,8 @@ impl Desk {
         let mut records = Vec::new();
         let (journal, recovered) =
             Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
-                if let Some(keyframe) = new_keyframe(&record) {
-                    keyframes.add(keyframe).map_err(|e| e.to_string())?;
-                    store.keep(&journal_slot(&keyframe.slot));
-                }
+                keyframes.take(&record).map_err(|e| e.to_string())?;
+                slots(&record).iter().for_each(|slot| store.keep(&journal_slot(slot)));
                 records.push(record);
                 Ok(())
             })?;
@@ -64,6 +64,12 @@ impl Desk {
                 recovered.n_records,
                 recovered.dropped_bytes
             );
+        }
+        if context.run.map.is_some() && !matches!(records.first(), Some(AlignRecord::Map(_))) {
+            return Err(StageError::Inconsistent(format!(
+                "{} does not begin with the map that the run starts in; `tessera resume` puts it back",
+                files.align_journal().display()
+            )));
         }
         let answers = Follower::open(&files.optimise_journal(), OPTIMISE_JOURNAL)?;
         let mut desk = Self {
@@ -97,7 +103,7 @@ impl Desk {
             AlignRecord::End { n_frames, request } => {
                 self.end = Some(End { n_frames: *n_frames, request: *request });
             }
-            AlignRecord::Skipped(..) => {}
+            AlignRecord::Skipped(..) | AlignRecord::Map(_) => {}
         }
     }
 
@@ -125,9 +131,7 @@ impl Desk {
             Fsync::Always => true,
         };
         self.journal.append(record, sync)?;
-        if let Some(keyframe) = new_keyframe(record) {
-            self.keyframes.add(keyframe)?;
-        }
+        self.keyframes.take(record)?;
         self.take_in(record);
         Ok(())
     }
@@ -159,9 +163,11 @@ impl Desk {
     }
 }
 
-fn new_keyframe(record: &AlignRecord) -> Option<&tessera_mapping::KeyframeRecord> {
+/// Where the surfaces lie that a record names.
+fn slots(record: &AlignRecord) -> Vec<StoreSlot> {
     match record {
-        AlignRecord::Frame(frame) => frame.new_keyframe.as_ref(),
-        _ => None,
+        AlignRecord::Frame(frame) => frame.new_keyframe.iter().map(|keyframe| keyframe.slot).collect(),
+        AlignRecord::Map(map) => map.keyframes.iter().map(|keyframe| keyframe.slot).collect(),
+        _ => Vec::new(),
     }
 }

@@ -68,11 +68,7 @@ impl Desk {
                 return Ok(Some(request));
             }
             let Some(record) = self.records.next()? else { return Ok(None) };
-            if let AlignRecord::Frame(frame) = &record
-                && let Some(keyframe) = &frame.new_keyframe
-            {
-                self.keyframes.add(keyframe)?;
-            }
+            self.keyframes.take(&record)?;
             self.optimiser.apply(&record);
         }
     }

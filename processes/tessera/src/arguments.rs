@@ -18,6 +18,7 @@ Exit codes:
   2    wrong arguments or configuration
   3    unusable input
   4    a stage failed, or an output could not be written
+  5    the camera was never found in the map given by --map; the map has not grown
   130  interrupted; the outputs of what was processed are written";
 
 /// The whole command line.
@@ -46,6 +47,8 @@ pub(crate) enum Command {
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps
     Check(CheckArguments),
+    /// Measure what each part of the method is worth, as the paper's Table I does
+    Ablate(AblateArguments),
     /// Remove what dead runs left in shared memory, and only that
     #[command(after_help = "Examples:\n  tessera clean")]
     Clean,
@@ -69,6 +72,7 @@ Examples:
   tessera run FOLDER --out results         a recording in the TUM layout
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
+  tessera run FOLDER --map runs/room-1     in the map of an earlier run, which stays as it is
   tessera run FOLDER --live                at the rate of the recording, newest frame first")]
 pub(crate) struct RunArguments {
     /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
@@ -88,9 +92,21 @@ pub(crate) struct RunArguments {
     /// Name of the run [default: a fresh one, after the source]
     #[arg(long)]
     pub(crate) name: Option<String>,
+    /// Leave out so many frames at the beginning
+    #[arg(long, value_name = "N")]
+    pub(crate) skip: Option<u64>,
     /// Process at most so many frames
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<u64>,
+    /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
+    #[arg(long, value_name = "RUN")]
+    pub(crate) map: Option<String>,
+    /// Where the first frame stands in that map: "tx ty tz qx qy qz qw"
+    #[arg(long, value_name = "POSE", requires = "map", allow_hyphen_values = true)]
+    pub(crate) at: Option<String>,
+    /// At the end of the run its folder and that of the map change places: the map is updated
+    #[arg(long, requires = "map")]
+    pub(crate) map_update: bool,
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,
@@ -213,6 +229,51 @@ pub(crate) struct CheckArguments {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// `tessera ablate`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+The first table is the RPE of the initial alignments: pairwise with every n-th pixel, with the filter over
+k rings, with a window of w frames; each alignment stands as it is, without failure tests. The second is
+the ATE of the whole system, beside that of others where all frames take part (no --frames).
+All runs of a sequence go through one process and give the same bits as `tessera run`.
+
+Examples:
+  tessera ablate room --frames 60
+  tessera ablate FOLDER... --out table1.svg
+  tessera ablate FOLDER --seeds 5 --json")]
+pub(crate) struct AblateArguments {
+    /// Folders in the TUM layout with ground truth, or simulated worlds
+    #[arg(required = true, value_name = "SEQUENCE")]
+    pub(crate) sequences: Vec<String>,
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    #[arg(long, value_name = "CAMERA")]
+    pub(crate) camera: Option<String>,
+    /// What the columns of the first table start from
+    #[arg(long, value_name = "PRESET|FILE", default_value = "default")]
+    pub(crate) config: String,
+    /// What the whole system of the second table is run with
+    #[arg(long, value_name = "PRESET|FILE", default_value = "default")]
+    pub(crate) whole_config: String,
+    /// Change one setting of all; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) overrides: Vec<String>,
+    /// Process at most so many frames of each sequence
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) frames: Option<u64>,
+    /// Sampling seeds; more than one give a median and a spread
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub(crate) seeds: u64,
+    /// The plot of the first table
+    #[arg(long, value_name = "FILE", default_value = "ablation.svg")]
+    pub(crate) out: PathBuf,
+    /// Print JSON instead of Markdown
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
 }
 
 #[cfg(test)]

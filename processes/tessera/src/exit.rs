@@ -21,6 +21,8 @@ pub(crate) enum Exit {
     Input = 3,
     /// A stage failed.
     Stage = 4,
+    /// The camera was never found in the map that the run started in.
+    NotInMap = 5,
     /// Ended by Ctrl-C or SIGTERM.
     Interrupted = 130,
 }
@@ -116,7 +118,10 @@ impl CommandError {
 fn of_supervisor(error: &SupervisorError) -> Exit {
     match error {
         // A name or folder that cannot be used was given by somebody.
-        SupervisorError::RunExists { .. } | SupervisorError::Directory { .. } => Exit::Arguments,
+        SupervisorError::RunExists { .. }
+        | SupervisorError::Leftover { .. }
+        | SupervisorError::Map { .. }
+        | SupervisorError::Directory { .. } => Exit::Arguments,
         SupervisorError::Transport(error) => of_transport(error),
         SupervisorError::Stage(error) => of_stage(error),
         SupervisorError::Spawn { .. } => Exit::Stage,

@@ -6,7 +6,7 @@ use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, Ended, RunStatistics};
 use crate::progress::ProgressView;
 use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, supervise};
-use crate::terminal::say;
+use crate::terminal::{say, say_error};
 use std::time::Duration;
 use tessera_messages::Stage;
 use tessera_trajectory::Trajectory;
@@ -78,8 +78,13 @@ fn conclude(
         let go_on = format!("once the cause is gone, go on with: {}", resume_command(plan));
         return Err(CommandError::Failed { exit, message: format!("{failure}\n{go_on}") });
     }
-    say_summary(&written?, &plan.run_dir, speech)?;
+    let summary = written?;
+    say_summary(&summary, &plan.run_dir, speech)?;
     if ended != Ended::Interrupted {
+        if summary.is_nowhere() {
+            say_error(&format!("no frame was found in the map of {}", plan.settings.run.map));
+            return Ok(Exit::NotInMap);
+        }
         return Ok(Exit::Done);
     }
     if !speech.quiet && !speech.json {

@@ -4,6 +4,7 @@
 //! run directory, under `outputs`.
 #![forbid(unsafe_code)]
 
+mod ablation;
 mod arguments;
 mod commands;
 mod exit;
@@ -35,6 +36,7 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => commands::export(&arguments),
         Command::Resume(arguments) => commands::resume(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
+        Command::Ablate(arguments) => commands::ablate(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),

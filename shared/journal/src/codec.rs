@@ -25,6 +25,16 @@ pub(crate) fn encode<T: Serialize>(record: &T, out: &mut Vec<u8>, path: &Path) -
         .map_err(|error| JournalError::Encode { path: path.into(), reason: error.to_string() })
 }
 
+/// CRC-32 of a record's bytes: names the record.
+///
+/// # Errors
+/// Where it is too large to be a record.
+pub fn fingerprint<T: Serialize>(record: &T) -> Result<u32, JournalError> {
+    let mut bytes = Vec::new();
+    encode(record, &mut bytes, Path::new("a fingerprint"))?;
+    Ok(crc32fast::hash(&bytes))
+}
+
 /// The record that `bytes` hold, no byte more and no byte less; the reason where there is none.
 pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let (record, used) =

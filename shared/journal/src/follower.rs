@@ -71,6 +71,15 @@ impl<T: DeserializeOwned> Follower<T> {
         Ok(Some(record))
     }
 
+    /// Bytes behind the records read so far: of a journal that nobody writes, a torn tail.
+    ///
+    /// # Errors
+    /// Where the file cannot be looked at.
+    pub fn bytes_left(&self) -> Result<u64, JournalError> {
+        let len = self.file.metadata().map_err(JournalError::io("look at", &self.path))?.len();
+        Ok(len.saturating_sub(self.end))
+    }
+
     /// Reads exactly `len` bytes at `offset` into the buffer; `false` where the file is shorter.
     fn fill(&mut self, offset: u64, len: usize) -> Result<bool, JournalError> {
         self.buffer.resize(len, 0);

@@ -21,6 +21,7 @@ mod mapped;
 mod store;
 mod writer;
 
+pub use codec::fingerprint;
 pub use error::JournalError;
 pub use follower::Follower;
 pub use lock::{end_holder, lock_file};

@@ -97,6 +97,16 @@ impl Store {
     }
 }
 
+impl Store {
+    /// Forces what was written to disk.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn sync(&self) -> Result<(), JournalError> {
+        self.file.sync_data().map_err(JournalError::io("sync", &self.path))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

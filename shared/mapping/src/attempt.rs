@@ -46,7 +46,7 @@ impl Tracker {
         if judge::found_again(strict, &second.alignment).is_ok() {
             return Ok(second);
         }
-        if let Some(keyframe) = self.state.keyframes.last() {
+        if let Some(keyframe) = self.state.last_own_keyframe() {
             wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
             wide.previous = None;
             let third = self.attempt(samples, surfaces, &wide);
@@ -94,8 +94,12 @@ impl Tracker {
             Member::Keyframe(id) => {
                 let keyframe = self.state.keyframes.get(id as usize)?;
                 // A keyframe promoted at this step is not in the store yet; its bits are the same.
-                let fresh =
-                    surfaces.recent.iter().find(|s| s.index == keyframe.frame_index).map(|s| s.surface);
+                let is_own = self.state.is_own(keyframe);
+                let fresh = surfaces
+                    .recent
+                    .iter()
+                    .find(|s| is_own && s.index == keyframe.frame_index)
+                    .map(|s| s.surface);
                 let surface = fresh.unwrap_or_else(|| SurfaceView {
                     grid: self.context.grid,
                     vertices: surfaces.keyframes.vertices(id),

@@ -49,7 +49,9 @@ pub(crate) fn of_world(
                 }
                 Member::Keyframe(id) => {
                     let k = state.keyframes.get(*id as usize)?;
-                    (&k.world_from_camera, &k.covariance, k.frame_index)
+                    // A keyframe of an earlier run: as old as this run at least.
+                    let index = if state.is_own(k) { k.frame_index } else { 0 };
+                    (&k.world_from_camera, &k.covariance, index)
                 }
             };
             let ad = adjoint(&(a.world_from_camera.inverse() * Pose::from(pose)));

@@ -35,6 +35,8 @@ pub(crate) struct Prepared<'a> {
     pub(crate) shutter: ShutterTable,
     pub(crate) surface: SurfaceView<'a>,
     pub(crate) tree: Option<KdTree>,
+    /// The run that made it.
+    session: u32,
 }
 
 impl Prepared<'_> {
@@ -64,6 +66,7 @@ pub(crate) fn solve(
 ) -> Solution {
     let settings = &context.mapping.global;
     let mut poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
+    let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
     let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
     progress();
     let metric_factor = context.matcher().metric_factor();
@@ -73,7 +76,7 @@ pub(crate) fn solve(
     for k in 0..outer_iterations {
         let share = if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 };
         let limits = MatchLimits::new(settings.first_distance_m, share);
-        let found: Vec<Found> = neighbours::pairs(&poses, settings)
+        let found: Vec<Found> = neighbours::pairs(&poses, &sessions, settings)
             .par_iter()
             .map_init(
                 || context.matcher(),
@@ -166,7 +169,7 @@ fn pair(
         (sums, report) = find(true);
     }
     let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
-    let is_neighbour = query == target + 1 && report.n_matches >= 30;
+    let is_neighbour = query == target + 1 && newer.session == older.session && report.n_matches >= 30;
     let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };
     Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight }
 }
@@ -216,5 +219,5 @@ fn prepare<'a>(
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);
     let tree = context.tree(&surface, &shutter);
-    Prepared { queries, shutter, surface, tree }
+    Prepared { queries, shutter, surface, tree, session: keyframe.session }
 }

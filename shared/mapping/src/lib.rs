@@ -36,7 +36,7 @@ pub use context::Context;
 pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
-    KeyframeRecord, LoopRecord, LoopVerdict, OptimiseRecord, RequestRecord, State, StoreSlot,
+    KeyframeRecord, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RequestRecord, State, StoreSlot,
 };
 pub use settings::{
     GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,

@@ -4,7 +4,8 @@ use crate::records::RequestRecord;
 use crate::settings::LoopSettings;
 use crate::state::{KeyframeState, TrackerState};
 
-/// Whether seeing `keyframe` from frame `index` closes a loop: long ago in index, time and graph.
+/// Whether seeing `keyframe` from frame `index` closes a loop: long ago in index, time and graph,
+/// or made by an earlier run.
 pub(crate) fn is_loop(
     settings: &LoopSettings,
     state: &TrackerState,
@@ -12,6 +13,9 @@ pub(crate) fn is_loop(
     index: u64,
     stamp_nanos: i64,
 ) -> bool {
+    if !state.is_own(keyframe) {
+        return true;
+    }
     let seconds = (stamp_nanos - keyframe.stamp_nanos) as f64 * 1e-9;
     let hops = (state.keyframes.len() as u32).saturating_sub(keyframe.id + 1);
     index.saturating_sub(keyframe.frame_index) > settings.min_frames
@@ -20,8 +24,11 @@ pub(crate) fn is_loop(
 }
 
 /// Whether two keyframes are far enough apart in index, time and graph for a pair of them to
-/// close a loop.
+/// close a loop; those of different runs always are.
 pub(crate) fn are_far(settings: &LoopSettings, newer: &KeyframeState, older: &KeyframeState) -> bool {
+    if newer.session != older.session {
+        return true;
+    }
     let seconds = (newer.stamp_nanos - older.stamp_nanos) as f64 * 1e-9;
     newer.frame_index.saturating_sub(older.frame_index) > settings.min_frames
         && seconds > settings.min_seconds
@@ -36,8 +43,8 @@ pub(crate) fn request(
     index: u64,
     n_keyframes: u32,
 ) -> Option<RequestRecord> {
-    let is_soon =
-        state.n_requests > 0 && n_keyframes < state.n_keyframes_at_request + settings.request_interval;
+    let is_soon = state.n_keyframes_at_request > 0
+        && n_keyframes < state.n_keyframes_at_request + settings.request_interval;
     if state.pending.is_some() || is_soon || n_keyframes < 2 {
         return None;
     }

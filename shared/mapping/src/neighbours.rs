@@ -9,13 +9,14 @@ const FAR_GAP: usize = 10;
 
 /// Pairs `(newer, older)`, sorted by the older: consecutive keyframes, and for each keyframe its neighbours,
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
-/// picks neighbours in time).
-pub(crate) fn pairs(poses: &[Pose], settings: &GlobalSettings) -> Vec<(usize, usize)> {
+/// picks neighbours in time). `sessions`: the run that made each; where another run goes on,
+/// consecutive keyframes may be anywhere.
+pub(crate) fn pairs(poses: &[Pose], sessions: &[u32], settings: &GlobalSettings) -> Vec<(usize, usize)> {
     let angle_limit = settings.angle_deg.to_radians();
     let half = (settings.neighbours as usize).div_ceil(2);
     let mut found = Vec::new();
     for i in 0..poses.len() {
-        if i > 0 {
+        if i > 0 && sessions[i] == sessions[i - 1] {
             found.push((i, i - 1));
         }
         let mut near: Vec<(f64, usize)> = (0..poses.len())

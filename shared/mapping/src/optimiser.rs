@@ -48,7 +48,7 @@ impl Optimiser {
                 frame.request
             }
             AlignRecord::End { request, .. } => *request,
-            AlignRecord::Skipped(..) | AlignRecord::Correction(_) => None,
+            AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::Map(_) => None,
         };
         if let Some(request) = request
             && request.request >= self.n_answered
@@ -111,8 +111,11 @@ impl Optimiser {
     /// Every frame solved again against the optimised keyframes; keyframes take their own pose,
     /// and lost frames one between those around them.
     fn refine(&self, poses: &[Pose]) -> Vec<(u64, PoseBits)> {
+        // Those of earlier runs come first and count other frames.
+        let n_map = (self.state.n_map_keyframes as usize).min(self.state.keyframes.len());
+        let own = &self.state.keyframes[n_map..];
         let keyframe_of =
-            |index: u64| self.state.keyframes.binary_search_by_key(&index, |k| k.frame_index).ok();
+            |index: u64| own.binary_search_by_key(&index, |k| k.frame_index).ok().map(|place| n_map + place);
         let solved: Vec<(u64, Pose)> = self
             .frames
             .par_iter()
@@ -125,7 +128,7 @@ impl Optimiser {
             })
             .collect();
         let mut known: BTreeMap<u64, Pose> = solved.iter().copied().collect();
-        let keyframes = self.state.keyframes.iter().zip(poses);
+        let keyframes = own.iter().zip(poses.iter().skip(n_map));
         known.extend(keyframes.map(|(k, pose)| (k.frame_index, *pose)));
         let mut frames: Vec<(u64, PoseBits)> =
             solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();

@@ -29,7 +29,7 @@ impl Tracker {
             n_frames: self.state.frames_since_keyframe,
         };
         let surface = surfaces.recent.iter().find(|s| s.index == previous.index)?;
-        if previous.index == last_keyframe.frame_index
+        if (self.state.is_own(last_keyframe) && previous.index == last_keyframe.frame_index)
             || previous.state != State::Tracking
             || !keyframes::is_due(&self.context.mapping.keyframe, &distance)
         {
@@ -78,6 +78,7 @@ impl Tracker {
     ) -> (Attempt, FrameRecord) {
         self.state.keyframes.push(KeyframeState {
             id: keyframe.id,
+            session: self.state.session,
             frame_index: keyframe.frame_index,
             stamp_nanos: keyframe.stamp_nanos,
             world_from_camera: keyframe.world_from_camera,

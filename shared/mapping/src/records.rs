@@ -3,6 +3,7 @@
 //! The state of both is a fold over these records and nothing else, so a process
 //! that restarted and one that did not hold the same bits.
 
+use crate::state::KeyframeState;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::PoseBits;
 use tessera_recognition::PlaceCode;
@@ -201,6 +202,15 @@ pub struct AppliedCorrection {
     pub correction: Correction,
 }
 
+/// The map of an earlier run, in which a run starts: the first record of its journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapRecord {
+    /// All keyframes of the map as finally corrected, by id; slots are those of this run's store.
+    pub keyframes: Vec<KeyframeState>,
+    /// Where the camera stands in the map at the first frame, where somebody knows.
+    pub start: Option<PoseBits>,
+}
+
 /// One record of the aligner's journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum AlignRecord {
@@ -217,6 +227,8 @@ pub enum AlignRecord {
         /// The final optimisation, unless there is nothing to optimise.
         request: Option<RequestRecord>,
     },
+    /// The run starts in this map. First of all records, or absent.
+    Map(Box<MapRecord>),
 }
 
 /// One record of the optimiser's journal.

@@ -121,7 +121,10 @@ impl Tracker {
         let last = prediction.world_from_camera;
         let direct =
             |pose: Pose, name: String| Candidate { start: pose, near: pose, name, is_last_pose: false };
-        let mut candidates = vec![Candidate { is_last_pose: true, ..direct(last, "the last pose".into()) }];
+        // Where nobody said where the run starts, the prediction is but a guess.
+        let is_last_pose = self.state.is_placed || self.state.start.is_some();
+        let name = if self.state.is_placed { "the last pose" } else { "the start" };
+        let mut candidates = vec![Candidate { is_last_pose, ..direct(last, name.into()) }];
         let code = self.ferns.code(&frame.surface);
         let mut alike: Vec<(f64, u32)> =
             self.state.keyframes.iter().map(|k| (similarity(&code, &k.place), k.id)).collect();

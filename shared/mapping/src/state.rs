@@ -1,7 +1,7 @@
 //! The aligner's whole state between two frames, as a fold over its journal.
 
 use crate::records::{
-    AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, RequestRecord, State, StoreSlot,
+    AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, MapRecord, RequestRecord, State, StoreSlot,
 };
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
@@ -12,7 +12,9 @@ use tessera_recognition::PlaceCode;
 pub struct KeyframeState {
     /// 0, 1, 2, …
     pub id: u32,
-    /// The frame it was.
+    /// Which run made it: 0, 1, 2, … in the order in which runs extended the map.
+    pub session: u32,
+    /// The frame it was, as that run counts.
     pub frame_index: u64,
     /// Its stamp.
     pub stamp_nanos: i64,
@@ -52,6 +54,14 @@ pub struct RecentFrame {
 pub struct TrackerState {
     /// The next index to align.
     pub next_index: u64,
+    /// This run among those that made the map; 0: it began the map.
+    pub session: u32,
+    /// Keyframes of earlier runs.
+    pub n_map_keyframes: u32,
+    /// Where the camera stands in the map of earlier runs at the first frame, if that was said.
+    pub start: Option<PoseBits>,
+    /// A frame of this run has been tracked: before, its place in the map is unknown.
+    pub is_placed: bool,
     /// All keyframes, by id.
     pub keyframes: Vec<KeyframeState>,
     /// The last two frames, newest last.
@@ -81,6 +91,7 @@ impl TrackerState {
     pub fn apply(&mut self, record: &AlignRecord) {
         match record {
             AlignRecord::Frame(frame) => self.apply_frame(frame),
+            AlignRecord::Map(map) => self.apply_map(map),
             AlignRecord::Skipped(index, _) => self.next_index = self.next_index.max(index + 1),
             AlignRecord::Correction(applied) => self.apply_correction(applied),
             AlignRecord::End { request, .. } => {
@@ -92,12 +103,32 @@ impl TrackerState {
         }
     }
 
+    /// A keyframe that this run made.
+    pub(crate) fn is_own(&self, keyframe: &KeyframeState) -> bool {
+        keyframe.session == self.session
+    }
+
+    /// The newest keyframe, if this run made it.
+    pub(crate) fn last_own_keyframe(&self) -> Option<&KeyframeState> {
+        self.keyframes.last().filter(|k| self.is_own(k))
+    }
+
+    fn apply_map(&mut self, map: &MapRecord) {
+        self.session = map.keyframes.iter().map(|k| k.session + 1).max().unwrap_or(0);
+        self.n_map_keyframes = map.keyframes.len() as u32;
+        // The map is optimised again only once it has grown.
+        self.n_keyframes_at_request = self.n_map_keyframes;
+        self.keyframes.clone_from(&map.keyframes);
+        self.start = map.start;
+    }
+
     fn apply_frame(&mut self, frame: &FrameRecord) {
         self.next_index = frame.index + 1;
         self.frames_since_keyframe += 1;
         if let Some(keyframe) = &frame.new_keyframe {
             self.keyframes.push(KeyframeState {
                 id: keyframe.id,
+                session: self.session,
                 frame_index: keyframe.frame_index,
                 stamp_nanos: keyframe.stamp_nanos,
                 world_from_camera: keyframe.world_from_camera,
@@ -117,6 +148,7 @@ impl TrackerState {
         if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
             self.reference_entropy = Some(frame.entropy_nats);
         }
+        self.is_placed |= frame.state == State::Tracking;
         self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
         self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);

@@ -104,10 +104,11 @@ impl Tracker {
         is_answer.then(|| AlignRecord::Correction(Box::new(AppliedCorrection { before_frame, correction })))
     }
 
-    /// The final request once the source is exhausted; `None` with fewer than two keyframes.
+    /// The final request once the source is exhausted; `None` with fewer than two keyframes, or
+    /// where the map of an earlier run has not grown.
     pub fn final_request(&self) -> Option<RequestRecord> {
         let n_keyframes = self.state.keyframes.len() as u32;
-        (n_keyframes >= 2).then_some(RequestRecord {
+        (n_keyframes >= 2 && n_keyframes > self.state.n_map_keyframes).then_some(RequestRecord {
             request: self.state.n_requests,
             n_keyframes,
             effective_before: self.state.next_index,
@@ -175,7 +176,8 @@ impl Tracker {
         surfaces: &Surfaces<'_>,
         prediction: &Prediction,
     ) -> Result<Attempt, String> {
-        let last = self.state.recent.last().map_or(State::Tracking, |r| r.state);
+        // A run that starts in a map does not know where.
+        let last = self.state.recent.last().map_or(State::Lost, |r| r.state);
         let reason = match last {
             State::Tracking => match self.attempt_all(samples, surfaces, prediction) {
                 Ok(attempt) => return Ok(attempt),
@@ -185,6 +187,9 @@ impl Tracker {
                 Ok(attempt) => return Ok(attempt),
                 Err(reason) => reason,
             },
+            State::Lost if !self.state.is_placed => {
+                format!("not found in the map for {} frames", self.state.n_lost)
+            }
             State::Lost => format!("lost for {} frames", self.state.n_lost),
         };
         self.relocalise(frame, samples, surfaces, prediction, &reason)
@@ -200,7 +205,9 @@ impl Tracker {
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
         };
-        let Some(last) = self.state.recent.last() else { return still(Pose::identity()) };
+        let Some(last) = self.state.recent.last() else {
+            return still(self.state.start.as_ref().map_or(Pose::identity(), Pose::from));
+        };
         let last_pose = Pose::from(&last.world_from_camera);
         let seconds = (frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
         // A stamp that does not advance, or a gap in time, leaves no velocity to go by, nor does a

@@ -26,19 +26,21 @@ pub(crate) fn select(
 ) -> Vec<Member> {
     let size = settings.size as usize;
     let mut members = Vec::with_capacity(size);
-    let last_keyframe = state.keyframes.last();
+    // The last keyframe of an earlier run may be anywhere: it takes part where it is near.
+    let last_keyframe = state.last_own_keyframe();
     if let Some((place, recent)) = state.recent.iter().enumerate().next_back()
         && last_keyframe.is_none_or(|k| k.frame_index != recent.index)
         && recent.state == crate::records::State::Tracking
     {
         members.push(Member::Recent(place));
     }
-    let Some(last_keyframe) = last_keyframe else { return members };
-    if members.len() < size {
+    let mut near = near(state, settings, predicted);
+    if let Some(last_keyframe) = last_keyframe
+        && members.len() < size
+    {
         members.push(Member::Keyframe(last_keyframe.id));
     }
-    let mut near = near(state, settings, predicted);
-    near.retain(|n| n.1 != last_keyframe.id && n.1 >= oldest_allowed);
+    near.retain(|n| last_keyframe.is_none_or(|k| n.1 != k.id) && n.1 >= oldest_allowed);
     if let Some(oldest) = near.iter().map(|n| n.1).min()
         && members.len() < size
     {

@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_mapping::{
-    AlignRecord, Context, Correction, FrameSurface, KeyframeSurfaces, MappingSettings, OptimiseRecord,
-    Optimiser, State, Tracker,
+    AlignRecord, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
+    MappingSettings, OptimiseRecord, Optimiser, State, Tracker,
 };
 use tessera_registration::RegistrationSettings;
 use tessera_surface::{Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
@@ -46,6 +46,14 @@ impl KeyframeSurfaces for Keyframes {
     }
 }
 
+/// The map that a run leaves, in which another one can start.
+pub struct SavedMap {
+    /// Keyframes as finally corrected, by id.
+    pub keyframes: Vec<KeyframeState>,
+    /// Their surfaces, row by row.
+    pub surfaces: Vec<Vec<Vertex>>,
+}
+
 /// A run in progress: push frames, then finish.
 pub struct Run {
     reconstructor: Reconstructor,
@@ -75,6 +83,24 @@ impl Run {
             correction: None,
             records: Vec::new(),
         })
+    }
+
+    /// A run that starts in the map of an earlier one with the same camera and grid; `start`:
+    /// where its first frame stands in that map, if that is known.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn in_map(
+        camera: &Camera,
+        method: &Method,
+        map: SavedMap,
+        start: Option<Pose>,
+    ) -> Result<Self, SettingError> {
+        let mut run = Self::new(camera, method)?;
+        run.keyframes = Keyframes(map.surfaces);
+        let start = start.as_ref().map(PoseBits::from);
+        run.take(AlignRecord::Map(Box::new(MapRecord { keyframes: map.keyframes, start })));
+        Ok(run)
     }
 
     /// Processes the next frame.
@@ -109,7 +135,12 @@ impl Run {
     }
 
     /// Ends the sequence with the final optimisation and returns all records.
-    pub fn finish(mut self) -> Records {
+    pub fn finish(self) -> Records {
+        self.finish_with_map().0
+    }
+
+    /// As [`Self::finish`], with the map as finally corrected.
+    pub fn finish_with_map(mut self) -> (Records, SavedMap) {
         let next = self.tracker.next_index();
         if self.tracker.pending_request().is_some() {
             self.apply_correction(next);
@@ -120,6 +151,12 @@ impl Run {
         if request.is_some() {
             self.apply_correction(next);
         }
+        let keyframes = self.tracker.state().keyframes.clone();
+        (Records { records: self.records }, SavedMap { keyframes, surfaces: self.keyframes.0 })
+    }
+
+    /// Ends the sequence where it is, without the final optimisation, and returns all records.
+    pub fn stop(self) -> Records {
         Records { records: self.records }
     }
 
@@ -169,6 +206,9 @@ impl Records {
         let mut solved: BTreeMap<u64, PoseBits> = BTreeMap::new();
         for record in &self.records {
             match record {
+                AlignRecord::Map(map) => {
+                    keyframes.extend(map.keyframes.iter().map(|k| (k.id, k.world_from_camera)));
+                }
                 AlignRecord::Frame(frame) => {
                     keyframes.extend(frame.new_keyframe.iter().map(|k| (k.id, k.world_from_camera)));
                 }

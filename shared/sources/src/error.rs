@@ -16,6 +16,14 @@ pub enum SourceError {
         /// What was given.
         path: PathBuf,
     },
+    /// All frames are left out.
+    #[error("the source has {n_frames} frames, {n_skipped} are left out at the beginning; expected fewer")]
+    NothingLeft {
+        /// Frames of the source.
+        n_frames: u64,
+        /// Frames left out.
+        n_skipped: u64,
+    },
     /// A file cannot be read.
     #[error("{}: {source}", path.display())]
     Io {

@@ -12,6 +12,7 @@ mod check;
 mod error;
 mod folder;
 mod simulation;
+mod skipped;
 mod source;
 mod spec;
 

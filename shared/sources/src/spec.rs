@@ -1,6 +1,7 @@
 //! Naming a source in one word, and opening it.
 
 use crate::simulation::{SceneName, SimulatedSource, SimulationOptions};
+use crate::skipped::SkippedSource;
 use crate::{FolderSource, Source, SourceError};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -23,6 +24,8 @@ pub struct SourceOptions {
     /// A built-in camera or a camera file; without it the folder's own, or the scene's default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
+    /// Leave out this many frames at the beginning.
+    pub skip: u64,
     /// Use at most this many frames; a scene goes on for as many as are asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<u64>,
@@ -56,16 +59,17 @@ impl fmt::Display for SourceSpec {
 /// # Errors
 /// Names what is wrong and where.
 pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    Ok(match spec {
-        SourceSpec::Scene(scene) => Box::new(SimulatedSource::open(
-            *scene,
-            options.camera.as_deref(),
-            options.frames,
-            &options.simulation,
-        )?),
-        SourceSpec::Folder(folder) => {
-            Box::new(FolderSource::open(folder, options.camera.as_deref(), options.frames)?)
+    let camera = options.camera.as_deref();
+    let frames = options.frames.map(|frames| frames.saturating_add(options.skip));
+    let source: Box<dyn Source> = match spec {
+        SourceSpec::Scene(scene) => {
+            Box::new(SimulatedSource::open(*scene, camera, frames, &options.simulation)?)
         }
+        SourceSpec::Folder(folder) => Box::new(FolderSource::open(folder, camera, frames)?),
+    };
+    Ok(match options.skip {
+        0 => source,
+        skip => Box::new(SkippedSource::new(source, skip)?),
     })
 }
 

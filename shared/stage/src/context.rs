@@ -4,6 +4,7 @@ use crate::error::StageError;
 use crate::kill_point::KillPoints;
 use crate::lifeline::Lifeline;
 use crate::log::start_log;
+use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
 use crate::run_file::RunFile;
 use std::path::PathBuf;
@@ -80,6 +81,9 @@ impl Context {
         let text = std::fs::read_to_string(&config).map_err(|e| wrong(config.clone(), &e))?;
         let settings = Settings::from_toml(&text, &config.display().to_string())
             .map_err(|e| StageError::Settings(e.to_string()))?;
+        let megabytes = stage_settings(&settings, stage).memory_mb;
+        limit_memory(megabytes)
+            .map_err(|e| StageError::Settings(format!("cannot limit memory to {megabytes} MB: {e}")))?;
         let layout = run.layout(&settings);
         let lifeline = Lifeline::hold(args.watch_stdin)
             .map_err(|e| StageError::Inconsistent(format!("cannot listen to signals: {e}")))?;

@@ -2,7 +2,7 @@
 
 use crate::error::StageError;
 use tessera_journal::{JournalError, Slot, StoreView};
-use tessera_mapping::{KeyframeRecord, KeyframeSurfaces, StoreSlot};
+use tessera_mapping::{AlignRecord, KeyframeSurfaces, StoreSlot};
 use tessera_surface::Vertex;
 
 /// The store's slot of a journaled one.
@@ -33,27 +33,47 @@ impl MappedKeyframes {
         Ok(Self { view: StoreView::open(store)?, positions: Vec::new(), n_vertices })
     }
 
-    /// Takes a keyframe in; ids come in order.
+    /// Takes in the keyframes that a record brings, if any; ids come in order.
     ///
     /// # Errors
-    /// Where its surface is not in the store, whole, or its id is not the next one.
-    pub fn add(&mut self, keyframe: &KeyframeRecord) -> Result<(), StageError> {
-        if keyframe.id as usize != self.positions.len() {
+    /// As [`Self::add`].
+    pub fn take(&mut self, record: &AlignRecord) -> Result<(), StageError> {
+        match record {
+            AlignRecord::Frame(frame) => {
+                frame.new_keyframe.iter().try_for_each(|keyframe| self.add(keyframe.id, &keyframe.slot))
+            }
+            AlignRecord::Map(map) => {
+                map.keyframes.iter().try_for_each(|keyframe| self.add(keyframe.id, &keyframe.slot))
+            }
+            AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::End { .. } => Ok(()),
+        }
+    }
+
+    /// Takes the surface of a keyframe in; ids come in order.
+    ///
+    /// # Errors
+    /// Where it is not in the store, whole, or the id is not the next one.
+    pub fn add(&mut self, id: u32, slot: &StoreSlot) -> Result<(), StageError> {
+        if id as usize != self.positions.len() {
             return Err(StageError::Inconsistent(format!(
-                "keyframe {} was journaled, expected {}",
-                keyframe.id,
+                "keyframe {id} was journaled, expected {}",
                 self.positions.len()
             )));
         }
         let expected = (self.n_vertices * size_of::<Vertex>()) as u64;
-        if keyframe.slot.len != expected {
+        if slot.len != expected {
             return Err(StageError::Inconsistent(format!(
-                "the surface of keyframe {} has {} bytes, expected {expected}",
-                keyframe.id, keyframe.slot.len
+                "the surface of keyframe {id} has {} bytes, expected {expected}",
+                slot.len
             )));
         }
-        self.positions.push(self.view.map(&journal_slot(&keyframe.slot))?);
+        self.positions.push(self.view.map(&journal_slot(slot))?);
         Ok(())
+    }
+
+    /// Bytes of a keyframe's surface, as they stand in the store.
+    pub fn bytes(&self, keyframe: u32) -> &[u8] {
+        self.positions.get(keyframe as usize).map_or(&[], |&position| self.view.bytes(position))
     }
 
     /// Number of keyframes.
@@ -69,8 +89,7 @@ impl MappedKeyframes {
 
 impl KeyframeSurfaces for MappedKeyframes {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
-        let Some(&position) = self.positions.get(keyframe as usize) else { return &[] };
         // Slots lie on 64-byte borders and their length was checked when they were added.
-        bytemuck::try_cast_slice(self.view.bytes(position)).unwrap_or(&[])
+        bytemuck::try_cast_slice(self.bytes(keyframe)).unwrap_or(&[])
     }
 }

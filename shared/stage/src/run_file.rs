@@ -28,6 +28,19 @@ pub struct RunFile {
     pub camera: Camera,
     /// Frames that the source will give; `None`: no end in sight.
     pub n_frames: Option<u64>,
+    /// The map that it starts in, if any: enough to know it again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<MapIdentity>,
+}
+
+/// Which map a run starts in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MapIdentity {
+    /// Keyframes in it.
+    pub n_keyframes: u32,
+    /// Checksum of the record that the run's journal begins with.
+    pub crc: u32,
 }
 
 impl RunFile {

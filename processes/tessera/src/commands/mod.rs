@@ -1,5 +1,6 @@
 //! One file for each command.
 
+mod ablate;
 mod check;
 mod clean;
 mod completions;
@@ -10,6 +11,7 @@ mod run;
 mod stage;
 mod status;
 
+pub(crate) use ablate::ablate;
 pub(crate) use check::check;
 pub(crate) use clean::clean;
 pub(crate) use completions::completions;

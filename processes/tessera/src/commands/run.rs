@@ -4,7 +4,8 @@ use crate::arguments::RunArguments;
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
-use crate::supervisor::{Plan, SupervisorError};
+use crate::supervisor::{Plan, SupervisorError, update_map};
+use crate::terminal::say;
 use std::path::Path;
 use tessera_settings::Settings;
 use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
@@ -54,6 +55,13 @@ fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     if let Some(camera) = &arguments.camera {
         run.camera.clone_from(camera);
     }
+    if let Some(map) = &arguments.map {
+        run.map = run_folder::find(map)?.display().to_string();
+    }
+    if let Some(at) = &arguments.at {
+        run.at.clone_from(at);
+    }
+    run.skip = arguments.skip.unwrap_or(run.skip);
     run.frames = arguments.frames.unwrap_or(run.frames);
     run.forget_every = arguments.forget_every.unwrap_or(run.forget_every);
     run.live |= arguments.live;
@@ -69,6 +77,11 @@ fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     let is_file = !run.camera.is_empty() && !CAMERA_NAMES.contains(&run.camera.as_str());
     if is_file && let Ok(path) = std::path::absolute(&run.camera) {
         run.camera = path.display().to_string();
+    }
+    if !run.map.is_empty()
+        && let Ok(path) = std::path::absolute(&run.map)
+    {
+        run.map = path.display().to_string();
     }
     Ok(settings)
 }
@@ -91,5 +104,17 @@ fn start(
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
     };
-    launch(&plan, source.ground_truth(), arguments.speech)
+    let exit = launch(&plan, source.ground_truth(), arguments.speech)?;
+    if arguments.map_update && exit == Exit::Done {
+        let map = Path::new(&settings.run.map);
+        update_map(map, &plan.run_dir).map_err(CommandError::from)?;
+        if !arguments.speech.quiet && !arguments.speech.json {
+            say(&format!(
+                "the extended map is in {}, the map before in {}",
+                map.display(),
+                plan.run_dir.display()
+            ));
+        }
+    }
+    Ok(exit)
 }

@@ -94,7 +94,7 @@ fn write_map(
         let n_vertices = run.layout(settings).grid.len();
         let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
         for keyframe in &replay.keyframes {
-            mapped.add(keyframe)?;
+            mapped.add(keyframe.id, &keyframe.slot)?;
         }
         keyframes = Some(mapped);
     }

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
-use tessera_mapping::{AlignRecord, Correction, FrameRecord, KeyframeRecord, State};
+use tessera_mapping::{
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, MapRecord, State,
+};
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
 const LOOP_WEIGHT: f64 = 0.5;
@@ -16,6 +18,10 @@ pub(crate) struct Replay {
     pub(crate) skipped: Vec<(u64, String)>,
     /// Keyframes by id, as they were made.
     pub(crate) keyframes: Vec<KeyframeRecord>,
+    /// Keyframes of the map of earlier runs: the first of `keyframes`.
+    pub(crate) n_map_keyframes: usize,
+    /// The first frame that was tracked.
+    pub(crate) first_tracked: Option<u64>,
     /// Corrected `world_from_camera` of each keyframe, by id.
     pub(crate) keyframe_poses: Vec<Pose>,
     /// Corrections that took effect.
@@ -36,7 +42,11 @@ impl Replay {
     /// Takes the next record in.
     pub(crate) fn apply(&mut self, record: AlignRecord) {
         match record {
+            AlignRecord::Map(map) => self.add_map(*map),
             AlignRecord::Frame(mut frame) => {
+                if frame.state == State::Tracking {
+                    self.first_tracked.get_or_insert(frame.index);
+                }
                 if let Some(keyframe) = frame.new_keyframe.take() {
                     self.add_keyframe(keyframe);
                 }
@@ -47,6 +57,27 @@ impl Replay {
             AlignRecord::Skipped(index, reason) => self.skipped.push((index, reason)),
             AlignRecord::Correction(applied) => self.correct(&applied.correction),
             AlignRecord::End { n_frames, .. } => self.n_source_frames = Some(n_frames),
+        }
+    }
+
+    fn add_map(&mut self, map: MapRecord) {
+        self.n_map_keyframes = map.keyframes.len();
+        for keyframe in map.keyframes {
+            // What place it is matters to the tracker alone.
+            let KeyframeState { id, frame_index, stamp_nanos, world_from_camera, velocity, slot, .. } =
+                keyframe;
+            let (edges, place) = (Vec::new(), Vec::new());
+            self.keyframe_poses.push(Pose::from(&world_from_camera));
+            self.keyframes.push(KeyframeRecord {
+                id,
+                frame_index,
+                stamp_nanos,
+                world_from_camera,
+                velocity,
+                slot,
+                edges,
+                place,
+            });
         }
     }
 

@@ -42,6 +42,10 @@ pub(crate) struct Summary {
     pub(crate) frames_lost: u64,
     pub(crate) frames_untracked: u64,
     pub(crate) keyframes: u64,
+    /// Of those, in the map of the earlier run that this one started in.
+    pub(crate) map_keyframes: u64,
+    /// First tracked frame; in a run that started in a map, the frame that was found there.
+    pub(crate) first_tracked: Option<u64>,
     pub(crate) loops_closed: u64,
     pub(crate) global_optimisations: u64,
     pub(crate) restarts: BTreeMap<String, u64>,
@@ -85,6 +89,8 @@ impl Summary {
             frames_lost: read - processed - dropped,
             frames_untracked: replay.n_untracked(),
             keyframes: replay.keyframes.len() as u64,
+            map_keyframes: replay.n_map_keyframes as u64,
+            first_tracked: replay.first_tracked,
             loops_closed: replay.n_loops_closed(),
             global_optimisations: replay.n_corrections,
             restarts: by_stage(|name| stage(name).restarts),
@@ -96,6 +102,11 @@ impl Summary {
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
         }
+    }
+
+    /// Whether the run started in a map and no frame of it was found there.
+    pub(crate) fn is_nowhere(&self) -> bool {
+        self.map_keyframes > 0 && self.first_tracked.is_none()
     }
 
     /// Writes `summary.json`.
@@ -124,6 +135,18 @@ impl Summary {
             text,
             "  map         {keyframes} keyframes, {loops_closed} loops closed, {global_optimisations} global optimisations"
         );
+        match (self.map_keyframes, self.first_tracked) {
+            (0, _) => {}
+            (n, Some(frame)) => {
+                let _ = writeln!(text, "  started in  a map of {n} keyframes, found at frame {frame}");
+            }
+            (n, None) => {
+                let _ = writeln!(
+                    text,
+                    "  WARNING     never found in the map of {n} keyframes, which stays as it was"
+                );
+            }
+        }
         if self.wall_s > 0.0 {
             let rate = *frames_processed as f64 / self.wall_s;
             let latency = self.latency_ms.get("end_to_end").copied().unwrap_or_default();
@@ -235,6 +258,7 @@ mod tests {
         for (key, expected) in numbers {
             assert_eq!(json[key], expected, "{key}");
         }
+        assert_eq!((&json["map_keyframes"], &json["first_tracked"]), (&0.into(), &0.into()));
         assert_eq!(json["restarts"]["align"], 1);
         assert_eq!(json["restarts"]["sensor"], 0);
         assert_eq!(json["cpu_ms_per_frame"]["align"], 5.0);

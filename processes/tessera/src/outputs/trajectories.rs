@@ -22,9 +22,10 @@ pub(crate) fn online_rows(replay: &Replay) -> Rows {
     replay.frames.iter().map(|frame| (frame.stamp_nanos, Pose::from(&frame.world_from_camera))).collect()
 }
 
-/// Every keyframe with all corrections.
+/// Every keyframe of this run with all corrections; those of earlier runs have other clocks.
 pub(crate) fn keyframe_rows(replay: &Replay) -> Rows {
-    replay.keyframes.iter().map(|k| k.stamp_nanos).zip(replay.keyframe_poses.iter().copied()).collect()
+    let rows = replay.keyframes.iter().map(|k| k.stamp_nanos).zip(replay.keyframe_poses.iter().copied());
+    rows.skip(replay.n_map_keyframes).collect()
 }
 
 /// The rows as a trajectory to be evaluated; `None` where the stamps do not rise.
@@ -41,7 +42,7 @@ pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), CommandError> 
     let files = [
         ("trajectory.txt", "final pose of every processed frame", final_rows(replay)),
         ("trajectory_online.txt", "pose of every processed frame as first published", online_rows(replay)),
-        ("keyframes.txt", "final pose of every keyframe", keyframe_rows(replay)),
+        ("keyframes.txt", "final pose of every keyframe of this run", keyframe_rows(replay)),
     ];
     for (name, what, rows) in files {
         let header = format!("{what}\n{COLUMNS}");

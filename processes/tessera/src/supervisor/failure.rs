@@ -58,6 +58,20 @@ pub(crate) enum SupervisorError {
         /// Why not.
         reason: String,
     },
+    /// The map to start in cannot be used.
+    #[error("--map {}: {reason}", dir.display())]
+    Map {
+        /// Folder of the earlier run.
+        dir: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A run directory without a run.json holds records: nobody knows whose.
+    #[error("{} holds records of a run but no run.json; give another --out", dir.display())]
+    Leftover {
+        /// The run directory.
+        dir: PathBuf,
+    },
     /// Shared memory, or the name of the run.
     #[error(transparent)]
     Transport(#[from] TransportError),

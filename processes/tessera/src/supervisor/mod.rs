@@ -6,6 +6,7 @@
 mod failure;
 mod plan;
 mod policy;
+mod saved_map;
 mod signals;
 mod stage_process;
 mod tally;
@@ -13,6 +14,7 @@ mod watch;
 
 pub(crate) use failure::SupervisorError;
 pub(crate) use plan::Plan;
+pub(crate) use saved_map::update_map;
 pub(crate) use stage_process::run_stage;
 pub(crate) use tally::Counters;
 pub(crate) use watch::{Outcome, Progress, Supervised, supervise};

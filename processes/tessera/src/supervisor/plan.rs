@@ -1,6 +1,7 @@
 //! What is to be run, and the run directory that says so to every process.
 
 use super::failure::SupervisorError;
+use super::saved_map::SavedMap;
 use std::fs::{DirBuilder, OpenOptions};
 use std::io::Write;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
@@ -55,13 +56,17 @@ impl Plan {
         if is_there && !self.resume {
             return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
         }
+        // Refused before anything is made.
+        let map = if is_there { None } else { SavedMap::open(&self.camera, &self.settings)? };
+        let expected = if is_there { RunFile::read(&files)?.map } else { None };
         let claim = RunClaim::take(&self.name, &self.run_dir)?;
-        let run = RunFile {
+        let mut run = RunFile {
             name: self.name.clone(),
             version: env!("CARGO_PKG_VERSION").into(),
             identity: claim.entry.identity.clone(),
             camera: self.camera.clone(),
             n_frames: self.n_frames,
+            map: expected,
         };
         let layout = run.layout(&self.settings);
         let need_bytes = check_space(&layout)?;
@@ -76,19 +81,28 @@ impl Plan {
         end_stages_left(&files)?;
         // Their readers want them to be there, and whole: a record whose keyframe is not in the
         // store ends the journal, before anybody follows it.
-        Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
+        let mut store =
+            Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
         let mut keyframes = MappedKeyframes::open(&files.store(), layout.grid.len())
             .map_err(|e| directory("map", &files.store(), &e))?;
-        let (_, recovered) = Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record| {
-            let AlignRecord::Frame(frame) = record else { return Ok(()) };
-            frame
-                .new_keyframe
-                .iter()
-                .try_for_each(|keyframe| keyframes.add(keyframe))
-                .map_err(|e| e.to_string())
-        })
-        .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
+        let (mut journal, recovered) =
+            Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
+                keyframes.take(&record).map_err(|e| e.to_string())
+            })
+            .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
+        if !is_there && recovered.n_records > 0 {
+            return Err(SupervisorError::Leftover { dir: self.run_dir.clone() });
+        }
         say_dropped(&files.align_journal(), &recovered);
+        if recovered.n_records == 0 {
+            // Also where a run's journal was lost whole: it begins again as it began.
+            let map =
+                map.map_or_else(|| SavedMap::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
+            if let Some(map) = map {
+                run.map = Some(map.plant(&mut store, &mut journal, expected)?);
+            }
+        }
+        drop((journal, store));
         let (_, recovered) = Journal::<OptimiseRecord>::open(
             &files.optimise_journal(),
             OPTIMISE_JOURNAL,
@@ -128,7 +142,11 @@ fn say_dropped(path: &Path, recovered: &Recovered) {
 }
 
 /// An error about a file of the run directory.
-fn directory(action: &'static str, path: &Path, reason: &dyn std::fmt::Display) -> SupervisorError {
+pub(super) fn directory(
+    action: &'static str,
+    path: &Path,
+    reason: &dyn std::fmt::Display,
+) -> SupervisorError {
     SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
 }
 

@@ -86,6 +86,11 @@ pub(super) fn meaning(status: ExitStatus) -> Meaning {
     }
 }
 
+/// Whether a process ended itself by `abort`, as it does when memory cannot be had.
+pub(super) fn is_abort(status: ExitStatus) -> bool {
+    status.signal() == Some(signal_hook::consts::SIGABRT)
+}
+
 /// An exit status in words.
 pub(super) fn describe(status: ExitStatus) -> String {
     match (status.code(), status.signal()) {

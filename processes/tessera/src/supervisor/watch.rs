@@ -4,13 +4,13 @@ use super::failure::{StageFailure, SupervisorError};
 use super::plan::{Plan, Prepared};
 use super::policy::{Death, History, Verdict};
 use super::signals::Signals;
-use super::stage_process::{Meaning, describe, meaning, spawn};
+use super::stage_process::{Meaning, describe, is_abort, meaning, spawn};
 use super::tally::{Counters, Tally};
 use std::collections::BTreeMap;
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
-use tessera_stage::last_lines;
+use tessera_stage::{last_lines, ran_out_of_memory, stage_settings};
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -250,24 +250,39 @@ impl Supervisor<'_> {
 
     fn judge(&mut self, place: usize, status: ExitStatus) -> Option<StageFailure> {
         let watched = &mut self.stages[place];
-        let words = if watched.was_hung {
-            format!("no sign of life ({})", describe(status))
-        } else {
-            describe(status)
+        let log = self.prepared.files.log();
+        let settings = stage_settings(&self.plan.settings, watched.stage);
+        let is_memory = settings.memory_mb > 0 && is_abort(status) && ran_out_of_memory(&log);
+        let words = match (watched.was_hung, is_memory) {
+            (true, _) => format!("no sign of life ({})", describe(status)),
+            (false, true) => format!(
+                "{}: it needs more memory than stages.{}.memory_mb = {}",
+                describe(status),
+                watched.stage,
+                settings.memory_mb
+            ),
+            (false, false) => describe(status),
         };
         let index = watched.tally.beat.index;
         let death = Death {
             at: Instant::now(),
             is_own: watched.was_hung || meaning(status) == Meaning::Failed,
+            is_memory,
             had_progress: watched.had_progress,
             index,
         };
         watched.had_progress = false;
-        let verdict = watched.history.judge(&death, &self.plan.settings.flow);
+        let verdict = watched.history.judge(&death, settings);
         if meaning(status) != Meaning::Unusable
             && let Verdict::Again(pause) = verdict
         {
-            tracing::warn!(frame = index, "{} died: {words}; it is started again", watched.stage);
+            let last = last_lines(&log, watched.stage.name(), 1).pop();
+            tracing::warn!(
+                frame = index,
+                last_line = last.as_deref().unwrap_or("none"),
+                "{} died: {words}; it is started again",
+                watched.stage
+            );
             watched.start_at = Some(death.at + pause);
             return None;
         }
@@ -278,7 +293,7 @@ impl Supervisor<'_> {
             exit_code: status.code(),
             index,
             n_deaths: watched.history.n_own_deaths(),
-            last_lines: last_lines(&self.prepared.files.log(), watched.stage.name(), 5),
+            last_lines: last_lines(&log, watched.stage.name(), 5),
         })
     }
 

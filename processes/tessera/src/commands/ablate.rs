@@ -1,0 +1,92 @@
+//! `tessera ablate`: what each part of the method is worth, on any sequences.
+
+use crate::ablation::{Peers, Plan, Tables, columns, ground_truth, markdown, measure, svg};
+use crate::arguments::AblateArguments;
+use crate::exit::{CommandError, Exit};
+use crate::terminal::say;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+use std::path::Path;
+use tessera_sources::{Source, SourceOptions, SourceSpec};
+
+/// Runs all columns on all sequences, prints both tables and writes the plot.
+pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> {
+    let internal = |error: &dyn std::fmt::Display| CommandError::Stage(error.to_string());
+    let plan = Plan {
+        columns_base: arguments.config.clone(),
+        whole_base: arguments.whole_config.clone(),
+        overrides: arguments.overrides.clone(),
+        seeds: arguments.seeds,
+    };
+    // All that can be wrong is told before hours of work: settings, sources, the plot's folder.
+    plan.settings()?;
+    let sources = arguments
+        .sequences
+        .iter()
+        .map(|sequence| Ok((label(sequence), open(arguments, sequence)?)))
+        .collect::<Result<Vec<_>, CommandError>>()?;
+    check_writable(&arguments.out)?;
+    let peers = Peers::built_in().map_err(|error| internal(&error))?;
+    // What others reach on all frames says nothing of a part.
+    let peers = arguments.frames.is_none().then_some(&peers);
+    let total: u64 = sources.iter().map(|(_, source)| source.n_frames().unwrap_or(0)).sum();
+    let bar = bar(arguments.quiet, total * plan.seeds);
+    let mut rows = Vec::new();
+    for (name, source) in &sources {
+        bar.set_message(name.clone());
+        if !arguments.quiet && bar.is_hidden() {
+            eprintln!("{name}: {} frames", source.n_frames().unwrap_or(0));
+        }
+        rows.push(measure(name, &**source, &plan, peers, &mut |n| bar.inc(n))?);
+    }
+    bar.finish_and_clear();
+    let tables = Tables::new([&plan.columns_base, &plan.whole_base], plan.seeds, &columns(), rows);
+    let plot = svg(&tables).map_err(|error| internal(&error))?;
+    std::fs::write(&arguments.out, plot).map_err(|error| CommandError::write(&arguments.out, error))?;
+    if arguments.json {
+        say(&serde_json::to_string_pretty(&tables).map_err(|error| internal(&error))?);
+    } else {
+        say(&markdown(&tables));
+    }
+    Ok(Exit::Done)
+}
+
+fn open(arguments: &AblateArguments, sequence: &str) -> Result<Box<dyn Source>, CommandError> {
+    let options = SourceOptions {
+        camera: arguments.camera.clone(),
+        frames: arguments.frames,
+        ..SourceOptions::default()
+    };
+    let source = tessera_sources::open(&SourceSpec::parse(sequence), &options)?;
+    ground_truth(sequence, &*source)?;
+    Ok(source)
+}
+
+/// Refuses a plot that could not be written, without touching one that is there.
+fn check_writable(path: &Path) -> Result<(), CommandError> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (folder.is_dir(), path.is_dir()) {
+        (true, false) => Ok(()),
+        (true, true) => Err(CommandError::write(path, "it is a folder, expected a file to write")),
+        (false, _) => Err(CommandError::write(path, format!("there is no folder {}", folder.display()))),
+    }
+}
+
+/// The last part of a path, or the scene's name.
+fn label(sequence: &str) -> String {
+    let path = Path::new(sequence);
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    path.file_name().map_or(sequence.to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+fn bar(is_quiet: bool, total: u64) -> ProgressBar {
+    if is_quiet || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10));
+    // No colours: nothing to switch off for NO_COLOR.
+    if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} frames, {eta} left, {msg}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
