@@ -12,6 +12,8 @@ use tessera_surface::SurfaceView;
 
 /// Outer iterations that follow once free directions are held at the prediction.
 const HELD_ITERATIONS: u32 = 3;
+/// First distance limit when poses are only compared, metres.
+const TRIED_DISTANCE_M: f64 = 0.1;
 
 /// A fixed surface with its pose.
 pub(crate) struct Reference<'a> {
@@ -28,6 +30,8 @@ pub(crate) struct Prediction {
     pub(crate) world_from_camera: Pose,
     /// The frame before, and the seconds since: the rolling shutter's velocity comes from both.
     pub(crate) previous: Option<(Pose, f64)>,
+    /// Whether a motion is known that leads here: without one it is the last pose, and a guess.
+    pub(crate) is_known: bool,
     /// Velocity until an alignment says better.
     pub(crate) velocity: Twist,
     /// First distance limit, metres.
@@ -215,6 +219,23 @@ impl Aligner {
         }
     }
 
+    /// What a search from one pose finds, with middling limits and without solving.
+    pub(crate) fn try_pose(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+    ) -> PairReport {
+        context.fill_shutter(&Twist::default(), &mut self.shutter);
+        self.queries.fill(samples, &self.shutter);
+        let target = Target { surface: reference.surface, shutter: &reference.shutter, tree: None };
+        let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
+        let selection = Selection { count: samples.len(), shift: 0 };
+        let limits = MatchLimits::new(TRIED_DISTANCE_M, 0.5);
+        self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, &limits).1
+    }
+
     /// Makes an inverse information matrix metric: the variance of one correspondence times how
     /// many correspondences say the same (SPEC 9.3).
     pub(crate) fn metric_factor(&self, context: &Context) -> f64 {
@@ -248,7 +269,9 @@ fn graph_of<'a>(
 
 /// The constant velocity prediction as an edge, in the units of the blocks' information.
 fn prior(context: &Context, prediction: &Prediction, metric_factor: f64) -> Option<Prior> {
-    prediction.previous?;
+    if !prediction.is_known {
+        return None;
+    }
     let w = &context.mapping.window;
     let (t, r) = (w.prior_translation_m, w.prior_rotation_deg.to_radians());
     let (t, r) = (metric_factor / (t * t), metric_factor / (r * r));

@@ -31,8 +31,15 @@ impl Tracker {
     ) -> Result<Attempt, String> {
         let w = &self.context.mapping.window.clone();
         let strict = &self.context.mapping.relocalise.clone();
-        let first = self.attempt(samples, surfaces, prediction);
-        let Err(reason) = judge::tracking(w, &first.alignment) else { return Ok(first) };
+        let start =
+            if prediction.is_known { *prediction } else { self.turned(samples, surfaces, prediction) };
+        let first = self.attempt(samples, surfaces, &start);
+        // A guess must fit better than what was expected.
+        let verdict = match prediction.is_known {
+            true => judge::tracking(w, &first.alignment),
+            false => judge::found_again(strict, &first.alignment).map(|_| ()),
+        };
+        let Err(reason) = verdict else { return Ok(first) };
         let mut wide = Prediction {
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
@@ -42,13 +49,14 @@ impl Tracker {
             wide.world_from_camera = Pose::from(&last.world_from_camera);
             wide.velocity = Twist::default();
         }
-        let second = self.attempt(samples, surfaces, &wide);
+        let wide_turned = self.turned(samples, surfaces, &wide);
+        let second = self.attempt(samples, surfaces, &wide_turned);
         if judge::found_again(strict, &second.alignment).is_ok() {
             return Ok(second);
         }
         if let Some(keyframe) = self.state.last_own_keyframe() {
             wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
-            wide.previous = None;
+            (wide.previous, wide.is_known) = (None, false);
             let third = self.attempt(samples, surfaces, &wide);
             if judge::found_again(strict, &third.alignment).is_ok() {
                 return Ok(third);

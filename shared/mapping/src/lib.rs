@@ -19,6 +19,7 @@ mod keyframes;
 mod loops;
 mod neighbours;
 mod optimiser;
+mod orient;
 mod promotion;
 mod recognised;
 mod records;

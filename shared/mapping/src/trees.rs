@@ -10,10 +10,13 @@ use tessera_registration::{KdTree, ShutterTable};
 /// Trees kept beside those in use.
 const KEPT: usize = 16;
 
+/// A surface's tree and the readout motion it was made for.
+type Known = (ShutterTable, Arc<KdTree>);
+
 /// Trees by surface, each with the readout motion it was made for.
 #[derive(Debug, Default)]
 pub(crate) struct Trees {
-    known: BTreeMap<(bool, u64), Vec<(ShutterTable, Arc<KdTree>)>>,
+    known: BTreeMap<(bool, u64), Vec<Known>>,
 }
 
 impl Trees {
