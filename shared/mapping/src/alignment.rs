@@ -65,6 +65,13 @@ impl Alignment {
         f64::from(self.n_matches()) / f64::from(n_queries.max(1))
     }
 
+    /// Points on the references, less those in front of them, as a share of all.
+    pub(crate) fn fitting(&self) -> f64 {
+        let n_queries: u32 = self.reports.iter().map(|r| r.n_queries).sum();
+        let n_in_front: u32 = self.reports.iter().map(|r| r.n_in_front).sum();
+        (f64::from(self.n_matches()) - f64::from(n_in_front)) / f64::from(n_queries.max(1))
+    }
+
     /// Largest median normal residual of a reference that has matches, standard deviations.
     pub(crate) fn residual_sigmas(&self) -> f64 {
         let medians =

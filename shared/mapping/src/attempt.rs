@@ -39,7 +39,9 @@ impl Tracker {
             true => judge::tracking(w, &first.alignment),
             false => judge::found_again(strict, &first.alignment).map(|_| ()),
         };
-        let Err(reason) = verdict else { return Ok(first) };
+        let Err(reason) = verdict else {
+            return Ok(self.doubted(samples, surfaces, prediction, first));
+        };
         let mut wide = Prediction {
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
@@ -63,6 +65,34 @@ impl Tracker {
             }
         }
         Err(reason)
+    }
+
+    /// An attempt that passes, but not the strict tests: a camera that turned faster than expected
+    /// may have come to rest in the wrong place. Another one, from a turn that fits better, is
+    /// taken if it ends with more points on its references.
+    fn doubted(
+        &mut self,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+        first: Attempt,
+    ) -> Attempt {
+        let strict = &self.context.mapping.relocalise.clone();
+        if !prediction.is_known || judge::found_again(strict, &first.alignment).is_ok() {
+            return first;
+        }
+        let w = &self.context.mapping.window;
+        let wide = Prediction {
+            first_distance_m: w.max_first_distance_m,
+            outer_iterations: w.retry_iterations,
+            is_known: false,
+            ..*prediction
+        };
+        let turned = self.turned(samples, surfaces, &wide);
+        let second = self.attempt(samples, surfaces, &turned);
+        let is_better = judge::found_again(strict, &second.alignment).is_ok()
+            && second.alignment.fitting() > first.alignment.fitting();
+        if is_better { second } else { first }
     }
 
     pub(crate) fn attempt(
