@@ -6,6 +6,7 @@
 
 mod ablation;
 mod arguments;
+mod chaos;
 mod commands;
 mod exit;
 mod launch;
@@ -39,6 +40,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(arguments) => commands::calibrate(&arguments),
         Command::Ablate(arguments) => commands::ablate(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
+        Command::Chaos(arguments) => commands::chaos(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

@@ -297,6 +297,7 @@ fn match_all(problem: &Problem<'_>, camera: &Camera, poses: &[Pose], iteration: 
     let limits = MatchLimits {
         first_distance_m: problem.first_distance_m as f32,
         progress: if iteration == 1 { 0.5 } else { 1.0 },
+        brightness: false,
     };
     let rule =
         Rule { noise: problem.noise, epsilon: f64::from(problem.registration.weight.covariance_epsilon) };
@@ -309,15 +310,15 @@ fn match_all(problem: &Problem<'_>, camera: &Camera, poses: &[Pose], iteration: 
         .map_init(matcher, |matcher, &(query, target)| {
             let older = &prepared[target];
             let surface = SurfaceView { grid, vertices: &older.vertices };
-            let view = Target { surface, shutter: &older.shutter };
+            let view = Target { surface, shutter: &older.shutter, tree: None };
             let at = poses[target].inverse() * poses[query];
             let selection = Selection { count: problem.queries_per_pair, shift: target };
             let (_, report) = matcher.match_pair(&prepared[query].queries, selection, &view, &at, &limits);
-            let is_enough = matcher.matches().len() >= MIN_MATCHES
+            let is_enough = report.n_matches as usize >= MIN_MATCHES
                 && f64::from(report.n_matches) >= problem.min_overlap * f64::from(report.n_queries);
             let velocity = |k: usize| (k, problem.keyframes[k].velocity);
             let sides = Sides { query: velocity(query), target: velocity(target) };
-            is_enough.then(|| residuals::sum(camera, &rule, matcher.matches(), &at, &sides))
+            is_enough.then(|| residuals::sum(camera, &rule, &matcher.matches(), &at, &sides))
         })
         .collect();
     found.into_iter().flatten().collect()

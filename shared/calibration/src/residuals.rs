@@ -126,7 +126,7 @@ mod tests {
         let residual = |pose: &Pose| n.dot(&(b - (pose * Point3::from(a)).coords));
         let flat = |v: Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
         let e = b - (pose * Point3::from(a)).coords;
-        let matched = Match::new(flat(a), flat(e), flat(n), flat(n));
+        let matched = Match { a: flat(a), e: flat(e), na: flat(n), nb: flat(n), sigmas: 0.0, weight: 1.0 };
         let still = Twist::default();
         let sums = sum(
             &camera,

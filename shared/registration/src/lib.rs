@@ -8,9 +8,15 @@
 
 mod accumulate;
 mod block;
+mod brightness;
 mod columns;
+mod descent;
+mod found;
 mod graph;
+mod kd_tree;
+mod lanes;
 mod locate;
+mod matches;
 mod matching;
 mod projection;
 mod queries;
@@ -21,15 +27,16 @@ mod solve;
 mod statistics;
 mod target;
 
-pub use accumulate::Match;
 pub use block::{BlockSums, PairBlock};
 pub use graph::{Graph, InnerReport, Pair, Prior};
+pub use kd_tree::KdTree;
+pub use matches::Match;
 pub use matching::{MatchLimits, Matcher, PairReport};
 pub use projection::GridCamera;
 pub use queries::{Queries, Selection};
 pub use random::SplitMix64;
 pub use sampling::{Sample, Sampler};
-pub use settings::{RegistrationSettings, SearchSettings, WeightSettings};
+pub use settings::{BrightnessUse, RegistrationSettings, SearchMethod, SearchSettings, WeightSettings};
 pub use solve::NotPositiveDefinite;
 pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
 pub use target::{ShutterTable, Target};

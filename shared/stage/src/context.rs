@@ -7,6 +7,7 @@ use crate::log::start_log;
 use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
 use crate::run_file::RunFile;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -16,6 +17,9 @@ use tessera_transport::{Layout, Link};
 
 /// Longest sleep of a stage: the safety net under the events, and how late it notices a signal.
 pub const IDLE: Duration = Duration::from_millis(10);
+
+/// Environment variable with the frames that a stage leaves out, `9,12`.
+pub const POISON_VARIABLE: &str = "TESSERA_POISON";
 
 /// Arguments of a stage process.
 #[derive(Clone, Debug)]
@@ -62,6 +66,10 @@ pub struct Context {
     pub lifeline: Lifeline,
     /// Where to die, in tests.
     pub kill_points: KillPoints,
+    /// Frames that ended this stage again and again: it leaves them out (live mode).
+    pub poison: BTreeSet<u64>,
+    /// Somebody starts this stage, and cleans up after its death.
+    is_supervised: bool,
 }
 
 impl Context {
@@ -87,7 +95,10 @@ impl Context {
         let layout = run.layout(&settings);
         let lifeline = Lifeline::hold(args.watch_stdin)
             .map_err(|e| StageError::Inconsistent(format!("cannot listen to signals: {e}")))?;
-        Ok(Self { files, run, settings, layout, lifeline, kill_points: KillPoints::from_environment() })
+        let kill_points = KillPoints::from_environment();
+        let poison = poison_from_environment();
+        let is_supervised = args.watch_stdin;
+        Ok(Self { files, run, settings, layout, lifeline, kill_points, poison, is_supervised })
     }
 
     /// What the algorithms of mapping share.
@@ -101,13 +112,23 @@ impl Context {
         )
     }
 
-    /// Joins the run's shared memory.
+    /// Joins the run's shared memory; a stage that nobody supervises cleans up after the dead.
     ///
     /// # Errors
     /// Where the run's configuration is gone or no node can be made.
     pub fn link(&self, stage: Stage) -> Result<Link, StageError> {
-        Ok(Link::open(&self.run.identity, &self.layout, stage.name())?)
+        let link = Link::open(&self.run.identity, &self.layout, stage.name())?;
+        if !self.is_supervised {
+            // Nobody else cleans up after a dead predecessor, whose places this one needs.
+            link.clean_dead_nodes();
+        }
+        Ok(link)
     }
+}
+
+fn poison_from_environment() -> BTreeSet<u64> {
+    let text = std::env::var(POISON_VARIABLE).unwrap_or_default();
+    text.split(',').filter_map(|index| index.parse().ok()).collect()
 }
 
 /// Runs a stage as a process: logs its error once and turns its outcome into an exit code.

@@ -2,6 +2,7 @@
 
 mod ablate;
 mod calibrate;
+mod chaos;
 mod check;
 mod clean;
 mod completions;
@@ -14,6 +15,7 @@ mod status;
 
 pub(crate) use ablate::ablate;
 pub(crate) use calibrate::calibrate;
+pub(crate) use chaos::chaos;
 pub(crate) use check::check;
 pub(crate) use clean::clean;
 pub(crate) use completions::completions;

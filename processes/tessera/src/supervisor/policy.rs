@@ -65,7 +65,7 @@ impl History {
             Restart::Limited => self.deaths.len() <= settings.restarts as usize,
             Restart::Never => false,
         };
-        if !may || self.n_own_deaths() >= POISON || self.memory.len() >= POISON as usize {
+        if !may || self.is_poisoned() || self.memory.len() >= POISON as usize {
             return Verdict::GiveUp;
         }
         let longest = if death.is_own { LONGEST_PAUSE } else { LONGEST_PAUSE_AFTER_KILL };
@@ -73,6 +73,11 @@ impl History {
             0 => Duration::ZERO,
             n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(longest),
         })
+    }
+
+    /// Whether one frame has killed it as often as is allowed.
+    pub(super) fn is_poisoned(&self) -> bool {
+        self.n_own_deaths() >= POISON
     }
 
     /// Deaths of its own on the frame that killed it last.

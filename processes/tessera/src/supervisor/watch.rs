@@ -1,6 +1,7 @@
 //! Keeping four processes going until the run is done.
 
 use super::failure::{StageFailure, SupervisorError};
+use super::limits::ensure_open_files;
 use super::plan::{Plan, Prepared};
 use super::policy::{Death, History, Verdict};
 use super::signals::Signals;
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
-use tessera_stage::{last_lines, ran_out_of_memory, stage_settings};
+use tessera_stage::{Notifier, last_lines, ran_out_of_memory, stage_settings};
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -77,6 +78,8 @@ struct Watched {
     map: (u64, u64),
     tally: Tally,
     history: History,
+    /// Frames that ended it again and again: it leaves them out (live mode).
+    poison: Vec<u64>,
 }
 
 impl Watched {
@@ -93,6 +96,7 @@ impl Watched {
             map: (0, 0),
             tally: Tally::default(),
             history: History::default(),
+            poison: Vec::new(),
         }
     }
 }
@@ -107,6 +111,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
         what: "the supervisor".into(),
         reason: reason.to_string(),
     };
+    ensure_open_files()?;
     let signals = Signals::listen().map_err(cannot)?;
     let prepared = plan.prepare()?;
     // The first node: it closes the door to shared memory before a stage starts.
@@ -127,6 +132,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
         signals,
         stages: Stage::ALL.map(|stage| Watched::new(stage, began)),
         shared_memory_bytes: 0,
+        has_dead: false,
         began,
     };
     let outcome = supervisor.run(tell);
@@ -149,14 +155,23 @@ struct Supervisor<'a> {
     signals: Signals,
     stages: [Watched; 4],
     shared_memory_bytes: u64,
+    /// Somebody died and left things in shared memory.
+    has_dead: bool,
     began: Instant,
 }
 
 impl Supervisor<'_> {
     fn run(&mut self, tell: &mut dyn FnMut(&Progress)) -> Result<Outcome, SupervisorError> {
         let mut told_at: Option<Instant> = None;
+        let mut notifier = Notifier::from_environment();
+        notifier.ready();
         loop {
+            notifier.alive();
             self.start_due()?;
+            // Only now: a successor finds a free place beside its dead twin, and starts meanwhile.
+            if std::mem::take(&mut self.has_dead) {
+                self.link.clean_dead_nodes();
+            }
             self.signals.wait(self.next_wait());
             self.hear()?;
             if let Some(failure) = self.reap()? {
@@ -189,7 +204,8 @@ impl Supervisor<'_> {
                 continue;
             }
             let is_first = watched.n_lives == 0;
-            watched.child = Some(spawn(self.plan, &self.prepared.files, watched.stage, is_first)?);
+            let files = &self.prepared.files;
+            watched.child = Some(spawn(self.plan, files, watched.stage, is_first, &watched.poison)?);
             watched.start_at = None;
             watched.n_lives += 1;
             watched.heard_at = now;
@@ -240,7 +256,7 @@ impl Supervisor<'_> {
                 self.stages[place].is_finished = true;
                 continue;
             }
-            self.link.clean_dead_nodes();
+            self.has_dead = true;
             if let Some(failure) = self.judge(place, status) {
                 return Ok(Some(failure));
             }
@@ -284,6 +300,14 @@ impl Supervisor<'_> {
                 watched.stage
             );
             watched.start_at = Some(death.at + pause);
+            return None;
+        }
+        // A camera does not stop for one frame. A request that cannot be answered ends a live run too.
+        let may_skip = self.plan.settings.run.live && watched.stage != Stage::Optimise;
+        if may_skip && watched.history.is_poisoned() && !watched.poison.contains(&index) {
+            tracing::warn!(frame = index, "{} died: {words}; the frame is left out", watched.stage);
+            watched.poison.push(index);
+            watched.start_at = Some(death.at);
             return None;
         }
         tracing::error!(frame = index, "{} died: {words}; the run ends", watched.stage);

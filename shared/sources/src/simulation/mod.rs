@@ -23,7 +23,7 @@ use path::Walk;
 use render::Scratch;
 use scenes::Scene;
 use serde::{Deserialize, Serialize};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use tessera_geometry::{Camera, RayTable};
 use tessera_trajectory::Trajectory;
 
@@ -82,7 +82,8 @@ pub struct SimulatedSource {
     walk: Walk,
     options: SimulationOptions,
     n_frames: u64,
-    ground_truth: Trajectory,
+    /// Made when it is asked for: a restarted sensor has no use for it.
+    ground_truth: OnceLock<Trajectory>,
     /// Buffers of earlier frames: as many as frames were ever rendered at once.
     scratch: Mutex<Vec<Scratch>>,
 }
@@ -114,12 +115,6 @@ impl SimulatedSource {
             });
         }
         let walk = Walk::new(name, options.seed);
-        let mut ground_truth = Trajectory::default();
-        for index in 0..n_frames {
-            let stamp_nanos = stamp_nanos(index);
-            ground_truth.stamps_nanos.push(stamp_nanos);
-            ground_truth.poses.push(walk.world_from_camera(stamp_nanos as f64 * 1e-9));
-        }
         Ok(Self {
             rays: RayTable::new(&camera, 1),
             camera,
@@ -127,9 +122,16 @@ impl SimulatedSource {
             walk,
             options: options.clone(),
             n_frames,
-            ground_truth,
+            ground_truth: OnceLock::new(),
             scratch: Mutex::new(Vec::new()),
         })
+    }
+
+    fn make_ground_truth(&self) -> Trajectory {
+        let stamps_nanos: Vec<i64> = (0..self.n_frames).map(stamp_nanos).collect();
+        let pose = |stamp: &i64| self.walk.world_from_camera(*stamp as f64 * 1e-9);
+        let poses = stamps_nanos.iter().map(pose).collect();
+        Trajectory { stamps_nanos, poses }
     }
 
     fn take_scratch(&self) -> Scratch {
@@ -192,7 +194,7 @@ impl Source for SimulatedSource {
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {
-        Some(&self.ground_truth)
+        Some(self.ground_truth.get_or_init(|| self.make_ground_truth()))
     }
 
     fn pairing(&self) -> Pairing {
