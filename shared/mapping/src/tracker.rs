@@ -201,6 +201,7 @@ impl Tracker {
         let still = |pose: Pose| Prediction {
             world_from_camera: pose,
             previous: None,
+            is_known: false,
             velocity: Twist::default(),
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
@@ -216,6 +217,10 @@ impl Tracker {
         if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < 1.0) {
             return still(last_pose);
         }
+        // The second frame of a run: the first has no motion yet.
+        if last.velocity == [0.0; 6] {
+            return Prediction { previous: Some((last_pose, seconds)), ..still(last_pose) };
+        }
         let velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
         let step = exp(&velocity.scaled(seconds));
         let (moved_m, turned_rad) = translation_rotation_norms(&step);
@@ -223,6 +228,7 @@ impl Tracker {
         Prediction {
             world_from_camera: compose_normalised(&last_pose, &velocity.scaled(seconds)),
             previous: Some((last_pose, seconds)),
+            is_known: true,
             velocity,
             first_distance_m: (4.0 * motion_m).clamp(w.min_first_distance_m, w.max_first_distance_m),
             outer_iterations: w.outer_iterations,
