@@ -12,8 +12,11 @@ use tessera_sources::{FolderSource, FrameBuffers, Source, load_camera};
 use tessera_surface::{Grid, Vertex};
 use tessera_trajectory::parse_tum;
 
+/// Takes any bytes, and panics where a promise is broken.
+pub type Target = fn(&[u8]);
+
 /// All targets by the names of their corpora.
-pub const TARGETS: [(&str, fn(&[u8])); 6] = [
+pub const TARGETS: [(&str, Target); 6] = [
     ("lists", lists),
     ("camera", camera),
     ("configuration", configuration),
