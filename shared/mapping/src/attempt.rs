@@ -41,6 +41,9 @@ impl Tracker {
         if let Some(last) = self.state.recent.last() {
             wide.world_from_camera = Pose::from(&last.world_from_camera);
             wide.velocity = Twist::default();
+            if prediction.rotation_sigma_rad.is_some() {
+                wide.world_from_camera.rotation = prediction.world_from_camera.rotation;
+            }
         }
         let second = self.attempt(samples, surfaces, &wide);
         if judge::found_again(strict, &second.alignment).is_ok() {
@@ -49,6 +52,7 @@ impl Tracker {
         if let Some(keyframe) = self.state.last_own_keyframe() {
             wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
             wide.previous = None;
+            wide.rotation_sigma_rad = None;
             let third = self.attempt(samples, surfaces, &wide);
             if judge::found_again(strict, &third.alignment).is_ok() {
                 return Ok(third);

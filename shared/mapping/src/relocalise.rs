@@ -104,6 +104,7 @@ impl Tracker {
             world_from_camera: *start,
             previous: None,
             velocity: Twist::default(),
+            rotation_sigma_rad: None,
             first_distance_m: self.context.mapping.window.max_first_distance_m,
             outer_iterations: self.context.mapping.window.retry_iterations,
         }

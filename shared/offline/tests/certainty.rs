@@ -20,7 +20,12 @@ fn errors(name: SceneName, n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
                 let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
                 let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
                 let info = source.read(index, &mut buffers).unwrap();
-                RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour) }
+                RawFrame {
+                    stamp_nanos: info.stamp_nanos,
+                    rotation: info.rotation,
+                    depth,
+                    colour: Some(colour),
+                }
             })
             .collect();
         frames.iter().for_each(|frame| run.push(frame));

@@ -4,6 +4,7 @@
 //! can be rendered at any time, by any thread, with the same bytes.
 
 mod furniture;
+mod gyroscope;
 mod kinect;
 mod material;
 mod options;
@@ -18,13 +19,14 @@ pub use options::SimulationOptions;
 
 use crate::SourceError;
 use crate::cameras::named_camera;
+use crate::imu::{Gyroscope, rotations};
 use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
 use path::Walk;
 use render::Scratch;
 use scenes::Scene;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};
-use tessera_geometry::{Camera, RayTable};
+use tessera_geometry::{Camera, InertialRotation, RayTable};
 use tessera_trajectory::Trajectory;
 
 /// Frames per second.
@@ -83,6 +85,8 @@ pub struct SimulatedSource {
     options: SimulationOptions,
     n_frames: u64,
     ground_truth: Trajectory,
+    /// For each frame, with a gyroscope.
+    rotations: Vec<InertialRotation>,
     /// Buffers of earlier frames: as many as frames were ever rendered at once.
     scratch: Mutex<Vec<Scratch>>,
 }
@@ -113,14 +117,19 @@ impl SimulatedSource {
                 rule: "1 to 1000000 frames",
             });
         }
-        let walk = Walk::new(name, options.seed);
+        let walk = Walk::new(name, options.seed).at_speed(options.speed);
         let mut ground_truth = Trajectory::default();
         for index in 0..n_frames {
             let stamp_nanos = stamp_nanos(index);
             ground_truth.stamps_nanos.push(stamp_nanos);
             ground_truth.poses.push(walk.world_from_camera(stamp_nanos as f64 * 1e-9));
         }
+        let rotations = match options.gyroscope() {
+            None => Vec::new(),
+            Some(gyroscope) => turned(&walk, &gyroscope, options.seed, &ground_truth.stamps_nanos),
+        };
         Ok(Self {
+            rotations,
             rays: RayTable::new(&camera, 1),
             camera,
             scene: Scene::new(name, options.seed, options.person),
@@ -139,6 +148,12 @@ impl SimulatedSource {
     fn give_back(&self, scratch: Scratch) {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
+}
+
+/// What the gyroscope makes of the camera's rotation.
+fn turned(walk: &Walk, gyroscope: &Gyroscope, seed: u64, stamps_nanos: &[i64]) -> Vec<InertialRotation> {
+    let last = stamps_nanos.last().copied().unwrap_or(0);
+    rotations(gyroscope, &gyroscope::measure(walk, gyroscope, seed, last), stamps_nanos)
 }
 
 /// Whole microseconds, so that files with six digits hold them exactly.
@@ -188,7 +203,7 @@ impl Source for SimulatedSource {
             kinect::exact_depth(&self.camera, &self.rays, &scratch, buffers.depth);
         }
         self.give_back(scratch);
-        Ok(FrameInfo { stamp_nanos, has_colour: true })
+        Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotations.get(index as usize).copied() })
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {
