@@ -25,6 +25,7 @@ pub fn write_camera(path: &Path) {
 pub struct Run {
     pub dir: tempfile::TempDir,
     pub name: String,
+    source: String,
     frames: String,
     arguments: Vec<String>,
     environment: Vec<(String, String)>,
@@ -36,7 +37,8 @@ pub fn room() -> Run {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("camera.toml"), CAMERA).unwrap();
     let name = format!("test-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    Run { dir, name, frames: FRAMES.into(), arguments: Vec::new(), environment: Vec::new() }
+    let source = "room".into();
+    Run { dir, name, source, frames: FRAMES.into(), arguments: Vec::new(), environment: Vec::new() }
         .with(&["--set", "surface.step=2"])
 }
 
@@ -60,6 +62,12 @@ impl Run {
         self
     }
 
+    /// Another source than the simulated room.
+    pub fn of(mut self, source: &Path) -> Self {
+        self.source = source.display().to_string();
+        self
+    }
+
     pub fn named(mut self, name: &str) -> Self {
         self.name = name.into();
         self
@@ -77,7 +85,7 @@ impl Run {
     pub fn command(&self) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tessera"));
         command
-            .args(["run", "room", "--quiet", "--name", &self.name, "--camera"])
+            .args(["run", &self.source, "--quiet", "--name", &self.name, "--camera"])
             .arg(self.dir.path().join("camera.toml"))
             .arg("--out")
             .arg(self.out())
@@ -126,12 +134,12 @@ impl Run {
         let root = PathBuf::from(run["identity"]["root"].as_str().unwrap());
         let mut left: Vec<PathBuf> = Vec::new();
         for folder in [Path::new("/dev/shm"), root.parent().unwrap()] {
-            left.extend(std::fs::read_dir(folder).unwrap().flatten().map(|item| item.path()).filter(
-                |path| {
-                    let name = path.file_name().unwrap().to_string_lossy().into_owned();
-                    name.starts_with(&self.prefix()) || name == format!("{}.run", self.name)
-                },
-            ));
+            // The private folder goes with the last run in it.
+            let items = std::fs::read_dir(folder).into_iter().flatten().flatten();
+            left.extend(items.map(|item| item.path()).filter(|path| {
+                let name = path.file_name().unwrap().to_string_lossy().into_owned();
+                name.starts_with(&self.prefix()) || name == format!("{}.run", self.name)
+            }));
         }
         left
     }
@@ -174,6 +182,11 @@ impl Run {
             stopped.is_some()
         });
         stopped.unwrap()
+    }
+
+    /// Process ids of one stage: none while it is dead.
+    pub fn pids_of(&self, stage: &str) -> Vec<u32> {
+        self.processes(&format!(" stage {stage} "))
     }
 
     /// Process ids of the stages.

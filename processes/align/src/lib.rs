@@ -44,7 +44,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let mut ports = Ports::open(&link, &context)?;
     context.kill_points.pass("opened", 0);
     loop {
-        tracing::info!(frame = desk.tracker.next_index(), "ready");
+        ports.pulse.ready(Some(desk.tracker.next_index()));
         // What was journaled may not have been published: the same bytes go out again.
         ports.publish_again(&desk)?;
         let pause = if context.settings.run.live {

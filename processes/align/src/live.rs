@@ -60,7 +60,9 @@ fn step(
     ports.pulse.working(index);
     let began = monotonic_nanos();
     let Some(surface) = ports.inbox.get(index) else { return Ok(()) };
-    context.kill_points.pass("received", index);
+    if !context.poison.contains(&index) {
+        context.kill_points.pass("received", index);
+    }
     let upstream = surface.header.dropped_before;
     let (kind, mut times) = (surface.header.kind, surface.header.times);
     times.align_began = began;
@@ -76,6 +78,12 @@ fn step(
         desk.commit(&AlignRecord::End { n_frames: index, request })?;
         context.kill_points.pass("ended", index);
         ports.tell_optimiser();
+        return Ok(());
+    }
+    if context.poison.contains(&index) {
+        tracing::warn!(frame = index, "lost: it ended align again and again");
+        desk.commit(&AlignRecord::Skipped(index, "it ended align again and again".to_string()))?;
+        ports.pulse.beat.lost += 1;
         return Ok(());
     }
     let first = desk.tracker.first_recent_index();

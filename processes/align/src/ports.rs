@@ -53,6 +53,7 @@ impl Ports {
     pub(crate) fn publish(&mut self, record: &FrameRecord, mut times: StepTimes) -> Result<(), StageError> {
         times.pose_sent = monotonic_nanos();
         self.poses.send(pose_message(record, times))?;
+        self.pulse.output(record.index);
         if times.frame_sent > 0 {
             self.pulse.published(times.pose_sent.saturating_sub(times.frame_sent));
         }

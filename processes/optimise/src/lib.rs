@@ -114,7 +114,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let align = link.bell(Stage::Align)?;
     let mut pulse = Pulse::start(&link, Stage::Optimise)?;
     context.kill_points.pass("opened", 0);
-    tracing::info!("ready");
+    pulse.ready(None);
     // A correction that was journaled may not have been noticed.
     align.ring();
     let mut n_done = 0;

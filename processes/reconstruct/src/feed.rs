@@ -1,5 +1,6 @@
 //! Which frame comes next: each in order, or in live mode the newest.
 
+use std::collections::BTreeSet;
 use tessera_messages::{Flow, FrameHeader, FrameShape, Kind, Refusal};
 use tessera_stage::{Context, Pulse, StageError};
 use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
@@ -22,6 +23,8 @@ pub(crate) struct Feed {
     last_index: Option<u64>,
     /// Frames left out before the next one, by the sensor or here.
     dropped: u64,
+    /// Frames that ended this stage again and again (live mode).
+    poison: BTreeSet<u64>,
 }
 
 impl Feed {
@@ -36,6 +39,7 @@ impl Feed {
             is_live: context.settings.run.live,
             last_index: None,
             dropped: 0,
+            poison: context.poison.clone(),
         })
     }
 
@@ -78,6 +82,12 @@ impl Feed {
                 continue;
             }
             self.count(&header, pulse);
+            if kind == Kind::Frame && self.poison.contains(&header.index) {
+                tracing::warn!(frame = header.index, "lost: it ended reconstruct again and again");
+                pulse.beat.lost += 1;
+                self.dropped += 1;
+                continue;
+            }
             if newest.replace((header, kind, frame)).is_some() {
                 pulse.beat.dropped += 1;
                 self.dropped += 1;

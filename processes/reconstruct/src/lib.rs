@@ -9,7 +9,9 @@ mod feed;
 use feed::Feed;
 use std::process::ExitCode;
 use tessera_messages::{FrameHeader, Kind, Stage, SurfaceHeader, WaitingOn};
-use tessera_stage::{Context, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main};
+use tessera_stage::{
+    Context, Delivery, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
+};
 use tessera_surface::{Reconstructor, Vertex};
 use tessera_transport::{Loan, Received};
 
@@ -33,7 +35,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let align = link.bell(Stage::Align)?;
     let mut pulse = Pulse::start(&link, Stage::Reconstruct)?;
     context.kill_points.pass("opened", 0);
-    tracing::info!("ready");
+    pulse.ready(None);
     loop {
         if context.lifeline.is_cut() {
             pulse.finish();
@@ -63,9 +65,17 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         }
         context.kill_points.pass("computed", header.index);
         loan.header_mut().times.surface_sent = monotonic_nanos();
-        loan.send()?;
-        align.ring();
+        let delivery = context.kill_points.deliver("computed", header.index);
+        if delivery == Delivery::Corrupt {
+            loan.header_mut().kind = Kind::Frame.to_wire();
+            loan.payload_mut()[0].position[0] = f32::NAN;
+        }
+        if delivery != Delivery::Dropped {
+            loan.send()?;
+            align.ring();
+        }
         context.kill_points.pass("sent", header.index);
+        pulse.output(header.index);
         pulse.done(monotonic_nanos().saturating_sub(began));
     }
 }

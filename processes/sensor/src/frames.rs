@@ -3,13 +3,27 @@
 use rayon::prelude::*;
 use tessera_messages::{FrameHeader, FrameShape, Kind};
 use tessera_sources::{FrameBuffers, FrameInfo, Source};
-use tessera_stage::{Context, Pulse, StageError, monotonic_nanos};
+use tessera_stage::{Context, Delivery, KillPoints, Pulse, StageError, monotonic_nanos};
 use tessera_transport::{Loan, SlicePublisher, TransportError};
 
 /// A frame in shared memory that has not been sent.
 pub(crate) struct Prepared {
     pub(crate) index: u64,
     pub(crate) loan: Loan<FrameHeader, u16>,
+}
+
+/// Whether the frame is to be sent; a test may want it lost, or full of nonsense.
+pub(crate) fn deliver(kill_points: &KillPoints, frame: &mut Prepared) -> bool {
+    let delivery = kill_points.deliver("read", frame.index);
+    if delivery == Delivery::Corrupt {
+        let header = frame.loan.header_mut();
+        match frame.index % 3 {
+            0 => header.width ^= 1,
+            1 => header.kind = u32::MAX,
+            _ => header.index = u64::MAX,
+        }
+    }
+    delivery != Delivery::Dropped
 }
 
 /// The source as the sensor uses it.

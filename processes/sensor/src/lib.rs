@@ -52,7 +52,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse: Pulse::start(&link, Stage::Sensor)?,
     };
     context.kill_points.pass("opened", 0);
-    tracing::info!("ready");
+    ports.pulse.ready(None);
     let mut frames = Frames::new(&*source, &context);
     if context.settings.run.preload {
         frames.preload(&mut ports.pulse);

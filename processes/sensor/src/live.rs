@@ -1,7 +1,7 @@
 //! Frames at their own times: what comes too late is left out, and counted.
 
 use crate::Ports;
-use crate::frames::Frames;
+use crate::frames::{Frames, deliver};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use tessera_messages::{Flow, WaitingOn};
@@ -98,6 +98,14 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
             ports.ear.wait(IDLE)?;
             continue;
         }
+        if context.poison.contains(next) {
+            tracing::warn!(frame = *next, "lost: it ended the sensor again and again");
+            *next += 1;
+            ports.pulse.beat.lost += 1;
+            dropped_before += 1;
+            continue;
+        }
+        ports.pulse.working(*next);
         // Read ahead, so that the frame is in shared memory when it is due.
         let (prepared, problem) = frames.prepare(*next..*next + 1, &ports.frames)?;
         let due = live_clock.due_nanos(frames, *next).unwrap_or(now);
@@ -122,9 +130,12 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         let ready_nanos = monotonic_nanos();
         header.times.frame_sent = ready_nanos;
         let took = ready_nanos.saturating_sub(header.times.read_began.max(due));
-        frame.loan.send()?;
-        ports.reconstruct.ring();
+        if deliver(&context.kill_points, &mut frame) {
+            frame.loan.send()?;
+            ports.reconstruct.ring();
+        }
         context.kill_points.pass("sent", index);
+        ports.pulse.output(index);
         ports.pulse.beat.index = index;
         ports.pulse.done(took);
     }

@@ -1,7 +1,7 @@
 //! Every frame, in order, as fast as the window allows.
 
 use crate::Ports;
-use crate::frames::{Frames, Prepared};
+use crate::frames::{Frames, Prepared, deliver};
 use std::collections::VecDeque;
 use tessera_messages::{Flow, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
@@ -88,9 +88,12 @@ fn send(context: &Context, mut frame: Prepared, flow: &Flow, ports: &mut Ports) 
     header.epoch = flow.epoch;
     header.times.frame_sent = monotonic_nanos();
     let took = header.times.frame_sent.saturating_sub(header.times.read_began);
-    frame.loan.send()?;
-    ports.reconstruct.ring();
+    if deliver(&context.kill_points, &mut frame) {
+        frame.loan.send()?;
+        ports.reconstruct.ring();
+    }
     context.kill_points.pass("sent", index);
+    ports.pulse.output(index);
     ports.pulse.beat.index = index;
     ports.pulse.done(took);
     Ok(())

@@ -1,5 +1,8 @@
 //! The command line.
 
+mod chaos;
+
+pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use std::path::PathBuf;
@@ -47,6 +50,8 @@ pub(crate) enum Command {
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps
     Check(CheckArguments),
+    /// Kill, freeze and damage a run on purpose, and prove that it changed nothing
+    Chaos(ChaosArguments),
     /// Measure what each part of the method is worth, as the paper's Table I does
     Ablate(AblateArguments),
     /// Remove what dead runs left in shared memory, and only that
@@ -110,6 +115,10 @@ pub(crate) struct RunArguments {
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,
+    /// Prepare and hold the run, or go on with the one of that name, for stages that somebody
+    /// else starts: systemd, or `tessera stage`
+    #[arg(long, requires = "name")]
+    pub(crate) hold: bool,
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,

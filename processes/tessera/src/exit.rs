@@ -124,6 +124,7 @@ fn of_supervisor(error: &SupervisorError) -> Exit {
         | SupervisorError::Directory { .. } => Exit::Arguments,
         SupervisorError::Transport(error) => of_transport(error),
         SupervisorError::Stage(error) => of_stage(error),
+        SupervisorError::OpenFiles { .. } => Exit::Arguments,
         SupervisorError::Spawn { .. } => Exit::Stage,
     }
 }

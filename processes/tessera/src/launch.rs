@@ -5,7 +5,7 @@ use crate::commands::say_summary;
 use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, Ended, RunStatistics};
 use crate::progress::ProgressView;
-use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, supervise};
+use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, hold, supervise};
 use crate::terminal::{say, say_error};
 use std::time::Duration;
 use tessera_messages::Stage;
@@ -40,7 +40,8 @@ pub(crate) fn launch(
             let _ = outputs::write_statistics(&plan.run_dir, &before.and(&now));
         }
     };
-    let supervised = supervise(plan, &mut tell).map_err(LaunchError::Supervisor);
+    let keep_up = if plan.hold { hold } else { supervise };
+    let supervised = keep_up(plan, &mut tell).map_err(LaunchError::Supervisor);
     view.end();
     let supervised = supervised?;
     if let Some(error) = refused {

@@ -6,6 +6,7 @@
 
 mod ablation;
 mod arguments;
+mod chaos;
 mod commands;
 mod exit;
 mod launch;
@@ -38,6 +39,7 @@ pub fn main() -> ExitCode {
         Command::Status(arguments) => commands::status(&arguments),
         Command::Ablate(arguments) => commands::ablate(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
+        Command::Chaos(arguments) => commands::chaos(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

@@ -82,7 +82,7 @@ fn snake_case(word: &str) -> String {
 
 /// A comment without its links: [`x`](y) and [`Type::x`] become `x`.
 fn plain(words: &str) -> String {
-    words.replace("[`", "`").replace("`]", "`").replace("FlowSettings::", "").replace("Self::", "")
+    words.replace("[`", "`").replace("`]", "`").replace("StageSettings::", "").replace("Self::", "")
 }
 
 /// The text of all defaults with the comment of each field above it.

@@ -1,4 +1,4 @@
-//! How frames move between the processes, what is forced to disk, and when a process is restarted.
+//! How frames move between the processes, and what is forced to disk.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,20 +16,7 @@ pub enum Fsync {
     Always,
 }
 
-/// When a dead stage is started again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Restart {
-    /// Always, unless it dies of its own three times on one frame.
-    #[default]
-    Always,
-    /// At most [`FlowSettings::restarts`] times within [`FlowSettings::restarts_within_s`].
-    Limited,
-    /// Never.
-    Never,
-}
-
-/// Flow control and supervision.
+/// Flow control and signs of life.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlowSettings {
@@ -39,27 +26,13 @@ pub struct FlowSettings {
     pub ahead: u32,
     /// When what is written is forced to disk.
     pub fsync: Fsync,
-    /// When a dead stage is started again.
-    pub restart: Restart,
-    /// Restarts of one stage under `restart = "limited"`.
-    pub restarts: u32,
-    /// Time in which they are counted, seconds.
-    pub restarts_within_s: f64,
     /// A stage that gives no sign of life for so long is killed and started again, seconds.
     pub hang_s: f64,
 }
 
 impl Default for FlowSettings {
     fn default() -> Self {
-        Self {
-            window: 4,
-            ahead: 4,
-            fsync: Fsync::Never,
-            restart: Restart::Always,
-            restarts: 10,
-            restarts_within_s: 60.0,
-            hang_s: 10.0,
-        }
+        Self { window: 4, ahead: 4, fsync: Fsync::Never, hang_s: 10.0 }
     }
 }
 
@@ -72,8 +45,6 @@ impl FlowSettings {
         let ranges = [
             ("window", f64::from(self.window), 1.0, 64.0),
             ("ahead", f64::from(self.ahead), 1.0, 64.0),
-            ("restarts", f64::from(self.restarts), 0.0, 1e6),
-            ("restarts_within_s", self.restarts_within_s, 0.1, 1e6),
             ("hang_s", self.hang_s, 0.5, 1e6),
         ];
         for (key, value, low, high) in ranges {

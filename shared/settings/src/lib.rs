@@ -14,13 +14,15 @@ mod layers;
 mod output;
 mod presets;
 mod run;
+mod stages;
 
 pub use error::SettingsError;
-pub use flow::{FlowSettings, Fsync, Restart};
+pub use flow::{FlowSettings, Fsync};
 pub use layers::Layers;
 pub use output::OutputSettings;
 pub use presets::{PRESETS, preset};
 pub use run::RunSettings;
+pub use stages::{Restart, StageSettings, StagesSettings};
 
 use serde::{Deserialize, Serialize};
 use tessera_mapping::MappingSettings;
@@ -44,6 +46,8 @@ pub struct Settings {
     pub mapping: MappingSettings,
     /// How frames move between the processes.
     pub flow: FlowSettings,
+    /// When each process is started again, and how much memory it may use.
+    pub stages: StagesSettings,
     /// What is written at the end.
     pub output: OutputSettings,
 }
@@ -109,6 +113,7 @@ impl Settings {
             ("registration", words(self.registration.check())),
             ("mapping", words(self.mapping.check())),
             ("flow", words(self.flow.check())),
+            ("stages", words(self.stages.check())),
             ("output", words(self.output.check())),
         ];
         for (part, result) in parts {

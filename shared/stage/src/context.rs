@@ -4,8 +4,10 @@ use crate::error::StageError;
 use crate::kill_point::KillPoints;
 use crate::lifeline::Lifeline;
 use crate::log::start_log;
+use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
 use crate::run_file::RunFile;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -15,6 +17,9 @@ use tessera_transport::{Layout, Link};
 
 /// Longest sleep of a stage: the safety net under the events, and how late it notices a signal.
 pub const IDLE: Duration = Duration::from_millis(10);
+
+/// Environment variable with the frames that a stage leaves out, `9,12`.
+pub const POISON_VARIABLE: &str = "TESSERA_POISON";
 
 /// Arguments of a stage process.
 #[derive(Clone, Debug)]
@@ -61,6 +66,10 @@ pub struct Context {
     pub lifeline: Lifeline,
     /// Where to die, in tests.
     pub kill_points: KillPoints,
+    /// Frames that ended this stage again and again: it leaves them out (live mode).
+    pub poison: BTreeSet<u64>,
+    /// Somebody starts this stage, and cleans up after its death.
+    is_supervised: bool,
 }
 
 impl Context {
@@ -80,10 +89,16 @@ impl Context {
         let text = std::fs::read_to_string(&config).map_err(|e| wrong(config.clone(), &e))?;
         let settings = Settings::from_toml(&text, &config.display().to_string())
             .map_err(|e| StageError::Settings(e.to_string()))?;
+        let megabytes = stage_settings(&settings, stage).memory_mb;
+        limit_memory(megabytes)
+            .map_err(|e| StageError::Settings(format!("cannot limit memory to {megabytes} MB: {e}")))?;
         let layout = run.layout(&settings);
         let lifeline = Lifeline::hold(args.watch_stdin)
             .map_err(|e| StageError::Inconsistent(format!("cannot listen to signals: {e}")))?;
-        Ok(Self { files, run, settings, layout, lifeline, kill_points: KillPoints::from_environment() })
+        let kill_points = KillPoints::from_environment();
+        let poison = poison_from_environment();
+        let is_supervised = args.watch_stdin;
+        Ok(Self { files, run, settings, layout, lifeline, kill_points, poison, is_supervised })
     }
 
     /// What the algorithms of mapping share.
@@ -97,13 +112,23 @@ impl Context {
         )
     }
 
-    /// Joins the run's shared memory.
+    /// Joins the run's shared memory; a stage that nobody supervises cleans up after the dead.
     ///
     /// # Errors
     /// Where the run's configuration is gone or no node can be made.
     pub fn link(&self, stage: Stage) -> Result<Link, StageError> {
-        Ok(Link::open(&self.run.identity, &self.layout, stage.name())?)
+        let link = Link::open(&self.run.identity, &self.layout, stage.name())?;
+        if !self.is_supervised {
+            // Nobody else cleans up after a dead predecessor, whose places this one needs.
+            link.clean_dead_nodes();
+        }
+        Ok(link)
     }
+}
+
+fn poison_from_environment() -> BTreeSet<u64> {
+    let text = std::env::var(POISON_VARIABLE).unwrap_or_default();
+    text.split(',').filter_map(|index| index.parse().ok()).collect()
 }
 
 /// Runs a stage as a process: logs its error once and turns its outcome into an exit code.

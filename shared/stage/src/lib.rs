@@ -11,17 +11,23 @@ mod keyframes;
 mod kill_point;
 mod lifeline;
 mod log;
+mod memory;
 mod names;
+mod notify;
 mod pulse;
 mod run_file;
 
 pub use clock::monotonic_nanos;
-pub use context::{Context, IDLE, Outcome, StageArgs, stage_main};
+pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};
 pub use error::StageError;
 pub use keyframes::{MappedKeyframes, journal_slot, store_slot};
-pub use kill_point::{KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints};
+pub use kill_point::{
+    Delivery, KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints, MESSAGE_POINTS, STRUCK, fault_names,
+};
 pub use lifeline::Lifeline;
 pub use log::{last_lines, start_log};
+pub use memory::{ran_out_of_memory, stage_settings};
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
-pub use pulse::Pulse;
+pub use notify::{NOTIFY_VARIABLES, Notifier};
+pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};

@@ -21,6 +21,8 @@ impl Lifeline {
         for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
             signal_hook::flag::register(signal, Arc::clone(&is_cut))?;
         }
+        // A file that may not grow is an error to tell, not a signal to die of.
+        signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
         if watch_stdin {
             let flag = Arc::clone(&is_cut);
             std::thread::Builder::new().name("lifeline".into()).spawn(move || {

@@ -66,19 +66,20 @@ pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
 
 /// The last lines of a log that a process wrote, oldest first.
 pub fn last_lines(path: &Path, process: &str, n: usize) -> Vec<String> {
-    const TAIL_BYTES: u64 = 256 << 10;
-    let tail = || -> std::io::Result<String> {
-        let mut file = File::open(path)?;
-        let len = file.metadata()?.len();
-        file.seek(SeekFrom::Start(len.saturating_sub(TAIL_BYTES)))?;
-        let mut bytes = Vec::new();
-        file.take(TAIL_BYTES).read_to_end(&mut bytes)?;
-        Ok(String::from_utf8_lossy(&bytes).into_owned())
-    };
-    let text = tail().unwrap_or_default();
+    let text = tail(path, 256 << 10).unwrap_or_default();
     let mark = format!(" {process}[");
     let lines: Vec<&str> = text.lines().filter(|line| line.contains(&mark)).collect();
     lines[lines.len().saturating_sub(n)..].iter().map(|line| line.to_string()).collect()
+}
+
+/// The end of a file.
+pub(crate) fn tail(path: &Path, most_bytes: u64) -> std::io::Result<String> {
+    let mut file = File::open(path)?;
+    let len = file.metadata()?.len();
+    file.seek(SeekFrom::Start(len.saturating_sub(most_bytes)))?;
+    let mut bytes = Vec::new();
+    file.take(most_bytes).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
 #[cfg(test)]

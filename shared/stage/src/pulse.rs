@@ -1,6 +1,7 @@
 //! Signs of life: what a stage is doing and has done, for the supervisor and for `status`.
 
 use crate::clock::{cpu_nanos, monotonic_nanos};
+use crate::notify::Notifier;
 use hdrhistogram::Histogram;
 use tessera_messages::{Beat, BeatState, Latency, Stage, WaitingOn};
 use tessera_transport::{Link, Publisher, TransportError};
@@ -9,6 +10,11 @@ use tessera_transport::{Link, Publisher, TransportError};
 const INTERVAL_NANOS: u64 = 100_000_000;
 /// Beats between two looks at the memory in use.
 const MEMORY_EVERY: u64 = 10;
+
+/// Log line of a stage that can work.
+pub const READY: &str = "ready";
+/// Log line of the first new frame, surface or pose that a stage has sent in its life.
+pub const FIRST_OUTPUT: &str = "first output";
 
 /// Counts, and sends a beat now and then.
 #[derive(Debug)]
@@ -20,6 +26,8 @@ pub struct Pulse {
     end_to_end: Histogram<u64>,
     last_sent: u64,
     n_sent: u64,
+    notifier: Notifier,
+    has_output: bool,
 }
 
 impl Pulse {
@@ -49,9 +57,24 @@ impl Pulse {
             end_to_end: histogram()?,
             last_sent: 0,
             n_sent: 0,
+            notifier: Notifier::from_environment(),
+            has_output: false,
         };
+        pulse.notifier.ready();
         pulse.send();
         Ok(pulse)
+    }
+
+    /// Everything is open and read back: work can come. `next` is the frame that is expected.
+    pub fn ready(&mut self, next: Option<u64>) {
+        tracing::info!(at_nanos = monotonic_nanos(), frame = next, "{READY}");
+    }
+
+    /// Something new went out; the first of this life is told to the log.
+    pub fn output(&mut self, index: u64) {
+        if !std::mem::replace(&mut self.has_output, true) {
+            tracing::info!(at_nanos = monotonic_nanos(), frame = index, "{FIRST_OUTPUT}");
+        }
     }
 
     /// Nothing to do until something comes.
@@ -69,6 +92,7 @@ impl Pulse {
         // Sent each time, so that a frame that kills its stage is known by name.
         self.beat.sequence += 1;
         let _ = self.publisher.send(self.beat);
+        self.notifier.alive();
     }
 
     /// Work goes on: an inner iteration is done.
@@ -97,6 +121,7 @@ impl Pulse {
         self.beat.waiting_on = WaitingOn::Nothing as u32;
         self.beat.peak_rss_bytes = peak_rss_bytes();
         self.send();
+        self.notifier.stopping();
     }
 
     fn send_if_due(&mut self) {
@@ -117,6 +142,7 @@ impl Pulse {
         self.beat.end_to_end = summary(&self.end_to_end);
         // A beat that cannot be sent is a beat that is missed: the supervisor sees to that.
         let _ = self.publisher.send(self.beat);
+        self.notifier.alive();
     }
 }
 

@@ -1,5 +1,6 @@
 //! Where a run's shared memory lives: a private folder and a prefix of its own.
 
+use crate::cleanup::SHARED_MEMORY;
 use crate::error::TransportError;
 use iceoryx2::prelude::{Config, FileName, FilePath, Path as IoxPath, SemanticString};
 use std::fs::DirBuilder;
@@ -51,6 +52,11 @@ impl RunIdentity {
         let root = IoxPath::new(self.root.as_os_str().as_encoded_bytes())
             .map_err(|e| wrong(format!("{e:?}: root {}", self.root.display())))?;
         config.global.set_root_path(&root);
+        // One process cleans up, the supervisor (`Link::clean_dead_nodes`). A stage that did it too
+        // would start later, and leave a lock for good when it is killed meanwhile.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
         let text = toml::to_string(&config).map_err(|e| wrong(e.to_string()))?;
         std::fs::write(&self.config_file, text).map_err(TransportError::io("write", &self.config_file))
     }
@@ -70,23 +76,41 @@ impl RunIdentity {
     }
 }
 
-/// The user's private folder for runs: `$XDG_RUNTIME_DIR/tessera` or `/tmp/tessera-<uid>`.
+/// Where the user's private folder for runs lies: `$XDG_RUNTIME_DIR/tessera` or
+/// `/dev/shm/tessera-<uid>`.
 ///
-/// iceoryx2 makes sockets below it, whose paths must stay short; a long XDG_RUNTIME_DIR is not used.
-pub(crate) fn private_folder() -> Result<PathBuf, TransportError> {
+/// In memory either way: iceoryx2 syncs the files that it makes below it, and on a busy disk each
+/// of the dozen syncs of a starting stage takes up to 50 ms. It also makes sockets there, whose
+/// paths must stay short; a long XDG_RUNTIME_DIR is not used.
+fn private_path() -> PathBuf {
     const LONGEST: usize = 30;
     let uid = rustix::process::getuid().as_raw();
-    let base = std::env::var_os("XDG_RUNTIME_DIR")
+    std::env::var_os("XDG_RUNTIME_DIR")
         .map(PathBuf::from)
         .filter(|dir| dir.is_absolute() && dir.is_dir() && dir.as_os_str().len() <= LONGEST)
-        .map_or_else(|| PathBuf::from(format!("/tmp/tessera-{uid}")), |dir| dir.join("tessera"));
+        .map_or_else(|| Path::new(SHARED_MEMORY).join(format!("tessera-{uid}")), |dir| dir.join("tessera"))
+}
+
+/// The user's private folder for runs, made where it is missing.
+pub(crate) fn private_folder() -> Result<PathBuf, TransportError> {
+    let base = private_path();
     match DirBuilder::new().mode(0o700).create(&base) {
         Ok(()) => {}
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
         Err(error) => return Err(TransportError::io("make", &base)(error)),
     }
-    check_private(&base, uid)?;
+    check_private(&base, rustix::process::getuid().as_raw())?;
     Ok(base)
+}
+
+/// The same where it is there; `None` where no run of this user is going on.
+pub(crate) fn existing_private_folder() -> Result<Option<PathBuf>, TransportError> {
+    let base = private_path();
+    if !base.exists() {
+        return Ok(None);
+    }
+    check_private(&base, rustix::process::getuid().as_raw())?;
+    Ok(Some(base))
 }
 
 /// Refuses a folder that somebody else owns, may look into, or has put a link in place of.

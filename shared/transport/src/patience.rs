@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 
 /// How long opening is tried while dead predecessors are cleaned up.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// How long the supervisor may take to clean up before somebody else does: there may be none.
+const SUPERVISOR: Duration = Duration::from_millis(250);
 
 /// A name as iceoryx2 takes it.
 pub(crate) fn service_name(name: &str) -> Result<ServiceName, TransportError> {
@@ -19,7 +21,8 @@ pub(crate) fn patiently<T, E: std::fmt::Debug>(
     node: Option<&Node<ipc::Service>>,
     mut attempt: impl FnMut() -> Result<T, E>,
 ) -> Result<T, TransportError> {
-    let deadline = Instant::now() + PATIENCE;
+    let began = Instant::now();
+    let deadline = began + PATIENCE;
     loop {
         match attempt() {
             Ok(made) => return Ok(made),
@@ -27,7 +30,7 @@ pub(crate) fn patiently<T, E: std::fmt::Debug>(
                 return Err(TransportError::Open { what: what.into(), reason: format!("{error:?}") });
             }
             Err(_) => {
-                if let Some(node) = node {
+                if let Some(node) = node.filter(|_| began.elapsed() > SUPERVISOR) {
                     let _ = node.blocking_cleanup_dead_nodes(Duration::from_millis(100));
                 }
                 std::thread::sleep(Duration::from_millis(5));

@@ -2,7 +2,7 @@
 
 use crate::cleanup::remove_everything;
 use crate::error::TransportError;
-use crate::identity::{RunIdentity, private_folder};
+use crate::identity::{RunIdentity, existing_private_folder, private_folder};
 use rustix::fs::{FlockOperation, flock};
 use std::fs::{File, OpenOptions};
 use std::io::Read;
@@ -60,8 +60,7 @@ impl RunClaim {
     /// Where a living run has the name.
     pub fn take(name: &str, run_dir: &Path) -> Result<Self, TransportError> {
         check_name(name)?;
-        let path = private_folder()?.join(format!("{name}.run"));
-        let (file, before) = lock(name, &path)?;
+        let (path, file, before) = lock(name)?;
         if let Some(entry) = before {
             remove_everything(&entry.identity)?;
         }
@@ -94,10 +93,15 @@ impl RunClaim {
         // Removed while locked: whoever opened it meanwhile finds a name without a file.
         match std::fs::remove_file(&self.path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(TransportError::io("remove", &self.path)(error))
+                return Err(TransportError::io("remove", &self.path)(error));
             }
-            _ => Ok(()),
+            _ => {}
         }
+        if let Some(folder) = self.path.parent() {
+            // Fails while another run is in it, and that is right.
+            let _ = std::fs::remove_dir(folder);
+        }
+        Ok(())
     }
 }
 
@@ -109,26 +113,32 @@ impl Drop for RunClaim {
 }
 
 /// Opens and locks the file of a name; answers what a dead run wrote there.
-fn lock(name: &str, path: &Path) -> Result<(File, Option<RunEntry>), TransportError> {
+fn lock(name: &str) -> Result<(PathBuf, File, Option<RunEntry>), TransportError> {
     loop {
-        let file = OpenOptions::new()
+        let path = private_folder()?.join(format!("{name}.run"));
+        let opened = OpenOptions::new()
             .read(true)
             .write(true)
             .create(true)
             .truncate(false)
             .mode(0o600)
             .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-            .open(path)
-            .map_err(TransportError::io("open", path))?;
+            .open(&path);
+        let file = match opened {
+            Ok(file) => file,
+            // The last run that was in the folder has just removed it.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            Err(error) => return Err(TransportError::io("open", &path)(error)),
+        };
         let before = read_entry(&file);
         if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
             let (pid, run_dir) = before.map_or((0, PathBuf::new()), |entry| (entry.pid, entry.run_dir));
             return Err(TransportError::NameInUse { name: name.into(), pid, run_dir });
         }
         // A run that ended between the two calls has removed the file that is locked now.
-        let locked = file.metadata().map_err(TransportError::io("look at", path))?;
-        if std::fs::metadata(path).is_ok_and(|there| there.ino() == locked.ino()) {
-            return Ok((file, before));
+        let locked = file.metadata().map_err(TransportError::io("look at", &path))?;
+        if std::fs::metadata(&path).is_ok_and(|there| there.ino() == locked.ino()) {
+            return Ok((path, file, before));
         }
     }
 }
@@ -137,7 +147,7 @@ fn read_entry(file: &File) -> Option<RunEntry> {
     let mut text = String::new();
     file.take(1 << 16).read_to_string(&mut text).ok()?;
     let entry: RunEntry = serde_json::from_str(&text).ok()?;
-    let base = private_folder().ok()?;
+    let base = existing_private_folder().ok()??;
     // The paths decide what gets removed: they must be ours.
     let identity = &entry.identity;
     let is_ours = identity.root == base.join(&identity.prefix)
@@ -152,7 +162,7 @@ fn read_entry(file: &File) -> Option<RunEntry> {
 /// # Errors
 /// Where the private folder cannot be read.
 pub fn registered_runs() -> Result<Vec<Registered>, TransportError> {
-    let base = private_folder()?;
+    let Some(base) = existing_private_folder()? else { return Ok(Vec::new()) };
     let mut runs = Vec::new();
     for item in std::fs::read_dir(&base).map_err(TransportError::io("read", &base))? {
         let path = item.map_err(TransportError::io("read", &base))?.path();

@@ -1,6 +1,7 @@
 //! One file for each command.
 
 mod ablate;
+mod chaos;
 mod check;
 mod clean;
 mod completions;
@@ -12,6 +13,7 @@ mod stage;
 mod status;
 
 pub(crate) use ablate::ablate;
+pub(crate) use chaos::chaos;
 pub(crate) use check::check;
 pub(crate) use clean::clean;
 pub(crate) use completions::completions;

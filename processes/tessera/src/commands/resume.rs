@@ -1,17 +1,22 @@
 //! `tessera resume`: a run that was interrupted or killed goes on to its end.
 
-use crate::arguments::ResumeArguments;
+use crate::arguments::{ResumeArguments, Speech};
 use crate::exit::{CommandError, Exit};
 use crate::launch::{kill_plan, launch};
 use crate::run_folder;
 use crate::supervisor::Plan;
+use std::path::Path;
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
 
 /// Goes on with a run as it was begun: same name, camera and settings.
 pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> {
-    let run_dir = run_folder::find(&arguments.run)?;
-    let files = RunFiles::new(&run_dir);
+    resume_in(&run_folder::find(&arguments.run)?, arguments.speech, false)
+}
+
+/// Goes on with the run of a folder; with `hold` somebody else starts the stages.
+pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Exit, CommandError> {
+    let files = RunFiles::new(run_dir);
     let run = RunFile::read(&files)?;
     let config = files.config();
     let text = std::fs::read_to_string(&config)
@@ -22,14 +27,15 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> 
     let source = tessera_sources::open(&spec, &options)?;
     let plan = Plan {
         name: run.name,
-        run_dir,
+        run_dir: run_dir.to_owned(),
         settings,
         camera: run.camera,
         n_frames: run.n_frames,
+        hold,
         resume: true,
         executable: std::env::current_exe()
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
     };
-    Ok(launch(&plan, source.ground_truth(), arguments.speech)?)
+    Ok(launch(&plan, source.ground_truth(), speech)?)
 }

@@ -1,14 +1,16 @@
 //! `tessera run`: the four processes from the first frame to the outputs.
 
 use crate::arguments::RunArguments;
+use crate::commands::resume::resume_in;
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
 use crate::supervisor::{Plan, SupervisorError, update_map};
 use crate::terminal::say;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tessera_settings::Settings;
 use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
+use tessera_stage::RunFiles;
 use tessera_transport::{TransportError, check_name};
 
 /// Frames looked at before the start, to notice wrong depth units.
@@ -26,6 +28,10 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
         .map_err(|error| CommandError::Input(format!("{spec}: {error}")))?;
     if let Some(name) = &arguments.name {
         check_name(name).map_err(|error| CommandError::Arguments(error.to_string()))?;
+        let run_dir = run_dir(arguments, name);
+        if arguments.hold && RunFiles::new(&run_dir).run_file().exists() {
+            return resume_in(&run_dir, arguments.speech, true);
+        }
         return Ok(start(arguments, &settings, &*source, name)?);
     }
     let label = run_folder::label(&settings.run.source);
@@ -86,19 +92,24 @@ fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     Ok(settings)
 }
 
+fn run_dir(arguments: &RunArguments, name: &str) -> PathBuf {
+    arguments.out.clone().unwrap_or_else(|| Path::new(run_folder::RUNS).join(name))
+}
+
 fn start(
     arguments: &RunArguments,
     settings: &Settings,
     source: &dyn Source,
     name: &str,
 ) -> Result<Exit, LaunchError> {
-    let run_dir = arguments.out.clone().unwrap_or_else(|| Path::new(run_folder::RUNS).join(name));
+    let run_dir = run_dir(arguments, name);
     let plan = Plan {
         name: name.to_owned(),
         run_dir,
         settings: settings.clone(),
         camera: source.camera().clone(),
         n_frames: source.n_frames(),
+        hold: arguments.hold,
         resume: false,
         executable: std::env::current_exe()
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,

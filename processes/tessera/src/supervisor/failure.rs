@@ -58,6 +58,16 @@ pub(crate) enum SupervisorError {
         /// Why not.
         reason: String,
     },
+    /// Too few files may be open.
+    #[error(
+        "a process may have {allowed} files open here, a run needs {needed}; raise the limit (ulimit -n)"
+    )]
+    OpenFiles {
+        /// What the system allows.
+        allowed: u64,
+        /// What is needed.
+        needed: u64,
+    },
     /// The map to start in cannot be used.
     #[error("--map {}: {reason}", dir.display())]
     Map {

@@ -4,6 +4,8 @@
 //! supervisor is replaced by another one (`tessera resume`).
 
 mod failure;
+mod hold;
+mod limits;
 mod plan;
 mod policy;
 mod saved_map;
@@ -13,6 +15,7 @@ mod tally;
 mod watch;
 
 pub(crate) use failure::SupervisorError;
+pub(crate) use hold::hold;
 pub(crate) use plan::Plan;
 pub(crate) use saved_map::update_map;
 pub(crate) use stage_process::run_stage;

@@ -31,6 +31,8 @@ pub(crate) struct Plan {
     pub(crate) camera: Camera,
     /// Frames of the source.
     pub(crate) n_frames: Option<u64>,
+    /// Somebody else starts the stages.
+    pub(crate) hold: bool,
     /// Go on with the run that is there.
     pub(crate) resume: bool,
     /// The program that becomes the stages: `std::env::current_exe()`.

@@ -1,7 +1,7 @@
 //! Whether and when a dead stage is started again: pure, so that it is tested.
 
 use std::time::{Duration, Instant};
-use tessera_settings::{FlowSettings, Restart};
+use tessera_settings::{Restart, StageSettings};
 
 /// Deaths of its own on one frame after which a stage is given up.
 const POISON: u32 = 3;
@@ -18,6 +18,8 @@ pub(super) struct Death {
     pub(super) at: Instant,
     /// By its own doing (an error, a panic, a bad access, a hang), not by somebody's kill.
     pub(super) is_own: bool,
+    /// It wanted more memory than it may use.
+    pub(super) is_memory: bool,
     /// Whether it had done anything in this life.
     pub(super) had_progress: bool,
     /// The frame (or request) it had in hand.
@@ -40,11 +42,13 @@ pub(super) struct History {
     without_progress: u32,
     /// The frame of the last deaths of its own, and how many there were on it.
     poison: Option<(u64, u32)>,
+    /// Deaths from the memory limit.
+    memory: Vec<Instant>,
 }
 
 impl History {
     /// Takes a death in and decides.
-    pub(super) fn judge(&mut self, death: &Death, settings: &FlowSettings) -> Verdict {
+    pub(super) fn judge(&mut self, death: &Death, settings: &StageSettings) -> Verdict {
         self.without_progress = if death.had_progress { 0 } else { self.without_progress + 1 };
         if death.is_own {
             let before = self.poison.filter(|(index, _)| *index == death.index).map_or(0, |(_, n)| n);
@@ -52,13 +56,16 @@ impl History {
         }
         self.deaths.push(death.at);
         let within = Duration::from_secs_f64(settings.restarts_within_s);
-        self.deaths.retain(|at| death.at.saturating_duration_since(*at) <= within);
+        self.memory.extend(death.is_memory.then_some(death.at));
+        for deaths in [&mut self.deaths, &mut self.memory] {
+            deaths.retain(|at| death.at.saturating_duration_since(*at) <= within);
+        }
         let may = match settings.restart {
             Restart::Always => true,
             Restart::Limited => self.deaths.len() <= settings.restarts as usize,
             Restart::Never => false,
         };
-        if !may || self.n_own_deaths() >= POISON {
+        if !may || self.is_poisoned() || self.memory.len() >= POISON as usize {
             return Verdict::GiveUp;
         }
         let longest = if death.is_own { LONGEST_PAUSE } else { LONGEST_PAUSE_AFTER_KILL };
@@ -66,6 +73,11 @@ impl History {
             0 => Duration::ZERO,
             n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(longest),
         })
+    }
+
+    /// Whether one frame has killed it as often as is allowed.
+    pub(super) fn is_poisoned(&self) -> bool {
+        self.n_own_deaths() >= POISON
     }
 
     /// Deaths of its own on the frame that killed it last.
@@ -83,12 +95,12 @@ impl History {
 mod tests {
     use super::*;
 
-    fn death(at_s: u64, is_own: bool, had_progress: bool, index: u64) -> (Death, FlowSettings) {
+    fn death(at_s: u64, is_own: bool, had_progress: bool, index: u64) -> (Death, StageSettings) {
         let at = Instant::now() + Duration::from_secs(at_s);
-        (Death { at, is_own, had_progress, index }, FlowSettings::default())
+        (Death { at, is_own, is_memory: false, had_progress, index }, StageSettings::default())
     }
 
-    fn judge(history: &mut History, (death, settings): (Death, FlowSettings)) -> Verdict {
+    fn judge(history: &mut History, (death, settings): (Death, StageSettings)) -> Verdict {
         history.judge(&death, &settings)
     }
 
@@ -131,13 +143,23 @@ mod tests {
     }
 
     #[test]
+    fn the_third_death_from_the_memory_limit_is_the_last_on_whatever_frame() {
+        let mut history = History::default();
+        let verdicts = [0, 1, 100, 101, 102].map(|s| {
+            let (death, settings) = death(s, true, true, s);
+            history.judge(&Death { is_memory: true, ..death }, &settings) == Verdict::GiveUp
+        });
+        assert_eq!(verdicts, [false, false, false, false, true]);
+    }
+
+    #[test]
     fn policies_limit_restarts() {
         let mut history = History::default();
         let (first, settings) = death(0, false, true, 0);
-        let never = FlowSettings { restart: Restart::Never, ..settings.clone() };
+        let never = StageSettings { restart: Restart::Never, ..settings.clone() };
         assert_eq!(history.judge(&first, &never), Verdict::GiveUp);
         let limited =
-            FlowSettings { restart: Restart::Limited, restarts: 2, restarts_within_s: 10.0, ..settings };
+            StageSettings { restart: Restart::Limited, restarts: 2, restarts_within_s: 10.0, ..settings };
         let mut history = History::default();
         let verdicts: Vec<bool> = [0, 1, 20, 21, 22]
             .iter()

@@ -7,7 +7,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use tessera_messages::Stage;
-use tessera_stage::{KILL_POINTS_VARIABLE, RunFiles, StageArgs};
+use tessera_stage::{KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageArgs};
 
 /// Set for a stage whose standard input is the supervisor's life line.
 const LIFELINE_VARIABLE: &str = "TESSERA_LIFELINE";
@@ -24,12 +24,14 @@ pub(crate) fn run_stage(stage: Stage, run_dir: PathBuf) -> ExitCode {
     }
 }
 
-/// Starts a stage in its own process group: Ctrl-C reaches the supervisor alone.
+/// Starts a stage in its own process group: Ctrl-C reaches the supervisor alone. It leaves the
+/// frames of `poison` out.
 pub(super) fn spawn(
     plan: &Plan,
     files: &RunFiles,
     stage: Stage,
     is_first: bool,
+    poison: &[u64],
 ) -> Result<Child, SupervisorError> {
     let failed = |reason: std::io::Error| SupervisorError::Spawn {
         what: format!("{stage} from {}", plan.executable.display()),
@@ -42,18 +44,47 @@ pub(super) fn spawn(
         .arg(&files.dir)
         .env(LIFELINE_VARIABLE, "1")
         .env_remove(KILL_POINTS_VARIABLE)
+        .env_remove(POISON_VARIABLE)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(log)
         .process_group(0);
-    // Those marked with a star belong to every life, the others to the first.
-    let points =
-        plan.kill_points.iter().filter(|(of, _)| *of == stage).flat_map(|(_, words)| words.split(','));
-    let points: Vec<&str> = points.filter(|word| is_first || word.ends_with('*')).collect();
+    for name in NOTIFY_VARIABLES {
+        command.env_remove(name);
+    }
+    if !poison.is_empty() {
+        let words: Vec<String> = poison.iter().map(u64::to_string).collect();
+        command.env(POISON_VARIABLE, words.join(","));
+    }
+    let points = kill_points(plan, files, stage, is_first);
     if !points.is_empty() {
         command.env(KILL_POINTS_VARIABLE, points.join(","));
     }
     command.spawn().map_err(failed)
+}
+
+/// The kill points of a life: those with a star belong to every life, those with a plus to every
+/// life until they have struck, the others to the first.
+fn kill_points<'a>(plan: &'a Plan, files: &RunFiles, stage: Stage, is_first: bool) -> Vec<&'a str> {
+    let points = plan.kill_points.iter().filter(|(of, _)| *of == stage);
+    let points: Vec<&str> = points.flat_map(|(_, words)| words.split(',')).collect();
+    // Also a first life may follow others: those of a supervisor that was killed.
+    let log = match points.iter().any(|word| word.ends_with('+')) {
+        true => std::fs::read_to_string(files.log()).unwrap_or_default(),
+        false => String::new(),
+    };
+    let has_struck = |word: &str| {
+        let word = word.trim_end_matches('+');
+        let name = if word.split(':').count() < 3 { format!("{word}:kill") } else { word.to_owned() };
+        let (mark, by) = (format!(" {stage}["), format!("{STRUCK} {name} "));
+        log.lines().any(|line| line.contains(&mark) && line.contains(&by))
+    };
+    let is_due = |word: &&str| match word.chars().last() {
+        Some('*') => true,
+        Some('+') => !has_struck(word),
+        _ => is_first,
+    };
+    points.into_iter().filter(is_due).collect()
 }
 
 /// What the end of a stage means.
@@ -86,6 +117,11 @@ pub(super) fn meaning(status: ExitStatus) -> Meaning {
     }
 }
 
+/// Whether a process ended itself by `abort`, as it does when memory cannot be had.
+pub(super) fn is_abort(status: ExitStatus) -> bool {
+    status.signal() == Some(signal_hook::consts::SIGABRT)
+}
+
 /// An exit status in words.
 pub(super) fn describe(status: ExitStatus) -> String {
     match (status.code(), status.signal()) {
@@ -93,7 +129,11 @@ pub(super) fn describe(status: ExitStatus) -> String {
         (Some(code), _) => format!("exit status {code}"),
         (None, Some(signal)) => {
             let name = signal_hook::low_level::signal_name(signal).unwrap_or("unknown");
-            format!("signal {signal} ({name})")
+            let hint = match signal {
+                signal_hook::consts::SIGBUS => ": shared memory or the disk is full",
+                _ => "",
+            };
+            format!("signal {signal} ({name}){hint}")
         }
         (None, None) => "an unknown status".into(),
     }

@@ -1,16 +1,17 @@
 //! Keeping four processes going until the run is done.
 
 use super::failure::{StageFailure, SupervisorError};
+use super::limits::ensure_open_files;
 use super::plan::{Plan, Prepared};
 use super::policy::{Death, History, Verdict};
 use super::signals::Signals;
-use super::stage_process::{Meaning, describe, meaning, spawn};
+use super::stage_process::{Meaning, describe, is_abort, meaning, spawn};
 use super::tally::{Counters, Tally};
 use std::collections::BTreeMap;
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
-use tessera_stage::last_lines;
+use tessera_stage::{Notifier, last_lines, ran_out_of_memory, stage_settings};
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -77,6 +78,8 @@ struct Watched {
     map: (u64, u64),
     tally: Tally,
     history: History,
+    /// Frames that ended it again and again: it leaves them out (live mode).
+    poison: Vec<u64>,
 }
 
 impl Watched {
@@ -93,6 +96,7 @@ impl Watched {
             map: (0, 0),
             tally: Tally::default(),
             history: History::default(),
+            poison: Vec::new(),
         }
     }
 }
@@ -107,6 +111,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
         what: "the supervisor".into(),
         reason: reason.to_string(),
     };
+    ensure_open_files()?;
     let signals = Signals::listen().map_err(cannot)?;
     let prepared = plan.prepare()?;
     // The first node: it closes the door to shared memory before a stage starts.
@@ -127,6 +132,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
         signals,
         stages: Stage::ALL.map(|stage| Watched::new(stage, began)),
         shared_memory_bytes: 0,
+        has_dead: false,
         began,
     };
     let outcome = supervisor.run(tell);
@@ -149,14 +155,23 @@ struct Supervisor<'a> {
     signals: Signals,
     stages: [Watched; 4],
     shared_memory_bytes: u64,
+    /// Somebody died and left things in shared memory.
+    has_dead: bool,
     began: Instant,
 }
 
 impl Supervisor<'_> {
     fn run(&mut self, tell: &mut dyn FnMut(&Progress)) -> Result<Outcome, SupervisorError> {
         let mut told_at: Option<Instant> = None;
+        let mut notifier = Notifier::from_environment();
+        notifier.ready();
         loop {
+            notifier.alive();
             self.start_due()?;
+            // Only now: a successor finds a free place beside its dead twin, and starts meanwhile.
+            if std::mem::take(&mut self.has_dead) {
+                self.link.clean_dead_nodes();
+            }
             self.signals.wait(self.next_wait());
             self.hear()?;
             if let Some(failure) = self.reap()? {
@@ -189,7 +204,8 @@ impl Supervisor<'_> {
                 continue;
             }
             let is_first = watched.n_lives == 0;
-            watched.child = Some(spawn(self.plan, &self.prepared.files, watched.stage, is_first)?);
+            let files = &self.prepared.files;
+            watched.child = Some(spawn(self.plan, files, watched.stage, is_first, &watched.poison)?);
             watched.start_at = None;
             watched.n_lives += 1;
             watched.heard_at = now;
@@ -240,7 +256,7 @@ impl Supervisor<'_> {
                 self.stages[place].is_finished = true;
                 continue;
             }
-            self.link.clean_dead_nodes();
+            self.has_dead = true;
             if let Some(failure) = self.judge(place, status) {
                 return Ok(Some(failure));
             }
@@ -250,25 +266,48 @@ impl Supervisor<'_> {
 
     fn judge(&mut self, place: usize, status: ExitStatus) -> Option<StageFailure> {
         let watched = &mut self.stages[place];
-        let words = if watched.was_hung {
-            format!("no sign of life ({})", describe(status))
-        } else {
-            describe(status)
+        let log = self.prepared.files.log();
+        let settings = stage_settings(&self.plan.settings, watched.stage);
+        let is_memory = settings.memory_mb > 0 && is_abort(status) && ran_out_of_memory(&log);
+        let words = match (watched.was_hung, is_memory) {
+            (true, _) => format!("no sign of life ({})", describe(status)),
+            (false, true) => format!(
+                "{}: it needs more memory than stages.{}.memory_mb = {}",
+                describe(status),
+                watched.stage,
+                settings.memory_mb
+            ),
+            (false, false) => describe(status),
         };
         let index = watched.tally.beat.index;
         let death = Death {
             at: Instant::now(),
             is_own: watched.was_hung || meaning(status) == Meaning::Failed,
+            is_memory,
             had_progress: watched.had_progress,
             index,
         };
         watched.had_progress = false;
-        let verdict = watched.history.judge(&death, &self.plan.settings.flow);
+        let verdict = watched.history.judge(&death, settings);
         if meaning(status) != Meaning::Unusable
             && let Verdict::Again(pause) = verdict
         {
-            tracing::warn!(frame = index, "{} died: {words}; it is started again", watched.stage);
+            let last = last_lines(&log, watched.stage.name(), 1).pop();
+            tracing::warn!(
+                frame = index,
+                last_line = last.as_deref().unwrap_or("none"),
+                "{} died: {words}; it is started again",
+                watched.stage
+            );
             watched.start_at = Some(death.at + pause);
+            return None;
+        }
+        // A camera does not stop for one frame. A request that cannot be answered ends a live run too.
+        let may_skip = self.plan.settings.run.live && watched.stage != Stage::Optimise;
+        if may_skip && watched.history.is_poisoned() && !watched.poison.contains(&index) {
+            tracing::warn!(frame = index, "{} died: {words}; the frame is left out", watched.stage);
+            watched.poison.push(index);
+            watched.start_at = Some(death.at);
             return None;
         }
         tracing::error!(frame = index, "{} died: {words}; the run ends", watched.stage);
@@ -278,7 +317,7 @@ impl Supervisor<'_> {
             exit_code: status.code(),
             index,
             n_deaths: watched.history.n_own_deaths(),
-            last_lines: last_lines(&self.prepared.files.log(), watched.stage.name(), 5),
+            last_lines: last_lines(&log, watched.stage.name(), 5),
         })
     }
 

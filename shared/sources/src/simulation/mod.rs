@@ -19,13 +19,13 @@ pub use options::SimulationOptions;
 
 use crate::SourceError;
 use crate::cameras::named_camera;
-use crate::imu::{Gyroscope, rotations};
+use crate::imu::rotations;
 use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
 use path::Walk;
 use render::Scratch;
 use scenes::Scene;
 use serde::{Deserialize, Serialize};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use tessera_geometry::{Camera, InertialRotation, RayTable};
 use tessera_trajectory::Trajectory;
 
@@ -84,9 +84,10 @@ pub struct SimulatedSource {
     walk: Walk,
     options: SimulationOptions,
     n_frames: u64,
-    ground_truth: Trajectory,
-    /// For each frame, with a gyroscope.
-    rotations: Vec<InertialRotation>,
+    /// Made when it is asked for: a restarted sensor has no use for it.
+    ground_truth: OnceLock<Trajectory>,
+    /// For each frame, with a gyroscope; made with the first frame that is read.
+    rotations: OnceLock<Vec<InertialRotation>>,
     /// Buffers of earlier frames: as many as frames were ever rendered at once.
     scratch: Mutex<Vec<Scratch>>,
 }
@@ -118,27 +119,36 @@ impl SimulatedSource {
             });
         }
         let walk = Walk::new(name, options.seed).at_speed(options.speed);
-        let mut ground_truth = Trajectory::default();
-        for index in 0..n_frames {
-            let stamp_nanos = stamp_nanos(index);
-            ground_truth.stamps_nanos.push(stamp_nanos);
-            ground_truth.poses.push(walk.world_from_camera(stamp_nanos as f64 * 1e-9));
-        }
-        let rotations = match options.gyroscope() {
-            None => Vec::new(),
-            Some(gyroscope) => turned(&walk, &gyroscope, options.seed, &ground_truth.stamps_nanos),
-        };
         Ok(Self {
-            rotations,
+            rotations: OnceLock::new(),
             rays: RayTable::new(&camera, 1),
             camera,
             scene: Scene::new(name, options.seed, options.person),
             walk,
             options: options.clone(),
             n_frames,
-            ground_truth,
+            ground_truth: OnceLock::new(),
             scratch: Mutex::new(Vec::new()),
         })
+    }
+
+    fn make_ground_truth(&self) -> Trajectory {
+        let stamps_nanos: Vec<i64> = (0..self.n_frames).map(stamp_nanos).collect();
+        let pose = |stamp: &i64| self.walk.world_from_camera(*stamp as f64 * 1e-9);
+        let poses = stamps_nanos.iter().map(pose).collect();
+        Trajectory { stamps_nanos, poses }
+    }
+
+    /// What the gyroscope makes of the camera's rotation up to a frame, where there is one.
+    fn rotation(&self, index: u64) -> Option<InertialRotation> {
+        let gyroscope = self.options.gyroscope()?;
+        let made = self.rotations.get_or_init(|| {
+            let stamps: Vec<i64> = (0..self.n_frames).map(stamp_nanos).collect();
+            let last = stamps.last().copied().unwrap_or(0);
+            let samples = gyroscope::measure(&self.walk, &gyroscope, self.options.seed, last);
+            rotations(&gyroscope, &samples, &stamps)
+        });
+        made.get(usize::try_from(index).ok()?).copied()
     }
 
     fn take_scratch(&self) -> Scratch {
@@ -148,12 +158,6 @@ impl SimulatedSource {
     fn give_back(&self, scratch: Scratch) {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
-}
-
-/// What the gyroscope makes of the camera's rotation.
-fn turned(walk: &Walk, gyroscope: &Gyroscope, seed: u64, stamps_nanos: &[i64]) -> Vec<InertialRotation> {
-    let last = stamps_nanos.last().copied().unwrap_or(0);
-    rotations(gyroscope, &gyroscope::measure(walk, gyroscope, seed, last), stamps_nanos)
 }
 
 /// Whole microseconds, so that files with six digits hold them exactly.
@@ -203,11 +207,11 @@ impl Source for SimulatedSource {
             kinect::exact_depth(&self.camera, &self.rays, &scratch, buffers.depth);
         }
         self.give_back(scratch);
-        Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotations.get(index as usize).copied() })
+        Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotation(index) })
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {
-        Some(&self.ground_truth)
+        Some(self.ground_truth.get_or_init(|| self.make_ground_truth()))
     }
 
     fn pairing(&self) -> Pairing {

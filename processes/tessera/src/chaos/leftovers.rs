@@ -1,0 +1,64 @@
+//! What a run has left where nothing should be.
+
+use std::path::{Path, PathBuf};
+use tessera_transport::RunIdentity;
+
+/// Files of a run directory that the documentation names, outputs among them.
+const DOCUMENTED: [&str; 15] = [
+    "align.journal",
+    "config.toml",
+    "groundtruth.txt",
+    "keyframes.store",
+    "keyframes.txt",
+    "live.clock",
+    "log.txt",
+    "map.ply",
+    "optimise.journal",
+    "run.json",
+    "states.csv",
+    "statistics.json",
+    "summary.json",
+    "trajectory.txt",
+    "trajectory_online.txt",
+];
+
+/// Files in shared memory and in the private folder that belong to a run that is over, with the
+/// bytes that they take.
+pub(super) fn of_identity(identity: &RunIdentity, name: &str) -> Vec<(PathBuf, u64)> {
+    let private = identity.root.parent().map(Path::to_path_buf).unwrap_or_default();
+    let mut left = Vec::new();
+    for folder in [PathBuf::from("/dev/shm"), private] {
+        for item in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let file = item.file_name().to_string_lossy().into_owned();
+            if file.starts_with(&identity.prefix) || file == format!("{name}.run") {
+                left.push((item.path(), item.metadata().map_or(0, |meta| meta.len())));
+            }
+        }
+    }
+    left
+}
+
+/// Files of a run directory that no documentation names.
+pub(super) fn undocumented(run_dir: &Path) -> Vec<PathBuf> {
+    let items = std::fs::read_dir(run_dir).into_iter().flatten().flatten();
+    let unknown = items.filter(|item| !DOCUMENTED.contains(&item.file_name().to_string_lossy().as_ref()));
+    let mut paths: Vec<PathBuf> = unknown.map(|item| item.path()).collect();
+    paths.sort();
+    paths
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_beyond_the_documented_ones_are_found() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["align.journal", "log.txt", ".map.ply.partial", "core"] {
+            std::fs::write(dir.path().join(name), "x").unwrap();
+        }
+        let names =
+            undocumented(dir.path()).iter().map(|p| p.file_name().unwrap().to_owned()).collect::<Vec<_>>();
+        assert_eq!(names, [".map.ply.partial", "core"]);
+    }
+}

@@ -1,0 +1,51 @@
+//! `tessera chaos`: faults on purpose, and what came of them.
+
+use crate::arguments::ChaosArguments;
+use crate::chaos::{FaultKind, Report, Target, attach, campaign};
+use crate::exit::{CommandError, Exit};
+use crate::terminal::{say, say_error};
+
+/// Disturbs runs and says whether the promise was kept.
+pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
+    let targets = all(
+        &arguments.stages,
+        "stage",
+        Target::from_name,
+        "sensor, reconstruct, align, optimise, supervisor, group",
+    )?;
+    let kind = |name: &str| FaultKind::ALL.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind);
+    let names = FaultKind::ALL.map(|(name, _)| name).join(", ");
+    let kinds = all(&arguments.faults, "fault", kind, &names)?;
+    if arguments.interval_ms == 0 || arguments.kills == 0 {
+        return Err(CommandError::Arguments("--kills or --interval-ms is 0, expected at least 1".into()));
+    }
+    let report = match &arguments.attach {
+        Some(name) => attach(arguments, name, &targets, &kinds)?,
+        None => campaign(arguments, &targets, &kinds)?,
+    };
+    conclude(&report, arguments.json)
+}
+
+fn conclude(report: &Report, json: bool) -> Result<Exit, CommandError> {
+    say(&if json { report.to_json_lines()? } else { report.for_people() });
+    let broken = report.broken();
+    if broken.is_empty() {
+        return Ok(Exit::Done);
+    }
+    broken.iter().for_each(|reason| say_error(reason));
+    Ok(Exit::Stage)
+}
+
+/// Each name as what it stands for.
+fn all<T>(
+    names: &[String],
+    what: &str,
+    find: impl Fn(&str) -> Option<T>,
+    expected: &str,
+) -> Result<Vec<T>, CommandError> {
+    let one = |name: &String| {
+        find(name)
+            .ok_or_else(|| CommandError::Arguments(format!("no {what} {name:?}, expected one of {expected}")))
+    };
+    names.iter().map(one).collect()
+}

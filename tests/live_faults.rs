@@ -1,0 +1,106 @@
+//! Live runs under faults: only the struck stage restarts, and one bad frame does not end a run.
+
+mod common;
+
+use common::{Run, room, signal, wait_for};
+use std::fmt::Write;
+use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
+
+fn has_output(run: &Run, stage: &str, pid: u32) -> bool {
+    // The optimiser has nothing to put out unless it is asked.
+    let word = if stage == "optimise" { "ready" } else { "first output" };
+    run.log().lines().any(|line| line.contains(&format!("{stage}[{pid}] {word}")))
+}
+
+#[test]
+fn after_a_kill_no_other_process_restarts() {
+    let run = room().frames(100_000).with(&["--live"]);
+    let mut child = run.start();
+    let stages = ["sensor", "reconstruct", "align", "optimise"];
+    let find = |stage: &str| {
+        let mut found = None;
+        wait_for("a stage at work", || {
+            let pids = run.pids_of(stage);
+            found = pids.into_iter().find(|&pid| has_output(&run, stage, pid));
+            found.is_some()
+        });
+        found.unwrap()
+    };
+    for struck in stages {
+        let before = stages.map(find);
+        let victim = before[stages.iter().position(|stage| *stage == struck).unwrap()];
+        signal(victim, "KILL");
+        wait_for("the end of the struck stage", || !run.pids_of(struck).contains(&victim));
+        let after = stages.map(find);
+        for ((stage, before), after) in stages.iter().zip(before).zip(after) {
+            assert_eq!(
+                before == after,
+                *stage != struck,
+                "{stage} after the death of {struck}\n{}",
+                run.log()
+            );
+        }
+    }
+    signal(child.id(), "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{}", run.log());
+    assert_eq!(run.log().matches(" died: ").count(), stages.len(), "{}", run.log());
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}
+
+/// A recording of the room with so much time between its frames that one can come again and
+/// again before the next.
+fn slow_recording(run: &Run, n_frames: u64, gap_s: f64) {
+    let folder = run.dir.path().join("recording");
+    for name in ["depth", "rgb"] {
+        std::fs::create_dir_all(folder.join(name)).unwrap();
+    }
+    let camera = run.dir.path().join("camera.toml").display().to_string();
+    let options = SourceOptions { camera: Some(camera), frames: Some(n_frames), ..SourceOptions::default() };
+    let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
+    let (width, height) = (source.camera().width, source.camera().height);
+    let n_pixels = (width * height) as usize;
+    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+    let (mut depth_list, mut colour_list) = (String::new(), String::new());
+    for index in 0..n_frames {
+        source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+        let image: image::ImageBuffer<image::Luma<u16>, _> =
+            image::ImageBuffer::from_raw(width, height, depth.clone()).unwrap();
+        image.save(folder.join(format!("depth/{index}.png"))).unwrap();
+        let image = image::RgbImage::from_raw(width, height, colour.clone()).unwrap();
+        image.save(folder.join(format!("rgb/{index}.png"))).unwrap();
+        let seconds = index as f64 * gap_s;
+        writeln!(depth_list, "{seconds:.6} depth/{index}.png").unwrap();
+        writeln!(colour_list, "{seconds:.6} rgb/{index}.png").unwrap();
+    }
+    std::fs::write(folder.join("depth.txt"), depth_list).unwrap();
+    std::fs::write(folder.join("rgb.txt"), colour_list).unwrap();
+}
+
+#[test]
+fn poison_frames_are_left_out_and_counted() {
+    let run = room();
+    slow_recording(&run, 5, 4.0);
+    let folder = run.dir.path().join("recording");
+    let plan = "sensor=read:1:panic*;reconstruct=received:2:panic*;align=received:3:panic*";
+    let run = run.of(&folder).with(&["--live"]).with_env("TESSERA_KILL_PLAN", plan);
+    assert!(run.finish().success());
+    let log = run.log();
+    let n_deaths = |stage: &str| log.matches(&format!(" {stage} died: exit status 101")).count();
+    // A frame comes to reconstruct again only behind a newer one, which it takes instead.
+    assert_eq!(["sensor", "reconstruct", "align"].map(n_deaths), [3, 1, 3], "{log}");
+    for (stage, frame) in [("sensor", 1), ("align", 3)] {
+        let left_out =
+            |line: &str| line.contains(&format!(" {stage} died")) && line.contains("the frame is left out");
+        assert!(log.lines().any(|line| left_out(line) && line.ends_with(&format!("frame={frame}"))), "{log}");
+    }
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let count = |key: &str| summary[key].as_u64().unwrap();
+    assert_eq!(
+        (count("frames_processed"), count("frames_dropped") + count("frames_lost")),
+        (2, 3),
+        "{summary}"
+    );
+    let states = String::from_utf8(run.output("states.csv")).unwrap();
+    assert!(states.contains("it ended align again and again"), "{states}");
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}
