@@ -43,7 +43,7 @@ fn after_a_kill_no_other_process_restarts() {
     }
     signal(child.id(), "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130), "{}", run.log());
-    assert_eq!(run.log().matches(" died: ").count(), stages.len(), "{}", run.log());
+    assert_eq!(run.n_deaths(), stages.len(), "{}", run.log());
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 
@@ -85,7 +85,9 @@ fn poison_frames_are_left_out_and_counted() {
     let run = run.of(&folder).with(&["--live"]).with_env("TESSERA_KILL_PLAN", plan);
     assert!(run.finish().success());
     let log = run.log();
-    let n_deaths = |stage: &str| log.matches(&format!(" {stage} died: exit status 101")).count();
+    let n_deaths = |stage: &str| {
+        log.lines().filter(|line| line.contains(&format!("] {stage} died: exit status 101"))).count()
+    };
     // A frame comes to reconstruct again only behind a newer one, which it takes instead.
     assert_eq!(["sensor", "reconstruct", "align"].map(n_deaths), [3, 1, 3], "{log}");
     for (stage, frame) in [("sensor", 1), ("align", 3)] {

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Run, room, signal, wait_for};
+use std::os::unix::fs::MetadataExt;
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
@@ -33,10 +34,14 @@ fn after_an_interrupt() {
     let run = room().frames(FRAMES);
     let mut child = run.start();
     run.wait_until_busy();
+    let inode = || std::fs::metadata(run.out().join("config.toml")).unwrap().ino();
+    let before = inode();
     signal(child.id(), "INT");
     // Fast machines may have finished already.
     assert!(matches!(child.wait().unwrap().code(), Some(0 | 130)));
     assert_resumes(&run, "after an interrupt");
+    // Half a configuration would be one of defaults: what is there is not written again.
+    assert_eq!(inode(), before);
 }
 
 #[test]

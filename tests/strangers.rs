@@ -91,7 +91,7 @@ fn a_frozen_viewer_on_every_place_stops_no_restart() {
     }
     signal(align, "KILL");
     assert!(child.wait().unwrap().success(), "{}", run.log());
-    assert_eq!(run.log().matches(" died: ").count(), 4, "{}", run.log());
+    assert_eq!(run.n_deaths(), 4, "{}", run.log());
     drop(viewer);
     run.assert_same_bytes(&undisturbed, "beside a frozen viewer");
     assert_eq!(run.leftovers(), Vec::<PathBuf>::new());

@@ -120,6 +120,12 @@ impl Run {
         std::fs::read_to_string(self.out().join("log.txt")).unwrap_or_default()
     }
 
+    /// Deaths that the supervisor has noticed.
+    pub fn n_deaths(&self) -> usize {
+        let log = self.log();
+        log.lines().filter(|line| line.contains(" supervisor[") && line.contains(" died: ")).count()
+    }
+
     /// Beginning of the names of this run's shared memory.
     pub fn prefix(&self) -> String {
         let text = std::fs::read_to_string(self.out().join("run.json")).unwrap();

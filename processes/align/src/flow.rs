@@ -32,6 +32,15 @@ impl FlowControl {
         }
     }
 
+    /// Goes on in a predecessor's epoch: everything below `next` is in hand or durable, and what
+    /// was under way still comes.
+    pub(crate) fn adopt(epoch: u64, next: u64, now: u64) -> Self {
+        Self {
+            flow: Flow { epoch, resend_from: next, acknowledged: next, finished: 0 },
+            ..Self::begin(next, now)
+        }
+    }
+
     /// What the sensor should know.
     pub(crate) fn flow(&self) -> Flow {
         self.flow
@@ -117,6 +126,16 @@ mod tests {
         // What still comes from before says nothing about the new epoch.
         control.saw(13, 5, 42 * MS);
         assert!(!control.waited(90 * MS));
+    }
+
+    #[test]
+    fn an_epoch_that_was_adopted_is_raised_where_something_is_missing() {
+        let mut control = FlowControl::adopt(5, 10, 100 * MS);
+        assert_eq!(control.flow(), Flow { epoch: 5, resend_from: 10, acknowledged: 10, finished: 0 });
+        assert!(!control.waited(120 * MS));
+        control.saw(12, 5, 120 * MS);
+        assert!(control.waited(151 * MS));
+        assert_eq!((control.flow().epoch, control.flow().resend_from), (151 * MS, 10));
     }
 
     #[test]

@@ -33,6 +33,9 @@ impl Surface {
     }
 }
 
+/// Index and epoch of each surface that was received and believed.
+pub(crate) type Seen = Vec<(u64, u64)>;
+
 /// Surfaces by index, as many as may be held.
 pub(crate) struct Inbox {
     subscriber: SliceSubscriber<SurfaceHeader, Vertex>,
@@ -63,7 +66,7 @@ impl Inbox {
         first: u64,
         limit: Option<u64>,
         pulse: &mut Pulse,
-    ) -> Result<Vec<(u64, u64)>, StageError> {
+    ) -> Result<Seen, StageError> {
         let expected = SurfaceExpectation { grid: self.grid, limit };
         let mut seen = Vec::new();
         while self.held.len() < self.capacity {

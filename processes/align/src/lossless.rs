@@ -2,10 +2,14 @@
 
 use crate::Pause;
 use crate::desk::{Desk, End};
+use crate::inbox::Seen;
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
 use tessera_messages::{Kind, WaitingOn};
 use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
+
+/// How long a restarted aligner waits for the history: an idle writer gives it within 10 ms.
+const HISTORY_NANOS: u64 = 30_000_000;
 
 /// Works until the run is finished, the stage is told to stop, or it is time to forget.
 pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Result<Pause, StageError> {
@@ -13,7 +17,10 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
     let mut n_done = 0;
     let next = desk.tracker.next_index();
     let first = desk.tracker.first_recent_index().min(next);
-    ports.begin_epoch(ports.inbox.first_missing(first, next))?;
+    match await_history(context, ports, first, next)? {
+        Some((epoch, seen)) => ports.adopt_epoch(epoch, next, &seen)?,
+        None => ports.begin_epoch(ports.inbox.first_missing(first, next))?,
+    }
     // A request that was journaled may not have been noticed.
     ports.tell_optimiser();
     loop {
@@ -43,6 +50,34 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
             return Ok(Pause::Forget);
         }
     }
+}
+
+/// What a predecessor had under way comes again by the history of the living writer: then nothing
+/// need be read and computed again. Answers the epoch to go on in, and what was received; `None`
+/// where recent surfaces stay away.
+fn await_history(
+    context: &Context,
+    ports: &mut Ports,
+    first: u64,
+    next: u64,
+) -> Result<Option<(u64, Seen)>, StageError> {
+    let limit = next.saturating_add(2 * u64::from(context.layout.window) + 1);
+    let began = monotonic_nanos();
+    let mut seen = Seen::new();
+    // At the run's first frame, and to a reader that was here before, no history comes.
+    while std::mem::take(&mut ports.is_fresh) && first < next {
+        seen.extend(ports.inbox.fill(first, Some(limit), &mut ports.pulse)?);
+        // An epoch is a time: one that lies ahead is nonsense.
+        let epoch = seen.iter().map(|(_, epoch)| *epoch).filter(|epoch| *epoch < began).max();
+        if ports.inbox.first_missing(first, next) == next {
+            return Ok(epoch.map(|epoch| (epoch, seen)));
+        }
+        if monotonic_nanos().saturating_sub(began) < HISTORY_NANOS {
+            ports.is_fresh = true;
+            ports.wait(WaitingOn::Surfaces)?;
+        }
+    }
+    Ok(None)
 }
 
 /// Whether the next surface and all recent ones are here; asks for what is missing.

@@ -14,6 +14,8 @@ pub(crate) struct Ports {
     pub(crate) inbox: Inbox,
     pub(crate) control: FlowControl,
     pub(crate) pulse: Pulse,
+    /// Nothing was received yet: a writer's history may be under way.
+    pub(crate) is_fresh: bool,
     ear: Ear,
     poses: Publisher<PoseMessage>,
     flow: Publisher<Flow>,
@@ -27,12 +29,26 @@ impl Ports {
             ear: link.ear(Stage::Align)?,
             inbox: Inbox::open(link, context.run.n_frames)?,
             control: FlowControl::begin(0, 0),
+            is_fresh: true,
             poses: link.pose_publisher()?,
             flow: link.flow_publisher()?,
             sensor: link.bell(Stage::Sensor)?,
             optimise: link.bell(Stage::Optimise)?,
             pulse: Pulse::start(link, Stage::Align)?,
         })
+    }
+
+    /// Goes on in the epoch of a predecessor, whose surfaces `seen` came by the history, and says so.
+    pub(crate) fn adopt_epoch(
+        &mut self,
+        epoch: u64,
+        next: u64,
+        seen: &[(u64, u64)],
+    ) -> Result<(), StageError> {
+        let now = monotonic_nanos();
+        self.control = FlowControl::adopt(epoch, next, now);
+        seen.iter().for_each(|&(index, epoch)| self.control.saw(index, epoch, now));
+        self.tell_sensor()
     }
 
     /// Begins an epoch at the first index that is missing, and says so.

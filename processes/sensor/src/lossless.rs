@@ -60,7 +60,9 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
                 ready.push_back(frames.end(&ports.frames)?);
                 next += 1;
             } else {
-                let end = frames.n_frames.min(next + batch);
+                // The first of a life is waited for; it comes soonest alone.
+                let n = if ports.pulse.beat.frames == 0 && ready.is_empty() { 1 } else { batch };
+                let end = frames.n_frames.min(next + n);
                 let (prepared, problem) = frames.prepare(next..end, &ports.frames)?;
                 next += prepared.len() as u64;
                 ready.extend(prepared);

@@ -2,19 +2,24 @@
 
 use crate::context::Context;
 use crate::degeneracy::{self, FreeDirection};
+use crate::trees::Trees;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, log};
 use tessera_registration::{
-    BlockSums, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries, Sample, Selection,
-    ShutterTable, Target,
+    BlockSums, BrightnessUse, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries,
+    Sample, Selection, ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
 
 /// Outer iterations that follow once free directions are held at the prediction.
 const HELD_ITERATIONS: u32 = 3;
+/// First distance limit when poses are only compared, metres.
+const TRIED_DISTANCE_M: f64 = 0.1;
 
 /// A fixed surface with its pose.
 pub(crate) struct Reference<'a> {
     pub(crate) world_from_camera: Pose,
+    /// Names its surface among the recent frames or, with `true`, among the keyframes.
+    pub(crate) key: (bool, u64),
     pub(crate) surface: SurfaceView<'a>,
     pub(crate) shutter: ShutterTable,
 }
@@ -25,6 +30,8 @@ pub(crate) struct Prediction {
     pub(crate) world_from_camera: Pose,
     /// The frame before, and the seconds since: the rolling shutter's velocity comes from both.
     pub(crate) previous: Option<(Pose, f64)>,
+    /// Whether a motion is known that leads here: without one it is the last pose, and a guess.
+    pub(crate) is_known: bool,
     /// Velocity until an alignment says better.
     pub(crate) velocity: Twist,
     /// Standard deviation of the rotation about each axis where a gyroscope measured it, radians.
@@ -62,6 +69,13 @@ impl Alignment {
         f64::from(self.n_matches()) / f64::from(n_queries.max(1))
     }
 
+    /// Points on the references, less those in front of them, as a share of all.
+    pub(crate) fn fitting(&self) -> f64 {
+        let n_queries: u32 = self.reports.iter().map(|r| r.n_queries).sum();
+        let n_in_front: u32 = self.reports.iter().map(|r| r.n_in_front).sum();
+        (f64::from(self.n_matches()) - f64::from(n_in_front)) / f64::from(n_queries.max(1))
+    }
+
     /// Largest median normal residual of a reference that has matches, standard deviations.
     pub(crate) fn residual_sigmas(&self) -> f64 {
         let medians =
@@ -75,6 +89,7 @@ pub(crate) struct Aligner {
     matcher: Matcher,
     queries: Queries,
     shutter: ShutterTable,
+    trees: Trees,
 }
 
 impl Aligner {
@@ -83,17 +98,40 @@ impl Aligner {
             matcher: context.matcher(),
             queries: Queries::default(),
             shutter: context.shutter(&Twist::default()),
+            trees: Trees::default(),
         }
     }
 
-    /// Aligns `samples` to the references: search, then at most ten inner iterations, with
-    /// shrinking limits, until the last limits have been solved once.
+    /// Aligns `samples` to the references; where geometry leaves a direction free, once more with
+    /// the brightness, if the settings say so.
     pub(crate) fn align(
         &mut self,
         context: &Context,
         samples: &[Sample],
         references: &[Reference<'_>],
         prediction: &Prediction,
+    ) -> Alignment {
+        let brightness = context.registration.weight.brightness;
+        let is_always = brightness == BrightnessUse::Always;
+        let first = self.descend(context, samples, references, prediction, is_always);
+        let is_asked =
+            brightness == BrightnessUse::WhereFree && context.camera.colour_registered && first.is_solved;
+        if !is_asked || first.free.is_empty() {
+            return first;
+        }
+        let second = self.descend(context, samples, references, prediction, true);
+        if second.is_solved { second } else { first }
+    }
+
+    /// Search, then at most ten inner iterations, with shrinking limits, until the last limits have
+    /// been solved once (SPEC 5.1).
+    fn descend(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        references: &[Reference<'_>],
+        prediction: &Prediction,
+        brightness: bool,
     ) -> Alignment {
         let window = &context.mapping.window;
         let last = prediction.outer_iterations.max(2) - 1;
@@ -108,6 +146,13 @@ impl Aligner {
             outer_iterations: 0,
             is_solved: false,
         };
+        self.queries.fill(samples, &self.shutter);
+        let trees = self.trees.of(context, references);
+        let targets: Vec<Target<'_>> = references
+            .iter()
+            .zip(&trees)
+            .map(|(r, tree)| Target { surface: r.surface, shutter: &r.shutter, tree: tree.as_deref() })
+            .collect();
         let factor = self.metric_factor(context);
         let motion = prior(context, prediction, self.independent_factor(), factor);
         let (mut k, mut is_checked, mut n_more) = (0, false, 0);
@@ -115,8 +160,9 @@ impl Aligner {
             let limits = MatchLimits {
                 first_distance_m: prediction.first_distance_m as f32,
                 progress: k as f32 / last as f32,
+                brightness,
             };
-            self.match_all(context, samples, references, &limits, &mut result);
+            self.match_all(context, references, &targets, &limits, &mut result);
             result.outer_iterations += 1;
             let held = (!result.free.is_empty()).then(|| Prior {
                 vertex: 0,
@@ -161,13 +207,13 @@ impl Aligner {
     fn match_all(
         &mut self,
         context: &Context,
-        samples: &[Sample],
         references: &[Reference<'_>],
+        targets: &[Target<'_>],
         limits: &MatchLimits,
         result: &mut Alignment,
     ) {
         context.fill_shutter(&result.velocity, &mut self.shutter);
-        self.queries.fill(samples, &self.shutter);
+        self.queries.set_shutter(&self.shutter);
         result.blocks.clear();
         result.reports.clear();
         let window = &context.mapping.window;
@@ -175,15 +221,31 @@ impl Aligner {
         let is_early = limits.progress < 1.0;
         let share = if is_early { window.early_share } else { 1.0 };
         let count = (f64::from(window.match_budget) * share) as usize / references.len().max(1);
-        for (place, reference) in references.iter().enumerate() {
+        for (place, (reference, target)) in references.iter().zip(targets).enumerate() {
             let selection = Selection { count, shift: place };
-            let target = Target { surface: reference.surface, shutter: &reference.shutter };
             let target_from_query = reference.world_from_camera.inverse() * result.world_from_camera;
             let (sums, report) =
-                self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, limits);
+                self.matcher.match_pair(&self.queries, selection, target, &target_from_query, limits);
             result.blocks.push((target_from_query, sums));
             result.reports.push(report);
         }
+    }
+
+    /// What a search from one pose finds, with middling limits and without solving.
+    pub(crate) fn try_pose(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+    ) -> PairReport {
+        context.fill_shutter(&Twist::default(), &mut self.shutter);
+        self.queries.fill(samples, &self.shutter);
+        let target = Target { surface: reference.surface, shutter: &reference.shutter, tree: None };
+        let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
+        let selection = Selection { count: samples.len(), shift: 0 };
+        let limits = MatchLimits::new(TRIED_DISTANCE_M, 0.5);
+        self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, &limits).1
     }
 
     /// Makes an inverse information matrix metric: the variance of one correspondence times how
@@ -220,7 +282,9 @@ fn graph_of<'a>(
 /// The prediction as an edge, in the units of the blocks' information: constant velocity, and the
 /// rotation as well as the gyroscope knows it. The last pose, from which it counts, is uncertain too.
 fn prior(context: &Context, prediction: &Prediction, independent: f64, metric: f64) -> Option<Prior> {
-    prediction.previous?;
+    if !prediction.is_known {
+        return None;
+    }
     let w = &context.mapping.window;
     let t = independent / (w.prior_translation_m * w.prior_translation_m);
     let r = match prediction.rotation_sigma_rad {

@@ -31,8 +31,17 @@ impl Tracker {
     ) -> Result<Attempt, String> {
         let w = &self.context.mapping.window.clone();
         let strict = &self.context.mapping.relocalise.clone();
-        let first = self.attempt(samples, surfaces, prediction);
-        let Err(reason) = judge::tracking(w, &first.alignment) else { return Ok(first) };
+        let start =
+            if prediction.is_known { *prediction } else { self.turned(samples, surfaces, prediction) };
+        let first = self.attempt(samples, surfaces, &start);
+        // A guess must fit better than what was expected.
+        let verdict = match prediction.is_known {
+            true => judge::tracking(w, &first.alignment),
+            false => judge::found_again(strict, &first.alignment).map(|_| ()),
+        };
+        let Err(reason) = verdict else {
+            return Ok(self.doubted(samples, surfaces, prediction, first));
+        };
         let mut wide = Prediction {
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
@@ -45,20 +54,48 @@ impl Tracker {
                 wide.world_from_camera.rotation = prediction.world_from_camera.rotation;
             }
         }
-        let second = self.attempt(samples, surfaces, &wide);
+        let wide_turned = self.turned(samples, surfaces, &wide);
+        let second = self.attempt(samples, surfaces, &wide_turned);
         if judge::found_again(strict, &second.alignment).is_ok() {
             return Ok(second);
         }
         if let Some(keyframe) = self.state.last_own_keyframe() {
             wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
-            wide.previous = None;
-            wide.rotation_sigma_rad = None;
+            (wide.previous, wide.is_known, wide.rotation_sigma_rad) = (None, false, None);
             let third = self.attempt(samples, surfaces, &wide);
             if judge::found_again(strict, &third.alignment).is_ok() {
                 return Ok(third);
             }
         }
         Err(reason)
+    }
+
+    /// An attempt that passes, but not the strict tests: a camera that turned faster than expected
+    /// may have come to rest in the wrong place. Another one, from a turn that fits better, is
+    /// taken if it ends with more points on its references.
+    fn doubted(
+        &mut self,
+        samples: &[Sample],
+        surfaces: &Surfaces<'_>,
+        prediction: &Prediction,
+        first: Attempt,
+    ) -> Attempt {
+        let strict = &self.context.mapping.relocalise.clone();
+        if !prediction.is_known || judge::found_again(strict, &first.alignment).is_ok() {
+            return first;
+        }
+        let w = &self.context.mapping.window;
+        let wide = Prediction {
+            first_distance_m: w.max_first_distance_m,
+            outer_iterations: w.retry_iterations,
+            is_known: false,
+            ..*prediction
+        };
+        let turned = self.turned(samples, surfaces, &wide);
+        let second = self.attempt(samples, surfaces, &turned);
+        let is_better = judge::found_again(strict, &second.alignment).is_ok()
+            && second.alignment.fitting() > first.alignment.fitting();
+        if is_better { second } else { first }
     }
 
     pub(crate) fn attempt(
@@ -89,11 +126,11 @@ impl Tracker {
     }
 
     pub(crate) fn reference<'a>(&self, member: Member, surfaces: &Surfaces<'a>) -> Option<Reference<'a>> {
-        let (pose, velocity, surface) = match member {
+        let (pose, velocity, key, surface) = match member {
             Member::Recent(place) => {
                 let recent = &self.state.recent[place];
                 let surface = surfaces.recent.iter().find(|s| s.index == recent.index)?.surface;
-                (&recent.world_from_camera, &recent.velocity, surface)
+                (&recent.world_from_camera, &recent.velocity, (false, recent.index), surface)
             }
             Member::Keyframe(id) => {
                 let keyframe = self.state.keyframes.get(id as usize)?;
@@ -108,12 +145,13 @@ impl Tracker {
                     grid: self.context.grid,
                     vertices: surfaces.keyframes.vertices(id),
                 });
-                (&keyframe.world_from_camera, &keyframe.velocity, surface)
+                (&keyframe.world_from_camera, &keyframe.velocity, (true, u64::from(id)), surface)
             }
         };
         let velocity = Twist::from_vector(&Vector6::from_column_slice(velocity));
         Some(Reference {
             world_from_camera: Pose::from(pose),
+            key,
             surface,
             shutter: self.context.shutter(&velocity),
         })

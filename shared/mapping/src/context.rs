@@ -2,8 +2,8 @@
 
 use crate::settings::MappingSettings;
 use tessera_geometry::{Camera, DepthNoise, Twist};
-use tessera_registration::{GridCamera, Matcher, RegistrationSettings, ShutterTable};
-use tessera_surface::{CellSample, Grid, SurfaceSettings};
+use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
+use tessera_surface::{CellSample, Grid, SurfaceSettings, SurfaceView};
 
 /// Camera, grid and settings of one run.
 #[derive(Clone, Debug)]
@@ -52,6 +52,14 @@ impl Context {
     pub fn matcher(&self) -> Matcher {
         let camera = GridCamera::new(&self.camera, self.grid, self.offset_px);
         Matcher::new(camera, self.noise, &self.registration)
+    }
+
+    /// The tree of a surface, where the exact search is asked for.
+    pub(crate) fn tree(&self, surface: &SurfaceView<'_>, shutter: &ShutterTable) -> Option<KdTree> {
+        match self.registration.search.method {
+            SearchMethod::Exact => Some(KdTree::new(surface, shutter)),
+            SearchMethod::Projective => None,
+        }
     }
 
     /// Motion during the readout of a frame with this velocity.

@@ -1,6 +1,7 @@
 //! All keyframes with all their multi-edges at once (SPEC 5, 8).
 
 use crate::context::Context;
+use crate::degeneracy;
 use crate::loops;
 use crate::neighbours;
 use crate::recognised;
@@ -13,7 +14,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
-    Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler, Selection, ShutterTable, Target,
+    BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler,
+    Selection, ShutterTable, Target,
 };
 use tessera_surface::SurfaceView;
 
@@ -32,13 +34,18 @@ pub(crate) struct Prepared<'a> {
     pub(crate) queries: Queries,
     pub(crate) shutter: ShutterTable,
     pub(crate) surface: SurfaceView<'a>,
+    pub(crate) tree: Option<KdTree>,
     /// The run that made it.
     session: u32,
 }
 
 impl Prepared<'_> {
+    pub(crate) fn target(&self) -> Target<'_> {
+        Target { surface: self.surface, shutter: &self.shutter, tree: self.tree.as_ref() }
+    }
+
     pub(crate) fn side(&self) -> Side<'_> {
-        Side { queries: &self.queries, surface: self.surface, shutter: &self.shutter }
+        Side { queries: &self.queries, target: self.target() }
     }
 }
 
@@ -67,10 +74,8 @@ pub(crate) fn solve(
     let mut loops = Vec::new();
     let mut n_rounds = 0;
     for k in 0..outer_iterations {
-        let limits = MatchLimits {
-            first_distance_m: settings.first_distance_m as f32,
-            progress: if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 },
-        };
+        let share = if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 };
+        let limits = MatchLimits::new(settings.first_distance_m, share);
         let found: Vec<Found> = neighbours::pairs(&poses, &sessions, settings)
             .par_iter()
             .map_init(
@@ -153,12 +158,29 @@ fn pair(
     let settings = &context.mapping.global;
     // Each pair takes another choice of the samples.
     let selection = Selection { count: settings.queries_per_pair as usize, shift: target };
-    let view = Target { surface: older.surface, shutter: &older.shutter };
-    let (sums, report) = matcher.match_pair(&newer.queries, selection, &view, target_from_query, limits);
+    let factor = matcher.metric_factor();
+    let mut find = |brightness: bool| {
+        let limits = MatchLimits { brightness, ..*limits };
+        matcher.match_pair(&newer.queries, selection, &older.target(), target_from_query, &limits)
+    };
+    let brightness = context.registration.weight.brightness;
+    let (mut sums, mut report) = find(brightness == BrightnessUse::Always);
+    if brightness == BrightnessUse::WhereFree && leaves_free(context, factor, target_from_query, &sums) {
+        (sums, report) = find(true);
+    }
     let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
     let is_neighbour = query == target + 1 && newer.session == older.session && report.n_matches >= 30;
     let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };
     Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight }
+}
+
+/// Whether the matches of a pair leave a direction of its motion free.
+fn leaves_free(context: &Context, factor: f64, target_from_query: &Pose, sums: &BlockSums) -> bool {
+    let window = &context.mapping.window;
+    let (information, ..) = PairBlock::new(target_from_query, sums).linearise(target_from_query);
+    let metric = information / (factor * window.correlation);
+    let centroid = degeneracy::centroid(std::iter::once(sums));
+    !degeneracy::free_directions(window, &metric, &centroid).is_empty()
 }
 
 fn loop_record(
@@ -196,5 +218,6 @@ fn prepare<'a>(
     let shutter = context.shutter(&Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity)));
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);
-    Prepared { queries, shutter, surface, session: keyframe.session }
+    let tree = context.tree(&surface, &shutter);
+    Prepared { queries, shutter, surface, tree, session: keyframe.session }
 }

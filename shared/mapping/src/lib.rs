@@ -19,6 +19,7 @@ mod keyframes;
 mod loops;
 mod neighbours;
 mod optimiser;
+mod orient;
 mod promotion;
 mod recognised;
 mod records;
@@ -28,6 +29,7 @@ mod robust;
 mod settings;
 mod state;
 mod tracker;
+mod trees;
 mod verify;
 mod window;
 

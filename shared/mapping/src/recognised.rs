@@ -11,10 +11,10 @@ use crate::verify::{self, Tested};
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_recognition::similarity;
-use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection, Target};
+use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection};
 
 /// First distance limit of an alignment from scratch, metres.
-const FIRST_DISTANCE_M: f32 = 0.5;
+const FIRST_DISTANCE_M: f64 = 0.5;
 /// Outer iterations of an alignment from scratch.
 const ITERATIONS: usize = 6;
 
@@ -68,12 +68,12 @@ fn from_scratch(
     older: &Prepared<'_>,
 ) -> (Pose, PairBlock) {
     let selection = Selection { count: context.mapping.global.queries_per_pair as usize, shift: 0 };
-    let target = Target { surface: older.surface, shutter: &older.shutter };
+    let target = older.target();
     let mut at = Pose::identity();
     let mut k = 0;
     loop {
         let progress = k as f32 / (ITERATIONS - 1) as f32;
-        let limits = MatchLimits { first_distance_m: FIRST_DISTANCE_M, progress };
+        let limits = MatchLimits::new(FIRST_DISTANCE_M, progress);
         let (sums, _) = matcher.match_pair(&newer.queries, selection, &target, &at, &limits);
         let block = PairBlock::new(&at, &sums);
         k += 1;

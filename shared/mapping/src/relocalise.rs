@@ -103,6 +103,7 @@ impl Tracker {
         Prediction {
             world_from_camera: *start,
             previous: None,
+            is_known: false,
             velocity: Twist::default(),
             rotation_sigma_rad: None,
             first_distance_m: self.context.mapping.window.max_first_distance_m,

@@ -80,7 +80,7 @@ impl Default for WindowSettings {
             free_translation_m: 0.0015,
             free_rotation_deg: 0.1,
             free_ratio: 10.0,
-            correlation: 0.1,
+            correlation: 0.07,
         }
     }
 }

@@ -211,6 +211,7 @@ impl Tracker {
         let still = |pose: Pose| Prediction {
             world_from_camera: pose,
             previous: None,
+            is_known: false,
             velocity: Twist::default(),
             rotation_sigma_rad: None,
             first_distance_m: w.max_first_distance_m,
@@ -222,12 +223,17 @@ impl Tracker {
         let last_pose = Pose::from(&last.world_from_camera);
         let seconds = (frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
         let measured = self.measured_rotation(last, frame, seconds);
+        let turn = measured.map(|m| Pose::from_parts(Vector3::zeros().into(), m.earlier_from_later));
+        let last_turned = turn.map_or(last_pose, |turn| last_pose * turn);
         // A stamp that does not advance, or a gap in time, leaves no velocity to go by, nor does a
         // frame that fitted nowhere. A camera that saw nothing for a moment has moved on as before.
         let is_coasting = self.state.n_lost <= MOST_COASTED && last.velocity != [0.0; 6];
         if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < 1.0) {
-            let turned = measured.map(|m| Pose::from_parts(Vector3::zeros().into(), m.earlier_from_later));
-            return still(turned.map_or(last_pose, |turned| last_pose * turned));
+            return still(last_turned);
+        }
+        // The second frame of a run: the first has no motion yet.
+        if last.velocity == [0.0; 6] {
+            return Prediction { previous: Some((last_pose, seconds)), ..still(last_turned) };
         }
         let mut velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
         if let Some(measured) = &measured {
@@ -239,6 +245,7 @@ impl Tracker {
         Prediction {
             world_from_camera: compose_normalised(&last_pose, &velocity.scaled(seconds)),
             previous: Some((last_pose, seconds)),
+            is_known: true,
             velocity,
             rotation_sigma_rad: measured.map(|m| m.sigma_rad),
             first_distance_m: (4.0 * motion_m).clamp(w.min_first_distance_m, w.max_first_distance_m),

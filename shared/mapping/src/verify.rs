@@ -6,10 +6,7 @@ use crate::robust::{disagreement_sigmas, own_optimum};
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
 use tessera_registration::Target;
-use tessera_registration::{
-    BlockSums, MatchLimits, Matcher, PairBlock, PairReport, Queries, Selection, ShutterTable,
-};
-use tessera_surface::SurfaceView;
+use tessera_registration::{BlockSums, MatchLimits, Matcher, PairBlock, PairReport, Queries, Selection};
 
 /// Queries of a test: enough for shares to a few per cent.
 const N_QUERIES: usize = 200;
@@ -18,8 +15,7 @@ const N_QUERIES: usize = 200;
 #[derive(Clone, Copy)]
 pub(crate) struct Side<'a> {
     pub(crate) queries: &'a Queries,
-    pub(crate) surface: SurfaceView<'a>,
-    pub(crate) shutter: &'a ShutterTable,
+    pub(crate) target: Target<'a>,
 }
 
 /// What the tests of a loop pair found.
@@ -42,12 +38,11 @@ pub(crate) fn test(
     older: &Side<'_>,
     older_from_newer: &Pose,
 ) -> Tested {
-    let limits = |progress| MatchLimits { first_distance_m: settings.first_distance_m as f32, progress };
+    let limits = |progress| MatchLimits::new(settings.first_distance_m, progress);
     let mut find = |query: &Side<'_>, target: &Side<'_>, at: &Pose, progress: f32| {
         let selection = Selection { count: N_QUERIES, shift: 0 };
-        let target = Target { surface: target.surface, shutter: target.shutter };
         let (sums, report): (BlockSums, PairReport) =
-            matcher.match_pair(query.queries, selection, &target, at, &limits(progress));
+            matcher.match_pair(query.queries, selection, &target.target, at, &limits(progress));
         let block = PairBlock::new(at, &sums);
         let (own, cost) = own_optimum(&block, at);
         (block, own, cost, report)

@@ -1,14 +1,16 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--simulation 'KEY = VALUE'] [key=value]...`
+//!
+//! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
+//! backwards in time.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
-use std::path::Path;
 use tessera_mapping::{AlignRecord, LoopRecord};
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_settings::Settings;
-use tessera_sources::{FolderSource, FrameBuffers, Source};
+use tessera_sources::{FrameBuffers, SimulationOptions, Source, SourceOptions, SourceSpec};
 use tessera_surface::{Reconstructor, Vertex};
 use tessera_trajectory::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
 
@@ -16,19 +18,34 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut sequences, mut overrides, mut frames, mut n_seeds) = (Vec::new(), Vec::new(), None, 1);
     let mut arguments = std::env::args().skip(1);
     let mut out = None;
+    let (mut every, mut is_reversed) = (1, false);
+    let mut simulation = SimulationOptions::default();
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
             "--seeds" => n_seeds = arguments.next().ok_or("--seeds N")?.parse::<u64>()?,
             "--out" => out = arguments.next(),
+            "--every" => every = arguments.next().ok_or("--every N")?.parse::<usize>()?.max(1),
+            "--reverse" => is_reversed = true,
+            "--simulation" => {
+                let table = arguments.next().ok_or("--simulation 'key = value'")?;
+                simulation = toml::from_str::<SimulationOptions>(&table)?;
+            }
             a if a.contains('=') => overrides.push(argument),
             _ => sequences.push(argument),
         }
     }
     for sequence in &sequences {
-        let source = FolderSource::open(Path::new(sequence), None, frames)?;
-        let decoded = decode(&source)?;
-        reconstruction_alone(&source, &decoded, &Settings::load(None, &overrides)?)?;
+        let options = SourceOptions { frames, simulation: simulation.clone(), ..SourceOptions::default() };
+        let source = tessera_sources::open(&SourceSpec::parse(sequence), &options)?;
+        let source = source.as_ref();
+        let mut decoded = decode(source)?;
+        let mut truth = source.ground_truth().cloned();
+        if is_reversed {
+            reverse(&mut decoded, truth.as_mut());
+        }
+        let decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
+        reconstruction_alone(source, &decoded, &Settings::load(None, &overrides)?)?;
         for seed in 0..n_seeds {
             let mut settings = Settings::load(None, &overrides)?;
             settings.registration.seed += seed;
@@ -44,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
             let tracked = cpu_ms() - started;
             let records = run.finish();
-            report(sequence, seed, &source, &records, decoded.len());
+            report(sequence, seed, truth.as_ref(), &records, decoded.len());
             println!(
                 "    {:.2} ms CPU a frame, {:.2} with the final optimisation",
                 tracked / decoded.len() as f64,
@@ -62,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn decode(source: &FolderSource) -> Result<Vec<RawFrame>, Box<dyn Error>> {
+fn decode(source: &dyn Source) -> Result<Vec<RawFrame>, Box<dyn Error>> {
     use rayon::prelude::*;
     let n_pixels = source.camera().width as usize * source.camera().height as usize;
     let n = source.n_frames().unwrap_or(0);
@@ -84,6 +101,19 @@ fn decode(source: &FolderSource) -> Result<Vec<RawFrame>, Box<dyn Error>> {
         .map_err(Into::into)
 }
 
+/// Turns time round: the last frame comes first, and the truth goes along.
+fn reverse(frames: &mut [RawFrame], truth: Option<&mut Trajectory>) {
+    let both_ends = |first: Option<i64>, last: Option<i64>| first.unwrap_or(0) + last.unwrap_or(0);
+    let sum = both_ends(frames.first().map(|f| f.stamp_nanos), frames.last().map(|f| f.stamp_nanos));
+    frames.reverse();
+    frames.iter_mut().for_each(|f| f.stamp_nanos = sum - f.stamp_nanos);
+    if let Some(truth) = truth {
+        truth.stamps_nanos.reverse();
+        truth.poses.reverse();
+        truth.stamps_nanos.iter_mut().for_each(|stamp| *stamp = sum - *stamp);
+    }
+}
+
 /// CPU time of this process so far: unlike the wall clock it does not see the machine's load.
 fn cpu_ms() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -91,7 +121,7 @@ fn cpu_ms() -> f64 {
 }
 
 fn reconstruction_alone(
-    source: &FolderSource,
+    source: &dyn Source,
     frames: &[RawFrame],
     settings: &Settings,
 ) -> Result<(), Box<dyn Error>> {
@@ -110,7 +140,7 @@ fn reconstruction_alone(
     Ok(())
 }
 
-fn report(sequence: &str, seed: u64, source: &FolderSource, records: &Records, n: usize) {
+fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Records, n: usize) {
     println!(
         "{sequence} seed {seed}: {n} frames, {} keyframes, {} corrections, {} untracked",
         records.n_keyframes(),
@@ -120,7 +150,7 @@ fn report(sequence: &str, seed: u64, source: &FolderSource, records: &Records, n
     let n_free = records.frames().filter(|f| f.reason.contains("leave free")).count();
     println!("    {n_free} frames with a free direction");
     report_loops(records);
-    let Some(truth) = source.ground_truth() else { return };
+    let Some(truth) = truth else { return };
     let line =
         |name: &str, estimate: &Trajectory| match evaluate(estimate, truth, &EvaluationOptions::default()) {
             Ok(e) => println!(

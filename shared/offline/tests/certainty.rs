@@ -1,40 +1,28 @@
 //! How well the covariance of a pose tells its true error, in the simulated scenes.
 
-use rayon::prelude::*;
+mod common;
+
 use tessera_geometry::{Matrix6, Pose, Vector6, log};
-use tessera_mapping::State;
-use tessera_offline::{Method, RawFrame, Run};
-use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_mapping::{Context, State};
+use tessera_offline::{Method, Records};
+use tessera_registration::{BlockSums, PairBlock};
+use tessera_sources::{SceneName, SimulationOptions, Source};
+
+/// A run over the first frames of a scene, with the true poses.
+fn run(name: SceneName, n_frames: u64) -> (Records, Vec<Pose>) {
+    let source = common::scene(name, &SimulationOptions::default());
+    let indices: Vec<u64> = (0..n_frames).collect();
+    let records = common::run(&source, &Method::default(), &common::frames(&source, &indices));
+    (records, source.ground_truth().unwrap().poses.clone())
+}
 
 /// Error in the tangent of the estimate, covariance, and the record's reason, for each frame but
 /// the first.
 fn errors(name: SceneName, n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
-    let source = SimulatedSource::open(name, None, None, &SimulationOptions::default()).unwrap();
-    let n = (source.camera().width * source.camera().height) as usize;
-    let mut run = Run::new(source.camera(), &Method::default()).unwrap();
-    let indices: Vec<u64> = (0..n_frames).collect();
-    for some in indices.chunks(16) {
-        let frames: Vec<RawFrame> = some
-            .par_iter()
-            .map(|&index| {
-                let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
-                let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-                let info = source.read(index, &mut buffers).unwrap();
-                RawFrame {
-                    stamp_nanos: info.stamp_nanos,
-                    rotation: info.rotation,
-                    depth,
-                    colour: Some(colour),
-                }
-            })
-            .collect();
-        frames.iter().for_each(|frame| run.push(frame));
-    }
-    let records = run.finish();
-    let truth = &source.ground_truth().unwrap().poses;
+    let (records, truth) = run(name, n_frames);
     records
         .frames()
-        .zip(truth)
+        .zip(&truth)
         .skip(1)
         .map(|(frame, true_pose)| {
             assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
@@ -80,6 +68,45 @@ fn a_room_leaves_nothing_free_and_the_errors_are_as_large_as_expected() {
     let all = errors(SceneName::Room, 100);
     assert!(all.iter().all(|e| e.2.is_empty()));
     let nees = mean_nees(&all);
+    assert!((0.3 * 6.0..3.0 * 6.0).contains(&nees), "NEES {nees}");
+}
+
+/// Errors of each frame relative to its keyframe, with the covariance of that relative pose alone:
+/// the inverse information of its matches with the keyframes of the window.
+fn relative_errors(n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
+    let (records, truth) = run(SceneName::Room, n_frames);
+    let source = common::scene(SceneName::Room, &SimulationOptions::default());
+    let method = Method::default();
+    let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
+    let factor = context.matcher().metric_factor() * method.mapping.window.correlation;
+    let mut keyframes = Vec::new();
+    let mut errors = Vec::new();
+    for frame in records.frames() {
+        keyframes.extend(frame.new_keyframe.iter().map(|k| k.frame_index as usize));
+        let Some(&at) = keyframes.get(frame.keyframe as usize).filter(|at| **at < frame.index as usize)
+        else {
+            continue;
+        };
+        let estimate = Pose::from(&frame.keyframe_from_camera);
+        let information: Matrix6 = frame
+            .blocks
+            .iter()
+            .map(|b| {
+                let sums = BlockSums::from_numbers(&b.sums, b.n_matches).unwrap();
+                let origin = Pose::from(&b.keyframe_from_camera);
+                PairBlock::new(&origin, &sums).linearise(&origin).0
+            })
+            .sum();
+        let true_relative = truth[at].inverse() * truth[frame.index as usize];
+        let error = log(&(estimate.inverse() * true_relative)).to_vector();
+        errors.push((error, information.try_inverse().unwrap() * factor, String::new()));
+    }
+    errors
+}
+
+#[test]
+fn errors_relative_to_the_keyframe_are_as_large_as_expected() {
+    let nees = mean_nees(&relative_errors(100));
     assert!((0.3 * 6.0..3.0 * 6.0).contains(&nees), "NEES {nees}");
 }
 

@@ -1,49 +1,33 @@
 //! The sums of one pair over its matches, eight at a time (SPEC 4.2, 5.4).
 
 use crate::block::BlockSums;
-
-/// One correspondence.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Match {
-    /// Query point in its own frame.
-    pub(crate) a: [f32; 3],
-    /// Residual `b - T a` in the target's frame.
-    pub(crate) e: [f32; 3],
-    /// Query's normal in the target's frame.
-    pub(crate) na: [f32; 3],
-    /// Target's normal.
-    pub(crate) nb: [f32; 3],
-    pub(crate) vertex: u32,
-    pub(crate) distance_sq: f32,
-    /// Normal residual in standard deviations.
-    pub(crate) sigmas: f32,
-    pub(crate) weight: f32,
-}
-
-impl Match {
-    /// A match that counts nothing, to fill lanes up.
-    const NONE: Self = Self {
-        a: [0.0; 3],
-        e: [0.0; 3],
-        na: [0.0; 3],
-        nb: [0.0; 3],
-        vertex: 0,
-        distance_sq: 0.0,
-        sigmas: 0.0,
-        weight: 0.0,
-    };
-}
+use crate::columns::Columns3;
+use crate::found::Found;
+use crate::lanes::{LANES, Lanes, Real, dot};
 
 /// Matches summed in one `f32` run before they go into `f64` sums.
 const CHUNK: usize = 256;
-/// Lanes of the sums: fixed, so that the bits do not depend on the machine.
-const LANES: usize = 8;
 
-/// The sums of SPEC 5.4 over all matches: `f32` lanes inside fixed chunks, `f64` across them.
-/// Compiled for each instruction set; the lanes and the order are the same on all.
+/// The sums of SPEC 5.4 over all places with a weight: `f32` lanes inside fixed chunks, `f64`
+/// across them. Compiled for each instruction set; the lanes and the order are the same on all.
 pub(crate) struct Accumulate<'a> {
-    pub(crate) matches: &'a [Match],
+    pub(crate) found: &'a Found,
+    /// Query points in their own frame.
+    pub(crate) points: &'a Columns3,
     pub(crate) epsilon: f32,
+    /// Weight of brightness against geometry; 0: brightness takes no part.
+    pub(crate) brightness: Brightness,
+}
+
+/// How differences of brightness count (SPEC 12).
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Brightness {
+    /// Information of a difference of 1, in the units of the geometric information.
+    pub(crate) information: f32,
+    /// Standard deviation for the robust kernel.
+    pub(crate) sigma: f32,
+    /// What the target is brighter all over.
+    pub(crate) offset: f32,
 }
 
 impl pulp::WithSimd for Accumulate<'_> {
@@ -51,25 +35,23 @@ impl pulp::WithSimd for Accumulate<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> BlockSums {
-        accumulate(self.matches, self.epsilon)
+        if self.brightness.information > 0.0 { accumulate::<true>(&self) } else { accumulate::<false>(&self) }
     }
 }
 
+type Sums = [Lanes; 73];
+
 #[inline(always)]
-fn accumulate(matches: &[Match], epsilon: f32) -> BlockSums {
-    let mut sums = BlockSums { n: matches.len() as u32, ..BlockSums::default() };
-    for chunk in matches.chunks(CHUNK) {
-        let mut lanes = [[0.0f32; LANES]; 73];
-        let (whole, rest) = chunk.as_chunks::<LANES>();
-        for eight in whole {
-            add_lanes(eight, epsilon, &mut lanes);
+fn accumulate<const IS_PHOTOMETRIC: bool>(it: &Accumulate<'_>) -> BlockSums {
+    let n = it.found.weight.iter().filter(|w| **w > 0.0).count() as u32;
+    let mut sums = BlockSums { n, ..BlockSums::default() };
+    let len = it.found.len();
+    for start in (0..len).step_by(CHUNK) {
+        let mut lanes = [Lanes::ZERO; 73];
+        for at in (start..len.min(start + CHUNK)).step_by(LANES) {
+            add_lanes::<IS_PHOTOMETRIC>(it, at, &mut lanes);
         }
-        if !rest.is_empty() {
-            let mut eight = [Match::NONE; LANES];
-            eight[..rest.len()].copy_from_slice(rest);
-            add_lanes(&eight, epsilon, &mut lanes);
-        }
-        let mut total = lanes.iter().map(|lane| lane.iter().map(|&v| f64::from(v)).sum::<f64>());
+        let mut total = lanes.iter().map(|lane| lane.0.iter().map(|&v| f64::from(v)).sum::<f64>());
         for value in sums.q.iter_mut().chain(&mut sums.l).chain(std::iter::once(&mut sums.c)) {
             *value += total.next().unwrap_or(0.0);
         }
@@ -77,70 +59,90 @@ fn accumulate(matches: &[Match], epsilon: f32) -> BlockSums {
     sums
 }
 
-type Lane = [f32; LANES];
-
+/// Adds eight places.
 #[inline(always)]
-fn lane(f: impl Fn(usize) -> f32) -> Lane {
-    std::array::from_fn(f)
-}
-
-/// Adds eight matches.
-#[inline(always)]
-fn add_lanes(matches: &[Match; LANES], epsilon: f32, sums: &mut [Lane; 73]) {
-    let s = 1.0 - epsilon;
-    let tilde =
-        [lane(|l| matches[l].a[0]), lane(|l| matches[l].a[1]), lane(|l| matches[l].a[2]), [1.0; LANES]];
-    let e = [lane(|l| matches[l].e[0]), lane(|l| matches[l].e[1]), lane(|l| matches[l].e[2])];
-    let na = [lane(|l| matches[l].na[0]), lane(|l| matches[l].na[1]), lane(|l| matches[l].na[2])];
-    let nb = [lane(|l| matches[l].nb[0]), lane(|l| matches[l].nb[1]), lane(|l| matches[l].nb[2])];
-    let w = lane(|l| matches[l].weight);
-    let u: [Lane; 3] = std::array::from_fn(|c| lane(|l| na[c][l] + nb[c][l]));
-    let d: [Lane; 3] = std::array::from_fn(|c| lane(|l| na[c][l] - nb[c][l]));
-    let dot = |x: &[Lane; 3], l: usize| x[0][l] * x[0][l] + x[1][l] * x[1][l] + x[2][l] * x[2][l];
+fn add_lanes<const IS_PHOTOMETRIC: bool>(it: &Accumulate<'_>, at: usize, sums: &mut Sums) {
+    let found = it.found;
+    let w = Lanes::load(&found.weight, at);
+    let (e, na, nb) = (found.e.load(at), found.na.load(at), found.nb.load(at));
+    let [x, y, z] = it.points.load(at);
+    let tilde = [x, y, z, Lanes::splat(1.0)];
+    let u: [Lanes; 3] = std::array::from_fn(|c| na[c] + nb[c]);
+    let d: [Lanes; 3] = std::array::from_fn(|c| na[c] - nb[c]);
     // SPEC 4.2: no inverse, no division by zero, and good to 1e-6 in f32.
-    let plus = lane(|l| w[l] * 0.25 * s / (2.0 * epsilon + 0.5 * s * dot(&d, l)));
-    let minus = lane(|l| w[l] * 0.25 * s / (2.0 * epsilon + 0.5 * s * dot(&u, l)));
-    let entry = |r: usize, c: usize| {
-        lane(|l| {
-            let half = if r == c { 0.5 * w[l] } else { 0.0 };
-            half + plus[l] * u[r][l] * u[c][l] + minus[l] * d[r][l] * d[c][l]
-        })
-    };
-    let omega = [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)];
-    let oe = [
-        lane(|l| omega[0][l] * e[0][l] + omega[1][l] * e[1][l] + omega[2][l] * e[2][l]),
-        lane(|l| omega[1][l] * e[0][l] + omega[3][l] * e[1][l] + omega[4][l] * e[2][l]),
-        lane(|l| omega[2][l] * e[0][l] + omega[4][l] * e[1][l] + omega[5][l] * e[2][l]),
+    let s = 1.0 - it.epsilon;
+    let quarter = w * Lanes::splat(0.25 * s);
+    let (two_epsilon, half_s) = (Lanes::splat(2.0 * it.epsilon), Lanes::splat(0.5 * s));
+    let plus = quarter / (two_epsilon + half_s * dot(d, d));
+    let minus = quarter / (two_epsilon + half_s * dot(u, u));
+    let half = w * Lanes::splat(0.5);
+    let entry = |r: usize, c: usize| plus * u[r] * u[c] + minus * d[r] * d[c];
+    let mut omega =
+        [half + entry(0, 0), entry(0, 1), entry(0, 2), half + entry(1, 1), entry(1, 2), half + entry(2, 2)];
+    let mut oe = [
+        omega[0] * e[0] + omega[1] * e[1] + omega[2] * e[2],
+        omega[1] * e[0] + omega[3] * e[1] + omega[4] * e[2],
+        omega[2] * e[0] + omega[4] * e[1] + omega[5] * e[2],
     ];
+    let mut cost = dot(e, oe);
+    if IS_PHOTOMETRIC {
+        // The target's brightness at the query, `I_b - g e`, should be the query's: linear in `e`,
+        // so it fits into the same sums.
+        let g = found.gradient.load(at);
+        let r = Lanes::load(&found.brightness, at) - Lanes::splat(it.brightness.offset) - dot(g, e);
+        let sigma = Lanes::splat(1.0 / it.brightness.sigma);
+        let kernel = Lanes::splat(1.0) + r * r * sigma * sigma;
+        let is_match = w.map(|w| if w > 0.0 { 1.0 } else { 0.0 });
+        let lambda = is_match * Lanes::splat(it.brightness.information) / kernel;
+        for (k, (row, column)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+            omega[k] = omega[k] + lambda * g[row] * g[column];
+        }
+        for c in 0..3 {
+            oe[c] = oe[c] - lambda * g[c] * r;
+        }
+        cost = cost + lambda * r * r;
+    }
     let mut at = 0;
     for k in 0..4 {
         for m in k..4 {
-            let product = lane(|l| tilde[k][l] * tilde[m][l]);
+            let product = tilde[k] * tilde[m];
             for o in &omega {
-                for l in 0..LANES {
-                    sums[at][l] += product[l] * o[l];
-                }
+                sums[at] = sums[at] + product * *o;
                 at += 1;
             }
         }
     }
     for t in &tilde {
         for component in &oe {
-            for l in 0..LANES {
-                sums[at][l] += t[l] * component[l];
-            }
+            sums[at] = sums[at] + *t * *component;
             at += 1;
         }
     }
-    for l in 0..LANES {
-        sums[72][l] += e[0][l] * oe[0][l] + e[1][l] * oe[1][l] + e[2][l] * oe[2][l];
-    }
+    sums[72] = sums[72] + cost;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use nalgebra::{Matrix3, Vector3};
+
+    /// One match in a run of lanes: the sums of `a~ = (0, 0, 0, 1)`.
+    fn sums_of_one(e: [f32; 3], na: [f32; 3], nb: [f32; 3], epsilon: f32) -> BlockSums {
+        let mut found = Found::default();
+        found.reset(LANES);
+        found.e.set(0, e);
+        found.na.set(0, na);
+        found.nb.set(0, nb);
+        found.weight[0] = 1.0;
+        let mut points = Columns3::default();
+        points.resize(LANES);
+        accumulate::<false>(&Accumulate {
+            found: &found,
+            points: &points,
+            epsilon,
+            brightness: Brightness::default(),
+        })
+    }
 
     #[test]
     fn the_closed_form_information_equals_the_inverse() {
@@ -151,19 +153,11 @@ mod tests {
             (Vector3::new(0.6, 0.0, -0.8), Vector3::new(0.61, 0.02, -0.79).normalize()),
             (Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0)),
         ];
+        let single = |v: &Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
         for (na, nb) in normals {
             let e = Vector3::new(0.01, -0.02, 0.005);
-            let m = Match {
-                a: [0.0; 3],
-                e: [e.x as f32, e.y as f32, e.z as f32],
-                na: [na.x as f32, na.y as f32, na.z as f32],
-                nb: [nb.x as f32, nb.y as f32, nb.z as f32],
-                vertex: 0,
-                distance_sq: 0.0,
-                sigmas: 0.0,
-                weight: 1.0,
-            };
-            let sums = accumulate(&[m], epsilon as f32);
+            let sums = sums_of_one(single(&e), single(&na), single(&nb), epsilon as f32);
+            assert_eq!(sums.n, 1);
             let sigma = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * (1.0 - epsilon);
             let exact = (sigma(&na) + sigma(&nb)).try_inverse().unwrap();
             // a~ = (0, 0, 0, 1): the last six of Q are Omega itself.

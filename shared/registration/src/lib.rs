@@ -8,8 +8,13 @@
 
 mod accumulate;
 mod block;
+mod brightness;
 mod columns;
+mod descent;
+mod found;
 mod graph;
+mod kd_tree;
+mod lanes;
 mod locate;
 mod matching;
 mod projection;
@@ -23,12 +28,13 @@ mod target;
 
 pub use block::{BlockSums, PairBlock};
 pub use graph::{Graph, InnerReport, Pair, Prior};
+pub use kd_tree::KdTree;
 pub use matching::{MatchLimits, Matcher, PairReport};
 pub use projection::GridCamera;
 pub use queries::{Queries, Selection};
 pub use random::SplitMix64;
 pub use sampling::{Sample, Sampler};
-pub use settings::{RegistrationSettings, SearchSettings, WeightSettings};
+pub use settings::{BrightnessUse, RegistrationSettings, SearchMethod, SearchSettings, WeightSettings};
 pub use solve::NotPositiveDefinite;
 pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
 pub use target::{ShutterTable, Target};

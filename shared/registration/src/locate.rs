@@ -1,8 +1,9 @@
 //! Where queries fall in the target's grid, many at once.
 
 use crate::columns::Columns3;
+use crate::lanes::transform;
 use crate::projection::GridCamera;
-use crate::target::{ShutterTable, transform};
+use crate::target::ShutterTable;
 use tessera_surface::Grid;
 
 /// Queries of one run moved into the target's frame, and the cells that see them.

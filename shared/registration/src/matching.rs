@@ -1,14 +1,16 @@
 //! Correspondences of one pair by projective search, and their sums (SPEC 4.2, 10).
 
-use crate::accumulate::{Accumulate, Match};
+use crate::accumulate::{Accumulate, Brightness};
 use crate::block::BlockSums;
+use crate::brightness;
+use crate::descent::{self, Reach};
+use crate::found::{Found, Judge, Limits};
 use crate::locate::Located;
 use crate::projection::GridCamera;
-use crate::queries::{Queries, Selection};
+use crate::queries::{Chosen, Queries, Selection, Straighten};
 use crate::settings::RegistrationSettings;
-use crate::target::{ShutterTable, Target, flat, rotate};
+use crate::target::{ShutterTable, Target, flat};
 use tessera_geometry::{DepthNoise, Pose};
-use tessera_surface::Grid;
 
 /// Limits of one outer iteration.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +20,15 @@ pub struct MatchLimits {
     /// 0 in the first outer iteration, 1 in the last: distances shrink from `first_distance_m`
     /// to twice the local edge tolerance, radii and normals from their first to their last value.
     pub progress: f32,
+    /// Whether brightness counts beside geometry.
+    pub brightness: bool,
+}
+
+impl MatchLimits {
+    /// The limits at a point of the schedule, geometry alone.
+    pub fn new(first_distance_m: f64, progress: f32) -> Self {
+        Self { first_distance_m: first_distance_m as f32, progress, brightness: false }
+    }
 }
 
 /// What a search found, in numbers.
@@ -40,13 +51,14 @@ pub struct Matcher {
     camera: GridCamera,
     noise: DepthNoise,
     settings: RegistrationSettings,
-    chosen: Queries,
+    chosen: Chosen,
     located: Located,
-    matches: Vec<Match>,
+    found: Found,
     residuals: Vec<f32>,
-    /// For one-to-one: the match that holds a target vertex, valid where the stamp is current.
+    /// For one-to-one: the place that holds a target vertex, valid where the stamp is current.
     holders: Vec<(u32, u32)>,
     stamp: u32,
+    has_colour: bool,
     arch: pulp::Arch,
 }
 
@@ -61,12 +73,13 @@ impl Matcher {
             camera,
             noise,
             settings: settings.clone(),
-            chosen: Queries::default(),
+            chosen: Chosen::default(),
             located: Located::default(),
-            matches: Vec::new(),
+            found: Found::default(),
             residuals: Vec::new(),
             holders,
             stamp: 0,
+            has_colour: camera.has_colour,
             arch: pulp::Arch::new(),
         }
     }
@@ -90,90 +103,99 @@ impl Matcher {
         target_from_query: &Pose,
         limits: &MatchLimits,
     ) -> (BlockSums, PairReport) {
-        let mut report = PairReport::default();
-        self.search(queries, selection, target, target_from_query, limits, &mut report);
+        let motion = flat(target_from_query);
+        let n_queries = self.chosen.choose(queries, selection);
+        self.arch.dispatch(Straighten { chosen: &mut self.chosen, shutter: queries.shutter() });
+        self.found.reset(self.chosen.len());
+        self.locate(target, &motion);
+        let with_brightness = limits.brightness && self.has_colour;
+        let limits = self.limits(limits);
+        let n_in_view = match target.tree {
+            Some(tree) => {
+                let noise = self.noise;
+                self.search(n_queries, target, |matcher, place| {
+                    let q = matcher.located.q.at(place);
+                    let limit_m = limits.kept.distance_m + limits.kept.distance_sigmas * noise.sigma_m(q[2]);
+                    tree.nearest(q, limit_m).map(|(vertex, _)| vertex)
+                })
+            }
+            None => self.search(n_queries, target, |matcher, place| {
+                let cell = matcher.located.cell(place, matcher.camera.grid)?;
+                descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
+            }),
+        };
+        let n_in_front = self.arch.dispatch(Judge {
+            found: &mut self.found,
+            q: &self.located.q,
+            points: &self.chosen.points,
+            normals: &self.chosen.normals,
+            motion: &motion,
+            shutter: *target.shutter,
+            noise: self.noise,
+            limits: limits.kept,
+        });
         if self.settings.search.one_to_one {
             self.keep_one_to_one();
         }
-        self.reject_by_median(&mut report);
+        let median_residual_sigmas = self.reject_by_median();
+        let brightness = if with_brightness { self.brightness(target) } else { Brightness::default() };
         self.weigh();
-        report.n_matches = self.matches.len() as u32;
         let epsilon = self.settings.weight.covariance_epsilon;
-        let sums = self.arch.dispatch(Accumulate { matches: &self.matches, epsilon });
-        (sums, report)
+        let sums = self.arch.dispatch(Accumulate {
+            found: &self.found,
+            points: &self.chosen.points,
+            epsilon,
+            brightness,
+        });
+        let n_queries = n_queries as u32;
+        let n_matches = sums.n;
+        (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })
     }
 
-    fn search(
-        &mut self,
-        queries: &Queries,
-        selection: Selection,
-        target: &Target<'_>,
-        target_from_query: &Pose,
-        limits: &MatchLimits,
-        report: &mut PairReport,
-    ) {
+    /// What the schedule says now.
+    fn limits(&self, limits: &MatchLimits) -> Schedule {
         let s = &self.settings.search;
         let blend = |first: f32, last: f32| first + (last - first) * limits.progress;
-        let reach = (blend(s.first_reach as f32, s.last_reach as f32) + 0.5) as u32;
-        let min_cosine = blend(s.first_normal_cosine, s.last_normal_cosine);
-        let tolerance_factor = 4.0 * self.camera.grid.step as f32;
-        let motion = flat(target_from_query);
-        let grid = self.camera.grid;
-        self.chosen.choose(queries, selection);
+        Schedule {
+            reach: Reach {
+                steps: (blend(s.first_reach as f32, s.last_reach as f32) + 0.5) as u32,
+                stride: if limits.progress > 0.0 { 1 } else { s.first_stride as usize },
+            },
+            kept: Limits {
+                distance_m: blend(limits.first_distance_m, 0.0),
+                // 2 eps_d(z) = 2 * 2 n sigma(z).
+                distance_sigmas: blend(0.0, 4.0 * self.camera.grid.step as f32),
+                cosine: blend(s.first_normal_cosine, s.last_normal_cosine),
+            },
+        }
+    }
+
+    /// Where the chosen queries fall in the target's grid.
+    fn locate(&mut self, target: &Target<'_>, motion: &[f32; 12]) {
         let n = self.chosen.len();
-        report.n_queries = n as u32;
         self.located.resize(n);
         let p = &self.chosen.points;
         self.arch.dispatch(Locate {
             located: &mut self.located,
             camera: self.camera,
-            motion: &motion,
+            motion,
             shutter: *target.shutter,
             points: [&p.x[..n], &p.y[..n], &p.z[..n]],
         });
-        self.matches.clear();
+    }
+
+    /// Puts down what `find` finds for the first `n` places, and counts it.
+    #[inline(always)]
+    fn search(&mut self, n: usize, target: &Target<'_>, find: impl Fn(&Self, usize) -> Option<usize>) -> u32 {
+        let mut n_found = 0;
         for place in 0..n {
-            let Some((row, column)) = self.located.cell(place, grid) else { continue };
-            let q_row = self.located.q_row.at(place);
-            let Some((vertex, distance_sq)) = nearest(target, grid, row, column, reach, q_row) else {
-                continue;
-            };
-            report.n_in_view += 1;
-            let v = &target.surface.vertices[vertex];
-            let (a, q) = (self.chosen.points.at(place), self.located.q.at(place));
-            let sigma_b = self.noise.sigma_m(v.position[2]);
-            let sigma_a = self.noise.sigma_m(a[2]);
-            let (b, nb) = if target.shutter.is_global() {
-                (v.position, v.normal)
-            } else {
-                let seconds = target.shutter.row_time_s((vertex / grid.width) as f32);
-                (target.shutter.move_point(v.position, seconds), target.shutter.turn(v.normal, seconds))
-            };
-            let e = [b[0] - q[0], b[1] - q[1], b[2] - q[2]];
-            let variance = sigma_a * sigma_a + sigma_b * sigma_b;
-            let residual = e[0] * nb[0] + e[1] * nb[1] + e[2] * nb[2];
-            // A query in front of what the target saw there: free space was violated.
-            if residual < 0.0 && residual * residual > 9.0 * variance {
-                report.n_in_front += 1;
+            if let Some(vertex) = find(self, place) {
+                let v = &target.surface.vertices[vertex];
+                self.found.put(place, vertex, self.camera.grid.width, v);
+                n_found += 1;
             }
-            // 2 eps_d(z) = 2 * 2 n sigma(z).
-            let limit = blend(limits.first_distance_m, tolerance_factor * sigma_b);
-            let na = rotate(&motion, self.chosen.normals.at(place));
-            let cosine = na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2];
-            if !v.is_inner() || !(distance_sq <= limit * limit) || !(cosine >= min_cosine) {
-                continue;
-            }
-            self.matches.push(Match {
-                a,
-                e,
-                na,
-                nb,
-                vertex: vertex as u32,
-                distance_sq,
-                sigmas: residual / variance.sqrt(),
-                weight: 1.0 / variance,
-            });
         }
+        n_found
     }
 
     /// Each target vertex serves its nearest query only; the first among equals.
@@ -183,51 +205,70 @@ impl Matcher {
             self.holders.fill((0, 0));
             self.stamp = 1;
         }
-        for k in 0..self.matches.len() {
-            let m = self.matches[k];
-            let holder = &mut self.holders[m.vertex as usize];
+        let found = &mut self.found;
+        for k in 0..found.len() {
+            if found.weight[k] <= 0.0 {
+                continue;
+            }
+            let holder = &mut self.holders[found.vertex[k] as usize];
             if holder.0 != self.stamp {
                 *holder = (self.stamp, k as u32);
-            } else if m.distance_sq < self.matches[holder.1 as usize].distance_sq {
-                self.matches[holder.1 as usize].weight = 0.0;
+            } else if found.distance_sq[k] < found.distance_sq[holder.1 as usize] {
+                found.weight[holder.1 as usize] = 0.0;
                 holder.1 = k as u32;
             } else {
-                self.matches[k].weight = 0.0;
+                found.weight[k] = 0.0;
             }
         }
-        self.matches.retain(|m| m.weight > 0.0);
     }
 
-    fn reject_by_median(&mut self, report: &mut PairReport) {
-        if self.matches.is_empty() {
-            return;
-        }
+    /// The median residual, after taking out all that exceeds a multiple of it.
+    fn reject_by_median(&mut self) -> f32 {
+        let found = &mut self.found;
         self.residuals.clear();
-        self.residuals.extend(self.matches.iter().map(|m| m.sigmas.abs()));
+        self.residuals.extend(found.sigmas.iter().zip(&found.weight).filter(|f| *f.1 > 0.0).map(|f| f.0));
+        if self.residuals.is_empty() {
+            return 0.0;
+        }
         let middle = self.residuals.len() / 2;
         let (_, median, _) = self.residuals.select_nth_unstable_by(middle, f32::total_cmp);
         let median = *median;
-        report.median_residual_sigmas = median;
         let factor = self.settings.search.median_factor;
         if factor > 0.0 {
             // A floor keeps perfect data from rejecting everything but the median itself.
             let limit = factor * median.max(0.05);
-            self.matches.retain(|m| m.sigmas.abs() <= limit);
+            for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
+                *weight = if *sigmas <= limit { *weight } else { 0.0 };
+            }
         }
+        median
+    }
+
+    /// Brightness as a further residual of each match.
+    fn brightness(&mut self, target: &Target<'_>) -> Brightness {
+        let information = self.metric_factor() as f32;
+        let sigma = self.settings.weight.brightness_sigma;
+        brightness::gather(&mut self.found, &self.chosen, target, information, sigma)
     }
 
     fn weigh(&mut self) {
         let w = &self.settings.weight;
         let reference = self.noise.sigma_m(REFERENCE_DEPTH_M);
         let unit = 2.0 * reference * reference;
-        for m in &mut self.matches {
-            m.weight = if w.noise_scaled { unit * m.weight } else { 1.0 };
-            if w.robust_sigmas > 0.0 {
-                let r = m.sigmas / w.robust_sigmas;
-                m.weight /= 1.0 + r * r;
-            }
+        let inverse = if w.robust_sigmas > 0.0 { 1.0 / w.robust_sigmas } else { 0.0 };
+        for (weight, sigmas) in self.found.weight.iter_mut().zip(&self.found.sigmas) {
+            let r = *sigmas * inverse;
+            let plain = if w.noise_scaled { unit * *weight } else { 1.0 };
+            *weight = if *weight > 0.0 { plain / (1.0 + r * r) } else { 0.0 };
         }
     }
+}
+
+/// The schedule's limits in one outer iteration.
+#[derive(Clone, Copy, Debug)]
+struct Schedule {
+    reach: Reach,
+    kept: Limits,
 }
 
 /// The vector part of the search, compiled for each instruction set.
@@ -246,45 +287,4 @@ impl pulp::WithSimd for Locate<'_> {
     fn with_simd<S: pulp::Simd>(self, _simd: S) {
         self.located.fill(self.camera, self.motion, self.shutter, self.points);
     }
-}
-
-/// The valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
-/// then around that one, until the middle is nearest or `reach` steps were taken. Near the
-/// solution this reads nine vertices, whatever the reach.
-#[inline(always)]
-fn nearest(
-    target: &Target<'_>,
-    grid: Grid,
-    row: usize,
-    column: usize,
-    reach: u32,
-    q: [f32; 3],
-) -> Option<(usize, f32)> {
-    // Squared distance and place in one number: distances are not negative, so their bits order as
-    // they do, and the least of these numbers needs no branch to find.
-    let mut best = u64::MAX;
-    let mut middle = (row, column);
-    for _ in 0..reach.max(1) {
-        let (top, bottom) = (middle.0.saturating_sub(1), (middle.0 + 1).min(grid.height - 1));
-        let (left, right) = (middle.1.saturating_sub(1), (middle.1 + 1).min(grid.width - 1));
-        for r in top..=bottom {
-            let start = r * grid.width + left;
-            for (c, v) in target.surface.vertices[start..=start + right - left].iter().enumerate() {
-                let d = [v.position[0] - q[0], v.position[1] - q[1], v.position[2] - q[2]];
-                let distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                let bits = if v.is_valid() { distance_sq.to_bits() } else { u32::MAX };
-                best = best.min(u64::from(bits) << 32 | (start + c) as u64);
-            }
-        }
-        // Nothing valid here, or a distance that is no number.
-        if (best >> 32) as u32 > f32::INFINITY.to_bits() {
-            return None;
-        }
-        let vertex = best as u32 as usize;
-        if vertex == middle.0 * grid.width + middle.1 {
-            break;
-        }
-        middle = (vertex / grid.width, vertex % grid.width);
-    }
-    Some((best as u32 as usize, f32::from_bits((best >> 32) as u32)))
 }

@@ -1,5 +1,7 @@
 //! A fixed surface that queries are matched against.
 
+use crate::kd_tree::KdTree;
+use crate::lanes::{Real, add, cross, scale};
 use tessera_geometry::{Camera, Pose, Twist};
 use tessera_surface::SurfaceView;
 
@@ -7,7 +9,7 @@ use tessera_surface::SurfaceView;
 ///
 /// The transform of a row is `exp(velocity t)`, applied as its series up to the third order: at
 /// 3 rad/s and 15 ms from the stamp, what is left out moves a point at 3 m by 1e-6 m.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ShutterTable {
     rho: [f32; 3],
     phi: [f32; 3],
@@ -49,42 +51,38 @@ impl ShutterTable {
         self.first_row_s + self.per_row_s * row
     }
 
+    /// As [`Self::row_time_s`] for rows that lie inside the grid, one or eight.
+    #[inline(always)]
+    pub(crate) fn inner_row_time_s<T: Real>(&self, row: T) -> T {
+        T::splat(self.first_row_s) + T::splat(self.per_row_s) * row
+    }
+
     /// `exp(velocity seconds) * p`.
     #[inline(always)]
-    pub(crate) fn move_point(&self, p: [f32; 3], seconds: f32) -> [f32; 3] {
-        let turn = cross(self.phi, p);
-        let first = scale(seconds, [turn[0] + self.rho[0], turn[1] + self.rho[1], turn[2] + self.rho[2]]);
+    pub(crate) fn move_point<T: Real>(&self, p: [T; 3], seconds: T) -> [T; 3] {
+        let first = scale(seconds, add(cross(splat(self.phi), p), splat(self.rho)));
         self.finish(p, first, seconds)
     }
 
     /// The rotation of `exp(velocity seconds)` applied to a direction.
     #[inline(always)]
-    pub(crate) fn turn(&self, n: [f32; 3], seconds: f32) -> [f32; 3] {
-        self.finish(n, scale(seconds, cross(self.phi, n)), seconds)
+    pub(crate) fn turn<T: Real>(&self, n: [T; 3], seconds: T) -> [T; 3] {
+        self.finish(n, scale(seconds, cross(splat(self.phi), n)), seconds)
     }
 
     /// `p + first + X first / 2 + X^2 first / 6` with `X = seconds [phi]x`.
     #[inline(always)]
-    fn finish(&self, p: [f32; 3], first: [f32; 3], seconds: f32) -> [f32; 3] {
-        let second = scale(0.5 * seconds, cross(self.phi, first));
-        let third = scale((1.0 / 3.0) * seconds, cross(self.phi, second));
-        [
-            p[0] + first[0] + second[0] + third[0],
-            p[1] + first[1] + second[1] + third[1],
-            p[2] + first[2] + second[2] + third[2],
-        ]
+    fn finish<T: Real>(&self, p: [T; 3], first: [T; 3], seconds: T) -> [T; 3] {
+        let phi = splat(self.phi);
+        let second = scale(T::splat(0.5) * seconds, cross(phi, first));
+        let third = scale(T::splat(1.0 / 3.0) * seconds, cross(phi, second));
+        add(add(add(p, first), second), third)
     }
 }
 
-// Written out by coordinate: `map` over an array would go through memory.
 #[inline(always)]
-fn scale(factor: f32, v: [f32; 3]) -> [f32; 3] {
-    [factor * v[0], factor * v[1], factor * v[2]]
-}
-
-#[inline(always)]
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+fn splat<T: Real>(v: [f32; 3]) -> [T; 3] {
+    [T::splat(v[0]), T::splat(v[1]), T::splat(v[2])]
 }
 
 /// Rotation row by row, then translation, in `f32`.
@@ -109,21 +107,6 @@ pub(crate) fn flat(pose: &Pose) -> [f32; 12] {
     .map(|v| v as f32)
 }
 
-#[inline(always)]
-pub(crate) fn rotate(m: &[f32; 12], v: [f32; 3]) -> [f32; 3] {
-    [
-        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
-        m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
-        m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
-    ]
-}
-
-#[inline(always)]
-pub(crate) fn transform(m: &[f32; 12], v: [f32; 3]) -> [f32; 3] {
-    let r = rotate(m, v);
-    [r[0] + m[9], r[1] + m[10], r[2] + m[11]]
-}
-
 /// A surface to align to, as it was exposed, with its own readout motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
@@ -131,6 +114,8 @@ pub struct Target<'a> {
     pub surface: SurfaceView<'a>,
     /// How its rows moved.
     pub shutter: &'a ShutterTable,
+    /// For the exact search; `None` searches by projection.
+    pub tree: Option<&'a KdTree>,
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use tessera_geometry::{Camera, DepthNoise, Matrix6, Pose, Twist, exp, translation_rotation_norms};
 use tessera_registration::{
-    Graph, GridCamera, MatchLimits, Matcher, Pair, PairBlock, PairReport, Queries, RegistrationSettings,
-    Sampler, Selection, ShutterTable, Target, entropy_of_covariance,
+    Graph, GridCamera, KdTree, MatchLimits, Matcher, Pair, PairBlock, PairReport, Queries,
+    RegistrationSettings, Sampler, SearchMethod, Selection, ShutterTable, Target, entropy_of_covariance,
 };
 use tessera_surface::{Reconstructor, SurfaceSettings, SurfaceView, Vertex};
 
@@ -87,25 +87,32 @@ impl Setup {
 
     /// The pose after ten outer iterations from a start, its information and the last report.
     fn align(&self, start: &Pose) -> (Pose, Matrix6, PairReport, f64) {
-        let settings = RegistrationSettings::default();
+        self.align_with(start, &RegistrationSettings::default())
+    }
+
+    fn align_with(&self, start: &Pose, settings: &RegistrationSettings) -> (Pose, Matrix6, PairReport, f64) {
         let (_, reconstructor) = surface(&self.camera, &wall(), &Pose::identity(), &Twist::default());
         let grid = reconstructor.grid();
         let offset_px = 1.5;
         let shutter = |v: &Twist| ShutterTable::new(&self.camera, v, grid.height, grid.step, offset_px);
         let mut samples = Vec::new();
         let view = SurfaceView { grid, vertices: &self.query };
-        Sampler::default().draw(&view, 1, &settings, &mut samples);
+        Sampler::default().draw(&view, 1, settings, &mut samples);
         let mut queries = Queries::default();
         queries.fill(&samples, &shutter(&self.query_velocity));
         let target_shutter = shutter(&self.target_velocity);
-        let target =
-            Target { surface: SurfaceView { grid, vertices: &self.target }, shutter: &target_shutter };
+        let surface = SurfaceView { grid, vertices: &self.target };
+        let tree = match settings.search.method {
+            SearchMethod::Exact => Some(KdTree::new(&surface, &target_shutter)),
+            SearchMethod::Projective => None,
+        };
+        let target = Target { surface, shutter: &target_shutter, tree: tree.as_ref() };
         let grid_camera = GridCamera::new(&self.camera, grid, offset_px);
-        let mut matcher = Matcher::new(grid_camera, DepthNoise::default(), &settings);
+        let mut matcher = Matcher::new(grid_camera, DepthNoise::default(), settings);
         let mut pose = *start;
         let mut last = None;
         for k in 0..10 {
-            let limits = MatchLimits { first_distance_m: 0.3, progress: k as f32 / 9.0 };
+            let limits = MatchLimits::new(0.3, k as f32 / 9.0);
             let selection = Selection { count: 2000, shift: 0 };
             let (sums, report) = matcher.match_pair(&queries, selection, &target, &pose, &limits);
             let block = PairBlock::new(&pose, &sums);
@@ -143,6 +150,21 @@ fn a_planted_motion_is_recovered_and_the_step_goes_the_right_way() {
     let (pose, _, report, _) = Setup::still(&room(), &truth).align(&Pose::identity());
     assert!(report.n_matches > 500, "{report:?}");
     check(&pose, &truth, 1.5e-3, 1e-3);
+}
+
+#[test]
+fn the_exact_search_and_a_coarse_start_find_the_same() {
+    let truth = exp(&Twist { rho: Vector3::new(0.06, -0.04, 0.05), phi: Vector3::new(0.03, 0.05, -0.02) });
+    let setup = Setup::still(&room(), &truth);
+    let mut exact = RegistrationSettings::default();
+    exact.search.method = SearchMethod::Exact;
+    let mut coarse = RegistrationSettings::default();
+    coarse.search.first_stride = 4;
+    for settings in [exact, coarse] {
+        let (pose, _, report, _) = setup.align_with(&Pose::identity(), &settings);
+        assert!(report.n_matches > 500, "{settings:?}: {report:?}");
+        check(&pose, &truth, 1.5e-3, 1e-3);
+    }
 }
 
 #[test]

@@ -67,8 +67,10 @@ pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
 /// The last lines of a log that a process wrote, oldest first.
 pub fn last_lines(path: &Path, process: &str, n: usize) -> Vec<String> {
     let text = tail(path, 256 << 10).unwrap_or_default();
-    let mark = format!(" {process}[");
-    let lines: Vec<&str> = text.lines().filter(|line| line.contains(&mark)).collect();
+    let mark = format!("{process}[");
+    // The third word, and no other: a line may quote another one.
+    let is_own = |line: &&str| line.split_whitespace().nth(2).is_some_and(|word| word.starts_with(&mark));
+    let lines: Vec<&str> = text.lines().filter(is_own).collect();
     lines[lines.len().saturating_sub(n)..].iter().map(|line| line.to_string()).collect()
 }
 
@@ -90,10 +92,11 @@ mod tests {
     fn the_last_lines_are_those_of_one_process() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("log.txt");
+        let quoted = "t WARN supervisor[1] died last_line=\"t INFO align[7] line 99\"\n";
         let text: String = (0..10)
             .map(|k| format!("t INFO {}[7] line {k}\n", if k % 2 == 0 { "align" } else { "sensor" }))
             .collect();
-        std::fs::write(&path, text).unwrap();
+        std::fs::write(&path, text + quoted).unwrap();
         assert_eq!(last_lines(&path, "align", 2), ["t INFO align[7] line 6", "t INFO align[7] line 8"]);
         assert!(last_lines(&dir.path().join("none"), "align", 2).is_empty());
     }

@@ -2,7 +2,7 @@
 
 use crate::cell::{CellDepth, CellRule};
 use crate::planes::Workspace;
-use crate::settings::CellSample;
+use crate::settings::{CellBrightness, CellSample, SurfaceSettings};
 use tessera_geometry::{Camera, DepthNoise};
 
 /// Turns pixels into points; knows the camera's rays.
@@ -12,6 +12,7 @@ pub(crate) struct CloudMaker {
     centre_x: Vec<f32>,
     centre_y: Vec<f32>,
     rule: CellRule,
+    brightness: CellBrightness,
     width: usize,
     height: usize,
     step: usize,
@@ -36,13 +37,9 @@ struct ColumnSums {
 }
 
 impl CloudMaker {
-    pub(crate) fn new(
-        camera: &Camera,
-        step: usize,
-        sample: CellSample,
-        max_depth_m: f32,
-        noise: DepthNoise,
-    ) -> Self {
+    pub(crate) fn new(camera: &Camera, settings: &SurfaceSettings) -> Self {
+        let (step, sample) = (settings.step as usize, settings.cell_sample);
+        let noise = DepthNoise::new(settings.noise);
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (rows, columns) = (height.div_ceil(step), width.div_ceil(step));
         let offset = match sample {
@@ -56,7 +53,8 @@ impl CloudMaker {
         Self {
             centre_x: (0..rows * columns).map(|i| centre(i).x as f32).collect(),
             centre_y: (0..rows * columns).map(|i| centre(i).y as f32).collect(),
-            rule: CellRule::new(camera, step, sample, max_depth_m, noise),
+            rule: CellRule::new(camera, step, sample, settings.max_depth_m, noise),
+            brightness: settings.cell_brightness,
             width,
             height,
             step,
@@ -81,6 +79,11 @@ impl CloudMaker {
         for row in 0..w.layout.grid.height {
             n_measured += self.fill_row(row, depth, w);
             colours(row, self.step, self.width, colour, w);
+            if let Some(colour) = colour
+                && self.brightness == CellBrightness::Mean
+            {
+                mean_brightness(row, self.step, self.width, colour, w);
+            }
         }
         n_measured
     }
@@ -239,4 +242,20 @@ fn colours(row: usize, step: usize, width: usize, colour: Option<&[u8]>, w: &mut
         let out = &mut w.colour_row[row * n + column];
         *out = [rgb[0], rgb[1], rgb[2], out[3]];
     }
+}
+
+/// Mean brightness of each cell of a row.
+fn mean_brightness(row: usize, step: usize, width: usize, colour: &[u8], w: &mut Workspace) {
+    let (start, n) = (w.layout.row(row), w.layout.grid.width);
+    let sums = &mut w.intensity[start..start + n];
+    sums.fill(0.0);
+    let lines = colour.chunks_exact(3 * width).skip(row * step).take(step);
+    let n_lines = lines.len() as f32;
+    for line in lines {
+        for (sum, cell) in sums.iter_mut().zip(line.chunks(3 * step)) {
+            let bytes = cell.iter().map(|&c| u32::from(c)).sum::<u32>();
+            *sum += bytes as f32 / cell.len() as f32;
+        }
+    }
+    sums.iter_mut().for_each(|sum| *sum *= 1.0 / (255.0 * n_lines));
 }

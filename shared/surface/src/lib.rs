@@ -21,7 +21,7 @@ mod vertex;
 
 pub use reconstruct::{Reconstructor, SurfaceStats};
 pub use settings::{
-    BoundaryRule, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SettingError, SurfaceSettings,
-    check_range,
+    BoundaryRule, CellBrightness, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SettingError,
+    SurfaceSettings, check_range,
 };
 pub use vertex::{Grid, SurfaceView, Vertex};

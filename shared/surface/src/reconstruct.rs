@@ -8,7 +8,7 @@ use crate::planes::{Layout, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SettingError, SurfaceSettings};
 use crate::vertex::{Grid, Vertex};
-use tessera_geometry::{Camera, DepthNoise};
+use tessera_geometry::Camera;
 
 /// What came out of one frame, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,10 +46,9 @@ impl Reconstructor {
             height: (camera.height as usize).div_ceil(step),
             step,
         };
-        let noise = DepthNoise::new(settings.noise);
         Ok(Self {
             settings: settings.clone(),
-            cloud: CloudMaker::new(camera, step, settings.cell_sample, settings.max_depth_m, noise),
+            cloud: CloudMaker::new(camera, settings),
             test: EdgeTest::new(settings),
             workspace: Workspace::new(grid),
             walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),

@@ -68,6 +68,18 @@ pub enum CellSample {
     Mean,
 }
 
+/// Which brightness stands for a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CellBrightness {
+    /// That of the pixel in the middle: enough for the filter, and the cheapest.
+    #[default]
+    Pixel,
+    /// The mean of all pixels: for the alignment by brightness, which needs gradients that fine
+    /// texture does not disturb.
+    Mean,
+}
+
 /// What the filter does with vertices at depth edges, where rings are one-sided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -100,6 +112,8 @@ pub struct SurfaceSettings {
     pub step: u32,
     /// Which depth stands for a cell.
     pub cell_sample: CellSample,
+    /// Which brightness stands for a cell.
+    pub cell_brightness: CellBrightness,
     /// Depth beyond this is no measurement, metres.
     pub max_depth_m: f32,
     /// Noise model of the depth (eq. 5).
@@ -135,6 +149,7 @@ impl Default for SurfaceSettings {
         Self {
             step: 4,
             cell_sample: CellSample::Mean,
+            cell_brightness: CellBrightness::Pixel,
             max_depth_m: 8.0,
             noise: NoiseModel::Paper,
             edge_rule: EdgeRule::Or,

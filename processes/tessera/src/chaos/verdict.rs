@@ -45,7 +45,9 @@ pub(super) fn judge(
     let undocumented = trial.undocumented();
     check(undocumented.is_empty(), format!("files that no documentation names: {}", shown(&undocumented)));
     for stage in Stage::ALL {
-        let n_deaths = log.matches(&format!(" {stage} died: ")).count();
+        let died = format!("] {stage} died: ");
+        let n_deaths =
+            log.lines().filter(|line| line.contains(" supervisor[") && line.contains(&died)).count();
         let target = Target::Stage(stage).name();
         let n_hits = faults.iter().filter(|fault| fault.target == target && fault.is_deadly).count();
         check(

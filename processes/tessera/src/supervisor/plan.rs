@@ -78,7 +78,9 @@ impl Plan {
             .create(&self.run_dir)
             .map_err(|e| directory("make", &self.run_dir, &e))?;
         let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
-        write_private(&files.config(), config.as_bytes())?;
+        if std::fs::read(files.config()).ok().as_deref() != Some(config.as_bytes()) {
+            write_private(&files.config(), config.as_bytes())?;
+        }
         start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
         end_stages_left(&files)?;
         // Their readers want them to be there, and whole: a record whose keyframe is not in the
@@ -152,8 +154,15 @@ pub(super) fn directory(
     SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
 }
 
+/// Writes a file whole or not at all: half a configuration would be a configuration too, of
+/// defaults, and a supervisor may be killed here as well.
 fn write_private(path: &Path, bytes: &[u8]) -> Result<(), SupervisorError> {
+    let temporary = path.with_extension("new");
     let mut options = OpenOptions::new();
     options.write(true).create(true).truncate(true).mode(0o600);
-    options.open(path).and_then(|mut file| file.write_all(bytes)).map_err(|e| directory("write", path, &e))
+    options
+        .open(&temporary)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| std::fs::rename(&temporary, path))
+        .map_err(|e| directory("write", path, &e))
 }

@@ -1,0 +1,73 @@
+//! Sequences that are harder than a quiet walk: a person, few frames a second, holes, great speed,
+//! and scenes whose shape does not fix the pose.
+
+mod common;
+
+use common::{ate_m, frames, run, scene};
+use tessera_offline::{Method, RawFrame};
+use tessera_registration::BrightnessUse;
+use tessera_sources::{SceneName, SimulationOptions};
+
+/// Takes away 37 % of the pixels, scattered, others in each frame.
+fn make_holes(frames: &mut [RawFrame]) {
+    for (k, frame) in frames.iter_mut().enumerate() {
+        for (i, depth) in frame.depth.iter_mut().enumerate() {
+            let mut hash = (i as u64) ^ ((k as u64) << 32) ^ 0x9e37_79b9_7f4a_7c15;
+            hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            if (hash >> 32) % 100 < 37 {
+                *depth = 0;
+            }
+        }
+    }
+}
+
+#[test]
+fn a_person_walking_through_does_not_carry_the_map_along() {
+    let source = scene(SceneName::Room, &SimulationOptions { person: true, ..Default::default() });
+    let indices: Vec<u64> = (0..120).collect();
+    let records = run(&source, &Method::default(), &frames(&source, &indices));
+    assert_eq!(records.n_untracked(), 0);
+    let error_m = ate_m(&source, &indices, &records.online());
+    assert!(error_m < 0.01, "ATE {error_m} m");
+}
+
+#[test]
+fn five_frames_a_second_full_of_holes_are_enough() {
+    let source = scene(SceneName::Room, &SimulationOptions::default());
+    // About 45 mm and 7 degrees between frames.
+    let indices: Vec<u64> = (0..360).step_by(6).collect();
+    let mut frames = frames(&source, &indices);
+    make_holes(&mut frames);
+    let records = run(&source, &Method::default(), &frames);
+    assert_eq!(records.n_untracked(), 0);
+    let error_m = ate_m(&source, &indices, &records.last());
+    assert!(error_m < 0.01, "ATE {error_m} m");
+}
+
+#[test]
+fn backwards_and_two_and_a_half_times_as_fast_gives_the_same_room() {
+    let source = scene(SceneName::Room, &SimulationOptions::default());
+    let indices: Vec<u64> = (0..100).map(|k| 250 - k * 5 / 2).collect();
+    let records = run(&source, &Method::default(), &frames(&source, &indices));
+    assert_eq!(records.n_untracked(), 0);
+    let error_m = ate_m(&source, &indices, &records.last());
+    assert!(error_m < 0.01, "ATE {error_m} m");
+}
+
+#[test]
+fn brightness_holds_what_a_wall_leaves_free() {
+    let source = scene(SceneName::Wall, &SimulationOptions::default());
+    let indices: Vec<u64> = (0..60).collect();
+    let frames = frames(&source, &indices);
+    let error_m = |brightness| {
+        let mut method = Method::default();
+        method.registration.weight.brightness = brightness;
+        let records = run(&source, &method, &frames);
+        assert_eq!(records.n_untracked(), 0);
+        ate_m(&source, &indices, &records.last())
+    };
+    let (without_m, with_m) = (error_m(BrightnessUse::Off), error_m(BrightnessUse::WhereFree));
+    assert!(with_m < 0.005, "ATE {with_m} m");
+    assert!(without_m > 5.0 * with_m, "without brightness the wall is enough: {without_m} m");
+}
