@@ -123,7 +123,12 @@ fn decode(source: &dyn Source) -> Result<Vec<RawFrame>, Box<dyn Error>> {
             let info = source
                 .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
                 .map_err(|error| error.to_string())?;
-            Ok(RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: info.has_colour.then_some(colour) })
+            Ok(RawFrame {
+                stamp_nanos: info.stamp_nanos,
+                depth,
+                colour: info.has_colour.then_some(colour),
+                rotation: info.rotation,
+            })
         })
         .collect::<Result<Vec<_>, String>>()
         .map_err(Into::into)

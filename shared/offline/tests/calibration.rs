@@ -14,7 +14,7 @@ fn frames(source: &dyn Source, step: u64) -> Vec<RawFrame> {
     let read = |index: &u64| {
         let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
         let info = source.read(*index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-        RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour) }
+        RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour), rotation: info.rotation }
     };
     indices.par_iter().map(read).collect()
 }

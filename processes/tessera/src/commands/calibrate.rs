@@ -82,7 +82,12 @@ fn read(source: &dyn Source, index: u64) -> Result<Option<RawFrame>, CommandErro
     let n_pixels = source.camera().width as usize * source.camera().height as usize;
     let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
     let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-    Ok(Some(RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: info.has_colour.then_some(colour) }))
+    Ok(Some(RawFrame {
+        stamp_nanos: info.stamp_nanos,
+        depth,
+        colour: info.has_colour.then_some(colour),
+        rotation: info.rotation,
+    }))
 }
 
 /// Parameters by name.
