@@ -103,3 +103,22 @@ fn a_sequence_that_says_too_little_is_refused() {
     let error = try_solve(&[], &camera, &options).unwrap_err().to_string();
     assert!(error.contains("0 of 0 frames were tracked"), "{error}");
 }
+
+#[test]
+fn a_planted_lens_and_readout_are_found_in_the_room() {
+    let options = SimulationOptions {
+        distortion: Some([0.1, -0.2, 0.0, 0.0, 0.0]),
+        readout_s: Some(0.03),
+        ..SimulationOptions::default()
+    };
+    let source = SimulatedSource::open(SceneName::Room, None, None, &options).unwrap();
+    let frames = frames(&source, 1);
+    let truth = source.camera();
+    let start = Camera { distortion: [0.0; 5], readout_s: 0.0, ..truth.clone() };
+    let found = solve(&frames, &start, &CalibrateOptions::default()).calibration;
+    let camera = &found.camera;
+    assert!((camera.readout_s - truth.readout_s).abs() < 0.002, "readout {} s", camera.readout_s);
+    assert!((camera.distortion[0] - truth.distortion[0]).abs() < 0.02, "{:?}", camera.distortion);
+    assert!((camera.distortion[1] - truth.distortion[1]).abs() < 0.06, "{:?}", camera.distortion);
+    assert!((camera.fx / truth.fx - 1.0).abs() < 0.005, "fx {}", camera.fx);
+}
