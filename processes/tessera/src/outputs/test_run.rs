@@ -124,6 +124,7 @@ pub(crate) fn camera() -> Camera {
         units_per_metre: 5000.0,
         distortion: [0.0; 5],
         readout_s: 0.03,
+        depth_offset_m: 0.0,
         colour_registered: true,
     }
 }
