@@ -75,6 +75,7 @@ impl Tracker {
             velocity: a.velocity.to_vector().into(),
             entropy_nats,
             blocks,
+            moved: Vec::new(),
             new_keyframe,
             request: None,
         }
@@ -127,6 +128,7 @@ impl Tracker {
             velocity: [0.0; 6],
             entropy_nats: f64::NAN,
             blocks: Vec::new(),
+            moved: Vec::new(),
             new_keyframe: None,
             request: None,
         }

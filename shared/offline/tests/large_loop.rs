@@ -105,6 +105,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         velocity: [0.0; 6],
         entropy_nats: f64::NAN,
         blocks: Vec::new(),
+        moved: Vec::new(),
         new_keyframe: Some(KeyframeRecord {
             id,
             frame_index: index,
