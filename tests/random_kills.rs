@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Run, room};
+use common::{Run, room, signal, wait_for};
 use std::process::Command;
 use std::time::Duration;
 
@@ -80,6 +80,37 @@ fn lives_cut_in_their_first_moments_leave_no_half_made_service() {
     }
     assert!(child.wait().unwrap().success(), "{}", run.log());
     run.assert_same_bytes(&undisturbed, "lives cut short");
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}
+
+/// Killed while they made a node, a service or a port, processes leave pieces that iceoryx2 does
+/// not clean up: the supervisor does, while the run goes on.
+#[test]
+fn the_dead_leave_no_half_made_nodes() {
+    let run = room().frames(100_000);
+    let mut child = run.start();
+    run.wait_until_busy();
+    let mut random = Random(5);
+    for _ in 0..12 {
+        for pid in run.stage_pids() {
+            std::thread::sleep(Duration::from_millis(random.below(40)));
+            // It may have ended by itself.
+            let _ = Command::new("kill").args(["-KILL", &pid.to_string()]).output();
+        }
+    }
+    let file = tessera_stage::RunFile::read(&tessera_stage::RunFiles::new(&run.out())).unwrap();
+    let n_nodes = || {
+        let items = std::fs::read_dir(file.identity.root.join("nodes")).unwrap().flatten();
+        items.filter(|item| item.file_type().is_ok_and(|kind| kind.is_dir())).count()
+    };
+    let is_ready = |pid: &u32| run.log().contains(&format!("[{pid}] ready"));
+    // The supervisor and four stages, and nobody else.
+    wait_for("the nodes of the living alone", || {
+        let pids = run.stage_pids();
+        pids.len() == 4 && pids.iter().all(is_ready) && n_nodes() == 5
+    });
+    signal(child.id(), "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{}", run.log());
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 

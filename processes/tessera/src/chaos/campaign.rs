@@ -9,7 +9,7 @@ use super::trial::{Pipeline, Trial};
 use super::verdict::{Judge, judge};
 use crate::arguments::ChaosArguments;
 use crate::exit::CommandError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_stage::RunFiles;
 use tessera_transport::registered_runs;
@@ -73,6 +73,17 @@ pub(crate) fn campaign(
             report.keep(&trial.dir);
             break;
         }
+        if let Some((_, n)) = &plan {
+            let struck = report.n_faults();
+            trial.remove();
+            if struck < *n {
+                clear(&reference, &base);
+                return Err(CommandError::Arguments(format!(
+                    "{struck} of {n} planned faults struck; the others name a point that no frame passed"
+                )));
+            }
+            break;
+        }
         if report.n_faults_of_last_run() == 0 {
             return Err(CommandError::Stage(
                 "a run was over before a fault struck; expected a longer run or a shorter --interval-ms"
@@ -82,11 +93,16 @@ pub(crate) fn campaign(
         trial.remove();
     }
     if report.broken().is_empty() {
-        reference.remove();
-        // Only where it is empty: the folder may be the user's.
-        let _ = std::fs::remove_dir(&base);
+        clear(&reference, &base);
     }
     Ok(report)
+}
+
+/// Nothing is left to look at.
+fn clear(reference: &Trial, base: &Path) {
+    reference.remove();
+    // Only where it is empty: the folder may be the user's.
+    let _ = std::fs::remove_dir(base);
 }
 
 /// What comes behind `tessera run`.

@@ -87,7 +87,7 @@ pub(super) fn judge(
 pub(super) fn faults(run: u64, done: &Disturbance, log: &str) -> Vec<FaultReport> {
     let events = events(log);
     let planned = struck(log);
-    let of_plan = |word: &str| !["slow", "drop", "corrupt", "stop", "full"].contains(&word);
+    let of_plan = |word: &str| !["slow", "drop", "corrupt"].contains(&word);
     let name_of = |sign: &Sign| match sign {
         Sign::Struck(word) => word.rsplit(':').next().unwrap_or_default().to_owned(),
         _ => String::new(),
