@@ -61,7 +61,7 @@ impl Optimiser {
     /// Takes a record of its own journal into the state.
     pub fn apply_own(&mut self, record: &OptimiseRecord) {
         let OptimiseRecord::Correction(correction) = record;
-        self.n_answered = self.n_answered.max(correction.request + 1);
+        self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|(request, _)| request.request > correction.request);
     }
 

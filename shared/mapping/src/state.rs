@@ -92,7 +92,7 @@ impl TrackerState {
         match record {
             AlignRecord::Frame(frame) => self.apply_frame(frame),
             AlignRecord::Map(map) => self.apply_map(map),
-            AlignRecord::Skipped(index, _) => self.next_index = self.next_index.max(index + 1),
+            AlignRecord::Skipped(index, _) => self.next_index = self.next_index.max(index.saturating_add(1)),
             AlignRecord::Correction(applied) => self.apply_correction(applied),
             AlignRecord::End { request, .. } => {
                 self.is_ended = true;
@@ -114,7 +114,7 @@ impl TrackerState {
     }
 
     fn apply_map(&mut self, map: &MapRecord) {
-        self.session = map.keyframes.iter().map(|k| k.session + 1).max().unwrap_or(0);
+        self.session = map.keyframes.iter().map(|k| k.session.saturating_add(1)).max().unwrap_or(0);
         self.n_map_keyframes = map.keyframes.len() as u32;
         // The map is optimised again only once it has grown.
         self.n_keyframes_at_request = self.n_map_keyframes;
@@ -123,8 +123,8 @@ impl TrackerState {
     }
 
     fn apply_frame(&mut self, frame: &FrameRecord) {
-        self.next_index = frame.index + 1;
-        self.frames_since_keyframe += 1;
+        self.next_index = frame.index.saturating_add(1);
+        self.frames_since_keyframe = self.frames_since_keyframe.saturating_add(1);
         self.settle(frame);
         if let Some(keyframe) = &frame.new_keyframe {
             self.keyframes.push(KeyframeState {
@@ -190,7 +190,7 @@ impl TrackerState {
 
     fn note_request(&mut self, request: &RequestRecord) {
         self.pending = Some(*request);
-        self.n_requests = request.request + 1;
+        self.n_requests = request.request.saturating_add(1);
         self.n_keyframes_at_request = request.n_keyframes;
     }
 

@@ -1,0 +1,227 @@
+//! What is fuzzed: every reader of bytes from outside. A target panics where a promise is broken:
+//! input that is refused has an error in words, input that is taken keeps the rules of its kind.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, ser::SerializeTuple};
+use std::path::Path;
+use std::time::Duration;
+use tessera_journal::{Follower, Journal};
+use tessera_mapping::{AlignRecord, OptimiseRecord, TrackerState};
+use tessera_messages::{Beat, Flow, FrameHeader, FrameShape, PoseMessage, SurfaceExpectation, SurfaceHeader};
+use tessera_settings::Settings;
+use tessera_sources::{FolderSource, FrameBuffers, Source, load_camera};
+use tessera_surface::{Grid, Vertex};
+use tessera_trajectory::parse_tum;
+
+/// Takes any bytes, and panics where a promise is broken.
+pub type Target = fn(&[u8]);
+
+/// All targets by the names of their corpora.
+pub const TARGETS: [(&str, Target); 6] = [
+    ("lists", lists),
+    ("camera", camera),
+    ("configuration", configuration),
+    ("images", images),
+    ("journal", journal),
+    ("messages", messages),
+];
+
+const CAMERA: &str =
+    "width = 16\nheight = 16\nfx = 16.0\nfy = 16.0\ncx = 7.5\ncy = 7.5\nunits_per_metre = 5000.0\n";
+const N_PIXELS: usize = 16 * 16;
+
+thread_local! {
+    static FOLDER: tempfile::TempDir = tempfile::tempdir().expect("a folder for the input");
+}
+
+fn in_folder(work: impl FnOnce(&Path)) {
+    FOLDER.with(|folder| work(folder.path()));
+}
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) {
+    std::fs::write(folder.join(name), bytes).expect("the input can be written");
+}
+
+/// The lists of a folder in the TUM layout, and trajectories.
+pub fn lists(bytes: &[u8]) {
+    in_folder(|folder| {
+        write(folder, "camera.toml", CAMERA.as_bytes());
+        write(folder, "depth.txt", bytes);
+        write(folder, "rgb.txt", bytes);
+        match FolderSource::open(folder, None, None) {
+            Ok(source) => {
+                let n = source.n_frames().expect("a folder has an end");
+                let stamps: Vec<_> =
+                    (0..n).map(|index| source.stamp_nanos(index).expect("in range")).collect();
+                assert!(stamps.is_sorted_by(|a, b| a < b), "stamps do not rise");
+                assert!(source.stamp_nanos(n).is_none());
+            }
+            Err(error) => assert!(error.to_string().contains(".txt"), "{error}"),
+        }
+    });
+    let text = String::from_utf8_lossy(bytes);
+    match parse_tum(&text, Path::new("trajectory.txt")) {
+        Ok(trajectory) => {
+            assert!(trajectory.stamps_nanos.is_sorted_by(|a, b| a < b), "stamps do not rise");
+            assert!(trajectory.poses.iter().all(|p| p.translation.vector.iter().all(|v| v.is_finite())));
+        }
+        Err(error) => assert!(error.to_string().contains("trajectory.txt"), "{error}"),
+    }
+}
+
+/// Camera files.
+pub fn camera(bytes: &[u8]) {
+    in_folder(|folder| {
+        write(folder, "my-camera.toml", bytes);
+        match load_camera(&folder.join("my-camera.toml")) {
+            Ok(camera) => camera.check().expect("a camera that was taken holds its rules"),
+            Err(error) => assert!(error.to_string().contains("my-camera.toml"), "{error}"),
+        }
+    });
+}
+
+/// Configuration files, and the arguments of `--set`.
+pub fn configuration(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let given = Settings::load(None, &[text.to_string()]);
+    for result in [Settings::from_toml(&text, "my.toml"), given] {
+        match result {
+            Ok(settings) => {
+                settings.check().expect("settings that were taken hold their rules");
+                let again = Settings::from_toml(&settings.to_toml().expect("can be written"), "again");
+                assert!(again.is_ok_and(|again| again == settings), "settings do not survive a file");
+            }
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+}
+
+/// Depth and colour images; the first byte says which one is not what it should be.
+pub fn images(bytes: &[u8]) {
+    let Some((which, bytes)) = bytes.split_first() else { return };
+    in_folder(|folder| {
+        write(folder, "camera.toml", CAMERA.as_bytes());
+        write(folder, "depth.txt", b"1.0 depth.png\n");
+        write(folder, "rgb.txt", b"1.0 rgb\n");
+        write(folder, "depth.png", DEPTH);
+        write(folder, if which % 2 == 0 { "depth.png" } else { "rgb" }, bytes);
+        let source = FolderSource::open(folder, None, None).expect("the lists are good");
+        let (mut depth, mut colour) = (vec![0; N_PIXELS], vec![0; 3 * N_PIXELS]);
+        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        if let Err(error) = source.read(0, &mut buffers) {
+            assert!(error.to_string().contains("frame 0"), "{error}");
+        }
+    });
+}
+
+/// A depth image as the camera expects it.
+const DEPTH: &[u8] = include_bytes!("depth.png");
+
+/// Bytes that stand in a journal as they are.
+struct Raw<'a>(&'a [u8]);
+
+impl Serialize for Raw<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut tuple = serializer.serialize_tuple(self.0.len())?;
+        self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
+        tuple.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for Raw<'_> {
+    fn deserialize<D: Deserializer<'de>>(_: D) -> Result<Self, D::Error> {
+        Err(serde::de::Error::custom("never read"))
+    }
+}
+
+/// Journals. The first byte says whether what follows is the whole file, or one whole record with a
+/// good checksum.
+pub fn journal(bytes: &[u8]) {
+    let Some((which, bytes)) = bytes.split_first() else { return };
+    in_folder(|folder| {
+        let path = folder.join("align.journal");
+        let _ = std::fs::remove_file(&path);
+        match which % 3 {
+            0 => write(folder, "align.journal", bytes),
+            1 => sealed(&path, "align", bytes),
+            _ => sealed(&path, "optimise", bytes),
+        }
+        if which % 3 == 2 {
+            let _ = Journal::<OptimiseRecord>::open(&path, "optimise", Duration::ZERO, |_| Ok(()));
+            return;
+        }
+        let mut state = TrackerState::default();
+        let opened = Journal::<AlignRecord>::open(&path, "align", Duration::ZERO, |record| {
+            state.apply(&record);
+            Ok(())
+        });
+        let n_records = match opened {
+            Ok((_, recovered)) => recovered.n_records,
+            Err(error) => return assert!(error.to_string().contains("align.journal"), "{error}"),
+        };
+        // What is left is whole, and a follower reads the same.
+        let mut follower = Follower::<AlignRecord>::open(&path, "align").expect("it is there");
+        for k in 0..n_records {
+            assert!(follower.next().is_ok_and(|record| record.is_some()), "record {k} of {n_records}");
+        }
+        assert!(follower.next().is_ok_and(|record| record.is_none()));
+        assert_eq!(follower.bytes_left().expect("it is there"), 0);
+    });
+}
+
+fn sealed(path: &Path, kind: &str, payload: &[u8]) {
+    let (mut journal, _) =
+        Journal::<Raw<'_>>::open(path, kind, Duration::ZERO, |_| Ok(())).expect("a new file");
+    journal.append(&Raw(payload), false).expect("the record fits");
+}
+
+/// Messages from shared memory, whose payload is what follows the header.
+pub fn messages(bytes: &[u8]) {
+    let Some((which, bytes)) = bytes.split_first() else { return };
+    match which % 5 {
+        0 => {
+            let Some((header, rest)) = split::<FrameHeader>(bytes) else { return };
+            let shape = FrameShape { width: 4, height: 4 };
+            let payload: Vec<u16> = rest.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+            if header.validate(shape, Some(100)).is_ok() {
+                assert!(header.index < 100);
+            }
+            if let Ok(read) = header.payload(shape, &payload) {
+                assert_eq!(read.depth.len(), 16);
+                assert!(read.colour.is_none_or(|colour| colour.len() == 48));
+            }
+        }
+        1 => {
+            let Some((header, rest)) = split::<SurfaceHeader>(bytes) else { return };
+            let size = size_of::<Vertex>();
+            let vertices: Vec<Vertex> = rest.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect();
+            let grid = Grid { width: 2, height: 2, step: 4 };
+            if header.validate(&SurfaceExpectation { grid, limit: Some(100) }, &vertices).is_ok() {
+                let valid = vertices.iter().filter(|v| v.is_valid());
+                assert!(valid.flat_map(|v| v.position).all(f32::is_finite), "a vertex nowhere");
+            }
+        }
+        2 => {
+            let Some((beat, _)) = split::<Beat>(bytes) else { return };
+            if let Ok((stage, state, on)) = beat.validate() {
+                assert!(!stage.name().is_empty() && !state.name().is_empty());
+                let _ = on.name();
+            }
+        }
+        3 => {
+            let Some((flow, _)) = split::<Flow>(bytes) else { return };
+            let _ = flow.validate();
+        }
+        _ => {
+            let Some((pose, _)) = split::<PoseMessage>(bytes) else { return };
+            let _ = pose.reason_text();
+            if pose.validate().is_ok() {
+                assert!(pose.odom_from_camera.iter().all(|v| v.is_finite()));
+            }
+        }
+    }
+}
+
+fn split<T: bytemuck::AnyBitPattern>(bytes: &[u8]) -> Option<(T, &[u8])> {
+    let (head, rest) = bytes.split_at_checked(size_of::<T>())?;
+    Some((bytemuck::pod_read_unaligned(head), rest))
+}

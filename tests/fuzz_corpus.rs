@@ -1,0 +1,125 @@
+//! The fuzz targets on their corpora: what fuzzing once found stays fixed, with any compiler.
+//!
+//! Beside each input come some changed ones, the same in every run; `TESSERA_TEST_MUTATIONS` sets
+//! how many (100 by default).
+
+#[path = "../fuzz/targets.rs"]
+#[allow(unreachable_pub, reason = "the executables of fuzz/ use it too")]
+mod targets;
+
+use std::path::{Path, PathBuf};
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+/// SplitMix64.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % n.max(1) as u64) as usize
+    }
+
+    /// The input with a few places changed; its first byte, which chooses the kind, mostly kept.
+    fn mutate(&mut self, input: &[u8]) -> Vec<u8> {
+        let mut bytes = input.to_vec();
+        for _ in 0..1 + self.below(4) {
+            let at = 1 + self.below(bytes.len());
+            let at = at.min(bytes.len());
+            match self.below(5) {
+                0 if at < bytes.len() => bytes[at] ^= 1 << self.below(8),
+                1 if at < bytes.len() => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][self.below(5)],
+                // The largest number, as a journal writes it.
+                2 if at < bytes.len() => {
+                    bytes.splice(at..=at, [0xfd, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff]);
+                }
+                3 => bytes.truncate(at),
+                _ => {
+                    let from = self.below(bytes.len());
+                    let part = bytes[from..bytes.len().min(from + 1 + self.below(16))].to_vec();
+                    bytes.splice(at..at, part);
+                }
+            }
+        }
+        bytes
+    }
+}
+
+/// Replays a corpus, each input whole, cut at some places, and changed.
+fn replay(name: &str) {
+    let (_, target) = targets::TARGETS.iter().find(|(other, _)| *other == name).unwrap();
+    let inputs = files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(name));
+    assert!(!inputs.is_empty(), "{name} has no corpus");
+    let asked = std::env::var("TESSERA_TEST_MUTATIONS").ok();
+    let n_mutations: u32 = asked.and_then(|n| n.parse().ok()).unwrap_or(100);
+    for path in inputs {
+        let bytes = std::fs::read(&path).unwrap();
+        // A panic below names the input.
+        eprintln!("{}", path.display());
+        target(&bytes);
+        (0..8).for_each(|eighth| target(&bytes[..bytes.len() * eighth / 8]));
+        let mut random = Random(bytes.len() as u64);
+        for k in 0..n_mutations {
+            let changed = random.mutate(&bytes);
+            if let Err(panic) = std::panic::catch_unwind(|| target(&changed)) {
+                let kept = std::env::temp_dir().join(format!("tessera-fuzz-{name}-{k}"));
+                let _ = std::fs::write(&kept, &changed);
+                eprintln!("mutation {k} is kept in {}", kept.display());
+                std::panic::resume_unwind(panic);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_target_has_a_corpus_and_an_executable() {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
+    let mut names: Vec<&str> = targets::TARGETS.iter().map(|(name, _)| *name).collect();
+    names.sort_unstable();
+    let stems = |folder: &str| -> Vec<String> {
+        let stem = |path: PathBuf| path.file_stem().unwrap().to_string_lossy().into_owned();
+        files(&fuzz.join(folder)).into_iter().map(stem).collect()
+    };
+    assert_eq!(stems("corpus"), names);
+    assert_eq!(stems("fuzz_targets"), names);
+    let script = std::fs::read_to_string(fuzz.join("../scripts/fuzz.sh")).unwrap();
+    names.iter().for_each(|name| assert!(script.contains(name), "scripts/fuzz.sh does not run {name}"));
+}
+
+#[test]
+fn lists() {
+    replay("lists");
+}
+
+#[test]
+fn camera() {
+    replay("camera");
+}
+
+#[test]
+fn configuration() {
+    replay("configuration");
+}
+
+#[test]
+fn images() {
+    replay("images");
+}
+
+#[test]
+fn journal() {
+    replay("journal");
+}
+
+#[test]
+fn messages() {
+    replay("messages");
+}
