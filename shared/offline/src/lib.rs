@@ -5,7 +5,7 @@
 #![forbid(unsafe_code)]
 
 use std::collections::BTreeMap;
-use tessera_geometry::{Camera, Pose, PoseBits};
+use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits};
 use tessera_mapping::{
     AlignRecord, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
     MappingSettings, OptimiseRecord, Optimiser, State, Tracker,
@@ -19,6 +19,8 @@ use tessera_trajectory::Trajectory;
 pub struct RawFrame {
     /// Sensor time.
     pub stamp_nanos: i64,
+    /// The camera's rotation since the first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
     /// Raw depth, row by row.
     pub depth: Vec<u16>,
     /// Red, green, blue, registered to depth.
@@ -115,9 +117,11 @@ impl Run {
         let view = |index, stamp_nanos, vertices| FrameSurface {
             index,
             stamp_nanos,
+            rotation: None,
             surface: SurfaceView { grid, vertices },
         };
-        let current = view(index, frame.stamp_nanos, vertices.as_slice());
+        let current =
+            FrameSurface { rotation: frame.rotation, ..view(index, frame.stamp_nanos, vertices.as_slice()) };
         let recent: Vec<FrameSurface<'_>> = self
             .previous
             .iter()

@@ -47,6 +47,7 @@ fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>)
         new_keyframe,
         request: None,
         velocity: [0.0; 6],
+        rotation: None,
         entropy_nats: 0.0,
         blocks: Vec::new(),
         moved: Vec::new(),
