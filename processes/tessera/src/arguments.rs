@@ -76,6 +76,7 @@ pub(crate) enum Command {
 Examples:
   tessera run                              the simulated room
   tessera run room --frames 100            its first 100 frames
+  tessera run room --person --readout 0.03 with a person in it, through a rolling shutter
   tessera run FOLDER --out results         a recording in the TUM layout
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
@@ -105,6 +106,12 @@ pub(crate) struct RunArguments {
     /// Process at most so many frames
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<u64>,
+    /// In a simulated scene: a person walks about in front of the camera
+    #[arg(long)]
+    pub(crate) person: bool,
+    /// In a simulated scene: a rolling shutter, seconds from the first row to the last
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) readout: Option<f64>,
     /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
     #[arg(long, value_name = "RUN")]
     pub(crate) map: Option<String>,

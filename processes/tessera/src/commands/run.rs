@@ -76,6 +76,15 @@ fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     if arguments.frames == Some(0) {
         return Err(CommandError::Arguments("--frames is 0, expected at least 1".to_owned()));
     }
+    settings.simulation.person |= arguments.person;
+    settings.simulation.readout_s = arguments.readout.or(settings.simulation.readout_s);
+    let is_of_a_scene = arguments.person || arguments.readout.is_some();
+    if is_of_a_scene && matches!(SourceSpec::parse(&settings.run.source), SourceSpec::Folder(_)) {
+        return Err(CommandError::Arguments(format!(
+            "--person and --readout are for simulated scenes, and {} is a folder; a camera file's readout_s tells of a real rolling shutter",
+            settings.run.source
+        )));
+    }
     settings.check()?;
     // Absolute, so that the stages and a later `resume` find them from anywhere.
     let run = &mut settings.run;
