@@ -17,6 +17,7 @@ mod planes;
 mod reconstruct;
 mod rings;
 mod settings;
+mod step;
 mod vertex;
 
 pub use reconstruct::{Reconstructor, SurfaceStats};
@@ -24,4 +25,5 @@ pub use settings::{
     BoundaryRule, CellBrightness, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SettingError,
     SurfaceSettings, check_range,
 };
+pub use step::Step;
 pub use vertex::{Grid, SurfaceView, Vertex};
