@@ -50,6 +50,9 @@ impl Tracker {
         if let Some(last) = self.state.recent.last() {
             wide.world_from_camera = Pose::from(&last.world_from_camera);
             wide.velocity = Twist::default();
+            if prediction.rotation_sigma_rad.is_some() {
+                wide.world_from_camera.rotation = prediction.world_from_camera.rotation;
+            }
         }
         let wide_turned = self.turned(samples, surfaces, &wide);
         let second = self.attempt(samples, surfaces, &wide_turned);
@@ -58,7 +61,7 @@ impl Tracker {
         }
         if let Some(keyframe) = self.state.last_own_keyframe() {
             wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
-            (wide.previous, wide.is_known) = (None, false);
+            (wide.previous, wide.is_known, wide.rotation_sigma_rad) = (None, false, None);
             let third = self.attempt(samples, surfaces, &wide);
             if judge::found_again(strict, &third.alignment).is_ok() {
                 return Ok(third);

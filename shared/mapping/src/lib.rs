@@ -34,6 +34,7 @@ mod verify;
 mod window;
 
 pub use context::Context;
+pub use neighbours::pairs as neighbour_pairs;
 pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,

@@ -4,7 +4,7 @@ use crate::records::{
     AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, MapRecord, RequestRecord, State, StoreSlot,
 };
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
+use tessera_geometry::{InertialRotation, Pose, PoseBits, Twist, compose_normalised};
 use tessera_recognition::PlaceCode;
 
 /// A keyframe as the aligner knows it now.
@@ -47,6 +47,8 @@ pub struct RecentFrame {
     pub velocity: [f64; 6],
     /// Covariance of its pose, as in [`FrameRecord::covariance`].
     pub covariance: Vec<f64>,
+    /// As in [`FrameRecord::rotation`].
+    pub rotation: Option<InertialRotation>,
 }
 
 /// Everything that the aligner must know between two frames beside surfaces.
@@ -162,6 +164,7 @@ impl TrackerState {
             world_from_camera: frame.world_from_camera,
             velocity: frame.velocity,
             covariance: frame.covariance.clone(),
+            rotation: frame.rotation,
         });
         if let Some(request) = &frame.request {
             self.note_request(request);

@@ -10,6 +10,7 @@ mod flow;
 mod frame;
 mod message;
 mod pose;
+mod rotation;
 mod stage;
 mod surface;
 
@@ -18,5 +19,6 @@ pub use flow::Flow;
 pub use frame::{FrameHeader, FramePayload, FrameShape, Kind};
 pub use message::{Element, Message, Refusal, StepTimes};
 pub use pose::{POSE_STATES, PoseMessage, pack_reason};
+pub use rotation::RotationBits;
 pub use stage::Stage;
 pub use surface::{SurfaceExpectation, SurfaceHeader};
