@@ -11,6 +11,7 @@ mod attempt;
 mod context;
 mod covariance;
 mod degeneracy;
+mod extended;
 mod frame_record;
 mod gaps;
 mod global;

@@ -220,6 +220,7 @@ impl Records {
                 }
                 AlignRecord::Frame(frame) => {
                     keyframes.extend(frame.new_keyframe.iter().map(|k| (k.id, k.world_from_camera)));
+                    keyframes.extend(frame.moved.iter().map(|k| (k.id, k.world_from_camera)));
                 }
                 AlignRecord::Correction(applied) => {
                     let correction = &applied.correction;

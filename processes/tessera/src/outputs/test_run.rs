@@ -50,6 +50,7 @@ fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>)
         rotation: None,
         entropy_nats: 0.0,
         blocks: Vec::new(),
+        moved: Vec::new(),
     }))
 }
 
