@@ -10,6 +10,8 @@
 mod acceptance;
 mod cell;
 mod cloud;
+mod colour;
+mod columns;
 mod filter;
 mod mesh;
 mod normals;
