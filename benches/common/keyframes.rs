@@ -79,6 +79,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         reason: String::new(),
         world_from_camera,
         world_from_odom: PoseBits::IDENTITY,
+        rotation: None,
         keyframe: id,
         keyframe_from_camera: PoseBits::IDENTITY,
         covariance: Vec::new(),
@@ -88,5 +89,6 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         blocks: Vec::new(),
         new_keyframe,
         request: None,
+        moved: Vec::new(),
     }
 }

@@ -42,7 +42,8 @@ pub fn read(source: &dyn Source, index: u64) -> RawFrame {
     let info = source
         .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
         .expect("the frame can be read");
-    RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: info.has_colour.then_some(colour) }
+    let colour = info.has_colour.then_some(colour);
+    RawFrame { stamp_nanos: info.stamp_nanos, depth, colour, rotation: info.rotation }
 }
 
 /// A frame's surface by the default settings.
