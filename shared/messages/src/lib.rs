@@ -12,6 +12,7 @@ mod message;
 mod pose;
 mod stage;
 mod surface;
+mod time_counts;
 
 pub use beat::{Beat, BeatState, Latency, WaitingOn};
 pub use flow::Flow;
@@ -20,3 +21,4 @@ pub use message::{Element, Message, Refusal, StepTimes};
 pub use pose::{POSE_STATES, PoseMessage, pack_reason};
 pub use stage::Stage;
 pub use surface::{SurfaceExpectation, SurfaceHeader};
+pub use time_counts::TimeCounts;
