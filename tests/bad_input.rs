@@ -117,6 +117,11 @@ fn lists_and_cameras_are_refused_by_file_line_and_key() {
     check("camera.toml", "fx = 525.0", "fx = 0.0", &["camera.toml", "fx is 0, expected a finite number"]);
     check("camera.toml", "fx = 525.0\n", "", &["camera.toml", "missing field `fx`"]);
     check("camera.toml", "fx", "focal = 1.0\nfx", &["camera.toml", "unknown field `focal`"]);
+    recording.write("imu.txt", "0.0 0.1 0 0\n0.005 0.1 0 0\n0.005 0.1 0 0\n");
+    assert_contains(&recording.refusal(), &["imu.txt, line 3", "is repeated, expected each once"]);
+    recording.write("imu.txt", "0.0 0.1 0 inf\n");
+    assert_contains(&recording.refusal(), &["imu.txt, line 1", "found 'inf', expected a finite number"]);
+    std::fs::remove_file(recording.path("imu.txt")).unwrap();
     recording.write("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 0 nan 0 0 0 0 1\n");
     assert_contains(&recording.refusal(), &["groundtruth.txt, line 2", "nan"]);
     std::fs::remove_file(recording.path("groundtruth.txt")).unwrap();

@@ -33,6 +33,7 @@ fn offline(settings: &Settings) -> Vec<AlignRecord> {
         let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
         run.push(&RawFrame {
             stamp_nanos: info.stamp_nanos,
+            rotation: info.rotation,
             depth,
             colour: info.has_colour.then_some(colour),
         });
@@ -40,19 +41,39 @@ fn offline(settings: &Settings) -> Vec<AlignRecord> {
     run.finish().records
 }
 
+/// Compares a finished run's journal with what one process makes of the same settings.
+fn assert_same_records(run: &common::Run) -> Vec<AlignRecord> {
+    let text = String::from_utf8(run.output("config.toml")).unwrap();
+    let expected = offline(&Settings::from_toml(&text, "config.toml").unwrap());
+    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
+    for (position, expected) in expected.iter().enumerate() {
+        let found = journal.next().unwrap().expect("the journal is shorter");
+        // As text: NaN stands for what is not known, and is not equal to itself.
+        let (found, expected) =
+            (format!("{:?}", without_slot(found)), format!("{:?}", without_slot(expected.clone())));
+        assert!(found == expected, "record {position} differs:\n{found}\nfrom\n{expected}");
+    }
+    assert!(journal.next().unwrap().is_none(), "the journal is longer");
+    expected
+}
+
 #[test]
 fn four_processes_and_one_write_the_same_records() {
     let run = common::room();
     assert!(run.finish().success());
-    let text = String::from_utf8(run.output("config.toml")).unwrap();
-    let expected = offline(&Settings::from_toml(&text, "config.toml").unwrap());
-    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
-    for (position, expected) in expected.into_iter().enumerate() {
-        let found = journal.next().unwrap().expect("the journal is shorter");
-        // As text: NaN stands for what is not known, and is not equal to itself.
-        let (found, expected) =
-            (format!("{:?}", without_slot(found)), format!("{:?}", without_slot(expected)));
-        assert!(found == expected, "record {position} differs:\n{found}\nfrom\n{expected}");
-    }
-    assert!(journal.next().unwrap().is_none(), "the journal is longer");
+    assert_same_records(&run);
+}
+
+#[test]
+fn a_gyroscope_says_the_same_bits_after_the_sensor_s_death() {
+    let run = common::room()
+        .with(&["--set", "simulation.imu=true", "--set", "simulation.speed=2"])
+        .with_env("TESSERA_KILL_PLAN", "sensor=sent:12;align=journaled:20");
+    assert!(run.finish().success());
+    let records = assert_same_records(&run);
+    let frames = records.iter().filter_map(|r| match r {
+        AlignRecord::Frame(frame) => Some(frame),
+        _ => None,
+    });
+    assert!(frames.into_iter().all(|frame| frame.rotation.is_some()));
 }

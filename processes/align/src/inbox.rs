@@ -26,6 +26,8 @@ impl Surface {
         FrameSurface {
             index: self.header.index,
             stamp_nanos: self.header.stamp_nanos,
+            // Checked when it came, in a copy that nobody else can change.
+            rotation: self.header.rotation.read(self.header.index).unwrap_or(None),
             surface: SurfaceView { grid, vertices: self.vertices() },
         }
     }

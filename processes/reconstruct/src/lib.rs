@@ -93,6 +93,7 @@ fn surface_header(frame: &FrameHeader, reconstructor: &Reconstructor, began: u64
         height: grid.height as u32,
         step: grid.step as u32,
         kind: frame.kind,
+        rotation: frame.rotation,
         times,
         ..SurfaceHeader::default()
     }

@@ -97,6 +97,7 @@ impl<'a> Frames<'a> {
                     let header = frame.loan.header_mut();
                     header.stamp_nanos = info.stamp_nanos;
                     header.has_colour = info.has_colour.into();
+                    header.rotation = info.rotation.into();
                 }
                 Err(problem) => {
                     error = Some((frame.index, problem));

@@ -39,6 +39,7 @@ pub fn main() -> ExitCode {
         Command::Report(arguments) => commands::report(&arguments),
         Command::Resume(arguments) => commands::resume(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
+        Command::Calibrate(arguments) => commands::calibrate(&arguments),
         Command::Ablate(arguments) => commands::ablate(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Chaos(arguments) => commands::chaos(&arguments),

@@ -13,12 +13,14 @@
 #![forbid(unsafe_code)]
 
 mod camera;
+mod inertial;
 mod noise;
 mod pose;
 mod rays;
 mod shutter;
 
 pub use camera::{Camera, CameraError};
+pub use inertial::{InertialRotation, RelativeRotation};
 pub use noise::{DepthNoise, NoiseModel};
 pub use pose::{
     Matrix6, Pose, PoseBits, Twist, Vector6, adjoint, compose_normalised, exp, hat, log, rotation_exp,

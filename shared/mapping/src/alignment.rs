@@ -34,6 +34,8 @@ pub(crate) struct Prediction {
     pub(crate) is_known: bool,
     /// Velocity until an alignment says better.
     pub(crate) velocity: Twist,
+    /// Standard deviation of the rotation about each axis where a gyroscope measured it, radians.
+    pub(crate) rotation_sigma_rad: Option<f64>,
     /// First distance limit, metres.
     pub(crate) first_distance_m: f64,
     pub(crate) outer_iterations: u32,
@@ -51,6 +53,8 @@ pub(crate) struct Alignment {
     pub(crate) information: Matrix6,
     /// Directions that the matches leave free; they are held at the prediction.
     pub(crate) free: Vec<FreeDirection>,
+    /// As in the prediction.
+    pub(crate) rotation_sigma_rad: Option<f64>,
     pub(crate) outer_iterations: u32,
     pub(crate) is_solved: bool,
 }
@@ -138,6 +142,7 @@ impl Aligner {
             reports: Vec::new(),
             information: Matrix6::zeros(),
             free: Vec::new(),
+            rotation_sigma_rad: prediction.rotation_sigma_rad,
             outer_iterations: 0,
             is_solved: false,
         };
@@ -149,7 +154,7 @@ impl Aligner {
             .map(|(r, tree)| Target { surface: r.surface, shutter: &r.shutter, tree: tree.as_deref() })
             .collect();
         let factor = self.metric_factor(context);
-        let motion = prior(context, prediction, self.matcher.metric_factor());
+        let motion = prior(context, prediction, self.independent_factor(), factor);
         let (mut k, mut is_checked, mut n_more) = (0, false, 0);
         loop {
             let limits = MatchLimits {
@@ -274,14 +279,18 @@ fn graph_of<'a>(
     graph
 }
 
-/// The constant velocity prediction as an edge, in the units of the blocks' information.
-fn prior(context: &Context, prediction: &Prediction, metric_factor: f64) -> Option<Prior> {
+/// The prediction as an edge, in the units of the blocks' information: constant velocity, and the
+/// rotation as well as the gyroscope knows it. The last pose, from which it counts, is uncertain too.
+fn prior(context: &Context, prediction: &Prediction, independent: f64, metric: f64) -> Option<Prior> {
     if !prediction.is_known {
         return None;
     }
     let w = &context.mapping.window;
-    let (t, r) = (w.prior_translation_m, w.prior_rotation_deg.to_radians());
-    let (t, r) = (metric_factor / (t * t), metric_factor / (r * r));
+    let t = independent / (w.prior_translation_m * w.prior_translation_m);
+    let r = match prediction.rotation_sigma_rad {
+        Some(sigma) => metric / (sigma * sigma + w.inertial_floor_deg.to_radians().powi(2)),
+        None => independent / w.prior_rotation_deg.to_radians().powi(2),
+    };
     let information = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
     Some(Prior { vertex: 0, predicted: prediction.world_from_camera, information })
 }

@@ -16,8 +16,10 @@ pub struct Context {
     pub registration: RegistrationSettings,
     /// Settings of mapping.
     pub mapping: MappingSettings,
-    noise: DepthNoise,
-    offset_px: f64,
+    /// Noise of the depth.
+    pub noise: DepthNoise,
+    /// Where the measurement of a cell lies relative to the cell's first pixel.
+    pub offset_px: f64,
 }
 
 impl Context {

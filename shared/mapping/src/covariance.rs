@@ -58,7 +58,7 @@ pub(crate) fn of_world(
             let mut carried = ad * from_upper_triangle(numbers) * ad.transpose();
             let n_frames = frame_index.saturating_sub(index).max(1) as f64;
             for free in &a.free {
-                drift(settings, free, n_frames, &mut carried);
+                drift(settings, free, a.rotation_sigma_rad, n_frames, &mut carried);
             }
             Some(carried)
         });
@@ -69,10 +69,16 @@ pub(crate) fn of_world(
 
 /// A direction that only the prediction holds drifts with an unknown, steady velocity: its
 /// standard deviation, not its variance, grows in proportion to time.
-fn drift(settings: &WindowSettings, free: &FreeDirection, n_frames: f64, covariance: &mut Matrix6) {
+fn drift(
+    settings: &WindowSettings,
+    free: &FreeDirection,
+    measured_rad: Option<f64>,
+    n_frames: f64,
+    covariance: &mut Matrix6,
+) {
     let per_frame = match free.motion {
         Motion::Translation => settings.prior_translation_m,
-        Motion::Rotation => settings.prior_rotation_deg.to_radians(),
+        Motion::Rotation => measured_rad.unwrap_or(settings.prior_rotation_deg.to_radians()),
     };
     let before = (free.coordinate.dot(&(*covariance * free.coordinate))).max(0.0);
     let after = before.sqrt() + per_frame * n_frames;

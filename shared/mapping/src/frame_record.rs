@@ -73,8 +73,10 @@ impl Tracker {
             }),
             n_correspondences: a.n_matches(),
             velocity: a.velocity.to_vector().into(),
+            rotation: frame.rotation,
             entropy_nats,
             blocks,
+            moved: Vec::new(),
             new_keyframe,
             request: None,
         }
@@ -125,8 +127,10 @@ impl Tracker {
             covariance: Vec::new(),
             n_correspondences: 0,
             velocity: [0.0; 6],
+            rotation: frame.rotation,
             entropy_nats: f64::NAN,
             blocks: Vec::new(),
+            moved: Vec::new(),
             new_keyframe: None,
             request: None,
         }

@@ -19,13 +19,17 @@ const N_PITCH: i32 = 2;
 const LEAST_GAIN: f64 = 1.2;
 
 impl Tracker {
-    /// The prediction turned to where the frame fits its newest reference best.
+    /// The prediction turned to where the frame fits its newest reference best; as it is where a
+    /// gyroscope measured the turn.
     pub(crate) fn turned(
         &mut self,
         samples: &[Sample],
         surfaces: &Surfaces<'_>,
         prediction: &Prediction,
     ) -> Prediction {
+        if prediction.rotation_sigma_rad.is_some() {
+            return *prediction;
+        }
         let settings = self.context.mapping.window.clone();
         let members = window::select(&self.state, &settings, &prediction.world_from_camera, 0);
         let Some(reference) = members.into_iter().find_map(|m| self.reference(m, surfaces)) else {

@@ -5,7 +5,7 @@
 
 use crate::state::KeyframeState;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::PoseBits;
+use tessera_geometry::{InertialRotation, PoseBits};
 use tessera_recognition::PlaceCode;
 
 /// Where a keyframe's surface lies in the keyframe store.
@@ -60,10 +60,15 @@ pub struct FrameRecord {
     /// The frame's own motion per second in its camera frame, `rho phi`: the next prediction,
     /// and the rolling shutter of this frame.
     pub velocity: [f64; 6],
+    /// What a gyroscope says of the camera's rotation since the source's first frame.
+    pub rotation: Option<InertialRotation>,
     /// Entropy of the pose relative to the last keyframe, nats (SPEC 9.4); NaN where unknown.
     pub entropy_nats: f64,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
+    /// Keyframes of the window that moved with this frame, because what was seen long ago
+    /// contradicted what was seen just now (SPEC 7).
+    pub moved: Vec<KeyframePose>,
     /// A keyframe made at this step: always the previous frame or, for the first frame, this one.
     pub new_keyframe: Option<KeyframeRecord>,
     /// An optimisation asked for at this step.

@@ -105,6 +105,7 @@ impl Tracker {
             previous: None,
             is_known: false,
             velocity: Twist::default(),
+            rotation_sigma_rad: None,
             first_distance_m: self.context.mapping.window.max_first_distance_m,
             outer_iterations: self.context.mapping.window.retry_iterations,
         }

@@ -31,6 +31,10 @@ pub struct WindowSettings {
     pub prior_translation_m: f64,
     /// Standard deviation of the constant velocity prediction, degrees per frame.
     pub prior_rotation_deg: f64,
+    /// Whether the rotation of the prediction is the gyroscope's where the source has one.
+    pub inertial_rotation: bool,
+    /// Standard deviation that the last pose's rotation adds to the gyroscope's, degrees.
+    pub inertial_floor_deg: f64,
     /// Least share of queries with a match.
     pub min_match_share: f64,
     /// Largest median normal residual, standard deviations of depth.
@@ -67,6 +71,8 @@ impl Default for WindowSettings {
             converged_step: 2e-4,
             prior_translation_m: 0.05,
             prior_rotation_deg: 3.0,
+            inertial_rotation: true,
+            inertial_floor_deg: 0.2,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,
             min_matched: 0.3,
@@ -121,6 +127,8 @@ pub struct LoopSettings {
     pub conflict_translation_m: f64,
     /// A jump by the old poses beyond this is a conflict, degrees.
     pub conflict_rotation_deg: f64,
+    /// Whether a conflict is settled at once between the frame and the keyframes of its window.
+    pub extended_window: bool,
     /// Keyframes between two requests, at least.
     pub request_interval: u32,
     /// Frames between a request and its effect: `delay_frames + keyframes * delay_per_keyframe`.
@@ -139,6 +147,7 @@ impl Default for LoopSettings {
             min_keyframes: 5,
             conflict_translation_m: 0.05,
             conflict_rotation_deg: 3.0,
+            extended_window: true,
             request_interval: 30,
             delay_frames: 15,
             delay_per_keyframe: 0.5,
@@ -280,6 +289,7 @@ impl MappingSettings {
         check_range("window.converged_step", w.converged_step, 0.0, 0.1)?;
         check_range("window.prior_translation_m", w.prior_translation_m, 1e-4, 1e3)?;
         check_range("window.prior_rotation_deg", w.prior_rotation_deg, 1e-3, 1e3)?;
+        check_range("window.inertial_floor_deg", w.inertial_floor_deg, 1e-3, 1e3)?;
         check_range("window.min_match_share", w.min_match_share, 0.0, 1.0)?;
         check_range("window.max_residual_sigmas", w.max_residual_sigmas, 0.1, 1e3)?;
         check_range("window.min_matched", w.min_matched, 0.0, 1.0)?;

@@ -4,7 +4,7 @@ use crate::records::{
     AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, MapRecord, RequestRecord, State, StoreSlot,
 };
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
+use tessera_geometry::{InertialRotation, Pose, PoseBits, Twist, compose_normalised};
 use tessera_recognition::PlaceCode;
 
 /// A keyframe as the aligner knows it now.
@@ -47,6 +47,8 @@ pub struct RecentFrame {
     pub velocity: [f64; 6],
     /// Covariance of its pose, as in [`FrameRecord::covariance`].
     pub covariance: Vec<f64>,
+    /// As in [`FrameRecord::rotation`].
+    pub rotation: Option<InertialRotation>,
 }
 
 /// Everything that the aligner must know between two frames beside surfaces.
@@ -125,6 +127,7 @@ impl TrackerState {
     fn apply_frame(&mut self, frame: &FrameRecord) {
         self.next_index = frame.index.saturating_add(1);
         self.frames_since_keyframe = self.frames_since_keyframe.saturating_add(1);
+        self.settle(frame);
         if let Some(keyframe) = &frame.new_keyframe {
             self.keyframes.push(KeyframeState {
                 id: keyframe.id,
@@ -162,10 +165,30 @@ impl TrackerState {
             world_from_camera: frame.world_from_camera,
             velocity: frame.velocity,
             covariance: frame.covariance.clone(),
+            rotation: frame.rotation,
         });
         if let Some(request) = &frame.request {
             self.note_request(request);
         }
+    }
+
+    /// Takes in what a conflict moved; the frames before this one move along with it.
+    fn settle(&mut self, frame: &FrameRecord) {
+        if frame.moved.is_empty() {
+            return;
+        }
+        for moved in &frame.moved {
+            if let Some(keyframe) = self.keyframes.get_mut(moved.id as usize) {
+                keyframe.world_from_camera = moved.world_from_camera;
+            }
+        }
+        let before = self.world_from_odom.unwrap_or(PoseBits::IDENTITY);
+        let new_from_old = Pose::from(&frame.world_from_odom) * Pose::from(&before).inverse();
+        for recent in &mut self.recent {
+            let moved = new_from_old * Pose::from(&recent.world_from_camera);
+            recent.world_from_camera = PoseBits::from(&compose_normalised(&moved, &Twist::default()));
+        }
+        self.world_from_odom = Some(frame.world_from_odom);
     }
 
     fn note_request(&mut self, request: &RequestRecord) {

@@ -5,8 +5,12 @@ use crate::attempt::Attempt;
 use crate::context::Context;
 use crate::optimiser::input_hash;
 use crate::records::{AlignRecord, AppliedCorrection, Correction, FrameRecord, RequestRecord, State};
-use crate::state::TrackerState;
-use tessera_geometry::{Pose, Twist, Vector6, compose_normalised, exp, translation_rotation_norms};
+use crate::state::{RecentFrame, TrackerState};
+use nalgebra::Vector3;
+use tessera_geometry::{
+    InertialRotation, Pose, RelativeRotation, Twist, Vector6, compose_normalised, exp,
+    translation_rotation_norms,
+};
 use tessera_recognition::Ferns;
 use tessera_registration::{Sample, Sampler};
 use tessera_surface::{SurfaceView, Vertex};
@@ -18,6 +22,8 @@ pub struct FrameSurface<'a> {
     pub index: u64,
     /// Sensor time.
     pub stamp_nanos: i64,
+    /// The camera's rotation since the source's first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
     /// The surface, read in place.
     pub surface: SurfaceView<'a>,
 }
@@ -32,6 +38,9 @@ pub trait KeyframeSurfaces: Sync {
 const MIN_SAMPLES: usize = 100;
 /// Frames in a row without enough points through which the motion before them is believed.
 const MOST_COASTED: u32 = 10;
+
+/// A rotation known worse than this is worse than constant velocity, radians.
+const MOST_INERTIAL_SIGMA_RAD: f64 = 0.1;
 
 /// The aligner: a fold over [`AlignRecord`]s plus a pure step that makes the next one.
 pub struct Tracker {
@@ -160,9 +169,13 @@ impl Tracker {
             return record;
         }
         match self.promote(frame, &record, surfaces) {
-            None => self.with_request(frame, &attempt, record),
+            None => {
+                let record = self.settled(frame, samples, surfaces, &attempt, record);
+                self.with_request(frame, &attempt, record)
+            }
             Some(keyframe) => {
                 let (attempt, record) = self.realign(frame, samples, surfaces, &attempt, record, keyframe);
+                let record = self.settled(frame, samples, surfaces, &attempt, record);
                 self.with_request(frame, &attempt, record)
             }
         }
@@ -195,7 +208,8 @@ impl Tracker {
         self.relocalise(frame, samples, surfaces, prediction, &reason)
     }
 
-    /// Constant velocity in the time between the stamps; the last pose where that is no help.
+    /// Constant velocity in the time between the stamps; the last pose where that is no help. The
+    /// rotation is the gyroscope's where the source has one.
     pub(crate) fn predict(&self, frame: &FrameSurface<'_>) -> Prediction {
         let w = &self.context.mapping.window;
         let still = |pose: Pose| Prediction {
@@ -203,6 +217,7 @@ impl Tracker {
             previous: None,
             is_known: false,
             velocity: Twist::default(),
+            rotation_sigma_rad: None,
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
         };
@@ -211,27 +226,47 @@ impl Tracker {
         };
         let last_pose = Pose::from(&last.world_from_camera);
         let seconds = (frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
+        let measured = self.measured_rotation(last, frame, seconds);
+        let turn = measured.map(|m| Pose::from_parts(Vector3::zeros().into(), m.earlier_from_later));
+        let last_turned = turn.map_or(last_pose, |turn| last_pose * turn);
         // A stamp that does not advance, or a gap in time, leaves no velocity to go by, nor does a
         // frame that fitted nowhere. A camera that saw nothing for a moment has moved on as before.
         let is_coasting = self.state.n_lost <= MOST_COASTED && last.velocity != [0.0; 6];
         if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < 1.0) {
-            return still(last_pose);
+            return still(last_turned);
         }
         // The second frame of a run: the first has no motion yet.
         if last.velocity == [0.0; 6] {
-            return Prediction { previous: Some((last_pose, seconds)), ..still(last_pose) };
+            return Prediction { previous: Some((last_pose, seconds)), ..still(last_turned) };
         }
-        let velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
+        let mut velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
+        if let Some(measured) = &measured {
+            velocity.phi = measured.rate_rad_per_s(seconds);
+        }
         let step = exp(&velocity.scaled(seconds));
         let (moved_m, turned_rad) = translation_rotation_norms(&step);
-        let motion_m = moved_m + turned_rad;
+        let motion_m = moved_m + measured.map_or(turned_rad, |m| m.sigma_rad);
         Prediction {
             world_from_camera: compose_normalised(&last_pose, &velocity.scaled(seconds)),
             previous: Some((last_pose, seconds)),
             is_known: true,
             velocity,
+            rotation_sigma_rad: measured.map(|m| m.sigma_rad),
             first_distance_m: (4.0 * motion_m).clamp(w.min_first_distance_m, w.max_first_distance_m),
             outer_iterations: w.outer_iterations,
         }
+    }
+
+    /// What a gyroscope says of the rotation since the last frame, where it says something.
+    fn measured_rotation(
+        &self,
+        last: &RecentFrame,
+        frame: &FrameSurface<'_>,
+        seconds: f64,
+    ) -> Option<RelativeRotation> {
+        let (earlier, later) = (last.rotation?, frame.rotation?);
+        let is_used = self.context.mapping.window.inertial_rotation && seconds > 0.0;
+        let measured = earlier.until(&later, seconds);
+        (is_used && measured.sigma_rad < MOST_INERTIAL_SIGMA_RAD).then_some(measured)
     }
 }

@@ -1,6 +1,7 @@
 //! A depth image with optional colour on its way from the sensor to the reconstruction.
 
 use crate::message::{Message, Refusal, StepTimes};
+use crate::rotation::RotationBits;
 use bytemuck::{Pod, Zeroable};
 
 /// What a frame or surface message stands for.
@@ -55,12 +56,14 @@ pub struct FrameHeader {
     pub kind: u32,
     /// 1: the payload holds colour.
     pub has_colour: u32,
+    /// What a gyroscope says.
+    pub rotation: RotationBits,
     /// When each step happened.
     pub times: StepTimes,
 }
 
 impl Message for FrameHeader {
-    const NAME: &'static str = "tessera.FrameHeader.v1";
+    const NAME: &'static str = "tessera.FrameHeader.v2";
 }
 
 /// The image size that the run's camera has.
@@ -113,6 +116,7 @@ impl FrameHeader {
         let kind = Kind::check(index, self.kind)?;
         Refusal::unless_equal(index, "width", self.width.into(), shape.width.into())?;
         Refusal::unless_equal(index, "height", self.height.into(), shape.height.into())?;
+        self.rotation.read(index)?;
         match limit {
             Some(limit) if index >= limit => Err(Refusal::Future { index, limit }),
             _ => Ok(kind),

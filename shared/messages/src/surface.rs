@@ -2,6 +2,7 @@
 
 use crate::frame::Kind;
 use crate::message::{Message, Refusal, StepTimes};
+use crate::rotation::RotationBits;
 use bytemuck::{Pod, Zeroable};
 use tessera_surface::{Grid, Vertex};
 
@@ -29,12 +30,14 @@ pub struct SurfaceHeader {
     pub n_valid: u32,
     /// Median depth of the measured pixels, metres; 0 where there is none.
     pub median_depth_m: f32,
+    /// What a gyroscope says.
+    pub rotation: RotationBits,
     /// When each step happened.
     pub times: StepTimes,
 }
 
 impl Message for SurfaceHeader {
-    const NAME: &'static str = "tessera.SurfaceHeader.v1";
+    const NAME: &'static str = "tessera.SurfaceHeader.v2";
 }
 
 /// What the run's configuration says of every surface.
@@ -59,6 +62,7 @@ impl SurfaceHeader {
         Refusal::unless_equal(index, "grid height", self.height.into(), grid.height as u64)?;
         Refusal::unless_equal(index, "grid step", self.step.into(), grid.step as u64)?;
         Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, grid.len() as u64)?;
+        self.rotation.read(index)?;
         match expected.limit {
             Some(limit) if index >= limit => return Err(Refusal::Future { index, limit }),
             _ => {}

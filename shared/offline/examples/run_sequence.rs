@@ -90,7 +90,12 @@ fn decode(source: &dyn Source) -> Result<Vec<RawFrame>, Box<dyn Error>> {
             let info = source
                 .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
                 .map_err(|error| error.to_string())?;
-            Ok(RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: info.has_colour.then_some(colour) })
+            Ok(RawFrame {
+                stamp_nanos: info.stamp_nanos,
+                rotation: info.rotation,
+                depth,
+                colour: info.has_colour.then_some(colour),
+            })
         })
         .collect::<Result<Vec<_>, String>>()
         .map_err(Into::into)

@@ -4,8 +4,13 @@
 //! For experiments (`tessera ablate`), examples and tests of the method.
 #![forbid(unsafe_code)]
 
+mod calibrate;
+
+pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
+pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
+
 use std::collections::BTreeMap;
-use tessera_geometry::{Camera, Pose, PoseBits};
+use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits};
 use tessera_mapping::{
     AlignRecord, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
     MappingSettings, OptimiseRecord, Optimiser, State, Tracker,
@@ -19,6 +24,8 @@ use tessera_trajectory::Trajectory;
 pub struct RawFrame {
     /// Sensor time.
     pub stamp_nanos: i64,
+    /// The camera's rotation since the first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
     /// Raw depth, row by row.
     pub depth: Vec<u16>,
     /// Red, green, blue, registered to depth.
@@ -115,9 +122,11 @@ impl Run {
         let view = |index, stamp_nanos, vertices| FrameSurface {
             index,
             stamp_nanos,
+            rotation: None,
             surface: SurfaceView { grid, vertices },
         };
-        let current = view(index, frame.stamp_nanos, vertices.as_slice());
+        let current =
+            FrameSurface { rotation: frame.rotation, ..view(index, frame.stamp_nanos, vertices.as_slice()) };
         let recent: Vec<FrameSurface<'_>> = self
             .previous
             .iter()
@@ -211,6 +220,7 @@ impl Records {
                 }
                 AlignRecord::Frame(frame) => {
                     keyframes.extend(frame.new_keyframe.iter().map(|k| (k.id, k.world_from_camera)));
+                    keyframes.extend(frame.moved.iter().map(|k| (k.id, k.world_from_camera)));
                 }
                 AlignRecord::Correction(applied) => {
                     let correction = &applied.correction;

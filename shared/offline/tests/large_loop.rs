@@ -103,8 +103,10 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         covariance: Vec::new(),
         n_correspondences: 0,
         velocity: [0.0; 6],
+        rotation: None,
         entropy_nats: f64::NAN,
         blocks: Vec::new(),
+        moved: Vec::new(),
         new_keyframe: Some(KeyframeRecord {
             id,
             frame_index: index,

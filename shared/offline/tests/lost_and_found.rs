@@ -24,7 +24,12 @@ fn frame(source: &SimulatedSource, k: usize, step: Step) -> RawFrame {
     if let Step::See(index) = step {
         source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
     }
-    RawFrame { stamp_nanos: 1_000_000_000 + k as i64 * 33_333_333, depth, colour: Some(colour) }
+    RawFrame {
+        stamp_nanos: 1_000_000_000 + k as i64 * 33_333_333,
+        rotation: None,
+        depth,
+        colour: Some(colour),
+    }
 }
 
 /// Runs the steps and returns each frame's record with its true pose in the map.

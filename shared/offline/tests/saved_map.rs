@@ -16,7 +16,7 @@ fn frame(source: &SimulatedSource, index: u64) -> RawFrame {
     let n = (source.camera().width * source.camera().height) as usize;
     let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
     let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-    RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour) }
+    RawFrame { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour: Some(colour) }
 }
 
 fn push_all(run: &mut Run, source: &SimulatedSource, indices: &[u64]) {

@@ -295,7 +295,7 @@ mod tests {
             buffers.depth[0] = 0;
             buffers.depth[1] = u16::MAX;
             let stamp_nanos = self.stamp_nanos(index).unwrap_or(0);
-            Ok(FrameInfo { stamp_nanos, has_colour: false })
+            Ok(FrameInfo { stamp_nanos, has_colour: false, rotation: None })
         }
         fn ground_truth(&self) -> Option<&Trajectory> {
             None
@@ -316,6 +316,7 @@ mod tests {
             units_per_metre,
             distortion: [0.0; 5],
             readout_s: 0.0,
+            depth_offset_m: 0.0,
             colour_registered: true,
         };
         Flat { camera, raw }

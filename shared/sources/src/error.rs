@@ -48,6 +48,12 @@ pub enum SourceError {
         /// The list.
         path: PathBuf,
     },
+    /// `imu.txt` holds nothing.
+    #[error("{} has no measurements, expected lines of: timestamp gx gy gz [ax ay az]", path.display())]
+    EmptyImu {
+        /// The file.
+        path: PathBuf,
+    },
     /// The ground truth cannot be used.
     #[error(transparent)]
     GroundTruth(#[from] ReadError),
@@ -151,6 +157,26 @@ pub enum ListError {
         found: String,
         /// The one before it, seconds.
         before: String,
+    },
+    /// A line of `imu.txt` has the wrong number of columns.
+    #[error("found '{found}', expected: timestamp gx gy gz [ax ay az]")]
+    ImuColumns {
+        /// The line.
+        found: String,
+    },
+    /// A word of `imu.txt` is no number.
+    #[error("found '{found}', expected a finite number")]
+    ImuNumber {
+        /// The word.
+        found: String,
+    },
+    /// No camera turns that fast.
+    #[error("a rate is {found} rad/s, expected at most {most} rad/s: are these degrees?")]
+    ImuRate {
+        /// The rate, as text.
+        found: String,
+        /// The largest that is believed, as text.
+        most: String,
     },
     /// A file name leads out of the folder.
     #[error("filename is '{found}', expected a path inside the folder")]

@@ -11,6 +11,7 @@ mod cameras;
 mod check;
 mod error;
 mod folder;
+mod imu;
 mod simulation;
 mod skipped;
 mod source;
@@ -22,6 +23,7 @@ pub use check::{
 };
 pub use error::{ImageError, ListError, SourceError};
 pub use folder::FolderSource;
+pub use imu::Gyroscope;
 pub use simulation::{SceneName, SimulatedSource, SimulationOptions};
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
 pub use spec::{SourceOptions, SourceSpec, open};

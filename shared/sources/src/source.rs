@@ -1,7 +1,7 @@
 //! The one interface behind which all sources stand.
 
 use crate::SourceError;
-use tessera_geometry::Camera;
+use tessera_geometry::{Camera, InertialRotation};
 use tessera_trajectory::Trajectory;
 
 /// Where a frame is decoded to: slices of the caller, for instance in shared memory.
@@ -33,12 +33,14 @@ impl FrameBuffers<'_> {
 }
 
 /// What came with a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameInfo {
     /// Time of the depth image, nanoseconds.
     pub stamp_nanos: i64,
     /// Whether the colour slice was filled from an image; without one it is all zero.
     pub has_colour: bool,
+    /// The camera's rotation since the first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
 }
 
 /// How depth and colour images were paired.

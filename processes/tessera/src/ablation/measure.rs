@@ -116,7 +116,12 @@ fn read(source: &dyn Source, indices: std::ops::Range<u64>) -> Result<Vec<RawFra
         .map(|index| {
             let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
             let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-            Ok(RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: info.has_colour.then_some(colour) })
+            Ok(RawFrame {
+                stamp_nanos: info.stamp_nanos,
+                rotation: info.rotation,
+                depth,
+                colour: info.has_colour.then_some(colour),
+            })
         })
         .collect()
 }

@@ -22,7 +22,7 @@ pub(crate) fn frames(source: &SimulatedSource, indices: &[u64]) -> Vec<RawFrame>
             let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
             let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
             source.read(index, &mut buffers).unwrap();
-            RawFrame { stamp_nanos: stamp_nanos(k), depth, colour: Some(colour) }
+            RawFrame { stamp_nanos: stamp_nanos(k), rotation: None, depth, colour: Some(colour) }
         })
         .collect()
 }

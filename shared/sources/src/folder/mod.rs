@@ -1,14 +1,15 @@
-//! A folder in the TUM RGB-D layout: `rgb.txt`, `depth.txt`, images, `groundtruth.txt` if there.
+//! A folder in the TUM RGB-D layout: `rgb.txt`, `depth.txt`, images, `groundtruth.txt` and `imu.txt` if there.
 
 mod decode;
 mod list;
 
 use crate::cameras::{load_camera, named_camera};
+use crate::imu;
 use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
 use crate::{ImageError, SourceError};
 use list::ListEntry;
 use std::path::{Path, PathBuf};
-use tessera_geometry::Camera;
+use tessera_geometry::{Camera, InertialRotation};
 use tessera_trajectory::{Trajectory, read_tum};
 
 /// Depth and colour belong together when their times differ by less than this.
@@ -23,6 +24,8 @@ pub struct FolderSource {
     /// For each depth image its colour image, if there is one near enough.
     colour: Vec<Option<ListEntry>>,
     ground_truth: Option<Trajectory>,
+    /// For each depth image, where there is an `imu.txt`.
+    rotations: Vec<InertialRotation>,
     pairing: Pairing,
 }
 
@@ -61,8 +64,11 @@ impl FolderSource {
             n_pairs: partners.iter().flatten().count(),
             largest_difference_nanos: differences.max().unwrap_or(0),
         };
+        let stamps: Vec<i64> = depth.iter().map(|entry| entry.stamp_nanos).collect();
+        let rotations = imu::load(folder)?
+            .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
         let colour = partners.iter().map(|partner| partner.map(|at| colour[at].clone())).collect();
-        Ok(Self { folder: folder.to_owned(), camera, depth, colour, ground_truth, pairing })
+        Ok(Self { folder: folder.to_owned(), camera, depth, colour, ground_truth, rotations, pairing })
     }
 
     fn entry(&self, index: u64) -> Option<(usize, &ListEntry)> {
@@ -112,7 +118,11 @@ impl Source for FolderSource {
             }
             None => buffers.colour.fill(0),
         }
-        Ok(FrameInfo { stamp_nanos: depth.stamp_nanos, has_colour: self.colour[at].is_some() })
+        Ok(FrameInfo {
+            stamp_nanos: depth.stamp_nanos,
+            has_colour: self.colour[at].is_some(),
+            rotation: self.rotations.get(at).copied(),
+        })
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {

@@ -58,14 +58,25 @@ fn check(break_it: impl Fn(&Path), index: u64, expected: &[&str]) {
 }
 
 #[test]
+fn a_gyroscope_beside_the_images_turns_the_frames() {
+    let folder = folder();
+    let rates: String = (0..50).map(|k| format!("{:.3} 0 1.5 0 0 9.8 0\n", f64::from(k) * 0.005)).collect();
+    fs::write(folder.path().join("imu.txt"), format!("# stamp gx gy gz ax ay az\n{rates}")).unwrap();
+    let rotation = |index| read(folder.path(), index).unwrap().0.rotation.unwrap();
+    let turned = rotation(0).until(&rotation(2), 0.2);
+    assert!((turned.rate_rad_per_s(0.2) - nalgebra::Vector3::new(0.0, 1.5, 0.0)).norm() < 1e-9);
+    check(|at| fs::write(at.join("imu.txt"), "0.0 1 2\n").unwrap(), 0, &["imu.txt, line 1", "gx gy gz"]);
+}
+
+#[test]
 fn frames_are_those_of_depth_with_colour_where_it_is_near() {
     let folder = folder();
     let (info, depth, colour) = read(folder.path(), 0).unwrap();
-    assert_eq!(info, FrameInfo { stamp_nanos: 0, has_colour: true });
+    assert_eq!(info, FrameInfo { stamp_nanos: 0, has_colour: true, rotation: None });
     assert_eq!((depth[0], depth[N_PIXELS - 1]), (0, N_PIXELS as u16 - 1));
     assert!(colour.iter().all(|&c| c.abs_diff(100) <= 2));
     let (info, depth, colour) = read(folder.path(), 1).unwrap();
-    assert_eq!(info, FrameInfo { stamp_nanos: 100_000_000, has_colour: false });
+    assert_eq!(info, FrameInfo { stamp_nanos: 100_000_000, has_colour: false, rotation: None });
     assert!(depth[0] == 1000 && colour.iter().all(|&c| c == 0));
     let (_, _, colour) = read(folder.path(), 2).unwrap();
     assert!(colour.iter().all(|&c| c == 7));

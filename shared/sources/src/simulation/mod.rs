@@ -4,6 +4,7 @@
 //! can be rendered at any time, by any thread, with the same bytes.
 
 mod furniture;
+mod gyroscope;
 mod kinect;
 mod material;
 mod options;
@@ -18,13 +19,14 @@ pub use options::SimulationOptions;
 
 use crate::SourceError;
 use crate::cameras::named_camera;
+use crate::imu::rotations;
 use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
 use path::Walk;
 use render::Scratch;
 use scenes::Scene;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, OnceLock, PoisonError};
-use tessera_geometry::{Camera, RayTable};
+use tessera_geometry::{Camera, InertialRotation, RayTable};
 use tessera_trajectory::Trajectory;
 
 /// Frames per second.
@@ -84,6 +86,8 @@ pub struct SimulatedSource {
     n_frames: u64,
     /// Made when it is asked for: a restarted sensor has no use for it.
     ground_truth: OnceLock<Trajectory>,
+    /// For each frame, with a gyroscope; made with the first frame that is read.
+    rotations: OnceLock<Vec<InertialRotation>>,
     /// Buffers of earlier frames: as many as frames were ever rendered at once.
     scratch: Mutex<Vec<Scratch>>,
 }
@@ -114,8 +118,9 @@ impl SimulatedSource {
                 rule: "1 to 1000000 frames",
             });
         }
-        let walk = Walk::new(name, options.seed);
+        let walk = Walk::new(name, options.seed).at_speed(options.speed);
         Ok(Self {
+            rotations: OnceLock::new(),
             rays: RayTable::new(&camera, 1),
             camera,
             scene: Scene::new(name, options.seed, options.person),
@@ -132,6 +137,18 @@ impl SimulatedSource {
         let pose = |stamp: &i64| self.walk.world_from_camera(*stamp as f64 * 1e-9);
         let poses = stamps_nanos.iter().map(pose).collect();
         Trajectory { stamps_nanos, poses }
+    }
+
+    /// What the gyroscope makes of the camera's rotation up to a frame, where there is one.
+    fn rotation(&self, index: u64) -> Option<InertialRotation> {
+        let gyroscope = self.options.gyroscope()?;
+        let made = self.rotations.get_or_init(|| {
+            let stamps: Vec<i64> = (0..self.n_frames).map(stamp_nanos).collect();
+            let last = stamps.last().copied().unwrap_or(0);
+            let samples = gyroscope::measure(&self.walk, &gyroscope, self.options.seed, last);
+            rotations(&gyroscope, &samples, &stamps)
+        });
+        made.get(usize::try_from(index).ok()?).copied()
     }
 
     fn take_scratch(&self) -> Scratch {
@@ -190,7 +207,7 @@ impl Source for SimulatedSource {
             kinect::exact_depth(&self.camera, &self.rays, &scratch, buffers.depth);
         }
         self.give_back(scratch);
-        Ok(FrameInfo { stamp_nanos, has_colour: true })
+        Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotation(index) })
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {

@@ -1,6 +1,7 @@
 //! What can be set about a simulated scene.
 
 use crate::SourceError;
+use crate::imu::Gyroscope;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
 
@@ -30,6 +31,14 @@ pub struct SimulationOptions {
     pub colour_lag_s: f64,
     /// Whether a person walks about in front of the camera.
     pub person: bool,
+    /// How many times faster than by default the camera goes its way.
+    pub speed: f64,
+    /// Whether the camera carries a gyroscope.
+    pub imu: bool,
+    /// White noise of the gyroscope, radians per second per root hertz.
+    pub imu_noise_rad_per_s_sqrt_hz: f64,
+    /// Standard deviation of the gyroscope's constant error, radians per second.
+    pub imu_bias_sigma_rad_per_s: f64,
 }
 
 impl Default for SimulationOptions {
@@ -43,6 +52,10 @@ impl Default for SimulationOptions {
             readout_s: None,
             colour_lag_s: 0.0,
             person: false,
+            speed: 1.0,
+            imu: false,
+            imu_noise_rad_per_s_sqrt_hz: Gyroscope::default().noise_rad_per_s_sqrt_hz,
+            imu_bias_sigma_rad_per_s: Gyroscope::default().bias_sigma_rad_per_s,
         }
     }
 }
@@ -56,6 +69,9 @@ impl SimulationOptions {
         let rules = [
             ("disparity_sigma_px", self.disparity_sigma_px, 0.0..=2.0, "0 to 2 px"),
             ("lateral_sigma_px", self.lateral_sigma_px, 0.0..=2.0, "0 to 2 px"),
+            ("speed", self.speed, 0.01..=20.0, "0.01 to 20"),
+            ("imu_noise_rad_per_s_sqrt_hz", self.imu_noise_rad_per_s_sqrt_hz, 0.0..=1.0, "0 to 1"),
+            ("imu_bias_sigma_rad_per_s", self.imu_bias_sigma_rad_per_s, 0.0..=10.0, "0 to 10 rad/s"),
             ("colour_lag_s", self.colour_lag_s, -0.2..=0.2, "-0.2 to 0.2 s"),
         ];
         for (name, value, range, rule) in rules {
@@ -64,6 +80,15 @@ impl SimulationOptions {
             }
         }
         Ok(())
+    }
+
+    /// The gyroscope, if there is one.
+    pub(super) fn gyroscope(&self) -> Option<Gyroscope> {
+        self.imu.then(|| Gyroscope {
+            noise_rad_per_s_sqrt_hz: self.imu_noise_rad_per_s_sqrt_hz,
+            bias_sigma_rad_per_s: self.imu_bias_sigma_rad_per_s,
+            ..Gyroscope::default()
+        })
     }
 
     /// Puts lens and shutter into the camera and checks it.
@@ -90,6 +115,7 @@ pub(super) fn default_camera() -> Camera {
         units_per_metre: 5000.0,
         distortion: [0.0; 5],
         readout_s: 0.0,
+        depth_offset_m: 0.0,
         colour_registered: true,
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Walk {
     scene: SceneName,
     /// Seconds of one way round; the pose after it is the first again.
     lap_s: f64,
+    /// Seconds of the way in a second.
+    speed: f64,
     tremor: [Vec<Wave>; 6],
 }
 
@@ -63,11 +65,17 @@ impl Walk {
             }
             waves
         });
-        Self { scene, lap_s, tremor }
+        Self { scene, lap_s, speed: 1.0, tremor }
+    }
+
+    /// The same way, so many times faster.
+    pub(super) fn at_speed(self, speed: f64) -> Self {
+        Self { speed, ..self }
     }
 
     /// The camera's pose at a time in seconds.
     pub(super) fn world_from_camera(&self, time_s: f64) -> Pose {
+        let time_s = time_s * self.speed;
         let gaze = self.gaze(time_s);
         let [dx, dy, dz, dyaw, dpitch, roll] = std::array::from_fn(|axis| self.tremor_of(axis, time_s));
         let (yaw, pitch) = (gaze.yaw + dyaw, gaze.pitch + dpitch);

@@ -1,0 +1,75 @@
+//! What a gyroscope says of a frame, as plain data.
+
+use crate::message::Refusal;
+use bytemuck::{Pod, Zeroable};
+use tessera_geometry::InertialRotation;
+
+/// An [`InertialRotation`]; all zero where the source has no gyroscope.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct RotationBits {
+    /// Unit quaternion `x y z w`, from the camera now to the camera at the start.
+    pub start_from_camera_xyzw: [f64; 4],
+    /// Variance added about each axis since the start, radians².
+    pub variance_rad2: f64,
+    /// Standard deviation of the constant error of the rate, radians per second.
+    pub bias_sigma_rad_per_s: f64,
+}
+
+impl From<Option<InertialRotation>> for RotationBits {
+    fn from(rotation: Option<InertialRotation>) -> Self {
+        rotation.map_or(Self::default(), |r| Self {
+            start_from_camera_xyzw: r.start_from_camera_xyzw,
+            variance_rad2: r.variance_rad2,
+            bias_sigma_rad_per_s: r.bias_sigma_rad_per_s,
+        })
+    }
+}
+
+impl RotationBits {
+    /// The rotation; `None` where there is none.
+    ///
+    /// # Errors
+    /// A [`Refusal`] where the numbers are no rotation.
+    pub fn read(&self, index: u64) -> Result<Option<InertialRotation>, Refusal> {
+        if *self == Self::default() {
+            return Ok(None);
+        }
+        let rotation = InertialRotation {
+            start_from_camera_xyzw: self.start_from_camera_xyzw,
+            variance_rad2: self.variance_rad2,
+            bias_sigma_rad_per_s: self.bias_sigma_rad_per_s,
+        };
+        if rotation.is_valid() {
+            return Ok(Some(rotation));
+        }
+        Err(Refusal::Value {
+            index,
+            what: "the rotation",
+            found: format!("{self:?}"),
+            rule: "a unit quaternion and finite variances, or all zero",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rotation_survives_the_way_and_nonsense_is_refused() {
+        let rotation = InertialRotation {
+            start_from_camera_xyzw: [0.6, 0.0, 0.0, 0.8],
+            variance_rad2: 1e-6,
+            bias_sigma_rad_per_s: 0.01,
+        };
+        let bits = RotationBits::from(Some(rotation));
+        assert_eq!(bits.read(3), Ok(Some(rotation)));
+        assert_eq!(RotationBits::from(None).read(3), Ok(None));
+        let refused = |bits: RotationBits| bits.read(3).unwrap_err().to_string();
+        assert!(refused(RotationBits { variance_rad2: f64::NAN, ..bits }).contains("frame 3: the rotation"));
+        assert!(
+            refused(RotationBits { start_from_camera_xyzw: [9.0; 4], ..bits }).contains("unit quaternion")
+        );
+    }
+}
