@@ -154,10 +154,11 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
     let line =
         |name: &str, estimate: &Trajectory| match evaluate(estimate, truth, &EvaluationOptions::default()) {
             Ok(e) => println!(
-                "    {name:7} ATE {:.5} m  RPE {:.5} m/s  {:.3} deg/s  ({} pairs)",
+                "    {name:7} ATE {:.5} m  RPE {:.5} m/s  {:.3} deg/s  end {:.4} m  ({} pairs)",
                 e.ate_rmse_m,
                 e.rpe_translation_rmse_m_per_s.unwrap_or(f64::NAN),
                 e.rpe_rotation_rmse_deg_per_s.unwrap_or(f64::NAN),
+                e.end_error_m,
                 e.pairs
             ),
             Err(error) => println!("    {name}: {error}"),

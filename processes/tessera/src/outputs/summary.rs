@@ -24,6 +24,8 @@ pub(crate) struct Accuracy {
     pub(crate) rpe_translation_rmse_m_per_s: Option<f64>,
     /// Relative pose error over one second; absent where the run is shorter.
     pub(crate) rpe_rotation_rmse_deg_per_s: Option<f64>,
+    /// How far the last pose is off, seen from the first, metres.
+    pub(crate) end_error_m: f64,
     /// Poses compared.
     pub(crate) pairs: usize,
 }
@@ -214,6 +216,7 @@ impl Accuracy {
         {
             let _ = write!(text, ", RPE {metres:.4} m/s {degrees:.3} deg/s");
         }
+        let _ = write!(text, ", end {:.4} m", self.end_error_m);
         text
     }
 }
@@ -230,6 +233,7 @@ fn accuracy(rows: &Rows, groundtruth: &Trajectory) -> Option<Accuracy> {
         ate_rmse_m: evaluation.ate_rmse_m,
         rpe_translation_rmse_m_per_s: evaluation.rpe_translation_rmse_m_per_s,
         rpe_rotation_rmse_deg_per_s: evaluation.rpe_rotation_rmse_deg_per_s,
+        end_error_m: evaluation.end_error_m,
         pairs: evaluation.pairs,
     })
 }
