@@ -3,6 +3,7 @@
 use crate::settings::MappingSettings;
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
+use tessera_steps::Steps;
 use tessera_surface::{CellSample, Grid, SurfaceSettings, SurfaceView};
 
 /// Camera, grid and settings of one run.
@@ -16,6 +17,8 @@ pub struct Context {
     pub registration: RegistrationSettings,
     /// Settings of mapping.
     pub mapping: MappingSettings,
+    /// Hears of the steps of aligner and optimiser; nobody by default.
+    pub steps: Steps,
     noise: DepthNoise,
     offset_px: f64,
 }
@@ -43,6 +46,7 @@ impl Context {
             grid,
             registration: registration.clone(),
             mapping: mapping.clone(),
+            steps: Steps::default(),
             noise: DepthNoise::new(surface.noise),
             offset_px,
         }

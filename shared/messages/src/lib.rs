@@ -12,6 +12,7 @@ mod message;
 mod pose;
 mod rotation;
 mod stage;
+mod stage_times;
 mod surface;
 
 pub use beat::{Beat, BeatState, Latency, WaitingOn};
@@ -21,4 +22,5 @@ pub use message::{Element, Message, Refusal, StepTimes};
 pub use pose::{POSE_STATES, PoseMessage, pack_reason};
 pub use rotation::RotationBits;
 pub use stage::Stage;
+pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
 pub use surface::{SurfaceExpectation, SurfaceHeader};

@@ -9,6 +9,7 @@ use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SettingError, SurfaceSettings};
 use crate::vertex::{Grid, Vertex};
 use tessera_geometry::Camera;
+use tessera_steps::{Step, Steps};
 
 /// What came out of one frame, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub struct Reconstructor {
     workspace: Workspace,
     walk: Option<RingWalk>,
     arch: pulp::Arch,
+    /// Hears of the steps; nobody by default.
+    pub steps: Steps,
 }
 
 impl Reconstructor {
@@ -53,6 +56,7 @@ impl Reconstructor {
             workspace: Workspace::new(grid),
             walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
             arch: pulp::Arch::new(),
+            steps: Steps::default(),
         })
     }
 
@@ -75,13 +79,18 @@ impl Reconstructor {
 
     #[inline(always)]
     fn run(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
-        let w = &mut self.workspace;
+        let (w, steps) = (&mut self.workspace, &self.steps);
+        steps.enter(Step::Cloud);
         let n_measured = self.cloud.fill(depth, colour, w);
+        steps.enter(Step::Mesh);
         mesh::build(self.test, w);
+        steps.enter(Step::Normals);
         normals::fill(w, From::Raw, self.settings.min_view_cosine);
         if self.settings.filter_rings > 0 {
             for _ in 0..self.settings.filter_passes {
+                steps.enter(Step::Filter);
                 filter::pass(&self.settings, w, self.walk.as_mut());
+                steps.enter(Step::Normals);
                 if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
                     normals::fill(w, From::Filtered, self.settings.min_view_cosine);
                 }
@@ -89,7 +98,10 @@ impl Reconstructor {
                 std::mem::swap(&mut w.normals, &mut w.filtered_normals);
             }
         }
-        write_vertices(w, n_measured, out)
+        steps.enter(Step::Vertices);
+        let stats = write_vertices(w, n_measured, out);
+        steps.leave();
+        stats
     }
 }
 
