@@ -48,6 +48,7 @@ const MAY_KNOW: [(&str, &[&str]); 19] = [
             "settings",
             "sources",
             "stage",
+            "steps",
             "surface",
             "trajectory",
             "transport",

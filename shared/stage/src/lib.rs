@@ -18,7 +18,7 @@ mod pulse;
 mod run_file;
 mod stopwatch;
 
-pub use clock::monotonic_nanos;
+pub use clock::{cpu_nanos, monotonic_nanos};
 pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};
 pub use error::StageError;
 pub use keyframes::{MappedKeyframes, journal_slot, store_slot};
