@@ -8,17 +8,21 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 19] = [
+const MAY_KNOW: [(&str, &[&str]); 20] = [
     ("shared/geometry", &[]),
     ("shared/steps", &[]),
     ("shared/surface", &["geometry", "steps"]),
     ("shared/registration", &["geometry", "steps", "surface"]),
+    ("shared/calibration", &["geometry", "surface", "registration"]),
     ("shared/recognition", &["surface", "registration"]),
     ("shared/mapping", &["geometry", "steps", "surface", "registration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
-    ("shared/offline", &["geometry", "surface", "registration", "mapping", "sources", "trajectory"]),
+    (
+        "shared/offline",
+        &["geometry", "surface", "registration", "calibration", "mapping", "sources", "trajectory"],
+    ),
     ("shared/messages", &["geometry", "steps", "surface"]),
     ("shared/transport", &["messages", "surface"]),
     ("shared/journal", &[]),
@@ -57,8 +61,8 @@ const MAY_KNOW: [(&str, &[&str]); 19] = [
 ];
 
 /// The method: no files, no clock, no processes, no threads but rayon's, no environment.
-const ALGORITHMS: [&str; 7] =
-    ["geometry", "steps", "surface", "registration", "recognition", "mapping", "trajectory"];
+const ALGORITHMS: [&str; 8] =
+    ["geometry", "steps", "surface", "registration", "calibration", "recognition", "mapping", "trajectory"];
 
 /// The only files with unsafe code, beside `shared/transport`.
 const UNSAFE_FILES: [&str; 1] = ["shared/journal/src/mapped.rs"];

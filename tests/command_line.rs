@@ -36,9 +36,19 @@ fn write_trajectory(path: &Path, n: usize, scale: f64) {
 fn help_has_examples_and_exit_codes() {
     let help = stdout(&["--help"]);
     assert!(help.contains("Exit codes:") && help.contains("Examples:"), "{help}");
-    for command in
-        ["run", "resume", "export", "evaluate", "status", "stage", "check", "ablate", "clean", "completions"]
-    {
+    for command in [
+        "run",
+        "resume",
+        "export",
+        "evaluate",
+        "status",
+        "stage",
+        "check",
+        "calibrate",
+        "ablate",
+        "clean",
+        "completions",
+    ] {
         assert!(help.contains(command), "{command} is not in the help");
         assert!(stdout(&[command, "--help"]).contains("Examples:"), "{command}");
     }

@@ -38,6 +38,7 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => commands::export(&arguments),
         Command::Resume(arguments) => commands::resume(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
+        Command::Calibrate(arguments) => commands::calibrate(&arguments),
         Command::Ablate(arguments) => commands::ablate(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Chaos(arguments) => commands::chaos(&arguments),

@@ -63,6 +63,9 @@ pub struct Camera {
     /// Seconds from the exposure of the first depth row to that of the last; 0: global shutter.
     #[serde(default)]
     pub readout_s: f64,
+    /// Metres to add to every measured depth.
+    #[serde(default)]
+    pub depth_offset_m: f64,
     /// Whether colour is registered to depth, pixel by pixel.
     #[serde(default = "yes")]
     pub colour_registered: bool,
@@ -78,7 +81,7 @@ impl Camera {
     /// # Errors
     /// Names the first value that cannot be, what it is and what it must be.
     pub fn check(&self) -> Result<(), CameraError> {
-        let &Self { width, height, fx, fy, cx, cy, units_per_metre, readout_s, .. } = self;
+        let &Self { width, height, fx, fy, cx, cy, units_per_metre, readout_s, depth_offset_m, .. } = self;
         let fits = |side: u32, most: u32| (16..=most).contains(&side);
         if !(fits(width, 1920) && fits(height, 1080)) {
             return Err(CameraError::Size { width, height });
@@ -99,6 +102,12 @@ impl Camera {
                 "above 0, at most 1e6",
             ),
             ("readout_s", readout_s, readout_s.abs() <= 0.2, "a readout time from -0.2 to 0.2 seconds"),
+            (
+                "depth_offset_m",
+                depth_offset_m,
+                depth_offset_m.abs() <= 0.2,
+                "an offset from -0.2 to 0.2 metres",
+            ),
         ];
         for (name, value, holds, rule) in rules {
             if !holds {
@@ -133,6 +142,18 @@ impl Camera {
         )
     }
 
+    /// The derivative of [`Self::distort`], a symmetric matrix `[a b; b d]` as `[a, b, d]`.
+    pub fn distortion_slope(&self, x: f64, y: f64) -> [f64; 3] {
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2));
+        let a = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x;
+        let b = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
+        let d = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
+        [a, b, d]
+    }
+
     /// Undistorts normalised image coordinates by Newton's method with a numeric safeguard.
     pub fn undistort(&self, xd: f64, yd: f64) -> (f64, f64) {
         let (mut x, mut y) = (xd, yd);
@@ -142,13 +163,7 @@ impl Camera {
             if ex.abs() + ey.abs() < 1e-14 {
                 break;
             }
-            let [k1, k2, p1, p2, k3] = self.distortion;
-            let r2 = x * x + y * y;
-            let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-            let slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2));
-            let a = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x;
-            let b = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
-            let d = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
+            let [a, b, d] = self.distortion_slope(x, y);
             let det = a * d - b * b;
             if !(det.abs() > 1e-6) {
                 break;
@@ -195,6 +210,7 @@ mod tests {
             units_per_metre: 5000.0,
             distortion: [0.262383, -0.953104, -0.005358, 0.002628, 1.163314],
             readout_s: 0.03,
+            depth_offset_m: 0.0,
             colour_registered: true,
         }
     }

@@ -47,6 +47,7 @@ mod tests {
             units_per_metre: 5000.0,
             distortion: [0.0; 5],
             readout_s: 0.03,
+            depth_offset_m: 0.0,
             colour_registered: true,
         };
         let velocity = Twist { rho: Vector3::new(1.0, 0.0, 0.0), phi: Vector3::new(0.0, 2.0, 0.0) };

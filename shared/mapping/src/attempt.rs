@@ -22,7 +22,8 @@ pub(crate) struct Attempt {
 
 impl Tracker {
     /// The prediction first; after a failure the last pose with wide limits; then the last
-    /// keyframe (SPEC 6), both under the strict tests. The error says why the first will not do.
+    /// keyframe (SPEC 6), both under the strict tests; so is the first where the motion is not known.
+    /// The error says why the first will not do.
     pub(crate) fn attempt_all(
         &mut self,
         samples: &[Sample],
@@ -34,14 +35,14 @@ impl Tracker {
         let start =
             if prediction.is_known { *prediction } else { self.turned(samples, surfaces, prediction) };
         let first = self.attempt(samples, surfaces, &start);
-        // A guess must fit better than what was expected.
-        let verdict = match prediction.is_known {
-            true => judge::tracking(w, &first.alignment),
-            false => judge::found_again(strict, &first.alignment).map(|_| ()),
-        };
-        let Err(reason) = verdict else {
-            return Ok(self.doubted(samples, surfaces, prediction, first));
-        };
+        let passes = judge::tracking(w, &first.alignment);
+        let is_sure = judge::found_again(strict, &first.alignment).is_ok();
+        if passes.is_ok() && prediction.is_known {
+            return Ok(if is_sure { first } else { self.doubted(samples, surfaces, prediction, first) });
+        }
+        if is_sure {
+            return Ok(first);
+        }
         let mut wide = Prediction {
             first_distance_m: w.max_first_distance_m,
             outer_iterations: w.retry_iterations,
@@ -67,7 +68,8 @@ impl Tracker {
                 return Ok(third);
             }
         }
-        Err(reason)
+        // A guess that passes stands only where nothing fits better.
+        passes.map(|()| first)
     }
 
     /// An attempt that passes, but not the strict tests: a camera that turned faster than expected
@@ -81,9 +83,6 @@ impl Tracker {
         first: Attempt,
     ) -> Attempt {
         let strict = &self.context.mapping.relocalise.clone();
-        if !prediction.is_known || judge::found_again(strict, &first.alignment).is_ok() {
-            return first;
-        }
         let w = &self.context.mapping.window;
         let wide = Prediction {
             first_distance_m: w.max_first_distance_m,

@@ -17,10 +17,12 @@ pub struct Context {
     pub registration: RegistrationSettings,
     /// Settings of mapping.
     pub mapping: MappingSettings,
+    /// Noise of the depth.
+    pub noise: DepthNoise,
+    /// Where the measurement of a cell lies relative to the cell's first pixel.
+    pub offset_px: f64,
     /// Hears of the steps of aligner and optimiser; nobody by default.
     pub steps: Steps,
-    noise: DepthNoise,
-    offset_px: f64,
 }
 
 impl Context {

@@ -76,6 +76,7 @@ impl Tracker {
             rotation: frame.rotation,
             entropy_nats,
             blocks,
+            moved: Vec::new(),
             new_keyframe,
             request: None,
         }
@@ -129,6 +130,7 @@ impl Tracker {
             rotation: frame.rotation,
             entropy_nats: f64::NAN,
             blocks: Vec::new(),
+            moved: Vec::new(),
             new_keyframe: None,
             request: None,
         }

@@ -213,7 +213,7 @@ fn loop_record(
     }
 }
 
-fn prepare<'a>(
+pub(crate) fn prepare<'a>(
     context: &Context,
     keyframe: &KeyframeState,
     surfaces: &'a dyn KeyframeSurfaces,

@@ -11,6 +11,7 @@ mod attempt;
 mod context;
 mod covariance;
 mod degeneracy;
+mod extended;
 mod frame_record;
 mod gaps;
 mod global;
@@ -34,6 +35,7 @@ mod verify;
 mod window;
 
 pub use context::Context;
+pub use neighbours::pairs as neighbour_pairs;
 pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,

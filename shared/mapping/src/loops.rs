@@ -35,15 +35,18 @@ pub(crate) fn are_far(settings: &LoopSettings, newer: &KeyframeState, older: &Ke
         && newer.id.saturating_sub(older.id) > settings.min_keyframes
 }
 
-/// A request made at frame `index`, unless one is pending or the last was just now. The correction
+/// A request made at frame `index`, unless one is pending or, where it is not urgent, the last was
+/// just now. The correction
 /// takes effect a number of frames later that depends on the graph's size alone.
 pub(crate) fn request(
     settings: &LoopSettings,
     state: &TrackerState,
     index: u64,
     n_keyframes: u32,
+    is_urgent: bool,
 ) -> Option<RequestRecord> {
-    let is_soon = state.n_keyframes_at_request > 0
+    let is_soon = !is_urgent
+        && state.n_keyframes_at_request > 0
         && n_keyframes < state.n_keyframes_at_request + settings.request_interval;
     if state.pending.is_some() || is_soon || n_keyframes < 2 {
         return None;

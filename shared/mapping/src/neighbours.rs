@@ -11,7 +11,7 @@ const FAR_GAP: usize = 10;
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
 /// picks neighbours in time). `sessions`: the run that made each; where another run goes on,
 /// consecutive keyframes may be anywhere.
-pub(crate) fn pairs(poses: &[Pose], sessions: &[u32], settings: &GlobalSettings) -> Vec<(usize, usize)> {
+pub fn pairs(poses: &[Pose], sessions: &[u32], settings: &GlobalSettings) -> Vec<(usize, usize)> {
     let angle_limit = settings.angle_deg.to_radians();
     let half = (settings.neighbours as usize).div_ceil(2);
     let mut found = Vec::new();

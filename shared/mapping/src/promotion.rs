@@ -150,7 +150,8 @@ impl Tracker {
         let looks_known = || record.new_keyframe.as_ref().is_some_and(|k| self.looks_known(k));
         if sees_loop || looks_known() {
             let n_keyframes = self.state.keyframes.len() as u32 + u32::from(record.new_keyframe.is_some());
-            record.request = loops::request(settings, &self.state, frame.index, n_keyframes);
+            let is_urgent = !record.moved.is_empty();
+            record.request = loops::request(settings, &self.state, frame.index, n_keyframes, is_urgent);
         }
         record
     }

@@ -66,6 +66,9 @@ pub struct FrameRecord {
     pub entropy_nats: f64,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
+    /// Keyframes of the window that moved with this frame, because what was seen long ago
+    /// contradicted what was seen just now (SPEC 7).
+    pub moved: Vec<KeyframePose>,
     /// A keyframe made at this step: always the previous frame or, for the first frame, this one.
     pub new_keyframe: Option<KeyframeRecord>,
     /// An optimisation asked for at this step.

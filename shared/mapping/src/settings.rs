@@ -127,6 +127,8 @@ pub struct LoopSettings {
     pub conflict_translation_m: f64,
     /// A jump by the old poses beyond this is a conflict, degrees.
     pub conflict_rotation_deg: f64,
+    /// Whether a conflict is settled at once between the frame and the keyframes of its window.
+    pub extended_window: bool,
     /// Keyframes between two requests, at least.
     pub request_interval: u32,
     /// Frames between a request and its effect: `delay_frames + keyframes * delay_per_keyframe`.
@@ -145,6 +147,7 @@ impl Default for LoopSettings {
             min_keyframes: 5,
             conflict_translation_m: 0.05,
             conflict_rotation_deg: 3.0,
+            extended_window: true,
             request_interval: 30,
             delay_frames: 15,
             delay_per_keyframe: 0.5,

@@ -127,6 +127,7 @@ impl TrackerState {
     fn apply_frame(&mut self, frame: &FrameRecord) {
         self.next_index = frame.index.saturating_add(1);
         self.frames_since_keyframe = self.frames_since_keyframe.saturating_add(1);
+        self.settle(frame);
         if let Some(keyframe) = &frame.new_keyframe {
             self.keyframes.push(KeyframeState {
                 id: keyframe.id,
@@ -169,6 +170,25 @@ impl TrackerState {
         if let Some(request) = &frame.request {
             self.note_request(request);
         }
+    }
+
+    /// Takes in what a conflict moved; the frames before this one move along with it.
+    fn settle(&mut self, frame: &FrameRecord) {
+        if frame.moved.is_empty() {
+            return;
+        }
+        for moved in &frame.moved {
+            if let Some(keyframe) = self.keyframes.get_mut(moved.id as usize) {
+                keyframe.world_from_camera = moved.world_from_camera;
+            }
+        }
+        let before = self.world_from_odom.unwrap_or(PoseBits::IDENTITY);
+        let new_from_old = Pose::from(&frame.world_from_odom) * Pose::from(&before).inverse();
+        for recent in &mut self.recent {
+            let moved = new_from_old * Pose::from(&recent.world_from_camera);
+            recent.world_from_camera = PoseBits::from(&compose_normalised(&moved, &Twist::default()));
+        }
+        self.world_from_odom = Some(frame.world_from_odom);
     }
 
     fn note_request(&mut self, request: &RequestRecord) {

@@ -173,9 +173,13 @@ impl Tracker {
             return record;
         }
         match self.promote(frame, &record, surfaces) {
-            None => self.with_request(frame, &attempt, record),
+            None => {
+                let record = self.settled(frame, samples, surfaces, &attempt, record);
+                self.with_request(frame, &attempt, record)
+            }
             Some(keyframe) => {
                 let (attempt, record) = self.realign(frame, samples, surfaces, &attempt, record, keyframe);
+                let record = self.settled(frame, samples, surfaces, &attempt, record);
                 self.with_request(frame, &attempt, record)
             }
         }

@@ -4,6 +4,11 @@
 //! For experiments (`tessera ablate`), examples and tests of the method.
 #![forbid(unsafe_code)]
 
+mod calibrate;
+
+pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
+pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
+
 use std::collections::BTreeMap;
 use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits};
 use tessera_mapping::{
@@ -235,6 +240,7 @@ impl Records {
                 }
                 AlignRecord::Frame(frame) => {
                     keyframes.extend(frame.new_keyframe.iter().map(|k| (k.id, k.world_from_camera)));
+                    keyframes.extend(frame.moved.iter().map(|k| (k.id, k.world_from_camera)));
                 }
                 AlignRecord::Correction(applied) => {
                     let correction = &applied.correction;

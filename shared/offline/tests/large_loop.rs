@@ -106,6 +106,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         rotation: None,
         entropy_nats: f64::NAN,
         blocks: Vec::new(),
+        moved: Vec::new(),
         new_keyframe: Some(KeyframeRecord {
             id,
             frame_index: index,

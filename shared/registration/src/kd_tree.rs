@@ -125,6 +125,7 @@ mod tests {
             units_per_metre: 5000.0,
             distortion: [0.0; 5],
             readout_s: 0.0,
+            depth_offset_m: 0.0,
             colour_registered: true,
         };
         let shutter = ShutterTable::new(&camera, &Twist::default(), 30, 4, 0.0);

@@ -52,9 +52,9 @@ pub struct Matcher {
     camera: GridCamera,
     noise: DepthNoise,
     settings: RegistrationSettings,
-    chosen: Chosen,
+    pub(crate) chosen: Chosen,
     located: Located,
-    found: Found,
+    pub(crate) found: Found,
     residuals: Vec<f32>,
     /// For one-to-one: the place that holds a target vertex, valid where the stamp is current.
     holders: Vec<(u32, u32)>,

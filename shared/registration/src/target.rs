@@ -136,6 +136,7 @@ mod tests {
             units_per_metre: 5000.0,
             distortion: [0.0; 5],
             readout_s: 0.03,
+            depth_offset_m: 0.0,
             colour_registered: true,
         };
         let velocity = Twist { rho: Vector3::new(0.5, -0.3, 0.2), phi: Vector3::new(2.0, -1.5, 1.0) };

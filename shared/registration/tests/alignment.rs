@@ -19,6 +19,7 @@ fn camera(readout_s: f64) -> Camera {
         units_per_metre: 5000.0,
         distortion: [0.0; 5],
         readout_s,
+        depth_offset_m: 0.0,
         colour_registered: true,
     }
 }

@@ -316,6 +316,7 @@ mod tests {
             units_per_metre,
             distortion: [0.0; 5],
             readout_s: 0.0,
+            depth_offset_m: 0.0,
             colour_registered: true,
         };
         Flat { camera, raw }

@@ -17,6 +17,7 @@ pub(crate) struct CellRule {
     step: usize,
     sample: CellSample,
     metres_per_unit: f32,
+    depth_offset_m: f32,
     max_depth_m: f32,
     noise: DepthNoise,
     order: Vec<(u8, u8)>,
@@ -31,7 +32,15 @@ impl CellRule {
         noise: DepthNoise,
     ) -> Self {
         let metres_per_unit = (1.0 / camera.units_per_metre) as f32;
-        Self { step, sample, metres_per_unit, max_depth_m, noise, order: order(step, sample) }
+        Self {
+            step,
+            sample,
+            metres_per_unit,
+            depth_offset_m: camera.depth_offset_m as f32,
+            max_depth_m,
+            noise,
+            order: order(step, sample),
+        }
     }
 
     pub(crate) fn averages(&self) -> bool {
@@ -49,7 +58,9 @@ impl CellRule {
         let span_m = (f32::from(most) - f32::from(least)) * self.metres_per_unit;
         let is_measured =
             (least > 0) & (most < u16::MAX) & (f32::from(most) * self.metres_per_unit <= self.max_depth_m);
-        if is_measured & (span_m <= 4.0 * self.noise.sigma_m(mean_m)) { mean_m } else { 0.0 }
+        let is_one_surface = span_m <= 4.0 * self.noise.sigma_m(mean_m);
+        // An offset that leaves nothing in front of the camera leaves no measurement either.
+        if is_measured & is_one_surface { (mean_m + self.depth_offset_m).max(0.0) } else { 0.0 }
     }
 
     /// The depth of any cell, whole or with holes, at an edge or not. `rows` starts at the cell's
@@ -63,7 +74,7 @@ impl CellRule {
         let reference_m = f32::from(at(reference)) * self.metres_per_unit;
         if self.sample != CellSample::Mean {
             let (row, column) = (f32::from(reference.0), f32::from(reference.1));
-            return Some(CellDepth { depth_m: reference_m, row, column });
+            return self.corrected(reference_m, row, column);
         }
         // The surface in the cell's middle decides; the others do not pull on it.
         let tolerance = 2.0 * self.noise.sigma_m(reference_m) / self.metres_per_unit;
@@ -81,7 +92,13 @@ impl CellRule {
         }
         let share = 1.0 / n.max(1) as f32;
         let depth_m = sum as f32 * share * self.metres_per_unit;
-        Some(CellDepth { depth_m, row: sum_row as f32 * share, column: sum_column as f32 * share })
+        self.corrected(depth_m, sum_row as f32 * share, sum_column as f32 * share)
+    }
+
+    /// A measurement with the camera's depth offset added; none where that leaves it behind the camera.
+    fn corrected(&self, measured_m: f32, row: f32, column: f32) -> Option<CellDepth> {
+        let depth_m = measured_m + self.depth_offset_m;
+        (depth_m > 0.0).then_some(CellDepth { depth_m, row, column })
     }
 
     #[inline(always)]
@@ -121,6 +138,7 @@ mod tests {
             units_per_metre: 1000.0,
             distortion: [0.0; 5],
             readout_s: 0.0,
+            depth_offset_m: 0.0,
             colour_registered: true,
         };
         CellRule::new(&camera, 4, sample, 8.0, DepthNoise::default())

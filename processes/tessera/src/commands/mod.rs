@@ -1,6 +1,7 @@
 //! One file for each command.
 
 mod ablate;
+mod calibrate;
 mod chaos;
 mod check;
 mod clean;
@@ -15,6 +16,7 @@ mod stage;
 mod status;
 
 pub(crate) use ablate::ablate;
+pub(crate) use calibrate::calibrate;
 pub(crate) use chaos::chaos;
 pub(crate) use check::check;
 pub(crate) use clean::clean;

@@ -50,6 +50,11 @@ impl Replay {
                 if let Some(keyframe) = frame.new_keyframe.take() {
                     self.add_keyframe(keyframe);
                 }
+                for moved in &frame.moved {
+                    if let Some(pose) = self.keyframe_poses.get_mut(moved.id as usize) {
+                        *pose = Pose::from(&moved.world_from_camera);
+                    }
+                }
                 // The tracker's own memory is of no use here, and large.
                 frame.blocks = Vec::new();
                 self.frames.push(*frame);

@@ -50,6 +50,7 @@ fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>)
         rotation: None,
         entropy_nats: 0.0,
         blocks: Vec::new(),
+        moved: Vec::new(),
     }))
 }
 
@@ -124,6 +125,7 @@ pub(crate) fn camera() -> Camera {
         units_per_metre: 5000.0,
         distortion: [0.0; 5],
         readout_s: 0.03,
+        depth_offset_m: 0.0,
         colour_registered: true,
     }
 }

@@ -22,9 +22,9 @@ const GRAZING: (f32, f32) = (0.09, 0.24);
 
 /// Depth without noise.
 pub(super) fn exact_depth(camera: &Camera, rays: &RayTable, scratch: &Scratch, depth_raw: &mut [u16]) {
-    let units = camera.units_per_metre as f32;
+    let (units, offset_m) = (camera.units_per_metre as f32, camera.depth_offset_m as f32);
     for (at, (raw, plane)) in depth_raw.iter_mut().zip(&scratch.planes).enumerate() {
-        *raw = to_raw(1.0 / inverse_depth(plane, rays.x[at], rays.y[at]), units);
+        *raw = to_raw(1.0 / inverse_depth(plane, rays.x[at], rays.y[at]) - offset_m, units);
     }
 }
 
@@ -44,7 +44,7 @@ pub(super) fn measure(
     let (inverse_fx, inverse_fy) = ((1.0 / camera.fx) as f32, (1.0 / camera.fy) as f32);
     let lateral = options.lateral_sigma_px as f32;
     let sigma = options.disparity_sigma_px as f32;
-    let units = camera.units_per_metre as f32;
+    let (units, offset_m) = (camera.units_per_metre as f32, camera.depth_offset_m as f32);
     for row in 0..height {
         let line = row * width..(row + 1) * width;
         let true_disparity = &mut work[..width];
@@ -80,7 +80,7 @@ pub(super) fn measure(
             if steps > 0 {
                 let depth_m = focal_baseline * STEPS_PER_PIXEL / steps as f32;
                 if RANGE_M.contains(&depth_m) {
-                    depth_raw[at] = to_raw(depth_m, units);
+                    depth_raw[at] = to_raw(depth_m - offset_m, units);
                 }
             }
         }

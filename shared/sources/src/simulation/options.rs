@@ -115,6 +115,7 @@ pub(super) fn default_camera() -> Camera {
         units_per_metre: 5000.0,
         distortion: [0.0; 5],
         readout_s: 0.0,
+        depth_offset_m: 0.0,
         colour_registered: true,
     }
 }
