@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 20] = [
+const MAY_KNOW: [(&str, &[&str]); 21] = [
     ("shared/geometry", &[]),
     ("shared/steps", &[]),
     ("shared/surface", &["geometry", "steps"]),
@@ -26,6 +26,7 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
     ("shared/messages", &["geometry", "steps", "surface"]),
     ("shared/transport", &["messages", "surface"]),
     ("shared/journal", &[]),
+    ("shared/report", &[]),
     (
         "shared/stage",
         &["geometry", "steps", "surface", "mapping", "messages", "transport", "journal", "settings"],
@@ -48,6 +49,7 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
             "offline",
             "optimise",
             "reconstruct",
+            "report",
             "sensor",
             "settings",
             "sources",

@@ -13,6 +13,7 @@ mod launch;
 mod outputs;
 mod profile;
 mod progress;
+mod report;
 mod run_folder;
 mod supervisor;
 mod terminal;
@@ -36,6 +37,7 @@ pub fn main() -> ExitCode {
         },
         Command::Evaluate(arguments) => commands::evaluate(&arguments),
         Command::Export(arguments) => commands::export(&arguments),
+        Command::Report(arguments) => commands::report(&arguments),
         Command::Resume(arguments) => commands::resume(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
         Command::Calibrate(arguments) => commands::calibrate(&arguments),

@@ -14,6 +14,7 @@ mod rotation;
 mod stage;
 mod stage_times;
 mod surface;
+mod time_counts;
 
 pub use beat::{Beat, BeatState, Latency, WaitingOn};
 pub use flow::Flow;
@@ -24,3 +25,4 @@ pub use rotation::RotationBits;
 pub use stage::Stage;
 pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
 pub use surface::{SurfaceExpectation, SurfaceHeader};
+pub use time_counts::TimeCounts;

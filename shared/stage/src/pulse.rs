@@ -125,6 +125,7 @@ impl Pulse {
         // Recording resizes; saturating would clip to the first, tiny range.
         let _ = self.latency.record(nanos.max(1));
         self.distributions.frame(&self.stopwatch);
+        self.beat.latency_counts.add(nanos);
         self.send_if_due();
     }
 
@@ -146,6 +147,7 @@ impl Pulse {
     /// A pose was published, `nanos` after its frame was in shared memory.
     pub fn published(&mut self, nanos: u64) {
         let _ = self.end_to_end.record(nanos.max(1));
+        self.beat.end_to_end_counts.add(nanos);
     }
 
     /// The last beat: all counters final.

@@ -7,9 +7,10 @@ use crate::normals::{self, From};
 use crate::planes::{Layout, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SettingError, SurfaceSettings};
+use crate::step::Step;
 use crate::vertex::{Grid, Vertex};
 use tessera_geometry::Camera;
-use tessera_steps::{Step, Steps};
+use tessera_steps::{Step as Named, Steps};
 
 /// What came out of one frame, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +32,7 @@ pub struct Reconstructor {
     test: EdgeTest,
     workspace: Workspace,
     walk: Option<RingWalk>,
+    n_measured: usize,
     arch: pulp::Arch,
     /// Hears of the steps; nobody by default.
     pub steps: Steps,
@@ -55,6 +57,7 @@ impl Reconstructor {
             test: EdgeTest::new(settings),
             workspace: Workspace::new(grid),
             walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
+            n_measured: 0,
             arch: pulp::Arch::new(),
             steps: Steps::default(),
         })
@@ -74,34 +77,65 @@ impl Reconstructor {
     /// When a slice is shorter than the camera's image or grid, which the caller checks on entry.
     pub fn reconstruct(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
         let arch = self.arch;
-        arch.dispatch(OneFrame { reconstructor: self, depth, colour, out })
+        arch.dispatch(OneFrame { reconstructor: self, steps: &Step::ALL, depth, colour, out })
+    }
+
+    /// Runs one step alone, on what the steps before it left: for benchmarks. All of
+    /// [`Step::ALL`] in order are [`Self::reconstruct`].
+    ///
+    /// # Panics
+    /// As [`Self::reconstruct`].
+    pub fn run_step(
+        &mut self,
+        step: Step,
+        depth: &[u16],
+        colour: Option<&[u8]>,
+        out: &mut [Vertex],
+    ) -> SurfaceStats {
+        let arch = self.arch;
+        arch.dispatch(OneFrame { reconstructor: self, steps: &[step], depth, colour, out })
     }
 
     #[inline(always)]
-    fn run(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
-        let (w, steps) = (&mut self.workspace, &self.steps);
-        steps.enter(Step::Cloud);
-        let n_measured = self.cloud.fill(depth, colour, w);
-        steps.enter(Step::Mesh);
-        mesh::build(self.test, w);
-        steps.enter(Step::Normals);
-        normals::fill(w, From::Raw, self.settings.min_view_cosine);
-        if self.settings.filter_rings > 0 {
-            for _ in 0..self.settings.filter_passes {
-                steps.enter(Step::Filter);
-                filter::pass(&self.settings, w, self.walk.as_mut());
-                steps.enter(Step::Normals);
-                if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
-                    normals::fill(w, From::Filtered, self.settings.min_view_cosine);
-                }
-                std::mem::swap(&mut w.points, &mut w.filtered_points);
-                std::mem::swap(&mut w.normals, &mut w.filtered_normals);
+    fn run(&mut self, step: Step, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
+        let w = &mut self.workspace;
+        self.steps.enter(match step {
+            Step::Cloud => Named::Cloud,
+            Step::Mesh => Named::Mesh,
+            Step::Normals => Named::Normals,
+            Step::Filter => Named::Filter,
+            Step::Vertices => Named::Vertices,
+        });
+        match step {
+            Step::Cloud => self.n_measured = self.cloud.fill(depth, colour, w),
+            Step::Mesh => mesh::build(self.test, w),
+            Step::Normals => normals::fill(w, From::Raw, self.settings.min_view_cosine),
+            Step::Filter => self.filter(),
+            Step::Vertices => {
+                let stats = write_vertices(w, self.n_measured, out);
+                self.steps.leave();
+                return stats;
             }
         }
-        steps.enter(Step::Vertices);
-        let stats = write_vertices(w, n_measured, out);
-        steps.leave();
-        stats
+        SurfaceStats { n_measured: self.n_measured, ..SurfaceStats::default() }
+    }
+
+    #[inline(always)]
+    fn filter(&mut self) {
+        let w = &mut self.workspace;
+        if self.settings.filter_rings == 0 {
+            return;
+        }
+        for _ in 0..self.settings.filter_passes {
+            self.steps.enter(Named::Filter);
+            filter::pass(&self.settings, w, self.walk.as_mut());
+            if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
+                self.steps.enter(Named::Normals);
+                normals::fill(w, From::Filtered, self.settings.min_view_cosine);
+            }
+            std::mem::swap(&mut w.points, &mut w.filtered_points);
+            std::mem::swap(&mut w.normals, &mut w.filtered_normals);
+        }
     }
 }
 
@@ -109,6 +143,7 @@ impl Reconstructor {
 /// plain arithmetic in a fixed order, so the bits are the same on all.
 struct OneFrame<'a> {
     reconstructor: &'a mut Reconstructor,
+    steps: &'a [Step],
     depth: &'a [u16],
     colour: Option<&'a [u8]>,
     out: &'a mut [Vertex],
@@ -119,7 +154,11 @@ impl pulp::WithSimd for OneFrame<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> SurfaceStats {
-        self.reconstructor.run(self.depth, self.colour, self.out)
+        let mut stats = SurfaceStats::default();
+        for &step in self.steps {
+            stats = self.reconstructor.run(step, self.depth, self.colour, self.out);
+        }
+        stats
     }
 }
 
