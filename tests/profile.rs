@@ -110,5 +110,5 @@ fn what_cannot_be_profiled_is_refused_by_name() {
     std::fs::write(&file, &whole[..whole.len() - 1]).unwrap();
     assert!(refusal(&["profile", "align", name], 3).contains("is cut short after 4 entries"));
     std::fs::write(&file, b"0.1 rgb/1.png\n").unwrap();
-    assert!(refusal(&["profile", "align", name], 3).contains("expected a stage input journal"));
+    assert!(refusal(&["profile", "align", name], 3).contains("does not begin as a recording"));
 }
