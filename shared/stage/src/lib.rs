@@ -32,4 +32,4 @@ pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use notify::{NOTIFY_VARIABLES, Notifier};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};
-pub use stopwatch::{Distributions, Span, Stopwatch, histogram};
+pub use stopwatch::{Distributions, Span, Stopwatch};

@@ -79,10 +79,7 @@ impl Observer for Stopwatch {
 }
 
 /// A histogram up to [`LONGEST_NANOS`] with two digits.
-///
-/// # Errors
-/// Never for these bounds; hdrhistogram's words otherwise.
-pub fn histogram() -> Result<Histogram<u32>, hdrhistogram::CreationError> {
+fn histogram() -> Result<Histogram<u32>, hdrhistogram::CreationError> {
     Histogram::new_with_bounds(1, LONGEST_NANOS, 2)
 }
 
