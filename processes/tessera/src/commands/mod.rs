@@ -15,6 +15,7 @@ mod resume;
 mod run;
 mod stage;
 mod status;
+mod top;
 
 pub(crate) use ablate::ablate;
 pub(crate) use calibrate::calibrate;
@@ -31,3 +32,4 @@ pub(crate) use resume::resume;
 pub(crate) use run::run;
 pub(crate) use stage::stage;
 pub(crate) use status::status;
+pub(crate) use top::top;

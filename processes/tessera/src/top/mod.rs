@@ -1,0 +1,8 @@
+//! A run as it goes on, looked at again and again without disturbing it.
+
+mod snapshot;
+mod view;
+mod watcher;
+
+pub(crate) use view::draw;
+pub(crate) use watcher::Watcher;
