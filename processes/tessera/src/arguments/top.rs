@@ -1,6 +1,7 @@
 //! Arguments of `tessera top`.
 
 use clap::Args;
+use std::net::SocketAddr;
 
 /// `tessera top`.
 #[derive(Clone, Debug, Args)]
@@ -10,7 +11,8 @@ The view listens as anybody may; the run does not notice. With --json each look 
 Examples:
   tessera top
   tessera top room-1
-  tessera top room-1 --json --count 10")]
+  tessera top room-1 --json --count 10
+  tessera top room-1 --metrics 127.0.0.1:9464")]
 pub(crate) struct TopArguments {
     /// Name of the run, or its folder [default: the one that is going on]
     pub(crate) run: Option<String>,
@@ -23,6 +25,17 @@ pub(crate) struct TopArguments {
     /// Print a line of JSON for each look
     #[arg(long)]
     pub(crate) json: bool,
+    /// Answer Prometheus at this address of the loopback interface (port 0: a free one)
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = loopback, conflicts_with_all = ["json", "count"])]
+    pub(crate) metrics: Option<SocketAddr>,
+}
+
+fn loopback(text: &str) -> Result<SocketAddr, String> {
+    match text.parse::<SocketAddr>() {
+        Ok(address) if address.ip().is_loopback() => Ok(address),
+        Ok(address) => Err(format!("{} is not of this machine alone, expected 127.0.0.1:PORT", address.ip())),
+        Err(_) => Err("expected 127.0.0.1:PORT".to_owned()),
+    }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

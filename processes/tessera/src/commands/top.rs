@@ -1,6 +1,7 @@
 //! `tessera top`: a run as it goes on.
 
 use crate::arguments::TopArguments;
+use crate::commands::metrics::serve;
 use crate::exit::{CommandError, Exit};
 use crate::terminal::say;
 use crate::top::{Watcher, draw};
@@ -12,6 +13,10 @@ use tessera_transport::{RunEntry, registered_runs};
 /// Looks at a run until it is over, the view is ended, or the number of looks is reached.
 pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
     let run = find(arguments.run.as_deref())?;
+    if let Some(address) = arguments.metrics {
+        let mut watcher = Watcher::open(&run, "metrics")?;
+        return serve(address, &mut watcher, || is_alive(&run)).map(|()| Exit::Done);
+    }
     if !arguments.json && !std::io::stdout().is_terminal() {
         return Err(CommandError::Arguments(
             "standard output is no terminal, expected --json or a terminal".to_owned(),
