@@ -2,12 +2,14 @@
 
 mod chaos;
 mod profile;
+mod top;
 
 pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
 use std::path::PathBuf;
+pub(crate) use top::TopArguments;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
 
@@ -50,6 +52,8 @@ pub(crate) enum Command {
     Evaluate(EvaluateArguments),
     /// Show the processes of a run without disturbing it
     Status(StatusArguments),
+    /// Watch a run as it goes on
+    Top(TopArguments),
     /// Run one stage by hand, for a debugger or a profiler
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps

@@ -17,6 +17,7 @@ mod report;
 mod run_folder;
 mod supervisor;
 mod terminal;
+mod top;
 
 use arguments::{Arguments, Command, RunArguments};
 use clap::Parser;
@@ -46,6 +47,7 @@ pub fn main() -> ExitCode {
         Command::Chaos(arguments) => commands::chaos(&arguments),
         Command::Record(arguments) => commands::record(&arguments),
         Command::Profile(arguments) => commands::profile(&arguments),
+        Command::Top(arguments) => commands::top(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

@@ -11,7 +11,7 @@ mod report;
 pub(crate) use measure::Options;
 pub(crate) use record::record;
 pub(crate) use recording::{Recorded, Stages};
-pub(crate) use report::Report;
+pub(crate) use report::{Report, Times};
 
 use crate::exit::CommandError;
 use tessera_messages::Stage;

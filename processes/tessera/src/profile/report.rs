@@ -8,12 +8,12 @@ use tessera_messages::{Phase, Stage, StageTimes, TIME_ROWS, TimeRow};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub(crate) struct Times {
     /// Frames in which it took any time, over all passes.
-    n: u64,
-    mean: f64,
-    p50: f64,
-    p90: f64,
-    p99: f64,
-    max: f64,
+    pub(crate) n: u64,
+    pub(crate) mean: f64,
+    pub(crate) p50: f64,
+    pub(crate) p90: f64,
+    pub(crate) p99: f64,
+    pub(crate) max: f64,
 }
 
 impl From<&TimeRow> for Times {

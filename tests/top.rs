@@ -1,0 +1,85 @@
+//! Looking at a run as it goes on.
+
+mod common;
+
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+fn top(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tessera")).arg("top").args(arguments).output().unwrap()
+}
+
+/// What Prometheus would be told by now.
+fn scrape(name: &str) -> String {
+    let mut server = Command::new(env!("CARGO_BIN_EXE_tessera"))
+        .args(["top", name, "--metrics", "127.0.0.1:0"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.split("http://").nth(1).and_then(|rest| rest.split('/').next()).unwrap();
+    let mut answer = String::new();
+    // The first words of all stages come within half a second.
+    std::thread::sleep(Duration::from_millis(1500));
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").unwrap();
+    stream.read_to_string(&mut answer).unwrap();
+    server.kill().unwrap();
+    server.wait().unwrap();
+    answer
+}
+
+#[test]
+fn a_running_pipeline_is_seen_and_changes_no_byte() {
+    // One stage is frozen, until it is found out and replaced: the run stands still, and is not over.
+    let run = common::room()
+        .with_env("TESSERA_KILL_PLAN", "reconstruct=sent:30:stop")
+        .with(&["--set", "flow.hang_s=15"]);
+    let mut child = run.start();
+    run.wait_until_stopped("reconstruct");
+    let looks = top(&[&run.name, "--json", "--interval", "1.5", "--count", "2"]);
+    let refused = top(&[&run.name]);
+    let scraped = scrape(&run.name);
+    assert!(child.wait().unwrap().success(), "{}", run.log());
+    assert!(looks.status.success(), "{}", String::from_utf8_lossy(&looks.stderr));
+    let text = String::from_utf8(looks.stdout).unwrap();
+    let looks: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(looks.len(), 2, "one line for each look: {text}");
+    let look = &looks[1];
+    assert_eq!(look["name"].as_str(), Some(run.name.as_str()));
+    assert_eq!(look["pose"]["frame"].as_u64(), Some(30), "{look}");
+    let stages = look["stages"].as_array().unwrap();
+    let names: Vec<&str> = stages.iter().map(|stage| stage["stage"].as_str().unwrap()).collect();
+    assert_eq!(names, ["sensor", "reconstruct", "align", "optimise"]);
+    let align = &stages[2];
+    assert!(align["pid"].as_u64().is_some() && align["frames"].as_u64() == Some(31), "{look}");
+    for name in ["waiting", "transport", "computing", "publishing", "search", "solve", "journal", "send"] {
+        let row = &align["times_ms"][name];
+        assert!(row["n"].as_u64() >= Some(1) && row["max"].as_f64() >= row["p50"].as_f64(), "{name}: {look}");
+    }
+    for line in ["tessera_frames_total{RUN,stage=\"align\"} 31", "# TYPE tessera_step_seconds summary"] {
+        let line = line.replace("RUN", &format!("run=\"{}\"", run.name));
+        assert!(scraped.lines().any(|found| found == line), "{line}\n{scraped}");
+    }
+    assert!(
+        scraped.starts_with("HTTP/1.1 200 OK\r\n") && scraped.contains("step=\"search\",quantile=\"0.99\"}")
+    );
+    let open = top(&[&run.name, "--metrics", "0.0.0.0:0"]);
+    assert_eq!(open.status.code(), Some(2));
+    assert!(String::from_utf8(open.stderr).unwrap().contains("0.0.0.0 is not of this machine alone"));
+    // Without a terminal there is no view.
+    assert_eq!(refused.status.code(), Some(2));
+    let words = String::from_utf8(refused.stderr).unwrap();
+    assert!(words.contains("standard output is no terminal, expected --json"), "{words}");
+
+    let undisturbed = common::room();
+    assert!(undisturbed.finish().success());
+    run.assert_same_bytes(&undisturbed, "somebody looked on");
+    let over = top(&[&run.name, "--json"]);
+    assert_eq!(over.status.code(), Some(2));
+    assert!(String::from_utf8(over.stderr).unwrap().contains("is going on"), "a run that is over");
+}
