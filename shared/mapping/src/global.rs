@@ -128,7 +128,13 @@ pub(crate) fn solve(
         }
         let mut is_fixed = vec![false; poses.len()];
         is_fixed[0] = true;
-        let mut graph = Graph { poses: poses.clone(), is_fixed, pairs, priors: Vec::new() };
+        let mut graph = Graph {
+            poses: poses.clone(),
+            is_fixed,
+            pairs,
+            priors: Vec::new(),
+            isa: context.registration.isa,
+        };
         let inner_iterations = context.registration.inner_iterations;
         let report =
             robust::optimise(&mut graph, &is_loop, settings, metric_factor, inner_iterations, progress);
