@@ -29,6 +29,9 @@ fn round(camera: &str) -> (SimulatedSource, Vec<RawFrame>) {
     (source, frames)
 }
 
+/// What is counted of a frame.
+type Count = fn(&FrameRecord) -> usize;
+
 /// Mean over frames.
 fn mean(frames: &[&FrameRecord], of: impl Fn(&FrameRecord) -> usize) -> f64 {
     frames.iter().map(|frame| of(frame) as f64).sum::<f64>() / frames.len() as f64
@@ -51,7 +54,7 @@ fn the_work_of_a_frame_is_the_same_early_and_late() {
     let all: Vec<&FrameRecord> = records.frames().collect();
     // The first round makes the map; in the second and the last one the same frames are aligned to it.
     let (early, late) = (&all[ROUND..2 * ROUND], &all[(ROUNDS - 1) * ROUND..]);
-    let counts: [(&str, fn(&FrameRecord) -> usize); 2] =
+    let counts: [(&str, Count); 2] =
         [("pairs", |frame| frame.blocks.len()), ("matches", |frame| frame.n_correspondences as usize)];
     for (what, of) in counts {
         let (early, late) = (mean(early, of), mean(late, of));
