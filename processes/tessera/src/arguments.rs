@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
 use std::path::PathBuf;
+use tessera_surface::Isa;
 pub(crate) use top::TopArguments;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
@@ -143,6 +144,9 @@ pub(crate) struct RunArguments {
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,
+    /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
+    #[arg(long, value_parser = isa)]
+    pub(crate) isa: Option<Isa>,
     /// Decode all frames into memory first
     #[arg(long)]
     pub(crate) preload: bool,
@@ -365,6 +369,13 @@ pub(crate) struct AblateArguments {
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+fn isa(word: &str) -> Result<Isa, String> {
+    let all = [Isa::Auto, Isa::Baseline, Isa::Avx2, Isa::Neon];
+    all.into_iter()
+        .find(|isa| isa.to_string() == word)
+        .ok_or("expected auto, baseline, avx2 or neon".to_owned())
 }
 
 #[cfg(test)]

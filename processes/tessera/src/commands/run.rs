@@ -86,6 +86,8 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
         )));
     }
     settings.check()?;
+    let isa = arguments.isa.unwrap_or(settings.run.isa);
+    settings.set_isa(isa.resolve().map_err(|error| CommandError::Arguments(error.to_string()))?);
     // Absolute, so that the stages and a later `resume` find them from anywhere.
     let run = &mut settings.run;
     run.source = SourceSpec::parse(&run.source).to_string();
