@@ -14,7 +14,7 @@ const MAY_KNOW: [(&str, &[&str]); 19] = [
     ("shared/registration", &["geometry", "surface"]),
     ("shared/calibration", &["geometry", "surface", "registration"]),
     ("shared/recognition", &["surface", "registration"]),
-    ("shared/mapping", &["geometry", "surface", "registration", "recognition"]),
+    ("shared/mapping", &["geometry", "surface", "registration", "calibration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
@@ -37,6 +37,7 @@ const MAY_KNOW: [(&str, &[&str]); 19] = [
         "processes/tessera",
         &[
             "align",
+            "calibration",
             "geometry",
             "journal",
             "mapping",
