@@ -127,7 +127,11 @@ impl Summary {
             wall_s: statistics.wall_s,
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
-            refinement: replay.refinement.as_ref().map(RefinementSummary::new),
+            refinement: settings
+                .mapping
+                .global
+                .refine_camera
+                .then(|| RefinementSummary::new(replay.refinement.as_ref())),
         }
     }
 
@@ -234,9 +238,9 @@ impl Summary {
 }
 
 impl RefinementSummary {
-    fn new(refinement: &Refinement) -> Self {
+    fn new(refinement: Option<&Refinement>) -> Self {
         match refinement {
-            Refinement::Refined(found) => Self::Refined {
+            Some(Refinement::Refined(found)) => Self::Refined {
                 camera: Box::new(found.camera.clone()),
                 moved_px: found.moved_px,
                 held: found.n_held,
@@ -244,7 +248,8 @@ impl RefinementSummary {
                 residual_sigmas_after: found.residual_sigmas[1],
                 final_before: None,
             },
-            Refinement::Kept(reason) => Self::Kept(reason.clone()),
+            Some(Refinement::Kept(reason)) => Self::Kept(reason.clone()),
+            None => Self::Kept("the run ended without a final optimisation".to_owned()),
         }
     }
 
