@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 19] = [
+const MAY_KNOW: [(&str, &[&str]); 20] = [
     ("shared/geometry", &[]),
     ("shared/surface", &["geometry"]),
     ("shared/registration", &["geometry", "surface"]),
@@ -25,6 +25,7 @@ const MAY_KNOW: [(&str, &[&str]); 19] = [
     ("shared/messages", &["geometry", "surface"]),
     ("shared/transport", &["messages", "surface"]),
     ("shared/journal", &[]),
+    ("shared/report", &[]),
     ("shared/stage", &["geometry", "surface", "mapping", "messages", "transport", "journal", "settings"]),
     ("processes/sensor", &["messages", "settings", "sources", "stage", "transport"]),
     ("processes/reconstruct", &["messages", "stage", "surface", "transport"]),
@@ -45,6 +46,7 @@ const MAY_KNOW: [(&str, &[&str]); 19] = [
             "offline",
             "optimise",
             "reconstruct",
+            "report",
             "sensor",
             "settings",
             "sources",

@@ -42,6 +42,8 @@ pub(crate) enum Command {
     Resume(ResumeArguments),
     /// Write the outputs of a run again, also of one that crashed
     Export(ExportArguments),
+    /// Show what came of one run or several, as a page for a browser
+    Report(ReportArguments),
     /// Compare a trajectory with the ground truth
     Evaluate(EvaluateArguments),
     /// Show the processes of a run without disturbing it
@@ -169,6 +171,26 @@ pub(crate) struct ExportArguments {
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) speech: Speech,
+}
+
+/// `tessera report`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+One self-contained file of HTML; each run writes its own when it ends.
+
+Examples:
+  tessera report room-1
+  tessera report room-1 room-2 --out both.html")]
+pub(crate) struct ReportArguments {
+    /// Names of runs, or their folders; several stand side by side
+    #[arg(required = true, value_name = "RUN")]
+    pub(crate) runs: Vec<String>,
+    /// The file [default: report.html in the run's folder; of several runs, here]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// Do not say where it is
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
 }
 
 /// What offset of stamps to report beside the standard figures.

@@ -3,8 +3,9 @@
 use crate::arguments::Speech;
 use crate::commands::say_summary;
 use crate::exit::{CommandError, Exit};
-use crate::outputs::{self, Ended, RunStatistics};
+use crate::outputs::{self, Ended, Recorder, RunStatistics};
 use crate::progress::ProgressView;
+use crate::report::{self, REPORT_FILE};
 use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, hold, supervise};
 use crate::terminal::{say, say_error};
 use std::time::Duration;
@@ -24,11 +25,14 @@ pub(crate) fn launch(
 ) -> Result<Exit, LaunchError> {
     let before =
         if plan.resume { outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
+    let recorded = if plan.resume { outputs::read_timeline(&plan.run_dir) } else { None };
+    let mut recorder = Recorder::new(recorded.unwrap_or_default(), before.wall_s);
     let mut view = ProgressView::new(speech.quiet);
     let mut due = Duration::ZERO;
     let mut refused = None;
     let mut tell = |progress: &Progress| {
         view.tell(progress);
+        recorder.note(progress.elapsed, &progress.stages, false);
         if progress.elapsed >= due {
             if due.is_zero() {
                 // The run directory is ours from here on.
@@ -38,6 +42,9 @@ pub(crate) fn launch(
             // Only for `status`: the last word on these numbers is written at the end.
             let now = RunStatistics::new(Ended::Unfinished, &progress.stages, progress.elapsed, 0);
             let _ = outputs::write_statistics(&plan.run_dir, &before.and(&now));
+            if progress.elapsed.as_secs() % 5 == 4 {
+                let _ = outputs::write_timeline(&plan.run_dir, &recorder.timeline());
+            }
         }
     };
     let keep_up = if plan.hold { hold } else { supervise };
@@ -47,6 +54,9 @@ pub(crate) fn launch(
     if let Some(error) = refused {
         return Err(error.into());
     }
+    recorder.note(supervised.duration, &supervised.stages, true);
+    // The report alone reads it: without it the run is no worse.
+    let _ = outputs::write_timeline(&plan.run_dir, &recorder.timeline());
     let concluded = conclude(plan, &before, &supervised, speech);
     // Only now: the name is taken until the last output is written.
     let released = supervised.claim.release().map_err(CommandError::from);
@@ -69,6 +79,12 @@ fn conclude(
     let statistics = RunStatistics::new(ended, stages, *duration, *shared_memory_bytes);
     let written = outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
         .and_then(|()| outputs::export(&plan.run_dir, &plan.run_dir));
+    if plan.settings.output.report
+        && let Err(error) = report::write(&[&plan.run_dir], &plan.run_dir, REPORT_FILE)
+    {
+        // What was asked for is the trajectory and the map: the run is no worse without a page.
+        say_error(&format!("no report: {error}"));
+    }
     if let Outcome::Failed(failure) = outcome {
         // A stage that could not use its input or settings says so by its exit code.
         let exit = match failure.exit_code {

@@ -12,6 +12,7 @@ mod exit;
 mod launch;
 mod outputs;
 mod progress;
+mod report;
 mod run_folder;
 mod supervisor;
 mod terminal;
@@ -35,6 +36,7 @@ pub fn main() -> ExitCode {
         },
         Command::Evaluate(arguments) => commands::evaluate(&arguments),
         Command::Export(arguments) => commands::export(&arguments),
+        Command::Report(arguments) => commands::report(&arguments),
         Command::Resume(arguments) => commands::resume(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
         Command::Calibrate(arguments) => commands::calibrate(&arguments),

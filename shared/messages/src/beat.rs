@@ -2,6 +2,7 @@
 
 use crate::message::{Message, Refusal};
 use crate::stage::Stage;
+use crate::time_counts::TimeCounts;
 use bytemuck::{Pod, Zeroable};
 
 /// What a stage is doing.
@@ -124,12 +125,16 @@ pub struct Beat {
     pub latency: Latency,
     /// Time from the frame being in shared memory to its published pose (align only).
     pub end_to_end: Latency,
+    /// How often a piece of work took how long.
+    pub latency_counts: TimeCounts,
+    /// The same from the frame being in shared memory to its published pose (align only).
+    pub end_to_end_counts: TimeCounts,
     /// Version of the program, zero-padded.
     pub version: [u8; 16],
 }
 
 impl Message for Beat {
-    const NAME: &'static str = "tessera.Beat.v1";
+    const NAME: &'static str = "tessera.Beat.v2";
 }
 
 impl Beat {

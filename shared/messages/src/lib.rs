@@ -13,6 +13,7 @@ mod pose;
 mod rotation;
 mod stage;
 mod surface;
+mod time_counts;
 
 pub use beat::{Beat, BeatState, Latency, WaitingOn};
 pub use flow::Flow;
@@ -22,3 +23,4 @@ pub use pose::{POSE_STATES, PoseMessage, pack_reason};
 pub use rotation::RotationBits;
 pub use stage::Stage;
 pub use surface::{SurfaceExpectation, SurfaceHeader};
+pub use time_counts::TimeCounts;

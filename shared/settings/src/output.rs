@@ -11,11 +11,13 @@ pub struct OutputSettings {
     pub map_voxel_m: f64,
     /// Points farther from their camera than this are left out of `map.ply`, metres.
     pub map_max_depth_m: f64,
+    /// Whether `report.html` is written at the end of a run; `tessera report` writes it at any time.
+    pub report: bool,
 }
 
 impl Default for OutputSettings {
     fn default() -> Self {
-        Self { map_voxel_m: 0.01, map_max_depth_m: 6.0 }
+        Self { map_voxel_m: 0.01, map_max_depth_m: 6.0, report: true }
     }
 }
 

@@ -55,7 +55,7 @@ fn each_layer_covers_the_one_before() {
     std::fs::write(&path, "[output]\nmap_voxel_m = 0.05\nmap_max_depth_m = 3\n").unwrap();
     let overrides = ["output.map_voxel_m=0.02", "run.source=house", "run.live=true"].map(str::to_owned);
     let settings = Settings::load(path.to_str(), &overrides).unwrap();
-    assert_eq!(settings.output, OutputSettings { map_voxel_m: 0.02, map_max_depth_m: 3.0 });
+    assert_eq!(settings.output, OutputSettings { map_voxel_m: 0.02, map_max_depth_m: 3.0, report: true });
     assert_eq!(settings.run.source, "house");
     assert!(settings.run.live);
 }

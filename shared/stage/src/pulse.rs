@@ -107,12 +107,14 @@ impl Pulse {
         self.beat.progress += 1;
         // Recording resizes; saturating would clip to the first, tiny range.
         let _ = self.latency.record(nanos.max(1));
+        self.beat.latency_counts.add(nanos);
         self.send_if_due();
     }
 
     /// A pose was published, `nanos` after its frame was in shared memory.
     pub fn published(&mut self, nanos: u64) {
         let _ = self.end_to_end.record(nanos.max(1));
+        self.beat.end_to_end_counts.add(nanos);
     }
 
     /// The last beat: all counters final.

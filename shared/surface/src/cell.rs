@@ -52,15 +52,17 @@ impl CellRule {
     /// 0.1 mm over such a span.
     #[inline(always)]
     pub(crate) fn whole_mean(&self, least: u16, most: u16, sum: u32) -> f32 {
-        let area = (self.step * self.step) as f32;
-        let mean_m = sum as f32 / area * self.metres_per_unit;
+        // A power of two: the product is the quotient, to the bit.
+        let share = 1.0 / (self.step * self.step) as f32;
+        let mean_m = sum as f32 * share * self.metres_per_unit;
         // `most >= least`, but the compiler does not know and would branch on the overflow.
         let span_m = (f32::from(most) - f32::from(least)) * self.metres_per_unit;
         let is_measured =
             (least > 0) & (most < u16::MAX) & (f32::from(most) * self.metres_per_unit <= self.max_depth_m);
         let is_one_surface = span_m <= 4.0 * self.noise.sigma_m(mean_m);
         // An offset that leaves nothing in front of the camera leaves no measurement either.
-        if is_measured & is_one_surface { (mean_m + self.depth_offset_m).max(0.0) } else { 0.0 }
+        let depth_m = mean_m + self.depth_offset_m;
+        if is_measured & is_one_surface & (depth_m > 0.0) { depth_m } else { 0.0 }
     }
 
     /// The depth of any cell, whole or with holes, at an edge or not. `rows` starts at the cell's
@@ -80,16 +82,12 @@ impl CellRule {
         let tolerance = 2.0 * self.noise.sigma_m(reference_m) / self.metres_per_unit;
         let middle = f32::from(at(reference));
         let (low, high) = ((middle - tolerance).max(1.0) as u16, (middle + tolerance).min(65_534.0) as u16);
-        let (mut sum, mut n, mut sum_row, mut sum_column) = (0u32, 0u32, 0u32, 0u32);
-        for (r, row) in rows.chunks(width).take(size.0).enumerate() {
-            for (c, &raw) in row[..size.1].iter().enumerate() {
-                let here = u32::from((raw >= low) & (raw <= high));
-                sum += here * u32::from(raw);
-                n += here;
-                sum_row += here * r as u32;
-                sum_column += here * c as u32;
-            }
-        }
+        let Sums { sum, n, sum_row, sum_column } = match size {
+            // Their loops have fixed ends, which makes them twice as fast.
+            (4, 4) if self.step == 4 => Sums::between(low, high, rows, width, (4, 4)),
+            (8, 8) if self.step == 8 => Sums::between(low, high, rows, width, (8, 8)),
+            _ => Sums::between(low, high, rows, width, size),
+        };
         let share = 1.0 / n.max(1) as f32;
         let depth_m = sum as f32 * share * self.metres_per_unit;
         self.corrected(depth_m, sum_row as f32 * share, sum_column as f32 * share)
@@ -104,6 +102,33 @@ impl CellRule {
     #[inline(always)]
     fn is_measured(&self, raw: u16) -> bool {
         (raw > 0) & (raw < u16::MAX) & (f32::from(raw) * self.metres_per_unit <= self.max_depth_m)
+    }
+}
+
+/// Depths of one surface in a cell, and where they lie in it.
+#[derive(Default)]
+struct Sums {
+    sum: u32,
+    n: u32,
+    sum_row: u32,
+    sum_column: u32,
+}
+
+impl Sums {
+    #[inline(always)]
+    fn between(low: u16, high: u16, rows: &[u16], width: usize, size: (usize, usize)) -> Self {
+        let mut sums = Self::default();
+        for r in 0..size.0 {
+            let row = &rows[r * width..r * width + size.1];
+            for c in 0..size.1 {
+                let here = u32::from((row[c] >= low) & (row[c] <= high));
+                sums.sum += here * u32::from(row[c]);
+                sums.n += here;
+                sums.sum_row += here * r as u32;
+                sums.sum_column += here * c as u32;
+            }
+        }
+        sums
     }
 }
 

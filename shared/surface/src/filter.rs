@@ -59,29 +59,27 @@ fn exp_negative(x: f32) -> f32 {
     e8 * e8
 }
 
-/// The 1-ring: each edge's weight is computed once and used from both ends.
+/// The 1-ring: each edge's weight is computed once and used from both ends. Row by row, so that
+/// what a row needs is still in the cache.
 #[inline(always)]
 fn one_ring(settings: &SurfaceSettings, w: &mut Workspace) {
     let Layout { grid, stride } = w.layout;
     let n = grid.width;
-    let edges = [(1, &w.mesh.right), (stride, &w.mesh.down), (stride + 1, &w.mesh.diagonal)];
-    for (plane, (offset, edge)) in w.weights.iter_mut().zip(edges) {
-        for row in 0..grid.height {
-            let here = w.layout.row(row);
-            let there = here + offset;
-            weight_row(
-                settings,
-                [w.points.run(here, n), w.points.run(there, n)],
-                [w.normals.run(here, n), w.normals.run(there, n)],
-                [&w.intensity[here..here + n], &w.intensity[there..there + n]],
-                &edge[here..here + n],
-                &mut plane[here..here + n],
-            );
-        }
-    }
-    let [right, down, diagonal] = &w.weights;
     for row in 0..grid.height {
         let start = w.layout.row(row);
+        let edges = [(1, &w.mesh.right), (stride, &w.mesh.down), (stride + 1, &w.mesh.diagonal)];
+        for (plane, (offset, edge)) in w.weights.iter_mut().zip(edges) {
+            let there = start + offset;
+            weight_row(
+                settings,
+                [w.points.run(start, n), w.points.run(there, n)],
+                [w.normals.run(start, n), w.normals.run(there, n)],
+                [&w.intensity[start..start + n], &w.intensity[there..there + n]],
+                &edge[start..start + n],
+                &mut plane[start..start + n],
+            );
+        }
+        let [right, down, diagonal] = &w.weights;
         // Neighbour, and where the weight of the edge to it is kept.
         let neighbours = [
             (start + 1, right, start),
@@ -91,14 +89,19 @@ fn one_ring(settings: &SurfaceSettings, w: &mut Workspace) {
             (start - stride, down, start - stride),
             (start - stride - 1, diagonal, start - stride - 1),
         ];
-        w.sums.start(settings.filter_include_self, w.points.run(start, n), w.normals.run(start, n));
-        for (there, weights, at) in neighbours {
-            w.sums.add(&weights[at..at + n], w.points.run(there, n), w.normals.run(there, n));
-        }
+        let weights = neighbours.map(|(_, weights, at)| &weights[at..at + n]);
+        let own = settings.filter_include_self;
+        let (points, normals) = (w.points.run(start, n), w.normals.run(start, n));
+        w.sums.fill(
+            own,
+            weights,
+            (points, neighbours.map(|(there, ..)| w.points.run(there, n))),
+            (normals, neighbours.map(|(there, ..)| w.normals.run(there, n))),
+        );
         finish_row(
             settings,
             &w.sums,
-            (w.points.run(start, n), w.normals.run(start, n)),
+            (points, normals),
             &w.mesh.n_quads[start..start + n],
             w.filtered_points.run_mut(start, n),
             w.filtered_normals.run_mut(start, n),
@@ -124,45 +127,41 @@ fn weight_row(
     }
 }
 
+/// A vertex's own run of values, and those of its neighbours.
+type Around<'a> = (Run<'a>, [Run<'a>; 6]);
+
 impl RowSums {
     #[inline(always)]
-    fn start(&mut self, include_self: bool, p: Run<'_>, u: Run<'_>) {
-        let n = self.weight.len();
-        if include_self {
-            self.weight.fill(1.0);
-            for (sum, run) in [(&mut self.point, p), (&mut self.normal, u)] {
-                sum.x.copy_from_slice(&run.x[..n]);
-                sum.y.copy_from_slice(&run.y[..n]);
-                sum.z.copy_from_slice(&run.z[..n]);
-            }
-        } else {
-            self.weight.fill(0.0);
-            for sum in [&mut self.point, &mut self.normal] {
-                sum.x.fill(0.0);
-                sum.y.fill(0.0);
-                sum.z.fill(0.0);
-            }
+    fn fill(&mut self, own: bool, weights: [&[f32]; 6], p: Around<'_>, u: Around<'_>) {
+        let own = if own { 1.0 } else { 0.0 };
+        weight_sums(own, weights, &mut self.weight);
+        for (sum, (at, around)) in [(&mut self.point, p), (&mut self.normal, u)] {
+            weighted_sums(own, weights, at.x, around.map(|r| r.x), &mut sum.x);
+            weighted_sums(own, weights, at.y, around.map(|r| r.y), &mut sum.y);
+            weighted_sums(own, weights, at.z, around.map(|r| r.z), &mut sum.z);
         }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, weights: &[f32], q: Run<'_>, v: Run<'_>) {
-        for (sum, weight) in self.weight.iter_mut().zip(weights) {
-            *sum += weight;
-        }
-        add_row(&mut self.point.x, weights, q.x);
-        add_row(&mut self.point.y, weights, q.y);
-        add_row(&mut self.point.z, weights, q.z);
-        add_row(&mut self.normal.x, weights, v.x);
-        add_row(&mut self.normal.y, weights, v.y);
-        add_row(&mut self.normal.z, weights, v.z);
     }
 }
 
 #[inline(always)]
-fn add_row(sum: &mut [f32], weights: &[f32], values: &[f32]) {
-    for ((sum, weight), value) in sum.iter_mut().zip(weights).zip(values) {
-        *sum += weight * value;
+fn weight_sums(own: f32, weights: [&[f32]; 6], out: &mut [f32]) {
+    let n = out.len();
+    let weights = weights.map(|w| &w[..n]);
+    for c in 0..n {
+        out[c] = weights.iter().fold(own, |sum, w| sum + w[c]);
+    }
+}
+
+#[inline(always)]
+fn weighted_sums(own: f32, weights: [&[f32]; 6], at: &[f32], around: [&[f32]; 6], out: &mut [f32]) {
+    let n = out.len();
+    let (weights, at, around) = (weights.map(|w| &w[..n]), &at[..n], around.map(|v| &v[..n]));
+    for c in 0..n {
+        let mut sum = own * at[c];
+        for k in 0..6 {
+            sum += weights[k][c] * around[k][c];
+        }
+        out[c] = sum;
     }
 }
 

@@ -10,6 +10,8 @@
 mod acceptance;
 mod cell;
 mod cloud;
+mod colour;
+mod columns;
 mod filter;
 mod mesh;
 mod normals;
@@ -17,6 +19,7 @@ mod planes;
 mod reconstruct;
 mod rings;
 mod settings;
+mod step;
 mod vertex;
 
 pub use reconstruct::{Reconstructor, SurfaceStats};
@@ -24,4 +27,5 @@ pub use settings::{
     BoundaryRule, CellBrightness, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SettingError,
     SurfaceSettings, check_range,
 };
+pub use step::Step;
 pub use vertex::{Grid, SurfaceView, Vertex};

@@ -7,6 +7,7 @@ use crate::normals::{self, From};
 use crate::planes::{Layout, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SettingError, SurfaceSettings};
+use crate::step::Step;
 use crate::vertex::{Grid, Vertex};
 use tessera_geometry::Camera;
 
@@ -30,6 +31,7 @@ pub struct Reconstructor {
     test: EdgeTest,
     workspace: Workspace,
     walk: Option<RingWalk>,
+    n_measured: usize,
     arch: pulp::Arch,
 }
 
@@ -52,6 +54,7 @@ impl Reconstructor {
             test: EdgeTest::new(settings),
             workspace: Workspace::new(grid),
             walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
+            n_measured: 0,
             arch: pulp::Arch::new(),
         })
     }
@@ -70,26 +73,52 @@ impl Reconstructor {
     /// When a slice is shorter than the camera's image or grid, which the caller checks on entry.
     pub fn reconstruct(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
         let arch = self.arch;
-        arch.dispatch(OneFrame { reconstructor: self, depth, colour, out })
+        arch.dispatch(OneFrame { reconstructor: self, steps: &Step::ALL, depth, colour, out })
+    }
+
+    /// Runs one step alone, on what the steps before it left: for benchmarks. All of
+    /// [`Step::ALL`] in order are [`Self::reconstruct`].
+    ///
+    /// # Panics
+    /// As [`Self::reconstruct`].
+    pub fn run_step(
+        &mut self,
+        step: Step,
+        depth: &[u16],
+        colour: Option<&[u8]>,
+        out: &mut [Vertex],
+    ) -> SurfaceStats {
+        let arch = self.arch;
+        arch.dispatch(OneFrame { reconstructor: self, steps: &[step], depth, colour, out })
     }
 
     #[inline(always)]
-    fn run(&mut self, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
+    fn run(&mut self, step: Step, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
         let w = &mut self.workspace;
-        let n_measured = self.cloud.fill(depth, colour, w);
-        mesh::build(self.test, w);
-        normals::fill(w, From::Raw, self.settings.min_view_cosine);
-        if self.settings.filter_rings > 0 {
-            for _ in 0..self.settings.filter_passes {
-                filter::pass(&self.settings, w, self.walk.as_mut());
-                if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
-                    normals::fill(w, From::Filtered, self.settings.min_view_cosine);
-                }
-                std::mem::swap(&mut w.points, &mut w.filtered_points);
-                std::mem::swap(&mut w.normals, &mut w.filtered_normals);
-            }
+        match step {
+            Step::Cloud => self.n_measured = self.cloud.fill(depth, colour, w),
+            Step::Mesh => mesh::build(self.test, w),
+            Step::Normals => normals::fill(w, From::Raw, self.settings.min_view_cosine),
+            Step::Filter => self.filter(),
+            Step::Vertices => return write_vertices(w, self.n_measured, out),
         }
-        write_vertices(w, n_measured, out)
+        SurfaceStats { n_measured: self.n_measured, ..SurfaceStats::default() }
+    }
+
+    #[inline(always)]
+    fn filter(&mut self) {
+        let w = &mut self.workspace;
+        if self.settings.filter_rings == 0 {
+            return;
+        }
+        for _ in 0..self.settings.filter_passes {
+            filter::pass(&self.settings, w, self.walk.as_mut());
+            if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
+                normals::fill(w, From::Filtered, self.settings.min_view_cosine);
+            }
+            std::mem::swap(&mut w.points, &mut w.filtered_points);
+            std::mem::swap(&mut w.normals, &mut w.filtered_normals);
+        }
     }
 }
 
@@ -97,6 +126,7 @@ impl Reconstructor {
 /// plain arithmetic in a fixed order, so the bits are the same on all.
 struct OneFrame<'a> {
     reconstructor: &'a mut Reconstructor,
+    steps: &'a [Step],
     depth: &'a [u16],
     colour: Option<&'a [u8]>,
     out: &'a mut [Vertex],
@@ -107,7 +137,11 @@ impl pulp::WithSimd for OneFrame<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> SurfaceStats {
-        self.reconstructor.run(self.depth, self.colour, self.out)
+        let mut stats = SurfaceStats::default();
+        for &step in self.steps {
+            stats = self.reconstructor.run(step, self.depth, self.colour, self.out);
+        }
+        stats
     }
 }
 

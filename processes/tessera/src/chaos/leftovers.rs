@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 15] = [
+const DOCUMENTED: [&str; 17] = [
     "align.journal",
     "config.toml",
     "groundtruth.txt",
@@ -14,10 +14,12 @@ const DOCUMENTED: [&str; 15] = [
     "log.txt",
     "map.ply",
     "optimise.journal",
+    "report.html",
     "run.json",
     "states.csv",
     "statistics.json",
     "summary.json",
+    "timeline.json",
     "trajectory.txt",
     "trajectory_online.txt",
 ];

@@ -51,7 +51,8 @@ fn input_error(path: &Path, reason: impl std::fmt::Display) -> CommandError {
     CommandError::Input(format!("{}: {reason}", path.display()))
 }
 
-fn read_settings(files: &RunFiles) -> Result<Settings, CommandError> {
+/// The settings that the run was made with.
+pub(crate) fn read_settings(files: &RunFiles) -> Result<Settings, CommandError> {
     let path = files.config();
     let text = fs::read_to_string(&path).map_err(|error| {
         input_error(&path, format!("{error}: expected the folder of a run, which has a config.toml"))
@@ -59,7 +60,8 @@ fn read_settings(files: &RunFiles) -> Result<Settings, CommandError> {
     Ok(Settings::from_toml(&text, &path.display().to_string())?)
 }
 
-fn read_journal(files: &RunFiles) -> Result<Replay, CommandError> {
+/// The journal of the aligner, folded; nothing where there is none yet.
+pub(crate) fn read_journal(files: &RunFiles) -> Result<Replay, CommandError> {
     let path = files.align_journal();
     let mut replay = Replay::default();
     if !path.exists() {
@@ -82,7 +84,8 @@ pub(crate) fn write_groundtruth(run_folder: &Path, truth: Option<&Trajectory>) -
     })
 }
 
-fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, CommandError> {
+/// The ground truth that the run kept, if it had one.
+pub(crate) fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, CommandError> {
     let path = run_folder.join(GROUNDTRUTH_FILE);
     if !path.exists() {
         return Ok(None);

@@ -3,16 +3,23 @@
 
 mod export;
 mod files;
+mod machine;
 mod map;
 mod replay;
 mod states;
 mod statistics;
 mod summary;
 #[cfg(test)]
-mod test_run;
+pub(crate) mod test_run;
+mod timeline;
 mod trajectories;
 mod voxels;
 
-pub(crate) use export::{export, write_groundtruth};
+pub(crate) use export::{export, read_groundtruth, read_journal, read_settings, write_groundtruth};
+pub(crate) use files::write_whole;
+pub(crate) use machine::Machine;
+pub(crate) use replay::Replay;
 pub(crate) use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};
 pub(crate) use summary::Summary;
+pub(crate) use timeline::{END_TO_END, Point, Recorder, Sample, Timeline, read_timeline, write_timeline};
+pub(crate) use trajectories::{as_trajectory, final_rows};

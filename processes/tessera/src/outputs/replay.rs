@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
 use tessera_mapping::{
-    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, MapRecord, RefinedCamera,
-    Refinement, State,
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, MapRecord,
+    RefinedCamera, Refinement, State,
 };
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
@@ -35,8 +35,8 @@ pub(crate) struct Replay {
     pub(crate) is_finally_optimised: bool,
     /// `world_from_camera` of frames that the final optimisation solved again.
     solved: BTreeMap<u64, PoseBits>,
-    /// Weight that the optimiser left each loop, newer and older keyframe.
-    loop_weights: BTreeMap<(u32, u32), f64>,
+    /// What the optimiser last said of each loop, by newer and older keyframe.
+    pub(crate) loops: BTreeMap<(u32, u32), LoopRecord>,
     /// Which keyframe a frame became.
     keyframe_of_frame: BTreeMap<u64, u32>,
 }
@@ -116,7 +116,7 @@ impl Replay {
         self.solved.extend(correction.frames.iter().copied());
         self.refinement.clone_from(&correction.refinement);
         for pair in &correction.loops {
-            self.loop_weights.insert((pair.newer, pair.older), pair.weight);
+            self.loops.insert((pair.newer, pair.older), *pair);
         }
     }
 
@@ -163,7 +163,7 @@ impl Replay {
 
     /// Loops between keyframes that the optimiser kept.
     pub(crate) fn n_loops_closed(&self) -> u64 {
-        let weight = |newer, older| self.loop_weights.get(&(newer, older)).copied().unwrap_or(1.0);
+        let weight = |newer, older| self.loops.get(&(newer, older)).map_or(1.0, |pair| pair.weight);
         let loops = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
         loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
     }

@@ -210,13 +210,23 @@ impl Summary {
         text
     }
 
-    fn headline(&self) -> String {
-        let how = match self.ended {
+    /// How the run ended, in a word.
+    pub(crate) fn how_it_ended(&self) -> &'static str {
+        match self.ended {
             Ended::Finished => "done",
             Ended::Interrupted => "interrupted",
             Ended::Failed => "failed",
             Ended::Unfinished => "unfinished",
-        };
+        }
+    }
+
+    /// Whether the end of the run is a reason to worry.
+    pub(crate) fn is_alarming(&self) -> bool {
+        self.ended != Ended::Finished || self.frames_lost > 0 || self.is_nowhere()
+    }
+
+    fn headline(&self) -> String {
+        let how = self.how_it_ended();
         let optimised = if self.final_optimisation { "" } else { ", without the final optimisation" };
         format!("{}: {how}{optimised}", self.source)
     }

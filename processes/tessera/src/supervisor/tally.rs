@@ -1,6 +1,6 @@
 //! What a stage has done over all its lives, from its beats.
 
-use tessera_messages::{Beat, Latency};
+use tessera_messages::{Beat, Latency, TimeCounts};
 
 /// Counters of one stage over all its lives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,6 +25,10 @@ pub(crate) struct Counters {
     pub(crate) latency: Latency,
     /// Time from shared memory to pose, likewise (align).
     pub(crate) end_to_end: Latency,
+    /// How often one frame took how long.
+    pub(crate) latency_counts: TimeCounts,
+    /// The same from shared memory to pose (align).
+    pub(crate) end_to_end_counts: TimeCounts,
 }
 
 /// One stage's counters, and the beat of its present life.
@@ -73,6 +77,8 @@ impl Tally {
             peak_rss_bytes: past.peak_rss_bytes.max(beat.peak_rss_bytes),
             latency: merge(past.latency, beat.latency),
             end_to_end: merge(past.end_to_end, beat.end_to_end),
+            latency_counts: past.latency_counts.and(&beat.latency_counts),
+            end_to_end_counts: past.end_to_end_counts.and(&beat.end_to_end_counts),
         }
     }
 }

@@ -1,0 +1,29 @@
+//! `tessera report`: what came of one run or several, as a page.
+
+use crate::arguments::ReportArguments;
+use crate::exit::{CommandError, Exit};
+use crate::report::{self, REPORT_FILE};
+use crate::run_folder;
+use crate::terminal::say;
+use std::path::{Path, PathBuf};
+
+/// Writes the report and says where it is.
+pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, CommandError> {
+    let folders: Vec<PathBuf> =
+        arguments.runs.iter().map(|run| run_folder::find(run)).collect::<Result<_, _>>()?;
+    let path = match (&arguments.out, folders.as_slice()) {
+        (Some(path), _) => path.clone(),
+        (None, [folder]) => folder.join(REPORT_FILE),
+        (None, _) => PathBuf::from(REPORT_FILE),
+    };
+    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+        return Err(CommandError::Arguments(format!("--out is {}, expected a file", path.display())));
+    };
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
+    report::write(&folders, parent, name)?;
+    if !arguments.quiet {
+        say(&path.display().to_string());
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,317 @@
+//! A plot as SVG, drawn twice: wide for screens and paper, narrow for phones.
+
+use crate::ReportError;
+use crate::html::escaped;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::ops::Range;
+
+/// Colours that stay apart in print and for the colour-blind (Okabe and Ito).
+pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
+/// As [`BLUE`].
+pub(crate) const VERMILION: RGBColor = RGBColor(213, 94, 0);
+/// As [`BLUE`].
+pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
+/// As [`BLUE`].
+pub(crate) const PURPLE: RGBColor = RGBColor(190, 100, 150);
+/// As [`BLUE`].
+pub(crate) const ORANGE: RGBColor = RGBColor(230, 159, 0);
+/// As [`BLUE`].
+pub(crate) const SKY: RGBColor = RGBColor(86, 180, 233);
+/// For what stands behind.
+pub(crate) const GREY: RGBColor = RGBColor(150, 150, 150);
+/// For stages and runs, one after the other.
+pub(crate) const CYCLE: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+
+/// The SVG library rounds to whole units: plots are drawn this much larger than they are shown.
+const FINE: u32 = 5;
+/// Most points of a line: more cannot be seen.
+const MOST_POINTS: usize = 1500;
+
+/// A line through points, or dots at them.
+pub(crate) struct Series {
+    /// What the legend says; empty: nothing.
+    pub(crate) name: String,
+    pub(crate) colour: RGBColor,
+    pub(crate) points: Vec<(f64, f64)>,
+    /// Width of the line or radius of the dots, pixels.
+    pub(crate) size: f64,
+    pub(crate) form: Form,
+}
+
+/// How points are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// Joined.
+    Line,
+    /// Apart.
+    Dots,
+    /// Pairs of points, each joined.
+    Segments,
+}
+
+/// A span of x to be noticed.
+pub(crate) struct Band {
+    pub(crate) x: Range<f64>,
+    pub(crate) colour: RGBColor,
+}
+
+/// A letter at a point.
+pub(crate) struct Mark {
+    pub(crate) at: (f64, f64),
+    pub(crate) letter: String,
+}
+
+/// A plot.
+#[derive(Default)]
+pub(crate) struct Chart {
+    /// What it shows, for those who hear it and for messages.
+    pub(crate) what: String,
+    pub(crate) x_label: String,
+    pub(crate) y_label: String,
+    pub(crate) bands: Vec<Band>,
+    /// Later ones lie on top.
+    pub(crate) series: Vec<Series>,
+    pub(crate) marks: Vec<Mark>,
+    /// One metre is as long along x as along y.
+    pub(crate) is_map: bool,
+    /// x or y are decimal logarithms and labelled by what they stand for.
+    pub(crate) log: [bool; 2],
+    /// y begins at 0.
+    pub(crate) from_zero: bool,
+    /// Further lines of the legend, for bands.
+    pub(crate) also: Vec<(String, RGBColor)>,
+}
+
+impl Chart {
+    /// The plot with its legend.
+    pub(crate) fn html(&self) -> Result<String, ReportError> {
+        let wide = self.svg(760, if self.is_map { 440 } else { 270 }, 13)?;
+        let narrow = self.svg(370, if self.is_map { 340 } else { 240 }, 12)?;
+        let what = escaped(&self.what);
+        let legend = self.legend();
+        Ok(format!(
+            "<figure><div class=\"wide\" role=\"img\" aria-label=\"{what}\">{wide}</div>\
+             <div class=\"narrow\" role=\"img\" aria-label=\"{what}\">{narrow}</div>{legend}</figure>"
+        ))
+    }
+
+    fn legend(&self) -> String {
+        let own = self.series.iter().map(|s| (&s.name, s.colour, s.form == Form::Dots));
+        let all = own.chain(self.also.iter().map(|(name, colour)| (name, *colour, true)));
+        let entries: String = all
+            .filter(|(name, ..)| !name.is_empty())
+            .map(|(name, RGBColor(r, g, b), is_dot)| {
+                let class = if is_dot { "dot" } else { "line" };
+                let name = escaped(name);
+                format!("<span><i class=\"{class}\" style=\"background:rgb({r},{g},{b})\"></i>{name}</span>")
+            })
+            .collect();
+        if entries.is_empty() { entries } else { format!("<figcaption>{entries}</figcaption>") }
+    }
+
+    fn svg(&self, width: u32, height: u32, font: u32) -> Result<String, ReportError> {
+        let mut text = String::new();
+        let size = (width * FINE, height * FINE);
+        let drawn = {
+            let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+            self.draw(&area, font * FINE).and_then(|()| area.present().map_err(|error| error.to_string()))
+        };
+        drawn.map_err(|reason| ReportError { what: self.what.clone(), reason })?;
+        // As wide as its place: the view box keeps the proportions.
+        let fixed = format!("<svg width=\"{}\" height=\"{}\"", size.0, size.1);
+        Ok(text.replacen(&fixed, "<svg", 1).replace('\n', ""))
+    }
+
+    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, font: u32) -> Result<(), String> {
+        let label_area = (font as f64 * 1.2 + 20.0 * f64::from(FINE)) as u32;
+        let y_area = font * 4 + 2 * FINE;
+        let (x, y) = self.ranges(area.dim_in_pixel(), (y_area, label_area));
+        let n_labels = (area.dim_in_pixel().0 / FINE / 60).clamp(5, 11) as usize;
+        let steps = [step(&x, n_labels), step(&y, if self.is_map { 7 } else { 5 })];
+        let mut chart = ChartBuilder::on(area)
+            .margin(6 * FINE)
+            .margin_right(14 * FINE)
+            .x_label_area_size(label_area)
+            .y_label_area_size(y_area)
+            .build_cartesian_2d(x.clone(), y.clone())
+            .map_err(|error| error.to_string())?;
+        chart
+            .configure_mesh()
+            .x_labels(n_labels)
+            .y_labels(if self.is_map { 7 } else { 5 })
+            .x_label_formatter(&|v| label(*v, self.log[0], steps[0]))
+            .y_label_formatter(&|v| label(*v, self.log[1], steps[1]))
+            .x_desc(&self.x_label)
+            .y_desc(&self.y_label)
+            .label_style(("sans-serif", font))
+            .axis_desc_style(("sans-serif", font))
+            .axis_style(BLACK.mix(0.4).stroke_width(FINE))
+            .bold_line_style(BLACK.mix(0.1).stroke_width(FINE))
+            .light_line_style(TRANSPARENT)
+            .set_all_tick_mark_size(4 * FINE)
+            .draw()
+            .map_err(|error| error.to_string())?;
+        for band in &self.bands {
+            let corners = [(band.x.start.max(x.start), y.start), (band.x.end.min(x.end), y.end)];
+            chart
+                .draw_series([Rectangle::new(corners, band.colour.mix(0.25).filled())])
+                .map_err(|error| error.to_string())?;
+        }
+        for series in &self.series {
+            let stroke = series.colour.stroke_width((series.size * f64::from(FINE)) as u32);
+            let points = thinned(&series.points, series.form);
+            match series.form {
+                Form::Line => chart.draw_series(LineSeries::new(points, stroke)).map(|_| ()),
+                Form::Dots => {
+                    let radius = (series.size * f64::from(FINE)) as i32;
+                    let dots = points.into_iter().map(|at| Circle::new(at, radius, series.colour.filled()));
+                    chart.draw_series(dots).map(|_| ())
+                }
+                Form::Segments => {
+                    let pairs: Vec<_> = points.chunks_exact(2).map(<[_]>::to_vec).collect();
+                    chart.draw_series(pairs.into_iter().map(|p| PathElement::new(p, stroke))).map(|_| ())
+                }
+            }
+            .map_err(|error| error.to_string())?;
+        }
+        for mark in &self.marks {
+            let centre = Pos::new(HPos::Center, VPos::Center);
+            let style = TextStyle::from(("sans-serif", font).into_font()).color(&WHITE).pos(centre);
+            let at = EmptyElement::at(mark.at)
+                + Circle::new((0, 0), font as i32 * 2 / 3, BLACK.filled())
+                + Text::new(mark.letter.clone(), (0, 0), style);
+            chart.draw_series([at]).map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// Ranges that hold all points, in equal scale for a map.
+    fn ranges(&self, size: (u32, u32), areas: (u32, u32)) -> (Range<f64>, Range<f64>) {
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let mut x = span(points().map(|p| p.0));
+        let mut y = span(points().map(|p| p.1));
+        if self.from_zero {
+            y.start = 0.0;
+        }
+        let (width_px, height_px) = (
+            f64::from(size.0.saturating_sub(areas.0 + 20 * FINE)),
+            f64::from(size.1.saturating_sub(areas.1 + 12 * FINE)),
+        );
+        if self.is_map {
+            let metres_per_px =
+                ((x.end - x.start) / width_px).max((y.end - y.start) / height_px).max(1e-6) * 1.08;
+            x = around(&x, 0.5 * metres_per_px * width_px);
+            y = around(&y, 0.5 * metres_per_px * height_px);
+        } else {
+            y.end += 0.06 * (y.end - y.start);
+        }
+        (x, y)
+    }
+}
+
+/// What holds all values; never empty.
+fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let (low, high) = values
+        .filter(|value| value.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 0.0..1.0;
+    }
+    if high - low < 1e-9 { low - 0.5..high + 0.5 } else { low..high }
+}
+
+fn around(range: &Range<f64>, half: f64) -> Range<f64> {
+    let middle = 0.5 * (range.start + range.end);
+    middle - half..middle + half
+}
+
+/// About how far apart the labels of an axis are.
+fn step(range: &Range<f64>, n_labels: usize) -> f64 {
+    (range.end - range.start) / n_labels as f64
+}
+
+/// A number with the digits that its neighbours need.
+fn label(value: f64, is_log: bool, step: f64) -> String {
+    if is_log {
+        let value = 10f64.powf(value);
+        let digits = if value < 0.095 {
+            2
+        } else if value < 9.5 {
+            1
+        } else {
+            0
+        };
+        return format!("{value:.digits$}");
+    }
+    let digits = (0..4).find(|&d| step * 10f64.powi(d) >= 0.99).unwrap_or(4) as usize;
+    let text = format!("{value:.digits$}");
+    // No minus before nothing.
+    if text.chars().all(|c| "-0.".contains(c)) { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+/// As many points as can be seen, the first and the last among them.
+fn thinned(points: &[(f64, f64)], form: Form) -> Vec<(f64, f64)> {
+    let finite = || points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite());
+    if form == Form::Segments || points.len() <= MOST_POINTS {
+        return if form == Form::Segments { points.to_vec() } else { finite().collect() };
+    }
+    // Of each bunch the highest, so that no peak goes missing.
+    let bunch = points.len().div_ceil(MOST_POINTS);
+    let all: Vec<(f64, f64)> = finite().collect();
+    all.chunks(bunch).filter_map(|bunch| bunch.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart() -> Chart {
+        Chart {
+            what: "a <test>".into(),
+            series: vec![Series {
+                name: "line".into(),
+                colour: BLUE,
+                points: vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, 1.0)],
+                size: 1.5,
+                form: Form::Line,
+            }],
+            ..Chart::default()
+        }
+    }
+
+    #[test]
+    fn a_plot_is_drawn_in_both_widths_with_its_legend() {
+        let html = chart().html().unwrap();
+        assert_eq!(html.matches("<svg").count(), 2);
+        assert!(html.contains("a &lt;test&gt;") && html.contains("</i>line</span>"), "{html}");
+        assert!(!html.contains("NaN") && !html.contains("<svg width"), "{html}");
+    }
+
+    #[test]
+    fn nothing_and_one_point_can_be_drawn() {
+        Chart::default().html().unwrap();
+        let mut one = chart();
+        one.series[0].points = vec![(3.0, 3.0)];
+        one.is_map = true;
+        one.html().unwrap();
+    }
+
+    #[test]
+    fn peaks_survive_thinning() {
+        let mut points: Vec<(f64, f64)> = (0..100_000).map(|k| (f64::from(k), 0.0)).collect();
+        points[54_321].1 = 7.0;
+        let kept = thinned(&points, Form::Line);
+        assert!(kept.len() <= MOST_POINTS);
+        assert!(kept.contains(&(54_321.0, 7.0)));
+    }
+
+    #[test]
+    fn labels_have_the_digits_they_need() {
+        assert_eq!(label(0.25, false, 0.05), "0.25");
+        assert_eq!(label(-0.0, false, 1.0), "0");
+        assert_eq!(label(120.0, false, 20.0), "120");
+        assert_eq!(label(0.5, true, 0.5), "3.2");
+    }
+}

@@ -1,0 +1,93 @@
+//! The page around the sections.
+
+use crate::html::escaped;
+use crate::run::Run;
+use crate::{ReportError, compare, sections};
+
+const STYLE: &str = include_str!("style.css");
+
+/// The whole page: one run, or several side by side and then one after the other.
+///
+/// # Errors
+/// Names the plot that could not be drawn.
+pub fn page(runs: &[Run]) -> Result<String, ReportError> {
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let title = escaped(&names.join(", "));
+    let mut body = String::new();
+    if runs.len() > 1 {
+        body.push_str(&format!("<header><h1>{} runs</h1></header>", runs.len()));
+        body.push_str(&compare::html(runs)?);
+    }
+    for (place, run) in runs.iter().enumerate() {
+        let level = if runs.len() > 1 { "h2" } else { "h1" };
+        let class = if run.is_alarming { "badge alarm" } else { "badge" };
+        let prefix = if runs.len() > 1 { format!("run{place}-") } else { String::new() };
+        body.push_str(&format!(
+            "<article><header><{level}>{} <span class=\"{class}\">{}</span></{level}><p>{}</p></header>{}</article>",
+            escaped(&run.name),
+            escaped(&run.ended),
+            escaped(&run.source),
+            sections::of_run(run, &prefix)?
+        ));
+    }
+    // No address of an icon, so that a browser does not go and look for one.
+    Ok(format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <link rel=\"icon\" href=\"data:,\"><title>{title} · Tessera</title><style>{STYLE}</style></head>\n\
+         <body><main>{body}</main></body></html>\n"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::{Frame, Setting};
+
+    fn run(name: &str, n: f64) -> Run {
+        Run {
+            name: name.into(),
+            facts: vec![("ATE".into(), format!("{n} m"))],
+            truth_m: vec![[0.0; 3], [n, 0.0, 0.0]],
+            frames: vec![Frame { error_m: Some(n), ..Frame::default() }],
+            settings: vec![Setting { key: "a.b".into(), value: n.to_string(), default: Some("1".into()) }],
+            ..Run::default()
+        }
+    }
+
+    #[test]
+    fn one_run_has_every_section_and_nothing_from_elsewhere() {
+        let page = page(&[run("<one>", 1.0)]).unwrap();
+        for id in [
+            "summary",
+            "trajectory",
+            "error",
+            "worst",
+            "graph",
+            "latency",
+            "memory",
+            "events",
+            "settings",
+            "machine",
+        ] {
+            assert_eq!(page.matches(&format!("<section id=\"{id}\">")).count(), 1, "{id}");
+        }
+        assert!(page.contains("&lt;one&gt;") && !page.contains("<one>"));
+        assert!(!page.contains("<script") && !page.contains("src=\"http") && !page.contains("url("));
+        assert!(page.contains("All settings are those of the default"));
+    }
+
+    #[test]
+    fn several_runs_are_compared_first() {
+        let page = page(&[run("one", 1.0), run("two", 2.0)]).unwrap();
+        let compared = page.split("<article>").next().unwrap();
+        assert!(compared.contains("1 m") && compared.contains("2 m"), "{compared}");
+        assert!(compared.contains("<td>a.b</td><td>1</td><td>2</td>"), "{compared}");
+        assert!(page.contains("id=\"run1-graph\"") && page.contains("what differs from the default"));
+    }
+
+    #[test]
+    fn a_run_of_nothing_has_a_page() {
+        assert!(page(&[Run::default()]).unwrap().contains("</html>"));
+    }
+}

@@ -1,0 +1,163 @@
+//! Pictures inside the page: colour, depth and mesh as data URIs.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+/// Quality of JPEG, of 100.
+const QUALITY: u8 = 80;
+/// Widest picture: larger ones are made smaller by whole factors.
+const MOST_COLUMNS: usize = 400;
+
+/// Why a picture could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// Pixels and size do not fit.
+    #[error("{found} values for {width}x{height} pixels, expected {expected}")]
+    Size {
+        /// Values given.
+        found: usize,
+        /// Values needed.
+        expected: usize,
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// The encoder refused.
+    #[error("cannot encode a picture: {0}")]
+    Encode(#[from] image::ImageError),
+}
+
+/// An encoded picture.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Image {
+    kind: &'static str,
+    bytes: Vec<u8>,
+    width: usize,
+    height: usize,
+}
+
+impl Image {
+    /// The picture as an element of a page.
+    pub(crate) fn html(&self, what: &str) -> String {
+        let Self { kind, width, height, .. } = self;
+        let what = crate::html::escaped(what);
+        let data = STANDARD.encode(&self.bytes);
+        format!(
+            "<img width=\"{width}\" height=\"{height}\" alt=\"{what}\" src=\"data:image/{kind};base64,{data}\">"
+        )
+    }
+}
+
+/// A colour image: red, green, blue bytes, row by row.
+///
+/// # Errors
+/// Where the bytes are not `3 * width * height`, or the encoder refuses.
+pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<Image, PictureError> {
+    check(rgb.len(), 3 * width * height, width, height)?;
+    let (columns, rows, small) = smaller(width, height, |at| [rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY).write_image(
+        &small,
+        columns as u32,
+        rows as u32,
+        ExtendedColorType::Rgb8,
+    )?;
+    Ok(Image { kind: "jpeg", bytes, width: columns, height: rows })
+}
+
+/// A depth image: near is light, far is dark, nothing is white.
+///
+/// `depth` holds raw units, row by row; 0 and 65535 mean no measurement.
+///
+/// # Errors
+/// As [`photograph`].
+pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<Image, PictureError> {
+    check(depth.len(), width * height, width, height)?;
+    let is_measured = |d: u16| d != 0 && d != u16::MAX;
+    let mut sorted: Vec<u16> = depth.iter().copied().filter(|&d| is_measured(d)).collect();
+    sorted.sort_unstable();
+    let at = |share: f64| {
+        sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize).map_or(0.0, |d| f64::from(*d))
+    };
+    // Single outliers do not take the colours of all others.
+    let (near, far) = (at(0.02), at(0.98));
+    let colour = |d: u16| {
+        if !is_measured(d) {
+            return [255; 3];
+        }
+        let share = ((f64::from(d) - near) / (far - near).max(1.0)).clamp(0.0, 1.0);
+        ramp(share)
+    };
+    let (columns, rows, small) = smaller(width, height, |at| colour(depth[at]));
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes).write_image(&small, columns as u32, rows as u32, ExtendedColorType::Rgb8)?;
+    Ok(Image { kind: "png", bytes, width: columns, height: rows })
+}
+
+/// From light yellow over green and blue to dark violet: brightness falls all the way, so that it
+/// can be read without colours too.
+fn ramp(share: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 5] = [
+        [253.0, 231.0, 37.0],
+        [94.0, 201.0, 98.0],
+        [33.0, 145.0, 140.0],
+        [59.0, 82.0, 139.0],
+        [68.0, 1.0, 84.0],
+    ];
+    let place = share * (STOPS.len() - 1) as f64;
+    let first = (place as usize).min(STOPS.len() - 2);
+    let t = place - first as f64;
+    std::array::from_fn(|k| (STOPS[first][k] * (1.0 - t) + STOPS[first + 1][k] * t) as u8)
+}
+
+fn check(found: usize, expected: usize, width: usize, height: usize) -> Result<(), PictureError> {
+    let is_right = found == expected && width > 0 && height > 0;
+    is_right.then_some(()).ok_or(PictureError::Size { found, expected, width, height })
+}
+
+/// Every k-th pixel of every k-th row, so that the picture is not wider than needed.
+fn smaller(width: usize, height: usize, pixel: impl Fn(usize) -> [u8; 3]) -> (usize, usize, Vec<u8>) {
+    let k = width.div_ceil(MOST_COLUMNS);
+    let (columns, rows) = (width / k, height / k);
+    let mut bytes = Vec::with_capacity(3 * columns * rows);
+    for row in 0..rows {
+        for column in 0..columns {
+            bytes.extend(pixel(row * k * width + column * k));
+        }
+    }
+    (columns, rows.max(1), bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_is_lighter_than_far_and_nothing_is_white() {
+        let mut depth = vec![0u16; 64 * 32];
+        for (k, d) in depth.iter_mut().enumerate().skip(64) {
+            *d = 1000 + k as u16;
+        }
+        let image = depth_picture(64, 32, &depth).unwrap();
+        let back = image::load_from_memory(&image.bytes).unwrap().to_rgb8();
+        let brightness =
+            |column, row| back.get_pixel(column, row).0.iter().map(|&v| u32::from(v)).sum::<u32>();
+        assert_eq!(back.get_pixel(5, 0).0, [255; 3]);
+        assert!(brightness(5, 2) > brightness(5, 30));
+    }
+
+    #[test]
+    fn large_pictures_become_smaller_and_wrong_sizes_are_named() {
+        let image = photograph(640, 480, &vec![90; 3 * 640 * 480]).unwrap();
+        assert_eq!((image.width, image.height), (320, 240));
+        assert!(
+            image.html("a \"b\"").starts_with("<img width=\"320\" height=\"240\" alt=\"a &quot;b&quot;\"")
+        );
+        let error = photograph(640, 480, &[0; 3]).unwrap_err().to_string();
+        assert_eq!(error, "3 values for 640x480 pixels, expected 921600");
+    }
+}

@@ -1,0 +1,199 @@
+//! All that a page tells of a run. Positions are metres along right, forward and up.
+
+use crate::picture::Image;
+
+/// Whether a frame's pose can be trusted, or why it has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrameState {
+    /// Aligned to the map.
+    #[default]
+    Tracking,
+    /// Not aligned.
+    Lost,
+    /// Found again, not yet confirmed.
+    Relocalising,
+    /// Left out (live mode).
+    Dropped,
+}
+
+/// One frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// As the source counts.
+    pub index: u64,
+    /// Since the first frame, seconds.
+    pub time_s: f64,
+    /// Whether it was tracked.
+    pub state: FrameState,
+    /// Why not, or what there is to say.
+    pub reason: String,
+    /// Final position; of a dropped frame, that of the frame before.
+    pub position_m: [f64; 3],
+    /// Distance to the ground truth after alignment of the whole; `None` without one.
+    pub error_m: Option<f64>,
+    /// Standard deviation of the position as the aligner sees it; `None` where it is unknown.
+    pub std_m: Option<f64>,
+}
+
+/// One keyframe.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Keyframe {
+    /// Its number.
+    pub id: u32,
+    /// Final position.
+    pub position_m: [f64; 3],
+    /// Whether an earlier run made it.
+    pub is_of_map: bool,
+    /// Keyframes before it to which it was aligned.
+    pub edges: Vec<u32>,
+}
+
+/// What became of a loop pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It takes part.
+    Accepted,
+    /// A test refused it.
+    Refused,
+    /// The rest of the graph contradicts it.
+    Outvoted,
+    /// The aligner saw it; no optimisation has judged it (yet).
+    Untested,
+}
+
+/// A pair of keyframes that would close a loop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoopPair {
+    /// The newer keyframe.
+    pub newer: u32,
+    /// The older keyframe.
+    pub older: u32,
+    /// What became of it.
+    pub verdict: Verdict,
+    /// Why, in words.
+    pub words: String,
+    /// Overlap, share in front, inconsistency and residual in standard deviations, weight.
+    pub numbers: [f64; 5],
+}
+
+/// What a stage did over all its lives.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// Frames (or requests) done.
+    pub frames: u64,
+    /// Lives after the first.
+    pub restarts: u64,
+    /// Median, 99th percentile and longest time for one, milliseconds.
+    pub latency_ms: [f64; 3],
+    /// CPU time for each frame of the run, milliseconds; `None` where it is not counted.
+    pub cpu_ms_per_frame: Option<f64>,
+    /// Highest resident set, megabytes; `None` where it is no process.
+    pub peak_rss_mb: Option<f64>,
+    /// How often one took how long: end of the bucket in milliseconds, and how many.
+    pub latency_counts: Vec<(f64, u64)>,
+}
+
+/// A stage between two samples.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StageSample {
+    /// Name of the stage.
+    pub stage: String,
+    /// Mean and longest time for one frame, milliseconds.
+    pub mean_longest_ms: Option<(f64, f64)>,
+    /// Frames dropped.
+    pub dropped: u64,
+    /// Restarts.
+    pub restarts: u64,
+    /// Highest resident set until then, megabytes.
+    pub peak_rss_mb: f64,
+}
+
+/// All stages at a time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Since the start of the run, seconds.
+    pub at_s: f64,
+    /// Each stage.
+    pub stages: Vec<StageSample>,
+}
+
+/// A line of the log that somebody should read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Event {
+    /// Time of day.
+    pub time: String,
+    /// Level.
+    pub level: String,
+    /// What was said.
+    pub words: String,
+}
+
+/// One setting.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Setting {
+    /// Key as `--set` takes it.
+    pub key: String,
+    /// Value of this run.
+    pub value: String,
+    /// Value without any configuration; `None`: there is none.
+    pub default: Option<String>,
+}
+
+/// A frame to look at.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WorstFrame {
+    /// The frame.
+    pub index: u64,
+    /// Why it is shown.
+    pub words: String,
+    /// What each picture is, and the picture.
+    pub pictures: Vec<(String, Image)>,
+}
+
+/// A run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Run {
+    /// Name or folder.
+    pub name: String,
+    /// What was run.
+    pub source: String,
+    /// How it ended, in a few words.
+    pub ended: String,
+    /// Whether that is a reason to worry.
+    pub is_alarming: bool,
+    /// What and how much: the summary.
+    pub facts: Vec<(String, String)>,
+    /// Where it was made: the program, the machine.
+    pub machine: Vec<(String, String)>,
+    /// Frames in the order of their index.
+    pub frames: Vec<Frame>,
+    /// True positions; empty without ground truth.
+    pub truth_m: Vec<[f64; 3]>,
+    /// Keyframes by id.
+    pub keyframes: Vec<Keyframe>,
+    /// Loop pairs.
+    pub loops: Vec<LoopPair>,
+    /// Stages in the order of the flow.
+    pub stages: Vec<Stage>,
+    /// In the order of time; empty where nobody recorded them.
+    pub samples: Vec<Sample>,
+    /// Lines of the log, oldest first.
+    pub events: Vec<Event>,
+    /// Of those, left out here.
+    pub n_more_events: usize,
+    /// All settings.
+    pub settings: Vec<Setting>,
+    /// Frames to look at, worst first.
+    pub worst: Vec<WorstFrame>,
+    /// Why there are no pictures, where there are none.
+    pub no_pictures: Option<String>,
+}
+
+impl Run {
+    /// Whether positions can be compared with the truth.
+    pub(crate) fn has_truth(&self) -> bool {
+        !self.truth_m.is_empty()
+    }
+}
