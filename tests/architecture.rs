@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 20] = [
+const MAY_KNOW: [(&str, &[&str]); 21] = [
     ("shared/geometry", &[]),
-    ("shared/surface", &["geometry"]),
-    ("shared/registration", &["geometry", "surface"]),
+    ("shared/steps", &[]),
+    ("shared/surface", &["geometry", "steps"]),
+    ("shared/registration", &["geometry", "steps", "surface"]),
     ("shared/calibration", &["geometry", "surface", "registration"]),
     ("shared/recognition", &["surface", "registration"]),
-    ("shared/mapping", &["geometry", "surface", "registration", "calibration", "recognition"]),
+    ("shared/mapping", &["geometry", "steps", "surface", "registration", "calibration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
@@ -22,16 +23,19 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
         "shared/offline",
         &["geometry", "surface", "registration", "calibration", "mapping", "sources", "trajectory"],
     ),
-    ("shared/messages", &["geometry", "surface"]),
+    ("shared/messages", &["geometry", "steps", "surface"]),
     ("shared/transport", &["messages", "surface"]),
     ("shared/journal", &[]),
     ("shared/report", &[]),
-    ("shared/stage", &["geometry", "surface", "mapping", "messages", "transport", "journal", "settings"]),
-    ("processes/sensor", &["messages", "settings", "sources", "stage", "transport"]),
+    (
+        "shared/stage",
+        &["geometry", "steps", "surface", "mapping", "messages", "transport", "journal", "settings"],
+    ),
+    ("processes/sensor", &["messages", "settings", "sources", "stage", "steps", "transport"]),
     ("processes/reconstruct", &["messages", "stage", "surface", "transport"]),
     (
         "processes/align",
-        &["geometry", "journal", "mapping", "messages", "settings", "stage", "surface", "transport"],
+        &["geometry", "journal", "mapping", "messages", "settings", "stage", "steps", "surface", "transport"],
     ),
     ("processes/optimise", &["journal", "mapping", "messages", "settings", "stage"]),
     (
@@ -51,6 +55,7 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
             "settings",
             "sources",
             "stage",
+            "steps",
             "surface",
             "trajectory",
             "transport",
@@ -59,8 +64,8 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
 ];
 
 /// The method: no files, no clock, no processes, no threads but rayon's, no environment.
-const ALGORITHMS: [&str; 7] =
-    ["geometry", "surface", "registration", "calibration", "recognition", "mapping", "trajectory"];
+const ALGORITHMS: [&str; 8] =
+    ["geometry", "steps", "surface", "registration", "calibration", "recognition", "mapping", "trajectory"];
 
 /// The only files with unsafe code, beside `shared/transport`.
 const UNSAFE_FILES: [&str; 1] = ["shared/journal/src/mapped.rs"];

@@ -13,6 +13,7 @@ use crate::tracker::KeyframeSurfaces;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 use tessera_geometry::{Pose, PoseBits};
+use tessera_steps::Step;
 
 /// The optimiser: a fold over both journals plus a pure solve.
 ///
@@ -95,9 +96,11 @@ impl Optimiser {
         let settings = &self.context.mapping.global;
         let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
         let solution = global::solve(&self.context, keyframes, surfaces, iterations, progress);
+        self.context.steps.enter(Step::Refine);
         let frames = if request.is_final { self.refine(&solution.poses) } else { Vec::new() };
         let refinement = (request.is_final && settings.refine_camera)
             .then(|| self.refine_camera(keyframes, surfaces, &solution, progress));
+        self.context.steps.leave();
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
