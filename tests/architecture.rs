@@ -15,7 +15,7 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
     ("shared/registration", &["geometry", "steps", "surface"]),
     ("shared/calibration", &["geometry", "surface", "registration"]),
     ("shared/recognition", &["surface", "registration"]),
-    ("shared/mapping", &["geometry", "steps", "surface", "registration", "recognition"]),
+    ("shared/mapping", &["geometry", "steps", "surface", "registration", "calibration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
@@ -42,6 +42,7 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
         "processes/tessera",
         &[
             "align",
+            "calibration",
             "geometry",
             "journal",
             "mapping",

@@ -134,6 +134,9 @@ pub(crate) struct RunArguments {
     /// At the end of the run its folder and that of the map change places: the map is updated
     #[arg(long, requires = "map")]
     pub(crate) map_update: bool,
+    /// The final optimisation solves for the camera too; the outputs are those of the refined camera
+    #[arg(long)]
+    pub(crate) refine_camera: bool,
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,

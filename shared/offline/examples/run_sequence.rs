@@ -165,6 +165,14 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
         };
     line("online", &records.online());
     line("final", &records.last());
+    if let Some(refined) = records.refined_camera() {
+        line("as was", &records.before_refinement());
+        let [before, after] = refined.residual_sigmas;
+        println!(
+            "    {:?}, moved {:.2} px, {} directions held, residual {before:.4} before, {after:.4} after",
+            refined.camera, refined.moved_px, refined.n_held
+        );
+    }
 }
 
 /// Quantiles of the loop pairs' tests in the last correction.

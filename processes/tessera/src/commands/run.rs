@@ -54,6 +54,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
 /// The settings of the run: file and `--set` first, then the arguments that have a flag of their own.
 pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     let mut settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
+    settings.mapping.global.refine_camera |= arguments.refine_camera;
     let run = &mut settings.run;
     if let Some(source) = &arguments.source {
         run.source.clone_from(source);

@@ -34,6 +34,7 @@ fn read(run_folder: &Path) -> Result<Run, CommandError> {
     let files = RunFiles::new(run_folder);
     let settings = outputs::read_settings(&files)?;
     let replay = outputs::read_journal(&files)?;
+    let replay = replay.with_refined_camera().unwrap_or(replay);
     let groundtruth = outputs::read_groundtruth(run_folder)?;
     let statistics = outputs::read_statistics(run_folder)?;
     // A run whose supervisor was killed has none.
