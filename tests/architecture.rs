@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 20] = [
+const MAY_KNOW: [(&str, &[&str]); 21] = [
     ("shared/geometry", &[]),
     ("shared/surface", &["geometry"]),
     ("shared/registration", &["geometry", "surface"]),
@@ -16,6 +16,7 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
     ("shared/recognition", &["surface", "registration"]),
     ("shared/mapping", &["geometry", "surface", "registration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
+    ("shared/fusion", &["geometry", "surface"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
     (
@@ -38,6 +39,7 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
         "processes/tessera",
         &[
             "align",
+            "fusion",
             "geometry",
             "journal",
             "mapping",
@@ -58,8 +60,8 @@ const MAY_KNOW: [(&str, &[&str]); 20] = [
 ];
 
 /// The method: no files, no clock, no processes, no threads but rayon's, no environment.
-const ALGORITHMS: [&str; 7] =
-    ["geometry", "surface", "registration", "calibration", "recognition", "mapping", "trajectory"];
+const ALGORITHMS: [&str; 8] =
+    ["geometry", "surface", "registration", "calibration", "recognition", "mapping", "trajectory", "fusion"];
 
 /// The only files with unsafe code, beside `shared/transport`.
 const UNSAFE_FILES: [&str; 1] = ["shared/journal/src/mapped.rs"];

@@ -92,15 +92,25 @@ fn write_map(
     let run = RunFile::read(files)?;
     let step = settings.surface.step as usize;
     let input = MapInput { camera: &run.camera, step, settings: &settings.output };
-    let mut keyframes = None;
-    if !replay.keyframes.is_empty() {
-        let n_vertices = run.layout(settings).grid.len();
-        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
-        for keyframe in &replay.keyframes {
-            mapped.add(keyframe.id, &keyframe.slot)?;
-        }
-        keyframes = Some(mapped);
-    }
+    let keyframes = map_keyframes(files, &run, replay, settings)?;
     let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
     map::write(&map::gather(replay, &input, surfaces), out_folder)
+}
+
+/// The surfaces of all keyframes; `None` where there is no keyframe.
+pub(crate) fn map_keyframes(
+    files: &RunFiles,
+    run: &RunFile,
+    replay: &Replay,
+    settings: &Settings,
+) -> Result<Option<MappedKeyframes>, CommandError> {
+    if replay.keyframes.is_empty() {
+        return Ok(None);
+    }
+    let n_vertices = run.layout(settings).grid.len();
+    let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
+    for keyframe in &replay.keyframes {
+        mapped.add(keyframe.id, &keyframe.slot)?;
+    }
+    Ok(Some(mapped))
 }
