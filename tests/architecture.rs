@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 21] = [
+const MAY_KNOW: [(&str, &[&str]); 22] = [
     ("shared/geometry", &[]),
-    ("shared/surface", &["geometry"]),
-    ("shared/registration", &["geometry", "surface"]),
+    ("shared/steps", &[]),
+    ("shared/surface", &["geometry", "steps"]),
+    ("shared/registration", &["geometry", "steps", "surface"]),
     ("shared/calibration", &["geometry", "surface", "registration"]),
     ("shared/recognition", &["surface", "registration"]),
-    ("shared/mapping", &["geometry", "surface", "registration", "recognition"]),
+    ("shared/mapping", &["geometry", "steps", "surface", "registration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
     ("shared/fusion", &["geometry", "surface"]),
     ("shared/sources", &["geometry", "trajectory"]),
@@ -23,16 +24,19 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
         "shared/offline",
         &["geometry", "surface", "registration", "calibration", "mapping", "sources", "trajectory"],
     ),
-    ("shared/messages", &["geometry", "surface"]),
+    ("shared/messages", &["geometry", "steps", "surface"]),
     ("shared/transport", &["messages", "surface"]),
     ("shared/journal", &[]),
     ("shared/report", &[]),
-    ("shared/stage", &["geometry", "surface", "mapping", "messages", "transport", "journal", "settings"]),
-    ("processes/sensor", &["messages", "settings", "sources", "stage", "transport"]),
+    (
+        "shared/stage",
+        &["geometry", "steps", "surface", "mapping", "messages", "transport", "journal", "settings"],
+    ),
+    ("processes/sensor", &["messages", "settings", "sources", "stage", "steps", "transport"]),
     ("processes/reconstruct", &["messages", "stage", "surface", "transport"]),
     (
         "processes/align",
-        &["geometry", "journal", "mapping", "messages", "settings", "stage", "surface", "transport"],
+        &["geometry", "journal", "mapping", "messages", "settings", "stage", "steps", "surface", "transport"],
     ),
     ("processes/optimise", &["journal", "mapping", "messages", "settings", "stage"]),
     (
@@ -52,6 +56,7 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
             "settings",
             "sources",
             "stage",
+            "steps",
             "surface",
             "trajectory",
             "transport",
@@ -60,8 +65,17 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
 ];
 
 /// The method: no files, no clock, no processes, no threads but rayon's, no environment.
-const ALGORITHMS: [&str; 8] =
-    ["geometry", "surface", "registration", "calibration", "recognition", "mapping", "trajectory", "fusion"];
+const ALGORITHMS: [&str; 9] = [
+    "geometry",
+    "steps",
+    "surface",
+    "registration",
+    "calibration",
+    "recognition",
+    "mapping",
+    "trajectory",
+    "fusion",
+];
 
 /// The only files with unsafe code, beside `shared/transport`.
 const UNSAFE_FILES: [&str; 1] = ["shared/journal/src/mapped.rs"];

@@ -5,8 +5,9 @@ use crate::desk::Desk;
 use crate::lossless::finish;
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
-use tessera_messages::{Kind, WaitingOn};
+use tessera_messages::{Kind, Phase, WaitingOn};
 use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
+use tessera_steps::Step;
 
 /// Works until the run is finished, the stage is told to stop, or it is time to forget.
 pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Result<Pause, StageError> {
@@ -66,6 +67,7 @@ fn step(
     let upstream = surface.header.dropped_before;
     let (kind, mut times) = (surface.header.kind, surface.header.times);
     times.align_began = began;
+    ports.pulse.phase(Phase::Transport, began.saturating_sub(times.surface_sent));
     for skipped in next..index {
         let here = skipped - next >= upstream;
         let reason = if here { "newer frames had come" } else { "left out before alignment" };
@@ -89,7 +91,11 @@ fn step(
     let first = desk.tracker.first_recent_index();
     let recent = ports.inbox.recent(first, index);
     let mut record = desk.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
+    let computed = monotonic_nanos();
+    ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     context.kill_points.pass("computed", index);
+    let steps = ports.pulse.steps();
+    steps.enter(Step::Store);
     if let Some(keyframe) = &record.new_keyframe {
         match ports.inbox.get(keyframe.frame_index) {
             Some(kept) => desk.store_keyframe(&mut record, kept.vertices())?,
@@ -99,8 +105,10 @@ fn step(
     }
     let matters = record.new_keyframe.is_some() || record.request.is_some();
     let record = AlignRecord::Frame(Box::new(record));
+    steps.enter(Step::Journal);
     desk.commit(&record)?;
     context.kill_points.pass("journaled", index);
+    steps.enter(Step::Send);
     if let AlignRecord::Frame(frame) = &record {
         ports.publish(frame, times)?;
     }
@@ -113,6 +121,9 @@ fn step(
     }
     ports.pulse.beat.keyframes = desk.keyframes.len() as u64;
     ports.pulse.beat.loops = desk.n_loops;
+    steps.leave();
+    let now = monotonic_nanos();
+    ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
     ports.pulse.done(now.saturating_sub(began));
     Ok(())
 }

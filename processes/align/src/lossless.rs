@@ -5,8 +5,9 @@ use crate::desk::{Desk, End};
 use crate::inbox::Seen;
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
-use tessera_messages::{Kind, WaitingOn};
+use tessera_messages::{Kind, Phase, WaitingOn};
 use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
+use tessera_steps::Step;
 
 /// How long a restarted aligner waits for the history: an idle writer gives it within 10 ms.
 const HISTORY_NANOS: u64 = 30_000_000;
@@ -119,12 +120,16 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
         ports.tell_optimiser();
         return Ok(());
     }
+    let mut times = surface.header.times;
+    times.align_began = began;
+    ports.pulse.phase(Phase::Transport, began.saturating_sub(times.surface_sent));
     let grid = ports.inbox.grid;
     let recent = ports.inbox.recent(first, next);
     let mut record = desk.tracker.align(&surface.view(grid), &recent, &desk.keyframes);
-    let mut times = surface.header.times;
-    times.align_began = began;
+    let computed = monotonic_nanos();
+    ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     context.kill_points.pass("computed", next);
+    let steps = ports.pulse.steps();
     if let Some(keyframe) = &record.new_keyframe {
         let of = keyframe.frame_index;
         let Some(kept) = ports.inbox.get(of) else {
@@ -132,13 +137,16 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
                 "frame {next} makes a keyframe of frame {of}, whose surface is not at hand"
             )));
         };
+        steps.enter(Step::Store);
         desk.store_keyframe(&mut record, kept.vertices())?;
         context.kill_points.pass("stored", next);
     }
     let matters = record.new_keyframe.is_some() || record.request.is_some();
     let record = AlignRecord::Frame(Box::new(record));
+    steps.enter(Step::Journal);
     desk.commit(&record)?;
     context.kill_points.pass("journaled", next);
+    steps.enter(Step::Send);
     if let AlignRecord::Frame(frame) = &record {
         ports.publish(frame, times)?;
     }
@@ -150,7 +158,10 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     }
     ports.pulse.beat.keyframes = desk.keyframes.len() as u64;
     ports.pulse.beat.loops = desk.n_loops;
-    ports.pulse.done(monotonic_nanos().saturating_sub(began));
+    steps.leave();
+    let now = monotonic_nanos();
+    ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
+    ports.pulse.done(now.saturating_sub(began));
     Ok(())
 }
 

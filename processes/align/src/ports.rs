@@ -34,7 +34,7 @@ impl Ports {
             flow: link.flow_publisher()?,
             sensor: link.bell(Stage::Sensor)?,
             optimise: link.bell(Stage::Optimise)?,
-            pulse: Pulse::start(link, Stage::Align)?,
+            pulse: Pulse::start(link, Stage::Align, &context.stopwatch)?,
         })
     }
 

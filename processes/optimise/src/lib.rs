@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal};
 use tessera_mapping::{AlignRecord, Correction, LoopVerdict, OptimiseRecord, Optimiser, RequestRecord};
-use tessera_messages::{Stage, WaitingOn};
+use tessera_messages::{Phase, Stage, WaitingOn};
 use tessera_settings::Fsync;
 use tessera_stage::{
     ALIGN_JOURNAL, Context, IDLE, MappedKeyframes, OPTIMISE_JOURNAL, Outcome, Pulse, StageArgs, StageError,
@@ -112,7 +112,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let link = context.link(Stage::Optimise)?;
     let ear = link.ear(Stage::Optimise)?;
     let align = link.bell(Stage::Align)?;
-    let mut pulse = Pulse::start(&link, Stage::Optimise)?;
+    let mut pulse = Pulse::start(&link, Stage::Optimise, &context.stopwatch)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);
     // A correction that was journaled may not have been noticed.
@@ -142,13 +142,17 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let Some(correction) = correction else {
             return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));
         };
+        let solved = monotonic_nanos();
+        pulse.phase(Phase::Computing, solved.saturating_sub(began));
         log_loops(&correction);
         let record = OptimiseRecord::Correction(Box::new(correction));
         desk.journal.append(&record, context.settings.flow.fsync != Fsync::Never)?;
         context.kill_points.pass("journaled", request.request);
         desk.optimiser.apply_own(&record);
         align.ring();
-        let nanos = monotonic_nanos().saturating_sub(began);
+        let now = monotonic_nanos();
+        pulse.phase(Phase::Publishing, now.saturating_sub(solved));
+        let nanos = now.saturating_sub(began);
         pulse.done(nanos);
         tracing::info!(
             request = request.request,

@@ -8,7 +8,7 @@ mod feed;
 
 use feed::Feed;
 use std::process::ExitCode;
-use tessera_messages::{FrameHeader, Kind, Stage, SurfaceHeader, WaitingOn};
+use tessera_messages::{FrameHeader, Kind, Phase, Stage, SurfaceHeader, WaitingOn};
 use tessera_stage::{
     Context, Delivery, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
 };
@@ -28,12 +28,13 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = Context::open(Stage::Reconstruct, args)?;
     let mut reconstructor = Reconstructor::new(&context.run.camera, &context.settings.surface)
         .map_err(|e| StageError::Settings(e.to_string()))?;
+    reconstructor.steps = context.stopwatch.steps();
     let link = context.link(Stage::Reconstruct)?;
     let ear = link.ear(Stage::Reconstruct)?;
     let mut feed = Feed::open(&link, &context)?;
     let surfaces = link.surface_publisher()?;
     let align = link.bell(Stage::Align)?;
-    let mut pulse = Pulse::start(&link, Stage::Reconstruct)?;
+    let mut pulse = Pulse::start(&link, Stage::Reconstruct, &context.stopwatch)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);
     loop {
@@ -54,6 +55,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.working(header.index);
         context.kill_points.pass("received", header.index);
         let began = monotonic_nanos();
+        pulse.phase(Phase::Transport, began.saturating_sub(header.times.frame_sent));
         let mut loan = surfaces.loan(context.layout.grid.len())?;
         *loan.header_mut() = surface_header(&header, &reconstructor, began);
         if kind == Kind::Frame
@@ -64,7 +66,9 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             continue;
         }
         context.kill_points.pass("computed", header.index);
-        loan.header_mut().times.surface_sent = monotonic_nanos();
+        let computed = monotonic_nanos();
+        pulse.phase(Phase::Computing, computed.saturating_sub(began));
+        loan.header_mut().times.surface_sent = computed;
         let delivery = context.kill_points.deliver("computed", header.index);
         if delivery == Delivery::Corrupt {
             loan.header_mut().kind = Kind::Frame.to_wire();
@@ -76,7 +80,9 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         }
         context.kill_points.pass("sent", header.index);
         pulse.output(header.index);
-        pulse.done(monotonic_nanos().saturating_sub(began));
+        let now = monotonic_nanos();
+        pulse.phase(Phase::Publishing, now.saturating_sub(computed));
+        pulse.done(now.saturating_sub(began));
     }
 }
 

@@ -10,6 +10,8 @@ use tessera_transport::{Loan, SlicePublisher, TransportError};
 pub(crate) struct Prepared {
     pub(crate) index: u64,
     pub(crate) loan: Loan<FrameHeader, u16>,
+    /// Time that reading it took.
+    pub(crate) decode_nanos: u64,
 }
 
 /// Whether the frame is to be sent; a test may want it lost, or full of nonsense.
@@ -84,14 +86,21 @@ impl<'a> Frames<'a> {
         for index in indices {
             let mut loan = publisher.loan(self.shape.payload_len())?;
             *loan.header_mut() = self.header(index, Kind::Frame);
-            prepared.push(Prepared { index, loan });
+            prepared.push(Prepared { index, loan, decode_nanos: 0 });
         }
         let mut jobs: Vec<(u64, &mut [u16])> =
             prepared.iter_mut().map(|frame| (frame.index, frame.loan.payload_mut())).collect();
-        let read: Vec<Result<FrameInfo, StageError>> =
-            jobs.par_iter_mut().map(|(index, payload)| self.read(*index, payload)).collect();
+        let read: Vec<(Result<FrameInfo, StageError>, u64)> = jobs
+            .par_iter_mut()
+            .map(|(index, payload)| {
+                let began = monotonic_nanos();
+                let info = self.read(*index, payload);
+                (info, monotonic_nanos().saturating_sub(began))
+            })
+            .collect();
         let mut error = None;
-        for (frame, info) in prepared.iter_mut().zip(read) {
+        for (frame, (info, nanos)) in prepared.iter_mut().zip(read) {
+            frame.decode_nanos = nanos;
             match info {
                 Ok(info) => {
                     let header = frame.loan.header_mut();
@@ -119,7 +128,7 @@ impl<'a> Frames<'a> {
     ) -> Result<Prepared, TransportError> {
         let mut loan = publisher.loan(self.shape.payload_len())?;
         *loan.header_mut() = self.header(self.n_frames, Kind::End);
-        Ok(Prepared { index: self.n_frames, loan })
+        Ok(Prepared { index: self.n_frames, loan, decode_nanos: 0 })
     }
 
     fn header(&self, index: u64, kind: Kind) -> FrameHeader {

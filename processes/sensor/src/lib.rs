@@ -49,7 +49,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         frames: link.frame_publisher()?,
         flow: link.flow_subscriber()?,
         reconstruct: link.bell(Stage::Reconstruct)?,
-        pulse: Pulse::start(&link, Stage::Sensor)?,
+        pulse: Pulse::start(&link, Stage::Sensor, &context.stopwatch)?,
     };
     context.kill_points.pass("opened", 0);
     ports.pulse.ready(None);

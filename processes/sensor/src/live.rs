@@ -4,8 +4,9 @@ use crate::Ports;
 use crate::frames::{Frames, deliver};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
-use tessera_messages::{Flow, WaitingOn};
+use tessera_messages::{Flow, Phase, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
+use tessera_steps::Step;
 
 /// Time between two sendings of the end, which nobody asks for again in live mode.
 const END_INTERVAL_NANOS: u64 = 50_000_000;
@@ -124,12 +125,13 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
             return Ok(Outcome::Stopped);
         }
         context.kill_points.pass("read", index);
+        let decode_nanos = frame.decode_nanos;
         let header = frame.loan.header_mut();
         header.epoch = flow.epoch;
         header.dropped_before = std::mem::take(&mut dropped_before);
-        let ready_nanos = monotonic_nanos();
-        header.times.frame_sent = ready_nanos;
-        let took = ready_nanos.saturating_sub(header.times.read_began.max(due));
+        let sent = monotonic_nanos();
+        header.times.frame_sent = sent;
+        let took = sent.saturating_sub(header.times.read_began.max(due));
         if deliver(&context.kill_points, &mut frame) {
             frame.loan.send()?;
             ports.reconstruct.ring();
@@ -137,6 +139,9 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         context.kill_points.pass("sent", index);
         ports.pulse.output(index);
         ports.pulse.beat.index = index;
+        ports.pulse.step(Step::Decode, decode_nanos);
+        ports.pulse.phase(Phase::Computing, decode_nanos);
+        ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
         ports.pulse.done(took);
     }
 }

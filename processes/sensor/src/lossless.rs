@@ -3,8 +3,9 @@
 use crate::Ports;
 use crate::frames::{Frames, Prepared, deliver};
 use std::collections::VecDeque;
-use tessera_messages::{Flow, WaitingOn};
+use tessera_messages::{Flow, Phase, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
+use tessera_steps::Step;
 
 /// Sends while `index - acknowledged < window`; begins again where the aligner asks for it.
 pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) -> Result<Outcome, StageError> {
@@ -86,10 +87,12 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
 fn send(context: &Context, mut frame: Prepared, flow: &Flow, ports: &mut Ports) -> Result<(), StageError> {
     let index = frame.index;
     context.kill_points.pass("read", index);
+    let decode_nanos = frame.decode_nanos;
     let header = frame.loan.header_mut();
     header.epoch = flow.epoch;
     header.times.frame_sent = monotonic_nanos();
-    let took = header.times.frame_sent.saturating_sub(header.times.read_began);
+    let sent = header.times.frame_sent;
+    let took = sent.saturating_sub(header.times.read_began);
     if deliver(&context.kill_points, &mut frame) {
         frame.loan.send()?;
         ports.reconstruct.ring();
@@ -97,6 +100,9 @@ fn send(context: &Context, mut frame: Prepared, flow: &Flow, ports: &mut Ports) 
     context.kill_points.pass("sent", index);
     ports.pulse.output(index);
     ports.pulse.beat.index = index;
+    ports.pulse.step(Step::Decode, decode_nanos);
+    ports.pulse.phase(Phase::Computing, decode_nanos);
+    ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
     ports.pulse.done(took);
     Ok(())
 }

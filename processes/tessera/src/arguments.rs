@@ -1,10 +1,12 @@
 //! The command line.
 
 mod chaos;
+mod profile;
 
 pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+pub(crate) use profile::{ProfileArguments, RecordArguments};
 use std::path::PathBuf;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
@@ -58,6 +60,10 @@ pub(crate) enum Command {
     Chaos(ChaosArguments),
     /// Measure what each part of the method is worth, as the paper's Table I does
     Ablate(AblateArguments),
+    /// Write the exact input of one stage to a file
+    Record(RecordArguments),
+    /// Run one stage alone on its recorded input, and say where its time goes
+    Profile(ProfileArguments),
     /// Remove what dead runs left in shared memory, and only that
     #[command(after_help = "Examples:\n  tessera clean")]
     Clean,

@@ -12,6 +12,7 @@ mod exchange;
 mod exit;
 mod launch;
 mod outputs;
+mod profile;
 mod progress;
 mod report;
 mod run_folder;
@@ -44,6 +45,8 @@ pub fn main() -> ExitCode {
         Command::Ablate(arguments) => commands::ablate(&arguments),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Chaos(arguments) => commands::chaos(&arguments),
+        Command::Record(arguments) => commands::record(&arguments),
+        Command::Profile(arguments) => commands::profile(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

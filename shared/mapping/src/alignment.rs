@@ -8,6 +8,7 @@ use tessera_registration::{
     BlockSums, BrightnessUse, Graph, MatchLimits, Matcher, Pair, PairBlock, PairReport, Prior, Queries,
     Sample, Selection, ShutterTable, Target,
 };
+use tessera_steps::Step;
 use tessera_surface::SurfaceView;
 
 /// Outer iterations that follow once free directions are held at the prediction.
@@ -94,8 +95,10 @@ pub(crate) struct Aligner {
 
 impl Aligner {
     pub(crate) fn new(context: &Context) -> Self {
+        let mut matcher = context.matcher();
+        matcher.steps = context.steps.clone();
         Self {
-            matcher: context.matcher(),
+            matcher,
             queries: Queries::default(),
             shutter: context.shutter(&Twist::default()),
             trees: Trees::default(),
@@ -114,6 +117,7 @@ impl Aligner {
         let brightness = context.registration.weight.brightness;
         let is_always = brightness == BrightnessUse::Always;
         let first = self.descend(context, samples, references, prediction, is_always);
+        context.steps.leave();
         let is_asked =
             brightness == BrightnessUse::WhereFree && context.camera.colour_registered && first.is_solved;
         if !is_asked || first.free.is_empty() {
@@ -146,6 +150,7 @@ impl Aligner {
             outer_iterations: 0,
             is_solved: false,
         };
+        context.steps.enter(Step::Prepare);
         self.queries.fill(samples, &self.shutter);
         let trees = self.trees.of(context, references);
         let targets: Vec<Target<'_>> = references
@@ -164,6 +169,7 @@ impl Aligner {
             };
             self.match_all(context, references, &targets, &limits, &mut result);
             result.outer_iterations += 1;
+            context.steps.enter(Step::Solve);
             let held = (!result.free.is_empty()).then(|| Prior {
                 vertex: 0,
                 predicted: prediction.world_from_camera,
@@ -212,6 +218,7 @@ impl Aligner {
         limits: &MatchLimits,
         result: &mut Alignment,
     ) {
+        context.steps.enter(Step::Prepare);
         context.fill_shutter(&result.velocity, &mut self.shutter);
         self.queries.set_shutter(&self.shutter);
         result.blocks.clear();

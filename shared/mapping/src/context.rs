@@ -3,6 +3,7 @@
 use crate::settings::MappingSettings;
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
+use tessera_steps::Steps;
 use tessera_surface::{CellSample, Grid, SurfaceSettings, SurfaceView};
 
 /// Camera, grid and settings of one run.
@@ -20,6 +21,8 @@ pub struct Context {
     pub noise: DepthNoise,
     /// Where the measurement of a cell lies relative to the cell's first pixel.
     pub offset_px: f64,
+    /// Hears of the steps of aligner and optimiser; nobody by default.
+    pub steps: Steps,
 }
 
 impl Context {
@@ -45,6 +48,7 @@ impl Context {
             grid,
             registration: registration.clone(),
             mapping: mapping.clone(),
+            steps: Steps::default(),
             noise: DepthNoise::new(surface.noise),
             offset_px,
         }

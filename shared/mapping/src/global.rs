@@ -17,6 +17,7 @@ use tessera_registration::{
     BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler,
     Selection, ShutterTable, Target,
 };
+use tessera_steps::Step;
 use tessera_surface::SurfaceView;
 
 /// The outcome of an optimisation.
@@ -67,6 +68,7 @@ pub(crate) fn solve(
     let settings = &context.mapping.global;
     let mut poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
     let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
+    context.steps.enter(Step::Prepare);
     let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
     progress();
     let metric_factor = context.matcher().metric_factor();
@@ -76,6 +78,7 @@ pub(crate) fn solve(
     for k in 0..outer_iterations {
         let share = if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 };
         let limits = MatchLimits::new(settings.first_distance_m, share);
+        context.steps.enter(Step::Search);
         let found: Vec<Found> = neighbours::pairs(&poses, &sessions, settings)
             .par_iter()
             .map_init(
@@ -117,6 +120,7 @@ pub(crate) fn solve(
                 (is_closed[pair.query], is_closed[pair.target]) = (true, true);
             }
             let open: Vec<usize> = (0..keyframes.len()).filter(|&i| !is_closed[i]).collect();
+            context.steps.enter(Step::Recognise);
             for (pair, tested) in recognised::pairs(context, keyframes, &prepared, &open) {
                 pairs.push(pair);
                 is_loop.push(true);
@@ -126,6 +130,7 @@ pub(crate) fn solve(
             }
             progress();
         }
+        context.steps.enter(Step::Solve);
         let mut is_fixed = vec![false; poses.len()];
         is_fixed[0] = true;
         let mut graph = Graph { poses: poses.clone(), is_fixed, pairs, priors: Vec::new() };
@@ -142,6 +147,7 @@ pub(crate) fn solve(
             }
         }
     }
+    context.steps.leave();
     loops.sort_by_key(|l| (l.newer, l.older));
     Solution { poses, loops, outer_iterations, n_rounds }
 }

@@ -10,6 +10,7 @@ use crate::tracker::KeyframeSurfaces;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 use tessera_geometry::{Pose, PoseBits};
+use tessera_steps::Step;
 
 /// The optimiser: a fold over both journals plus a pure solve.
 ///
@@ -92,7 +93,9 @@ impl Optimiser {
         let settings = &self.context.mapping.global;
         let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
         let solution = global::solve(&self.context, keyframes, surfaces, iterations, progress);
+        self.context.steps.enter(Step::Refine);
         let frames = if request.is_final { self.refine(&solution.poses) } else { Vec::new() };
+        self.context.steps.leave();
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),

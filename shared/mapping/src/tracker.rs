@@ -13,6 +13,7 @@ use tessera_geometry::{
 };
 use tessera_recognition::Ferns;
 use tessera_registration::{Sample, Sampler};
+use tessera_steps::Step;
 use tessera_surface::{SurfaceView, Vertex};
 
 /// A frame's surface with its identity.
@@ -136,11 +137,13 @@ impl Tracker {
         recent: &[FrameSurface<'_>],
         keyframes: &dyn KeyframeSurfaces,
     ) -> FrameRecord {
+        self.context.steps.enter(Step::Sampling);
         let mut samples = std::mem::take(&mut self.samples);
         self.sampler.draw(&frame.surface, frame.index, &self.context.registration, &mut samples);
         let surfaces = Surfaces { recent, keyframes };
         let record = self.align_samples(frame, &samples, &surfaces);
         self.samples = samples;
+        self.context.steps.leave();
         record
     }
 
@@ -164,6 +167,7 @@ impl Tracker {
             Ok(attempt) => attempt,
             Err(reason) => return self.lost(frame, &prediction, reason),
         };
+        self.context.steps.enter(Step::Keyframe);
         let record = self.record(frame, &attempt, None);
         if attempt.state != State::Tracking {
             return record;
@@ -205,6 +209,7 @@ impl Tracker {
             }
             State::Lost => format!("lost for {} frames", self.state.n_lost),
         };
+        self.context.steps.enter(Step::Recognise);
         self.relocalise(frame, samples, surfaces, prediction, &reason)
     }
 

@@ -12,6 +12,7 @@ mod message;
 mod pose;
 mod rotation;
 mod stage;
+mod stage_times;
 mod surface;
 mod time_counts;
 
@@ -22,5 +23,6 @@ pub use message::{Element, Message, Refusal, StepTimes};
 pub use pose::{POSE_STATES, PoseMessage, pack_reason};
 pub use rotation::RotationBits;
 pub use stage::Stage;
+pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
 pub use surface::{SurfaceExpectation, SurfaceHeader};
 pub use time_counts::TimeCounts;

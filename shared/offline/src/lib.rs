@@ -16,7 +16,7 @@ use tessera_mapping::{
     MappingSettings, OptimiseRecord, Optimiser, State, Tracker,
 };
 use tessera_registration::RegistrationSettings;
-use tessera_surface::{Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
+use tessera_surface::{Grid, Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
 use tessera_trajectory::Trajectory;
 
 /// One frame as the sensor delivers it.
@@ -167,6 +167,26 @@ impl Run {
     /// Ends the sequence where it is, without the final optimisation, and returns all records.
     pub fn stop(self) -> Records {
         Records { records: self.records }
+    }
+
+    /// Shape of every surface.
+    pub fn grid(&self) -> Grid {
+        self.reconstructor.grid()
+    }
+
+    /// All records so far.
+    pub fn records(&self) -> &[AlignRecord] {
+        &self.records
+    }
+
+    /// The surface of the last frame, row by row; empty before the first.
+    pub fn last_surface(&self) -> &[Vertex] {
+        self.previous.as_ref().map_or(&[], |(.., vertices)| vertices)
+    }
+
+    /// The correction of the last request that has no effect yet.
+    pub fn correction(&self) -> Option<&Correction> {
+        self.correction.as_ref()
     }
 
     fn take(&mut self, record: AlignRecord) {

@@ -11,6 +11,7 @@ use crate::queries::{Chosen, Queries, Selection, Straighten};
 use crate::settings::RegistrationSettings;
 use crate::target::{ShutterTable, Target, flat};
 use tessera_geometry::{DepthNoise, Pose};
+use tessera_steps::{Step, Steps};
 
 /// Limits of one outer iteration.
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +61,8 @@ pub struct Matcher {
     stamp: u32,
     has_colour: bool,
     arch: pulp::Arch,
+    /// Hears of the steps; nobody by default.
+    pub steps: Steps,
 }
 
 /// Depth at which a correspondence has weight one.
@@ -81,6 +84,7 @@ impl Matcher {
             stamp: 0,
             has_colour: camera.has_colour,
             arch: pulp::Arch::new(),
+            steps: Steps::default(),
         }
     }
 
@@ -103,6 +107,7 @@ impl Matcher {
         target_from_query: &Pose,
         limits: &MatchLimits,
     ) -> (BlockSums, PairReport) {
+        self.steps.enter(Step::Search);
         let motion = flat(target_from_query);
         let n_queries = self.chosen.choose(queries, selection);
         self.arch.dispatch(Straighten { chosen: &mut self.chosen, shutter: queries.shutter() });
@@ -124,6 +129,7 @@ impl Matcher {
                 descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
             }),
         };
+        self.steps.enter(Step::Reject);
         let n_in_front = self.arch.dispatch(Judge {
             found: &mut self.found,
             q: &self.located.q,
@@ -140,6 +146,7 @@ impl Matcher {
         let median_residual_sigmas = self.reject_by_median();
         let brightness = if with_brightness { self.brightness(target) } else { Brightness::default() };
         self.weigh();
+        self.steps.enter(Step::Accumulate);
         let epsilon = self.settings.weight.covariance_epsilon;
         let sums = self.arch.dispatch(Accumulate {
             found: &self.found,
@@ -147,6 +154,7 @@ impl Matcher {
             epsilon,
             brightness,
         });
+        self.steps.leave();
         let n_queries = n_queries as u32;
         let n_matches = sums.n;
         (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })

@@ -9,7 +9,7 @@ pub fn monotonic_nanos() -> u64 {
 }
 
 /// CPU time that this process has used, nanoseconds.
-pub(crate) fn cpu_nanos() -> u64 {
+pub fn cpu_nanos() -> u64 {
     nanos(ClockId::ProcessCPUTime)
 }
 

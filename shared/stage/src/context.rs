@@ -7,9 +7,11 @@ use crate::log::start_log;
 use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
 use crate::run_file::RunFile;
+use crate::stopwatch::Stopwatch;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 use tessera_messages::Stage;
 use tessera_settings::Settings;
@@ -68,6 +70,8 @@ pub struct Context {
     pub kill_points: KillPoints,
     /// Frames that ended this stage again and again: it leaves them out (live mode).
     pub poison: BTreeSet<u64>,
+    /// How long its steps take.
+    pub stopwatch: Arc<Stopwatch>,
     /// Somebody starts this stage, and cleans up after its death.
     is_supervised: bool,
 }
@@ -98,18 +102,21 @@ impl Context {
         let kill_points = KillPoints::from_environment();
         let poison = poison_from_environment();
         let is_supervised = args.watch_stdin;
-        Ok(Self { files, run, settings, layout, lifeline, kill_points, poison, is_supervised })
+        let stopwatch = Stopwatch::new(false);
+        Ok(Self { files, run, settings, layout, lifeline, kill_points, poison, stopwatch, is_supervised })
     }
 
     /// What the algorithms of mapping share.
     pub fn mapping_context(&self) -> tessera_mapping::Context {
         let settings = &self.settings;
-        tessera_mapping::Context::new(
+        let mut context = tessera_mapping::Context::new(
             &self.run.camera,
             &settings.surface,
             &settings.registration,
             &settings.mapping,
-        )
+        );
+        context.steps = self.stopwatch.steps();
+        context
     }
 
     /// Joins the run's shared memory; a stage that nobody supervises cleans up after the dead.

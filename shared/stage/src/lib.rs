@@ -16,8 +16,9 @@ mod names;
 mod notify;
 mod pulse;
 mod run_file;
+mod stopwatch;
 
-pub use clock::monotonic_nanos;
+pub use clock::{cpu_nanos, monotonic_nanos};
 pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};
 pub use error::StageError;
 pub use keyframes::{MappedKeyframes, journal_slot, store_slot};
@@ -31,3 +32,4 @@ pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use notify::{NOTIFY_VARIABLES, Notifier};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};
+pub use stopwatch::{Distributions, Span, Stopwatch};

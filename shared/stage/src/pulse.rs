@@ -2,12 +2,17 @@
 
 use crate::clock::{cpu_nanos, monotonic_nanos};
 use crate::notify::Notifier;
+use crate::stopwatch::{Distributions, Stopwatch};
 use hdrhistogram::Histogram;
-use tessera_messages::{Beat, BeatState, Latency, Stage, WaitingOn};
+use std::sync::Arc;
+use tessera_messages::{Beat, BeatState, Latency, Phase, Stage, StageTimes, WaitingOn};
+use tessera_steps::{Step, Steps};
 use tessera_transport::{Link, Publisher, TransportError};
 
 /// Time between beats, nanoseconds, unless the state changes for good.
 const INTERVAL_NANOS: u64 = 100_000_000;
+/// Beats between two words on where the time goes.
+const TIMES_EVERY: u64 = 5;
 /// Beats between two looks at the memory in use.
 const MEMORY_EVERY: u64 = 10;
 
@@ -20,6 +25,10 @@ pub const FIRST_OUTPUT: &str = "first output";
 #[derive(Debug)]
 pub struct Pulse {
     publisher: Publisher<Beat>,
+    times_publisher: Publisher<StageTimes>,
+    stopwatch: Arc<Stopwatch>,
+    distributions: Distributions,
+    waiting_since: Option<u64>,
     /// Counters to raise; the rest is filled in when a beat is sent.
     pub beat: Beat,
     latency: Histogram<u64>,
@@ -35,7 +44,7 @@ impl Pulse {
     ///
     /// # Errors
     /// Where the service cannot be opened.
-    pub fn start(link: &Link, stage: Stage) -> Result<Self, TransportError> {
+    pub fn start(link: &Link, stage: Stage, stopwatch: &Arc<Stopwatch>) -> Result<Self, TransportError> {
         let mut beat = Beat {
             stage: stage.number(),
             pid: std::process::id(),
@@ -52,6 +61,10 @@ impl Pulse {
         };
         let mut pulse = Self {
             publisher: link.beat_publisher()?,
+            times_publisher: link.stage_times_publisher()?,
+            stopwatch: stopwatch.clone(),
+            distributions: Distributions::default(),
+            waiting_since: None,
             beat,
             latency: histogram()?,
             end_to_end: histogram()?,
@@ -81,6 +94,7 @@ impl Pulse {
     pub fn waiting(&mut self, on: WaitingOn) {
         self.beat.state = BeatState::Waiting as u32;
         self.beat.waiting_on = on as u32;
+        self.waiting_since.get_or_insert_with(monotonic_nanos);
         self.send_if_due();
     }
 
@@ -89,6 +103,9 @@ impl Pulse {
         self.beat.state = BeatState::Working as u32;
         self.beat.waiting_on = WaitingOn::Nothing as u32;
         self.beat.index = index;
+        if let Some(since) = self.waiting_since.take() {
+            self.distributions.phase(Phase::Waiting, monotonic_nanos().saturating_sub(since));
+        }
         // Sent each time, so that a frame that kills its stage is known by name.
         self.beat.sequence += 1;
         let _ = self.publisher.send(self.beat);
@@ -107,8 +124,24 @@ impl Pulse {
         self.beat.progress += 1;
         // Recording resizes; saturating would clip to the first, tiny range.
         let _ = self.latency.record(nanos.max(1));
+        self.distributions.frame(&self.stopwatch);
         self.beat.latency_counts.add(nanos);
         self.send_if_due();
+    }
+
+    /// A phase of the frame in hand took so long.
+    pub fn phase(&mut self, phase: Phase, nanos: u64) {
+        self.distributions.phase(phase, nanos);
+    }
+
+    /// A step of the frame in hand took so long, measured elsewhere than by the stopwatch.
+    pub fn step(&mut self, step: Step, nanos: u64) {
+        self.distributions.step(step, nanos);
+    }
+
+    /// What the steps of the stage itself are announced to.
+    pub fn steps(&self) -> Steps {
+        self.stopwatch.steps()
     }
 
     /// A pose was published, `nanos` after its frame was in shared memory.
@@ -136,6 +169,12 @@ impl Pulse {
         self.last_sent = monotonic_nanos();
         if self.n_sent.is_multiple_of(MEMORY_EVERY) {
             self.beat.peak_rss_bytes = peak_rss_bytes();
+        }
+        let is_last = self.beat.state == BeatState::Finished as u32;
+        if is_last || self.n_sent % TIMES_EVERY == 1 {
+            let rows = self.distributions.rows();
+            let _ =
+                self.times_publisher.send(StageTimes { stage: self.beat.stage, pid: self.beat.pid, rows });
         }
         self.n_sent += 1;
         self.beat.sequence += 1;

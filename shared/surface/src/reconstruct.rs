@@ -10,6 +10,7 @@ use crate::settings::{NormalsAfterFilter, SettingError, SurfaceSettings};
 use crate::step::Step;
 use crate::vertex::{Grid, Vertex};
 use tessera_geometry::Camera;
+use tessera_steps::{Step as Named, Steps};
 
 /// What came out of one frame, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,6 +34,8 @@ pub struct Reconstructor {
     walk: Option<RingWalk>,
     n_measured: usize,
     arch: pulp::Arch,
+    /// Hears of the steps; nobody by default.
+    pub steps: Steps,
 }
 
 impl Reconstructor {
@@ -56,6 +59,7 @@ impl Reconstructor {
             walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
             n_measured: 0,
             arch: pulp::Arch::new(),
+            steps: Steps::default(),
         })
     }
 
@@ -95,12 +99,23 @@ impl Reconstructor {
     #[inline(always)]
     fn run(&mut self, step: Step, depth: &[u16], colour: Option<&[u8]>, out: &mut [Vertex]) -> SurfaceStats {
         let w = &mut self.workspace;
+        self.steps.enter(match step {
+            Step::Cloud => Named::Cloud,
+            Step::Mesh => Named::Mesh,
+            Step::Normals => Named::Normals,
+            Step::Filter => Named::Filter,
+            Step::Vertices => Named::Vertices,
+        });
         match step {
             Step::Cloud => self.n_measured = self.cloud.fill(depth, colour, w),
             Step::Mesh => mesh::build(self.test, w),
             Step::Normals => normals::fill(w, From::Raw, self.settings.min_view_cosine),
             Step::Filter => self.filter(),
-            Step::Vertices => return write_vertices(w, self.n_measured, out),
+            Step::Vertices => {
+                let stats = write_vertices(w, self.n_measured, out);
+                self.steps.leave();
+                return stats;
+            }
         }
         SurfaceStats { n_measured: self.n_measured, ..SurfaceStats::default() }
     }
@@ -112,8 +127,10 @@ impl Reconstructor {
             return;
         }
         for _ in 0..self.settings.filter_passes {
+            self.steps.enter(Named::Filter);
             filter::pass(&self.settings, w, self.walk.as_mut());
             if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
+                self.steps.enter(Named::Normals);
                 normals::fill(w, From::Filtered, self.settings.min_view_cosine);
             }
             std::mem::swap(&mut w.points, &mut w.filtered_points);

@@ -102,6 +102,19 @@ impl Layout {
         }
     }
 
+    /// Where the time of each stage goes, to whoever looks.
+    pub fn stage_times(&self) -> Service {
+        Service {
+            name: "stage_times",
+            publishers: 12,
+            subscribers: 8,
+            buffer: 8,
+            borrowed: 2,
+            history: 1,
+            loans: 1,
+        }
+    }
+
     /// Name of the event that wakes a stage.
     pub(crate) fn bell_name(stage: Stage) -> String {
         format!("wake/{}", stage.name())
@@ -116,7 +129,7 @@ impl Layout {
     pub fn shared_memory_bytes(&self) -> u64 {
         let frame = size_of::<FrameHeader>() + self.frame.payload_len() * size_of::<u16>();
         let surface = size_of::<SurfaceHeader>() + self.grid.len() * size_of::<Vertex>();
-        // Poses, flow, beats, events and the administration of all services.
+        // Poses, flow, beats, times, events and the administration of all services.
         const SMALL: u64 = 2 << 20;
         self.frames().segment_bytes(frame) + self.surfaces().segment_bytes(surface) + SMALL
     }

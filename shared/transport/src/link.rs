@@ -13,7 +13,9 @@ use iceoryx2::prelude::{
     AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, SignalHandlingMode, ipc,
     set_log_level_from_env_or,
 };
-use tessera_messages::{Beat, Element, Flow, FrameHeader, Message, PoseMessage, Stage, SurfaceHeader};
+use tessera_messages::{
+    Beat, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes, SurfaceHeader,
+};
 use tessera_surface::Vertex;
 
 /// A node in a run's shared memory. Single-threaded, as its ports are.
@@ -43,6 +45,7 @@ pub struct HeldServices {
     _poses: MessageService<PoseMessage>,
     _flow: MessageService<Flow>,
     _beats: MessageService<Beat>,
+    _stage_times: MessageService<StageTimes>,
     _bells: Vec<EventService>,
 }
 
@@ -58,6 +61,7 @@ impl Link {
             _poses: self.message_service(&self.layout.poses())?,
             _flow: self.message_service(&self.layout.flow())?,
             _beats: self.message_service(&self.layout.beats())?,
+            _stage_times: self.message_service(&self.layout.stage_times())?,
             _bells: Stage::ALL
                 .into_iter()
                 .map(|stage| self.event_service(stage))
@@ -259,6 +263,22 @@ impl Link {
     /// As above.
     pub fn beat_subscriber(&self) -> Result<Subscriber<Beat>, TransportError> {
         self.subscriber(&self.layout.beats())
+    }
+
+    /// Writes where a stage's time goes.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn stage_times_publisher(&self) -> Result<Publisher<StageTimes>, TransportError> {
+        self.publisher(&self.layout.stage_times())
+    }
+
+    /// Reads where the stages' time goes.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn stage_times_subscriber(&self) -> Result<Subscriber<StageTimes>, TransportError> {
+        self.subscriber(&self.layout.stage_times())
     }
 
     /// Wakes a stage.

@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
 }
 
 /// The settings of the run: file and `--set` first, then the arguments that have a flag of their own.
-fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
+pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     let mut settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
     let run = &mut settings.run;
     if let Some(source) = &arguments.source {

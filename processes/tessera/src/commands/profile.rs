@@ -1,0 +1,28 @@
+//! `tessera profile`: one stage alone on its recorded input.
+
+use crate::arguments::ProfileArguments;
+use crate::exit::{CommandError, Exit};
+use crate::profile::{self, Options, Recorded, Stages};
+use crate::terminal::say;
+
+/// Runs the stage and prints where its time went.
+pub(crate) fn profile(arguments: &ProfileArguments) -> Result<Exit, CommandError> {
+    let stage = Stages::named(&arguments.stage)?;
+    let recorded = Recorded::read(&arguments.file)?;
+    if recorded.stage != stage {
+        return Err(CommandError::Input(format!(
+            "{} holds the input of {}, expected that of {stage}",
+            arguments.file.display(),
+            recorded.stage
+        )));
+    }
+    let options = Options { repeat: arguments.repeat, steps: !arguments.no_steps };
+    let report = profile::profile(&recorded, &options)?;
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&report);
+        say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+    } else {
+        say(&report.for_people());
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,41 @@
+//! `tessera record`: the exact input of one stage, in a file.
+
+use crate::arguments::{RecordArguments, RunArguments};
+use crate::commands::run::settings;
+use crate::exit::{CommandError, Exit};
+use crate::profile::{self, Stages};
+use crate::terminal::say;
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use std::io::IsTerminal;
+
+/// Records a source.
+pub(crate) fn record(arguments: &RecordArguments) -> Result<Exit, CommandError> {
+    let stage = Stages::named(&arguments.stage)?;
+    let settings = settings(&RunArguments {
+        source: Some(arguments.source.clone()),
+        camera: arguments.camera.clone(),
+        config: arguments.config.clone(),
+        overrides: arguments.overrides.clone(),
+        skip: arguments.skip,
+        frames: arguments.frames,
+        ..RunArguments::default()
+    })?;
+    let (spec, options) = settings.source();
+    let source = tessera_sources::open(&spec, &options)?;
+    let Some(n_frames) = source.n_frames() else {
+        return Err(CommandError::Arguments(format!("{spec} has no end, expected --frames N")));
+    };
+    let is_shown = std::io::stderr().is_terminal() && !arguments.quiet;
+    let bar = match is_shown {
+        true => ProgressBar::with_draw_target(Some(n_frames), ProgressDrawTarget::stderr_with_hz(10)),
+        false => ProgressBar::hidden(),
+    };
+    let bytes = profile::record(&*source, &settings, stage, &arguments.out, &mut || bar.inc(1));
+    bar.finish_and_clear();
+    let megabytes = bytes? as f64 / f64::from(1 << 20);
+    if !arguments.quiet {
+        let out = arguments.out.display();
+        say(&format!("{out}: the input of {stage} over {n_frames} frames, {megabytes:.1} MB"));
+    }
+    Ok(Exit::Done)
+}
