@@ -49,6 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             is_fixed: vec![true, false],
             pairs: vec![Pair { query: 1, target: 0, block, weight: 1.0 }],
             priors: Vec::new(),
+            isa: settings.isa,
         };
         graph.optimise(settings.inner_iterations, &mut || ())?;
         target_from_query = graph.poses[1];

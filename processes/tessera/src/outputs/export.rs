@@ -110,21 +110,35 @@ fn write_map(
 ) -> Result<(), CommandError> {
     let run = RunFile::read(files)?;
     let step = settings.surface.step as usize;
-    let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping);
-    let warp = replay
-        .refined()
-        .map(|refined| SurfaceWarp::new(&run.camera, &refined.camera, context.grid, context.offset_px));
+    let warp = refined_warp(&run, replay, settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
     let input = MapInput { camera, step, settings: &settings.output, warp: warp.as_ref() };
-    let mut keyframes = None;
-    if !replay.keyframes.is_empty() {
-        let n_vertices = context.grid.len();
-        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
-        for keyframe in &replay.keyframes {
-            mapped.add(keyframe.id, &keyframe.slot)?;
-        }
-        keyframes = Some(mapped);
-    }
+    let keyframes = map_keyframes(files, &run, replay, settings)?;
     let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
     map::write(&map::gather(replay, &input, surfaces), out_folder)
+}
+
+/// From the surfaces in the store to those of the refined camera, where there is one.
+pub(crate) fn refined_warp(run: &RunFile, replay: &Replay, settings: &Settings) -> Option<SurfaceWarp> {
+    let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping);
+    let refined = replay.refined()?;
+    Some(SurfaceWarp::new(&run.camera, &refined.camera, context.grid, context.offset_px))
+}
+
+/// The surfaces of all keyframes; `None` where there is no keyframe.
+pub(crate) fn map_keyframes(
+    files: &RunFiles,
+    run: &RunFile,
+    replay: &Replay,
+    settings: &Settings,
+) -> Result<Option<MappedKeyframes>, CommandError> {
+    if replay.keyframes.is_empty() {
+        return Ok(None);
+    }
+    let n_vertices = run.layout(settings).grid.len();
+    let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
+    for keyframe in &replay.keyframes {
+        mapped.add(keyframe.id, &keyframe.slot)?;
+    }
+    Ok(Some(mapped))
 }
