@@ -8,15 +8,16 @@ use std::path::{Path, PathBuf};
 
 /// Each crate with the crates of ours that it may know, tests aside. Arrows point one way:
 /// processes to shared, shared to `geometry`.
-const MAY_KNOW: [(&str, &[&str]); 21] = [
+const MAY_KNOW: [(&str, &[&str]); 22] = [
     ("shared/geometry", &[]),
     ("shared/steps", &[]),
     ("shared/surface", &["geometry", "steps"]),
     ("shared/registration", &["geometry", "steps", "surface"]),
     ("shared/calibration", &["geometry", "surface", "registration"]),
     ("shared/recognition", &["surface", "registration"]),
-    ("shared/mapping", &["geometry", "steps", "surface", "registration", "recognition"]),
+    ("shared/mapping", &["geometry", "steps", "surface", "registration", "calibration", "recognition"]),
     ("shared/trajectory", &["geometry"]),
+    ("shared/fusion", &["geometry", "surface"]),
     ("shared/sources", &["geometry", "trajectory"]),
     ("shared/settings", &["geometry", "surface", "registration", "mapping", "sources"]),
     (
@@ -42,6 +43,8 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
         "processes/tessera",
         &[
             "align",
+            "calibration",
+            "fusion",
             "geometry",
             "journal",
             "mapping",
@@ -63,8 +66,17 @@ const MAY_KNOW: [(&str, &[&str]); 21] = [
 ];
 
 /// The method: no files, no clock, no processes, no threads but rayon's, no environment.
-const ALGORITHMS: [&str; 8] =
-    ["geometry", "steps", "surface", "registration", "calibration", "recognition", "mapping", "trajectory"];
+const ALGORITHMS: [&str; 9] = [
+    "geometry",
+    "steps",
+    "surface",
+    "registration",
+    "calibration",
+    "recognition",
+    "mapping",
+    "trajectory",
+    "fusion",
+];
 
 /// The only files with unsafe code, beside `shared/transport`.
 const UNSAFE_FILES: [&str; 1] = ["shared/journal/src/mapped.rs"];

@@ -66,6 +66,9 @@ fn wrong_arguments_end_with_2() {
         refusal(&["stage", "algin", "--run-dir", "x"], 2).contains("sensor, reconstruct, align, optimise")
     );
     assert!(refusal(&["stage", "align"], 2).contains("--run"));
+    assert!(refusal(&["run", "some/folder", "--person"], 2).contains("for simulated scenes"));
+    assert!(refusal(&["run", "some/folder", "--readout", "0.03"], 2).contains("readout_s"));
+    assert!(refusal(&["run", "room", "--readout=-1"], 3).contains("readout_s is -1"));
     assert!(refusal(&["export", "no-such-run"], 2).contains("no run \"no-such-run\""));
     assert!(refusal(&["resume", "no-such-run"], 2).contains("no run \"no-such-run\""));
     assert!(refusal(&["status", "no-such-run"], 2).contains("no run \"no-such-run\""));
@@ -163,4 +166,37 @@ fn check_looks_at_a_source() {
     assert!(text.contains("640x480 px") && text.contains("median depth"), "{text}");
     let json: serde_json::Value = serde_json::from_str(&stdout(&["check", "room", "--json"])).unwrap();
     assert!(json["n_frames"].as_u64().unwrap() > 100);
+}
+
+#[test]
+fn calibrate_prints_and_writes_a_camera_with_what_is_known_of_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("camera.toml");
+    let out = file.to_str().unwrap();
+    let text = stdout(&["calibrate", "room", "--frames", "60", "--fix", "k3", "--out", out]);
+    assert!(text.contains("readout_s") && text.contains("+- ") && text.contains("k3"), "{text}");
+    assert!(text.contains("the global scale of depth (units_per_metre) stays as it was"), "{text}");
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert!(written.contains("# fx") && written.contains("depth_offset_m = "), "{written}");
+    let start = ["calibrate", "room", "--frames", "2", "--camera", out, "--out", out];
+    let message = refusal(&start, 3);
+    assert!(message.contains("pairs of keyframes see the same surfaces, expected at least 3"), "{message}");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), written, "a failed calibration writes nothing");
+}
+
+#[test]
+fn calibrate_refuses_what_it_cannot_do_before_it_begins() {
+    let dir = tempfile::tempdir().unwrap();
+    let missing = dir.path().join("nowhere").join("camera.toml");
+    let message = refusal(&["calibrate", "room", "--out", missing.to_str().unwrap()], 2);
+    assert!(message.contains("there is no folder"), "{message}");
+    let message = refusal(&["calibrate", "room", "--fix", "k7"], 2);
+    assert!(message.contains("no such parameter, expected one of fx, fy, cx, cy"), "{message}");
+    let small = dir.path().join("small.toml");
+    std::fs::write(&small, "width = 320\nheight = 240\nfx = 262.0\nfy = 262.0\ncx = 160.0\ncy = 120.0\nunits_per_metre = 5000.0\n").unwrap();
+    let out = dir.path().join("out.toml");
+    let arguments =
+        ["calibrate", "room", "--camera", small.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let message = refusal(&arguments, 3);
+    assert!(message.contains("320x240 px, expected 640x480"), "{message}");
 }

@@ -34,7 +34,7 @@ pub(crate) fn window(n: usize) -> Graph {
     let pairs = (0..n).map(|i| pair(n, i, &(truth[i].inverse() * truth[n]))).collect();
     let mut poses = truth;
     poses[n] = shaken(2, &poses[n]);
-    Graph { poses, is_fixed: (0..=n).map(|i| i < n).collect(), pairs, priors: Vec::new() }
+    Graph { poses, is_fixed: (0..=n).map(|i| i < n).collect(), pairs, ..Graph::default() }
 }
 
 /// A ring of `n` poses: an edge from each to the next, the other edges across it.
@@ -53,5 +53,5 @@ pub(crate) fn ring(n: usize, n_edges: usize) -> Graph {
     pairs.truncate(n_edges);
     assert_eq!(pairs.len(), n_edges);
     let poses = truth.iter().enumerate().map(|(i, p)| if i == 0 { *p } else { shaken(i, p) }).collect();
-    Graph { poses, is_fixed: (0..n).map(|i| i == 0).collect(), pairs, priors: Vec::new() }
+    Graph { poses, is_fixed: (0..n).map(|i| i == 0).collect(), pairs, ..Graph::default() }
 }

@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
 use std::path::PathBuf;
+use tessera_surface::Isa;
 pub(crate) use top::TopArguments;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
@@ -88,6 +89,7 @@ pub(crate) enum Command {
 Examples:
   tessera run                              the simulated room
   tessera run room --frames 100            its first 100 frames
+  tessera run room --person --readout 0.03 with a person in it, through a rolling shutter
   tessera run FOLDER --out results         a recording in the TUM layout
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
@@ -117,6 +119,12 @@ pub(crate) struct RunArguments {
     /// Process at most so many frames
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<u64>,
+    /// In a simulated scene: a person walks about in front of the camera
+    #[arg(long)]
+    pub(crate) person: bool,
+    /// In a simulated scene: a rolling shutter, seconds from the first row to the last
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) readout: Option<f64>,
     /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
     #[arg(long, value_name = "RUN")]
     pub(crate) map: Option<String>,
@@ -126,6 +134,9 @@ pub(crate) struct RunArguments {
     /// At the end of the run its folder and that of the map change places: the map is updated
     #[arg(long, requires = "map")]
     pub(crate) map_update: bool,
+    /// The final optimisation solves for the camera too; the outputs are those of the refined camera
+    #[arg(long)]
+    pub(crate) refine_camera: bool,
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,
@@ -136,6 +147,9 @@ pub(crate) struct RunArguments {
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,
+    /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
+    #[arg(long, value_parser = isa)]
+    pub(crate) isa: Option<Isa>,
     /// Decode all frames into memory first
     #[arg(long)]
     pub(crate) preload: bool,
@@ -169,7 +183,14 @@ pub(crate) struct ResumeArguments {
 
 /// `tessera export`.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  tessera export room-1\n  tessera export results/desk --out elsewhere")]
+#[command(after_help = "\
+With --cloud, --mesh, --kitti or --euroc only those files are written, else (or with --out) all outputs.
+
+Examples:
+  tessera export room-1
+  tessera export results/desk --out elsewhere
+  tessera export room-1 --cloud room.pcd --mesh room.glb --voxel-mm 5
+  tessera export room-1 --kitti poses.txt --euroc poses.csv")]
 pub(crate) struct ExportArguments {
     /// Name of the run, or its folder
     pub(crate) run: String,
@@ -177,7 +198,41 @@ pub(crate) struct ExportArguments {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
+    pub(crate) files: ExportFiles,
+    #[command(flatten)]
     pub(crate) speech: Speech,
+}
+
+/// What other programs read.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ExportFiles {
+    /// The fused map as coloured points with normals: FILE.ply or FILE.pcd
+    #[arg(long, value_name = "FILE")]
+    pub(crate) cloud: Option<PathBuf>,
+    /// The fused map as coloured triangles: FILE.ply or FILE.glb
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mesh: Option<PathBuf>,
+    /// Edge of the voxels of the fused map, millimetres
+    #[arg(long, value_name = "MM", default_value_t = 10.0, value_parser = positive)]
+    pub(crate) voxel_mm: f64,
+    /// Points farther from their camera are not fused, metres
+    #[arg(long, value_name = "M", default_value_t = 4.0, value_parser = positive)]
+    pub(crate) max_depth_m: f64,
+    /// Memory for voxels at most, megabytes
+    #[arg(long, value_name = "MB", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) memory_mb: u32,
+    /// The final trajectory as KITTI has it: rows of a 3x4 matrix, without times
+    #[arg(long, value_name = "FILE")]
+    pub(crate) kitti: Option<PathBuf>,
+    /// The final trajectory as EuRoC has it: CSV, nanoseconds, quaternions w x y z
+    #[arg(long, value_name = "FILE")]
+    pub(crate) euroc: Option<PathBuf>,
+}
+
+/// A length that is more than nothing and less than a hundred thousand.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
+    if value > 0.0 && value < 1e5 { Ok(value) } else { Err(format!("found {value}, expected more than 0")) }
 }
 
 /// `tessera report`.
@@ -358,6 +413,13 @@ pub(crate) struct AblateArguments {
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+fn isa(word: &str) -> Result<Isa, String> {
+    let all = [Isa::Auto, Isa::Baseline, Isa::Avx2, Isa::Neon];
+    all.into_iter()
+        .find(|isa| isa.to_string() == word)
+        .ok_or("expected auto, baseline, avx2 or neon".to_owned())
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ fn conclude(
     let written = outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
         .and_then(|()| outputs::export(&plan.run_dir, &plan.run_dir));
     if plan.settings.output.report
-        && let Err(error) = report::write(&[&plan.run_dir], &plan.run_dir, REPORT_FILE)
+        && let Err(error) = report::write(&[&plan.run_dir], &plan.run_dir.join(REPORT_FILE))
     {
         // What was asked for is the trajectory and the map: the run is no worse without a page.
         say_error(&format!("no report: {error}"));

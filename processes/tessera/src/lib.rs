@@ -8,6 +8,7 @@ mod ablation;
 mod arguments;
 mod chaos;
 mod commands;
+mod exchange;
 mod exit;
 mod launch;
 mod outputs;

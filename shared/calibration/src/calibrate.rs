@@ -283,7 +283,7 @@ fn match_all(problem: &Problem<'_>, camera: &Camera, poses: &[Pose], iteration: 
     let grid = problem.grid;
     let warp = SurfaceWarp::new(problem.made_with, camera, grid, problem.offset_px);
     let prepare = |keyframe: &Keyframe<'_>| {
-        let vertices = warp.apply(&SurfaceView { grid, vertices: keyframe.vertices });
+        let vertices = warp.apply(keyframe.vertices);
         let mut samples = Vec::new();
         let surface = SurfaceView { grid, vertices: &vertices };
         Sampler::default().draw(&surface, keyframe.frame_index, problem.registration, &mut samples);

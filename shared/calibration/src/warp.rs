@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector2, Vector3};
 use rayon::prelude::*;
 use tessera_geometry::Camera;
-use tessera_surface::{Grid, SurfaceView, Vertex};
+use tessera_surface::{Grid, Vertex};
 
 /// Rays of the grid under two cameras, so that vertices made with one can be moved to the other.
 ///
@@ -42,8 +42,8 @@ impl SurfaceWarp {
     }
 
     /// Moves all vertices of a surface; invalid ones stay as they are.
-    pub fn apply(&self, surface: &SurfaceView<'_>) -> Vec<Vertex> {
-        surface.vertices.iter().zip(&self.nodes).map(|(vertex, node)| self.moved(vertex, node)).collect()
+    pub fn apply(&self, vertices: &[Vertex]) -> Vec<Vertex> {
+        vertices.iter().zip(&self.nodes).map(|(vertex, node)| self.moved(vertex, node)).collect()
     }
 
     fn moved(&self, vertex: &Vertex, node: &Node) -> Vertex {
@@ -110,7 +110,7 @@ mod tests {
             (maker.grid(), vertices)
         };
         let ((grid, old), (_, new)) = (make(&from), make(&to));
-        let moved = SurfaceWarp::new(&from, &to, grid, 1.5).apply(&SurfaceView { grid, vertices: &old });
+        let moved = SurfaceWarp::new(&from, &to, grid, 1.5).apply(&old);
         let mut n = 0;
         for (a, b) in moved.iter().zip(&new).filter(|(a, b)| a.is_inner() && b.is_inner()) {
             let apart =

@@ -181,7 +181,7 @@ impl Tracker {
         vertices: &[Vertex<'_>],
     ) -> Option<Vec<Pose>> {
         let pose_of = |id: u32| Pose::from(&self.state.keyframes[id as usize].world_from_camera);
-        let mut graph = Graph::default();
+        let mut graph = Graph { isa: self.context.registration.isa, ..Graph::default() };
         graph.poses.extend(vertices.iter().map(|v| pose_of(v.id)));
         graph.is_fixed.extend(vertices.iter().map(|v| v.is_fixed));
         graph.poses.push(attempt.alignment.world_from_camera);

@@ -133,7 +133,13 @@ pub(crate) fn solve(
         context.steps.enter(Step::Solve);
         let mut is_fixed = vec![false; poses.len()];
         is_fixed[0] = true;
-        let mut graph = Graph { poses: poses.clone(), is_fixed, pairs, priors: Vec::new() };
+        let mut graph = Graph {
+            poses: poses.clone(),
+            is_fixed,
+            pairs,
+            priors: Vec::new(),
+            isa: context.registration.isa,
+        };
         let inner_iterations = context.registration.inner_iterations;
         let report =
             robust::optimise(&mut graph, &is_loop, settings, metric_factor, inner_iterations, progress);

@@ -25,6 +25,7 @@ mod promotion;
 mod recognised;
 mod records;
 mod refine;
+mod refine_camera;
 mod relocalise;
 mod robust;
 mod settings;
@@ -39,7 +40,8 @@ pub use neighbours::pairs as neighbour_pairs;
 pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
-    KeyframeRecord, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RequestRecord, State, StoreSlot,
+    KeyframeRecord, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RefinedCamera, Refinement,
+    RequestRecord, State, StoreSlot,
 };
 pub use settings::{
     GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,

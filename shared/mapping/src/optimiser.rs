@@ -2,9 +2,12 @@
 
 use crate::context::Context;
 use crate::gaps::Timeline;
-use crate::global;
-use crate::records::{AlignRecord, Correction, KeyframePose, OptimiseRecord, RequestRecord};
+use crate::global::{self, Solution};
+use crate::records::{
+    AlignRecord, Correction, KeyframePose, OptimiseRecord, RefinedCamera, Refinement, RequestRecord,
+};
 use crate::refine::FrameBlocks;
+use crate::refine_camera::refine_camera;
 use crate::state::{KeyframeState, TrackerState};
 use crate::tracker::KeyframeSurfaces;
 use rayon::prelude::*;
@@ -95,20 +98,39 @@ impl Optimiser {
         let solution = global::solve(&self.context, keyframes, surfaces, iterations, progress);
         self.context.steps.enter(Step::Refine);
         let frames = if request.is_final { self.refine(&solution.poses) } else { Vec::new() };
+        let refinement = (request.is_final && settings.refine_camera)
+            .then(|| self.refine_camera(keyframes, surfaces, &solution, progress));
         self.context.steps.leave();
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
-            keyframes: keyframes
-                .iter()
-                .zip(&solution.poses)
-                .map(|(k, pose)| KeyframePose { id: k.id, world_from_camera: PoseBits::from(pose) })
-                .collect(),
+            keyframes: by_id(keyframes, &solution.poses),
             frames,
+            refinement,
             loops: solution.loops,
             outer_iterations: solution.outer_iterations,
             n_graduated_rounds: solution.n_rounds,
         })
+    }
+
+    fn refine_camera(
+        &self,
+        keyframes: &[KeyframeState],
+        surfaces: &dyn KeyframeSurfaces,
+        solution: &Solution,
+        progress: &mut dyn FnMut(),
+    ) -> Refinement {
+        match refine_camera(&self.context, keyframes, surfaces, solution, progress) {
+            Ok(found) => Refinement::Refined(Box::new(RefinedCamera {
+                moved_px: found.moved_px,
+                n_held: found.held.len() as u32,
+                residual_sigmas: found.residual_sigmas.into(),
+                keyframes: by_id(keyframes, &found.world_from_camera),
+                frames: self.refine(&found.world_from_camera),
+                camera: found.camera,
+            })),
+            Err(error) => Refinement::Kept(error.to_string()),
+        }
     }
 
     /// Every frame solved again against the optimised keyframes; keyframes take their own pose,
@@ -139,6 +161,14 @@ impl Optimiser {
         frames.sort_by_key(|f| f.0);
         frames
     }
+}
+
+fn by_id(keyframes: &[KeyframeState], poses: &[Pose]) -> Vec<KeyframePose> {
+    let entry = |(k, pose): (&KeyframeState, &Pose)| KeyframePose {
+        id: k.id,
+        world_from_camera: PoseBits::from(pose),
+    };
+    keyframes.iter().zip(poses).map(entry).collect()
 }
 
 /// FNV-1a over the bits of the keyframes' poses: names the input a correction was computed from.

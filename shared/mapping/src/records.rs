@@ -5,7 +5,7 @@
 
 use crate::state::KeyframeState;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{InertialRotation, PoseBits};
+use tessera_geometry::{Camera, InertialRotation, PoseBits};
 use tessera_recognition::PlaceCode;
 
 /// Where a keyframe's surface lies in the keyframe store.
@@ -195,6 +195,38 @@ pub struct Correction {
     pub outer_iterations: u32,
     /// Rounds of graduated non-convexity over all outer iterations; 0: every loop fitted at once.
     pub n_graduated_rounds: u32,
+    /// The camera as a further unknown (final optimisation only, where the settings ask for it).
+    pub refinement: Option<Refinement>,
+}
+
+/// What became of the camera when it was solved for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Refinement {
+    /// Another camera fits the frames better.
+    Refined(Box<RefinedCamera>),
+    /// The frames determine none, and why: the run's camera stays.
+    Kept(String),
+}
+
+/// A camera from the frames themselves, with the poses that go with it.
+///
+/// The map's own poses are those of [`Correction::keyframes`]: they fit the surfaces in the store,
+/// which the run's camera made. These fit the surfaces as this camera would have made them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RefinedCamera {
+    /// The camera.
+    pub camera: Camera,
+    /// How far the image moved from the run's camera to this one, root mean square pixels.
+    pub moved_px: f64,
+    /// Combinations of parameters that the motion does not determine: they keep the run's values.
+    pub n_held: u32,
+    /// Root mean square normal residual of keyframe pairs before and after, standard deviations
+    /// of depth.
+    pub residual_sigmas: [f64; 2],
+    /// Every keyframe's pose, by id.
+    pub keyframes: Vec<KeyframePose>,
+    /// Frames solved again against those keyframes.
+    pub frames: Vec<(u64, PoseBits)>,
 }
 
 /// A correction taking effect: the whole correction is copied into the aligner's own

@@ -33,7 +33,7 @@ pub(crate) fn own_optimum(block: &PairBlock, start: &Pose) -> (Pose, f64) {
         poses: vec![Pose::identity(), *start],
         is_fixed: vec![true, false],
         pairs: vec![pair],
-        priors: Vec::new(),
+        ..Graph::default()
     };
     // Without a solution the start is the best that is known.
     let _: Result<InnerReport, NotPositiveDefinite> = graph.optimise(10, &mut || ());

@@ -233,6 +233,9 @@ pub struct GlobalSettings {
     /// A loop pair that disagrees with the graph by more loses its weight, standard deviations of
     /// depth; 0 switches this off.
     pub loop_residual_sigmas: f64,
+    /// The final request solves for the camera too. What was tracked and mapped stays as it is;
+    /// the outputs are those of the refined camera.
+    pub refine_camera: bool,
 }
 
 impl Default for GlobalSettings {
@@ -249,6 +252,7 @@ impl Default for GlobalSettings {
             max_in_front: 0.2,
             max_inconsistency_sigmas: 1.5,
             loop_residual_sigmas: 1.0,
+            refine_camera: false,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Calibrates from a folder's frames and compares the errors of a run with the start, the found
 //! and the folder's own camera.
 //!
-//! `cargo run --release -p tessera-offline --example calibrate_sequence -- FOLDER [--camera FILE] [--change fx*1.03] [--frames N] [key=value]...`
+//! `cargo run --release -p tessera-offline --example calibrate_sequence -- FOLDER [--camera FILE] [--change fx*1.03] [--frames N] [--seeds N] [key=value]...`
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -14,7 +14,7 @@ use tessera_trajectory::{EvaluationOptions, evaluate};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut source, mut overrides, mut frames, mut camera) = (None, Vec::new(), None, None);
-    let mut changes = Vec::new();
+    let (mut changes, mut seeds) = (Vec::new(), 1);
     let mut options = CalibrateOptions::default();
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -23,6 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--camera" => camera = arguments.next(),
             "--change" => changes.push(arguments.next().ok_or("--change fx=525")?),
             "--hold" => options.hold_px = arguments.next().ok_or("--hold PX")?.parse()?,
+            "--seeds" => seeds = arguments.next().ok_or("--seeds N")?.parse()?,
             "--passes" => options.max_passes = arguments.next().ok_or("--passes N")?.parse()?,
             "--neighbours" => options.neighbours = arguments.next().ok_or("--neighbours N")?.parse()?,
             "--fix" => {
@@ -82,18 +83,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     for (name, camera) in [("start", &start), ("found", &found.calibration.camera), ("own", source.camera())]
     {
-        let mut run = Run::new(camera, &method)?;
-        decoded.iter().for_each(|frame| run.push(frame));
-        let records = run.finish();
         let Some(truth) = source.ground_truth() else { continue };
-        let score = evaluate(&records.last(), truth, &EvaluationOptions::default())?;
-        println!(
-            "{name:6} ATE {:.5} m RPE {:.5} m/s",
-            score.ate_rmse_m,
-            score.rpe_translation_rmse_m_per_s.unwrap_or(f64::NAN)
-        );
+        let (mut ate_m, mut rpe_m_per_s) = (Vec::new(), Vec::new());
+        for seed in 0..seeds {
+            let mut method = method.clone();
+            method.registration.seed += seed;
+            let mut run = Run::new(camera, &method)?;
+            decoded.iter().for_each(|frame| run.push(frame));
+            let score = evaluate(&run.finish().last(), truth, &EvaluationOptions::default())?;
+            ate_m.push(score.ate_rmse_m);
+            rpe_m_per_s.extend(score.rpe_translation_rmse_m_per_s);
+        }
+        println!("{name:6} ATE m {}  RPE m/s {}", spread(ate_m), spread(rpe_m_per_s));
     }
     Ok(())
+}
+
+/// Median, least and most.
+fn spread(mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    let at = |place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+    format!("{:.4} ({:.4} to {:.4})", at(values.len() / 2), at(0), at(values.len().saturating_sub(1)))
 }
 
 fn apply(camera: &mut Camera, change: &str) -> Result<(), Box<dyn Error>> {

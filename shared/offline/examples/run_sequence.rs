@@ -154,16 +154,25 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
     let line =
         |name: &str, estimate: &Trajectory| match evaluate(estimate, truth, &EvaluationOptions::default()) {
             Ok(e) => println!(
-                "    {name:7} ATE {:.5} m  RPE {:.5} m/s  {:.3} deg/s  ({} pairs)",
+                "    {name:7} ATE {:.5} m  RPE {:.5} m/s  {:.3} deg/s  end {:.4} m  ({} pairs)",
                 e.ate_rmse_m,
                 e.rpe_translation_rmse_m_per_s.unwrap_or(f64::NAN),
                 e.rpe_rotation_rmse_deg_per_s.unwrap_or(f64::NAN),
+                e.end_error_m,
                 e.pairs
             ),
             Err(error) => println!("    {name}: {error}"),
         };
     line("online", &records.online());
     line("final", &records.last());
+    if let Some(refined) = records.refined_camera() {
+        line("as was", &records.before_refinement());
+        let [before, after] = refined.residual_sigmas;
+        println!(
+            "    {:?}, moved {:.2} px, {} directions held, residual {before:.4} before, {after:.4} after",
+            refined.camera, refined.moved_px, refined.n_held
+        );
+    }
 }
 
 /// Quantiles of the loop pairs' tests in the last correction.

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits};
 use tessera_mapping::{
     AlignRecord, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
-    MappingSettings, OptimiseRecord, Optimiser, State, Tracker,
+    MappingSettings, OptimiseRecord, Optimiser, RefinedCamera, Refinement, State, Tracker,
 };
 use tessera_registration::RegistrationSettings;
 use tessera_surface::{Grid, Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
@@ -229,8 +229,18 @@ impl Records {
         trajectory
     }
 
-    /// Every frame on its keyframe as finally corrected, or as solved again by the last correction.
+    /// Every frame on its keyframe as finally corrected, or as solved again by the last correction;
+    /// with the refined camera where there is one.
     pub fn last(&self) -> Trajectory {
+        self.corrected(true)
+    }
+
+    /// As [`Self::last`], with the camera as it was.
+    pub fn before_refinement(&self) -> Trajectory {
+        self.corrected(false)
+    }
+
+    fn corrected(&self, refined: bool) -> Trajectory {
         let mut keyframes: BTreeMap<u32, PoseBits> = BTreeMap::new();
         let mut solved: BTreeMap<u64, PoseBits> = BTreeMap::new();
         for record in &self.records {
@@ -251,8 +261,13 @@ impl Records {
                             *pose = PoseBits::from(&(moved * Pose::from(&*pose)));
                         }
                     }
-                    keyframes.extend(correction.keyframes.iter().map(|k| (k.id, k.world_from_camera)));
-                    solved = correction.frames.iter().copied().collect();
+                    // A refined camera's poses go with its surfaces; nothing is made after them.
+                    let (corrected, frames) = match &correction.refinement {
+                        Some(Refinement::Refined(found)) if refined => (&found.keyframes, &found.frames),
+                        _ => (&correction.keyframes, &correction.frames),
+                    };
+                    keyframes.extend(corrected.iter().map(|k| (k.id, k.world_from_camera)));
+                    solved = frames.iter().copied().collect();
                 }
                 _ => {}
             }
@@ -265,6 +280,17 @@ impl Records {
             let _ = trajectory.push(frame.stamp_nanos, pose.unwrap_or(Pose::from(&frame.world_from_camera)));
         }
         trajectory
+    }
+
+    /// The camera of the final optimisation, where it was asked for and found.
+    pub fn refined_camera(&self) -> Option<&RefinedCamera> {
+        self.records.iter().rev().find_map(|record| match record {
+            AlignRecord::Correction(applied) => match &applied.correction.refinement {
+                Some(Refinement::Refined(refined)) => Some(&**refined),
+                _ => None,
+            },
+            _ => None,
+        })
     }
 
     /// Frames in order.

@@ -5,6 +5,7 @@ use crate::solve::{BlockSystem, NotPositiveDefinite};
 use tessera_geometry::{
     Matrix6, Pose, Twist, Vector6, adjoint, compose_normalised, log, translation_rotation_norms,
 };
+use tessera_surface::Isa;
 
 /// All correspondences between two frames.
 #[derive(Clone, Debug)]
@@ -41,6 +42,8 @@ pub struct Graph {
     pub pairs: Vec<Pair>,
     /// Priors.
     pub priors: Vec<Prior>,
+    /// What the factorisations may use.
+    pub isa: Isa,
 }
 
 /// How an inner optimisation ended.
@@ -105,7 +108,7 @@ impl Graph {
             let (a, b) = (slot[p.query], slot[p.target]);
             (a != usize::MAX && b != usize::MAX).then_some((a, b))
         });
-        let mut system = BlockSystem::new(free.len(), places)?;
+        let mut system = BlockSystem::new(free.len(), places, self.isa)?;
         let start = self.poses.clone();
         let mut cost = self.linearise(&slot, &mut system);
         let mut report = InnerReport { cost_before: cost, cost_after: cost, ..InnerReport::default() };
@@ -276,8 +279,9 @@ mod tests {
 
     #[test]
     fn a_ring_of_poses_comes_back_dense_and_sparse() {
-        for n in [2, 12, 60] {
+        for (n, isa) in [2, 12, 60].into_iter().flat_map(|n| [(n, Isa::Auto), (n, Isa::Baseline)]) {
             let (truth, mut graph) = ring(n);
+            graph.isa = isa;
             let report = graph.optimise(50, &mut || ()).unwrap();
             assert!(report.is_converged, "{n} poses: {report:?}");
             for (pose, expected) in graph.poses.iter().zip(&truth) {

@@ -11,6 +11,7 @@ mod block;
 mod brightness;
 mod columns;
 mod descent;
+mod envelope;
 mod found;
 mod graph;
 mod kd_tree;

@@ -83,7 +83,7 @@ impl Matcher {
             holders,
             stamp: 0,
             has_colour: camera.has_colour,
-            arch: pulp::Arch::new(),
+            arch: settings.isa.arch(),
             steps: Steps::default(),
         }
     }

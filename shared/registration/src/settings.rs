@@ -1,7 +1,7 @@
 //! Settings of sampling, search, weights and the optimiser.
 
 use serde::{Deserialize, Serialize};
-use tessera_surface::{SettingError, check_range};
+use tessera_surface::{Isa, SettingError, check_range};
 
 /// How a query's partner on the target is found (SPEC 10.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -112,6 +112,9 @@ pub struct RegistrationSettings {
     pub search: SearchSettings,
     /// Weights.
     pub weight: WeightSettings,
+    /// Vector instructions; `run.isa` sets them for all algorithms.
+    #[serde(skip)]
+    pub isa: Isa,
 }
 
 impl Default for RegistrationSettings {
@@ -124,6 +127,7 @@ impl Default for RegistrationSettings {
             inner_iterations: 10,
             search: SearchSettings::default(),
             weight: WeightSettings::default(),
+            isa: Isa::Auto,
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Linear systems of 6x6 blocks: dense for few poses, sparse with a kept symbolic factor for many.
 
+use crate::envelope::Envelope;
 use faer::linalg::solvers::{Llt, Solve};
 use faer::sparse::linalg::solvers::{Llt as SparseLlt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Mat, Par, Side};
 use tessera_geometry::{Matrix6, Vector6};
+use tessera_surface::Isa;
 
 /// The normal equations have a direction without information.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +32,8 @@ pub(crate) struct BlockSystem {
     pub(crate) lower: Vec<Matrix6>,
     pub(crate) gradient: Vec<Vector6>,
     sparse: Option<Sparse>,
+    /// Factorised by plain code.
+    is_portable: bool,
 }
 
 struct Sparse {
@@ -43,12 +47,14 @@ impl BlockSystem {
     pub(crate) fn new(
         n: usize,
         places: impl Iterator<Item = (usize, usize)>,
+        isa: Isa,
     ) -> Result<Self, NotPositiveDefinite> {
         let mut pattern: Vec<_> = places.map(|(a, b)| (a.max(b), a.min(b))).filter(|(a, b)| a != b).collect();
         pattern.sort_unstable_by_key(|&(row, column)| (column, row));
         pattern.dedup();
         let lower = vec![Matrix6::zeros(); pattern.len()];
-        let sparse = if n > DENSE_MAX_POSES { Some(Sparse::new(n, &pattern)?) } else { None };
+        let is_portable = isa.is_portable();
+        let sparse = if n > DENSE_MAX_POSES && !is_portable { Some(Sparse::new(n, &pattern)?) } else { None };
         Ok(Self {
             n,
             pattern,
@@ -56,6 +62,7 @@ impl BlockSystem {
             lower,
             gradient: vec![Vector6::zeros(); n],
             sparse,
+            is_portable,
         })
     }
 
@@ -82,6 +89,9 @@ impl BlockSystem {
             let factor = damped.cholesky().ok_or(NotPositiveDefinite)?;
             return Ok(vec![-factor.solve(&self.gradient[0])]);
         }
+        if self.is_portable {
+            return self.solve_portable(lambda);
+        }
         let rhs = Mat::from_fn(6 * self.n, 1, |r, _| -self.gradient[r / 6][r % 6]);
         let solution = if self.sparse.is_some() {
             self.solve_sparse(lambda, &rhs)?
@@ -89,6 +99,30 @@ impl BlockSystem {
             self.solve_dense(lambda, &rhs)?
         };
         Ok((0..self.n).map(|i| Vector6::from_fn(|k, _| solution[(6 * i + k, 0)])).collect())
+    }
+
+    fn solve_portable(&self, lambda: f64) -> Result<Vec<Vector6>, NotPositiveDefinite> {
+        let mut first: Vec<usize> = (0..self.n).collect();
+        for &(row, column) in &self.pattern {
+            first[row] = first[row].min(column);
+        }
+        let mut h = Envelope::zeros((0..6 * self.n).map(|r| 6 * first[r / 6]).collect());
+        let blocks = self.pattern.iter().copied().zip(&self.lower);
+        for ((row, column), block) in (0..self.n).map(|i| (i, i)).zip(&self.diagonal).chain(blocks) {
+            for r in 0..6 {
+                let n_columns = if row == column { r + 1 } else { 6 };
+                for c in 0..n_columns {
+                    h.add(6 * row + r, 6 * column + c, block[(r, c)]);
+                }
+            }
+        }
+        for i in 0..6 * self.n {
+            h.add(i, i, lambda);
+        }
+        h.factorise()?;
+        let mut steps: Vec<f64> = self.gradient.iter().flat_map(|g| g.iter().map(|v| -v)).collect();
+        h.solve(&mut steps);
+        Ok(steps.chunks_exact(6).map(Vector6::from_column_slice).collect())
     }
 
     fn solve_dense(&self, lambda: f64, rhs: &Mat<f64>) -> Result<Mat<f64>, NotPositiveDefinite> {

@@ -121,7 +121,7 @@ impl Setup {
                 poses: vec![Pose::identity(), pose],
                 is_fixed: vec![true, false],
                 pairs: vec![Pair { query: 1, target: 0, block: block.clone(), weight: 1.0 }],
-                priors: Vec::new(),
+                ..Graph::default()
             };
             graph.optimise(10, &mut || ()).unwrap();
             pose = graph.poses[1];

@@ -85,9 +85,10 @@ impl Layers {
     /// # Errors
     /// A word or a value that cannot be.
     pub fn resolve(self) -> Result<Settings, SettingsError> {
-        let settings = Settings::deserialize(Value::Table(self.given))
+        let mut settings = Settings::deserialize(Value::Table(self.given))
             .map_err(|error| SettingsError::Word { reason: error.to_string().trim().replace('\n', " ") })?;
         settings.check()?;
+        settings.set_isa(settings.run.isa);
         Ok(settings)
     }
 

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 use tessera_mapping::MappingSettings;
 use tessera_registration::RegistrationSettings;
 use tessera_sources::{SimulationOptions, SourceOptions, SourceSpec};
-use tessera_surface::SurfaceSettings;
+use tessera_surface::{Isa, SurfaceSettings};
 
 /// All settings of a run, one table for each part.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -88,6 +88,11 @@ impl Settings {
             simulation: self.simulation.clone(),
         };
         (SourceSpec::parse(&run.source), options)
+    }
+
+    /// Sets the vector instructions of all algorithms.
+    pub fn set_isa(&mut self, isa: Isa) {
+        (self.run.isa, self.surface.isa, self.registration.isa) = (isa, isa, isa);
     }
 
     /// Every value, in the order of the structs.

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use tessera_geometry::PoseBits;
+use tessera_surface::Isa;
 
 /// The source and how it is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +20,9 @@ pub struct RunSettings {
     pub live: bool,
     /// Frames are decoded into memory before the first is sent.
     pub preload: bool,
+    /// Vector instructions. A run names in its own `config.toml` those that it began with, and goes
+    /// on with the same.
+    pub isa: Isa,
     /// Go on where the source looks wrong (depth units that no room can have).
     pub force: bool,
     /// Align and optimise throw their state away after so many frames and read it back; 0: never.
@@ -40,6 +44,7 @@ impl Default for RunSettings {
             frames: 0,
             live: false,
             preload: false,
+            isa: Isa::Auto,
             force: false,
             forget_every: 0,
             map: String::new(),

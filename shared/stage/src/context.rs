@@ -93,6 +93,7 @@ impl Context {
         let text = std::fs::read_to_string(&config).map_err(|e| wrong(config.clone(), &e))?;
         let settings = Settings::from_toml(&text, &config.display().to_string())
             .map_err(|e| StageError::Settings(e.to_string()))?;
+        settings.run.isa.resolve().map_err(|e| StageError::Settings(e.to_string()))?;
         let megabytes = stage_settings(&settings, stage).memory_mb;
         limit_memory(megabytes)
             .map_err(|e| StageError::Settings(format!("cannot limit memory to {megabytes} MB: {e}")))?;

@@ -66,7 +66,7 @@ pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
 
 /// The last lines of a log that a process wrote, oldest first.
 pub fn last_lines(path: &Path, process: &str, n: usize) -> Vec<String> {
-    let text = tail(path, 256 << 10).unwrap_or_default();
+    let text = tail(path, 32 << 10).unwrap_or_default();
     let mark = format!("{process}[");
     // The third word, and no other: a line may quote another one.
     let is_own = |line: &&str| line.split_whitespace().nth(2).is_some_and(|word| word.starts_with(&mark));

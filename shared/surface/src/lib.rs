@@ -13,6 +13,7 @@ mod cloud;
 mod colour;
 mod columns;
 mod filter;
+mod isa;
 mod mesh;
 mod normals;
 mod planes;
@@ -22,6 +23,7 @@ mod settings;
 mod step;
 mod vertex;
 
+pub use isa::{Isa, IsaMissing};
 pub use reconstruct::{Reconstructor, SurfaceStats};
 pub use settings::{
     BoundaryRule, CellBrightness, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SettingError,

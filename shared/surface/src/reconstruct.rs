@@ -58,7 +58,7 @@ impl Reconstructor {
             workspace: Workspace::new(grid),
             walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
             n_measured: 0,
-            arch: pulp::Arch::new(),
+            arch: settings.isa.arch(),
             steps: Steps::default(),
         })
     }

@@ -1,5 +1,6 @@
 //! Settings of the reconstruction, with the defaults of the default preset beside them.
 
+use crate::isa::Isa;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::NoiseModel;
 
@@ -142,6 +143,9 @@ pub struct SurfaceSettings {
     pub normals_after_filter: NormalsAfterFilter,
     /// Vertices whose normal is nearly perpendicular to the line of sight are dropped: least cosine.
     pub min_view_cosine: f32,
+    /// Vector instructions; `run.isa` sets them for all algorithms.
+    #[serde(skip)]
+    pub isa: Isa,
 }
 
 impl Default for SurfaceSettings {
@@ -164,6 +168,7 @@ impl Default for SurfaceSettings {
             filter_boundary: BoundaryRule::Keep,
             normals_after_filter: NormalsAfterFilter::Filtered,
             min_view_cosine: 0.15,
+            isa: Isa::Auto,
         }
     }
 }

@@ -108,6 +108,9 @@ pub struct Evaluation {
     pub ate_rmse_m: f64,
     /// ATE, all figures, metres.
     pub ate_m: Statistics,
+    /// How far the last compared pose is off, seen from the first one, metres: the drift over the
+    /// whole run, and where it ends at its start, how well the end meets it.
+    pub end_error_m: f64,
     /// Pairs compared by the RPE.
     pub rpe_pairs: usize,
     /// RPE over one second, translation, RMSE; absent where the run is shorter than a second.
@@ -148,6 +151,7 @@ pub fn evaluate(
         coverage: coverage(estimate, groundtruth, &ate_standard.pairs),
         ate_rmse_m: ate_standard.statistics_m.rmse,
         ate_m: ate_standard.statistics_m,
+        end_error_m: end_error_m(estimate, groundtruth, &ate_standard.pairs),
         rpe_pairs: rpe_standard.as_ref().map_or(0, |rpe| rpe.pairs.len()),
         rpe_translation_rmse_m_per_s: rpe_standard.as_ref().map(|rpe| rpe.translation_m.rmse),
         rpe_rotation_rmse_deg_per_s: rpe_standard.as_ref().map(|rpe| rpe.rotation_deg.rmse),
@@ -172,6 +176,13 @@ fn coverage(estimate: &Trajectory, groundtruth: &Trajectory, pairs: &[(usize, us
         share_of_estimate: pairs.len() as f64 / estimate.len() as f64,
         share_of_groundtruth_time: if whole_s > 0.0 { compared_s / whole_s } else { 1.0 },
     }
+}
+
+fn end_error_m(estimate: &Trajectory, groundtruth: &Trajectory, pairs: &[(usize, usize)]) -> f64 {
+    let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return 0.0 };
+    let found = estimate.poses[first.1].inverse() * estimate.poses[last.1];
+    let expected = groundtruth.poses[first.0].inverse() * groundtruth.poses[last.0];
+    (expected.inverse() * found).translation.vector.norm()
 }
 
 fn time_offset_report(
@@ -220,6 +231,19 @@ mod tests {
         let scale = with.with_scale.unwrap();
         assert!((scale.scale - 2.0).abs() < 1e-9 && scale.ate_rmse_m < 1e-9, "{scale:?}");
         assert!(with.ate_rmse_m > 0.3);
+    }
+
+    #[test]
+    fn the_end_is_seen_from_the_first_pose() {
+        let truth = spiral(200, 1.0);
+        let mut drifted = Trajectory::default();
+        let elsewhere = Pose::translation(5.0, 0.0, 1.0);
+        for (stamp, pose) in truth.stamps_nanos.iter().zip(&truth.poses) {
+            let drift_m = *stamp as f64 / truth.stamps_nanos[199] as f64 * 0.25;
+            drifted.push(*stamp, elsewhere * pose * Pose::translation(0.0, drift_m, 0.0)).unwrap();
+        }
+        let result = evaluate(&drifted, &truth, &EvaluationOptions::default()).unwrap();
+        assert!((result.end_error_m - 0.25).abs() < 1e-9, "{}", result.end_error_m);
     }
 
     #[test]

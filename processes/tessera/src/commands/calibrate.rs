@@ -103,10 +103,11 @@ fn fixed(names: &[String]) -> Result<Vec<Parameter>, CommandError> {
 
 fn check_writable(path: &Path) -> Result<(), CommandError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let refuse = |reason: String| Err(CommandError::Arguments(format!("--out {}: {reason}", path.display())));
     match (folder.is_dir(), path.is_dir()) {
         (true, false) => Ok(()),
-        (true, true) => Err(CommandError::write(path, "it is a folder, expected a file to write")),
-        (false, _) => Err(CommandError::write(path, format!("there is no folder {}", folder.display()))),
+        (true, true) => refuse("it is a folder, expected a file to write".to_owned()),
+        (false, _) => refuse(format!("there is no folder {}", folder.display())),
     }
 }
 

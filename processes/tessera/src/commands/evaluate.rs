@@ -49,6 +49,8 @@ fn for_people(evaluation: &Evaluation, options: &EvaluationOptions) -> String {
         coverage.estimate_poses,
         100.0 * coverage.share_of_groundtruth_time,
     );
+    let _ =
+        writeln!(text, "{:<16} {:.6} m at the last pose, seen from the first", "end", evaluation.end_error_m);
     match (&evaluation.rpe_translation_m_per_s, &evaluation.rpe_rotation_deg_per_s) {
         (Some(translation), Some(rotation)) => {
             line(&mut text, "RPE translation", translation, "m/s");

@@ -1,6 +1,7 @@
 //! `tessera export`: the outputs of a run, written again from its folder.
 
 use crate::arguments::{ExportArguments, Speech};
+use crate::exchange;
 use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, Summary};
 use crate::run_folder;
@@ -10,6 +11,13 @@ use std::path::Path;
 /// Writes all outputs of a run.
 pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> {
     let run_folder = run_folder::find(&arguments.run)?;
+    let written = exchange::write(&run_folder, &arguments.files)?;
+    if !written.is_empty() && arguments.out.is_none() {
+        if !arguments.speech.quiet {
+            written.iter().for_each(|line| say(line));
+        }
+        return Ok(Exit::Done);
+    }
     let out_folder = arguments.out.as_deref().unwrap_or(&run_folder);
     let summary = outputs::export(&run_folder, out_folder)?;
     say_summary(&summary, out_folder, arguments.speech)?;

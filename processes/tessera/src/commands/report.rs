@@ -16,12 +16,8 @@ pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, CommandError> 
         (None, [folder]) => folder.join(REPORT_FILE),
         (None, _) => PathBuf::from(REPORT_FILE),
     };
-    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-        return Err(CommandError::Arguments(format!("--out is {}, expected a file", path.display())));
-    };
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
-    report::write(&folders, parent, name)?;
+    report::write(&folders, &path)?;
     if !arguments.quiet {
         say(&path.display().to_string());
     }

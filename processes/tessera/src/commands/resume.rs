@@ -22,6 +22,12 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
     let text = std::fs::read_to_string(&config)
         .map_err(|error| CommandError::Input(format!("{}: {error}", config.display())))?;
     let settings = Settings::from_toml(&text, &config.display().to_string())?;
+    settings.run.isa.resolve().map_err(|error| {
+        CommandError::Input(format!(
+            "{}: {error}: the run began on another kind of machine",
+            config.display()
+        ))
+    })?;
     let (spec, options) = settings.source();
     // Opened here too, so that a source that went away is told before anything starts.
     let source = tessera_sources::open(&spec, &options)?;

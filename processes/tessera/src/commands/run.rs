@@ -54,6 +54,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
 /// The settings of the run: file and `--set` first, then the arguments that have a flag of their own.
 pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     let mut settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
+    settings.mapping.global.refine_camera |= arguments.refine_camera;
     let run = &mut settings.run;
     if let Some(source) = &arguments.source {
         run.source.clone_from(source);
@@ -76,7 +77,18 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     if arguments.frames == Some(0) {
         return Err(CommandError::Arguments("--frames is 0, expected at least 1".to_owned()));
     }
+    settings.simulation.person |= arguments.person;
+    settings.simulation.readout_s = arguments.readout.or(settings.simulation.readout_s);
+    let is_of_a_scene = arguments.person || arguments.readout.is_some();
+    if is_of_a_scene && matches!(SourceSpec::parse(&settings.run.source), SourceSpec::Folder(_)) {
+        return Err(CommandError::Arguments(format!(
+            "--person and --readout are for simulated scenes, and {} is a folder; a camera file's readout_s tells of a real rolling shutter",
+            settings.run.source
+        )));
+    }
     settings.check()?;
+    let isa = arguments.isa.unwrap_or(settings.run.isa);
+    settings.set_isa(isa.resolve().map_err(|error| CommandError::Arguments(error.to_string()))?);
     // Absolute, so that the stages and a later `resume` find them from anywhere.
     let run = &mut settings.run;
     run.source = SourceSpec::parse(&run.source).to_string();

@@ -9,14 +9,18 @@ use crate::outputs::summary::Summary;
 use crate::outputs::{states, trajectories};
 use std::fs;
 use std::path::Path;
+use tessera_calibration::SurfaceWarp;
+use tessera_geometry::Camera;
 use tessera_journal::Follower;
-use tessera_mapping::{AlignRecord, KeyframeSurfaces};
+use tessera_mapping::{AlignRecord, Context, KeyframeSurfaces};
 use tessera_settings::Settings;
 use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles};
 use tessera_trajectory::{Trajectory, read_tum, write_tum};
 
 /// Name of the ground truth in the run directory.
 const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
+/// Name of the refined camera beside the outputs.
+const REFINED_CAMERA_FILE: &str = "camera_refined.toml";
 
 /// Writes every output of the run in `run_folder` into `out_folder` and says what came of it.
 ///
@@ -25,14 +29,20 @@ const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
 pub(crate) fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, CommandError> {
     let files = RunFiles::new(run_folder);
     let settings = read_settings(&files)?;
-    let replay = read_journal(&files)?;
+    let as_mapped = read_journal(&files)?;
+    let replay = as_mapped.with_refined_camera();
+    let replay = replay.as_ref().unwrap_or(&as_mapped);
     let groundtruth = read_groundtruth(run_folder)?;
     let statistics = read_statistics(run_folder)?;
     fs::create_dir_all(out_folder).map_err(|error| CommandError::write(out_folder, error))?;
-    trajectories::write(&replay, out_folder)?;
-    states::write(&replay, out_folder)?;
-    write_map(&files, out_folder, &replay, &settings)?;
-    let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref());
+    trajectories::write(replay, out_folder)?;
+    states::write(replay, out_folder)?;
+    write_map(&files, out_folder, replay, &settings)?;
+    let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref());
+    if let Some(refined) = replay.refined() {
+        write_camera(&refined.camera, &settings.run.source, out_folder)?;
+        summary.compare_with(&as_mapped, groundtruth.as_ref());
+    }
     summary.write(out_folder)?;
     Ok(summary)
 }
@@ -83,6 +93,15 @@ pub(crate) fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, 
     Ok(Some(read_tum(&path)?))
 }
 
+/// The refined camera, as `--camera` reads it.
+fn write_camera(camera: &Camera, source: &str, out_folder: &Path) -> Result<(), CommandError> {
+    let text = toml::to_string(camera).map_err(|error| CommandError::Stage(error.to_string()))?;
+    write_whole(out_folder, REFINED_CAMERA_FILE, |writer| {
+        writeln!(writer, "# Refined by the final optimisation of a run of {source}.")?;
+        writer.write_all(text.as_bytes())
+    })
+}
+
 fn write_map(
     files: &RunFiles,
     out_folder: &Path,
@@ -91,16 +110,35 @@ fn write_map(
 ) -> Result<(), CommandError> {
     let run = RunFile::read(files)?;
     let step = settings.surface.step as usize;
-    let input = MapInput { camera: &run.camera, step, settings: &settings.output };
-    let mut keyframes = None;
-    if !replay.keyframes.is_empty() {
-        let n_vertices = run.layout(settings).grid.len();
-        let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
-        for keyframe in &replay.keyframes {
-            mapped.add(keyframe.id, &keyframe.slot)?;
-        }
-        keyframes = Some(mapped);
-    }
+    let warp = refined_warp(&run, replay, settings);
+    let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
+    let input = MapInput { camera, step, settings: &settings.output, warp: warp.as_ref() };
+    let keyframes = map_keyframes(files, &run, replay, settings)?;
     let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
     map::write(&map::gather(replay, &input, surfaces), out_folder)
+}
+
+/// From the surfaces in the store to those of the refined camera, where there is one.
+pub(crate) fn refined_warp(run: &RunFile, replay: &Replay, settings: &Settings) -> Option<SurfaceWarp> {
+    let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping);
+    let refined = replay.refined()?;
+    Some(SurfaceWarp::new(&run.camera, &refined.camera, context.grid, context.offset_px))
+}
+
+/// The surfaces of all keyframes; `None` where there is no keyframe.
+pub(crate) fn map_keyframes(
+    files: &RunFiles,
+    run: &RunFile,
+    replay: &Replay,
+    settings: &Settings,
+) -> Result<Option<MappedKeyframes>, CommandError> {
+    if replay.keyframes.is_empty() {
+        return Ok(None);
+    }
+    let n_vertices = run.layout(settings).grid.len();
+    let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
+    for keyframe in &replay.keyframes {
+        mapped.add(keyframe.id, &keyframe.slot)?;
+    }
+    Ok(Some(mapped))
 }

@@ -30,6 +30,21 @@ pub(crate) fn write_whole(
     })
 }
 
+/// As [`write_whole`], for a file that a user named.
+///
+/// # Errors
+/// As there, and where the path names no file.
+pub(crate) fn write_file(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), CommandError> {
+    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+        return Err(CommandError::Arguments(format!("{}: expected the path of a file", path.display())));
+    };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    write_whole(folder, name, fill)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

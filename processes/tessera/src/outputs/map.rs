@@ -7,6 +7,7 @@ use crate::outputs::voxels::{MapPoint, VoxelCloud};
 use nalgebra::Vector3;
 use std::io::{self, Write};
 use std::path::Path;
+use tessera_calibration::SurfaceWarp;
 use tessera_geometry::{Camera, Pose, RollingShutter, Twist, Vector6};
 use tessera_settings::OutputSettings;
 use tessera_surface::Vertex;
@@ -19,6 +20,8 @@ pub(crate) struct MapInput<'a> {
     pub(crate) step: usize,
     /// How the map is thinned.
     pub(crate) settings: &'a OutputSettings,
+    /// From the surfaces in the store to those of `camera`, where another camera made them.
+    pub(crate) warp: Option<&'a SurfaceWarp>,
 }
 
 /// Gathers the vertices of all keyframes, whose surfaces `vertices` gives by id.
@@ -31,7 +34,9 @@ pub(crate) fn gather<'s>(
     for (keyframe, world_from_camera) in replay.keyframes.iter().zip(&replay.keyframe_poses) {
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(input.camera, &velocity, input.step);
-        add_keyframe(&mut cloud, input, vertices(keyframe.id), world_from_camera, &shutter);
+        let stored = vertices(keyframe.id);
+        let moved = input.warp.map(|warp| warp.apply(stored));
+        add_keyframe(&mut cloud, input, moved.as_deref().unwrap_or(stored), world_from_camera, &shutter);
     }
     cloud
 }
@@ -92,7 +97,7 @@ mod tests {
 
     fn cloud() -> VoxelCloud {
         let (camera, settings) = (test_run::camera(), OutputSettings::default());
-        let input = MapInput { camera: &camera, step: 4, settings: &settings };
+        let input = MapInput { camera: &camera, step: 4, settings: &settings, warp: None };
         let surfaces: Vec<Vec<Vertex>> = (0..3).map(test_run::surface).collect();
         gather(&test_run::replay(), &input, |id| &surfaces[id as usize][..])
     }

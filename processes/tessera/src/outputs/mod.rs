@@ -15,8 +15,10 @@ mod timeline;
 mod trajectories;
 mod voxels;
 
-pub(crate) use export::{export, read_groundtruth, read_journal, read_settings, write_groundtruth};
-pub(crate) use files::write_whole;
+pub(crate) use export::{
+    export, map_keyframes, read_groundtruth, read_journal, read_settings, refined_warp, write_groundtruth,
+};
+pub(crate) use files::write_file;
 pub(crate) use machine::Machine;
 pub(crate) use replay::Replay;
 pub(crate) use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};

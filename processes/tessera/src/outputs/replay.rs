@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
 use tessera_mapping::{
-    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, MapRecord, State,
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, MapRecord,
+    RefinedCamera, Refinement, State,
 };
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
@@ -24,6 +25,8 @@ pub(crate) struct Replay {
     pub(crate) first_tracked: Option<u64>,
     /// Corrected `world_from_camera` of each keyframe, by id.
     pub(crate) keyframe_poses: Vec<Pose>,
+    /// What the final optimisation made of the camera, where it was asked to.
+    pub(crate) refinement: Option<Refinement>,
     /// Corrections that took effect.
     pub(crate) n_corrections: u64,
     /// Frames in the source, once it is exhausted.
@@ -111,9 +114,31 @@ impl Replay {
             }
         }
         self.solved.extend(correction.frames.iter().copied());
+        self.refinement.clone_from(&correction.refinement);
         for pair in &correction.loops {
             self.loops.insert((pair.newer, pair.older), *pair);
         }
+    }
+
+    /// The refined camera, where there is one.
+    pub(crate) fn refined(&self) -> Option<&RefinedCamera> {
+        match &self.refinement {
+            Some(Refinement::Refined(refined)) => Some(refined),
+            _ => None,
+        }
+    }
+
+    /// The same run as the refined camera saw it; `None` where no camera was refined.
+    pub(crate) fn with_refined_camera(&self) -> Option<Self> {
+        let refined = self.refined()?;
+        let mut replay = self.clone();
+        for keyframe in &refined.keyframes {
+            if let Some(pose) = replay.keyframe_poses.get_mut(keyframe.id as usize) {
+                *pose = Pose::from(&keyframe.world_from_camera);
+            }
+        }
+        replay.solved.extend(refined.frames.iter().copied());
+        Some(replay)
     }
 
     /// The final `world_from_camera` of a frame: solved again, or a keyframe itself, or hanging on

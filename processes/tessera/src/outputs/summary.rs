@@ -9,6 +9,8 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
+use tessera_geometry::Camera;
+use tessera_mapping::Refinement;
 use tessera_settings::Settings;
 use tessera_trajectory::{EvaluationOptions, Trajectory, evaluate};
 
@@ -24,6 +26,8 @@ pub(crate) struct Accuracy {
     pub(crate) rpe_translation_rmse_m_per_s: Option<f64>,
     /// Relative pose error over one second; absent where the run is shorter.
     pub(crate) rpe_rotation_rmse_deg_per_s: Option<f64>,
+    /// How far the last pose is off, seen from the first, metres.
+    pub(crate) end_error_m: f64,
     /// Poses compared.
     pub(crate) pairs: usize,
 }
@@ -60,6 +64,30 @@ pub(crate) struct Summary {
     /// Of `trajectory_online.txt`; absent without ground truth.
     #[serde(rename = "online", skip_serializing_if = "Option::is_none")]
     pub(crate) of_online: Option<Accuracy>,
+    /// What became of the camera; absent where the run was not asked to refine it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) refinement: Option<RefinementSummary>,
+}
+
+/// What `--refine-camera` did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum RefinementSummary {
+    /// The outputs are those of another camera.
+    Refined {
+        camera: Box<Camera>,
+        /// How far the image moved, root mean square pixels.
+        moved_px: f64,
+        /// Combinations of parameters that the motion does not determine.
+        held: u32,
+        /// Root mean square residual of keyframe pairs, standard deviations of depth.
+        residual_sigmas_before: f64,
+        residual_sigmas_after: f64,
+        /// Of the final trajectory with the run's own camera; absent without ground truth.
+        final_before: Option<Accuracy>,
+    },
+    /// The outputs are those of the run's own camera, and why.
+    Kept(String),
 }
 
 impl Summary {
@@ -101,6 +129,18 @@ impl Summary {
             wall_s: statistics.wall_s,
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
+            refinement: settings
+                .mapping
+                .global
+                .refine_camera
+                .then(|| RefinementSummary::new(replay.refinement.as_ref())),
+        }
+    }
+
+    /// Adds the errors of the run as its own camera saw it, beside those of the refined one.
+    pub(crate) fn compare_with(&mut self, as_mapped: &Replay, groundtruth: Option<&Trajectory>) {
+        if let Some(RefinementSummary::Refined { final_before, .. }) = &mut self.refinement {
+            *final_before = groundtruth.and_then(|truth| accuracy(&final_rows(as_mapped), truth));
         }
     }
 
@@ -166,6 +206,9 @@ impl Summary {
                 let _ = writeln!(text, "  {name:<11} {}", accuracy.for_people());
             }
         }
+        if let Some(refinement) = &self.refinement {
+            text.push_str(&refinement.for_people());
+        }
         text
     }
 
@@ -206,6 +249,45 @@ impl Summary {
     }
 }
 
+impl RefinementSummary {
+    fn new(refinement: Option<&Refinement>) -> Self {
+        match refinement {
+            Some(Refinement::Refined(found)) => Self::Refined {
+                camera: Box::new(found.camera.clone()),
+                moved_px: found.moved_px,
+                held: found.n_held,
+                residual_sigmas_before: found.residual_sigmas[0],
+                residual_sigmas_after: found.residual_sigmas[1],
+                final_before: None,
+            },
+            Some(Refinement::Kept(reason)) => Self::Kept(reason.clone()),
+            None => Self::Kept("the run ended without a final optimisation".to_owned()),
+        }
+    }
+
+    fn for_people(&self) -> String {
+        match self {
+            Self::Refined {
+                moved_px,
+                held,
+                residual_sigmas_before: before,
+                residual_sigmas_after: after,
+                final_before,
+                ..
+            } => {
+                let mut text = format!(
+                    "  camera      refined by {moved_px:.2} px, {held} directions held, residual {before:.3} to {after:.3}\n"
+                );
+                if let Some(accuracy) = final_before {
+                    let _ = writeln!(text, "  before that {}", accuracy.for_people());
+                }
+                text
+            }
+            Self::Kept(reason) => format!("  camera      not refined: {reason}\n"),
+        }
+    }
+}
+
 impl Accuracy {
     fn for_people(&self) -> String {
         let mut text = format!("ATE {:.4} m over {} pairs", self.ate_rmse_m, self.pairs);
@@ -214,6 +296,7 @@ impl Accuracy {
         {
             let _ = write!(text, ", RPE {metres:.4} m/s {degrees:.3} deg/s");
         }
+        let _ = write!(text, ", end {:.4} m", self.end_error_m);
         text
     }
 }
@@ -230,6 +313,7 @@ fn accuracy(rows: &Rows, groundtruth: &Trajectory) -> Option<Accuracy> {
         ate_rmse_m: evaluation.ate_rmse_m,
         rpe_translation_rmse_m_per_s: evaluation.rpe_translation_rmse_m_per_s,
         rpe_rotation_rmse_deg_per_s: evaluation.rpe_rotation_rmse_deg_per_s,
+        end_error_m: evaluation.end_error_m,
         pairs: evaluation.pairs,
     })
 }

@@ -91,6 +91,7 @@ pub(crate) fn records() -> Vec<AlignRecord> {
         loops: vec![loop_pair(0, 0.9), loop_pair(1, 0.1)],
         outer_iterations: 4,
         n_graduated_rounds: 0,
+        refinement: None,
     };
     let edge = |to, is_loop| EdgeRecord { to, is_loop };
     vec![

@@ -11,7 +11,7 @@ mod settings;
 mod worst;
 
 use crate::exit::CommandError;
-use crate::outputs::{self, Summary, write_whole};
+use crate::outputs::{self, Summary, write_file};
 use std::path::Path;
 use tessera_report::Run;
 use tessera_stage::RunFiles;
@@ -23,10 +23,10 @@ pub(crate) const REPORT_FILE: &str = "report.html";
 ///
 /// # Errors
 /// Names the file of a run that cannot be read, or the report that cannot be written.
-pub(crate) fn write(run_folders: &[&Path], folder: &Path, name: &str) -> Result<(), CommandError> {
+pub(crate) fn write(run_folders: &[&Path], path: &Path) -> Result<(), CommandError> {
     let runs: Vec<Run> = run_folders.iter().map(|folder| read(folder)).collect::<Result<_, _>>()?;
     let page = tessera_report::page(&runs).map_err(|error| CommandError::Stage(error.to_string()))?;
-    write_whole(folder, name, |writer| writer.write_all(page.as_bytes()))
+    write_file(path, |writer| writer.write_all(page.as_bytes()))
 }
 
 /// All that a report tells of a run.
@@ -34,6 +34,7 @@ fn read(run_folder: &Path) -> Result<Run, CommandError> {
     let files = RunFiles::new(run_folder);
     let settings = outputs::read_settings(&files)?;
     let replay = outputs::read_journal(&files)?;
+    let replay = replay.with_refined_camera().unwrap_or(replay);
     let groundtruth = outputs::read_groundtruth(run_folder)?;
     let statistics = outputs::read_statistics(run_folder)?;
     // A run whose supervisor was killed has none.

@@ -150,9 +150,9 @@ fn check_alike(
     (camera, settings): (&Camera, &Settings),
 ) -> Result<(), String> {
     let words = |camera: &Camera| {
-        let Camera { width, height, fx, fy, cx, cy, distortion, readout_s, .. } = camera;
+        let Camera { width, height, fx, fy, cx, cy, distortion, readout_s, depth_offset_m, .. } = camera;
         format!(
-            "{width}x{height} fx {fx} fy {fy} cx {cx} cy {cy} distortion {distortion:?} readout {readout_s} s"
+            "{width}x{height} fx {fx} fy {fy} cx {cx} cy {cy} distortion {distortion:?} readout {readout_s} s depth offset {depth_offset_m} m"
         )
     };
     let grid =

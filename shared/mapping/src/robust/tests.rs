@@ -105,7 +105,7 @@ fn planted(share: f64, are_consistent: bool, seed: u64) -> Planted {
     }
     let mut is_fixed = vec![false; N];
     is_fixed[0] = true;
-    Planted { truth, graph: Graph { poses, is_fixed, pairs, priors: Vec::new() }, is_loop, is_true }
+    Planted { truth, graph: Graph { poses, is_fixed, pairs, ..Graph::default() }, is_loop, is_true }
 }
 
 fn solved_ate(planted: &mut Planted) -> f64 {

@@ -1,0 +1,108 @@
+//! What other programs read: the fused map as a cloud or a mesh, the trajectory in others' forms.
+
+mod fuse;
+mod glb;
+mod pcd;
+mod ply;
+mod poses;
+
+use crate::arguments::ExportFiles;
+use crate::exit::CommandError;
+use crate::outputs::{self, write_file};
+use std::io::{self, Write};
+use std::path::Path;
+use tessera_fusion::Mesh;
+use tessera_stage::RunFiles;
+
+type Writer = fn(&Mesh, &mut dyn Write) -> io::Result<()>;
+
+/// Writes the files that were asked for; says a line for each.
+///
+/// # Errors
+/// A name whose end is no known form, a run that cannot be read, a file that cannot be written.
+pub(crate) fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<String>, CommandError> {
+    // All names first: fusing takes a while.
+    let cloud = wanted.cloud.as_deref().map(|path| cloud_form(path).map(|form| (path, form))).transpose()?;
+    let mesh_file =
+        wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
+    let trajectories = [(&wanted.kitti, poses::kitti as poses::Form), (&wanted.euroc, poses::euroc)];
+    let mut written = Vec::new();
+    if cloud.is_none() && mesh_file.is_none() && wanted.kitti.is_none() && wanted.euroc.is_none() {
+        return Ok(written);
+    }
+    let files = RunFiles::new(run_folder);
+    let replay = outputs::read_journal(&files)?;
+    let rows = outputs::final_rows(&replay);
+    for (path, form) in trajectories {
+        let Some(path) = path else { continue };
+        write_file(path, |writer| form(&rows, writer))?;
+        written.push(format!("{}: {} poses", path.display(), rows.len()));
+    }
+    if cloud.is_some() || mesh_file.is_some() {
+        let mesh = fuse::fuse(&files, &replay, wanted)?;
+        for (path, form) in cloud.iter().chain(&mesh_file) {
+            write_file(path, |writer| form(&mesh, writer))?;
+        }
+        if let Some((path, _)) = cloud {
+            written.push(format!("{}: {} points", path.display(), mesh.positions.len()));
+        }
+        if let Some((path, _)) = mesh_file {
+            written.push(format!("{}: {} triangles", path.display(), mesh.triangles.len()));
+        }
+    }
+    Ok(written)
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().map_or(String::new(), |end| end.to_string_lossy().to_lowercase())
+}
+
+fn cloud_form(path: &Path) -> Result<Writer, CommandError> {
+    match extension(path).as_str() {
+        "ply" => Ok(ply::cloud),
+        "pcd" => Ok(pcd::cloud),
+        _ => Err(unknown("--cloud", path, ".ply or .pcd")),
+    }
+}
+
+fn mesh_form(path: &Path) -> Result<Writer, CommandError> {
+    match extension(path).as_str() {
+        "ply" => Ok(ply::mesh),
+        "glb" => Ok(glb::mesh),
+        _ => Err(unknown("--mesh", path, ".ply or .glb")),
+    }
+}
+
+fn unknown(option: &str, path: &Path, expected: &str) -> CommandError {
+    CommandError::Arguments(format!(
+        "{option} is {}, expected a name that ends in {expected}",
+        path.display()
+    ))
+}
+
+#[cfg(test)]
+mod test_mesh {
+    use tessera_fusion::Mesh;
+
+    /// One triangle.
+    pub(super) fn triangle() -> Mesh {
+        Mesh {
+            positions: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.5]],
+            normals: vec![[0.0, 0.0, -1.0]; 3],
+            colours: vec![[255, 0, 10]; 3],
+            triangles: vec![[0, 1, 2]],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_says_the_form() {
+        assert!(cloud_form(Path::new("a.PCD")).is_ok() && mesh_form(Path::new("b.glb")).is_ok());
+        let error = mesh_form(Path::new("b.obj")).err().unwrap().to_string();
+        assert_eq!(error, "--mesh is b.obj, expected a name that ends in .ply or .glb");
+    }
+}
