@@ -73,12 +73,7 @@ fn types() -> [Type; 5] {
                 rotation
             ]
         ),
-        described!(
-            CameraFlow,
-            "camera.rs",
-            Some(CameraFlow::NAME),
-            [epoch, send_from, send_below, finished]
-        ),
+        described!(CameraFlow, "camera.rs", Some(CameraFlow::NAME), [epoch, send_from, send_below, finished]),
         described!(
             StepTimes,
             "message.rs",
@@ -188,9 +183,7 @@ fn the_c_header_is_that_of_the_rust_types() {
     }
     let found = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(found == expected, "{HEADER} is not up to date: TESSERA_UPDATE=1 writes it");
-    for (compiler, arguments) in
-        [("cc", ["-std=c11", "-x", "c"]), ("c++", ["-std=c++17", "-x", "c++"])]
-    {
+    for (compiler, arguments) in [("cc", ["-std=c11", "-x", "c"]), ("c++", ["-std=c++17", "-x", "c++"])] {
         let mut command = Command::new(compiler);
         command.args(arguments).args(["-Wall", "-Wextra", "-Werror", "-fsyntax-only"]).arg(&path);
         match command.output() {
@@ -221,8 +214,7 @@ fn write_folder(folder: &Path, camera: &Path, n: u64) {
     let mut lists = [String::new(), String::new()];
     std::fs::create_dir_all(folder).unwrap();
     for index in 0..n {
-        let info =
-            source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
         let stamp = format!("{}.{:09}", info.stamp_nanos / 1_000_000_000, info.stamp_nanos % 1_000_000_000);
         let names = [format!("d{index}.png"), format!("c{index}.png")];
         let save = |name: &str, bytes: &[u8], color| {

@@ -101,11 +101,9 @@ mod tests {
             source: SourceSpec,
             options: SourceOptions,
         }
-        for source in [
-            SourceSpec::Scene(SceneName::Wall),
-            SourceSpec::Folder("/a/b".into()),
-            SourceSpec::External,
-        ] {
+        for source in
+            [SourceSpec::Scene(SceneName::Wall), SourceSpec::Folder("/a/b".into()), SourceSpec::External]
+        {
             let options = SourceOptions { frames: Some(7), ..SourceOptions::default() };
             let both = Both { source, options };
             let text = toml::to_string(&both).unwrap();

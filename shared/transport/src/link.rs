@@ -14,7 +14,8 @@ use iceoryx2::prelude::{
     set_log_level_from_env_or,
 };
 use tessera_messages::{
-    Beat, CameraFlow, CameraFrame, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes, SurfaceHeader,
+    Beat, CameraFlow, CameraFrame, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes,
+    SurfaceHeader,
 };
 use tessera_surface::Vertex;
 

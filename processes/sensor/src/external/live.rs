@@ -23,11 +23,7 @@ struct Position {
 }
 
 /// Sends each image when it comes.
-pub(super) fn work(
-    context: &Context,
-    camera: &mut Camera,
-    ports: &mut Ports,
-) -> Result<Outcome, StageError> {
+pub(super) fn work(context: &Context, camera: &mut Camera, ports: &mut Ports) -> Result<Outcome, StageError> {
     let mut flow: Option<Flow> = None;
     let mut position: Option<Position> = None;
     let mut end_sent_at = 0;
@@ -56,12 +52,7 @@ pub(super) fn work(
             n_frames: None,
             dropped_before: 0,
         });
-        camera.tell(CameraFlow {
-            epoch: flow.epoch,
-            send_from: 0,
-            send_below: u64::MAX,
-            finished: 0,
-        })?;
+        camera.tell(CameraFlow { epoch: flow.epoch, send_from: 0, send_below: u64::MAX, finished: 0 })?;
         if let Some(n_frames) = at.n_frames.or(most_frames(context).filter(|n| *n <= at.next)) {
             let now = monotonic_nanos();
             if now.saturating_sub(end_sent_at) >= END_INTERVAL_NANOS {

@@ -48,11 +48,7 @@ impl Request {
 }
 
 /// Forwards frames while `index - acknowledged < window`; asks again where the aligner asks again.
-pub(super) fn work(
-    context: &Context,
-    camera: &mut Camera,
-    ports: &mut Ports,
-) -> Result<Outcome, StageError> {
+pub(super) fn work(context: &Context, camera: &mut Camera, ports: &mut Ports) -> Result<Outcome, StageError> {
     let window = u64::from(context.layout.window);
     let mut flow: Option<Flow> = None;
     let mut request = Request::new(0);

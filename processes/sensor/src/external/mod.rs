@@ -51,11 +51,7 @@ fn copy(image: &Image, index: u64, ports: &Ports, context: &Context) -> Result<P
 
 /// The message that says that there are so many frames.
 fn end(n_frames: u64, ports: &Ports, context: &Context) -> Result<Prepared, StageError> {
-    Ok(Prepared {
-        index: n_frames,
-        loan: loan(n_frames, Kind::End, ports, context)?,
-        decode_nanos: 0,
-    })
+    Ok(Prepared { index: n_frames, loan: loan(n_frames, Kind::End, ports, context)?, decode_nanos: 0 })
 }
 
 fn loan(
@@ -67,7 +63,6 @@ fn loan(
     let shape = context.layout.frame;
     let mut loan = ports.frames.loan(shape.payload_len())?;
     let (width, height) = (shape.width, shape.height);
-    *loan.header_mut() =
-        FrameHeader { index, width, height, kind: kind.to_wire(), ..FrameHeader::default() };
+    *loan.header_mut() = FrameHeader { index, width, height, kind: kind.to_wire(), ..FrameHeader::default() };
     Ok(loan)
 }

@@ -26,7 +26,8 @@ struct First {
 
 /// Refuses options that make no sense for frames that come by themselves.
 pub(super) fn check_arguments(settings: &Settings) -> Result<(), CommandError> {
-    let wrong = |what| Err(CommandError::Arguments(format!("{what} cannot be used with the source external")));
+    let wrong =
+        |what| Err(CommandError::Arguments(format!("{what} cannot be used with the source external")));
     match &settings.run {
         run if run.skip > 0 => wrong("--skip"),
         run if run.preload => wrong("--preload"),
@@ -64,11 +65,7 @@ pub(super) fn start(arguments: &RunArguments, settings: &Settings, name: &str) -
 }
 
 /// The first image that can be used; `None` where somebody wants an end.
-fn await_first(
-    claim: &RunClaim,
-    settings: &Settings,
-    speech: Speech,
-) -> Result<Option<First>, CommandError> {
+fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<Option<First>, CommandError> {
     let stage = |error: std::io::Error| CommandError::Stage(format!("cannot listen to signals: {error}"));
     let lifeline = Lifeline::hold(false).map_err(stage)?;
     let given = settings.source().1.camera.as_deref().map(named_camera).transpose()?;
