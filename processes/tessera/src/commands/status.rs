@@ -4,7 +4,7 @@ use crate::arguments::StatusArguments;
 use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, LatencyMs, RunStatistics};
 use crate::run_folder;
-use crate::terminal::say;
+use crate::terminal::{say, say_to_people};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -52,7 +52,7 @@ pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> 
         } else if alive.is_empty() {
             say("no run is going on");
         } else {
-            alive.iter().for_each(|run| say(&for_people(run)));
+            alive.iter().for_each(|run| say_to_people(&for_people(run)));
         }
         return Ok(Exit::Done);
     };
@@ -60,7 +60,11 @@ pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> 
         Some(run) => of_running(&run.entry)?,
         None => of_ended(wanted)?,
     };
-    say(&if arguments.json { to_json(&status)? } else { for_people(&status) });
+    if arguments.json {
+        say(&to_json(&status)?);
+    } else {
+        say_to_people(&for_people(&status));
+    }
     Ok(Exit::Done)
 }
 
