@@ -123,3 +123,25 @@ fn viewers_come_and_go_and_no_byte_changes() {
     }
     assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
 }
+
+#[test]
+fn a_run_that_cannot_be_read_hides_no_other() {
+    let run =
+        room().with(&["--set", "flow.hang_s=600"]).with_env("TESSERA_KILL_PLAN", "reconstruct=sent:10:stop");
+    let mut child = run.start();
+    let stopped = run.wait_until_stopped("reconstruct");
+    let config = run.out().join("config.toml");
+    let text = std::fs::read_to_string(&config).unwrap();
+    std::fs::write(&config, format!("{text}\n[of_another_version]\n")).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_tessera")).args(["status", "--json"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let runs: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout).unwrap();
+    let this = runs.iter().find(|found| found["name"] == run.name.as_str()).unwrap();
+    assert!(this["problem"].as_str().is_some_and(|words| words.contains("of_another_version")), "{this}");
+    let output = Command::new(env!("CARGO_BIN_EXE_tessera")).args(["status"]).output().unwrap();
+    let words = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && words.contains("warning: "), "{words}");
+    std::fs::write(&config, text).unwrap();
+    signal(stopped, "CONT");
+    assert!(child.wait().unwrap().success(), "{}", run.log());
+}
