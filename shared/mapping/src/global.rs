@@ -57,11 +57,12 @@ struct Found {
 }
 
 /// Solves for all keyframes, the first one fixed. The same bits for any number of threads: each
-/// pair is summed by itself, and pairs are added in order.
+/// pair is summed by itself, and pairs are added in order. Pairs in `known` are not tested again.
 pub(crate) fn solve(
     context: &Context,
     keyframes: &[KeyframeState],
     surfaces: &dyn KeyframeSurfaces,
+    mut known: BTreeMap<(usize, usize), Tested>,
     outer_iterations: u32,
     progress: &mut dyn FnMut(),
 ) -> Solution {
@@ -72,7 +73,6 @@ pub(crate) fn solve(
     let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
     progress();
     let metric_factor = context.matcher().metric_factor();
-    let mut known: BTreeMap<(usize, usize), Tested> = BTreeMap::new();
     let mut loops = Vec::new();
     let mut n_rounds = 0;
     for k in 0..outer_iterations {
@@ -100,6 +100,12 @@ pub(crate) fn solve(
                 },
             )
             .collect();
+        eprintln!(
+            "pairs {} loops {} known {}",
+            found.len(),
+            found.iter().filter(|f| f.tested.is_some()).count(),
+            known.len()
+        );
         progress();
         known.extend(found.iter().filter_map(|f| Some(((f.pair.query, f.pair.target), f.tested?))));
         loops.clear();
@@ -126,7 +132,7 @@ pub(crate) fn solve(
                 is_loop.push(true);
                 tests.push(Some(tested));
                 // The poses will move: what was refused where they were may fit then.
-                known.clear();
+                known.retain(|_, tested| tested.verdict == LoopVerdict::Accepted);
             }
             progress();
         }
