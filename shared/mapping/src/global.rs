@@ -100,12 +100,6 @@ pub(crate) fn solve(
                 },
             )
             .collect();
-        eprintln!(
-            "pairs {} loops {} known {}",
-            found.len(),
-            found.iter().filter(|f| f.tested.is_some()).count(),
-            known.len()
-        );
         progress();
         known.extend(found.iter().filter_map(|f| Some(((f.pair.query, f.pair.target), f.tested?))));
         loops.clear();
