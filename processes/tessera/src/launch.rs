@@ -26,13 +26,21 @@ pub(crate) fn launch(
     let before =
         if plan.resume { outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
     let recorded = if plan.resume { outputs::read_timeline(&plan.run_dir) } else { None };
-    let mut recorder = Recorder::new(recorded.unwrap_or_default(), before.wall_s);
+    // The report alone reads it: without one its memory, which grows to a bound, is saved.
+    let mut recorder =
+        plan.settings.output.report.then(|| Recorder::new(recorded.unwrap_or_default(), before.wall_s));
+    let write_timeline = |recorder: &Recorder| {
+        // The run is no worse without it.
+        let _ = outputs::write_timeline(&plan.run_dir, &recorder.timeline());
+    };
     let mut view = ProgressView::new(speech.quiet);
     let mut due = Duration::ZERO;
     let mut refused = None;
     let mut tell = |progress: &Progress| {
         view.tell(progress);
-        recorder.note(progress.elapsed, &progress.stages, false);
+        if let Some(recorder) = &mut recorder {
+            recorder.note(progress.elapsed, &progress.stages, false);
+        }
         if progress.elapsed >= due {
             if due.is_zero() {
                 // The run directory is ours from here on.
@@ -43,7 +51,7 @@ pub(crate) fn launch(
             let now = RunStatistics::new(Ended::Unfinished, &progress.stages, progress.elapsed, 0);
             let _ = outputs::write_statistics(&plan.run_dir, &before.and(&now));
             if progress.elapsed.as_secs() % 5 == 4 {
-                let _ = outputs::write_timeline(&plan.run_dir, &recorder.timeline());
+                recorder.iter().for_each(write_timeline);
             }
         }
     };
@@ -54,9 +62,10 @@ pub(crate) fn launch(
     if let Some(error) = refused {
         return Err(error.into());
     }
-    recorder.note(supervised.duration, &supervised.stages, true);
-    // The report alone reads it: without it the run is no worse.
-    let _ = outputs::write_timeline(&plan.run_dir, &recorder.timeline());
+    if let Some(recorder) = &mut recorder {
+        recorder.note(supervised.duration, &supervised.stages, true);
+        write_timeline(recorder);
+    }
     let concluded = conclude(plan, &before, &supervised, speech);
     // Only now: the name is taken until the last output is written.
     let released = supervised.claim.release().map_err(CommandError::from);

@@ -6,7 +6,7 @@ use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
 use crate::supervisor::{Plan, SupervisorError, update_map};
-use crate::terminal::say;
+use crate::terminal::say_to_people;
 use std::path::{Path, PathBuf};
 use tessera_settings::Settings;
 use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
@@ -132,7 +132,7 @@ fn start(
         let map = Path::new(&settings.run.map);
         update_map(map, &plan.run_dir).map_err(CommandError::from)?;
         if !arguments.speech.quiet && !arguments.speech.json {
-            say(&format!(
+            say_to_people(&format!(
                 "the extended map is in {}, the map before in {}",
                 map.display(),
                 plan.run_dir.display()
