@@ -4,6 +4,7 @@ mod chaos;
 mod profile;
 mod top;
 
+use crate::terminal::WIDTH;
 pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
@@ -31,7 +32,7 @@ Exit codes:
 
 /// The whole command line.
 #[derive(Debug, Parser)]
-#[command(name = "tessera", version, about = ABOUT, after_help = EXAMPLES)]
+#[command(name = "tessera", version, about = ABOUT, after_help = EXAMPLES, max_term_width = WIDTH)]
 pub(crate) struct Arguments {
     /// What to do; without it the simulated room is run.
     #[command(subcommand)]
@@ -89,19 +90,20 @@ pub(crate) enum Command {
 Examples:
   tessera run                              the simulated room
   tessera run room --frames 100            its first 100 frames
-  tessera run room --person --readout 0.03 with a person in it, through a rolling shutter
+  tessera run room --person --readout 0.03 with a person and a rolling shutter
   tessera run FOLDER --out results         a recording in the TUM layout
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
-  tessera run FOLDER --map runs/room-1     in the map of an earlier run, which stays as it is
-  tessera run FOLDER --live                at the rate of the recording, newest frame first")]
+  tessera run FOLDER --map runs/room-1     in the map of an earlier run
+  tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
+    /// A folder in the TUM layout, a simulated world (room, corridor, wall, house), or external: a
+    /// camera's own program sends the frames [default: room]
     pub(crate) source: Option<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated
@@ -184,7 +186,8 @@ pub(crate) struct ResumeArguments {
 /// `tessera export`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-With --cloud, --mesh, --kitti or --euroc only those files are written, else (or with --out) all outputs.
+With --cloud, --mesh, --kitti or --euroc only those files are written, else (or
+with --out) all outputs.
 
 Examples:
   tessera export room-1
@@ -265,8 +268,9 @@ pub(crate) enum TimeOffset {
 /// `tessera evaluate`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-ATE is the absolute trajectory error after rigid alignment, RPE the relative pose error over one second,
-both by the definitions of the TUM scripts. Further figures stand beside the standard ones, never instead.
+ATE is the absolute trajectory error after rigid alignment, RPE the relative
+pose error over one second, both by the definitions of the TUM scripts. Further
+figures stand beside the standard ones, never instead.
 
 Examples:
   tessera evaluate runs/room-1/trajectory.txt runs/room-1/groundtruth.txt
@@ -332,10 +336,11 @@ pub(crate) struct CheckArguments {
 /// `tessera calibrate`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-No target and no ground truth: surfaces seen twice must agree. Focal lengths, principal point, lens, readout
-time and depth offset are solved for together with the poses; what the motion does not determine keeps its
-start. The global scale of depth cannot be known from depth and colour and stays as it is. It takes motion
-with turns about several axes, near and far.
+No target and no ground truth: surfaces seen twice must agree. Focal lengths,
+principal point, lens, readout time and depth offset are solved for together
+with the poses; what the motion does not determine keeps its start. The global
+scale of depth cannot be known from depth and colour and stays as it is. It
+takes motion with turns about several axes, near and far.
 
 Examples:
   tessera calibrate FOLDER --out camera.toml
@@ -353,7 +358,7 @@ pub(crate) struct CalibrateArguments {
     /// Keep one parameter at its start; may be repeated
     #[arg(long, value_name = "PARAMETER")]
     pub(crate) fix: Vec<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated
@@ -373,10 +378,12 @@ pub(crate) struct CalibrateArguments {
 /// `tessera ablate`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The first table is the RPE of the initial alignments: pairwise with every n-th pixel, with the filter over
-k rings, with a window of w frames; each alignment stands as it is, without failure tests. The second is
-the ATE of the whole system, beside that of others where all frames take part (no --frames).
-All runs of a sequence go through one process and give the same bits as `tessera run`.
+The first table is the RPE of the initial alignments: pairwise with every n-th
+pixel, with the filter over k rings, with a window of w frames; each alignment
+stands as it is, without failure tests. The second is the ATE of the whole
+system, beside that of others where all frames take part (no --frames). All
+runs of a sequence go through one process and give the same bits as `tessera
+run`.
 
 Examples:
   tessera ablate room --frames 60

@@ -2,7 +2,7 @@
 
 use crate::supervisor::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
 /// Time between two plain lines.
@@ -30,12 +30,7 @@ impl ProgressView {
         if !std::io::stderr().is_terminal() {
             return Self::Lines { due: LINE_INTERVAL };
         }
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10));
-        // No colours: nothing to switch off for NO_COLOR.
-        if let Ok(style) = ProgressStyle::with_template("{bar:24} {msg}") {
-            bar.set_style(style.progress_chars("=> "));
-        }
-        Self::Bar(bar)
+        Self::Bar(work_bar(false, None, "{bar:20} {wide_msg}"))
     }
 
     /// Shows the present state.
@@ -52,7 +47,8 @@ impl ProgressView {
             Self::Lines { due } => {
                 if progress.elapsed >= *due {
                     *due = progress.elapsed + LINE_INTERVAL;
-                    eprintln!("{}", words(progress));
+                    // A reader that went away is no failure.
+                    let _ = writeln!(std::io::stderr().lock(), "{}", words(progress));
                 }
             }
         }
@@ -66,6 +62,19 @@ impl ProgressView {
     }
 }
 
+/// A bar for work that a command does itself, on standard error; hidden where nothing is to be
+/// said, and where no person looks. It has no colours: nothing to switch off for `NO_COLOR`.
+pub(crate) fn work_bar(is_quiet: bool, total: Option<u64>, template: &str) -> ProgressBar {
+    if is_quiet || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr_with_hz(10));
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
 /// The state in a few words, short enough for 80 columns beside the bar.
 fn words(progress: &Progress) -> String {
     let Progress { frames, keyframes, loops, .. } = progress;
@@ -73,7 +82,11 @@ fn words(progress: &Progress) -> String {
     let seconds = progress.elapsed.as_secs_f64();
     let rate = if seconds > 0.0 { *frames as f64 / seconds } else { 0.0 };
     let dropped: u64 = progress.stages.values().map(|stage| stage.dropped).sum();
-    format!("{frames}{of} {rate:.0} frames/s, {keyframes} keyframes, {loops} loops, {dropped} drops")
+    let mut text = format!("{frames}{of} at {rate:.0}/s, {keyframes} keyframes, {loops} loops");
+    if dropped > 0 {
+        text.push_str(&format!(", {dropped} drops"));
+    }
+    text
 }
 
 #[cfg(test)]
@@ -84,17 +97,17 @@ mod tests {
 
     #[test]
     fn the_words_fit_beside_the_bar() {
-        let dropped = Counters { dropped: 3, ..Counters::default() };
+        let dropped = Counters { dropped: 1234, ..Counters::default() };
         let progress = Progress {
-            frames: 120,
-            n_frames: Some(360),
-            keyframes: 12,
-            loops: 1,
+            frames: 1200,
+            n_frames: Some(13600),
+            keyframes: 120,
+            loops: 11,
             stages: [(Stage::Align, dropped), (Stage::Reconstruct, dropped)].into(),
             elapsed: Duration::from_millis(1500),
         };
         let text = words(&progress);
-        assert_eq!(text, "120/360 80 frames/s, 12 keyframes, 1 loops, 6 drops");
-        assert!(text.len() + 25 <= 80);
+        assert_eq!(text, "1200/13600 at 800/s, 120 keyframes, 11 loops, 2468 drops");
+        assert!(text.len() + 21 <= 80);
     }
 }

@@ -1,14 +1,34 @@
-//! What people read: one line for an error, plain text for the rest.
+//! What people read: an error told once, text of at most 80 columns for the rest.
 
-use std::io::Write;
+mod colour;
+mod fit;
 
-/// Prints an error once, as every error of Tessera is printed.
+pub(crate) use fit::{WIDTH, fit};
+use std::io::{IsTerminal, Write};
+
+/// Prints an error once, as every error of Tessera is printed: in one line where a program reads
+/// it, in lines that fit where a person does.
 pub(crate) fn say_error(message: &str) {
-    // Nowhere to tell it if standard error is closed.
-    let _ = writeln!(std::io::stderr().lock(), "tessera: {message}");
+    let stream = std::io::stderr().lock();
+    let mut text = format!("tessera: {message}");
+    if stream.is_terminal() {
+        text = fit(&text);
+    }
+    print(stream, &text);
 }
 
-/// Prints text to standard output; a reader that went away is no failure.
+/// Prints data to standard output as it is; a reader that went away is no failure.
 pub(crate) fn say(text: &str) {
     let _ = writeln!(std::io::stdout().lock(), "{}", text.trim_end());
+}
+
+/// Prints text for people to standard output, in lines that fit.
+pub(crate) fn say_to_people(text: &str) {
+    print(std::io::stdout().lock(), &fit(text.trim_end()));
+}
+
+fn print(mut stream: impl Write + IsTerminal, text: &str) {
+    let text = if colour::is_wanted(&stream) { colour::paint(text) } else { text.to_owned() };
+    // A reader that went away is no failure, and there is nowhere to tell it.
+    let _ = writeln!(stream, "{text}");
 }

@@ -4,6 +4,7 @@
 use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust::{disagreement_sigmas, own_optimum};
 use crate::settings::GlobalSettings;
+use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_registration::Target;
 use tessera_registration::{BlockSums, MatchLimits, Matcher, PairBlock, PairReport, Queries, Selection};
@@ -29,6 +30,9 @@ pub(crate) struct Tested {
     pub(crate) inconsistency_sigmas: f64,
     pub(crate) verdict: LoopVerdict,
 }
+
+/// Tests by the ids of the newer and the older keyframe.
+pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
 
 impl Tested {
     /// What a record says of a pair that passed.

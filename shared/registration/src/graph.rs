@@ -46,10 +46,12 @@ pub struct Graph {
     pub isa: Isa,
 }
 
-/// Kept from one optimisation of a graph to the next: where its blocks lie and the symbolic factor.
+/// Kept from one optimisation of a graph to the next: where its blocks lie, the symbolic factor,
+/// and the damping that was last good.
 #[derive(Default)]
 pub struct Solver {
     system: Option<BlockSystem>,
+    lambda: Option<f64>,
 }
 
 /// How an inner optimisation ended.
@@ -131,7 +133,7 @@ impl Graph {
             (a != usize::MAX && b != usize::MAX).then_some((a, b))
         });
         let mut system = BlockSystem::new(free.len(), places, self.isa, solver.system.take())?;
-        let report = self.descend(max_iterations, &free, &slot, &mut system, progress);
+        let report = self.descend(max_iterations, &free, &slot, &mut system, &mut solver.lambda, progress);
         solver.system = Some(system);
         report
     }
@@ -142,12 +144,14 @@ impl Graph {
         free: &[usize],
         slot: &[usize],
         system: &mut BlockSystem,
+        last_lambda: &mut Option<f64>,
         progress: &mut dyn FnMut(),
     ) -> Result<InnerReport, NotPositiveDefinite> {
         let start = self.poses.clone();
         let mut cost = self.linearise(slot, system);
         let mut report = InnerReport { cost_before: cost, cost_after: cost, ..InnerReport::default() };
-        let mut lambda = 1e-5 * system.max_diagonal();
+        let largest = system.max_diagonal();
+        let mut lambda = last_lambda.map_or(1e-5 * largest, |last| last.max(1e-12 * largest));
         let mut growth = 2.0;
         let mut n_rejected = 0;
         while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
@@ -177,6 +181,7 @@ impl Graph {
                 let shrink = 1.0 - (2.0 * gain - 1.0) * (2.0 * gain - 1.0) * (2.0 * gain - 1.0);
                 lambda *= shrink.clamp(1.0 / 3.0, 2.0 / 3.0);
                 (growth, n_rejected) = (2.0, 0);
+                *last_lambda = Some(lambda);
                 if largest < STEP_LIMIT || decrease < 1e-6 * cost {
                     report.is_converged = true;
                     break;

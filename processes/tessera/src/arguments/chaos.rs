@@ -6,18 +6,19 @@ use std::path::PathBuf;
 /// `tessera chaos`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-Runs the source once undisturbed, then again and again under faults until there were enough of them, and
-compares: outputs byte by byte, every frame in the journal, what is left in shared memory and in the folder.
-Exit code 0: the promise was kept; 4: it was not, and the folder of that run stays for a look.
+Runs the source once undisturbed, then again and again under faults until there
+were enough of them, and compares: outputs byte by byte, every frame in the
+journal, what is left in shared memory and in the folder. Exit code 0: the
+promise was kept; 4: it was not, and the folder of that run stays for a look.
 
 Examples:
-  tessera chaos --kills 100                                100 SIGKILLs of random stages of the simulated room
-  tessera chaos FOLDER --kills 100 --seed 7                a recording, another schedule
-  tessera chaos --kills 20 --stages group                  everything at once, then `tessera resume`
-  tessera chaos --kills 50 --faults kill,stop,slow,drop,corrupt,segv,abort,memory,full,flip
-  tessera chaos --plan FILE                                lines of STAGE INDEX POINT FAULT, for instance
-                                                           `align 12 stored kill`
-  tessera chaos --attach NAME --kills 5 --stages align     a run that is going on")]
+  tessera chaos --kills 100                     SIGKILLs of random stages of the room
+  tessera chaos FOLDER --kills 100 --seed 7     a recording, another schedule
+  tessera chaos --kills 20 --stages group       all at once, then `tessera resume`
+  tessera chaos --faults kill,stop,slow,drop,corrupt,segv,abort,memory,full,flip
+  tessera chaos --plan FILE                     lines of STAGE INDEX POINT FAULT,
+                                                such as `align 12 stored kill`
+  tessera chaos --attach NAME --stages align    a run that is going on")]
 pub(crate) struct ChaosArguments {
     /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
     #[arg(conflicts_with = "attach")]
@@ -51,7 +52,7 @@ pub(crate) struct ChaosArguments {
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated
@@ -72,4 +73,7 @@ pub(crate) struct ChaosArguments {
     /// Print JSON lines: one for each fault, each run, and the total
     #[arg(long)]
     pub(crate) json: bool,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
 }

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 /// `tessera record`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The input of align is its surfaces and the corrections, each with the frame before which it took effect.
-It is what four processes would exchange, to the bit.
+The input of align is its surfaces and the corrections, each with the frame
+before which it took effect. It is what four processes would exchange, to the
+bit.
 
 Examples:
   tessera record room --stage align --out room.align
@@ -25,7 +26,7 @@ pub(crate) struct RecordArguments {
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated
@@ -45,8 +46,9 @@ pub(crate) struct RecordArguments {
 /// `tessera profile`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The stage runs in this process, with nothing beside it: this is what to put under perf, valgrind or a
-flame graph. Each result is compared with what the pipeline made of the same input.
+The stage runs in this process, with nothing beside it: this is what to put
+under perf, valgrind or a flame graph. Each result is compared with what the
+pipeline made of the same input.
 
 Examples:
   tessera profile align room.align

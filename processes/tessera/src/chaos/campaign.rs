@@ -9,6 +9,7 @@ use super::trial::{Pipeline, Trial};
 use super::verdict::{Judge, judge};
 use crate::arguments::ChaosArguments;
 use crate::exit::CommandError;
+use crate::progress::work_bar;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_stage::RunFiles;
@@ -50,9 +51,12 @@ pub(crate) fn campaign(
     let n_frames = reference.count_frames()?.n_frames;
     let mut report = Report::new(pipeline.arguments[0].clone(), arguments.seed, !arguments.live);
     let enough = plan.as_ref().map_or(arguments.kills, |(_, n)| *n);
+    let bar = work_bar(arguments.quiet, Some(enough), "{bar:20} {pos}/{len} faults, {wide_msg}");
     let mut number = 0;
     while report.n_faults() < enough && report.broken().is_empty() {
         number += 1;
+        bar.set_message(format!("run {number}"));
+        bar.set_position(report.n_faults());
         let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(number);
         let mut random = Random::new(seed ^ 0x5eed);
         let (kill_plan, most) = match &plan {
@@ -92,6 +96,7 @@ pub(crate) fn campaign(
         }
         trial.remove();
     }
+    bar.finish_and_clear();
     if report.broken().is_empty() {
         clear(&reference, &base);
     }

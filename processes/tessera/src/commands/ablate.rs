@@ -3,9 +3,8 @@
 use crate::ablation::{Peers, Plan, Tables, columns, ground_truth, markdown, measure, svg};
 use crate::arguments::AblateArguments;
 use crate::exit::{CommandError, Exit};
+use crate::progress::work_bar;
 use crate::terminal::say;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::io::IsTerminal;
 use std::path::Path;
 use tessera_sources::{Source, SourceOptions, SourceSpec};
 
@@ -30,7 +29,8 @@ pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> 
     // What others reach on all frames says nothing of a part.
     let peers = arguments.frames.is_none().then_some(&peers);
     let total: u64 = sources.iter().map(|(_, source)| source.n_frames().unwrap_or(0)).sum();
-    let bar = bar(arguments.quiet, total * plan.seeds);
+    let template = "{bar:20} {pos}/{len} frames, {eta} left, {wide_msg}";
+    let bar = work_bar(arguments.quiet, Some(total * plan.seeds), template);
     let mut rows = Vec::new();
     for (name, source) in &sources {
         bar.set_message(name.clone());
@@ -77,16 +77,4 @@ fn label(sequence: &str) -> String {
     let path = Path::new(sequence);
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     path.file_name().map_or(sequence.to_owned(), |name| name.to_string_lossy().into_owned())
-}
-
-fn bar(is_quiet: bool, total: u64) -> ProgressBar {
-    if is_quiet || !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10));
-    // No colours: nothing to switch off for NO_COLOR.
-    if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} frames, {eta} left, {msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    bar
 }

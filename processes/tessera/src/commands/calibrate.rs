@@ -2,11 +2,10 @@
 
 use crate::arguments::CalibrateArguments;
 use crate::exit::{CommandError, Exit};
-use crate::terminal::say;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use crate::progress::work_bar;
+use crate::terminal::{say, say_to_people};
 use serde::Serialize;
 use std::fmt::Write;
-use std::io::IsTerminal;
 use std::path::Path;
 use tessera_geometry::Camera;
 use tessera_offline::{
@@ -37,7 +36,7 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
             found.0, found.1, expected.0, expected.1, arguments.source
         )));
     }
-    let bar = bar(arguments.quiet);
+    let bar = work_bar(arguments.quiet, None, "{pos} frames and iterations, {elapsed}");
     let mut read = |index: u64| read(&*source, index);
     let method =
         Method { surface: settings.surface, registration: settings.registration, mapping: settings.mapping };
@@ -54,7 +53,7 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
         let json = serde_json::to_string_pretty(&report);
         say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
     } else {
-        say(&for_people(arguments, &report));
+        say_to_people(&for_people(arguments, &report));
     }
     Ok(Exit::Done)
 }
@@ -64,7 +63,7 @@ fn open(arguments: &CalibrateArguments, settings: &Settings) -> Result<Box<dyn S
     let spec = SourceSpec::parse(&arguments.source);
     let camera = match spec {
         SourceSpec::Folder(_) => arguments.camera.clone(),
-        SourceSpec::Scene(_) => None,
+        SourceSpec::Scene(_) | SourceSpec::External => None,
     };
     let options = SourceOptions {
         camera,
@@ -250,16 +249,4 @@ fn for_people(arguments: &CalibrateArguments, report: &Report) -> String {
     );
     let _ = writeln!(text, "  written to {}", arguments.out.display());
     text
-}
-
-fn bar(is_quiet: bool) -> ProgressBar {
-    if is_quiet || !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10));
-    // No colours: nothing to switch off for NO_COLOR.
-    if let Ok(style) = ProgressStyle::with_template("{pos} frames and iterations, {elapsed}") {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -3,7 +3,7 @@
 use crate::arguments::ChaosArguments;
 use crate::chaos::{FaultKind, Report, Target, attach, campaign};
 use crate::exit::{CommandError, Exit};
-use crate::terminal::{say, say_error};
+use crate::terminal::{say, say_error, say_to_people};
 
 /// Disturbs runs and says whether the promise was kept.
 pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
@@ -27,7 +27,11 @@ pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
 }
 
 fn conclude(report: &Report, json: bool) -> Result<Exit, CommandError> {
-    say(&if json { report.to_json_lines()? } else { report.for_people() });
+    if json {
+        say(&report.to_json_lines()?);
+    } else {
+        say_to_people(&report.for_people());
+    }
     let broken = report.broken();
     if broken.is_empty() {
         return Ok(Exit::Done);

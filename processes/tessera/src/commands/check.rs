@@ -2,7 +2,7 @@
 
 use crate::arguments::CheckArguments;
 use crate::exit::{CommandError, Exit};
-use crate::terminal::say;
+use crate::terminal::{say, say_to_people};
 use std::fmt::Write;
 use tessera_sources::{CheckReport, SourceOptions, SourceSpec};
 
@@ -19,7 +19,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> Result<Exit, CommandError> {
         let json = serde_json::to_string_pretty(&report);
         say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
     } else {
-        say(&for_people(&spec.to_string(), &report));
+        say_to_people(&for_people(&spec.to_string(), &report));
     }
     Ok(Exit::Done)
 }

@@ -2,7 +2,7 @@
 
 use crate::arguments::EvaluateArguments;
 use crate::exit::{CommandError, Exit};
-use crate::terminal::say;
+use crate::terminal::{say, say_to_people};
 use std::fmt::Write;
 use tessera_trajectory::{Evaluation, EvaluationOptions, Statistics, read_tum};
 
@@ -22,7 +22,7 @@ pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandErr
         let json = serde_json::to_string_pretty(&evaluation);
         say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
     } else {
-        say(&for_people(&evaluation, &options));
+        say_to_people(&for_people(&evaluation, &options));
     }
     Ok(Exit::Done)
 }

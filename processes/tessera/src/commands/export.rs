@@ -5,7 +5,7 @@ use crate::exchange;
 use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, Summary};
 use crate::run_folder;
-use crate::terminal::say;
+use crate::terminal::{say, say_to_people};
 use std::path::Path;
 
 /// Writes all outputs of a run.
@@ -29,7 +29,8 @@ pub(crate) fn say_summary(summary: &Summary, folder: &Path, speech: Speech) -> R
     if speech.json {
         say(&summary.to_json()?);
     } else if !speech.quiet {
-        say(&format!("{}  outputs     {}", summary.for_people(), folder.display()));
+        let folder = folder.display();
+        say_to_people(&format!("{}  outputs     {folder}", summary.for_people()));
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use crate::arguments::ProfileArguments;
 use crate::exit::{CommandError, Exit};
 use crate::profile::{self, Options, Recorded, Stages};
-use crate::terminal::say;
+use crate::terminal::{say, say_to_people};
 
 /// Runs the stage and prints where its time went.
 pub(crate) fn profile(arguments: &ProfileArguments) -> Result<Exit, CommandError> {
@@ -22,7 +22,7 @@ pub(crate) fn profile(arguments: &ProfileArguments) -> Result<Exit, CommandError
         let json = serde_json::to_string_pretty(&report);
         say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
     } else {
-        say(&report.for_people());
+        say_to_people(&report.for_people());
     }
     Ok(Exit::Done)
 }

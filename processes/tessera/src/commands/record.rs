@@ -4,9 +4,8 @@ use crate::arguments::{RecordArguments, RunArguments};
 use crate::commands::run::settings;
 use crate::exit::{CommandError, Exit};
 use crate::profile::{self, Stages};
-use crate::terminal::say;
-use indicatif::{ProgressBar, ProgressDrawTarget};
-use std::io::IsTerminal;
+use crate::progress::work_bar;
+use crate::terminal::say_to_people;
 
 /// Records a source.
 pub(crate) fn record(arguments: &RecordArguments) -> Result<Exit, CommandError> {
@@ -25,17 +24,13 @@ pub(crate) fn record(arguments: &RecordArguments) -> Result<Exit, CommandError> 
     let Some(n_frames) = source.n_frames() else {
         return Err(CommandError::Arguments(format!("{spec} has no end, expected --frames N")));
     };
-    let is_shown = std::io::stderr().is_terminal() && !arguments.quiet;
-    let bar = match is_shown {
-        true => ProgressBar::with_draw_target(Some(n_frames), ProgressDrawTarget::stderr_with_hz(10)),
-        false => ProgressBar::hidden(),
-    };
+    let bar = work_bar(arguments.quiet, Some(n_frames), "{bar:20} {pos}/{len} frames, {eta} left");
     let bytes = profile::record(&*source, &settings, stage, &arguments.out, &mut || bar.inc(1));
     bar.finish_and_clear();
     let megabytes = bytes? as f64 / f64::from(1 << 20);
     if !arguments.quiet {
         let out = arguments.out.display();
-        say(&format!("{out}: the input of {stage} over {n_frames} frames, {megabytes:.1} MB"));
+        say_to_people(&format!("{out}: the input of {stage} over {n_frames} frames, {megabytes:.1} MB"));
     }
     Ok(Exit::Done)
 }

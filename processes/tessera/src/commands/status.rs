@@ -4,7 +4,7 @@ use crate::arguments::StatusArguments;
 use crate::exit::{CommandError, Exit};
 use crate::outputs::{self, LatencyMs, RunStatistics};
 use crate::run_folder;
-use crate::terminal::say;
+use crate::terminal::{say, say_to_people};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -38,21 +38,24 @@ struct RunStatus {
     folder: PathBuf,
     running: bool,
     stages: Vec<StageStatus>,
+    /// Why nothing can be said of it, such as another version of Tessera.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    problem: Option<String>,
 }
 
 /// Prints the status of one run, or of all that are going on.
 pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> {
     let runs = registered_runs()?;
     let Some(wanted) = &arguments.run else {
-        let alive: Result<Vec<RunStatus>, CommandError> =
-            runs.iter().filter(|run| run.is_alive).map(|run| of_running(&run.entry)).collect();
-        let alive = alive?;
+        // One that cannot be read, or that has just ended, hides none of the others.
+        let of_any = |run: &Registered| of_running(&run.entry).unwrap_or_else(|e| of_unread(&run.entry, &e));
+        let alive: Vec<RunStatus> = runs.iter().filter(|run| run.is_alive).map(of_any).collect();
         if arguments.json {
             say(&to_json(&alive)?);
         } else if alive.is_empty() {
             say("no run is going on");
         } else {
-            alive.iter().for_each(|run| say(&for_people(run)));
+            alive.iter().for_each(|run| say_to_people(&for_people(run)));
         }
         return Ok(Exit::Done);
     };
@@ -60,7 +63,11 @@ pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> 
         Some(run) => of_running(&run.entry)?,
         None => of_ended(wanted)?,
     };
-    say(&if arguments.json { to_json(&status)? } else { for_people(&status) });
+    if arguments.json {
+        say(&to_json(&status)?);
+    } else {
+        say_to_people(&for_people(&status));
+    }
     Ok(Exit::Done)
 }
 
@@ -72,7 +79,18 @@ fn of_running(run: &RunEntry) -> Result<RunStatus, CommandError> {
     let beats = listen(run)?;
     let statistics = outputs::read_statistics(&run.run_dir)?;
     let stages = Stage::ALL.map(|stage| of_stage(stage, beats.get(&stage), &statistics)).to_vec();
-    Ok(RunStatus { name: run.name.clone(), folder: run.run_dir.clone(), running: true, stages })
+    Ok(RunStatus {
+        name: run.name.clone(),
+        folder: run.run_dir.clone(),
+        running: true,
+        stages,
+        problem: None,
+    })
+}
+
+fn of_unread(run: &RunEntry, error: &CommandError) -> RunStatus {
+    let (name, folder, problem) = (run.name.clone(), run.run_dir.clone(), Some(error.to_string()));
+    RunStatus { name, folder, running: true, stages: Vec::new(), problem }
 }
 
 /// A run that is over: what its supervisor wrote last.
@@ -80,7 +98,8 @@ fn of_ended(name_or_folder: &str) -> Result<RunStatus, CommandError> {
     let folder = run_folder::find(name_or_folder)?;
     let statistics = outputs::read_statistics(&folder)?;
     let stages = Stage::ALL.map(|stage| of_stage(stage, None, &statistics)).to_vec();
-    Ok(RunStatus { name: RunFile::read(&RunFiles::new(&folder))?.name, folder, running: false, stages })
+    let name = RunFile::read(&RunFiles::new(&folder))?.name;
+    Ok(RunStatus { name, folder, running: false, stages, problem: None })
 }
 
 fn of_stage(stage: Stage, beat: Option<&Beat>, statistics: &RunStatistics) -> StageStatus {
@@ -142,6 +161,9 @@ fn to_json(status: &impl Serialize) -> Result<String, CommandError> {
 fn for_people(run: &RunStatus) -> String {
     let state = if run.running { "going on" } else { "over" };
     let mut text = format!("{}: {state}, {}\n", run.name, run.folder.display());
+    if let Some(problem) = &run.problem {
+        return format!("{text}  warning: {problem}\n");
+    }
     // Writing to a String cannot fail.
     let _ = writeln!(
         text,

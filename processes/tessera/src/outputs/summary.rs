@@ -160,7 +160,7 @@ impl Summary {
         serde_json::to_string_pretty(self).map_err(|error| CommandError::Stage(error.to_string()))
     }
 
-    /// The summary as lines of at most 80 columns.
+    /// The summary as lines of at most 80 columns, unless a name or a number is uncommonly long.
     pub(crate) fn for_people(&self) -> String {
         let mut text = String::new();
         // Writing to a String cannot fail, here and below.
@@ -276,7 +276,7 @@ impl RefinementSummary {
                 ..
             } => {
                 let mut text = format!(
-                    "  camera      refined by {moved_px:.2} px, {held} directions held, residual {before:.3} to {after:.3}\n"
+                    "  camera      refined by {moved_px:.2} px, {held} held, residual {before:.3} to {after:.3}\n"
                 );
                 if let Some(accuracy) = final_before {
                     let _ = writeln!(text, "  before that {}", accuracy.for_people());
@@ -290,13 +290,13 @@ impl RefinementSummary {
 
 impl Accuracy {
     fn for_people(&self) -> String {
-        let mut text = format!("ATE {:.4} m over {} pairs", self.ate_rmse_m, self.pairs);
+        let mut text = format!("ATE {:.4} m", self.ate_rmse_m);
         if let (Some(metres), Some(degrees)) =
             (self.rpe_translation_rmse_m_per_s, self.rpe_rotation_rmse_deg_per_s)
         {
             let _ = write!(text, ", RPE {metres:.4} m/s {degrees:.3} deg/s");
         }
-        let _ = write!(text, ", end {:.4} m", self.end_error_m);
+        let _ = write!(text, ", end {:.4} m, {} pairs", self.end_error_m, self.pairs);
         text
     }
 }
@@ -370,7 +370,15 @@ mod tests {
     #[test]
     fn people_read_lines_of_at_most_80_columns() {
         let text = summary().for_people();
-        for line in text.lines() {
+        let accuracy = Accuracy {
+            ate_rmse_m: 0.0123,
+            rpe_translation_rmse_m_per_s: Some(0.0234),
+            rpe_rotation_rmse_deg_per_s: Some(1.345),
+            end_error_m: 0.0456,
+            pairs: 360,
+        };
+        let accuracy = format!("  final       {}", accuracy.for_people());
+        for line in text.lines().chain([accuracy.as_str()]) {
             assert!(line.len() <= 80, "{line}");
         }
         assert!(text.starts_with("room: interrupted, without the final optimisation\n"), "{text}");

@@ -7,11 +7,27 @@ use ratatui::style::{Modifier, Style};
 use ratatui::text::Line;
 use ratatui::widgets::{Paragraph, Row, Table};
 
-const HEADER: [&str; 13] = [
-    "stage", "pid", "state", "frames", "1/s", "queue", "p50 ms", "p99 ms", "max ms", "CPU %", "MB", "drops",
-    "restarts",
+/// Title and width of each column.
+const COLUMNS: [(&str, u16); 13] = [
+    ("stage", 11),
+    ("pid", 8),
+    ("state", 20),
+    ("frames", 7),
+    ("1/s", 6),
+    ("queue", 5),
+    ("p50 ms", 7),
+    ("p99 ms", 7),
+    ("max ms", 7),
+    ("CPU %", 6),
+    ("MB", 6),
+    ("drops", 6),
+    ("restarts", 8),
 ];
-const WIDTHS: [u16; 13] = [11, 8, 20, 7, 6, 5, 7, 7, 7, 6, 6, 6, 8];
+/// Columns of a terminal that shows all of them.
+const WIDE: u16 = 116;
+/// Those of a terminal of 80 columns, and how wide they are there.
+const NARROW: [(usize, u16); 10] =
+    [(0, 11), (2, 14), (3, 6), (4, 5), (5, 5), (6, 6), (7, 6), (9, 5), (11, 5), (12, 8)];
 const STEPS_HEADER: [&str; 7] = ["stage", "phase or step", "frames", "mean ms", "p50 ms", "p99 ms", "max ms"];
 const STEPS_WIDTHS: [u16; 7] = [11, 14, 8, 8, 8, 8, 8];
 
@@ -29,8 +45,7 @@ pub(crate) fn draw(frame: &mut Frame<'_>, snapshot: &Snapshot) {
         snapshot.name, snapshot.keyframes, snapshot.loops
     );
     frame.render_widget(Paragraph::new(title), areas[0]);
-    let rows = snapshot.stages.iter().map(|stage| Row::new(cells(stage)));
-    frame.render_widget(table(rows, &HEADER, &WIDTHS), areas[1]);
+    frame.render_widget(stages(snapshot, frame.area().width), areas[1]);
     frame.render_widget(Paragraph::new(pose(snapshot)), areas[2]);
     let rows = snapshot.stages.iter().flat_map(|stage| {
         stage.times_ms.iter().map(|(name, t)| {
@@ -40,6 +55,21 @@ pub(crate) fn draw(frame: &mut Frame<'_>, snapshot: &Snapshot) {
         })
     });
     frame.render_widget(table(rows, &STEPS_HEADER, &STEPS_WIDTHS), areas[3]);
+}
+
+/// The stages, in the columns that there is room for.
+fn stages(snapshot: &Snapshot, width: u16) -> Table<'static> {
+    let columns: Vec<(usize, u16)> = match width >= WIDE {
+        true => COLUMNS.iter().enumerate().map(|(at, (_, width))| (at, *width)).collect(),
+        false => NARROW.to_vec(),
+    };
+    let header: Vec<&str> = columns.iter().map(|(at, _)| COLUMNS[*at].0).collect();
+    let widths: Vec<u16> = columns.iter().map(|(_, width)| *width).collect();
+    let rows = snapshot.stages.iter().map(|stage| {
+        let cells = cells(stage);
+        Row::new(columns.iter().map(|(at, _)| cells[*at].clone()).collect::<Vec<_>>())
+    });
+    table(rows, &header, &widths)
 }
 
 fn table<'a>(rows: impl Iterator<Item = Row<'a>>, header: &[&'a str], widths: &[u16]) -> Table<'a> {
@@ -85,8 +115,7 @@ mod tests {
     use ratatui::backend::TestBackend;
     use std::collections::BTreeMap;
 
-    #[test]
-    fn everything_stands_on_the_screen() {
+    fn snapshot() -> Snapshot {
         let line = StageLine {
             stage: "align",
             pid: Some(4711),
@@ -103,7 +132,7 @@ mod tests {
             times_ms: BTreeMap::from([("search", Times::default())]),
             ..StageLine::default()
         };
-        let snapshot = Snapshot {
+        Snapshot {
             name: "room-1".into(),
             keyframes: 17,
             loops: 6,
@@ -116,16 +145,36 @@ mod tests {
             }),
             stages: vec![line],
             ..Snapshot::default()
-        };
-        let mut terminal = Terminal::new(TestBackend::new(120, 12)).unwrap();
-        terminal.draw(|frame| draw(frame, &snapshot)).unwrap();
+        }
+    }
+
+    fn lines(width: u16) -> Vec<String> {
+        let mut terminal = Terminal::new(TestBackend::new(width, 12)).unwrap();
+        terminal.draw(|frame| draw(frame, &snapshot())).unwrap();
         let buffer = terminal.backend().buffer().clone();
-        let lines: Vec<String> = (0..12)
-            .map(|y| (0..120).map(|x| buffer[(x, y)].symbol()).collect::<String>().trim_end().to_owned())
-            .collect();
-        let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>().join(" ");
+        (0..12)
+            .map(|y| (0..width).map(|x| buffer[(x, y)].symbol()).collect::<String>().trim_end().to_owned())
+            .collect()
+    }
+
+    fn words(line: &str) -> String {
+        line.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn at_80_columns_what_matters_stands_whole() {
+        let lines = lines(80);
+        assert!(lines[0].ends_with("(q ends the view, not the run)"), "{lines:?}");
+        assert_eq!(words(&lines[2]), "stage state frames 1/s queue p50 ms p99 ms CPU % drops restarts");
+        assert_eq!(words(&lines[3]), "align waiting: surfa 123 29.9 3 1.25 7.50 41.2 5 2");
+        assert!(words(&lines[7]).ends_with("max ms"), "{lines:?}");
+    }
+
+    #[test]
+    fn everything_stands_on_a_wide_screen() {
+        let lines = lines(120);
         assert!(lines[0].starts_with("room-1: 17 keyframes, 6 loops"), "{lines:?}");
-        assert_eq!(words(&lines[2]), HEADER.join(" "));
+        assert_eq!(words(&lines[2]), COLUMNS.map(|(title, _)| title).join(" "));
         assert_eq!(words(&lines[3]), "align 4711 waiting: surfaces 123 29.9 3 1.25 7.50 31.12 41.2 25.3 5 2");
         assert_eq!(lines[5], "frame 122: tracking, at 1.000 -2.000 0.500 m, 2.50 ms after the frame");
         assert!(words(&lines[8]).starts_with("align search 0 0.000"), "{lines:?}");
