@@ -163,3 +163,26 @@ fn a_browser_draws_every_section_on_wide_and_narrow_screens() {
         assert!(measured.contains("overflow 0;") || measured.contains("overflow -"), "{width}: {measured}");
     }
 }
+
+#[test]
+fn on_paper_it_takes_few_pages_and_keeps_its_marks() {
+    let Some(browser) = browser() else {
+        eprintln!("skipped: no chromium in PATH (Debian: apt-get install chromium)");
+        return;
+    };
+    let run: Run = room();
+    assert!(run.finish().success());
+    let (pdf, html) = (run.dir.path().join("report.pdf"), run.out().join("report.html"));
+    let output = Command::new(&browser)
+        .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"])
+        .arg(format!("--user-data-dir={}", run.dir.path().join("profile").display()))
+        .arg(format!("--print-to-pdf={}", pdf.display()))
+        .arg(format!("file://{}", html.display()))
+        .output()
+        .unwrap();
+    let bytes = std::fs::read(&pdf).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+    let n_pages = bytes.windows(12).filter(|word| word == b"/Type /Page\n").count();
+    assert!((3..=6).contains(&n_pages), "{n_pages} pages");
+    // Without this, browsers leave out the letters of the frames and the colours of the legends.
+    assert!(page(&html).contains("figcaption i { print-color-adjust: exact;"));
+}

@@ -97,7 +97,8 @@ Examples:
   tessera run FOLDER --map runs/room-1     in the map of an earlier run
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
+    /// A folder in the TUM layout, a simulated world (room, corridor, wall, house), or external: a
+    /// camera's own program sends the frames [default: room]
     pub(crate) source: Option<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
