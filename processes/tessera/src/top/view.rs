@@ -42,7 +42,7 @@ pub(crate) fn draw(frame: &mut Frame<'_>, snapshot: &Snapshot) {
     .split(frame.area());
     let effort = match snapshot.effort {
         0 => String::new(),
-        rung => format!(", effort lowered by {rung}"),
+        rung => format!(", effort -{rung}"),
     };
     let title = format!(
         "{}: {} keyframes, {} loops{effort}   (q ends the view, not the run)",
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn everything_stands_on_a_wide_screen() {
         let lines = lines(120);
-        assert!(lines[0].starts_with("room-1: 17 keyframes, 6 loops, effort lowered by 2 "), "{lines:?}");
+        assert!(lines[0].starts_with("room-1: 17 keyframes, 6 loops, effort -2 "), "{lines:?}");
         assert_eq!(words(&lines[2]), COLUMNS.map(|(title, _)| title).join(" "));
         assert_eq!(words(&lines[3]), "align 4711 waiting: surfaces 123 29.9 3 1.25 7.50 31.12 41.2 25.3 5 2");
         assert_eq!(lines[5], "frame 122: tracking, at 1.000 -2.000 0.500 m, 2.50 ms after the frame");
