@@ -7,6 +7,7 @@ use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
 use crate::supervisor::{Plan, SupervisorError, update_map};
 use crate::terminal::say_to_people;
+use crate::viewer::Recording;
 use std::path::{Path, PathBuf};
 use tessera_settings::Settings;
 use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
@@ -26,18 +27,32 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
         .map_err(|error| CommandError::Input(format!("{spec}: {error}")))?;
+    let recording = arguments.rerun.as_deref().map(Recording::start).transpose()?;
+    let exit = start_named(arguments, &settings, &*source)?;
+    if let Some(recording) = recording {
+        recording.finish();
+    }
+    Ok(exit)
+}
+
+/// Runs under the name that was given, or under a fresh one.
+fn start_named(
+    arguments: &RunArguments,
+    settings: &Settings,
+    source: &dyn Source,
+) -> Result<Exit, CommandError> {
     if let Some(name) = &arguments.name {
         check_name(name).map_err(|error| CommandError::Arguments(error.to_string()))?;
         let run_dir = run_dir(arguments, name);
         if arguments.hold && RunFiles::new(&run_dir).run_file().exists() {
             return resume_in(&run_dir, arguments.speech, true);
         }
-        return Ok(start(arguments, &settings, &*source, name)?);
+        return Ok(start(arguments, settings, source, name)?);
     }
     let label = run_folder::label(&settings.run.source);
     for number in 1..=MOST_NAMES {
         let name = format!("{label}-{number}");
-        match start(arguments, &settings, &*source, &name) {
+        match start(arguments, settings, source, &name) {
             // Somebody has that name already: the next one, unless the folder was asked for.
             Err(LaunchError::Supervisor(SupervisorError::RunExists { .. })) if arguments.out.is_none() => {}
             Err(LaunchError::Supervisor(SupervisorError::Transport(TransportError::NameInUse {
