@@ -6,7 +6,9 @@ use std::path::Path;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal};
 use tessera_mapping::{AlignRecord, OptimiseRecord, TrackerState};
-use tessera_messages::{Beat, Flow, FrameHeader, FrameShape, PoseMessage, SurfaceExpectation, SurfaceHeader};
+use tessera_messages::{
+    Beat, CameraFrame, Flow, FrameHeader, FrameShape, PoseMessage, SurfaceExpectation, SurfaceHeader,
+};
 use tessera_settings::Settings;
 use tessera_sources::{FolderSource, FrameBuffers, Source, load_camera};
 use tessera_surface::{Grid, Vertex};
@@ -177,7 +179,7 @@ fn sealed(path: &Path, kind: &str, payload: &[u8]) {
 /// Messages from shared memory, whose payload is what follows the header.
 pub fn messages(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
-    match which % 5 {
+    match which % 6 {
         0 => {
             let Some((header, rest)) = split::<FrameHeader>(bytes) else { return };
             let shape = FrameShape { width: 4, height: 4 };
@@ -211,11 +213,23 @@ pub fn messages(bytes: &[u8]) {
             let Some((flow, _)) = split::<Flow>(bytes) else { return };
             let _ = flow.validate();
         }
-        _ => {
+        4 => {
             let Some((pose, _)) = split::<PoseMessage>(bytes) else { return };
             let _ = pose.reason_text();
             if pose.validate().is_ok() {
                 assert!(pose.odom_from_camera.iter().all(|v| v.is_finite()));
+            }
+        }
+        _ => {
+            let Some((header, rest)) = split::<CameraFrame>(bytes) else { return };
+            let shape = FrameShape { width: 16, height: 16 };
+            let is_good = header.validate(shape).is_ok();
+            if is_good && header.kind == 0 && header.check_payload(shape, rest.len() / 2).is_ok() {
+                assert!(rest.len() / 2 >= shape.n_pixels());
+                assert!(header.index.checked_add(header.index).is_some());
+            }
+            if let Ok(Some(camera)) = header.camera() {
+                camera.check().expect("a camera that was taken holds its rules");
             }
         }
     }

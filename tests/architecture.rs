@@ -32,7 +32,7 @@ const MAY_KNOW: [(&str, &[&str]); 22] = [
         "shared/stage",
         &["geometry", "steps", "surface", "mapping", "messages", "transport", "journal", "settings"],
     ),
-    ("processes/sensor", &["messages", "settings", "sources", "stage", "steps", "transport"]),
+    ("processes/sensor", &["geometry", "messages", "sources", "stage", "steps", "transport"]),
     ("processes/reconstruct", &["messages", "stage", "surface", "transport"]),
     (
         "processes/align",

@@ -71,6 +71,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         slot: StoreSlot::default(),
         edges: Vec::new(),
         place,
+        retires: Vec::new(),
     });
     FrameRecord {
         index,

@@ -228,3 +228,29 @@ pub fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
 pub fn signal(pid: u32, name: &str) {
     assert!(Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().unwrap().success());
 }
+
+/// A Python under `target/` with packages of PyPI; `None`, with the reason printed, without
+/// Python or network. The folder is made once and kept.
+pub fn python(name: &str, packages: &[&str]) -> Option<PathBuf> {
+    let target = Path::new(env!("CARGO_BIN_EXE_tessera")).parent()?.parent()?;
+    let folder = target.join(format!("python-{name}"));
+    let (python, done) = (folder.join("bin/python"), folder.join("packages.txt"));
+    if std::fs::read_to_string(&done).is_ok_and(|there| there == packages.join("\n")) {
+        return Some(python);
+    }
+    let mut venv = Command::new("python3");
+    venv.args(["-m", "venv", "--clear"]).arg(&folder);
+    let mut install = Command::new(&python);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(packages);
+    for mut command in [venv, install] {
+        let failed = match command.output() {
+            Ok(output) if output.status.success() => continue,
+            Ok(output) => String::from_utf8_lossy(&output.stderr).into_owned(),
+            Err(error) => error.to_string(),
+        };
+        eprintln!("skipped: no Python with {packages:?}: {}", failed.lines().last().unwrap_or_default());
+        return None;
+    }
+    std::fs::write(done, packages.join("\n")).ok()?;
+    Some(python)
+}

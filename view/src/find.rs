@@ -3,13 +3,11 @@
 use crate::error::ViewError;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::registered_runs;
 
-/// How long a run that is about to begin may take to do so.
-const PATIENCE: Duration = Duration::from_secs(30);
 /// Time between two looks for it.
 const POLL: Duration = Duration::from_millis(20);
 
@@ -50,8 +48,9 @@ pub(crate) fn find(name_or_folder: &str) -> Result<Run, ViewError> {
 
 /// The run of a supervisor that has just begun or is about to.
 pub(crate) fn of_supervisor(pid: u32, is_stopped: &AtomicBool) -> Result<Run, ViewError> {
-    let began = Instant::now();
-    while began.elapsed() < PATIENCE && !is_stopped.load(Ordering::Relaxed) {
+    // A run may wait for its camera as long as it likes.
+    let supervisor = PathBuf::from(format!("/proc/{pid}"));
+    while supervisor.exists() && !is_stopped.load(Ordering::Relaxed) {
         for run in registered_runs()?.iter().filter(|run| run.is_alive && run.entry.pid == pid) {
             // Its files are being written: the next look finds them.
             if let Ok(found) = Run::read(&run.entry.run_dir)

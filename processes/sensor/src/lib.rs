@@ -4,6 +4,7 @@
 //! a restart it waits for the aligner's word and goes on from there.
 #![forbid(unsafe_code)]
 
+mod external;
 mod frames;
 mod live;
 mod lossless;
@@ -11,7 +12,6 @@ mod lossless;
 use frames::Frames;
 use std::process::ExitCode;
 use tessera_messages::{Flow, FrameHeader, Stage};
-use tessera_settings::Settings;
 use tessera_sources::Source;
 use tessera_stage::{Context, Outcome, Pulse, StageArgs, StageError, stage_main};
 use tessera_transport::{Bell, Ear, SlicePublisher, Subscriber};
@@ -36,13 +36,7 @@ struct Ports {
 /// Where the source, the run directory or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = Context::open(Stage::Sensor, args)?;
-    let source = open_source(&context.settings)?;
-    if *source.camera() != context.run.camera {
-        return Err(StageError::Input(format!(
-            "the camera of {} is not the one that the run began with",
-            context.settings.run.source
-        )));
-    }
+    let source = if context.settings.is_external() { None } else { Some(open_source(&context)?) };
     let link = context.link(Stage::Sensor)?;
     let mut ports = Ports {
         ear: link.ear(Stage::Sensor)?,
@@ -53,21 +47,36 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     };
     context.kill_points.pass("opened", 0);
     ports.pulse.ready(None);
-    let mut frames = Frames::new(&*source, &context);
-    if context.settings.run.preload {
-        frames.preload(&mut ports.pulse);
-    }
-    let outcome = if context.settings.run.live {
-        live::work(&context, &frames, &mut ports)
-    } else {
-        lossless::work(&context, &frames, &mut ports)
+    let outcome = match &source {
+        None => external::work(&context, &link, &mut ports),
+        Some(source) => work(&context, &**source, &mut ports),
     };
     ports.pulse.finish();
     outcome
 }
 
-/// Opens the source that the settings name.
-fn open_source(settings: &Settings) -> Result<Box<dyn Source>, StageError> {
-    let (spec, options) = settings.source();
-    tessera_sources::open(&spec, &options).map_err(|e| StageError::Input(e.to_string()))
+/// Reads and sends the frames of a source that can be read at any index.
+fn work(context: &Context, source: &dyn Source, ports: &mut Ports) -> Result<Outcome, StageError> {
+    let mut frames = Frames::new(source, context);
+    if context.settings.run.preload {
+        frames.preload(&mut ports.pulse);
+    }
+    if context.settings.run.live {
+        live::work(context, &frames, ports)
+    } else {
+        lossless::work(context, &frames, ports)
+    }
+}
+
+/// Opens the source that the settings name, as it was when the run began.
+fn open_source(context: &Context) -> Result<Box<dyn Source>, StageError> {
+    let (spec, options) = context.settings.source();
+    let source = tessera_sources::open(&spec, &options).map_err(|e| StageError::Input(e.to_string()))?;
+    if *source.camera() != context.run.camera {
+        return Err(StageError::Input(format!(
+            "the camera of {} is not the one that the run began with",
+            context.settings.run.source
+        )));
+    }
+    Ok(source)
 }

@@ -84,7 +84,13 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
     }
 }
 
-fn send(context: &Context, mut frame: Prepared, flow: &Flow, ports: &mut Ports) -> Result<(), StageError> {
+/// Hands a frame on, with what a test wants to happen to it.
+pub(crate) fn send(
+    context: &Context,
+    mut frame: Prepared,
+    flow: &Flow,
+    ports: &mut Ports,
+) -> Result<(), StageError> {
     let index = frame.index;
     context.kill_points.pass("read", index);
     let decode_nanos = frame.decode_nanos;

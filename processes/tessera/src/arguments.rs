@@ -101,12 +101,13 @@ Examples:
   tessera run FOLDER --map runs/room-1     in the map of an earlier run
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
+    /// A folder in the TUM layout, a simulated world (room, corridor, wall, house), or external: a
+    /// camera's own program sends the frames [default: room]
     pub(crate) source: Option<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated
@@ -364,7 +365,7 @@ pub(crate) struct CalibrateArguments {
     /// Keep one parameter at its start; may be repeated
     #[arg(long, value_name = "PARAMETER")]
     pub(crate) fix: Vec<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated

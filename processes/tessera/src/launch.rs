@@ -11,15 +11,17 @@ use crate::terminal::{say, say_error};
 use std::time::Duration;
 use tessera_messages::Stage;
 use tessera_trajectory::Trajectory;
+use tessera_transport::RunClaim;
 
 /// Time between two looks that `tessera status` can take at the counters.
 const REFRESH: Duration = Duration::from_secs(1);
 /// Kill points of the first life of each stage, for tests: `align=stored:12,journaled:40;sensor=…`.
 const KILL_PLAN_VARIABLE: &str = "TESSERA_KILL_PLAN";
 
-/// Runs the plan, writes the outputs and says what came of it.
+/// Runs the plan, under a name that may be taken already, writes the outputs and says what came of it.
 pub(crate) fn launch(
     plan: &Plan,
+    claim: Option<RunClaim>,
     groundtruth: Option<&Trajectory>,
     speech: Speech,
 ) -> Result<Exit, LaunchError> {
@@ -56,7 +58,7 @@ pub(crate) fn launch(
         }
     };
     let keep_up = if plan.hold { hold } else { supervise };
-    let supervised = keep_up(plan, &mut tell).map_err(LaunchError::Supervisor);
+    let supervised = keep_up(plan, claim, &mut tell).map_err(LaunchError::Supervisor);
     view.end();
     let supervised = supervised?;
     if let Some(error) = refused {

@@ -8,6 +8,7 @@
 
 mod alignment;
 mod attempt;
+mod budget;
 mod context;
 mod covariance;
 mod degeneracy;
@@ -41,7 +42,7 @@ pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
     KeyframeRecord, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RefinedCamera, Refinement,
-    RequestRecord, State, StoreSlot,
+    RequestRecord, RetiredRecord, State, StoreSlot,
 };
 pub use settings::{
     GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,

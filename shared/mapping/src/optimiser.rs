@@ -1,5 +1,6 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
+use crate::budget::with_retired;
 use crate::context::Context;
 use crate::gaps::Timeline;
 use crate::global::{self, Solution};
@@ -95,16 +96,18 @@ impl Optimiser {
         let (_, keyframes) = self.pending.iter().find(|(r, _)| r.request == request.request)?;
         let settings = &self.context.mapping.global;
         let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
-        let solution = global::solve(&self.context, keyframes, surfaces, iterations, progress);
+        let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
+        let solution = global::solve(&self.context, &active, surfaces, iterations, progress);
+        let poses = with_retired(keyframes, &active, &solution.poses);
         self.context.steps.enter(Step::Refine);
-        let frames = if request.is_final { self.refine(&solution.poses) } else { Vec::new() };
+        let frames = if request.is_final { self.refine(&poses) } else { Vec::new() };
         let refinement = (request.is_final && settings.refine_camera)
-            .then(|| self.refine_camera(keyframes, surfaces, &solution, progress));
+            .then(|| self.refine_camera(keyframes, &active, surfaces, &solution, progress));
         self.context.steps.leave();
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
-            keyframes: by_id(keyframes, &solution.poses),
+            keyframes: by_id(keyframes, &poses),
             frames,
             refinement,
             loops: solution.loops,
@@ -116,19 +119,23 @@ impl Optimiser {
     fn refine_camera(
         &self,
         keyframes: &[KeyframeState],
+        active: &[KeyframeState],
         surfaces: &dyn KeyframeSurfaces,
         solution: &Solution,
         progress: &mut dyn FnMut(),
     ) -> Refinement {
-        match refine_camera(&self.context, keyframes, surfaces, solution, progress) {
-            Ok(found) => Refinement::Refined(Box::new(RefinedCamera {
-                moved_px: found.moved_px,
-                n_held: found.held.len() as u32,
-                residual_sigmas: found.residual_sigmas.into(),
-                keyframes: by_id(keyframes, &found.world_from_camera),
-                frames: self.refine(&found.world_from_camera),
-                camera: found.camera,
-            })),
+        match refine_camera(&self.context, active, surfaces, solution, progress) {
+            Ok(found) => {
+                let poses = with_retired(keyframes, active, &found.world_from_camera);
+                Refinement::Refined(Box::new(RefinedCamera {
+                    moved_px: found.moved_px,
+                    n_held: found.held.len() as u32,
+                    residual_sigmas: found.residual_sigmas.into(),
+                    keyframes: by_id(keyframes, &poses),
+                    frames: self.refine(&poses),
+                    camera: found.camera,
+                }))
+            }
             Err(error) => Refinement::Kept(error.to_string()),
         }
     }

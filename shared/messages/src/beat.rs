@@ -51,10 +51,12 @@ pub enum WaitingOn {
     Clock,
     /// The aligner's first word on where to begin.
     Flow,
+    /// The next image of a camera's own program.
+    Camera,
 }
 
 impl WaitingOn {
-    const ALL: [(WaitingOn, &'static str); 8] = [
+    const ALL: [(WaitingOn, &'static str); 9] = [
         (WaitingOn::Nothing, ""),
         (WaitingOn::Frames, "frames"),
         (WaitingOn::Surfaces, "surfaces"),
@@ -63,6 +65,7 @@ impl WaitingOn {
         (WaitingOn::Requests, "requests"),
         (WaitingOn::Clock, "clock"),
         (WaitingOn::Flow, "flow"),
+        (WaitingOn::Camera, "camera"),
     ];
 
     /// Name for people.

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod beat;
+mod camera;
 mod flow;
 mod frame;
 mod message;
@@ -17,6 +18,7 @@ mod surface;
 mod time_counts;
 
 pub use beat::{Beat, BeatState, Latency, WaitingOn};
+pub use camera::{CameraFlow, CameraFrame};
 pub use flow::Flow;
 pub use frame::{FrameHeader, FramePayload, FrameShape, Kind};
 pub use message::{Element, Message, Refusal, StepTimes};

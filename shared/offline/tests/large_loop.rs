@@ -116,6 +116,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
             slot: StoreSlot::default(),
             edges: Vec::new(),
             place,
+            retires: Vec::new(),
         }),
         request: None,
     }

@@ -90,6 +90,11 @@ impl Settings {
         (SourceSpec::parse(&run.source), options)
     }
 
+    /// Whether frames come from a program that is none of ours.
+    pub fn is_external(&self) -> bool {
+        SourceSpec::parse(&self.run.source) == SourceSpec::External
+    }
+
     /// Sets the vector instructions of all algorithms.
     pub fn set_isa(&mut self, isa: Isa) {
         (self.run.isa, self.surface.isa, self.registration.isa) = (isa, isa, isa);

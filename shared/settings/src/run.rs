@@ -8,7 +8,8 @@ use tessera_surface::Isa;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RunSettings {
-    /// A folder in the TUM layout, or a simulated world: `room`, `corridor`, `wall`, `house`.
+    /// A folder in the TUM layout, a simulated world (`room`, `corridor`, `wall`, `house`), or
+    /// `external`: a camera's own program sends the frames.
     pub source: String,
     /// A camera file or the name of a built-in camera; empty: the source's own.
     pub camera: String,
@@ -18,6 +19,8 @@ pub struct RunSettings {
     pub frames: u64,
     /// Frames come at the source's own rate and the newest wins, instead of each in order.
     pub live: bool,
+    /// The run ends where a camera's own program sends nothing usable for so long, seconds.
+    pub camera_timeout_s: f64,
     /// Frames are decoded into memory before the first is sent.
     pub preload: bool,
     /// Vector instructions. A run names in its own `config.toml` those that it began with, and goes
@@ -43,6 +46,7 @@ impl Default for RunSettings {
             skip: 0,
             frames: 0,
             live: false,
+            camera_timeout_s: 30.0,
             preload: false,
             isa: Isa::Auto,
             force: false,
@@ -61,6 +65,10 @@ impl RunSettings {
     pub fn check(&self) -> Result<(), String> {
         if self.source.trim().is_empty() {
             return Err("source is empty, expected a folder or one of room, corridor, wall, house".to_owned());
+        }
+        if !(self.camera_timeout_s >= 0.1 && self.camera_timeout_s <= 1e6) {
+            let value = self.camera_timeout_s;
+            return Err(format!("camera_timeout_s is {value}, expected a number from 0.1 to 1000000"));
         }
         if !self.at.is_empty() && self.map.is_empty() {
             return Err(format!("at is {:?} without a map, expected map = FOLDER with it", self.at));

@@ -129,27 +129,58 @@ pub fn summarise_depth(source: &dyn Source, n_samples: u64) -> Result<DepthSumma
     let n_frames = source.n_frames().unwrap_or(n_samples);
     let n_samples = n_samples.min(n_frames);
     let frames: Vec<u64> = (0..n_samples).map(|k| k * n_frames / n_samples).collect();
-    let mut histogram = vec![0u64; 1 << 16];
-    let mut empty_frames = Vec::new();
+    let mut seen = Depths::default();
     for &index in &frames {
         source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
+        seen.add(index, &depth);
+    }
+    Ok(seen.summary(camera))
+}
+
+/// The same for one image that is at hand.
+pub fn summarise_image(depth_raw: &[u16], camera: &Camera) -> DepthSummary {
+    let mut seen = Depths::default();
+    seen.add(0, depth_raw);
+    seen.summary(camera)
+}
+
+/// Depths of some images, by their raw value.
+struct Depths {
+    histogram: Vec<u64>,
+    frames: Vec<u64>,
+    empty_frames: Vec<u64>,
+    n_seen: usize,
+}
+
+impl Default for Depths {
+    fn default() -> Self {
+        Self { histogram: vec![0; 1 << 16], frames: Vec::new(), empty_frames: Vec::new(), n_seen: 0 }
+    }
+}
+
+impl Depths {
+    fn add(&mut self, index: u64, depth_raw: &[u16]) {
         let mut is_empty = true;
-        for &raw in depth.iter().filter(|&&raw| raw != 0 && raw != u16::MAX) {
-            histogram[usize::from(raw)] += 1;
+        for &raw in depth_raw.iter().filter(|&&raw| raw != 0 && raw != u16::MAX) {
+            self.histogram[usize::from(raw)] += 1;
             is_empty = false;
         }
         if is_empty {
-            empty_frames.push(index);
+            self.empty_frames.push(index);
+        }
+        self.frames.push(index);
+        self.n_seen += depth_raw.len();
+    }
+
+    fn summary(self, camera: &Camera) -> DepthSummary {
+        let n_valid: u64 = self.histogram.iter().sum();
+        DepthSummary {
+            median_m: median(&self.histogram, n_valid).map(|raw| raw as f64 / camera.units_per_metre),
+            valid_share: n_valid as f64 / self.n_seen.max(1) as f64,
+            frames: self.frames,
+            empty_frames: self.empty_frames,
         }
     }
-    let n_valid: u64 = histogram.iter().sum();
-    let n_seen = (frames.len() * n_pixels).max(1);
-    Ok(DepthSummary {
-        frames,
-        empty_frames,
-        median_m: median(&histogram, n_valid).map(|raw| raw as f64 / camera.units_per_metre),
-        valid_share: n_valid as f64 / n_seen as f64,
-    })
 }
 
 /// Refuses a source whose median depth lies outside 0.1 to 15 m, unless forced.

@@ -16,6 +16,9 @@ pub enum SourceError {
         /// What was given.
         path: PathBuf,
     },
+    /// Frames of a camera's own program cannot be looked at beforehand, nor again.
+    #[error("the source 'external' is a camera's own program: only `tessera run external` waits for it")]
+    External,
     /// All frames are left out.
     #[error("the source has {n_frames} frames, {n_skipped} are left out at the beginning; expected fewer")]
     NothingLeft {

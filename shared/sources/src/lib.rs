@@ -20,6 +20,7 @@ mod spec;
 pub use cameras::{CAMERA_NAMES, load_camera, named_camera};
 pub use check::{
     CheckReport, DepthSummary, DepthUnitsError, Gaps, check, refuse_impossible_depth, summarise_depth,
+    summarise_image,
 };
 pub use error::{ImageError, ListError, SourceError};
 pub use folder::FolderSource;

@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
 
+/// Name of the source whose frames a camera's own program sends.
+const EXTERNAL: &str = "external";
+
 /// Which source; written into the run directory so that a restarted process opens the same.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -15,6 +18,8 @@ pub enum SourceSpec {
     Scene(SceneName),
     /// A folder in the TUM layout.
     Folder(PathBuf),
+    /// A camera's own program sends the frames: nothing that could be read at any index.
+    External,
 }
 
 /// Options of a source, beside its name.
@@ -34,12 +39,13 @@ pub struct SourceOptions {
 }
 
 impl SourceSpec {
-    /// Reads a source name: a scene, or else a folder. Write `./room` for a folder named room.
+    /// Reads a source name: a scene, `external`, or else a folder. Write `./room` for a folder named room.
     ///
     /// A folder is made absolute, so that the name stays good in another working directory.
     pub fn parse(text: &str) -> Self {
         match SceneName::parse(text) {
             Some(scene) => Self::Scene(scene),
+            None if text == EXTERNAL => Self::External,
             None => Self::Folder(std::path::absolute(text).unwrap_or_else(|_| PathBuf::from(text))),
         }
     }
@@ -49,6 +55,7 @@ impl fmt::Display for SourceSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Scene(scene) => f.write_str(scene.name()),
+            Self::External => f.write_str(EXTERNAL),
             Self::Folder(folder) => write!(f, "{}", folder.display()),
         }
     }
@@ -65,6 +72,7 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
         SourceSpec::Scene(scene) => {
             Box::new(SimulatedSource::open(*scene, camera, frames, &options.simulation)?)
         }
+        SourceSpec::External => return Err(SourceError::External),
         SourceSpec::Folder(folder) => Box::new(FolderSource::open(folder, camera, frames)?),
     };
     Ok(match options.skip {
@@ -81,6 +89,7 @@ mod tests {
     fn names_are_scenes_and_everything_else_is_a_folder() {
         assert_eq!(SourceSpec::parse("room"), SourceSpec::Scene(SceneName::Room));
         assert_eq!(SourceSpec::parse("house"), SourceSpec::Scene(SceneName::House));
+        assert_eq!(SourceSpec::parse("external"), SourceSpec::External);
         let SourceSpec::Folder(folder) = SourceSpec::parse("./room") else { panic!("a folder was meant") };
         assert!(folder.is_absolute() && folder.ends_with("room"));
     }
@@ -92,7 +101,9 @@ mod tests {
             source: SourceSpec,
             options: SourceOptions,
         }
-        for source in [SourceSpec::Scene(SceneName::Wall), SourceSpec::Folder("/a/b".into())] {
+        for source in
+            [SourceSpec::Scene(SceneName::Wall), SourceSpec::Folder("/a/b".into()), SourceSpec::External]
+        {
             let options = SourceOptions { frames: Some(7), ..SourceOptions::default() };
             let both = Both { source, options };
             let text = toml::to_string(&both).unwrap();

@@ -6,6 +6,7 @@ use crate::lifeline::Lifeline;
 use crate::log::start_log;
 use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
+use crate::placement::take_place;
 use crate::run_file::RunFile;
 use crate::stopwatch::Stopwatch;
 use std::collections::BTreeSet;
@@ -94,7 +95,9 @@ impl Context {
         let settings = Settings::from_toml(&text, &config.display().to_string())
             .map_err(|e| StageError::Settings(e.to_string()))?;
         settings.run.isa.resolve().map_err(|e| StageError::Settings(e.to_string()))?;
-        let megabytes = stage_settings(&settings, stage).memory_mb;
+        let own = stage_settings(&settings, stage);
+        take_place(own);
+        let megabytes = own.memory_mb;
         limit_memory(megabytes)
             .map_err(|e| StageError::Settings(format!("cannot limit memory to {megabytes} MB: {e}")))?;
         let layout = run.layout(&settings);

@@ -50,6 +50,11 @@ impl RunFiles {
         self.dir.join("log.txt")
     }
 
+    /// Which start of a camera's own program has been heard, and how it counts.
+    pub fn camera_session(&self) -> PathBuf {
+        self.dir.join("camera.session")
+    }
+
     /// When the first frame of a live run was due.
     pub fn live_clock(&self) -> PathBuf {
         self.dir.join("live.clock")

@@ -96,6 +96,7 @@ impl RunFile {
             recent: RECENT_SURFACES,
             ahead: settings.flow.ahead,
             live: settings.run.live,
+            external: settings.is_external(),
         }
     }
 }

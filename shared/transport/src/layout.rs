@@ -1,6 +1,6 @@
 //! The table of all services: how many may connect, how much is queued, what a late reader gets.
 
-use tessera_messages::{Element, FrameHeader, FrameShape, Message, Stage, SurfaceHeader};
+use tessera_messages::{CameraFrame, Element, FrameHeader, FrameShape, Message, Stage, SurfaceHeader};
 use tessera_surface::{Grid, Vertex};
 
 /// Bytes that iceoryx2 puts before each payload, rounded up.
@@ -21,6 +21,8 @@ pub struct Layout {
     pub ahead: u32,
     /// Newest wins: short queues, nothing comes again.
     pub live: bool,
+    /// Frames come from a program that is none of ours.
+    pub external: bool,
 }
 
 /// One row of the table.
@@ -115,6 +117,34 @@ impl Layout {
         }
     }
 
+    /// Images of a camera's own program: from it to the sensor. Two epochs may be under way; places
+    /// for the publisher, two dead ones and the next, and for the sensor, its dead twin and the
+    /// command that waits for the first image.
+    pub fn camera(&self) -> Service {
+        Service {
+            name: "camera",
+            publishers: 4,
+            subscribers: 3,
+            buffer: 2 * self.window as usize,
+            borrowed: 2,
+            history: 0,
+            loans: 2,
+        }
+    }
+
+    /// What a camera's own program is told; only the newest counts.
+    pub fn camera_flow(&self) -> Service {
+        Service {
+            name: "camera_flow",
+            publishers: 3,
+            subscribers: 6,
+            buffer: 1,
+            borrowed: 1,
+            history: 1,
+            loans: 1,
+        }
+    }
+
     /// Name of the event that wakes a stage.
     pub(crate) fn bell_name(stage: Stage) -> String {
         format!("wake/{}", stage.name())
@@ -131,7 +161,9 @@ impl Layout {
         let surface = size_of::<SurfaceHeader>() + self.grid.len() * size_of::<Vertex>();
         // Poses, flow, beats, times, events and the administration of all services.
         const SMALL: u64 = 2 << 20;
-        self.frames().segment_bytes(frame) + self.surfaces().segment_bytes(surface) + SMALL
+        let image = size_of::<CameraFrame>() + self.frame.payload_len() * size_of::<u16>();
+        let camera = if self.external { self.camera().segment_bytes(image) } else { 0 };
+        camera + self.frames().segment_bytes(frame) + self.surfaces().segment_bytes(surface) + SMALL
     }
 }
 
@@ -161,9 +193,12 @@ mod tests {
             recent: 10,
             ahead: 3,
             live: false,
+            external: false,
         };
         let mb = |window| layout(window).shared_memory_bytes() >> 20;
         assert!(mb(4) < 110 && mb(1) < 64, "{} {}", mb(4), mb(1));
         assert!(mb(1) < mb(2) && mb(2) < mb(8));
+        let external = Layout { external: true, ..layout(4) }.shared_memory_bytes() >> 20;
+        assert!(external > mb(4) + 30, "{external}");
     }
 }

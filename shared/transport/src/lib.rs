@@ -23,7 +23,7 @@ pub use cleanup::{Cleaned, remove_everything};
 pub use error::TransportError;
 pub use identity::RunIdentity;
 pub use layout::{Layout, Service};
-pub use link::{HeldServices, Link};
+pub use link::{CameraServices, HeldServices, Link};
 pub use messages::{Publisher, Subscriber};
 pub use registry::{Registered, RunClaim, RunEntry, check_name, registered_runs};
 pub use slices::{Loan, Received, SlicePublisher, SliceSubscriber};

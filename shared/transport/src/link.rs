@@ -14,7 +14,8 @@ use iceoryx2::prelude::{
     set_log_level_from_env_or,
 };
 use tessera_messages::{
-    Beat, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes, SurfaceHeader,
+    Beat, CameraFlow, CameraFrame, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes,
+    SurfaceHeader,
 };
 use tessera_surface::Vertex;
 
@@ -47,6 +48,14 @@ pub struct HeldServices {
     _beats: MessageService<Beat>,
     _stage_times: MessageService<StageTimes>,
     _bells: Vec<EventService>,
+    _camera: Option<CameraServices>,
+}
+
+/// What a camera's own program finds, for as long as this is kept.
+#[derive(Debug)]
+pub struct CameraServices {
+    _camera: SliceService<CameraFrame, u16>,
+    _camera_flow: MessageService<CameraFlow>,
 }
 
 impl Link {
@@ -66,6 +75,18 @@ impl Link {
                 .into_iter()
                 .map(|stage| self.event_service(stage))
                 .collect::<Result<_, _>>()?,
+            _camera: if self.layout.external { Some(self.hold_camera_services()?) } else { None },
+        })
+    }
+
+    /// Creates the services for a camera's own program, for as long as the answer is kept.
+    ///
+    /// # Errors
+    /// Where a service cannot be created.
+    pub fn hold_camera_services(&self) -> Result<CameraServices, TransportError> {
+        Ok(CameraServices {
+            _camera: self.slice_service(&self.layout.camera())?,
+            _camera_flow: self.message_service(&self.layout.camera_flow())?,
         })
     }
 
@@ -249,6 +270,38 @@ impl Link {
         self.subscriber(&self.layout.flow())
     }
 
+    /// Reads the images of a camera's own program.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn camera_subscriber(&self) -> Result<SliceSubscriber<CameraFrame, u16>, TransportError> {
+        self.slice_subscriber(&self.layout.camera())
+    }
+
+    /// Tells a camera's own program what is needed.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn camera_flow_publisher(&self) -> Result<Publisher<CameraFlow>, TransportError> {
+        self.publisher(&self.layout.camera_flow())
+    }
+
+    /// Writes images as a camera's own program does.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn camera_publisher(&self) -> Result<SlicePublisher<CameraFrame, u16>, TransportError> {
+        self.slice_publisher(&self.layout.camera(), self.layout.frame.payload_len())
+    }
+
+    /// Reads what a camera's own program is told.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn camera_flow_subscriber(&self) -> Result<Subscriber<CameraFlow>, TransportError> {
+        self.subscriber(&self.layout.camera_flow())
+    }
+
     /// Writes beats.
     ///
     /// # Errors
@@ -329,6 +382,7 @@ mod tests {
             recent: 2,
             ahead: 2,
             live: false,
+            external: false,
         }
     }
 

@@ -54,6 +54,7 @@ mod tests {
             recent: 10,
             ahead: 3,
             live: false,
+            external: false,
         };
         let need = layout.shared_memory_bytes();
         assert_eq!(check_free(&layout, need).unwrap(), need);

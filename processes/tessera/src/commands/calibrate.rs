@@ -63,7 +63,7 @@ fn open(arguments: &CalibrateArguments, settings: &Settings) -> Result<Box<dyn S
     let spec = SourceSpec::parse(&arguments.source);
     let camera = match spec {
         SourceSpec::Folder(_) => arguments.camera.clone(),
-        SourceSpec::Scene(_) => None,
+        SourceSpec::Scene(_) | SourceSpec::External => None,
     };
     let options = SourceOptions {
         camera,

@@ -8,6 +8,7 @@ mod clean;
 mod completions;
 mod evaluate;
 mod export;
+mod external;
 mod metrics;
 mod profile;
 mod record;

@@ -7,6 +7,7 @@ use crate::run_folder;
 use crate::supervisor::Plan;
 use std::path::Path;
 use tessera_settings::Settings;
+use tessera_sources::SourceSpec;
 use tessera_stage::{RunFile, RunFiles};
 
 /// Goes on with a run as it was begun: same name, camera and settings.
@@ -30,7 +31,11 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
     })?;
     let (spec, options) = settings.source();
     // Opened here too, so that a source that went away is told before anything starts.
-    let source = tessera_sources::open(&spec, &options)?;
+    let source = match spec {
+        // The sensor waits for it.
+        SourceSpec::External => None,
+        _ => Some(tessera_sources::open(&spec, &options)?),
+    };
     let plan = Plan {
         name: run.name,
         run_dir: run_dir.to_owned(),
@@ -43,5 +48,5 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
     };
-    Ok(launch(&plan, source.ground_truth(), speech)?)
+    Ok(launch(&plan, None, source.as_ref().and_then(|source| source.ground_truth()), speech)?)
 }

@@ -1,6 +1,7 @@
 //! `tessera run`: the four processes from the first frame to the outputs.
 
 use crate::arguments::RunArguments;
+use crate::commands::external;
 use crate::commands::resume::resume_in;
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
@@ -9,6 +10,7 @@ use crate::supervisor::{Plan, SupervisorError, update_map};
 use crate::terminal::say_to_people;
 use crate::viewer::Recording;
 use std::path::{Path, PathBuf};
+use tessera_geometry::Camera;
 use tessera_settings::Settings;
 use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
 use tessera_stage::RunFiles;
@@ -22,24 +24,37 @@ const MOST_NAMES: u32 = 10_000;
 /// Runs a source to its end.
 pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     let settings = settings(arguments)?;
+    if settings.is_external() {
+        external::check_arguments(&settings)?;
+        return under_a_name(arguments, &settings, |name| external::start(arguments, &settings, name));
+    }
     let (spec, options) = settings.source();
     let source = tessera_sources::open(&spec, &options)?;
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
         .map_err(|error| CommandError::Input(format!("{spec}: {error}")))?;
+    under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, name))
+}
+
+/// Starts under the name asked for, or under the first fresh one after the source; with a recording
+/// for Rerun beside it where that is asked for.
+fn under_a_name(
+    arguments: &RunArguments,
+    settings: &Settings,
+    start: impl Fn(&str) -> Result<Exit, LaunchError>,
+) -> Result<Exit, CommandError> {
     let recording = arguments.rerun.as_deref().map(Recording::start).transpose()?;
-    let exit = start_named(arguments, &settings, &*source)?;
+    let exit = under_a_free_name(arguments, settings, start)?;
     if let Some(recording) = recording {
         recording.finish();
     }
     Ok(exit)
 }
 
-/// Runs under the name that was given, or under a fresh one.
-fn start_named(
+fn under_a_free_name(
     arguments: &RunArguments,
     settings: &Settings,
-    source: &dyn Source,
+    start: impl Fn(&str) -> Result<Exit, LaunchError>,
 ) -> Result<Exit, CommandError> {
     if let Some(name) = &arguments.name {
         check_name(name).map_err(|error| CommandError::Arguments(error.to_string()))?;
@@ -47,12 +62,12 @@ fn start_named(
         if arguments.hold && RunFiles::new(&run_dir).run_file().exists() {
             return resume_in(&run_dir, arguments.speech, true);
         }
-        return Ok(start(arguments, settings, source, name)?);
+        return Ok(start(name)?);
     }
     let label = run_folder::label(&settings.run.source);
     for number in 1..=MOST_NAMES {
         let name = format!("{label}-{number}");
-        match start(arguments, settings, source, &name) {
+        match start(&name) {
             // Somebody has that name already: the next one, unless the folder was asked for.
             Err(LaunchError::Supervisor(SupervisorError::RunExists { .. })) if arguments.out.is_none() => {}
             Err(LaunchError::Supervisor(SupervisorError::Transport(TransportError::NameInUse {
@@ -95,9 +110,9 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     settings.simulation.person |= arguments.person;
     settings.simulation.readout_s = arguments.readout.or(settings.simulation.readout_s);
     let is_of_a_scene = arguments.person || arguments.readout.is_some();
-    if is_of_a_scene && matches!(SourceSpec::parse(&settings.run.source), SourceSpec::Folder(_)) {
+    if is_of_a_scene && !matches!(SourceSpec::parse(&settings.run.source), SourceSpec::Scene(_)) {
         return Err(CommandError::Arguments(format!(
-            "--person and --readout are for simulated scenes, and {} is a folder; a camera file's readout_s tells of a real rolling shutter",
+            "--person and --readout are for simulated scenes, and {} is none; a camera file's readout_s tells of a real rolling shutter",
             settings.run.source
         )));
     }
@@ -119,7 +134,8 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     Ok(settings)
 }
 
-fn run_dir(arguments: &RunArguments, name: &str) -> PathBuf {
+/// Folder of a run of that name.
+pub(super) fn run_dir(arguments: &RunArguments, name: &str) -> PathBuf {
     arguments.out.clone().unwrap_or_else(|| Path::new(run_folder::RUNS).join(name))
 }
 
@@ -129,20 +145,8 @@ fn start(
     source: &dyn Source,
     name: &str,
 ) -> Result<Exit, LaunchError> {
-    let run_dir = run_dir(arguments, name);
-    let plan = Plan {
-        name: name.to_owned(),
-        run_dir,
-        settings: settings.clone(),
-        camera: source.camera().clone(),
-        n_frames: source.n_frames(),
-        hold: arguments.hold,
-        resume: false,
-        executable: std::env::current_exe()
-            .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
-        kill_points: kill_plan(),
-    };
-    let exit = launch(&plan, source.ground_truth(), arguments.speech)?;
+    let plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
+    let exit = launch(&plan, None, source.ground_truth(), arguments.speech)?;
     if arguments.map_update && exit == Exit::Done {
         let map = Path::new(&settings.run.map);
         update_map(map, &plan.run_dir).map_err(CommandError::from)?;
@@ -155,4 +159,26 @@ fn start(
         }
     }
     Ok(exit)
+}
+
+/// What a fresh run is to be.
+pub(super) fn new_plan(
+    arguments: &RunArguments,
+    settings: &Settings,
+    name: &str,
+    camera: Camera,
+    n_frames: Option<u64>,
+) -> Result<Plan, CommandError> {
+    Ok(Plan {
+        name: name.to_owned(),
+        run_dir: run_dir(arguments, name),
+        settings: settings.clone(),
+        camera,
+        n_frames,
+        hold: arguments.hold,
+        resume: false,
+        executable: std::env::current_exe()
+            .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
+        kill_points: kill_plan(),
+    })
 }

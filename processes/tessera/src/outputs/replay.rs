@@ -85,6 +85,7 @@ impl Replay {
                 slot,
                 edges,
                 place,
+                retires: Vec::new(),
             });
         }
     }

@@ -8,14 +8,14 @@ use super::failure::SupervisorError;
 use super::plan::Plan;
 use super::signals::Signals;
 use super::tally::{Counters, Tally};
-use super::watch::{Outcome, Progress, Supervised};
+use super::watch::{FOREIGN_INTERVAL, Outcome, Progress, Supervised};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_journal::Follower;
 use tessera_mapping::AlignRecord;
 use tessera_messages::{Beat, BeatState, Stage};
 use tessera_stage::{ALIGN_JOURNAL, Notifier, RunFiles, StageError};
-use tessera_transport::{Link, Subscriber, remove_everything, shared_memory_in_use};
+use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at beats and journal.
 const LOOK: Duration = Duration::from_millis(100);
@@ -27,14 +27,18 @@ const GRACE: Duration = Duration::from_millis(1500);
 ///
 /// # Errors
 /// Where the run cannot be prepared.
-pub(crate) fn hold(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<Supervised, SupervisorError> {
+pub(crate) fn hold(
+    plan: &Plan,
+    claim: Option<RunClaim>,
+    tell: &mut dyn FnMut(&Progress),
+) -> Result<Supervised, SupervisorError> {
     let began = Instant::now();
     let cannot = |reason: std::io::Error| SupervisorError::Spawn {
         what: "the supervisor".into(),
         reason: reason.to_string(),
     };
     let mut signals = Signals::listen().map_err(cannot)?;
-    let prepared = plan.prepare()?;
+    let prepared = plan.prepare(claim)?;
     let identity = &prepared.claim.entry.identity;
     let link = Link::open(identity, &prepared.layout, "supervisor")?;
     let services = link.hold_services()?;
@@ -43,12 +47,17 @@ pub(crate) fn hold(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<Super
     let mut heard = Heard::default();
     let mut shared_memory_bytes = 0;
     let mut ended_at = None;
+    let mut cleaned_at = began;
     let mut notifier = Notifier::from_environment();
     notifier.ready();
     tracing::info!("run {} in {} waits for its stages", plan.name, prepared.files.dir.display());
     let outcome = loop {
         signals.wait(LOOK);
         heard.take(&beats)?;
+        if prepared.layout.external && cleaned_at.elapsed() >= FOREIGN_INTERVAL {
+            link.clean_dead_nodes();
+            cleaned_at = Instant::now();
+        }
         shared_memory_bytes = shared_memory_bytes.max(shared_memory_in_use(identity));
         tell(&heard.progress(plan, began));
         if end.has_come()? {

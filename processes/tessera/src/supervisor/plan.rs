@@ -51,8 +51,9 @@ pub(super) struct Prepared {
 }
 
 impl Plan {
-    /// Takes the name, checks the room in shared memory and writes what every process reads.
-    pub(super) fn prepare(&self) -> Result<Prepared, SupervisorError> {
+    /// Takes the name, unless it is taken already (`claim`), checks the room in shared memory and
+    /// writes what every process reads.
+    pub(super) fn prepare(&self, claim: Option<RunClaim>) -> Result<Prepared, SupervisorError> {
         let files = RunFiles::new(&self.run_dir);
         let is_there = files.run_file().exists();
         if is_there && !self.resume {
@@ -61,7 +62,7 @@ impl Plan {
         // Refused before anything is made.
         let map = if is_there { None } else { SavedMap::open(&self.camera, &self.settings)? };
         let expected = if is_there { RunFile::read(&files)?.map } else { None };
-        let claim = RunClaim::take(&self.name, &self.run_dir)?;
+        let claim = claim.map_or_else(|| RunClaim::take(&self.name, &self.run_dir), Ok)?;
         let mut run = RunFile {
             name: self.name.clone(),
             version: env!("CARGO_PKG_VERSION").into(),
@@ -116,6 +117,7 @@ impl Plan {
         .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
         say_dropped(&files.optimise_journal(), &recovered);
         let _ = std::fs::remove_file(files.live_clock());
+        let _ = std::fs::remove_file(files.camera_session());
         run.write(&files)?;
         Ok(Prepared { claim, files, layout, need_bytes })
     }

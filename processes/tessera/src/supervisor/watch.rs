@@ -16,6 +16,8 @@ use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_me
 
 /// Time between two looks at the beats.
 const LOOK: Duration = Duration::from_millis(100);
+/// Time between two looks for a dead camera's program.
+pub(super) const FOREIGN_INTERVAL: Duration = Duration::from_secs(1);
 /// How long stages may take to end when told to; then they are killed.
 const GRACE: Duration = Duration::from_millis(1500);
 
@@ -101,11 +103,16 @@ impl Watched {
     }
 }
 
-/// Runs a plan to its end; `tell` hears of its progress some ten times a second.
+/// Runs a plan to its end, under a name that is taken already or by `claim`; `tell` hears of its
+/// progress some ten times a second.
 ///
 /// # Errors
 /// Where the run cannot be started at all; a stage that fails later is an [`Outcome`].
-pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<Supervised, SupervisorError> {
+pub(crate) fn supervise(
+    plan: &Plan,
+    claim: Option<RunClaim>,
+    tell: &mut dyn FnMut(&Progress),
+) -> Result<Supervised, SupervisorError> {
     let began = Instant::now();
     let cannot = |reason: std::io::Error| SupervisorError::Spawn {
         what: "the supervisor".into(),
@@ -113,7 +120,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
     };
     ensure_open_files()?;
     let signals = Signals::listen().map_err(cannot)?;
-    let prepared = plan.prepare()?;
+    let prepared = plan.prepare(claim)?;
     // The first node: it closes the door to shared memory before a stage starts.
     let link = Link::open(&prepared.claim.entry.identity, &prepared.layout, "supervisor")?;
     let services = link.hold_services()?;
@@ -133,6 +140,7 @@ pub(crate) fn supervise(plan: &Plan, tell: &mut dyn FnMut(&Progress)) -> Result<
         stages: Stage::ALL.map(|stage| Watched::new(stage, began)),
         shared_memory_bytes: 0,
         has_dead: false,
+        cleaned_at: began,
         began,
     };
     let outcome = supervisor.run(tell);
@@ -157,6 +165,8 @@ struct Supervisor<'a> {
     shared_memory_bytes: u64,
     /// Somebody died and left things in shared memory.
     has_dead: bool,
+    /// When a camera's own program was last looked after, whose death nobody else notices.
+    cleaned_at: Instant,
     began: Instant,
 }
 
@@ -169,8 +179,11 @@ impl Supervisor<'_> {
             notifier.alive();
             self.start_due()?;
             // Only now: a successor finds a free place beside its dead twin, and starts meanwhile.
-            if std::mem::take(&mut self.has_dead) {
+            let is_foreign_due =
+                self.prepared.layout.external && self.cleaned_at.elapsed() >= FOREIGN_INTERVAL;
+            if std::mem::take(&mut self.has_dead) || is_foreign_due {
                 self.link.clean_dead_nodes();
+                self.cleaned_at = Instant::now();
             }
             self.signals.wait(self.next_wait());
             self.hear()?;

@@ -1,0 +1,162 @@
+"""Tessera's public services from Python: send a camera's images, read poses.
+
+Needs `pip install iceoryx2==0.10.0`. docs/camera.md tells what each field means.
+"""
+
+import ctypes
+import json
+import os
+import pathlib
+import time
+
+import iceoryx2 as iox2
+
+u32, u64, i64, f64 = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_int64, ctypes.c_double
+
+
+class CameraFrame(ctypes.Structure):
+    _fields_ = [
+        ("session", u64), ("index", u64), ("stamp_nanos", i64),
+        ("kind", u32), ("has_colour", u32), ("width", u32), ("height", u32),
+        ("ring_frames", u32), ("colour_registered", u32),
+        ("fx", f64), ("fy", f64), ("cx", f64), ("cy", f64), ("units_per_metre", f64),
+        ("distortion", f64 * 5), ("readout_s", f64), ("depth_offset_m", f64),
+        ("start_from_camera_xyzw", f64 * 4), ("variance_rad2", f64), ("bias_sigma_rad_per_s", f64),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "tessera.CameraFrame.v1"
+
+
+class CameraFlow(ctypes.Structure):
+    _fields_ = [("epoch", u64), ("send_from", u64), ("send_below", u64), ("finished", u64)]
+
+    @staticmethod
+    def type_name():
+        return "tessera.CameraFlow.v1"
+
+
+class Pose(ctypes.Structure):
+    _fields_ = [
+        ("index", u64), ("stamp_nanos", i64), ("state", u32), ("n_correspondences", u32),
+        ("reason", ctypes.c_char * 64), ("odom_from_camera", f64 * 7), ("world_from_odom", f64 * 7),
+        ("covariance", f64 * 36), ("times", u64 * 6),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "tessera.Pose.v1"
+
+
+def private_folder():
+    """Where this user's runs are registered, as shared/transport/src/identity.rs chooses it."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    if runtime.startswith("/") and os.path.isdir(runtime) and len(runtime) <= 30:
+        return pathlib.Path(runtime) / "tessera"
+    return pathlib.Path(f"/dev/shm/tessera-{os.getuid()}")
+
+
+def config_of(run):
+    """Path of the iceoryx2 configuration of a run that is going on; None where there is none."""
+    try:
+        entry = json.loads((private_folder() / f"{run}.run").read_text())
+        return entry["identity"]["config_file"]
+    except (FileNotFoundError, json.JSONDecodeError, KeyError):
+        return None
+
+
+class Link:
+    """A node in the shared memory of a run."""
+
+    def __init__(self, run, timeout_s=60.0):
+        iox2.set_log_level(iox2.LogLevel.Fatal)
+        self.run, deadline = run, time.monotonic() + timeout_s
+        while (path := config_of(run)) is None or not os.path.exists(path):
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"no run {run} within {timeout_s} s in {private_folder()}")
+            time.sleep(0.05)
+        self.path = path
+        # The process's own configuration too: iceoryx2 falls back to it.
+        iox2.config.setup_global_config_from_file(iox2.FilePath.new(path))
+        config = iox2.config.from_file(iox2.FilePath.new(path))
+        self.node = (
+            iox2.NodeBuilder.new()
+            .config(config)
+            .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+            .create(iox2.ServiceType.Ipc)
+        )
+
+    def is_current(self):
+        """False once the run has ended or begun again under another configuration."""
+        return config_of(self.run) == self.path
+
+    def open(self, name, payload, header=None, timeout_s=60.0):
+        """Opens a service that the run has made; it is there a moment after the run is."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            builder = self.node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload)
+            if header is not None:
+                builder = builder.user_header(header)
+            try:
+                return builder.open()
+            except iox2.PublishSubscribeOpenError:
+                if time.monotonic() > deadline or not self.is_current():
+                    raise
+                time.sleep(0.05)
+
+
+class Camera:
+    """Sends images to `tessera run external`. `calibration` is a dict of CameraFrame's numbers.
+
+    `ring_frames=0` is a live camera. A recording, or a camera that keeps its last images, says how
+    many it keeps, sends only what `wanted()` allows, and loses none.
+    """
+
+    def __init__(self, run, width, height, calibration, ring_frames=0):
+        self.link = Link(run)
+        self.size = (width, height)
+        n_pixels = width * height
+        # Depth, then three bytes of colour a pixel, counted in units of 16 bits.
+        self.length = n_pixels + (3 * n_pixels + 1) // 2
+        service = self.link.open("camera", iox2.Slice[ctypes.c_uint16], CameraFrame)
+        self.publisher = service.publisher_builder().initial_max_slice_len(self.length).create()
+        self.flows = self.link.open("camera_flow", CameraFlow).subscriber_builder().create()
+        self.header = CameraFrame(
+            session=time.time_ns(), width=width, height=height, ring_frames=ring_frames,
+            colour_registered=1,
+        )
+        for name, value in calibration.items():
+            setattr(self.header, name, (f64 * 5)(*value) if name == "distortion" else value)
+        self.flow = None
+
+    def is_wanted(self):
+        """False once the run is done or gone."""
+        self.read_flow()
+        return self.link.is_current() and not (self.flow and self.flow.finished)
+
+    def read_flow(self):
+        """The newest word of the run: which images a publisher with a ring may send."""
+        while (sample := self.flows.receive()) is not None:
+            self.flow = CameraFlow.from_buffer_copy(sample.payload().contents)
+        return self.flow
+
+    def send(self, index, stamp_nanos, depth, colour=None):
+        """Sends depth (bytes of 16-bit values) and colour (bytes red, green, blue), row by row."""
+        header = self.header
+        header.index, header.stamp_nanos, header.kind = index, stamp_nanos, 0
+        header.has_colour = int(colour is not None)
+        sample = self.publisher.loan_slice_uninit(self.length)
+        ctypes.memmove(sample.payload_ptr, depth, len(depth))
+        if colour is not None:
+            ctypes.memmove(sample.payload_ptr + len(depth), colour, len(colour))
+        self._send(sample)
+
+    def end(self, n_images):
+        """Says that there are no more."""
+        self.header.index, self.header.kind = n_images, 1
+        self._send(self.publisher.loan_slice_uninit(1))
+
+    def _send(self, sample):
+        ctypes.memmove(sample.user_header_ptr, ctypes.byref(self.header), ctypes.sizeof(self.header))
+        sample.assume_init().send()

@@ -1,0 +1,59 @@
+//! How the images of one start of the camera's program are counted as frames of the run.
+
+use serde::{Deserialize, Serialize};
+use tessera_messages::CameraFrame;
+use tessera_stage::{Context, StageError};
+
+/// Kept in the run directory: a restarted sensor counts what came while it was dead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Session {
+    /// As the publisher calls it.
+    session: u64,
+    /// An image of the session.
+    image: u64,
+    /// The frame that it is.
+    frame: u64,
+}
+
+impl Session {
+    /// The session of an earlier life of the sensor.
+    pub(super) fn read(context: &Context) -> Option<Self> {
+        let text = std::fs::read_to_string(context.files.camera_session()).ok()?;
+        serde_json::from_str(&text).ok()
+    }
+
+    /// A new session: its image is the run's next frame.
+    pub(super) fn begin(context: &Context, header: &CameraFrame, next: u64) -> Result<Self, StageError> {
+        let session = Self { session: header.session, image: header.index, frame: next };
+        let path = context.files.camera_session();
+        let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };
+        let text = serde_json::to_string(&session).map_err(|e| wrong(e.to_string()))?;
+        let temporary = path.with_extension("session.new");
+        std::fs::write(&temporary, text)
+            .and_then(|()| std::fs::rename(&temporary, &path))
+            .map_err(|e| wrong(format!("cannot write: {e}")))?;
+        Ok(session)
+    }
+
+    /// The frame that an image of this session is; `None` for another session, or an image from
+    /// before this one began.
+    pub(super) fn frame(&self, header: &CameraFrame) -> Option<u64> {
+        let since = header.index.checked_sub(self.image).filter(|_| header.session == self.session)?;
+        self.frame.checked_add(since)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_stay_gaps_and_other_sessions_are_others() {
+        let session = Session { session: 5, image: 100, frame: 3 };
+        let frame = |session, index| CameraFrame { session, index, ..CameraFrame::default() };
+        assert_eq!(session.frame(&frame(5, 100)), Some(3));
+        assert_eq!(session.frame(&frame(5, 107)), Some(10));
+        assert_eq!(session.frame(&frame(5, 99)), None);
+        assert_eq!(session.frame(&frame(6, 100)), None);
+    }
+}
