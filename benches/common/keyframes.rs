@@ -76,6 +76,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
     FrameRecord {
         index,
         stamp_nanos,
+        effort: tessera_surface::Effort::Full,
         state: State::Tracking,
         reason: String::new(),
         world_from_camera,

@@ -112,7 +112,13 @@ pub(crate) fn log_pose(recording: &RecordingStream, frame: &FrameRecord) -> Resu
 fn jpeg(camera: &Camera, colour: &[u8]) -> Result<EncodedImage, ViewError> {
     let mut bytes = Vec::new();
     let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, QUALITY);
-    image::ImageEncoder::write_image(encoder, colour, camera.width, camera.height, image::ColorType::Rgb8.into())
-        .map_err(ViewError::output)?;
+    image::ImageEncoder::write_image(
+        encoder,
+        colour,
+        camera.width,
+        camera.height,
+        image::ColorType::Rgb8.into(),
+    )
+    .map_err(ViewError::output)?;
     Ok(EncodedImage::from_file_contents(bytes).with_media_type(MediaType::jpeg()))
 }

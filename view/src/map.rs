@@ -6,9 +6,7 @@ use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D};
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
-use tessera_mapping::{
-    AlignRecord, Correction, KeyframeRecord, KeyframeSurfaces, LoopVerdict, MapRecord,
-};
+use tessera_mapping::{AlignRecord, Correction, KeyframeRecord, KeyframeSurfaces, LoopVerdict, MapRecord};
 use tessera_stage::MappedKeyframes;
 
 /// Radius of a keyframe's points and of the graph's lines, metres.

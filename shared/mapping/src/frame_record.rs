@@ -64,6 +64,7 @@ impl Tracker {
         FrameRecord {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
+            effort: frame.effort,
             state: attempt.state,
             reason: reason(attempt),
             world_from_camera: PoseBits::from(&a.world_from_camera),
@@ -122,6 +123,7 @@ impl Tracker {
         FrameRecord {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
+            effort: frame.effort,
             state: State::Lost,
             reason,
             world_from_camera: PoseBits::from(&prediction.world_from_camera),

@@ -7,6 +7,7 @@ use crate::state::KeyframeState;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, PoseBits};
 use tessera_recognition::PlaceCode;
+use tessera_surface::Effort;
 
 /// Where a keyframe's surface lies in the keyframe store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,6 +40,8 @@ pub struct FrameRecord {
     pub index: u64,
     /// Sensor time.
     pub stamp_nanos: i64,
+    /// How much work it got; less than full in live mode alone.
+    pub effort: Effort,
     /// Whether the pose can be trusted.
     pub state: State,
     /// Why, in words and numbers; empty while tracking normally.

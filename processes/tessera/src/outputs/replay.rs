@@ -169,6 +169,13 @@ impl Replay {
         loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
     }
 
+    /// Frames by the effort they got, from the full one down.
+    pub(crate) fn n_at_effort(&self) -> [u64; 4] {
+        let mut counts = [0; 4];
+        self.frames.iter().for_each(|frame| counts[frame.effort.rung()] += 1);
+        counts
+    }
+
     /// Frames whose pose cannot be trusted.
     pub(crate) fn n_untracked(&self) -> u64 {
         self.frames.iter().filter(|frame| frame.state != State::Tracking).count() as u64
