@@ -154,6 +154,6 @@ fn step(
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-    ports.pulse.done(now.saturating_sub(began));
+    ports.pulse.done(began, now);
     Ok(())
 }

@@ -162,7 +162,7 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-    ports.pulse.done(now.saturating_sub(began));
+    ports.pulse.done(began, now);
     Ok(())
 }
 

@@ -85,7 +85,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.output(header.index);
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-        pulse.done(now.saturating_sub(began));
+        pulse.done(began, now);
     }
 }
 

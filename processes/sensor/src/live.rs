@@ -132,7 +132,6 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         header.dropped_before = std::mem::take(&mut dropped_before);
         let sent = monotonic_nanos();
         header.times.frame_sent = sent;
-        let took = sent.saturating_sub(read_began.max(due));
         if deliver(&context.kill_points, &mut frame) {
             frame.loan.send()?;
             ports.reconstruct.ring();
@@ -143,7 +142,7 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         ports.pulse.step(Step::Decode, read_began, decode_nanos);
         ports.pulse.phase(Phase::Computing, decode_nanos);
         ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
-        ports.pulse.done(took);
+        ports.pulse.done(read_began.max(due), sent);
     }
 }
 

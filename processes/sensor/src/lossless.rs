@@ -99,7 +99,6 @@ pub(crate) fn send(
     header.epoch = flow.epoch;
     header.times.frame_sent = monotonic_nanos();
     let sent = header.times.frame_sent;
-    let took = sent.saturating_sub(read_began);
     if deliver(&context.kill_points, &mut frame) {
         frame.loan.send()?;
         ports.reconstruct.ring();
@@ -110,6 +109,6 @@ pub(crate) fn send(
     ports.pulse.step(Step::Decode, read_began, decode_nanos);
     ports.pulse.phase(Phase::Computing, decode_nanos);
     ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
-    ports.pulse.done(took);
+    ports.pulse.done(read_began, sent);
     Ok(())
 }

@@ -125,15 +125,17 @@ impl Pulse {
         self.send_if_due();
     }
 
-    /// A frame (or request) is done, `nanos` after it was taken up.
-    pub fn done(&mut self, nanos: u64) {
+    /// A frame (or request) that was taken up at `began` was done at `ended`, times of the
+    /// monotonic clock.
+    pub fn done(&mut self, began: u64, ended: u64) {
+        let nanos = ended.saturating_sub(began);
         self.beat.frames += 1;
         self.beat.progress += 1;
         // Recording resizes; saturating would clip to the first, tiny range.
         let _ = self.latency.record(nanos.max(1));
         self.distributions.frame(&self.stopwatch);
         self.beat.latency_counts.add(nanos);
-        self.trace_done(nanos);
+        self.trace_done(began, ended);
         self.send_if_due();
     }
 
@@ -159,16 +161,16 @@ impl Pulse {
         }
     }
 
-    fn trace_done(&mut self, nanos: u64) {
+    fn trace_done(&mut self, from: u64, to: u64) {
         if self.tracer.is_none() {
             return;
         }
         for span in self.stopwatch.take_spans() {
             self.trace_part(span.step.name(), span.began, span.ended);
         }
-        let (index, to) = (self.beat.index, monotonic_nanos());
+        let index = self.beat.index;
         if let Some(tracer) = &mut self.tracer {
-            tracer.note(&TraceEvent::Done { index, from: to.saturating_sub(nanos), to });
+            tracer.note(&TraceEvent::Done { index, from, to });
             tracer.flush();
         }
     }
