@@ -9,6 +9,7 @@ pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use tessera_surface::Isa;
 pub(crate) use top::TopArguments;
@@ -152,6 +153,12 @@ pub(crate) struct RunArguments {
     /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
     #[arg(long, value_parser = isa)]
     pub(crate) isa: Option<Isa>,
+    /// Write down what each process does and when, for Perfetto (ui.perfetto.dev)
+    #[arg(long, value_name = "FILE", conflicts_with = "hold")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Answer Prometheus at this address of the loopback interface while the run lasts
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback)]
+    pub(crate) metrics: Option<SocketAddr>,
     /// Decode all frames into memory first
     #[arg(long)]
     pub(crate) preload: bool,

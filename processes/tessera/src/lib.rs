@@ -19,6 +19,7 @@ mod run_folder;
 mod supervisor;
 mod terminal;
 mod top;
+mod trace;
 
 use arguments::{Arguments, Command, RunArguments};
 use clap::Parser;
