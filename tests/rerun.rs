@@ -63,7 +63,7 @@ fn assert_whole(printed: &str, has_latency: bool) {
         entities.extend(["/latency/align", "/latency/end_to_end"]);
     }
     for entity in entities {
-        assert!(printed.contains(entity), "no {entity} in:\n{printed}");
+        assert!(printed.contains(entity), "no {entity}; is view/target up to date?\n{printed}");
     }
 }
 

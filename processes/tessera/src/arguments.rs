@@ -10,6 +10,7 @@ pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use tessera_surface::Isa;
 pub(crate) use top::TopArguments;
@@ -159,6 +160,12 @@ pub(crate) struct RunArguments {
     /// Write the run for Rerun too, by the program of `tessera view`
     #[arg(long, value_name = "FILE.rrd")]
     pub(crate) rerun: Option<PathBuf>,
+    /// Write down what each process does and when, for Perfetto (ui.perfetto.dev)
+    #[arg(long, value_name = "FILE", conflicts_with = "hold")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Answer Prometheus at this address of the loopback interface while the run lasts
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback)]
+    pub(crate) metrics: Option<SocketAddr>,
     /// Decode all frames into memory first
     #[arg(long)]
     pub(crate) preload: bool,

@@ -19,6 +19,7 @@ mod run_folder;
 mod supervisor;
 mod terminal;
 mod top;
+mod trace;
 mod viewer;
 
 use arguments::{Arguments, Command, RunArguments};

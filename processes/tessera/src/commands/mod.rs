@@ -1,6 +1,7 @@
 //! One file for each command.
 
 mod ablate;
+mod beside;
 mod calibrate;
 mod chaos;
 mod check;

@@ -1,6 +1,7 @@
 //! `tessera run`: the four processes from the first frame to the outputs.
 
 use crate::arguments::RunArguments;
+use crate::commands::beside::with_company;
 use crate::commands::external;
 use crate::commands::resume::resume_in;
 use crate::exit::{CommandError, Exit};
@@ -146,7 +147,9 @@ fn start(
     name: &str,
 ) -> Result<Exit, LaunchError> {
     let plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
-    let exit = launch(&plan, None, source.ground_truth(), arguments.speech)?;
+    let exit = with_company(&plan, arguments, |when_seen| {
+        launch(&plan, None, source.ground_truth(), arguments.speech, when_seen)
+    })?;
     if arguments.map_update && exit == Exit::Done {
         let map = Path::new(&settings.run.map);
         update_map(map, &plan.run_dir).map_err(CommandError::from)?;
@@ -180,5 +183,6 @@ pub(super) fn new_plan(
         executable: std::env::current_exe()
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
+        is_traced: arguments.trace.is_some(),
     })
 }
