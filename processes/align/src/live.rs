@@ -3,7 +3,7 @@
 use crate::Pause;
 use crate::desk::Desk;
 use crate::ladder::{Ladder, Pace};
-use crate::lossless::finish;
+use crate::lossless::{finish, probe};
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
 use tessera_messages::{Kind, Phase, WaitingOn};
@@ -119,6 +119,7 @@ fn step(
     }
     let first = desk.tracker.first_recent_index();
     let recent = ports.inbox.recent(first, index);
+    probe(context, desk, surface, &recent);
     let mut record = desk.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
@@ -153,6 +154,6 @@ fn step(
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-    ports.pulse.done(now.saturating_sub(began));
+    ports.pulse.done(began, now);
     Ok(())
 }

@@ -10,7 +10,7 @@ use feed::Feed;
 use std::process::ExitCode;
 use tessera_messages::{FrameHeader, Kind, Phase, Stage, SurfaceHeader, WaitingOn};
 use tessera_stage::{
-    Context, Delivery, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
+    Context, Delivery, IDLE, Outcome, Probe, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
 };
 use tessera_surface::{Effort, Reconstructor, Vertex};
 use tessera_transport::{Loan, Received};
@@ -62,7 +62,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let reconstructor = if effort == Effort::Least { &mut unfiltered } else { &mut reconstructor };
         *loan.header_mut() = surface_header(&header, reconstructor, effort, began);
         if kind == Kind::Frame
-            && let Err(refusal) = fill(&mut loan, &header, &frame, reconstructor, &feed)
+            && let Err(refusal) = fill(&mut loan, &header, &frame, reconstructor, &feed, context.probe)
         {
             tracing::warn!(frame = header.index, "refused: {refusal}");
             pulse.beat.refused += 1;
@@ -85,7 +85,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.output(header.index);
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-        pulse.done(now.saturating_sub(began));
+        pulse.done(began, now);
     }
 }
 
@@ -131,8 +131,12 @@ fn fill(
     frame: &Received<FrameHeader, u16>,
     reconstructor: &mut Reconstructor,
     feed: &Feed,
+    probe: Probe,
 ) -> Result<(), tessera_messages::Refusal> {
     let payload = header.payload(feed.shape, frame.payload())?;
+    probe.look("depth", header.index, payload.depth);
+    probe.look("colour", header.index, payload.colour.unwrap_or_default());
+    probe.look("the surface made", header.index, loan.payload_mut());
     let stats = reconstructor.reconstruct(payload.depth, payload.colour, loan.payload_mut());
     loan.header_mut().n_valid = stats.n_valid as u32;
     Ok(())

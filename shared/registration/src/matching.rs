@@ -165,7 +165,6 @@ impl Matcher {
             epsilon,
             brightness,
         });
-        self.steps.leave();
         let n_queries = n_queries as u32;
         let n_matches = sums.n;
         (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })

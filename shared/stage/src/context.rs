@@ -7,8 +7,10 @@ use crate::log::start_log;
 use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
 use crate::placement::take_place;
+use crate::probe::Probe;
 use crate::run_file::RunFile;
 use crate::stopwatch::Stopwatch;
+use crate::tracer::TRACE_VARIABLE;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -71,6 +73,8 @@ pub struct Context {
     pub kill_points: KillPoints,
     /// Frames that ended this stage again and again: it leaves them out (live mode).
     pub poison: BTreeSet<u64>,
+    /// Says where in memory its inputs lie, in tests.
+    pub probe: Probe,
     /// How long its steps take.
     pub stopwatch: Arc<Stopwatch>,
     /// Somebody starts this stage, and cleans up after its death.
@@ -106,8 +110,19 @@ impl Context {
         let kill_points = KillPoints::from_environment();
         let poison = poison_from_environment();
         let is_supervised = args.watch_stdin;
-        let stopwatch = Stopwatch::new(false);
-        Ok(Self { files, run, settings, layout, lifeline, kill_points, poison, stopwatch, is_supervised })
+        let stopwatch = Stopwatch::new(std::env::var_os(TRACE_VARIABLE).is_some());
+        Ok(Self {
+            files,
+            run,
+            settings,
+            layout,
+            lifeline,
+            kill_points,
+            poison,
+            probe: Probe::from_environment(),
+            stopwatch,
+            is_supervised,
+        })
     }
 
     /// What the algorithms of mapping share.
