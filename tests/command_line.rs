@@ -86,7 +86,10 @@ fn wrong_settings_name_key_value_and_rule() {
     assert!(set("surface.step=two").contains("`surface.step` is the text \"two\", expected a whole number"));
     assert!(set("surface.edge_rule=xor").contains("unknown variant `xor`, expected `or` or `and`"));
     assert!(set("flow.window").contains("expected key=value"));
-    assert!(refusal(&["run", "--config", "nowhere.toml"], 2).contains("presets are default, paper, fast"));
+    assert!(
+        refusal(&["run", "--config", "nowhere.toml"], 2)
+            .contains("presets are default, paper, fast, onboard")
+    );
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("mine.toml");
     std::fs::write(&file, "[surface]\nstep = 4\nedge_rul = \"or\"\n").unwrap();

@@ -60,11 +60,10 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
     let run = room();
     let camera = run.dir.path().join("camera.toml");
     let folder = run.dir.path().join("frames");
-    common::write_folder(&folder, &camera, FRAMES);
     // Depth in whole millimetres, so that each recording has it exactly.
     let text = std::fs::read_to_string(&camera).unwrap().replace("5000.0", "1000.0");
-    std::fs::write(&camera, &text).unwrap();
-    std::fs::write(folder.join("camera.toml"), &text).unwrap();
+    std::fs::write(&camera, text).unwrap();
+    common::write_folder(&folder, &camera, FRAMES);
     run_script(&python, "write_recordings.py", &[&folder, run.dir.path()]);
     let expected = open(&folder);
     let recordings = [

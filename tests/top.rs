@@ -33,6 +33,55 @@ fn scrape(name: &str) -> String {
     answer
 }
 
+/// Asks at an address as Prometheus does; `None` while nobody answers.
+fn ask(address: &str) -> Option<String> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).ok()?;
+    Some(answer)
+}
+
+#[test]
+fn a_run_answers_for_itself_while_it_lasts() {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = free.local_addr().unwrap().to_string();
+    drop(free);
+    let run = common::room().with_env("TESSERA_KILL_PLAN", "reconstruct=sent:30:stop").with(&[
+        "--set",
+        "flow.hang_s=60",
+        "--metrics",
+        &address,
+    ]);
+    let mut child = run.start();
+    let stopped = run.wait_until_stopped("reconstruct");
+    let wanted = format!("tessera_frames_total{{run=\"{}\",stage=\"align\"}} 31", run.name);
+    common::wait_for("the aligner's frames", || {
+        ask(&address).is_some_and(|answer| answer.lines().any(|line| line == wanted))
+    });
+    common::signal(stopped, "CONT");
+    assert!(child.wait().unwrap().success(), "{}", run.log());
+    assert!(TcpStream::connect(&address).is_err(), "nobody answers for a run that is over");
+    let plain = common::room();
+    assert!(plain.finish().success());
+    run.assert_same_bytes(&plain, "metrics were asked for");
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    for (address, words) in
+        [(address.as_str(), "in use"), ("0.0.0.0:0", "0.0.0.0 is not of this machine alone")]
+    {
+        let refused = common::room().with(&["--metrics", address]);
+        let output = refused.command().output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(words), "{said}");
+        assert!(!refused.out().exists());
+    }
+}
+
 #[test]
 fn a_running_pipeline_is_seen_and_changes_no_byte() {
     // One stage is frozen, until it is found out and replaced: the run stands still, and is not over.

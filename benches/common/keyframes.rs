@@ -71,10 +71,12 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         slot: StoreSlot::default(),
         edges: Vec::new(),
         place,
+        retires: Vec::new(),
     });
     FrameRecord {
         index,
         stamp_nanos,
+        effort: tessera_surface::Effort::Full,
         state: State::Tracking,
         reason: String::new(),
         world_from_camera,

@@ -1,6 +1,7 @@
 //! When frames are acknowledged and when they are asked for again: pure, so that it is tested.
 
 use tessera_messages::Flow;
+use tessera_surface::Effort;
 
 /// How long a hole in the indices may last before what is missing is asked for again: two
 /// publishers, a dying one and its successor, may interleave.
@@ -25,7 +26,12 @@ impl FlowControl {
     /// Begins an epoch at the first index that is missing.
     pub(crate) fn begin(first_missing: u64, now: u64) -> Self {
         Self {
-            flow: Flow { epoch: now, resend_from: first_missing, acknowledged: first_missing, finished: 0 },
+            flow: Flow {
+                epoch: now,
+                resend_from: first_missing,
+                acknowledged: first_missing,
+                ..Flow::default()
+            },
             progressed_at: now,
             gap_seen_at: None,
             patience: PATIENCE_NANOS,
@@ -36,7 +42,7 @@ impl FlowControl {
     /// was under way still comes.
     pub(crate) fn adopt(epoch: u64, next: u64, now: u64) -> Self {
         Self {
-            flow: Flow { epoch, resend_from: next, acknowledged: next, finished: 0 },
+            flow: Flow { epoch, resend_from: next, acknowledged: next, ..Flow::default() },
             ..Self::begin(next, now)
         }
     }
@@ -56,6 +62,11 @@ impl FlowControl {
         self.gap_seen_at = None;
         self.patience = PATIENCE_NANOS;
         true
+    }
+
+    /// How much work new frames get.
+    pub(crate) fn set_effort(&mut self, effort: Effort) {
+        self.flow.effort = effort.rung() as u64;
     }
 
     /// The end is journaled.
@@ -90,7 +101,8 @@ impl FlowControl {
 
     fn raise(&mut self, first_missing: u64, now: u64) {
         let epoch = now.max(self.flow.epoch + 1);
-        self.flow = Flow { epoch, resend_from: first_missing, acknowledged: first_missing, finished: 0 };
+        self.flow =
+            Flow { epoch, resend_from: first_missing, acknowledged: first_missing, finished: 0, ..self.flow };
         self.progressed_at = now;
         self.gap_seen_at = None;
     }
@@ -111,7 +123,7 @@ mod tests {
             assert!(!control.waited(now));
             assert!(control.acknowledge(index + 1, now));
         }
-        assert_eq!(control.flow(), Flow { epoch: 5, resend_from: 0, acknowledged: 100, finished: 0 });
+        assert_eq!(control.flow(), Flow { epoch: 5, acknowledged: 100, ..Flow::default() });
     }
 
     #[test]
@@ -131,7 +143,7 @@ mod tests {
     #[test]
     fn an_epoch_that_was_adopted_is_raised_where_something_is_missing() {
         let mut control = FlowControl::adopt(5, 10, 100 * MS);
-        assert_eq!(control.flow(), Flow { epoch: 5, resend_from: 10, acknowledged: 10, finished: 0 });
+        assert_eq!(control.flow(), Flow { epoch: 5, resend_from: 10, acknowledged: 10, ..Flow::default() });
         assert!(!control.waited(120 * MS));
         control.saw(12, 5, 120 * MS);
         assert!(control.waited(151 * MS));

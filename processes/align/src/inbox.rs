@@ -29,6 +29,7 @@ impl Surface {
             // Checked when it came, in a copy that nobody else can change.
             rotation: self.header.rotation.read(self.header.index).unwrap_or(None),
             surface: SurfaceView { grid, vertices: self.vertices() },
+            effort: self.header.effort(),
         }
     }
 }

@@ -8,6 +8,7 @@
 mod desk;
 mod flow;
 mod inbox;
+mod ladder;
 mod live;
 mod lossless;
 mod ports;

@@ -2,18 +2,24 @@
 
 use crate::Pause;
 use crate::desk::Desk;
-use crate::lossless::finish;
+use crate::ladder::{Ladder, Pace};
+use crate::lossless::{finish, probe};
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
 use tessera_messages::{Kind, Phase, WaitingOn};
 use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
 use tessera_steps::Step;
+use tessera_surface::Effort;
 
 /// Works until the run is finished, the stage is told to stop, or it is time to forget.
 pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Result<Pause, StageError> {
     let forget_every = context.settings.run.forget_every;
     let mut n_done = 0;
+    let mut ladder = Ladder::begin(desk.last_frame.as_ref().map_or(Effort::Full, |frame| frame.effort));
     ports.begin_epoch(desk.tracker.next_index())?;
+    set_effort(&ladder, ports)?;
+    // Before its first frame it waits for others to start.
+    let mut has_waited = true;
     ports.tell_optimiser();
     loop {
         if context.lifeline.is_cut() {
@@ -40,13 +46,36 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
         ports.inbox.fill(first, None, &mut ports.pulse)?;
         let Some(index) = ports.inbox.newest().map(|s| s.header.index).filter(|&index| index >= next) else {
             ports.wait(WaitingOn::Surfaces)?;
+            has_waited = true;
             continue;
         };
+        let pace = Pace { n_left_out: index - next, has_waited: std::mem::take(&mut has_waited) };
+        let before = ladder.effort();
+        if context.settings.flow.ladder && ladder.note(&pace) {
+            say(before, ladder.effort(), index);
+            set_effort(&ladder, ports)?;
+        }
         step(context, desk, ports, next, index)?;
         n_done += 1;
         if forget_every > 0 && n_done >= forget_every && desk.end.is_none() {
             return Ok(Pause::Forget);
         }
+    }
+}
+
+/// Tells whoever makes surfaces, and whoever looks, how much work a frame gets from now on.
+fn set_effort(ladder: &Ladder, ports: &mut Ports) -> Result<(), StageError> {
+    ports.control.set_effort(ladder.effort());
+    ports.pulse.beat.effort = ladder.effort().rung() as u64;
+    ports.tell_sensor()
+}
+
+fn say(before: Effort, now: Effort, frame: u64) {
+    let (rung, last) = (now.rung(), Effort::Least.rung());
+    if now > before {
+        tracing::warn!(frame, "effort is lowered to rung {rung} of {last}: {}", now.describe());
+    } else {
+        tracing::info!(frame, "effort is raised to rung {rung} of {last}: {}", now.describe());
     }
 }
 
@@ -90,6 +119,7 @@ fn step(
     }
     let first = desk.tracker.first_recent_index();
     let recent = ports.inbox.recent(first, index);
+    probe(context, desk, surface, &recent);
     let mut record = desk.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
@@ -124,6 +154,6 @@ fn step(
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-    ports.pulse.done(now.saturating_sub(began));
+    ports.pulse.done(began, now);
     Ok(())
 }

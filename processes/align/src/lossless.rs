@@ -2,9 +2,9 @@
 
 use crate::Pause;
 use crate::desk::{Desk, End};
-use crate::inbox::Seen;
+use crate::inbox::{Seen, Surface};
 use crate::ports::Ports;
-use tessera_mapping::AlignRecord;
+use tessera_mapping::{AlignRecord, FrameSurface, KeyframeSurfaces};
 use tessera_messages::{Kind, Phase, WaitingOn};
 use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
 use tessera_steps::Step;
@@ -125,6 +125,7 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     ports.pulse.phase(Phase::Transport, began.saturating_sub(times.surface_sent));
     let grid = ports.inbox.grid;
     let recent = ports.inbox.recent(first, next);
+    probe(context, desk, surface, &recent);
     let mut record = desk.tracker.align(&surface.view(grid), &recent, &desk.keyframes);
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
@@ -161,8 +162,18 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-    ports.pulse.done(now.saturating_sub(began));
+    ports.pulse.done(began, now);
     Ok(())
+}
+
+/// Says where lie the frame's surface, the recent ones and the last keyframe's, in tests.
+pub(crate) fn probe(context: &Context, desk: &Desk, surface: &Surface, recent: &[FrameSurface<'_>]) {
+    let index = surface.header.index;
+    context.probe.look("the surface", index, surface.vertices());
+    recent.iter().for_each(|r| context.probe.look("a recent surface", index, r.surface.vertices));
+    if let Some(last) = desk.keyframes.len().checked_sub(1) {
+        context.probe.look("a keyframe", index, desk.keyframes.vertices(last as u32));
+    }
 }
 
 fn acknowledge(desk: &Desk, ports: &mut Ports) -> Result<(), StageError> {

@@ -153,7 +153,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(solved));
         let nanos = now.saturating_sub(began);
-        pulse.done(nanos);
+        pulse.done(began, now);
         tracing::info!(
             request = request.request,
             keyframes = request.n_keyframes,

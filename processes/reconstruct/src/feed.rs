@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use tessera_messages::{Flow, FrameHeader, FrameShape, Kind, Refusal};
 use tessera_stage::{Context, Pulse, StageError};
+use tessera_surface::Effort;
 use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
 
 /// A checked frame: a copy of its header, what it stands for, and the frame in place.
@@ -19,6 +20,8 @@ pub(crate) struct Feed {
     /// Frames of the source, where known.
     n_frames: Option<u64>,
     is_live: bool,
+    /// Whether effort may be lowered: in live mode alone.
+    has_ladder: bool,
     /// The frame received last, to count what is missing (live mode).
     last_index: Option<u64>,
     /// Frames left out before the next one, by the sensor or here.
@@ -37,6 +40,7 @@ impl Feed {
             window: link.layout().window.into(),
             n_frames: context.run.n_frames,
             is_live: context.settings.run.live,
+            has_ladder: context.settings.run.live && context.settings.flow.ladder,
             last_index: None,
             dropped: 0,
             poison: context.poison.clone(),
@@ -51,6 +55,11 @@ impl Feed {
             self.newest_flow = Some(flow);
         }
         Ok(self.newest_flow.is_some_and(|flow| flow.finished == 1))
+    }
+
+    /// How much work the aligner wants put into a frame.
+    pub(crate) fn effort(&self) -> Effort {
+        self.newest_flow.filter(|_| self.has_ladder).map_or(Effort::Full, |flow| flow.effort())
     }
 
     /// The next frame worth working on; bad ones are counted and left out.

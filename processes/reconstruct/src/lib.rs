@@ -10,9 +10,9 @@ use feed::Feed;
 use std::process::ExitCode;
 use tessera_messages::{FrameHeader, Kind, Phase, Stage, SurfaceHeader, WaitingOn};
 use tessera_stage::{
-    Context, Delivery, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
+    Context, Delivery, IDLE, Outcome, Probe, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
 };
-use tessera_surface::{Reconstructor, Vertex};
+use tessera_surface::{Effort, Reconstructor, Vertex};
 use tessera_transport::{Loan, Received};
 
 /// Runs the stage as a process.
@@ -29,6 +29,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let mut reconstructor = Reconstructor::new(&context.run.camera, &context.settings.surface)
         .map_err(|e| StageError::Settings(e.to_string()))?;
     reconstructor.steps = context.stopwatch.steps();
+    let mut unfiltered = unfiltered(&context)?;
     let link = context.link(Stage::Reconstruct)?;
     let ear = link.ear(Stage::Reconstruct)?;
     let mut feed = Feed::open(&link, &context)?;
@@ -57,9 +58,11 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let began = monotonic_nanos();
         pulse.phase(Phase::Transport, began.saturating_sub(header.times.frame_sent));
         let mut loan = surfaces.loan(context.layout.grid.len())?;
-        *loan.header_mut() = surface_header(&header, &reconstructor, began);
+        let effort = feed.effort();
+        let reconstructor = if effort == Effort::Least { &mut unfiltered } else { &mut reconstructor };
+        *loan.header_mut() = surface_header(&header, reconstructor, effort, began);
         if kind == Kind::Frame
-            && let Err(refusal) = fill(&mut loan, &header, &frame, &mut reconstructor, &feed)
+            && let Err(refusal) = fill(&mut loan, &header, &frame, reconstructor, &feed, context.probe)
         {
             tracing::warn!(frame = header.index, "refused: {refusal}");
             pulse.beat.refused += 1;
@@ -82,11 +85,26 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.output(header.index);
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-        pulse.done(now.saturating_sub(began));
+        pulse.done(began, now);
     }
 }
 
-fn surface_header(frame: &FrameHeader, reconstructor: &Reconstructor, began: u64) -> SurfaceHeader {
+/// What makes surfaces at the least effort.
+fn unfiltered(context: &Context) -> Result<Reconstructor, StageError> {
+    let mut settings = context.settings.surface.clone();
+    settings.filter_rings = Effort::Least.filter_rings(settings.filter_rings);
+    let mut reconstructor = Reconstructor::new(&context.run.camera, &settings)
+        .map_err(|e| StageError::Settings(e.to_string()))?;
+    reconstructor.steps = context.stopwatch.steps();
+    Ok(reconstructor)
+}
+
+fn surface_header(
+    frame: &FrameHeader,
+    reconstructor: &Reconstructor,
+    effort: Effort,
+    began: u64,
+) -> SurfaceHeader {
     let grid = reconstructor.grid();
     let mut times = frame.times;
     times.surface_began = began;
@@ -99,6 +117,7 @@ fn surface_header(frame: &FrameHeader, reconstructor: &Reconstructor, began: u64
         height: grid.height as u32,
         step: grid.step as u32,
         kind: frame.kind,
+        effort: effort.rung() as u32,
         rotation: frame.rotation,
         times,
         ..SurfaceHeader::default()
@@ -112,8 +131,12 @@ fn fill(
     frame: &Received<FrameHeader, u16>,
     reconstructor: &mut Reconstructor,
     feed: &Feed,
+    probe: Probe,
 ) -> Result<(), tessera_messages::Refusal> {
     let payload = header.payload(feed.shape, frame.payload())?;
+    probe.look("depth", header.index, payload.depth);
+    probe.look("colour", header.index, payload.colour.unwrap_or_default());
+    probe.look("the surface made", header.index, loan.payload_mut());
     let stats = reconstructor.reconstruct(payload.depth, payload.colour, loan.payload_mut());
     loan.header_mut().n_valid = stats.n_valid as u32;
     Ok(())

@@ -95,10 +95,10 @@ pub(crate) fn send(
     context.kill_points.pass("read", index);
     let decode_nanos = frame.decode_nanos;
     let header = frame.loan.header_mut();
+    let read_began = header.times.read_began;
     header.epoch = flow.epoch;
     header.times.frame_sent = monotonic_nanos();
     let sent = header.times.frame_sent;
-    let took = sent.saturating_sub(header.times.read_began);
     if deliver(&context.kill_points, &mut frame) {
         frame.loan.send()?;
         ports.reconstruct.ring();
@@ -106,9 +106,9 @@ pub(crate) fn send(
     context.kill_points.pass("sent", index);
     ports.pulse.output(index);
     ports.pulse.beat.index = index;
-    ports.pulse.step(Step::Decode, decode_nanos);
+    ports.pulse.step(Step::Decode, read_began, decode_nanos);
     ports.pulse.phase(Phase::Computing, decode_nanos);
     ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
-    ports.pulse.done(took);
+    ports.pulse.done(read_began, sent);
     Ok(())
 }

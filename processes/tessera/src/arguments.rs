@@ -3,15 +3,18 @@
 mod chaos;
 mod profile;
 mod top;
+mod view;
 
 use crate::terminal::WIDTH;
 pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use tessera_surface::Isa;
 pub(crate) use top::TopArguments;
+pub(crate) use view::ViewArguments;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
 
@@ -56,6 +59,8 @@ pub(crate) enum Command {
     Status(StatusArguments),
     /// Watch a run as it goes on
     Top(TopArguments),
+    /// Show a run in Rerun
+    View(ViewArguments),
     /// Run one stage by hand, for a debugger or a profiler
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps
@@ -109,7 +114,7 @@ pub(crate) struct RunArguments {
     /// In FILE.mcap: the topic of colour [default: the one whose name says so]
     #[arg(long, value_name = "TOPIC")]
     pub(crate) color_topic: Option<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated
@@ -158,6 +163,15 @@ pub(crate) struct RunArguments {
     /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
     #[arg(long, value_parser = isa)]
     pub(crate) isa: Option<Isa>,
+    /// Write the run for Rerun too, by the program of `tessera view`
+    #[arg(long, value_name = "FILE.rrd")]
+    pub(crate) rerun: Option<PathBuf>,
+    /// Write down what each process does and when, for Perfetto (ui.perfetto.dev)
+    #[arg(long, value_name = "FILE", conflicts_with = "hold")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Answer Prometheus at this address of the loopback interface while the run lasts
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback)]
+    pub(crate) metrics: Option<SocketAddr>,
     /// Decode all frames into memory first
     #[arg(long)]
     pub(crate) preload: bool,
@@ -373,7 +387,7 @@ pub(crate) struct CalibrateArguments {
     /// Keep one parameter at its start; may be repeated
     #[arg(long, value_name = "PARAMETER")]
     pub(crate) fix: Vec<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated

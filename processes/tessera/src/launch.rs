@@ -19,11 +19,13 @@ const REFRESH: Duration = Duration::from_secs(1);
 const KILL_PLAN_VARIABLE: &str = "TESSERA_KILL_PLAN";
 
 /// Runs the plan, under a name that may be taken already, writes the outputs and says what came of it.
+/// `beside` is called once, when others can see the run.
 pub(crate) fn launch(
     plan: &Plan,
     claim: Option<RunClaim>,
     groundtruth: Option<&Trajectory>,
     speech: Speech,
+    beside: &mut dyn FnMut(),
 ) -> Result<Exit, LaunchError> {
     let before =
         if plan.resume { outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
@@ -45,6 +47,7 @@ pub(crate) fn launch(
         }
         if progress.elapsed >= due {
             if due.is_zero() {
+                beside();
                 // The run directory is ours from here on.
                 refused = outputs::write_groundtruth(&plan.run_dir, groundtruth).err();
             }

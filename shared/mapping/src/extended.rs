@@ -5,6 +5,7 @@ use crate::attempt::Attempt;
 use crate::global::{Prepared, prepare};
 use crate::loops;
 use crate::records::{FrameRecord, KeyframePose, KeyframeRecord, State};
+use crate::state::KeyframeState;
 use crate::tracker::{FrameSurface, Surfaces, Tracker};
 use crate::window::Member;
 use std::collections::{BTreeMap, BTreeSet};
@@ -104,6 +105,8 @@ impl Tracker {
         if moved.is_empty() {
             return record;
         }
+        let n_moved = moved.len();
+        let moved = self.with_hanging(moved);
         let normal = |pose: &Pose| PoseBits::from(&compose_normalised(pose, &Twist::default()));
         let new_from_old = *world_from_camera * Pose::from(&record.world_from_camera).inverse();
         let world_from_odom = new_from_old * Pose::from(&record.world_from_odom);
@@ -122,7 +125,7 @@ impl Tracker {
         let said = format!(
             "a conflict of {jump_m:.3} m and {:.2} deg with keyframes of long ago; {} moved",
             jump_rad.to_degrees(),
-            moved.len()
+            n_moved
         );
         FrameRecord {
             reason: if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) },
@@ -133,6 +136,23 @@ impl Tracker {
             moved,
             ..record
         }
+    }
+
+    /// Keyframes that moved, and behind them those that hang on them.
+    fn with_hanging(&self, mut moved: Vec<KeyframePose>) -> Vec<KeyframePose> {
+        let keyframes = &self.state.keyframes;
+        for k in 0..moved.len() {
+            let KeyframePose { id, world_from_camera } = moved[k];
+            let Some(anchor) = keyframes.get(id as usize) else { continue };
+            let new_from_old =
+                Pose::from(&world_from_camera) * Pose::from(&anchor.world_from_camera).inverse();
+            moved.extend(keyframes.iter().filter(|k| k.hangs_on == Some(id)).map(|k| {
+                let pose = new_from_old * Pose::from(&k.world_from_camera);
+                let pose = compose_normalised(&pose, &Twist::default());
+                KeyframePose { id: k.id, world_from_camera: PoseBits::from(&pose) }
+            }));
+        }
+        moved
     }
 
     /// The window's keyframes, free, and their neighbours in the graph, fixed; the oldest of the
@@ -150,7 +170,8 @@ impl Tracker {
             let older = keyframe.id.checked_sub(1);
             for to in keyframe.edges.iter().map(|e| e.to).chain(older) {
                 for (inside, outside) in [(keyframe.id, to), (to, keyframe.id)] {
-                    if window.contains(&inside) && !window.contains(&outside) {
+                    let is_active = keyframes.get(outside as usize).is_some_and(KeyframeState::is_active);
+                    if is_active && window.contains(&inside) && !window.contains(&outside) {
                         *border.entry(outside).or_default() += 1;
                     }
                 }

@@ -31,10 +31,13 @@ impl Tracker {
         let last_keyframe = self.state.keyframes.last();
         let keyframe_pose = last_keyframe.map_or(Pose::identity(), |k| Pose::from(&k.world_from_camera));
         let factor = self.aligner.metric_factor(&self.context);
+        // A map with a budget keeps nothing for each frame.
+        let is_kept = self.context.mapping.keyframe.budget == 0;
         let blocks: Vec<BlockRecord> = attempt
             .members
             .iter()
             .zip(&a.blocks)
+            .filter(|_| is_kept)
             .filter_map(|(member, (origin, sums))| match member {
                 Member::Keyframe(keyframe) => Some(BlockRecord {
                     keyframe: *keyframe,
@@ -61,6 +64,7 @@ impl Tracker {
         FrameRecord {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
+            effort: frame.effort,
             state: attempt.state,
             reason: reason(attempt),
             world_from_camera: PoseBits::from(&a.world_from_camera),
@@ -94,6 +98,7 @@ impl Tracker {
             slot: StoreSlot::default(),
             edges: Vec::new(),
             place: self.ferns.code(&frame.surface),
+            retires: Vec::new(),
         };
         FrameRecord {
             state: State::Tracking,
@@ -118,6 +123,7 @@ impl Tracker {
         FrameRecord {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
+            effort: frame.effort,
             state: State::Lost,
             reason,
             world_from_camera: PoseBits::from(&prediction.world_from_camera),

@@ -8,9 +8,11 @@
 
 mod alignment;
 mod attempt;
+mod budget;
 mod context;
 mod covariance;
 mod degeneracy;
+mod effort;
 mod extended;
 mod frame_record;
 mod gaps;
@@ -41,7 +43,7 @@ pub use optimiser::Optimiser;
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
     KeyframeRecord, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RefinedCamera, Refinement,
-    RequestRecord, State, StoreSlot,
+    RequestRecord, RetiredRecord, State, StoreSlot,
 };
 pub use settings::{
     GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,

@@ -51,7 +51,9 @@ pub(crate) fn request(
     if state.pending.is_some() || is_soon || n_keyframes < 2 {
         return None;
     }
-    let delay = f64::from(settings.delay_frames) + f64::from(n_keyframes) * settings.delay_per_keyframe;
+    let n_retired = state.keyframes.iter().filter(|k| !k.is_active()).count() as u32;
+    let n_active = n_keyframes.saturating_sub(n_retired);
+    let delay = f64::from(settings.delay_frames) + f64::from(n_active) * settings.delay_per_keyframe;
     Some(RequestRecord {
         request: state.n_requests,
         n_keyframes,

@@ -1,15 +1,18 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
+use crate::budget::with_retired;
 use crate::context::Context;
 use crate::gaps::Timeline;
 use crate::global::{self, Solution};
 use crate::records::{
-    AlignRecord, Correction, KeyframePose, OptimiseRecord, RefinedCamera, Refinement, RequestRecord,
+    AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
+    RequestRecord,
 };
 use crate::refine::FrameBlocks;
 use crate::refine_camera::refine_camera;
 use crate::state::{KeyframeState, TrackerState};
 use crate::tracker::KeyframeSurfaces;
+use crate::verify::{KnownLoops, Tested};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 use tessera_geometry::{Pose, PoseBits};
@@ -17,8 +20,9 @@ use tessera_steps::Step;
 
 /// The optimiser: a fold over both journals plus a pure solve.
 ///
-/// A request's input is the aligner's journal up to the record that holds it: corrections
-/// before it are in there, and nothing of an earlier solve is carried over.
+/// A request's input is the aligner's journal up to the record that holds it, with the corrections
+/// before it, and the loops that the last correction's record names as accepted: they passed their
+/// tests at their own optimum and are not tested again.
 pub struct Optimiser {
     context: Context,
     state: TrackerState,
@@ -27,6 +31,8 @@ pub struct Optimiser {
     frames: Vec<FrameBlocks>,
     timeline: Timeline,
     n_answered: u64,
+    /// Loop pairs that passed their tests in the last correction.
+    known: KnownLoops,
 }
 
 impl Optimiser {
@@ -39,6 +45,7 @@ impl Optimiser {
             frames: Vec::new(),
             timeline: Timeline::default(),
             n_answered: 0,
+            known: KnownLoops::new(),
         }
     }
 
@@ -67,6 +74,12 @@ impl Optimiser {
         let OptimiseRecord::Correction(correction) = record;
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|(request, _)| request.request > correction.request);
+        self.known = correction
+            .loops
+            .iter()
+            .filter(|l| matches!(l.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted))
+            .map(|l| ((l.newer, l.older), Tested::accepted(l)))
+            .collect();
     }
 
     /// The oldest request without an answer.
@@ -95,16 +108,19 @@ impl Optimiser {
         let (_, keyframes) = self.pending.iter().find(|(r, _)| r.request == request.request)?;
         let settings = &self.context.mapping.global;
         let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
-        let solution = global::solve(&self.context, keyframes, surfaces, iterations, progress);
+        let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
+        let solution =
+            global::solve(&self.context, &active, surfaces, self.known.clone(), iterations, progress);
+        let poses = with_retired(keyframes, &active, &solution.poses);
         self.context.steps.enter(Step::Refine);
-        let frames = if request.is_final { self.refine(&solution.poses) } else { Vec::new() };
+        let frames = if request.is_final { self.refine(&poses) } else { Vec::new() };
         let refinement = (request.is_final && settings.refine_camera)
-            .then(|| self.refine_camera(keyframes, surfaces, &solution, progress));
+            .then(|| self.refine_camera(keyframes, &active, surfaces, &solution, progress));
         self.context.steps.leave();
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
-            keyframes: by_id(keyframes, &solution.poses),
+            keyframes: by_id(keyframes, &poses),
             frames,
             refinement,
             loops: solution.loops,
@@ -116,19 +132,23 @@ impl Optimiser {
     fn refine_camera(
         &self,
         keyframes: &[KeyframeState],
+        active: &[KeyframeState],
         surfaces: &dyn KeyframeSurfaces,
         solution: &Solution,
         progress: &mut dyn FnMut(),
     ) -> Refinement {
-        match refine_camera(&self.context, keyframes, surfaces, solution, progress) {
-            Ok(found) => Refinement::Refined(Box::new(RefinedCamera {
-                moved_px: found.moved_px,
-                n_held: found.held.len() as u32,
-                residual_sigmas: found.residual_sigmas.into(),
-                keyframes: by_id(keyframes, &found.world_from_camera),
-                frames: self.refine(&found.world_from_camera),
-                camera: found.camera,
-            })),
+        match refine_camera(&self.context, active, surfaces, solution, progress) {
+            Ok(found) => {
+                let poses = with_retired(keyframes, active, &found.world_from_camera);
+                Refinement::Refined(Box::new(RefinedCamera {
+                    moved_px: found.moved_px,
+                    n_held: found.held.len() as u32,
+                    residual_sigmas: found.residual_sigmas.into(),
+                    keyframes: by_id(keyframes, &poses),
+                    frames: self.refine(&poses),
+                    camera: found.camera,
+                }))
+            }
             Err(error) => Refinement::Kept(error.to_string()),
         }
     }

@@ -1,6 +1,7 @@
 //! The previous frame becomes a keyframe and the alignment is repeated (SPEC 9); what follows.
 
 use crate::attempt::Attempt;
+use crate::budget;
 use crate::judge;
 use crate::keyframes::{self, Distance};
 use crate::loops;
@@ -44,6 +45,7 @@ impl Tracker {
             slot: StoreSlot::default(),
             edges: Vec::new(),
             place: self.ferns.code(&surface.surface),
+            retires: budget::spared(&self.state, &self.context.mapping),
         })
     }
 
@@ -87,6 +89,7 @@ impl Tracker {
             edges: Vec::new(),
             covariance: self.state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
             place: Vec::new(),
+            hangs_on: None,
         });
         let mut prediction = self.predict(frame);
         prediction.world_from_camera = first.alignment.world_from_camera;
@@ -160,7 +163,8 @@ impl Tracker {
     fn looks_known(&self, keyframe: &KeyframeRecord) -> bool {
         let settings = &self.context.mapping.loops;
         self.state.keyframes.iter().any(|older| {
-            loops::is_loop(settings, &self.state, older, keyframe.frame_index, keyframe.stamp_nanos)
+            older.is_active()
+                && loops::is_loop(settings, &self.state, older, keyframe.frame_index, keyframe.stamp_nanos)
                 && similarity(&keyframe.place, &older.place) >= settings.min_similarity
         })
     }

@@ -7,6 +7,7 @@ use crate::state::KeyframeState;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, PoseBits};
 use tessera_recognition::PlaceCode;
+use tessera_surface::Effort;
 
 /// Where a keyframe's surface lies in the keyframe store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,6 +40,8 @@ pub struct FrameRecord {
     pub index: u64,
     /// Sensor time.
     pub stamp_nanos: i64,
+    /// How much work it got; less than full in live mode alone.
+    pub effort: Effort,
     /// Whether the pose can be trusted.
     pub state: State,
     /// Why, in words and numbers; empty while tracking normally.
@@ -64,7 +67,8 @@ pub struct FrameRecord {
     pub rotation: Option<InertialRotation>,
     /// Entropy of the pose relative to the last keyframe, nats (SPEC 9.4); NaN where unknown.
     pub entropy_nats: f64,
-    /// Matches with the keyframes of the window, so that the frame can be solved again.
+    /// Matches with the keyframes of the window, so that the frame can be solved again; none where
+    /// the map has a budget: the frame then hangs on its keyframe.
     pub blocks: Vec<BlockRecord>,
     /// Keyframes of the window that moved with this frame, because what was seen long ago
     /// contradicted what was seen just now (SPEC 7).
@@ -107,6 +111,17 @@ pub struct KeyframeRecord {
     pub edges: Vec<EdgeRecord>,
     /// What the place looks like, to recognise it.
     pub place: PlaceCode,
+    /// Keyframes that leave the working map for it, because there are more than the budget.
+    pub retires: Vec<RetiredRecord>,
+}
+
+/// A keyframe that nothing is aligned to any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RetiredRecord {
+    /// The keyframe.
+    pub keyframe: u32,
+    /// The keyframe of the working map that it moves along with from now on.
+    pub hangs_on: u32,
 }
 
 /// A connection between two keyframes, made when the newer one was aligned.

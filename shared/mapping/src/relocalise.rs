@@ -128,8 +128,8 @@ impl Tracker {
         let name = if self.state.is_placed { "the last pose" } else { "the start" };
         let mut candidates = vec![Candidate { is_last_pose, ..direct(last, name.into()) }];
         let code = self.ferns.code(&frame.surface);
-        let mut alike: Vec<(f64, u32)> =
-            self.state.keyframes.iter().map(|k| (similarity(&code, &k.place), k.id)).collect();
+        let active = self.state.keyframes.iter().filter(|k| k.is_active());
+        let mut alike: Vec<(f64, u32)> = active.map(|k| (similarity(&code, &k.place), k.id)).collect();
         alike.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let poses: Vec<Pose> = alike
             .iter()

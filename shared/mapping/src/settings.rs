@@ -99,6 +99,9 @@ pub struct KeyframeSettings {
     pub entropy_ratio: f64,
     /// Frames after a keyframe before the entropy tests may trigger.
     pub min_frames: u32,
+    /// Keyframes of the working map at most; 0: no limit. Those beyond it move along with their
+    /// neighbours; nothing is aligned to them any more, and frames are not solved again at the end.
+    pub budget: u32,
 }
 
 impl Default for KeyframeSettings {
@@ -109,6 +112,7 @@ impl Default for KeyframeSettings {
             entropy_gain_nats: 4.0,
             entropy_ratio: 0.0,
             min_frames: 3,
+            budget: 0,
         }
     }
 }
@@ -308,6 +312,9 @@ impl MappingSettings {
         check_range("keyframe.entropy_gain_nats", k.entropy_gain_nats, 0.0, 1e3)?;
         check_range("keyframe.entropy_ratio", k.entropy_ratio, 0.0, 1.0)?;
         check_range("keyframe.min_frames", k.min_frames.into(), 1.0, 1e6)?;
+        if k.budget != 0 {
+            check_range("keyframe.budget", k.budget.into(), 10.0, 2000.0)?;
+        }
         let l = &self.loops;
         check_range("loop.min_frames", l.min_frames as f64, 1.0, 1e9)?;
         check_range("loop.min_seconds", l.min_seconds, 0.0, 1e6)?;

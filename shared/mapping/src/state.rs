@@ -1,7 +1,8 @@
 //! The aligner's whole state between two frames, as a fold over its journal.
 
 use crate::records::{
-    AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, MapRecord, RequestRecord, State, StoreSlot,
+    AlignRecord, AppliedCorrection, EdgeRecord, FrameRecord, MapRecord, RequestRecord, RetiredRecord, State,
+    StoreSlot,
 };
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, Pose, PoseBits, Twist, compose_normalised};
@@ -30,6 +31,15 @@ pub struct KeyframeState {
     pub covariance: Vec<f64>,
     /// What the place looks like.
     pub place: PlaceCode,
+    /// The keyframe that this one moves along with since it left the working map.
+    pub hangs_on: Option<u32>,
+}
+
+impl KeyframeState {
+    /// Whether it belongs to the working map: others may be aligned to it.
+    pub fn is_active(&self) -> bool {
+        self.hangs_on.is_none()
+    }
 }
 
 /// One of the last frames.
@@ -144,7 +154,9 @@ impl TrackerState {
                     .find(|r| r.index == keyframe.frame_index)
                     .map_or(Vec::new(), |r| r.covariance.clone()),
                 place: keyframe.place.clone(),
+                hangs_on: None,
             });
+            keyframe.retires.iter().for_each(|retired| self.retire(retired));
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
             self.reference_entropy = None;
         }
@@ -169,6 +181,17 @@ impl TrackerState {
         });
         if let Some(request) = &frame.request {
             self.note_request(request);
+        }
+    }
+
+    /// A keyframe leaves the working map, with all that is of use there alone.
+    pub(crate) fn retire(&mut self, retired: &RetiredRecord) {
+        for keyframe in self.keyframes.iter_mut().filter(|k| k.hangs_on == Some(retired.keyframe)) {
+            keyframe.hangs_on = Some(retired.hangs_on);
+        }
+        if let Some(keyframe) = self.keyframes.get_mut(retired.keyframe as usize) {
+            keyframe.hangs_on = Some(retired.hangs_on);
+            (keyframe.edges, keyframe.covariance, keyframe.place) = Default::default();
         }
     }
 

@@ -3,6 +3,7 @@
 use crate::alignment::{Aligner, Prediction};
 use crate::attempt::Attempt;
 use crate::context::Context;
+use crate::effort::FullEffort;
 use crate::optimiser::input_hash;
 use crate::records::{AlignRecord, AppliedCorrection, Correction, FrameRecord, RequestRecord, State};
 use crate::state::{RecentFrame, TrackerState};
@@ -14,7 +15,7 @@ use tessera_geometry::{
 use tessera_recognition::Ferns;
 use tessera_registration::{Sample, Sampler};
 use tessera_steps::Step;
-use tessera_surface::{SurfaceView, Vertex};
+use tessera_surface::{Effort, SurfaceView, Vertex};
 
 /// A frame's surface with its identity.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +28,8 @@ pub struct FrameSurface<'a> {
     pub rotation: Option<InertialRotation>,
     /// The surface, read in place.
     pub surface: SurfaceView<'a>,
+    /// How much work it gets; the same in each replay.
+    pub effort: Effort,
 }
 
 /// Read access to the surfaces of keyframes, in place.
@@ -49,6 +52,7 @@ pub struct Tracker {
     pub(crate) state: TrackerState,
     pub(crate) aligner: Aligner,
     pub(crate) ferns: Ferns,
+    full_effort: FullEffort,
     sampler: Sampler,
     samples: Vec<Sample>,
 }
@@ -64,6 +68,7 @@ impl Tracker {
     pub fn new(context: Context) -> Self {
         let aligner = Aligner::new(&context);
         Self {
+            full_effort: FullEffort::of(&context),
             context,
             state: TrackerState::default(),
             aligner,
@@ -137,6 +142,7 @@ impl Tracker {
         recent: &[FrameSurface<'_>],
         keyframes: &dyn KeyframeSurfaces,
     ) -> FrameRecord {
+        self.full_effort.set(&mut self.context, frame.effort);
         self.context.steps.enter(Step::Sampling);
         let mut samples = std::mem::take(&mut self.samples);
         self.sampler.draw(&frame.surface, frame.index, &self.context.registration, &mut samples);

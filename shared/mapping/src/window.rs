@@ -59,6 +59,7 @@ pub(crate) fn near(state: &TrackerState, settings: &WindowSettings, view: &Pose)
     let mut near: Vec<(f64, u32)> = state
         .keyframes
         .iter()
+        .filter(|k| k.is_active())
         // Most keyframes of a long run are far away: that must cost nothing.
         .filter(|k| (Vector3::from(k.world_from_camera.translation_m) - centre).norm_squared() <= radius_sq)
         .filter_map(|k| {

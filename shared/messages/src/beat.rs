@@ -124,6 +124,8 @@ pub struct Beat {
     pub keyframes: u64,
     /// Loops closed.
     pub loops: u64,
+    /// Rungs below full effort that new frames get (align, live mode).
+    pub effort: u64,
     /// Time from taking up a piece of work to handing on its result.
     pub latency: Latency,
     /// Time from the frame being in shared memory to its published pose (align only).
@@ -137,7 +139,7 @@ pub struct Beat {
 }
 
 impl Message for Beat {
-    const NAME: &'static str = "tessera.Beat.v2";
+    const NAME: &'static str = "tessera.Beat.v3";
 }
 
 impl Beat {

@@ -2,6 +2,7 @@
 
 use crate::message::{Message, Refusal};
 use bytemuck::{Pod, Zeroable};
+use tessera_surface::Effort;
 
 /// The window's lower end. Published on every change and on every time-out, newest wins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -17,10 +18,12 @@ pub struct Flow {
     pub acknowledged: u64,
     /// 1: the end of the source is journaled, nothing more is needed.
     pub finished: u64,
+    /// How much work new frames get: rungs below full effort, 0 in lossless mode.
+    pub effort: u64,
 }
 
 impl Message for Flow {
-    const NAME: &'static str = "tessera.Flow.v1";
+    const NAME: &'static str = "tessera.Flow.v2";
 }
 
 impl Flow {
@@ -29,14 +32,20 @@ impl Flow {
     /// # Errors
     /// A [`Refusal`] where the acknowledgement lies below what was asked for.
     pub fn validate(&self) -> Result<(), Refusal> {
-        if self.acknowledged < self.resend_from || self.finished > 1 {
+        let is_effort = Effort::from_rung(self.effort).is_some();
+        if self.acknowledged < self.resend_from || self.finished > 1 || !is_effort {
             return Err(Refusal::Value {
                 index: self.acknowledged,
                 what: "flow",
                 found: format!("{self:?}"),
-                rule: "acknowledged at or above resend_from, finished 0 or 1",
+                rule: "acknowledged at or above resend_from, finished 0 or 1, effort 0 to 3",
             });
         }
         Ok(())
+    }
+
+    /// How much work new frames get.
+    pub fn effort(&self) -> Effort {
+        Effort::from_rung(self.effort).unwrap_or_default()
     }
 }

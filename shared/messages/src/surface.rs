@@ -4,7 +4,7 @@ use crate::frame::Kind;
 use crate::message::{Message, Refusal, StepTimes};
 use crate::rotation::RotationBits;
 use bytemuck::{Pod, Zeroable};
-use tessera_surface::{Grid, Vertex};
+use tessera_surface::{Effort, Grid, Vertex};
 
 /// Header of a surface; the payload is one [`Vertex`] per grid node, row by row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -28,8 +28,8 @@ pub struct SurfaceHeader {
     pub kind: u32,
     /// Vertices that may be aligned to.
     pub n_valid: u32,
-    /// Median depth of the measured pixels, metres; 0 where there is none.
-    pub median_depth_m: f32,
+    /// How much work the frame gets: rungs below full effort, 0 in lossless mode.
+    pub effort: u32,
     /// What a gyroscope says.
     pub rotation: RotationBits,
     /// When each step happened.
@@ -37,7 +37,7 @@ pub struct SurfaceHeader {
 }
 
 impl Message for SurfaceHeader {
-    const NAME: &'static str = "tessera.SurfaceHeader.v2";
+    const NAME: &'static str = "tessera.SurfaceHeader.v3";
 }
 
 /// What the run's configuration says of every surface.
@@ -63,6 +63,15 @@ impl SurfaceHeader {
         Refusal::unless_equal(index, "grid step", self.step.into(), grid.step as u64)?;
         Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, grid.len() as u64)?;
         self.rotation.read(index)?;
+        let highest = if expected.limit.is_some() { Effort::Full } else { Effort::Least };
+        if self.effort as usize > highest.rung() {
+            return Err(Refusal::Value {
+                index,
+                what: "effort",
+                found: self.effort.to_string(),
+                rule: "0 in lossless mode, 0 to 3 in live mode",
+            });
+        }
         match expected.limit {
             Some(limit) if index >= limit => return Err(Refusal::Future { index, limit }),
             _ => {}
@@ -76,6 +85,11 @@ impl SurfaceHeader {
             });
         }
         Ok(kind)
+    }
+
+    /// How much work the frame gets.
+    pub fn effort(&self) -> Effort {
+        Effort::from_rung(self.effort.into()).unwrap_or_default()
     }
 }
 
@@ -109,6 +123,11 @@ mod tests {
         assert!(text(good, &vertices[..7]).contains("number of vertices is 7, expected 8"));
         assert!(text(SurfaceHeader { index: 5, ..good }, &vertices).contains("not in flight"));
         assert!(text(SurfaceHeader { width: 9, ..good }, &vertices).contains("grid width is 9"));
+        assert!(text(SurfaceHeader { effort: 1, ..good }, &vertices).contains("effort is 1"));
+        let live = SurfaceExpectation { limit: None, ..expected };
+        let lowered = SurfaceHeader { effort: 3, ..good };
+        assert_eq!((lowered.validate(&live, &vertices), lowered.effort()), (Ok(Kind::Frame), Effort::Least));
+        assert!(SurfaceHeader { effort: 4, ..good }.validate(&live, &vertices).is_err());
         let mut broken = vertices.clone();
         broken[6].normal[1] = f32::NAN;
         assert!(text(good, &broken).contains("finite"));

@@ -16,7 +16,7 @@ use tessera_mapping::{
     MappingSettings, OptimiseRecord, Optimiser, RefinedCamera, Refinement, State, Tracker,
 };
 use tessera_registration::RegistrationSettings;
-use tessera_surface::{Grid, Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
+use tessera_surface::{Effort, Grid, Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
 use tessera_trajectory::Trajectory;
 
 /// One frame as the sensor delivers it.
@@ -124,6 +124,7 @@ impl Run {
             stamp_nanos,
             rotation: None,
             surface: SurfaceView { grid, vertices },
+            effort: Effort::Full,
         };
         let current =
             FrameSurface { rotation: frame.rotation, ..view(index, frame.stamp_nanos, vertices.as_slice()) };

@@ -28,11 +28,13 @@ pub struct FlowSettings {
     pub fsync: Fsync,
     /// A stage that gives no sign of life for so long is killed and started again, seconds.
     pub hang_s: f64,
+    /// Whether a live run puts less work into each frame before it leaves frames out.
+    pub ladder: bool,
 }
 
 impl Default for FlowSettings {
     fn default() -> Self {
-        Self { window: 4, ahead: 4, fsync: Fsync::Never, hang_s: 10.0 }
+        Self { window: 4, ahead: 4, fsync: Fsync::Never, hang_s: 10.0, ladder: true }
     }
 }
 

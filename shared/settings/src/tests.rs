@@ -118,5 +118,5 @@ fn overrides_that_are_no_pair_or_no_key_are_refused() {
 fn a_missing_file_names_the_presets() {
     let message = Settings::load(Some("nowhere.toml"), &[]).unwrap_err().to_string();
     assert!(message.starts_with("nowhere.toml: cannot read the configuration"), "{message}");
-    assert!(message.contains("default, paper, fast"), "{message}");
+    assert!(message.contains("default, paper, fast, onboard"), "{message}");
 }

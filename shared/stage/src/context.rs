@@ -6,8 +6,11 @@ use crate::lifeline::Lifeline;
 use crate::log::start_log;
 use crate::memory::{limit_memory, stage_settings};
 use crate::names::RunFiles;
+use crate::placement::take_place;
+use crate::probe::Probe;
 use crate::run_file::RunFile;
 use crate::stopwatch::Stopwatch;
+use crate::tracer::TRACE_VARIABLE;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -70,6 +73,8 @@ pub struct Context {
     pub kill_points: KillPoints,
     /// Frames that ended this stage again and again: it leaves them out (live mode).
     pub poison: BTreeSet<u64>,
+    /// Says where in memory its inputs lie, in tests.
+    pub probe: Probe,
     /// How long its steps take.
     pub stopwatch: Arc<Stopwatch>,
     /// Somebody starts this stage, and cleans up after its death.
@@ -94,7 +99,9 @@ impl Context {
         let settings = Settings::from_toml(&text, &config.display().to_string())
             .map_err(|e| StageError::Settings(e.to_string()))?;
         settings.run.isa.resolve().map_err(|e| StageError::Settings(e.to_string()))?;
-        let megabytes = stage_settings(&settings, stage).memory_mb;
+        let own = stage_settings(&settings, stage);
+        take_place(own);
+        let megabytes = own.memory_mb;
         limit_memory(megabytes)
             .map_err(|e| StageError::Settings(format!("cannot limit memory to {megabytes} MB: {e}")))?;
         let layout = run.layout(&settings);
@@ -103,8 +110,19 @@ impl Context {
         let kill_points = KillPoints::from_environment();
         let poison = poison_from_environment();
         let is_supervised = args.watch_stdin;
-        let stopwatch = Stopwatch::new(false);
-        Ok(Self { files, run, settings, layout, lifeline, kill_points, poison, stopwatch, is_supervised })
+        let stopwatch = Stopwatch::new(std::env::var_os(TRACE_VARIABLE).is_some());
+        Ok(Self {
+            files,
+            run,
+            settings,
+            layout,
+            lifeline,
+            kill_points,
+            poison,
+            probe: Probe::from_environment(),
+            stopwatch,
+            is_supervised,
+        })
     }
 
     /// What the algorithms of mapping share.

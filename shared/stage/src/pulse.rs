@@ -3,6 +3,7 @@
 use crate::clock::{cpu_nanos, monotonic_nanos};
 use crate::notify::Notifier;
 use crate::stopwatch::{Distributions, Stopwatch};
+use crate::tracer::{TraceEvent, Tracer};
 use hdrhistogram::Histogram;
 use std::sync::Arc;
 use tessera_messages::{Beat, BeatState, Latency, Phase, Stage, StageTimes, WaitingOn};
@@ -37,6 +38,7 @@ pub struct Pulse {
     n_sent: u64,
     notifier: Notifier,
     has_output: bool,
+    tracer: Option<Tracer>,
 }
 
 impl Pulse {
@@ -72,6 +74,7 @@ impl Pulse {
             n_sent: 0,
             notifier: Notifier::from_environment(),
             has_output: false,
+            tracer: Tracer::from_environment(stage.name()),
         };
         pulse.notifier.ready();
         pulse.send();
@@ -110,6 +113,10 @@ impl Pulse {
         self.beat.sequence += 1;
         let _ = self.publisher.send(self.beat);
         self.notifier.alive();
+        if let Some(tracer) = &mut self.tracer {
+            tracer.note(&TraceEvent::Begun { index, at: monotonic_nanos() });
+            tracer.flush();
+        }
     }
 
     /// Work goes on: an inner iteration is done.
@@ -118,25 +125,54 @@ impl Pulse {
         self.send_if_due();
     }
 
-    /// A frame (or request) is done, `nanos` after it was taken up.
-    pub fn done(&mut self, nanos: u64) {
+    /// A frame (or request) that was taken up at `began` was done at `ended`, times of the
+    /// monotonic clock.
+    pub fn done(&mut self, began: u64, ended: u64) {
+        let nanos = ended.saturating_sub(began);
         self.beat.frames += 1;
         self.beat.progress += 1;
         // Recording resizes; saturating would clip to the first, tiny range.
         let _ = self.latency.record(nanos.max(1));
         self.distributions.frame(&self.stopwatch);
         self.beat.latency_counts.add(nanos);
+        self.trace_done(began, ended);
         self.send_if_due();
     }
 
     /// A phase of the frame in hand took so long.
     pub fn phase(&mut self, phase: Phase, nanos: u64) {
         self.distributions.phase(phase, nanos);
+        if matches!(phase, Phase::Computing | Phase::Publishing) {
+            let to = monotonic_nanos();
+            self.trace_part(phase.name(), to.saturating_sub(nanos), to);
+        }
     }
 
-    /// A step of the frame in hand took so long, measured elsewhere than by the stopwatch.
-    pub fn step(&mut self, step: Step, nanos: u64) {
+    /// A step of the frame in hand took so long from `began` on, measured elsewhere than by the
+    /// stopwatch.
+    pub fn step(&mut self, step: Step, began: u64, nanos: u64) {
         self.distributions.step(step, nanos);
+        self.trace_part(step.name(), began, began.saturating_add(nanos));
+    }
+
+    fn trace_part(&mut self, name: &str, from: u64, to: u64) {
+        if let Some(tracer) = &mut self.tracer {
+            tracer.note(&TraceEvent::Part { index: self.beat.index, name: name.to_owned(), from, to });
+        }
+    }
+
+    fn trace_done(&mut self, from: u64, to: u64) {
+        if self.tracer.is_none() {
+            return;
+        }
+        for span in self.stopwatch.take_spans() {
+            self.trace_part(span.step.name(), span.began, span.ended);
+        }
+        let index = self.beat.index;
+        if let Some(tracer) = &mut self.tracer {
+            tracer.note(&TraceEvent::Done { index, from, to });
+            tracer.flush();
+        }
     }
 
     /// What the steps of the stage itself are announced to.

@@ -67,10 +67,14 @@ impl Stopwatch {
 impl Observer for Stopwatch {
     fn enters(&self, step: Option<Step>) {
         let now = monotonic_nanos();
-        let before = self.current.swap(step.map_or(NO_STEP, Step::number), Ordering::Relaxed);
-        let began = self.since.swap(now, Ordering::Relaxed);
+        // One thread at a time announces: loads and stores will do, where exchanging would lock a bus.
+        let before = self.current.load(Ordering::Relaxed);
+        self.current.store(step.map_or(NO_STEP, Step::number), Ordering::Relaxed);
+        let began = self.since.load(Ordering::Relaxed);
+        self.since.store(now, Ordering::Relaxed);
         let Some(nanos) = self.nanos.get(before) else { return };
-        nanos.fetch_add(now.saturating_sub(began), Ordering::Relaxed);
+        let sum = nanos.load(Ordering::Relaxed).saturating_add(now.saturating_sub(began));
+        nanos.store(sum, Ordering::Relaxed);
         if let (Some(spans), Some(step)) = (&self.spans, Step::from_number(before)) {
             let span = Span { step, began, ended: now };
             spans.lock().unwrap_or_else(PoisonError::into_inner).push(span);

@@ -12,6 +12,7 @@ mod cell;
 mod cloud;
 mod colour;
 mod columns;
+mod effort;
 mod filter;
 mod isa;
 mod mesh;
@@ -23,6 +24,7 @@ mod settings;
 mod step;
 mod vertex;
 
+pub use effort::Effort;
 pub use isa::{Isa, IsaMissing};
 pub use reconstruct::{Reconstructor, SurfaceStats};
 pub use settings::{

@@ -26,7 +26,7 @@ pub(crate) struct RecordArguments {
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// A preset (default, paper, fast) or a TOML file
+    /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
     /// Change one setting; may be repeated

@@ -31,7 +31,7 @@ pub(crate) struct TopArguments {
     pub(crate) metrics: Option<SocketAddr>,
 }
 
-fn loopback(text: &str) -> Result<SocketAddr, String> {
+pub(super) fn loopback(text: &str) -> Result<SocketAddr, String> {
     match text.parse::<SocketAddr>() {
         Ok(address) if address.ip().is_loopback() => Ok(address),
         Ok(address) => Err(format!("{} is not of this machine alone, expected 127.0.0.1:PORT", address.ip())),

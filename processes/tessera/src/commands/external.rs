@@ -2,6 +2,7 @@
 //! numbers and whether anything may be lost.
 
 use crate::arguments::{RunArguments, Speech};
+use crate::commands::beside::with_company;
 use crate::commands::run::{new_plan, run_dir};
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, launch};
@@ -61,7 +62,7 @@ pub(super) fn start(arguments: &RunArguments, settings: &Settings, name: &str) -
     }
     // `run.frames` is a limit; how many there are nobody knows.
     let plan = new_plan(arguments, &settings, name, first.camera, None)?;
-    launch(&plan, Some(claim), None, arguments.speech)
+    with_company(&plan, arguments, |when_seen| launch(&plan, Some(claim), None, arguments.speech, when_seen))
 }
 
 /// The first image that can be used; `None` where somebody wants an end.

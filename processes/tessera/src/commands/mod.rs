@@ -1,6 +1,7 @@
 //! One file for each command.
 
 mod ablate;
+mod beside;
 mod calibrate;
 mod chaos;
 mod check;
@@ -18,6 +19,7 @@ mod run;
 mod stage;
 mod status;
 mod top;
+mod view;
 
 pub(crate) use ablate::ablate;
 pub(crate) use calibrate::calibrate;
@@ -35,3 +37,4 @@ pub(crate) use run::run;
 pub(crate) use stage::stage;
 pub(crate) use status::status;
 pub(crate) use top::top;
+pub(crate) use view::view;

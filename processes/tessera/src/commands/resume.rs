@@ -47,6 +47,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         executable: std::env::current_exe()
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
+        is_traced: false,
     };
-    Ok(launch(&plan, None, source.as_ref().and_then(|source| source.ground_truth()), speech)?)
+    Ok(launch(&plan, None, source.as_ref().and_then(|source| source.ground_truth()), speech, &mut || ())?)
 }

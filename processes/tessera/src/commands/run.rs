@@ -1,6 +1,7 @@
 //! `tessera run`: the four processes from the first frame to the outputs.
 
 use crate::arguments::RunArguments;
+use crate::commands::beside::with_company;
 use crate::commands::external;
 use crate::commands::resume::resume_in;
 use crate::exit::{CommandError, Exit};
@@ -9,6 +10,7 @@ use crate::run_folder;
 use crate::supervisor::{Plan, SupervisorError, update_map};
 use crate::terminal::say_error;
 use crate::terminal::say_to_people;
+use crate::viewer::Recording;
 use std::path::{Path, PathBuf};
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
@@ -39,8 +41,22 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, name))
 }
 
-/// Starts under the name asked for, or under the first fresh one after the source.
+/// Starts under the name asked for, or under the first fresh one after the source; with a recording
+/// for Rerun beside it where that is asked for.
 fn under_a_name(
+    arguments: &RunArguments,
+    settings: &Settings,
+    start: impl Fn(&str) -> Result<Exit, LaunchError>,
+) -> Result<Exit, CommandError> {
+    let recording = arguments.rerun.as_deref().map(Recording::start).transpose()?;
+    let exit = under_a_free_name(arguments, settings, start)?;
+    if let Some(recording) = recording {
+        recording.finish();
+    }
+    Ok(exit)
+}
+
+fn under_a_free_name(
     arguments: &RunArguments,
     settings: &Settings,
     start: impl Fn(&str) -> Result<Exit, LaunchError>,
@@ -141,7 +157,9 @@ fn start(
     name: &str,
 ) -> Result<Exit, LaunchError> {
     let plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
-    let exit = launch(&plan, None, source.ground_truth(), arguments.speech)?;
+    let exit = with_company(&plan, arguments, |when_seen| {
+        launch(&plan, None, source.ground_truth(), arguments.speech, when_seen)
+    })?;
     if arguments.map_update && exit == Exit::Done {
         let map = Path::new(&settings.run.map);
         update_map(map, &plan.run_dir).map_err(CommandError::from)?;
@@ -175,5 +193,6 @@ pub(super) fn new_plan(
         executable: std::env::current_exe()
             .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
+        is_traced: arguments.trace.is_some(),
     })
 }

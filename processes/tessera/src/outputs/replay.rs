@@ -85,6 +85,7 @@ impl Replay {
                 slot,
                 edges,
                 place,
+                retires: Vec::new(),
             });
         }
     }
@@ -166,6 +167,13 @@ impl Replay {
         let weight = |newer, older| self.loops.get(&(newer, older)).map_or(1.0, |pair| pair.weight);
         let loops = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
         loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
+    }
+
+    /// Frames by the effort they got, from the full one down.
+    pub(crate) fn n_at_effort(&self) -> [u64; 4] {
+        let mut counts = [0; 4];
+        self.frames.iter().for_each(|frame| counts[frame.effort.rung()] += 1);
+        counts
     }
 
     /// Frames whose pose cannot be trusted.

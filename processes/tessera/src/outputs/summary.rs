@@ -45,6 +45,9 @@ pub(crate) struct Summary {
     pub(crate) frames_dropped: u64,
     pub(crate) frames_lost: u64,
     pub(crate) frames_untracked: u64,
+    /// Processed frames by the effort they got, from the full one down; less than full in live
+    /// mode alone.
+    pub(crate) frames_at_effort: [u64; 4],
     pub(crate) keyframes: u64,
     /// Of those, in the map of the earlier run that this one started in.
     pub(crate) map_keyframes: u64,
@@ -116,6 +119,7 @@ impl Summary {
             frames_dropped: dropped,
             frames_lost: read - processed - dropped,
             frames_untracked: replay.n_untracked(),
+            frames_at_effort: replay.n_at_effort(),
             keyframes: replay.keyframes.len() as u64,
             map_keyframes: replay.n_map_keyframes as u64,
             first_tracked: replay.first_tracked,
@@ -170,6 +174,15 @@ impl Summary {
             text,
             "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} lost"
         );
+        if let [_, fewer, small, least] = self.frames_at_effort
+            && fewer + small + least > 0
+        {
+            let _ = writeln!(
+                text,
+                "  effort      lowered in {} frames: {fewer} by 1 rung, {small} by 2, {least} by 3",
+                fewer + small + least
+            );
+        }
         let Self { keyframes, loops_closed, global_optimisations, .. } = self;
         let _ = writeln!(
             text,

@@ -28,6 +28,7 @@ fn keyframe(id: u32, frame_index: u64, x: f64, edges: Vec<EdgeRecord>) -> Option
         slot: StoreSlot::default(),
         edges,
         place: Vec::new(),
+        retires: Vec::new(),
     })
 }
 
@@ -36,6 +37,7 @@ fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>)
     AlignRecord::Frame(Box::new(FrameRecord {
         index,
         stamp_nanos: stamp_nanos(index),
+        effort: tessera_surface::Effort::Full,
         state: if index == 4 { State::Lost } else { State::Tracking },
         reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
         world_from_camera: along_x(x),

@@ -8,7 +8,7 @@ use tessera_geometry::InertialRotation;
 use tessera_journal::fingerprint;
 use tessera_mapping::{AlignRecord, AppliedCorrection, Context, FrameSurface, KeyframeSurfaces, Tracker};
 use tessera_messages::Stage;
-use tessera_surface::{Grid, SurfaceView, Vertex};
+use tessera_surface::{Effort, Grid, SurfaceView, Vertex};
 
 /// Surfaces of keyframes in memory.
 #[derive(Default)]
@@ -41,6 +41,7 @@ impl Surface {
             stamp_nanos: self.stamp_nanos,
             rotation: self.rotation,
             surface: SurfaceView { grid, vertices: &self.vertices },
+            effort: Effort::Full,
         }
     }
 }

@@ -6,6 +6,7 @@
 mod failure;
 mod hold;
 mod limits;
+mod marks;
 mod plan;
 mod policy;
 mod saved_map;

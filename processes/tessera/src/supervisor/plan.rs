@@ -15,6 +15,8 @@ use tessera_settings::Settings;
 use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log};
 use tessera_transport::{Layout, RunClaim, check_space};
 
+/// Folder of the traces in the run's folder, while the run lasts.
+const TRACE_FOLDER: &str = "trace";
 /// How long stages of an earlier supervisor may take to end.
 const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -39,6 +41,8 @@ pub(crate) struct Plan {
     pub(crate) executable: PathBuf,
     /// For tests: kill points of the first life of a stage, as `point:index,…`.
     pub(crate) kill_points: Vec<(Stage, String)>,
+    /// Every process writes down what it does and when, below the run's folder.
+    pub(crate) is_traced: bool,
 }
 
 /// A run directory that is ours alone.
@@ -51,6 +55,11 @@ pub(super) struct Prepared {
 }
 
 impl Plan {
+    /// Where the processes write their traces, if they are to.
+    pub(crate) fn trace_folder(&self) -> Option<PathBuf> {
+        self.is_traced.then(|| self.run_dir.join(TRACE_FOLDER))
+    }
+
     /// Takes the name, unless it is taken already (`claim`), checks the room in shared memory and
     /// writes what every process reads.
     pub(super) fn prepare(&self, claim: Option<RunClaim>) -> Result<Prepared, SupervisorError> {

@@ -7,7 +7,9 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use tessera_messages::Stage;
-use tessera_stage::{KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageArgs};
+use tessera_stage::{
+    KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageArgs, TRACE_VARIABLE,
+};
 
 /// Set for a stage whose standard input is the supervisor's life line.
 const LIFELINE_VARIABLE: &str = "TESSERA_LIFELINE";
@@ -45,12 +47,16 @@ pub(super) fn spawn(
         .env(LIFELINE_VARIABLE, "1")
         .env_remove(KILL_POINTS_VARIABLE)
         .env_remove(POISON_VARIABLE)
+        .env_remove(TRACE_VARIABLE)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(log)
         .process_group(0);
     for name in NOTIFY_VARIABLES {
         command.env_remove(name);
+    }
+    if let Some(folder) = plan.trace_folder() {
+        command.env(TRACE_VARIABLE, folder);
     }
     if !poison.is_empty() {
         let words: Vec<String> = poison.iter().map(u64::to_string).collect();

@@ -2,6 +2,7 @@
 
 use super::failure::{StageFailure, SupervisorError};
 use super::limits::ensure_open_files;
+use super::marks::Marks;
 use super::plan::{Plan, Prepared};
 use super::policy::{Death, History, Verdict};
 use super::signals::Signals;
@@ -142,6 +143,7 @@ pub(crate) fn supervise(
         has_dead: false,
         cleaned_at: began,
         began,
+        marks: Marks::of(plan),
     };
     let outcome = supervisor.run(tell);
     // However it ended: nobody is left behind.
@@ -168,6 +170,7 @@ struct Supervisor<'a> {
     /// When a camera's own program was last looked after, whose death nobody else notices.
     cleaned_at: Instant,
     began: Instant,
+    marks: Marks,
 }
 
 impl Supervisor<'_> {
@@ -223,6 +226,8 @@ impl Supervisor<'_> {
             watched.n_lives += 1;
             watched.heard_at = now;
             watched.was_hung = false;
+            let word = if is_first { "starts" } else { "starts again" };
+            self.marks.note(watched.stage, || format!("{} {word}", watched.stage));
             if !is_first {
                 watched.tally.count_restart();
             }
@@ -270,6 +275,8 @@ impl Supervisor<'_> {
                 continue;
             }
             self.has_dead = true;
+            let stage = self.stages[place].stage;
+            self.marks.note(stage, || format!("{stage} died: {}", describe(status)));
             if let Some(failure) = self.judge(place, status) {
                 return Ok(Some(failure));
             }

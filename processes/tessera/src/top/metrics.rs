@@ -29,9 +29,13 @@ pub(crate) fn metrics(snapshot: &Snapshot) -> String {
             let _ = writeln!(text, "{name}{{run=\"{run}\",stage=\"{}\"}} {}", stage.stage, figure(stage));
         }
     }
-    let maps = [("keyframes", snapshot.keyframes), ("loops", snapshot.loops)];
-    for (name, value) in maps {
-        let _ = writeln!(text, "# HELP tessera_{name} In the map.\n# TYPE tessera_{name} gauge");
+    let gauges = [
+        ("keyframes", "In the map.", snapshot.keyframes),
+        ("loops", "In the map.", snapshot.loops),
+        ("effort_rungs", "Below full effort, in live mode.", snapshot.effort),
+    ];
+    for (name, meaning, value) in gauges {
+        let _ = writeln!(text, "# HELP tessera_{name} {meaning}\n# TYPE tessera_{name} gauge");
         let _ = writeln!(text, "tessera_{name}{{run=\"{run}\"}} {value}");
     }
     const TIMES: &str = "tessera_step_seconds";

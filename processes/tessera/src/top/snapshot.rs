@@ -52,6 +52,8 @@ pub(crate) struct Snapshot {
     pub(crate) at_s: f64,
     pub(crate) keyframes: u64,
     pub(crate) loops: u64,
+    /// Rungs below full effort that new frames get (live mode).
+    pub(crate) effort: u64,
     pub(crate) pose: Option<LastPose>,
     pub(crate) stages: Vec<StageLine>,
 }
