@@ -109,9 +109,9 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("12 of 12 depth and 12 colour images") && text.contains("1000 a metre"), "{text}");
     // A file that was cut, and topics that were given.
-    let bytes = std::fs::read(run.dir.path().join("ros_metres.mcap")).unwrap();
+    let bytes = std::fs::read(run.dir.path().join("foxglove_json.mcap")).unwrap();
     let cut = run.dir.path().join("cut.mcap");
-    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::write(&cut, &bytes[..bytes.len() * 4 / 5]).unwrap();
     let (code, text) = command(&["check", cut.to_str().unwrap()]);
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("warning: the record at byte") && text.contains("last whole record"), "{text}");
