@@ -101,6 +101,11 @@ fn of_arguments(told: &mut Told) {
     told.by(&["run", "--name", "a b"]);
     told.by(&["run", "--frames", "2", "--out", text(&file.join("out"))]);
     told.by(&["top", "no-such-run", "--json"]);
+    // A copy with nothing beside it.
+    let alone = here.path().join("tessera");
+    std::fs::copy(env!("CARGO_BIN_EXE_tessera"), &alone).unwrap();
+    let output = Command::new(&alone).args(["view", "no-such-run"]).env("PATH", "").output().unwrap();
+    told.add("no viewer", String::from_utf8(output.stderr).unwrap());
     let run = room().frames(6);
     assert!(run.finish().success());
     told.by_run(&run);

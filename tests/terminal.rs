@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 const WIDTH: usize = 80;
-const COMMANDS: [&str; 16] = [
+const COMMANDS: [&str; 17] = [
     "run",
     "resume",
     "export",
@@ -15,6 +15,7 @@ const COMMANDS: [&str; 16] = [
     "evaluate",
     "status",
     "top",
+    "view",
     "stage",
     "check",
     "calibrate",
@@ -177,8 +178,10 @@ fn quiet_says_nothing_and_json_nothing_else() {
     assert!(output.status.success(), "{}", run.log());
     assert!(output.stdout.is_empty() && output.stderr.is_empty(), "{output:?}");
     let out = text(&run.out());
-    let commands: [&[&str]; 4] = [
+    let kitti = text(&run.dir.path().join("poses.txt"));
+    let commands: [&[&str]; 5] = [
         &["export", &out, "--json"],
+        &["export", &out, "--kitti", &kitti, "--json"],
         &["status", &out, "--json"],
         &["check", "room", "--json"],
         &["status", "--json"],

@@ -3,6 +3,7 @@
 mod chaos;
 mod profile;
 mod top;
+mod view;
 
 use crate::terminal::WIDTH;
 pub(crate) use chaos::ChaosArguments;
@@ -13,6 +14,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use tessera_surface::Isa;
 pub(crate) use top::TopArguments;
+pub(crate) use view::ViewArguments;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
 
@@ -57,6 +59,8 @@ pub(crate) enum Command {
     Status(StatusArguments),
     /// Watch a run as it goes on
     Top(TopArguments),
+    /// Show a run in Rerun
+    View(ViewArguments),
     /// Run one stage by hand, for a debugger or a profiler
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps
@@ -153,6 +157,9 @@ pub(crate) struct RunArguments {
     /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
     #[arg(long, value_parser = isa)]
     pub(crate) isa: Option<Isa>,
+    /// Write the run for Rerun too, by the program of `tessera view`
+    #[arg(long, value_name = "FILE.rrd")]
+    pub(crate) rerun: Option<PathBuf>,
     /// Write down what each process does and when, for Perfetto (ui.perfetto.dev)
     #[arg(long, value_name = "FILE", conflicts_with = "hold")]
     pub(crate) trace: Option<PathBuf>,

@@ -20,6 +20,7 @@ mod supervisor;
 mod terminal;
 mod top;
 mod trace;
+mod viewer;
 
 use arguments::{Arguments, Command, RunArguments};
 use clap::Parser;
@@ -50,6 +51,7 @@ pub fn main() -> ExitCode {
         Command::Record(arguments) => commands::record(&arguments),
         Command::Profile(arguments) => commands::profile(&arguments),
         Command::Top(arguments) => commands::top(&arguments),
+        Command::View(arguments) => commands::view(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

@@ -9,9 +9,8 @@ use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust;
 use crate::state::KeyframeState;
 use crate::tracker::KeyframeSurfaces;
-use crate::verify::{self, Side, Tested};
+use crate::verify::{self, KnownLoops, Side, Tested};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
     BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler,
@@ -57,11 +56,12 @@ struct Found {
 }
 
 /// Solves for all keyframes, the first one fixed. The same bits for any number of threads: each
-/// pair is summed by itself, and pairs are added in order.
+/// pair is summed by itself, and pairs are added in order. Pairs in `known` are not tested again.
 pub(crate) fn solve(
     context: &Context,
     keyframes: &[KeyframeState],
     surfaces: &dyn KeyframeSurfaces,
+    mut known: KnownLoops,
     outer_iterations: u32,
     progress: &mut dyn FnMut(),
 ) -> Solution {
@@ -71,8 +71,8 @@ pub(crate) fn solve(
     context.steps.enter(Step::Prepare);
     let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
     progress();
+    let ids = |query: usize, target: usize| (keyframes[query].id, keyframes[target].id);
     let metric_factor = context.matcher().metric_factor();
-    let mut known: BTreeMap<(usize, usize), Tested> = BTreeMap::new();
     let mut loops = Vec::new();
     let mut n_rounds = 0;
     for k in 0..outer_iterations {
@@ -89,7 +89,7 @@ pub(crate) fn solve(
                     let at = poses[target].inverse() * poses[query];
                     let (newer, older) = (&prepared[query], &prepared[target]);
                     let tested = is_loop.then(|| {
-                        known.get(&(query, target)).copied().unwrap_or_else(|| {
+                        known.get(&ids(query, target)).copied().unwrap_or_else(|| {
                             verify::test(settings, matcher, &newer.side(), &older.side(), &at)
                         })
                     });
@@ -101,7 +101,7 @@ pub(crate) fn solve(
             )
             .collect();
         progress();
-        known.extend(found.iter().filter_map(|f| Some(((f.pair.query, f.pair.target), f.tested?))));
+        known.extend(found.iter().filter_map(|f| Some((ids(f.pair.query, f.pair.target), f.tested?))));
         loops.clear();
         let (mut pairs, mut is_loop, mut tests) = (Vec::new(), Vec::new(), Vec::new());
         for f in found {
@@ -126,7 +126,7 @@ pub(crate) fn solve(
                 is_loop.push(true);
                 tests.push(Some(tested));
                 // The poses will move: what was refused where they were may fit then.
-                known.clear();
+                known.retain(|_, tested| tested.verdict == LoopVerdict::Accepted);
             }
             progress();
         }

@@ -5,12 +5,14 @@ use crate::context::Context;
 use crate::gaps::Timeline;
 use crate::global::{self, Solution};
 use crate::records::{
-    AlignRecord, Correction, KeyframePose, OptimiseRecord, RefinedCamera, Refinement, RequestRecord,
+    AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
+    RequestRecord,
 };
 use crate::refine::FrameBlocks;
 use crate::refine_camera::refine_camera;
 use crate::state::{KeyframeState, TrackerState};
 use crate::tracker::KeyframeSurfaces;
+use crate::verify::{KnownLoops, Tested};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 use tessera_geometry::{Pose, PoseBits};
@@ -18,8 +20,9 @@ use tessera_steps::Step;
 
 /// The optimiser: a fold over both journals plus a pure solve.
 ///
-/// A request's input is the aligner's journal up to the record that holds it: corrections
-/// before it are in there, and nothing of an earlier solve is carried over.
+/// A request's input is the aligner's journal up to the record that holds it, with the corrections
+/// before it, and the loops that the last correction's record names as accepted: they passed their
+/// tests at their own optimum and are not tested again.
 pub struct Optimiser {
     context: Context,
     state: TrackerState,
@@ -28,6 +31,8 @@ pub struct Optimiser {
     frames: Vec<FrameBlocks>,
     timeline: Timeline,
     n_answered: u64,
+    /// Loop pairs that passed their tests in the last correction.
+    known: KnownLoops,
 }
 
 impl Optimiser {
@@ -40,6 +45,7 @@ impl Optimiser {
             frames: Vec::new(),
             timeline: Timeline::default(),
             n_answered: 0,
+            known: KnownLoops::new(),
         }
     }
 
@@ -68,6 +74,12 @@ impl Optimiser {
         let OptimiseRecord::Correction(correction) = record;
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|(request, _)| request.request > correction.request);
+        self.known = correction
+            .loops
+            .iter()
+            .filter(|l| matches!(l.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted))
+            .map(|l| ((l.newer, l.older), Tested::accepted(l)))
+            .collect();
     }
 
     /// The oldest request without an answer.
@@ -97,7 +109,8 @@ impl Optimiser {
         let settings = &self.context.mapping.global;
         let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
-        let solution = global::solve(&self.context, &active, surfaces, iterations, progress);
+        let solution =
+            global::solve(&self.context, &active, surfaces, self.known.clone(), iterations, progress);
         let poses = with_retired(keyframes, &active, &solution.poses);
         self.context.steps.enter(Step::Refine);
         let frames = if request.is_final { self.refine(&poses) } else { Vec::new() };

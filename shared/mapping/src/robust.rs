@@ -9,7 +9,7 @@
 
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
-use tessera_registration::{Graph, InnerReport, NotPositiveDefinite, Pair, PairBlock};
+use tessera_registration::{Graph, InnerReport, NotPositiveDefinite, Pair, PairBlock, Solver};
 
 /// Share of the best-fitting loops that decides where the limit starts.
 const FIRST_SHARE: f64 = 0.2;
@@ -17,6 +17,8 @@ const FIRST_SHARE: f64 = 0.2;
 const SHRINK: f64 = 0.7;
 /// Rounds at most.
 const MAX_ROUNDS: u32 = 40;
+/// Steps of a round: the next one changes the weights again, so its optimum is not sought out.
+const ROUND_STEPS: u32 = 2;
 
 /// How a robust optimisation ended.
 pub(crate) struct RobustReport {
@@ -67,8 +69,9 @@ pub(crate) fn optimise(
     progress: &mut dyn FnMut(),
 ) -> Result<RobustReport, NotPositiveDefinite> {
     let limit = settings.loop_residual_sigmas;
+    let mut solver = Solver::default();
     let start = graph.poses.clone();
-    graph.optimise(inner_iterations, progress)?;
+    graph.optimise_again(inner_iterations, &mut solver, progress)?;
     let own_costs: Vec<f64> = graph
         .pairs
         .iter()
@@ -95,7 +98,7 @@ pub(crate) fn optimise(
     graph.poses = start;
     set_weights(graph, is_loop, |_| 0.0);
     // Odometry alone may be far off where the poses held loops before: more steps.
-    graph.optimise(3 * inner_iterations, progress)?;
+    graph.optimise_again(3 * inner_iterations, &mut solver, progress)?;
     found = residuals(graph);
     let mut sorted: Vec<f64> = found.iter().zip(is_loop).filter(|(_, l)| **l).map(|(r, _)| *r).collect();
     sorted.sort_by(f64::total_cmp);
@@ -109,7 +112,7 @@ pub(crate) fn optimise(
             let ratio = found[place] / scale;
             if is_last { f64::from(u8::from(ratio <= 1.0)) } else { 1.0 / (1.0 + ratio * ratio).powi(2) }
         });
-        graph.optimise(inner_iterations, progress)?;
+        graph.optimise_again(ROUND_STEPS, &mut solver, progress)?;
         found = residuals(graph);
         if is_last {
             break;
@@ -118,7 +121,7 @@ pub(crate) fn optimise(
     }
     // A loop that the others have brought home comes back in; one that left goes.
     set_weights(graph, is_loop, |place| f64::from(u8::from(found[place] <= limit)));
-    graph.optimise(inner_iterations, progress)?;
+    graph.optimise_again(inner_iterations, &mut solver, progress)?;
     Ok(RobustReport { residuals_sigmas: residuals(graph), n_rounds })
 }
 

@@ -1,9 +1,10 @@
 //! Whether a loop pair may enter the graph (SPEC 7): overlap, free space, and the same answer
 //! from both directions.
 
-use crate::records::LoopVerdict;
+use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust::{disagreement_sigmas, own_optimum};
 use crate::settings::GlobalSettings;
+use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_registration::Target;
 use tessera_registration::{BlockSums, MatchLimits, Matcher, PairBlock, PairReport, Queries, Selection};
@@ -28,6 +29,21 @@ pub(crate) struct Tested {
     /// Root mean square disagreement between both directions, standard deviations.
     pub(crate) inconsistency_sigmas: f64,
     pub(crate) verdict: LoopVerdict,
+}
+
+/// Tests by the ids of the newer and the older keyframe.
+pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
+
+impl Tested {
+    /// What a record says of a pair that passed.
+    pub(crate) fn accepted(record: &LoopRecord) -> Self {
+        Self {
+            overlap: record.overlap,
+            in_front: record.in_front,
+            inconsistency_sigmas: record.inconsistency_sigmas,
+            verdict: LoopVerdict::Accepted,
+        }
+    }
 }
 
 /// Tests the pair at its own optimum, which it looks for from `newer`'s pose in `older`'s frame.

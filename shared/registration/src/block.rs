@@ -7,7 +7,7 @@
 //! iterations cost nothing per point.
 
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
-use tessera_geometry::{Matrix6, Pose, Vector6, hat};
+use tessera_geometry::{Matrix6, Pose, Vector6};
 
 /// Raw sums over matches: `Q` (10 products of `a~` times 6 of `Omega`), `l` (4 times 3), `c`,
 /// and the number of matches.
@@ -54,12 +54,15 @@ impl Default for BlockSums {
 pub struct PairBlock {
     /// `T0`, where the matches were found, as a 3x4 matrix.
     origin: Matrix3x4<f64>,
-    /// `Q` by pairs of columns.
-    q: [[Matrix3<f64>; 4]; 4],
+    /// `Q` by pairs of columns, see [`PLACE`].
+    q: [Matrix3<f64>; 10],
     l: [Vector3<f64>; 4],
     c: f64,
     n: u32,
 }
+
+/// Where the block of columns `k` and `m` stands in `Q`: it is symmetric, and so is each block.
+const PLACE: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]];
 
 fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
     let mut m = Matrix3x4::zeros();
@@ -71,15 +74,9 @@ fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
 impl PairBlock {
     /// A block from its sums and the transform at which the matches were found.
     pub fn new(target_from_query: &Pose, sums: &BlockSums) -> Self {
-        let mut q = [[Matrix3::zeros(); 4]; 4];
-        let mut at = 0;
-        for k in 0..4 {
-            for m in k..4 {
-                let s = &sums.q[at..at + 6];
-                q[k][m] = Matrix3::new(s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]);
-                q[m][k] = q[k][m];
-                at += 6;
-            }
+        let mut q = [Matrix3::zeros(); 10];
+        for (block, s) in q.iter_mut().zip(sums.q.chunks_exact(6)) {
+            *block = Matrix3::new(s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]);
         }
         let l = [0, 1, 2, 3].map(|k| Vector3::new(sums.l[3 * k], sums.l[3 * k + 1], sums.l[3 * k + 2]));
         Self { origin: matrix_of(target_from_query), q, l, c: sums.c, n: sums.n }
@@ -97,9 +94,11 @@ impl PairBlock {
         for k in 0..4 {
             let xk = x.column(k).into_owned();
             cost -= 2.0 * self.l[k].dot(&xk);
+            let mut sum = Vector3::zeros();
             for m in 0..4 {
-                cost += xk.dot(&(self.q[k][m] * x.column(m)));
+                sum += self.q[PLACE[k][m]] * x.column(m);
             }
+            cost += xk.dot(&sum);
         }
         cost
     }
@@ -115,26 +114,38 @@ impl PairBlock {
         let mut v = [Vector3::zeros(); 4];
         for k in 0..4 {
             for m in 0..4 {
-                v[k] += self.q[k][m] * x.column(m);
+                v[k] += self.q[PLACE[k][m]] * x.column(m);
             }
             let xk = x.column(k).into_owned();
             cost += xk.dot(&(v[k] - 2.0 * self.l[k]));
             v[k] = rt * (v[k] - self.l[k]);
         }
-        let axes = [hat(&Vector3::x()), hat(&Vector3::y()), hat(&Vector3::z())];
+        let turned = self.q.map(|block| rt * block * r);
         // d t = R rho, d R e_k = -R [e_k]x phi: D_3 = R for rho, D_k = -R [e_k]x for phi.
+        // [e_k]x has two entries: row k2, column k1 is 1, and row k1, column k2 is -1.
         let mut g_phi = Vector3::zeros();
         let mut h_rho_phi = Matrix3::zeros();
         let mut h_phi = Matrix3::zeros();
         for k in 0..3 {
-            g_phi += axes[k] * v[k];
-            h_rho_phi -= (rt * self.q[3][k] * r) * axes[k];
+            let (k1, k2) = ((k + 1) % 3, (k + 2) % 3);
+            g_phi[k2] += v[k][k1];
+            g_phi[k1] -= v[k][k2];
+            let rho = &turned[PLACE[3][k]];
+            for row in 0..3 {
+                h_rho_phi[(row, k1)] -= rho[(row, k2)];
+                h_rho_phi[(row, k2)] += rho[(row, k1)];
+            }
             for m in 0..3 {
-                h_phi -= axes[k] * (rt * self.q[k][m] * r) * axes[m];
+                let (m1, m2) = ((m + 1) % 3, (m + 2) % 3);
+                let phi = &turned[PLACE[k][m]];
+                h_phi[(k2, m1)] -= phi[(k1, m2)];
+                h_phi[(k2, m2)] += phi[(k1, m1)];
+                h_phi[(k1, m1)] += phi[(k2, m2)];
+                h_phi[(k1, m2)] -= phi[(k2, m1)];
             }
         }
         let mut h = Matrix6::zeros();
-        h.fixed_view_mut::<3, 3>(0, 0).copy_from(&(rt * self.q[3][3] * r));
+        h.fixed_view_mut::<3, 3>(0, 0).copy_from(&turned[PLACE[3][3]]);
         h.fixed_view_mut::<3, 3>(0, 3).copy_from(&h_rho_phi);
         h.fixed_view_mut::<3, 3>(3, 0).copy_from(&h_rho_phi.transpose());
         h.fixed_view_mut::<3, 3>(3, 3).copy_from(&h_phi);
@@ -147,7 +158,7 @@ impl PairBlock {
 mod tests {
     use super::*;
     use crate::random::SplitMix64;
-    use tessera_geometry::{Twist, adjoint, compose_normalised, exp};
+    use tessera_geometry::{Twist, adjoint, compose_normalised, exp, hat};
 
     struct Match {
         a: Vector3<f64>,

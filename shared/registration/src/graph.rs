@@ -1,10 +1,10 @@
 //! A graph of poses and pair blocks, and its Levenberg-Marquardt solver (SPEC 5).
 
 use crate::block::PairBlock;
+use crate::linearised::Linearised;
 use crate::solve::{BlockSystem, NotPositiveDefinite};
-use tessera_geometry::{
-    Matrix6, Pose, Twist, Vector6, adjoint, compose_normalised, log, translation_rotation_norms,
-};
+use rayon::prelude::*;
+use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised, log, translation_rotation_norms};
 use tessera_surface::Isa;
 
 /// All correspondences between two frames.
@@ -46,6 +46,14 @@ pub struct Graph {
     pub isa: Isa,
 }
 
+/// Kept from one optimisation of a graph to the next: where its blocks lie, the symbolic factor,
+/// and the damping that was last good.
+#[derive(Default)]
+pub struct Solver {
+    system: Option<BlockSystem>,
+    lambda: Option<f64>,
+}
+
 /// How an inner optimisation ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InnerReport {
@@ -63,6 +71,9 @@ pub struct InnerReport {
     pub turned_rad: f64,
 }
 
+/// From so many pairs on, sharing them out is worth its cost.
+const MIN_SHARED_PAIRS: usize = 256;
+
 /// Steps below these are no steps (SPEC 5.2): metres and radians.
 const STEP_LIMIT: f64 = 1e-6;
 
@@ -74,9 +85,8 @@ impl Graph {
 
     fn cost_at(&self, poses: &[Pose]) -> f64 {
         let pairs: f64 = self
-            .pairs
+            .of_each(|p| p.weight * p.block.cost(&(poses[p.target].inverse() * poses[p.query])))
             .iter()
-            .map(|p| p.weight * p.block.cost(&(poses[p.target].inverse() * poses[p.query])))
             .sum();
         let priors: f64 = self
             .priors
@@ -99,6 +109,20 @@ impl Graph {
         max_iterations: u32,
         progress: &mut dyn FnMut(),
     ) -> Result<InnerReport, NotPositiveDefinite> {
+        self.optimise_again(max_iterations, &mut Solver::default(), progress)
+    }
+
+    /// As [`Self::optimise`], for a graph that is solved several times with other weights or poses:
+    /// `solver` keeps what depends on its pairs' places alone.
+    ///
+    /// # Errors
+    /// As [`Self::optimise`].
+    pub fn optimise_again(
+        &mut self,
+        max_iterations: u32,
+        solver: &mut Solver,
+        progress: &mut dyn FnMut(),
+    ) -> Result<InnerReport, NotPositiveDefinite> {
         let free: Vec<usize> = (0..self.poses.len()).filter(|&i| !self.is_fixed[i]).collect();
         let mut slot = vec![usize::MAX; self.poses.len()];
         for (s, &i) in free.iter().enumerate() {
@@ -108,11 +132,26 @@ impl Graph {
             let (a, b) = (slot[p.query], slot[p.target]);
             (a != usize::MAX && b != usize::MAX).then_some((a, b))
         });
-        let mut system = BlockSystem::new(free.len(), places, self.isa)?;
+        let mut system = BlockSystem::new(free.len(), places, self.isa, solver.system.take())?;
+        let report = self.descend(max_iterations, &free, &slot, &mut system, &mut solver.lambda, progress);
+        solver.system = Some(system);
+        report
+    }
+
+    fn descend(
+        &mut self,
+        max_iterations: u32,
+        free: &[usize],
+        slot: &[usize],
+        system: &mut BlockSystem,
+        last_lambda: &mut Option<f64>,
+        progress: &mut dyn FnMut(),
+    ) -> Result<InnerReport, NotPositiveDefinite> {
         let start = self.poses.clone();
-        let mut cost = self.linearise(&slot, &mut system);
+        let mut cost = self.linearise(slot, system);
         let mut report = InnerReport { cost_before: cost, cost_after: cost, ..InnerReport::default() };
-        let mut lambda = 1e-5 * system.max_diagonal();
+        let largest = system.max_diagonal();
+        let mut lambda = last_lambda.map_or(1e-5 * largest, |last| last.max(1e-12 * largest));
         let mut growth = 2.0;
         let mut n_rejected = 0;
         while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
@@ -142,11 +181,12 @@ impl Graph {
                 let shrink = 1.0 - (2.0 * gain - 1.0) * (2.0 * gain - 1.0) * (2.0 * gain - 1.0);
                 lambda *= shrink.clamp(1.0 / 3.0, 2.0 / 3.0);
                 (growth, n_rejected) = (2.0, 0);
+                *last_lambda = Some(lambda);
                 if largest < STEP_LIMIT || decrease < 1e-6 * cost {
                     report.is_converged = true;
                     break;
                 }
-                self.linearise(&slot, &mut system);
+                self.linearise(slot, system);
             } else {
                 // At the minimum rounding decides the sign of the gain: a tiny step is the end.
                 if largest < STEP_LIMIT {
@@ -160,46 +200,55 @@ impl Graph {
             }
         }
         report.cost_after = cost;
-        for &i in &free {
+        for &i in free {
             let (m, r) = translation_rotation_norms(&(start[i].inverse() * self.poses[i]));
             (report.moved_m, report.turned_rad) = (report.moved_m.max(m), report.turned_rad.max(r));
         }
         Ok(report)
     }
 
+    /// A value of each pair, in their order; many pairs are shared out to all threads.
+    fn of_each<T: Send>(&self, value: impl Fn(&Pair) -> T + Send + Sync) -> Vec<T> {
+        if self.pairs.len() < MIN_SHARED_PAIRS {
+            self.pairs.iter().map(value).collect()
+        } else {
+            self.pairs.par_iter().with_min_len(64).map(value).collect()
+        }
+    }
+
     /// Fills the system and returns the cost.
     fn linearise(&self, slot: &[usize], system: &mut BlockSystem) -> f64 {
         system.clear();
         let mut cost = 0.0;
-        for pair in &self.pairs {
+        let linearised = self.of_each(|pair| {
             let (i, j) = (slot[pair.query], slot[pair.target]);
-            if pair.weight == 0.0 || (i == usize::MAX && j == usize::MAX) {
-                continue;
-            }
-            let target_from_query = self.poses[pair.target].inverse() * self.poses[pair.query];
-            let (h, g, f) = pair.block.linearise(&target_from_query);
-            let (h, g) = (h * pair.weight, g * pair.weight);
-            cost += pair.weight * f;
+            let is_idle = pair.weight == 0.0 || (i == usize::MAX && j == usize::MAX);
+            (!is_idle).then(|| {
+                let target_from_query = self.poses[pair.target].inverse() * self.poses[pair.query];
+                Linearised::new(pair, &target_from_query, j != usize::MAX)
+            })
+        });
+        for (pair, terms) in self.pairs.iter().zip(linearised) {
+            let Some(terms) = terms else { continue };
+            let (i, j) = (slot[pair.query], slot[pair.target]);
+            cost += terms.cost;
             if i != usize::MAX {
-                system.diagonal[i] += h;
-                system.gradient[i] += g;
+                system.diagonal[i] += terms.h_query;
+                system.gradient[i] += terms.g_query;
             }
             if j == usize::MAX {
                 continue;
             }
-            // J_j = -J_i Ad(T_ji) (SPEC 4.1).
-            let ad = adjoint(&target_from_query.inverse());
-            let h_ad = h * ad;
-            system.diagonal[j] += ad.transpose() * h_ad;
-            system.gradient[j] -= ad.transpose() * g;
+            system.diagonal[j] += terms.h_target;
+            system.gradient[j] -= terms.g_target;
             if i != usize::MAX
                 && let Some(place) = system.place(i, j)
             {
                 // H_ij = -H_ii Ad; stored with the larger slot as row.
                 if i > j {
-                    system.lower[place] -= h_ad;
+                    system.lower[place] -= terms.h_across;
                 } else {
-                    system.lower[place] -= h_ad.transpose();
+                    system.lower[place] -= terms.h_across.transpose();
                 }
             }
         }

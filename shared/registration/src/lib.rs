@@ -16,6 +16,7 @@ mod found;
 mod graph;
 mod kd_tree;
 mod lanes;
+mod linearised;
 mod locate;
 mod matches;
 mod matching;
@@ -29,7 +30,7 @@ mod statistics;
 mod target;
 
 pub use block::{BlockSums, PairBlock};
-pub use graph::{Graph, InnerReport, Pair, Prior};
+pub use graph::{Graph, InnerReport, Pair, Prior, Solver};
 pub use kd_tree::KdTree;
 pub use matches::Match;
 pub use matching::{MatchLimits, Matcher, PairReport};

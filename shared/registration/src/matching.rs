@@ -65,6 +65,9 @@ pub struct Matcher {
     pub steps: Steps,
 }
 
+/// Queries whose cells are read ahead at a time: what they bring fits the first cache.
+const AHEAD: usize = 64;
+
 /// Depth at which a correspondence has weight one.
 const REFERENCE_DEPTH_M: f32 = 1.0;
 
@@ -125,6 +128,14 @@ impl Matcher {
                 })
             }
             None => self.search(n_queries, target, |matcher, place| {
+                if place % AHEAD == 0 {
+                    let grid = matcher.camera.grid;
+                    let places = place..(place + AHEAD).min(n_queries);
+                    descent::read_ahead(
+                        &target.surface,
+                        places.filter_map(|p| matcher.located.cell(p, grid)),
+                    );
+                }
                 let cell = matcher.located.cell(place, matcher.camera.grid)?;
                 descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
             }),

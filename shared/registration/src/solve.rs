@@ -43,15 +43,23 @@ struct Sparse {
 }
 
 impl BlockSystem {
-    /// A system of `n` poses with blocks at these (row, column) places, in any order.
+    /// A system of `n` poses with blocks at these (row, column) places, in any order; what was
+    /// worked out for `before` is kept where it has the same places.
     pub(crate) fn new(
         n: usize,
         places: impl Iterator<Item = (usize, usize)>,
         isa: Isa,
+        before: Option<Self>,
     ) -> Result<Self, NotPositiveDefinite> {
         let mut pattern: Vec<_> = places.map(|(a, b)| (a.max(b), a.min(b))).filter(|(a, b)| a != b).collect();
         pattern.sort_unstable_by_key(|&(row, column)| (column, row));
         pattern.dedup();
+        if let Some(before) = before
+            && (before.n, before.is_portable) == (n, isa.is_portable())
+            && before.pattern == pattern
+        {
+            return Ok(before);
+        }
         let lower = vec![Matrix6::zeros(); pattern.len()];
         let is_portable = isa.is_portable();
         let sparse = if n > DENSE_MAX_POSES && !is_portable { Some(Sparse::new(n, &pattern)?) } else { None };

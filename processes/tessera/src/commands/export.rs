@@ -13,8 +13,10 @@ pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> 
     let run_folder = run_folder::find(&arguments.run)?;
     let written = exchange::write(&run_folder, &arguments.files)?;
     if !written.is_empty() && arguments.out.is_none() {
-        if !arguments.speech.quiet {
-            written.iter().for_each(|line| say(line));
+        if arguments.speech.json {
+            say(&serde_json::json!({ "written": written }).to_string());
+        } else if !arguments.speech.quiet {
+            written.iter().for_each(|line| say_to_people(line));
         }
         return Ok(Exit::Done);
     }

@@ -19,6 +19,7 @@ mod run;
 mod stage;
 mod status;
 mod top;
+mod view;
 
 pub(crate) use ablate::ablate;
 pub(crate) use calibrate::calibrate;
@@ -36,3 +37,4 @@ pub(crate) use run::run;
 pub(crate) use stage::stage;
 pub(crate) use status::status;
 pub(crate) use top::top;
+pub(crate) use view::view;

@@ -9,6 +9,7 @@ use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
 use crate::supervisor::{Plan, SupervisorError, update_map};
 use crate::terminal::say_to_people;
+use crate::viewer::Recording;
 use std::path::{Path, PathBuf};
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
@@ -36,8 +37,22 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, name))
 }
 
-/// Starts under the name asked for, or under the first fresh one after the source.
+/// Starts under the name asked for, or under the first fresh one after the source; with a recording
+/// for Rerun beside it where that is asked for.
 fn under_a_name(
+    arguments: &RunArguments,
+    settings: &Settings,
+    start: impl Fn(&str) -> Result<Exit, LaunchError>,
+) -> Result<Exit, CommandError> {
+    let recording = arguments.rerun.as_deref().map(Recording::start).transpose()?;
+    let exit = under_a_free_name(arguments, settings, start)?;
+    if let Some(recording) = recording {
+        recording.finish();
+    }
+    Ok(exit)
+}
+
+fn under_a_free_name(
     arguments: &RunArguments,
     settings: &Settings,
     start: impl Fn(&str) -> Result<Exit, LaunchError>,

@@ -1,0 +1,82 @@
+//! The program that shows a run in Rerun: it is built apart, and found or told how to be built.
+
+use crate::exit::CommandError;
+use crate::terminal::say_error;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const PROGRAM: &str = "tessera-view";
+/// Where a checkout of the project has it, seen from `target/release/tessera`.
+const IN_CHECKOUT: &str = "../../view/target/release";
+/// How long it may take to write the rest after the run has ended.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Where the program is: beside this one, in the checkout, or on `PATH`.
+///
+/// # Errors
+/// Where it is not; says how to build it.
+pub(crate) fn program() -> Result<PathBuf, CommandError> {
+    let beside = std::env::current_exe().ok().and_then(|path| path.parent().map(Path::to_owned));
+    let checkout = beside.as_ref().map(|folder| folder.join(IN_CHECKOUT));
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = beside.into_iter().chain(checkout).chain(std::env::split_paths(&path));
+    let found = folders.map(|folder| folder.join(PROGRAM)).find(|path| path.is_file());
+    found.ok_or_else(|| {
+        CommandError::Arguments(format!(
+            "{PROGRAM} is neither beside this program nor on PATH; it is built apart, in the project's folder: cargo build --release --manifest-path view/Cargo.toml"
+        ))
+    })
+}
+
+/// The program writing a run into a file while it goes on. It only reads; whatever becomes of it,
+/// the run does not notice.
+#[derive(Debug)]
+pub(crate) struct Recording {
+    child: Child,
+    file: PathBuf,
+}
+
+impl Recording {
+    /// Starts it; it waits for the run that this process is about to supervise.
+    ///
+    /// # Errors
+    /// Where the program is not there, or the file's folder is not.
+    pub(crate) fn start(file: &Path) -> Result<Self, CommandError> {
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() || file.is_dir() {
+            return Err(CommandError::Arguments(format!(
+                "--rerun {}: expected a file in a folder that is there",
+                file.display()
+            )));
+        }
+        let mut command = Command::new(program()?);
+        command.arg("--of-supervisor").arg(std::process::id().to_string()).arg("--save").arg(file);
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn();
+        let child = child.map_err(|error| CommandError::Stage(format!("cannot start {PROGRAM}: {error}")))?;
+        Ok(Self { child, file: file.to_owned() })
+    }
+
+    /// Waits until everything is written; says where it is not.
+    pub(crate) fn finish(mut self) {
+        let deadline = Instant::now() + PATIENCE;
+        let ended = loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) if status.success() => return,
+                Ok(Some(status)) => break status.to_string(),
+                Ok(None) if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(10)),
+                Ok(None) => break format!("it was not done after {} s", PATIENCE.as_secs()),
+                Err(error) => break error.to_string(),
+            }
+        };
+        say_error(&format!("{} is not whole: {PROGRAM}: {ended}", self.file.display()));
+    }
+}
+
+impl Drop for Recording {
+    fn drop(&mut self) {
+        // Of no use without its run; both fail where it has ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

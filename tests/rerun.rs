@@ -1,0 +1,114 @@
+//! `tessera run --rerun` and `tessera view`: a run as Rerun has it, and the run as if nobody looked.
+
+mod common;
+
+use common::{Run, room};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const FRAMES: u64 = 60;
+
+/// The program that is built apart, where somebody built it.
+fn is_built() -> bool {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("view/target/release/tessera-view");
+    if !path.is_file() {
+        eprintln!(
+            "skipped: tessera-view is not built: cargo build --release --manifest-path view/Cargo.toml"
+        );
+    }
+    path.is_file()
+}
+
+/// Rerun's own command line, to read files back.
+fn rerun() -> Option<PathBuf> {
+    let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/viewer/bin/rerun");
+    let on_path = std::env::var_os("PATH").unwrap_or_default();
+    let mut places = std::env::split_paths(&on_path).map(|folder| folder.join("rerun")).chain([installed]);
+    let found = places.find(|path| path.is_file());
+    if found.is_none() {
+        eprintln!(
+            "skipped in part: no `rerun`: python3 -m venv target/viewer && target/viewer/bin/pip install rerun-sdk==0.36.3"
+        );
+    }
+    found
+}
+
+fn tessera(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).output().unwrap()
+}
+
+/// How many messages each entity of a file has, by Rerun's own reader.
+fn print(rerun: &Path, file: &Path) -> String {
+    let verified = Command::new(rerun).args(["rrd", "verify"]).arg(file).output().unwrap();
+    assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stderr));
+    let output = Command::new(rerun).args(["rrd", "print"]).arg(file).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn assert_whole(printed: &str, has_latency: bool) {
+    let mut entities = vec![
+        "/world/camera",
+        "/world/camera/image",
+        "/world/camera/surface",
+        "/world/map/0/surface",
+        "/world/map/1",
+        "/world/graph/1/lines",
+        "/world/trajectory/online/0",
+        "/world/trajectory/final",
+        "/certainty/position",
+        "/states",
+    ];
+    if has_latency {
+        entities.extend(["/latency/align", "/latency/end_to_end"]);
+    }
+    for entity in entities {
+        assert!(printed.contains(entity), "no {entity}; is view/target up to date?\n{printed}");
+    }
+}
+
+#[test]
+fn a_run_that_is_recorded_has_its_bytes_and_the_recording_is_whole() {
+    if !is_built() {
+        return;
+    }
+    let undisturbed = room().frames(FRAMES);
+    assert!(undisturbed.finish().success());
+    let dir = tempfile::tempdir().unwrap();
+    let live = dir.path().join("live.rrd");
+    let run: Run = room().frames(FRAMES).with(&["--rerun", live.to_str().unwrap()]);
+    let output = run.command().output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}\n{}", run.log());
+    run.assert_same_bytes(&undisturbed, "it was recorded for Rerun");
+    assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
+    // Afterwards, from the folder alone.
+    let after = dir.path().join("after.rrd");
+    let viewed = tessera(&["view", run.out().to_str().unwrap(), "--save", after.to_str().unwrap()]);
+    assert!(viewed.status.success(), "{}", String::from_utf8_lossy(&viewed.stderr));
+    let without = dir.path().join("without.rrd");
+    let words = ["--save", without.to_str().unwrap(), "--images-per-s", "0"];
+    assert!(tessera(&[&["view", run.out().to_str().unwrap()], &words[..]].concat()).status.success());
+    for file in [&live, &after, &without] {
+        let bytes = std::fs::read(file).unwrap();
+        assert!(bytes.starts_with(b"RRF") && bytes.len() > 10_000, "{}", file.display());
+    }
+    let Some(rerun) = rerun() else { return };
+    assert_whole(&print(&rerun, &live), true);
+    assert_whole(&print(&rerun, &after), false);
+    assert!(!print(&rerun, &without).contains("/world/camera/surface"));
+}
+
+#[test]
+fn what_cannot_be_shown_is_told() {
+    if !is_built() {
+        return;
+    }
+    let told = |arguments: &[&str]| {
+        let output = tessera(arguments);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(told(&["view", "no-such-run", "--save", "x.rrd"]).contains("no run \"no-such-run\""));
+    let words = told(&["run", "room", "--frames", "2", "--rerun", "no/such/folder/x.rrd"]);
+    assert!(words.contains("--rerun no/such/folder/x.rrd: expected a file in a folder that is there"));
+}
