@@ -20,8 +20,8 @@ use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes};
 const POLL: Duration = Duration::from_millis(30);
 /// Time between two looks whether the run goes on.
 const ALIVE: Duration = Duration::from_millis(500);
-/// Frames between two updates of map and trajectory while much is to be read.
-const BATCH: usize = 30;
+/// Records between two updates of the trajectory while much is to be read.
+const BATCH: usize = 10;
 
 /// Feeds until the run is over and everything of it was shown, or somebody ends it.
 pub(crate) fn feed(
@@ -117,11 +117,9 @@ impl Feed<'_> {
                     self.say(&format!("starts in a map of {} keyframes", map.keyframes.len()))?;
                 }
             }
-        }
-        if n > 0 {
             self.map.log(self.recording)?;
-            self.track.log(self.recording)?;
         }
+        self.track.log(self.recording)?;
         Ok(n)
     }
 

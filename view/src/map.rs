@@ -119,6 +119,9 @@ impl Map {
 
     /// Logs what has changed since the last time.
     pub(crate) fn log(&mut self, recording: &RecordingStream) -> Result<(), ViewError> {
+        if self.changed.is_empty() {
+            return Ok(());
+        }
         let fresh = std::mem::take(&mut self.fresh);
         for id in fresh {
             let (positions, colours) = points(self.surfaces.vertices(id), self.most_points);

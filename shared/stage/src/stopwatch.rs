@@ -1,6 +1,6 @@
 //! How long each phase and each named step of a stage's work takes: always on, nearly free.
 //!
-//! The method announces its steps and the stopwatch looks at the clock: some 30 ns each, a few
+//! The method announces its steps and the stopwatch looks at the clock: some 35 ns each, a
 //! hundred times a frame. A histogram takes in one figure for each step and frame.
 
 use crate::clock::monotonic_nanos;

@@ -201,7 +201,8 @@ impl Clock {
         for (id, (surface, tid)) in reconstruct.frames().enumerate() {
             let (id, frame) = (id as u64, surface.index);
             let Some((sent, sensor_tid)) = sensor.before(frame, surface.from) else { continue };
-            let leaves = surface.from.min(sent.to).max(sent.from);
+            // A slice ends before its end: an arrow that begins there would hang on none.
+            let leaves = surface.from.min(sent.to.saturating_sub(1)).max(sent.from);
             events.push(arrow("s", sensor, sensor_tid, leaves, id, frame));
             match followed.get(&(frame, surface.from)) {
                 Some((aligned, align_tid)) => {
