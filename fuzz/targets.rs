@@ -10,7 +10,7 @@ use tessera_messages::{
     Beat, CameraFrame, Flow, FrameHeader, FrameShape, PoseMessage, SurfaceExpectation, SurfaceHeader,
 };
 use tessera_settings::Settings;
-use tessera_sources::{FolderSource, FrameBuffers, Source, load_camera};
+use tessera_sources::{FolderSource, FrameBuffers, RecordingSource, Source, SourceOptions, load_camera};
 use tessera_surface::{Grid, Vertex};
 use tessera_trajectory::parse_tum;
 
@@ -18,13 +18,14 @@ use tessera_trajectory::parse_tum;
 pub type Target = fn(&[u8]);
 
 /// All targets by the names of their corpora.
-pub const TARGETS: [(&str, Target); 6] = [
+pub const TARGETS: [(&str, Target); 7] = [
     ("lists", lists),
     ("camera", camera),
     ("configuration", configuration),
     ("images", images),
     ("journal", journal),
     ("messages", messages),
+    ("recording", recording),
 ];
 
 const CAMERA: &str =
@@ -68,6 +69,37 @@ pub fn lists(bytes: &[u8]) {
         }
         Err(error) => assert!(error.to_string().contains("trajectory.txt"), "{error}"),
     }
+}
+
+/// MCAP files.
+pub fn recording(bytes: &[u8]) {
+    in_folder(|folder| {
+        write(folder, "my.mcap", bytes);
+        write(folder, "mcap-camera.toml", CAMERA.as_bytes());
+        let given = folder.join("mcap-camera.toml").display().to_string();
+        for camera in [None, Some(given)] {
+            let options = SourceOptions { camera, ..SourceOptions::default() };
+            let source = match RecordingSource::open(&folder.join("my.mcap"), &options, None) {
+                Ok(source) => source,
+                Err(error) => {
+                    assert!(error.to_string().contains("my.mcap"), "{error}");
+                    continue;
+                }
+            };
+            source.camera().check().expect("a camera that was taken holds its rules");
+            let n = source.n_frames().expect("a file has an end");
+            let stamps: Vec<_> = (0..n).map(|index| source.stamp_nanos(index).expect("in range")).collect();
+            assert!(stamps.is_sorted_by(|a, b| a < b), "stamps do not rise");
+            let n_pixels = (source.camera().width * source.camera().height) as usize;
+            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+            for index in 0..n.min(4) {
+                let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+                if let Err(error) = source.read(index, &mut buffers) {
+                    assert!(error.to_string().contains("my.mcap"), "{error}");
+                }
+            }
+        }
+    });
 }
 
 /// Camera files.

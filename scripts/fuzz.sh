@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift || true
 targets=("$@")
-[ ${#targets[@]} -gt 0 ] || targets=(lists camera configuration images journal messages)
+[ ${#targets[@]} -gt 0 ] || targets=(lists camera configuration images journal messages recording)
 
 if ! cargo +nightly --version >/dev/null 2>&1; then
     echo "skipped: fuzzing needs a nightly compiler (rustup toolchain install nightly)"

@@ -9,7 +9,6 @@ use std::mem::{align_of, offset_of, size_of};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use tessera_messages::{CameraFlow, CameraFrame, Message, PoseMessage, RotationBits, StepTimes};
-use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
 const HEADER: &str = "examples/c/tessera.h";
 
@@ -200,37 +199,6 @@ fn python() -> Option<PathBuf> {
     common::python("camera", &["iceoryx2==0.10.0", "pillow"])
 }
 
-/// Writes frames of the room as a folder in the TUM layout, colour as PNG: the same in every reader.
-fn write_folder(folder: &Path, camera: &Path, n: u64) {
-    let options = SourceOptions {
-        camera: Some(camera.display().to_string()),
-        frames: Some(n),
-        ..SourceOptions::default()
-    };
-    let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
-    let (width, height) = (source.camera().width, source.camera().height);
-    let n_pixels = (width * height) as usize;
-    let (mut depth, mut colour) = (vec![0u16; n_pixels], vec![0u8; 3 * n_pixels]);
-    let mut lists = [String::new(), String::new()];
-    std::fs::create_dir_all(folder).unwrap();
-    for index in 0..n {
-        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-        let stamp = format!("{}.{:09}", info.stamp_nanos / 1_000_000_000, info.stamp_nanos % 1_000_000_000);
-        let names = [format!("d{index}.png"), format!("c{index}.png")];
-        let save = |name: &str, bytes: &[u8], color| {
-            image::save_buffer(folder.join(name), bytes, width, height, color).unwrap();
-        };
-        save(&names[0], bytemuck::cast_slice(&depth), image::ExtendedColorType::L16);
-        save(&names[1], &colour, image::ExtendedColorType::Rgb8);
-        for (list, name) in lists.iter_mut().zip(&names) {
-            writeln!(list, "{stamp} {name}").unwrap();
-        }
-    }
-    std::fs::write(folder.join("depth.txt"), &lists[0]).unwrap();
-    std::fs::write(folder.join("rgb.txt"), &lists[1]).unwrap();
-    std::fs::copy(camera, folder.join("camera.toml")).unwrap();
-}
-
 fn example(python: &Path, name: &str, arguments: &[&str]) -> Child {
     Command::new(python)
         .arg(root().join("examples/python").join(name))
@@ -246,7 +214,7 @@ fn a_program_in_python_is_a_camera_and_another_reads_the_poses() {
     let Some(python) = python() else { return };
     let external = room().of(Path::new("external")).frames(30);
     let folder = external.dir.path().join("frames");
-    write_folder(&folder, &external.dir.path().join("camera.toml"), 30);
+    common::write_folder(&folder, &external.dir.path().join("camera.toml"), 30);
     let reference = room().of(&folder).frames(30);
     assert!(reference.finish().success());
     let folder = folder.display().to_string();

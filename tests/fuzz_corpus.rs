@@ -123,3 +123,8 @@ fn journal() {
 fn messages() {
     replay("messages");
 }
+
+#[test]
+fn recording() {
+    replay("recording");
+}

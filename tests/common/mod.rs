@@ -254,3 +254,36 @@ pub fn python(name: &str, packages: &[&str]) -> Option<PathBuf> {
     std::fs::write(done, packages.join("\n")).ok()?;
     Some(python)
 }
+
+/// Writes frames of the room as a folder in the TUM layout, colour as PNG: the same in every reader.
+pub fn write_folder(folder: &Path, camera: &Path, n: u64) {
+    let options = tessera_sources::SourceOptions {
+        camera: Some(camera.display().to_string()),
+        frames: Some(n),
+        ..tessera_sources::SourceOptions::default()
+    };
+    let source = tessera_sources::open(&tessera_sources::SourceSpec::parse("room"), &options).unwrap();
+    let (width, height) = (source.camera().width, source.camera().height);
+    let n_pixels = (width * height) as usize;
+    let (mut depth, mut colour) = (vec![0u16; n_pixels], vec![0u8; 3 * n_pixels]);
+    let mut lists = [String::new(), String::new()];
+    std::fs::create_dir_all(folder).unwrap();
+    for index in 0..n {
+        let info = source
+            .read(index, &mut tessera_sources::FrameBuffers { depth: &mut depth, colour: &mut colour })
+            .unwrap();
+        let stamp = format!("{}.{:09}", info.stamp_nanos / 1_000_000_000, info.stamp_nanos % 1_000_000_000);
+        let names = [format!("d{index}.png"), format!("c{index}.png")];
+        let save = |name: &str, bytes: &[u8], color| {
+            image::save_buffer(folder.join(name), bytes, width, height, color).unwrap();
+        };
+        save(&names[0], bytemuck::cast_slice(&depth), image::ExtendedColorType::L16);
+        save(&names[1], &colour, image::ExtendedColorType::Rgb8);
+        for (list, name) in lists.iter_mut().zip(&names) {
+            *list += &format!("{stamp} {name}\n");
+        }
+    }
+    std::fs::write(folder.join("depth.txt"), &lists[0]).unwrap();
+    std::fs::write(folder.join("rgb.txt"), &lists[1]).unwrap();
+    std::fs::copy(camera, folder.join("camera.toml")).unwrap();
+}

@@ -102,12 +102,18 @@ Examples:
   tessera run FOLDER --map runs/room-1     in the map of an earlier run
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A folder in the TUM layout, a simulated world (room, corridor, wall, house), or external: a
+    /// A folder in the TUM layout, FILE.mcap, a simulated world (room, corridor, wall, house), or external: a
     /// camera's own program sends the frames [default: room]
     pub(crate) source: Option<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
+    /// In FILE.mcap: the topic of depth [default: the one whose name says so]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) depth_topic: Option<String>,
+    /// In FILE.mcap: the topic of colour [default: the one whose name says so]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) color_topic: Option<String>,
     /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,
@@ -200,7 +206,7 @@ pub(crate) struct ResumeArguments {
 /// `tessera export`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-With --cloud, --mesh, --kitti or --euroc only those files are written, else (or
+With --cloud, --mesh, --kitti, --euroc or --mcap only those files are written, else (or
 with --out) all outputs.
 
 Examples:
@@ -244,6 +250,9 @@ pub(crate) struct ExportFiles {
     /// The final trajectory as EuRoC has it: CSV, nanoseconds, quaternions w x y z
     #[arg(long, value_name = "FILE")]
     pub(crate) euroc: Option<PathBuf>,
+    /// Poses, transforms, keyframes and the fused map as messages of ROS 2, for Foxglove too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mcap: Option<PathBuf>,
 }
 
 /// A length that is more than nothing and less than a hundred thousand.
@@ -337,11 +346,17 @@ pub(crate) struct StageArguments {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  tessera check FOLDER\n  tessera check FOLDER --camera freiburg1 --json")]
 pub(crate) struct CheckArguments {
-    /// A folder in the TUM layout, or a simulated world
+    /// A folder in the TUM layout, FILE.mcap, or a simulated world
     pub(crate) source: String,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
+    /// In FILE.mcap: the topic of depth [default: the one whose name says so]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) depth_topic: Option<String>,
+    /// In FILE.mcap: the topic of colour [default: the one whose name says so]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) color_topic: Option<String>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -83,6 +83,8 @@ impl Settings {
         let run = &self.run;
         let options = SourceOptions {
             camera: (!run.camera.is_empty()).then(|| run.camera.clone()),
+            depth_topic: (!run.depth_topic.is_empty()).then(|| run.depth_topic.clone()),
+            color_topic: (!run.color_topic.is_empty()).then(|| run.color_topic.clone()),
             skip: run.skip,
             frames: (run.frames > 0).then_some(run.frames),
             simulation: self.simulation.clone(),

@@ -8,11 +8,15 @@ use tessera_surface::Isa;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RunSettings {
-    /// A folder in the TUM layout, a simulated world (`room`, `corridor`, `wall`, `house`), or
+    /// A folder in the TUM layout, an MCAP file, a simulated world (`room`, `corridor`, `wall`, `house`), or
     /// `external`: a camera's own program sends the frames.
     pub source: String,
     /// A camera file or the name of a built-in camera; empty: the source's own.
     pub camera: String,
+    /// Topic of depth in an MCAP file; empty: the one whose name says so.
+    pub depth_topic: String,
+    /// Topic of colour in an MCAP file; empty: the one whose name says so.
+    pub color_topic: String,
     /// Frames left out at the beginning.
     pub skip: u64,
     /// Frames to process at most; 0: all.
@@ -43,6 +47,8 @@ impl Default for RunSettings {
         Self {
             source: "room".to_owned(),
             camera: String::new(),
+            depth_topic: String::new(),
+            color_topic: String::new(),
             skip: 0,
             frames: 0,
             live: false,

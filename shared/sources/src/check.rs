@@ -114,7 +114,7 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
         ground_truth_share: stamps.iter().filter(inside_truth).count() as f64 / stamps.len().max(1) as f64,
         warnings: Vec::new(),
     };
-    report.warnings = warnings(&report);
+    report.warnings = source.warnings().iter().cloned().chain(warnings(&report)).collect();
     Ok(report)
 }
 

@@ -10,11 +10,19 @@ use tessera_trajectory::{ReadError, StampError};
 pub enum SourceError {
     /// The source is neither a scene nor a folder.
     #[error(
-        "no source '{}': expected room, corridor, wall, house or a folder with rgb.txt and depth.txt", path.display()
+        "no source '{}': expected room, corridor, wall, house or a folder with rgb.txt and depth.txt, FILE.mcap, or external", path.display()
     )]
     NoFolder {
         /// What was given.
         path: PathBuf,
+    },
+    /// An MCAP recording cannot be used.
+    #[error("{}: {source}", path.display())]
+    Recording {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<crate::RecordingError>,
     },
     /// Frames of a camera's own program cannot be looked at beforehand, nor again.
     #[error("the source 'external' is a camera's own program: only `tessera run external` waits for it")]

@@ -1,4 +1,4 @@
-//! Where frames come from: folders in the TUM RGB-D layout and simulated rooms.
+//! Where frames come from: folders in the TUM RGB-D layout, MCAP recordings and simulated rooms.
 //!
 //! Everything stands behind one trait, [`Source`]: frames are numbered from 0, each can be read
 //! again at any time and by several threads at once, and reading an index twice gives the same
@@ -9,9 +9,12 @@
 
 mod cameras;
 mod check;
+mod decode;
 mod error;
 mod folder;
 mod imu;
+mod pairing;
+mod recording;
 mod simulation;
 mod skipped;
 mod source;
@@ -25,6 +28,7 @@ pub use check::{
 pub use error::{ImageError, ListError, SourceError};
 pub use folder::FolderSource;
 pub use imu::Gyroscope;
+pub use recording::{MessageError, RecordingError, RecordingSource};
 pub use simulation::{SceneName, SimulatedSource, SimulationOptions};
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
 pub use spec::{SourceOptions, SourceSpec, open};

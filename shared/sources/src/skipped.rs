@@ -51,6 +51,10 @@ impl Source for SkippedSource {
     fn pairing(&self) -> Pairing {
         self.source.pairing()
     }
+
+    fn warnings(&self) -> &[String] {
+        self.source.warnings()
+    }
 }
 
 #[cfg(test)]

@@ -79,4 +79,9 @@ pub trait Source: Send + Sync {
 
     /// How depth and colour were paired.
     fn pairing(&self) -> Pairing;
+
+    /// What was found wrong while opening and could be worked around, in sentences.
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::simulation::{SceneName, SimulatedSource, SimulationOptions};
 use crate::skipped::SkippedSource;
-use crate::{FolderSource, Source, SourceError};
+use crate::{FolderSource, RecordingSource, Source, SourceError};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
@@ -18,6 +18,8 @@ pub enum SourceSpec {
     Scene(SceneName),
     /// A folder in the TUM layout.
     Folder(PathBuf),
+    /// An MCAP file.
+    Recording(PathBuf),
     /// A camera's own program sends the frames: nothing that could be read at any index.
     External,
 }
@@ -34,19 +36,29 @@ pub struct SourceOptions {
     /// Use at most this many frames; a scene goes on for as many as are asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<u64>,
+    /// Topic of depth in an MCAP file; without it the one whose name says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_topic: Option<String>,
+    /// Topic of colour in an MCAP file; without it the one whose name says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color_topic: Option<String>,
     /// For simulated scenes alone.
     pub simulation: SimulationOptions,
 }
 
 impl SourceSpec {
-    /// Reads a source name: a scene, `external`, or else a folder. Write `./room` for a folder named room.
+    /// Reads a source name: a scene, `external`, a file whose name ends in `.mcap`, or else a folder. Write `./room` for a folder named room.
     ///
     /// A folder is made absolute, so that the name stays good in another working directory.
     pub fn parse(text: &str) -> Self {
         match SceneName::parse(text) {
             Some(scene) => Self::Scene(scene),
             None if text == EXTERNAL => Self::External,
-            None => Self::Folder(std::path::absolute(text).unwrap_or_else(|_| PathBuf::from(text))),
+            None => {
+                let path = std::path::absolute(text).unwrap_or_else(|_| PathBuf::from(text));
+                let is_mcap = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap"));
+                if is_mcap && !path.is_dir() { Self::Recording(path) } else { Self::Folder(path) }
+            }
         }
     }
 }
@@ -56,6 +68,7 @@ impl fmt::Display for SourceSpec {
         match self {
             Self::Scene(scene) => f.write_str(scene.name()),
             Self::External => f.write_str(EXTERNAL),
+            Self::Recording(file) => write!(f, "{}", file.display()),
             Self::Folder(folder) => write!(f, "{}", folder.display()),
         }
     }
@@ -72,6 +85,7 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
         SourceSpec::Scene(scene) => {
             Box::new(SimulatedSource::open(*scene, camera, frames, &options.simulation)?)
         }
+        SourceSpec::Recording(file) => Box::new(RecordingSource::open(file, options, frames)?),
         SourceSpec::External => return Err(SourceError::External),
         SourceSpec::Folder(folder) => Box::new(FolderSource::open(folder, camera, frames)?),
     };

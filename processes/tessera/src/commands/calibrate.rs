@@ -62,7 +62,7 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
 fn open(arguments: &CalibrateArguments, settings: &Settings) -> Result<Box<dyn Source>, CommandError> {
     let spec = SourceSpec::parse(&arguments.source);
     let camera = match spec {
-        SourceSpec::Folder(_) => arguments.camera.clone(),
+        SourceSpec::Folder(_) | SourceSpec::Recording(_) => arguments.camera.clone(),
         SourceSpec::Scene(_) | SourceSpec::External => None,
     };
     let options = SourceOptions {

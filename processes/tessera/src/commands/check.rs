@@ -12,7 +12,12 @@ const FRAMES_LOOKED_AT: u64 = 20;
 /// Prints what can be said of a source, warnings last.
 pub(crate) fn check(arguments: &CheckArguments) -> Result<Exit, CommandError> {
     let spec = SourceSpec::parse(&arguments.source);
-    let options = SourceOptions { camera: arguments.camera.clone(), ..SourceOptions::default() };
+    let options = SourceOptions {
+        camera: arguments.camera.clone(),
+        depth_topic: arguments.depth_topic.clone(),
+        color_topic: arguments.color_topic.clone(),
+        ..SourceOptions::default()
+    };
     let source = tessera_sources::open(&spec, &options)?;
     let report = tessera_sources::check(&*source, FRAMES_LOOKED_AT)?;
     if arguments.json {

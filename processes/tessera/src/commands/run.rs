@@ -8,6 +8,7 @@ use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
 use crate::supervisor::{Plan, SupervisorError, update_map};
+use crate::terminal::say_error;
 use crate::terminal::say_to_people;
 use crate::viewer::Recording;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,9 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     }
     let (spec, options) = settings.source();
     let source = tessera_sources::open(&spec, &options)?;
+    for warning in source.warnings() {
+        say_error(&format!("warning: {spec}: {warning}"));
+    }
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
         .map_err(|error| CommandError::Input(format!("{spec}: {error}")))?;
@@ -92,6 +96,12 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     }
     if let Some(camera) = &arguments.camera {
         run.camera.clone_from(camera);
+    }
+    if let Some(topic) = &arguments.depth_topic {
+        run.depth_topic.clone_from(topic);
+    }
+    if let Some(topic) = &arguments.color_topic {
+        run.color_topic.clone_from(topic);
     }
     if let Some(map) = &arguments.map {
         run.map = run_folder::find(map)?.display().to_string();

@@ -2,9 +2,11 @@
 
 mod fuse;
 mod glb;
+mod mcap;
 mod pcd;
 mod ply;
 mod poses;
+mod ros;
 
 use crate::arguments::ExportFiles;
 use crate::exit::CommandError;
@@ -27,7 +29,8 @@ pub(crate) fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<Strin
         wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
     let trajectories = [(&wanted.kitti, poses::kitti as poses::Form), (&wanted.euroc, poses::euroc)];
     let mut written = Vec::new();
-    if cloud.is_none() && mesh_file.is_none() && wanted.kitti.is_none() && wanted.euroc.is_none() {
+    let maps = [&wanted.cloud, &wanted.mesh, &wanted.mcap];
+    if maps.iter().all(|path| path.is_none()) && wanted.kitti.is_none() && wanted.euroc.is_none() {
         return Ok(written);
     }
     let files = RunFiles::new(run_folder);
@@ -38,7 +41,7 @@ pub(crate) fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<Strin
         write_file(path, |writer| form(&rows, writer))?;
         written.push(format!("{}: {} poses", path.display(), rows.len()));
     }
-    if cloud.is_some() || mesh_file.is_some() {
+    if maps.iter().any(|path| path.is_some()) {
         let mesh = fuse::fuse(&files, &replay, wanted)?;
         for (path, form) in cloud.iter().chain(&mesh_file) {
             write_file(path, |writer| form(&mesh, writer))?;
@@ -48,6 +51,17 @@ pub(crate) fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<Strin
         }
         if let Some((path, _)) = mesh_file {
             written.push(format!("{}: {} triangles", path.display(), mesh.triangles.len()));
+        }
+        if let Some(path) = &wanted.mcap {
+            let keyframes = outputs::keyframe_rows(&replay);
+            let contents = mcap::Contents { frames: &rows, keyframes: &keyframes, map: &mesh };
+            write_file(path, |writer| mcap::write(&contents, writer))?;
+            let (n, points) = (rows.len(), mesh.positions.len());
+            written.push(format!(
+                "{}: {n} poses, {} keyframes, {points} points",
+                path.display(),
+                keyframes.len()
+            ));
         }
     }
     Ok(written)

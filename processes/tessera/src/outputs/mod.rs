@@ -24,4 +24,4 @@ pub(crate) use replay::Replay;
 pub(crate) use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};
 pub(crate) use summary::Summary;
 pub(crate) use timeline::{END_TO_END, Point, Recorder, Sample, Timeline, read_timeline, write_timeline};
-pub(crate) use trajectories::{as_trajectory, final_rows};
+pub(crate) use trajectories::{as_trajectory, final_rows, keyframe_rows};

@@ -64,35 +64,6 @@ fn parse_line(line: &str, before: Option<&ListEntry>) -> Result<ListEntry, ListE
     Ok(ListEntry { stamp_nanos, file })
 }
 
-/// For each depth image the index of its colour image: greedy, the nearest times first, one to
-/// one, differences below the limit, as `associate.py` of the TUM tools does it.
-pub(super) fn pair(depth: &[ListEntry], colour: &[ListEntry], limit_nanos: i64) -> Vec<Option<usize>> {
-    let mut candidates = Vec::new();
-    let mut first = 0;
-    for (at_depth, entry) in depth.iter().enumerate() {
-        while first < colour.len() && colour[first].stamp_nanos <= entry.stamp_nanos - limit_nanos {
-            first += 1;
-        }
-        for (at_colour, other) in colour.iter().enumerate().skip(first) {
-            let difference = other.stamp_nanos - entry.stamp_nanos;
-            if difference >= limit_nanos {
-                break;
-            }
-            candidates.push((difference.abs(), at_depth, at_colour));
-        }
-    }
-    candidates.sort_unstable();
-    let mut partners = vec![None; depth.len()];
-    let mut taken = vec![false; colour.len()];
-    for (_, at_depth, at_colour) in candidates {
-        if partners[at_depth].is_none() && !taken[at_colour] {
-            partners[at_depth] = Some(at_colour);
-            taken[at_colour] = true;
-        }
-    }
-    partners
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -119,20 +90,5 @@ mod tests {
         let list = parse("1.5\tdepth/a b.png\r\n2.5 ./c.png", Path::new("x")).unwrap();
         assert_eq!(list[0].file, Path::new("depth/a b.png"));
         assert_eq!((list.len(), list[1].stamp_nanos), (2, 2_500_000_000));
-    }
-
-    #[test]
-    fn pairs_are_nearest_first_one_to_one_below_the_limit() {
-        let entries = |millis: &[i64]| -> Vec<ListEntry> {
-            millis.iter().map(|&t| ListEntry { stamp_nanos: t * 1_000_000, file: "x".into() }).collect()
-        };
-        let check = |depth: &[i64], colour: &[i64], expected: &[Option<usize>]| {
-            assert_eq!(pair(&entries(depth), &entries(colour), 20_000_000), expected);
-        };
-        check(&[0, 33, 66], &[1, 30, 67], &[Some(0), Some(1), Some(2)]);
-        check(&[0, 10], &[9], &[None, Some(0)]);
-        check(&[0], &[20], &[None]);
-        check(&[0], &[-19], &[Some(0)]);
-        check(&[0, 100, 200], &[205], &[None, None, Some(0)]);
     }
 }

@@ -1,19 +1,17 @@
 //! A folder in the TUM RGB-D layout: `rgb.txt`, `depth.txt`, images, `groundtruth.txt` and `imu.txt` if there.
 
-mod decode;
 mod list;
 
 use crate::cameras::{load_camera, named_camera};
+use crate::decode;
 use crate::imu;
+use crate::pairing::{pair, summarise};
 use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
 use crate::{ImageError, SourceError};
 use list::ListEntry;
 use std::path::{Path, PathBuf};
 use tessera_geometry::{Camera, InertialRotation};
 use tessera_trajectory::{Trajectory, read_tum};
-
-/// Depth and colour belong together when their times differ by less than this.
-const MAX_DIFFERENCE_NANOS: i64 = 20_000_000;
 
 /// Frames of a folder, in the order of `depth.txt`. Stamps are those of depth.
 #[derive(Clone, Debug)]
@@ -49,22 +47,16 @@ impl FolderSource {
         };
         let truth_file = folder.join("groundtruth.txt");
         let ground_truth = if truth_file.exists() { Some(read_tum(&truth_file)?) } else { None };
-        let mut partners = list::pair(&depth, &colour, MAX_DIFFERENCE_NANOS);
+        let times = |list: &[ListEntry]| list.iter().map(|entry| entry.stamp_nanos).collect::<Vec<i64>>();
+        let (mut stamps, colour_stamps) = (times(&depth), times(&colour));
+        let mut partners = pair(&stamps, &colour_stamps);
         if let Some(frames) = frames {
             let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());
             depth.truncate(kept);
+            stamps.truncate(kept);
             partners.truncate(kept);
         }
-        let differences = depth.iter().zip(&partners).filter_map(|(entry, partner)| {
-            partner.map(|at| (colour[at].stamp_nanos - entry.stamp_nanos).abs())
-        });
-        let pairing = Pairing {
-            n_depth: depth.len(),
-            n_colour: colour.len(),
-            n_pairs: partners.iter().flatten().count(),
-            largest_difference_nanos: differences.max().unwrap_or(0),
-        };
-        let stamps: Vec<i64> = depth.iter().map(|entry| entry.stamp_nanos).collect();
+        let pairing = summarise(&stamps, &colour_stamps, &partners);
         let rotations = imu::load(folder)?
             .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
         let colour = partners.iter().map(|partner| partner.map(|at| colour[at].clone())).collect();
@@ -75,6 +67,10 @@ impl FolderSource {
         let at = usize::try_from(index).ok()?;
         Some((at, self.depth.get(at)?))
     }
+}
+
+fn load(path: &Path) -> Result<Vec<u8>, ImageError> {
+    std::fs::read(path).map_err(ImageError::Io)
 }
 
 fn load_own_camera(folder: &Path) -> Result<Camera, SourceError> {
@@ -110,11 +106,11 @@ impl Source for FolderSource {
             (path.clone(), move |source: ImageError| SourceError::Image { frame: index, path, source })
         };
         let (path, failed) = located(depth);
-        decode::depth(&path, size, buffers.depth).map_err(failed)?;
+        load(&path).and_then(|bytes| decode::depth(&bytes, size, buffers.depth)).map_err(failed)?;
         match &self.colour[at] {
             Some(colour) => {
                 let (path, failed) = located(colour);
-                decode::colour(&path, size, buffers.colour).map_err(failed)?;
+                load(&path).and_then(|bytes| decode::colour(&bytes, size, buffers.colour)).map_err(failed)?;
             }
             None => buffers.colour.fill(0),
         }

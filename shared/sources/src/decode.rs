@@ -4,15 +4,13 @@ use crate::ImageError;
 use image::codecs::{jpeg::JpegDecoder, png::PngDecoder};
 use image::{ColorType, ImageDecoder, Limits};
 use std::io::Cursor;
-use std::path::Path;
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
-pub(super) fn depth(path: &Path, size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
-    let bytes = std::fs::read(path).map_err(ImageError::Io)?;
-    if !is_png(&bytes) {
-        return Err(ImageError::Format { found: first_bytes(&bytes), or_jpeg: "" });
+pub(crate) fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
+    if !is_png(bytes) {
+        return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: "" });
     }
-    let decoder = png(&bytes)?;
+    let decoder = png(bytes)?;
     check_size("depth", decoder.dimensions(), size)?;
     if decoder.color_type() != ColorType::L16 {
         let found = pixels(decoder.color_type());
@@ -22,13 +20,12 @@ pub(super) fn depth(path: &Path, size: (u32, u32), depth_raw: &mut [u16]) -> Res
 }
 
 /// Decodes a colour or grey PNG or JPEG of 8 bits as red, green, blue.
-pub(super) fn colour(path: &Path, size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
-    let bytes = std::fs::read(path).map_err(ImageError::Io)?;
-    if is_png(&bytes) {
-        return read_rgb("PNG", png(&bytes)?, size, rgb);
+pub(crate) fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
+    if is_png(bytes) {
+        return read_rgb("PNG", png(bytes)?, size, rgb);
     }
     if !bytes.starts_with(&[0xff, 0xd8]) {
-        return Err(ImageError::Format { found: first_bytes(&bytes), or_jpeg: " or JPEG" });
+        return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
     }
     // The decoder paints what is missing of a cut file grey and calls it a success.
     let tail = &bytes[bytes.len().saturating_sub(1024)..];
@@ -36,7 +33,7 @@ pub(super) fn colour(path: &Path, size: (u32, u32), rgb: &mut [u8]) -> Result<()
         let message = format!("no end marker in {} bytes", bytes.len());
         return Err(ImageError::Damaged { format: "JPEG", message });
     }
-    let decoder = JpegDecoder::new(Cursor::new(&bytes)).map_err(|error| damaged("JPEG", &error))?;
+    let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(|error| damaged("JPEG", &error))?;
     read_rgb("JPEG", decoder, size, rgb)
 }
 

@@ -1,0 +1,184 @@
+//! A recording in an MCAP file: messages of ROS 2 or of Foxglove's schemas.
+//!
+//! Opening reads the whole file once, in parallel, for the times of its images; after that a
+//! frame costs the reading of the chunks that it stands in.
+
+mod camera;
+mod chunks;
+mod error;
+mod file;
+mod foxglove;
+mod messages;
+mod pixels;
+mod ros;
+mod topics;
+
+use crate::cameras::named_camera;
+use crate::pairing::{pair, summarise};
+use crate::source::{FrameBuffers, FrameInfo, Pairing, Source};
+use crate::{SourceError, SourceOptions};
+use chunks::{Chunks, Found, Spot};
+pub use error::{MessageError, RecordingError};
+use file::{Channels, McapFile};
+use mcap::records::op;
+use std::path::{Path, PathBuf};
+use tessera_geometry::Camera;
+use tessera_trajectory::Trajectory;
+use topics::Topics;
+
+/// Units of depth that comes in metres, where no camera says otherwise: 0.2 mm, up to 13.1 m.
+const UNITS_OF_METRES: f64 = 5000.0;
+
+/// Frames of an MCAP file, in the order of the times of depth.
+pub struct RecordingSource {
+    path: PathBuf,
+    camera: Camera,
+    chunks: Chunks,
+    topics: Topics,
+    depth: Vec<Spot>,
+    /// All colour images, and for each depth image the place of its own.
+    colour: Vec<Spot>,
+    partners: Vec<Option<usize>>,
+    pairing: Pairing,
+    warnings: Vec<String>,
+}
+
+impl RecordingSource {
+    /// Opens a recording: finds its topics, its camera and the times of all images.
+    ///
+    /// The camera is `options.camera` if given, else that of the recording. Depth in metres is
+    /// counted in the camera's units, or in 5000 a metre where the recording gives the camera.
+    ///
+    /// # Errors
+    /// Names the file, and the byte, topic or message where it is wrong.
+    pub fn open(path: &Path, options: &SourceOptions, frames: Option<u64>) -> Result<Self, SourceError> {
+        let wrong = |source: RecordingError| SourceError::Recording {
+            path: path.to_owned(),
+            source: Box::new(source),
+        };
+        let given = options.camera.as_deref().map(named_camera).transpose()?;
+        let file = McapFile::open(path).map_err(wrong)?;
+        let mut warnings: Vec<String> =
+            file.cut.iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
+        let channels = channels(&file).map_err(wrong)?;
+        let (depth_topic, colour_topic) = (options.depth_topic.as_deref(), options.color_topic.as_deref());
+        let topics = topics::choose(&channels, depth_topic, colour_topic).map_err(wrong)?;
+        let mut found = chunks::find(&file, &channels, &topics).map_err(wrong)?;
+        if let Some(torn) = found.torn.take() {
+            warnings.push(format!("{torn}: read up to there"));
+        }
+        let Found { mut depth, mut colour, camera: camera_at, .. } = found;
+        for (spots, topic) in [(&mut depth, Some(&topics.depth)), (&mut colour, topics.colour.as_ref())] {
+            let n_repeated = in_order(spots);
+            if let Some(topic) = topic.filter(|_| n_repeated > 0) {
+                warnings.push(format!("{topic}: {n_repeated} messages repeat a time and are left out"));
+            }
+        }
+        if depth.is_empty() {
+            return Err(wrong(RecordingError::Empty { topic: topics.depth.clone() }));
+        }
+        let times = |spots: &[Spot]| spots.iter().map(|spot| spot.stamp_nanos).collect::<Vec<i64>>();
+        let (mut depth_times, colour_times) = (times(&depth), times(&colour));
+        let mut partners = pair(&depth_times, &colour_times);
+        if let Some(frames) = frames {
+            let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());
+            depth.truncate(kept);
+            depth_times.truncate(kept);
+            partners.truncate(kept);
+        }
+        let pairing = summarise(&depth_times, &colour_times, &partners);
+        let chunks = Chunks::new(file);
+        let camera = match given {
+            Some(camera) => camera,
+            None => camera::read(&chunks, &topics, camera_at.as_ref(), &depth[0]).map_err(wrong)?,
+        };
+        let path = path.to_owned();
+        Ok(Self { path, camera, chunks, topics, depth, colour, partners, pairing, warnings })
+    }
+
+    /// Reads one image, and puts it where it belongs by `decode`.
+    fn image(
+        &self,
+        topic: &str,
+        at: usize,
+        spot: &Spot,
+        decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<(), MessageError>,
+    ) -> Result<(), SourceError> {
+        let wrong = |source| SourceError::Recording { path: self.path.clone(), source: Box::new(source) };
+        let data = self.chunks.read(spot).map_err(wrong)?;
+        messages::image(spot.kind, &data).and_then(|image| decode(&image)).map_err(|problem| {
+            wrong(RecordingError::Message { topic: topic.to_owned(), number: at + 1, problem })
+        })
+    }
+}
+
+/// Sorts by time and leaves out what repeats one; answers how many.
+fn in_order(spots: &mut Vec<Spot>) -> usize {
+    let n = spots.len();
+    spots.sort_by_key(|spot| spot.stamp_nanos);
+    spots.dedup_by_key(|spot| spot.stamp_nanos);
+    n - spots.len()
+}
+
+/// All channels: from the summary, or from the whole file where it was cut or has none.
+fn channels(file: &McapFile) -> Result<Channels, RecordingError> {
+    let mut channels = Channels::default();
+    let from_summary = file.cut.is_none() && file.summary.iter().any(|place| place.opcode == op::CHANNEL);
+    let places = if from_summary { &file.summary } else { &file.data };
+    for place in places {
+        let read = file.records(place, |opcode, body| channels.take(opcode, body));
+        // What is torn ends the file; finding the images says so.
+        if read.is_err() {
+            break;
+        }
+    }
+    Ok(channels)
+}
+
+impl Source for RecordingSource {
+    fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    fn n_frames(&self) -> Option<u64> {
+        Some(self.depth.len() as u64)
+    }
+
+    fn stamp_nanos(&self, index: u64) -> Option<i64> {
+        self.depth.get(usize::try_from(index).ok()?).map(|spot| spot.stamp_nanos)
+    }
+
+    fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
+        buffers.check(&self.camera)?;
+        let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
+        let at = at.ok_or(SourceError::NoFrame { frame: index, last: self.depth.len() as u64 - 1 })?;
+        let size = (self.camera.width, self.camera.height);
+        let spot = &self.depth[at];
+        let units = self.camera.units_per_metre;
+        self.image(&self.topics.depth, at, spot, |image| pixels::depth(image, size, units, buffers.depth))?;
+        let partner = self.partners[at];
+        match (partner, &self.topics.colour) {
+            (Some(of), Some(topic)) => {
+                let spot = &self.colour[of];
+                self.image(topic, of, spot, |image| pixels::colour(image, size, buffers.colour))?;
+            }
+            _ => buffers.colour.fill(0),
+        }
+        Ok(FrameInfo { stamp_nanos: spot.stamp_nanos, has_colour: partner.is_some(), rotation: None })
+    }
+
+    fn ground_truth(&self) -> Option<&Trajectory> {
+        None
+    }
+
+    fn pairing(&self) -> Pairing {
+        self.pairing
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+#[cfg(test)]
+mod tests;
