@@ -38,8 +38,8 @@ for ((run = 1; run <= runs; run++)); do
 done
 [ "$runs" -eq 0 ] || tail -30 "$folder/chaos.txt"
 
-# Resident memory of a process, megabytes.
-resident() { awk '/VmRSS/ { printf "%.1f", $2 / 1000 }' "/proc/$1/status" 2>/dev/null || echo -; }
+# Memory of a process's own, without mapped files, megabytes.
+resident() { awk '/RssAnon/ { printf "%.1f", $2 / 1000 }' "/proc/$1/status" 2>/dev/null || echo -; }
 open_files() { count "/proc/$1/fd"; }
 live_line() {
     local line pid name

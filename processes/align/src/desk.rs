@@ -1,11 +1,10 @@
 //! Everything that the aligner knows: a fold over its journal, and the files behind it.
 
+use crate::known::Known;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
-use tessera_mapping::{
-    AlignRecord, Correction, FrameRecord, OptimiseRecord, RequestRecord, StoreSlot, Tracker,
-};
+use tessera_mapping::{AlignRecord, Correction, FrameRecord, OptimiseRecord, StoreSlot, Tracker};
 use tessera_settings::Fsync;
 use tessera_stage::{
     ALIGN_JOURNAL, Context, MappedKeyframes, OPTIMISE_JOURNAL, StageError, journal_slot, store_slot,
@@ -15,31 +14,15 @@ use tessera_surface::Vertex;
 /// How long a predecessor may take to die before its lock is an error.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// How the source ended, once it has.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct End {
-    /// Frames in the source.
-    pub(crate) n_frames: u64,
-    /// The final optimisation, if there is one.
-    pub(crate) request: Option<RequestRecord>,
-}
-
 /// The aligner's whole state; what it holds can be thrown away and read back at any time.
 pub(crate) struct Desk {
-    pub(crate) tracker: Tracker,
+    pub(crate) known: Known,
     pub(crate) keyframes: MappedKeyframes,
-    /// The last frame's record.
-    pub(crate) last_frame: Option<FrameRecord>,
-    pub(crate) end: Option<End>,
-    /// Keyframes with an edge that closes a loop.
-    pub(crate) n_loops: u64,
     journal: Journal<AlignRecord>,
     store: Store,
     answers: Follower<OptimiseRecord>,
     /// Corrections that the optimiser has journaled and that have not taken effect.
     pending: BTreeMap<u64, Correction>,
-    /// The request whose correction took effect last.
-    last_applied: Option<u64>,
     fsync: Fsync,
 }
 
@@ -50,12 +33,12 @@ impl Desk {
         let store_path = files.store();
         let mut store = Store::open(&store_path, PATIENCE)?;
         let mut keyframes = MappedKeyframes::open(&store_path, context.layout.grid.len())?;
-        let mut records = Vec::new();
+        let mut known = Known::new(Tracker::new(context.mapping_context()));
         let (journal, recovered) =
             Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
                 keyframes.take(&record).map_err(|e| e.to_string())?;
                 slots(&record).iter().for_each(|slot| store.keep(&journal_slot(slot)));
-                records.push(record);
+                known.take_in(record);
                 Ok(())
             })?;
         if let Some(reason) = &recovered.reason {
@@ -65,46 +48,22 @@ impl Desk {
                 recovered.dropped_bytes
             );
         }
-        if context.run.map.is_some() && !matches!(records.first(), Some(AlignRecord::Map(_))) {
+        if context.run.map.is_some() && !known.begins_in_map {
             return Err(StageError::Inconsistent(format!(
                 "{} does not begin with the map that the run starts in; `tessera resume` puts it back",
                 files.align_journal().display()
             )));
         }
         let answers = Follower::open(&files.optimise_journal(), OPTIMISE_JOURNAL)?;
-        let mut desk = Self {
-            tracker: Tracker::new(context.mapping_context()),
+        Ok(Self {
+            known,
             keyframes,
-            last_frame: None,
-            end: None,
-            n_loops: 0,
             journal,
             store,
             answers,
             pending: BTreeMap::new(),
-            last_applied: None,
             fsync: context.settings.flow.fsync,
-        };
-        for record in &records {
-            desk.take_in(record);
-        }
-        Ok(desk)
-    }
-
-    fn take_in(&mut self, record: &AlignRecord) {
-        self.tracker.apply(record);
-        match record {
-            AlignRecord::Frame(frame) => {
-                let edges = frame.new_keyframe.iter().flat_map(|keyframe| &keyframe.edges);
-                self.n_loops += u64::from(edges.filter(|edge| edge.is_loop).count() > 0);
-                self.last_frame = Some((**frame).clone());
-            }
-            AlignRecord::Correction(applied) => self.last_applied = Some(applied.correction.request),
-            AlignRecord::End { n_frames, request } => {
-                self.end = Some(End { n_frames: *n_frames, request: *request });
-            }
-            AlignRecord::Skipped(..) | AlignRecord::Map(_) => {}
-        }
+        })
     }
 
     /// Writes the surface of a frame that becomes a keyframe into the store and names it.
@@ -132,7 +91,7 @@ impl Desk {
         };
         self.journal.append(record, sync)?;
         self.keyframes.take(record)?;
-        self.take_in(record);
+        self.known.take_in(record.clone());
         Ok(())
     }
 
@@ -150,7 +109,7 @@ impl Desk {
 
     /// Whether the correction of `request` has taken effect.
     pub(crate) fn is_applied(&self, request: u64) -> bool {
-        self.last_applied.is_some_and(|last| last >= request)
+        self.known.last_applied.is_some_and(|last| last >= request)
     }
 
     fn read_answers(&mut self) -> Result<(), StageError> {

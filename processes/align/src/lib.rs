@@ -8,6 +8,7 @@
 mod desk;
 mod flow;
 mod inbox;
+mod known;
 mod ladder;
 mod live;
 mod lossless;
@@ -45,7 +46,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let mut ports = Ports::open(&link, &context)?;
     context.kill_points.pass("opened", 0);
     loop {
-        ports.pulse.ready(Some(desk.tracker.next_index()));
+        ports.pulse.ready(Some(desk.known.tracker.next_index()));
         // What was journaled may not have been published: the same bytes go out again.
         ports.publish_again(&desk)?;
         let pause = if context.settings.run.live {

@@ -15,8 +15,8 @@ use tessera_surface::Effort;
 pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Result<Pause, StageError> {
     let forget_every = context.settings.run.forget_every;
     let mut n_done = 0;
-    let mut ladder = Ladder::begin(desk.last_frame.as_ref().map_or(Effort::Full, |frame| frame.effort));
-    ports.begin_epoch(desk.tracker.next_index())?;
+    let mut ladder = Ladder::begin(desk.known.last_frame.as_ref().map_or(Effort::Full, |frame| frame.effort));
+    ports.begin_epoch(desk.known.tracker.next_index())?;
     set_effort(&ladder, ports)?;
     // Before its first frame it waits for others to start.
     let mut has_waited = true;
@@ -25,23 +25,23 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
         if context.lifeline.is_cut() {
             return Ok(Pause::Over(Outcome::Stopped));
         }
-        if let Some(end) = desk.end {
+        if let Some(end) = desk.known.end {
             match finish(desk, ports, end)? {
                 true => return Ok(Pause::Over(Outcome::Finished)),
                 false => continue,
             }
         }
-        let next = desk.tracker.next_index();
+        let next = desk.known.tracker.next_index();
         if let Some(correction) = desk.any_answer()? {
             let request = correction.request;
-            match desk.tracker.correction_record(correction, next) {
+            match desk.known.tracker.correction_record(correction, next) {
                 Some(record) => desk.commit(&record)?,
                 None => tracing::warn!(request, "a correction of other keyframes is dropped"),
             }
             ports.pulse.progress();
             continue;
         }
-        let first = desk.tracker.first_recent_index().min(next);
+        let first = desk.known.tracker.first_recent_index().min(next);
         ports.inbox.let_go_below(first);
         ports.inbox.fill(first, None, &mut ports.pulse)?;
         let Some(index) = ports.inbox.newest().map(|s| s.header.index).filter(|&index| index >= next) else {
@@ -57,7 +57,7 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
         }
         step(context, desk, ports, next, index)?;
         n_done += 1;
-        if forget_every > 0 && n_done >= forget_every && desk.end.is_none() {
+        if forget_every > 0 && n_done >= forget_every && desk.known.end.is_none() {
             return Ok(Pause::Forget);
         }
     }
@@ -105,7 +105,7 @@ fn step(
     }
     let Some(surface) = ports.inbox.get(index) else { return Ok(()) };
     if kind == Kind::End.to_wire() {
-        let request = desk.tracker.final_request();
+        let request = desk.known.tracker.final_request();
         desk.commit(&AlignRecord::End { n_frames: index, request })?;
         context.kill_points.pass("ended", index);
         ports.tell_optimiser();
@@ -117,10 +117,10 @@ fn step(
         ports.pulse.beat.lost += 1;
         return Ok(());
     }
-    let first = desk.tracker.first_recent_index();
+    let first = desk.known.tracker.first_recent_index();
     let recent = ports.inbox.recent(first, index);
     probe(context, desk, surface, &recent);
-    let mut record = desk.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
+    let mut record = desk.known.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     context.kill_points.pass("computed", index);
@@ -150,7 +150,7 @@ fn step(
         ports.tell_optimiser();
     }
     ports.pulse.beat.keyframes = desk.keyframes.len() as u64;
-    ports.pulse.beat.loops = desk.n_loops;
+    ports.pulse.beat.loops = desk.known.n_loops;
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));

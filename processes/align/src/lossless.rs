@@ -1,8 +1,9 @@
 //! Every frame exactly once and in order; corrections take effect before the frame fixed for them.
 
 use crate::Pause;
-use crate::desk::{Desk, End};
+use crate::desk::Desk;
 use crate::inbox::{Seen, Surface};
+use crate::known::End;
 use crate::ports::Ports;
 use tessera_mapping::{AlignRecord, FrameSurface, KeyframeSurfaces};
 use tessera_messages::{Kind, Phase, WaitingOn};
@@ -16,8 +17,8 @@ const HISTORY_NANOS: u64 = 30_000_000;
 pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Result<Pause, StageError> {
     let forget_every = context.settings.run.forget_every;
     let mut n_done = 0;
-    let next = desk.tracker.next_index();
-    let first = desk.tracker.first_recent_index().min(next);
+    let next = desk.known.tracker.next_index();
+    let first = desk.known.tracker.first_recent_index().min(next);
     match await_history(context, ports, first, next)? {
         Some((epoch, seen)) => ports.adopt_epoch(epoch, next, &seen)?,
         None => ports.begin_epoch(ports.inbox.first_missing(first, next))?,
@@ -28,14 +29,14 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
         if context.lifeline.is_cut() {
             return Ok(Pause::Over(Outcome::Stopped));
         }
-        if let Some(end) = desk.end {
+        if let Some(end) = desk.known.end {
             match finish(desk, ports, end)? {
                 true => return Ok(Pause::Over(Outcome::Finished)),
                 false => continue,
             }
         }
-        let next = desk.tracker.next_index();
-        if let Some(request) = desk.tracker.correction_due(next) {
+        let next = desk.known.tracker.next_index();
+        if let Some(request) = desk.known.tracker.correction_due(next) {
             if !apply_answer(desk, ports, request, next)? {
                 ports.wait(WaitingOn::Correction)?;
                 ports.control.was_busy(monotonic_nanos());
@@ -47,7 +48,7 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
         }
         step(context, desk, ports, next)?;
         n_done += 1;
-        if forget_every > 0 && n_done >= forget_every && desk.end.is_none() {
+        if forget_every > 0 && n_done >= forget_every && desk.known.end.is_none() {
             return Ok(Pause::Forget);
         }
     }
@@ -83,7 +84,7 @@ fn await_history(
 
 /// Whether the next surface and all recent ones are here; asks for what is missing.
 fn receive(context: &Context, desk: &Desk, ports: &mut Ports, next: u64) -> Result<bool, StageError> {
-    let first = desk.tracker.first_recent_index().min(next);
+    let first = desk.known.tracker.first_recent_index().min(next);
     ports.inbox.let_go_below(first);
     let window = u64::from(context.layout.window);
     let limit = next.saturating_add(2 * window + 1);
@@ -110,11 +111,11 @@ fn receive(context: &Context, desk: &Desk, ports: &mut Ports, next: u64) -> Resu
 fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Result<(), StageError> {
     ports.pulse.working(next);
     let began = monotonic_nanos();
-    let first = desk.tracker.first_recent_index().min(next);
+    let first = desk.known.tracker.first_recent_index().min(next);
     let Some(surface) = ports.inbox.get(next) else { return Ok(()) };
     context.kill_points.pass("received", next);
     if surface.kind == Kind::End {
-        let request = desk.tracker.final_request();
+        let request = desk.known.tracker.final_request();
         desk.commit(&AlignRecord::End { n_frames: next, request })?;
         context.kill_points.pass("ended", next);
         ports.tell_optimiser();
@@ -126,7 +127,7 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     let grid = ports.inbox.grid;
     let recent = ports.inbox.recent(first, next);
     probe(context, desk, surface, &recent);
-    let mut record = desk.tracker.align(&surface.view(grid), &recent, &desk.keyframes);
+    let mut record = desk.known.tracker.align(&surface.view(grid), &recent, &desk.keyframes);
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     context.kill_points.pass("computed", next);
@@ -158,7 +159,7 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
         ports.tell_optimiser();
     }
     ports.pulse.beat.keyframes = desk.keyframes.len() as u64;
-    ports.pulse.beat.loops = desk.n_loops;
+    ports.pulse.beat.loops = desk.known.n_loops;
     steps.leave();
     let now = monotonic_nanos();
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
@@ -177,8 +178,8 @@ pub(crate) fn probe(context: &Context, desk: &Desk, surface: &Surface, recent: &
 }
 
 fn acknowledge(desk: &Desk, ports: &mut Ports) -> Result<(), StageError> {
-    let next = desk.tracker.next_index();
-    let first = desk.tracker.first_recent_index().min(next);
+    let next = desk.known.tracker.next_index();
+    let first = desk.known.tracker.first_recent_index().min(next);
     ports.inbox.let_go_below(first);
     let now = monotonic_nanos();
     if ports.control.acknowledge(ports.inbox.first_missing(first, next), now) {
@@ -198,7 +199,7 @@ pub(crate) fn apply_answer(
 ) -> Result<bool, StageError> {
     let Some(correction) = desk.answer(request)? else { return Ok(false) };
     ports.pulse.working(before);
-    let Some(record) = desk.tracker.correction_record(correction, before) else {
+    let Some(record) = desk.known.tracker.correction_record(correction, before) else {
         return Err(StageError::Inconsistent(format!(
             "correction {request} was computed from other keyframes than those of the journal"
         )));

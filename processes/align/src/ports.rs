@@ -59,7 +59,7 @@ impl Ports {
 
     /// Publishes the last frame's pose again.
     pub(crate) fn publish_again(&mut self, desk: &Desk) -> Result<(), StageError> {
-        if let Some(record) = &desk.last_frame {
+        if let Some(record) = &desk.known.last_frame {
             self.poses.send(pose_message(record, StepTimes::default()))?;
         }
         Ok(())

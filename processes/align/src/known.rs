@@ -1,0 +1,59 @@
+//! What the aligner's journal says, folded into what the next frame needs.
+
+use tessera_mapping::{AlignRecord, FrameRecord, RequestRecord, Tracker};
+
+/// How the source ended, once it has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct End {
+    /// Frames in the source.
+    pub(crate) n_frames: u64,
+    /// The final optimisation, if there is one.
+    pub(crate) request: Option<RequestRecord>,
+}
+
+/// The fold over the journal. Records go through it one by one and are not kept: a restart late in
+/// a run takes no more memory than one early in it.
+pub(crate) struct Known {
+    pub(crate) tracker: Tracker,
+    /// The last frame's record.
+    pub(crate) last_frame: Option<FrameRecord>,
+    pub(crate) end: Option<End>,
+    /// Keyframes with an edge that closes a loop.
+    pub(crate) n_loops: u64,
+    /// The request whose correction took effect last.
+    pub(crate) last_applied: Option<u64>,
+    /// The first record is an earlier run's map.
+    pub(crate) begins_in_map: bool,
+    n_records: u64,
+}
+
+impl Known {
+    pub(crate) fn new(tracker: Tracker) -> Self {
+        Self {
+            tracker,
+            last_frame: None,
+            end: None,
+            n_loops: 0,
+            last_applied: None,
+            begins_in_map: false,
+            n_records: 0,
+        }
+    }
+
+    /// The journal's next record.
+    pub(crate) fn take_in(&mut self, record: AlignRecord) {
+        self.tracker.apply(&record);
+        match record {
+            AlignRecord::Frame(frame) => {
+                let edges = frame.new_keyframe.iter().flat_map(|keyframe| &keyframe.edges);
+                self.n_loops += u64::from(edges.filter(|edge| edge.is_loop).count() > 0);
+                self.last_frame = Some(*frame);
+            }
+            AlignRecord::Correction(applied) => self.last_applied = Some(applied.correction.request),
+            AlignRecord::End { n_frames, request } => self.end = Some(End { n_frames, request }),
+            AlignRecord::Map(_) => self.begins_in_map |= self.n_records == 0,
+            AlignRecord::Skipped(..) => {}
+        }
+        self.n_records += 1;
+    }
+}
