@@ -6,6 +6,7 @@
 
 mod external;
 mod frames;
+mod hear;
 mod live;
 mod lossless;
 

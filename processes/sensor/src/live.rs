@@ -2,6 +2,7 @@
 
 use crate::Ports;
 use crate::frames::{Frames, deliver};
+use crate::hear::hear;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use tessera_messages::{Flow, Phase, WaitingOn};
@@ -57,11 +58,7 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         if context.lifeline.is_cut() {
             return Ok(Outcome::Stopped);
         }
-        if let Some(newest) = ports.flow.newest()?
-            && newest.validate().is_ok()
-        {
-            flow = Some(newest);
-        }
+        flow = hear(ports)?.or(flow);
         let Some(flow) = flow else {
             ports.pulse.waiting(WaitingOn::Flow);
             ports.ear.wait(IDLE)?;

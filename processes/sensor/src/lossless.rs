@@ -2,6 +2,7 @@
 
 use crate::Ports;
 use crate::frames::{Frames, Prepared, deliver};
+use crate::hear::hear;
 use std::collections::VecDeque;
 use tessera_messages::{Flow, Phase, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
@@ -21,21 +22,15 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         if context.lifeline.is_cut() {
             return Ok(Outcome::Stopped);
         }
-        if let Some(newest) = ports.flow.newest()? {
-            match newest.validate() {
-                Ok(()) if flow.is_none_or(|known| newest.epoch > known.epoch) => {
-                    ready.clear();
-                    // Never below what was asked for, and nothing that is in hand by now.
-                    next = newest.acknowledged;
-                    unreadable = None;
-                    flow = Some(newest);
-                }
-                Ok(()) if flow.is_some_and(|known| newest.epoch == known.epoch) => flow = Some(newest),
-                Ok(()) => {}
-                Err(refusal) => {
-                    tracing::warn!("refused: {refusal}");
-                    ports.pulse.beat.refused += 1;
-                }
+        if let Some(newest) = hear(ports)? {
+            if flow.is_none_or(|known| newest.epoch > known.epoch) {
+                ready.clear();
+                // Never below what was asked for, and nothing that is in hand by now.
+                next = newest.acknowledged;
+                unreadable = None;
+                flow = Some(newest);
+            } else if flow.is_some_and(|known| newest.epoch == known.epoch) {
+                flow = Some(newest);
             }
         }
         let Some(flow) = flow else {

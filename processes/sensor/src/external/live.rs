@@ -4,6 +4,7 @@ use super::camera::{Camera, Image};
 use super::session::Session;
 use super::{copy, end, most_frames};
 use crate::Ports;
+use crate::hear::hear;
 use crate::lossless::send;
 use tessera_messages::{CameraFlow, Flow, Kind, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
@@ -31,11 +32,7 @@ pub(super) fn work(context: &Context, camera: &mut Camera, ports: &mut Ports) ->
         if context.lifeline.is_cut() {
             return Ok(Outcome::Stopped);
         }
-        if let Some(newest) = ports.flow.newest()?
-            && newest.validate().is_ok()
-        {
-            flow = Some(newest);
-        }
+        flow = hear(ports)?.or(flow);
         let Some(flow) = flow else {
             ports.pulse.waiting(WaitingOn::Flow);
             ports.ear.wait(IDLE)?;

@@ -3,6 +3,7 @@
 use super::camera::{Camera, Image};
 use super::{copy, end, most_frames};
 use crate::Ports;
+use crate::hear::hear;
 use crate::lossless::send;
 use tessera_messages::{CameraFlow, Flow, Kind, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
@@ -56,19 +57,13 @@ pub(super) fn work(context: &Context, camera: &mut Camera, ports: &mut Ports) ->
         if context.lifeline.is_cut() {
             return Ok(Outcome::Stopped);
         }
-        if let Some(newest) = ports.flow.newest()? {
-            match newest.validate() {
-                Ok(()) if flow.is_none_or(|known| newest.epoch > known.epoch) => {
-                    // Never below what was asked for, and nothing that is in hand by now.
-                    request = Request::new(newest.acknowledged);
-                    flow = Some(newest);
-                }
-                Ok(()) if flow.is_some_and(|known| newest.epoch == known.epoch) => flow = Some(newest),
-                Ok(()) => {}
-                Err(refusal) => {
-                    tracing::warn!("refused: {refusal}");
-                    ports.pulse.beat.refused += 1;
-                }
+        if let Some(newest) = hear(ports)? {
+            if flow.is_none_or(|known| newest.epoch > known.epoch) {
+                // Never below what was asked for, and nothing that is in hand by now.
+                request = Request::new(newest.acknowledged);
+                flow = Some(newest);
+            } else if flow.is_some_and(|known| newest.epoch == known.epoch) {
+                flow = Some(newest);
             }
         }
         let Some(flow) = flow else {
