@@ -17,12 +17,16 @@ const ITERATIONS: u32 = 10;
 /// Matches farther apart are not looked for in the first iteration, metres.
 const FIRST_DISTANCE_M: f64 = 0.3;
 
+/// The frame that is aligned to frame 0. Farther on a start from nothing slides along the wall: the
+/// tracker begins from a prediction, and tests its answer.
+const FRAME: u64 = 2;
+
 fn main() -> Result<(), Box<dyn Error>> {
     let source = SimulatedSource::open(SceneName::Room, None, Some(10), &SimulationOptions::default())?;
     let camera = source.camera();
     let mut reconstructor = Reconstructor::new(camera, &SurfaceSettings::default())?;
     let (target, query) =
-        (surface(&source, 0, &mut reconstructor)?, surface(&source, 5, &mut reconstructor)?);
+        (surface(&source, 0, &mut reconstructor)?, surface(&source, FRAME, &mut reconstructor)?);
     let grid = reconstructor.grid();
 
     // A vertex is the mean of its cell: it lies in the middle of the cell's pixels.
@@ -31,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let shutter = ShutterTable::new(camera, &Twist::default(), grid.height, grid.step, offset_px);
     let settings = RegistrationSettings::default();
     let mut samples = Vec::new();
-    Sampler::default().draw(&SurfaceView { grid, vertices: &query }, 5, &settings, &mut samples);
+    Sampler::default().draw(&SurfaceView { grid, vertices: &query }, FRAME, &settings, &mut samples);
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);
     let fixed = Target { surface: SurfaceView { grid, vertices: &target }, shutter: &shutter, tree: None };
@@ -60,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     let truth = source.ground_truth().ok_or("a scene knows its camera's path")?;
-    let true_motion = truth.poses[0].inverse() * truth.poses[5];
+    let true_motion = truth.poses[0].inverse() * truth.poses[FRAME as usize];
     let (moved_m, turned_rad) = translation_rotation_norms(&target_from_query);
     let (off_m, off_rad) = translation_rotation_norms(&(true_motion.inverse() * target_from_query));
     println!("the camera moved by {:.1} mm and {:.2} degrees", 1e3 * moved_m, turned_rad.to_degrees());
