@@ -29,7 +29,7 @@ pub use codec::fingerprint;
 pub use error::JournalError;
 pub use follower::Follower;
 pub use lock::{end_holder, lock_file};
-pub use mapped::StoreView;
+pub use mapped::{Block, StoreView};
 pub use scan::Mark;
 pub use store::{Slot, Store};
 pub use writer::{Journal, Recovered};
