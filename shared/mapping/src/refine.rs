@@ -1,7 +1,7 @@
 //! A frame solved again against optimised keyframes, from its journaled blocks (SPEC 5.3, 8).
 
-use crate::records::{AlignRecord, FrameRecord};
 use crate::gaps::Timeline;
+use crate::records::{AlignRecord, FrameRecord};
 use crate::state::KeyframeState;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -12,7 +12,9 @@ use tessera_journal::{Journal, Recovered, Store, end_holder, lock_file};
 use tessera_mapping::{AlignRecord, OptimiseRecord};
 use tessera_messages::Stage;
 use tessera_settings::Settings;
-use tessera_stage::{ALIGN_JOURNAL, Checkpoint, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log};
+use tessera_stage::{
+    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log,
+};
 use tessera_transport::{Layout, RunClaim, check_space};
 
 /// Folder of the traces in the run's folder, while the run lasts.
