@@ -34,6 +34,23 @@ impl Trace {
         self.of_kind("X").filter(|e| e["pid"] == pid && e["cat"] == category).collect()
     }
 
+    /// Slices of a row are apart, in nanoseconds as Perfetto reads them; it refuses those that overlap.
+    fn assert_apart(&self) {
+        let mut rows: BTreeMap<(u64, u64), Vec<(i64, i64)>> = BTreeMap::new();
+        for slice in self.of_kind("X") {
+            let whole = |key: &str| slice[key].as_u64().unwrap();
+            let nanos = |key: &str| (slice[key].as_f64().unwrap() * 1000.0) as i64;
+            let (from, lasts) = (nanos("ts"), nanos("dur"));
+            rows.entry((whole("pid"), whole("tid"))).or_default().push((from, from + lasts));
+        }
+        for ((pid, tid), mut slices) in rows {
+            slices.sort_unstable();
+            for pair in slices.windows(2) {
+                assert!(pair[0].1 <= pair[1].0, "process {pid}, row {tid}: {pair:?} overlap");
+            }
+        }
+    }
+
     /// Whether an arrow's end lies in a slice of its frame.
     fn is_held(&self, stage: &str, arrow: &Value) -> bool {
         let at = arrow["ts"].as_f64().unwrap();
@@ -56,6 +73,7 @@ fn a_trace_follows_each_frame_and_marks_a_kill() {
     let run = run.with(&["--trace", file.to_str().unwrap()]);
     assert!(run.finish().success());
     let trace = Trace::read(&file);
+    trace.assert_apart();
     let n_frames: u64 = common::FRAMES.parse().unwrap();
     for stage in ["sensor", "reconstruct", "align"] {
         let slices = trace.slices(stage, "frame");
