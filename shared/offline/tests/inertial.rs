@@ -18,10 +18,8 @@ fn online(
     let mut run = Run::new(source.camera(), method).unwrap();
     let indices: Vec<u64> = (0..n_frames).map(|k| k * every).collect();
     for some in indices.chunks(16) {
-        let frames: Vec<RawFrame> = some
-            .par_iter()
-            .map(|&index| RawFrame::read(&source, index).unwrap())
-            .collect();
+        let frames: Vec<RawFrame> =
+            some.par_iter().map(|&index| RawFrame::read(&source, index).unwrap()).collect();
         frames.iter().for_each(|frame| run.push(frame));
     }
     let truth = &source.ground_truth().unwrap().poses;
