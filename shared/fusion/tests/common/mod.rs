@@ -122,7 +122,7 @@ pub fn figures(mut values: Vec<f64>) -> (f64, f64) {
     (at(0.5), at(0.95))
 }
 
-/// Fuses what was seen, and compares it with exact views of `every`th frames: median and 95 % of
+/// Fuses what was seen, and compares it with `every`th view, without noise where it is simulated: median and 95 % of
 /// accuracy and of completeness, millimetres.
 pub fn measure(spec: &str, every: usize, seen: &[Shot]) -> [(f64, f64); 2] {
     let source = open(spec, false);
@@ -148,7 +148,7 @@ pub fn measure(spec: &str, every: usize, seen: &[Shot]) -> [(f64, f64); 2] {
     [accuracy, completeness]
 }
 
-/// The kitchen whose depth and poses are exact, where it is at hand.
+/// The kitchen whose poses are exact, where it is at hand.
 pub fn kitchen() -> Option<String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/kitchen_exact_120");
     if !folder.is_dir() {
