@@ -5,7 +5,7 @@
 
 use std::error::Error;
 use tessera_offline::{Method, RawFrame, Run};
-use tessera_sources::{Source, SourceOptions, SourceSpec, open};
+use tessera_sources::{SourceOptions, SourceSpec, open};
 use tessera_trajectory::{EvaluationOptions, evaluate};
 
 /// Frames at most.

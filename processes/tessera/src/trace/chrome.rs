@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use tessera_messages::Stage;
 use tessera_stage::TraceEvent;
 
-/// Nanoseconds between two slices of a row: microseconds are no whole numbers, and readers cut each
-/// back to nanoseconds. Slices that overlap by one are refused.
+/// Nanoseconds between two slices of a row: microseconds are no whole numbers, and readers that add
+/// them leave out a slice that seems to begin before the last has ended.
 const APART_NANOS: u64 = 1;
-/// Nanoseconds from the beginning of an arrow to the end of its slice, whose ends are cut back too.
+/// Nanoseconds from the beginning of an arrow to the end of its slice, whatever a reader cuts off.
 const INSIDE_NANOS: u64 = 4;
 
 /// One event; what a kind has no use for is left out.
