@@ -43,12 +43,14 @@ fn all_stages_of_60_frames(bencher: Bencher<'_, '_>) {
 #[divan::bench(sample_count = 10, sample_size = 1)]
 fn global_optimisation_of_200_keyframes(bencher: Bencher<'_, '_>) {
     let (optimiser, request, surfaces) = keyframes::optimiser(200);
-    bencher.bench_local(|| optimiser.solve(&request, &surfaces, &mut || ()).expect("pending"));
+    bencher
+        .bench_local(|| optimiser.solve(&request, &surfaces, &[].as_slice(), &mut || ()).expect("pending"));
 }
 
 /// As above for 2,000 keyframes; needs 1.5 GB and a minute to prepare.
 #[divan::bench(sample_count = 2, sample_size = 1, ignore)]
 fn global_optimisation_of_2000_keyframes(bencher: Bencher<'_, '_>) {
     let (optimiser, request, surfaces) = keyframes::optimiser(2000);
-    bencher.bench_local(|| optimiser.solve(&request, &surfaces, &mut || ()).expect("pending"));
+    bencher
+        .bench_local(|| optimiser.solve(&request, &surfaces, &[].as_slice(), &mut || ()).expect("pending"));
 }

@@ -8,8 +8,17 @@ use std::process::Command;
 use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 2] = [
+const ELSEWHERE: [(&str, &str, &str); 7] = [
     ("/dev/shm has", "small_machines.rs", r#"contains("/dev/shm has")"#),
+    ("it sends is refused", "external.rs", r#"contains("what it sends is refused: frame ")"#),
+    (
+        "of the camera's images, the last",
+        "external.rs",
+        r#"contains("of the camera's images, the last: frame ")"#,
+    ),
+    ("its program is not there", "external.rs", "its program is not there"),
+    ("it must keep its last", "external.rs", r#"contains("it must keep its last 8 frames")"#),
+    ("in a new session", "external.rs", r#"matches("in a new session")"#),
     ("newer frames had come", "../processes/align/src/live.rs", "newer frames had come"),
 ];
 
@@ -46,7 +55,9 @@ fn has(text: &str, message: &str) -> bool {
 struct Told(Vec<(String, String)>);
 
 impl Told {
+    /// Lines may be broken anywhere.
     fn add(&mut self, when: &str, text: String) {
+        let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
         self.0.push((when.to_owned(), text));
     }
 
@@ -69,6 +80,8 @@ fn every_message_of_the_manual_is_one_that_users_get() {
     let mut told = Told::default();
     of_arguments(&mut told);
     of_recordings(&mut told);
+    of_mcap(&mut told);
+    of_cameras(&mut told);
     of_running(&mut told);
     of_going_on(&mut told);
     of_frames(&mut told);
@@ -146,6 +159,50 @@ fn of_recordings(told: &mut Told) {
     recording.write("turned.txt", "0 1 0 0 0 2 3 4\n");
     told.by(&["evaluate", &path("one.txt"), &path("other.txt")]);
     told.by(&["evaluate", &path("one.txt"), &path("turned.txt")]);
+}
+
+fn of_mcap(told: &mut Told) {
+    use common::ros::{Message, camera_info, image, write};
+    let here = tempfile::tempdir().unwrap();
+    let path = here.path().join("of.mcap");
+    let check = |told: &mut Told, messages: &[Message], arguments: &[&str]| {
+        write(&path, messages);
+        told.by(&[&["check", text(&path)], arguments].concat());
+    };
+    let depth = |topic| image(topic, 1, "16UC1");
+    let info = |model, distortion: &[f64]| camera_info("/depth/info", model, distortion);
+    std::fs::write(&path, "RIFF").unwrap();
+    told.by(&["check", text(&path)]);
+    check(told, &[image("/rgb", 1, "16UC1")], &[]);
+    check(told, &[depth("/left/depth"), depth("/right/depth")], &[]);
+    check(told, &[depth("/depth")], &["--depth-topic", "/nothing"]);
+    check(told, &[depth("/depth")], &[]);
+    check(told, &[depth("/depth"), info("rational_polynomial", &[0.1; 8])], &[]);
+    check(told, &[image("/depth", 1, "rgb8"), info("plumb_bob", &[])], &[]);
+    let found = |told: &mut Told| {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_tessera")).args(["check", text(&path)]).output().unwrap();
+        told.add("a recording", String::from_utf8([output.stdout, output.stderr].concat()).unwrap());
+    };
+    write(&path, &[depth("/depth"), depth("/depth"), info("plumb_bob", &[])]);
+    found(told);
+    let mut bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
+    found(told);
+    // In the middle of the first image.
+    bytes[700..740].fill(0x77);
+    std::fs::write(&path, &bytes).unwrap();
+    found(told);
+}
+
+fn of_cameras(told: &mut Told) {
+    let here = tempfile::tempdir().unwrap();
+    let out = here.path().join("out");
+    let name = format!("test-{}-no-camera", std::process::id());
+    let run = ["run", "external", "--quiet", "--name", &name, "--out", text(&out)];
+    told.by(&[&run[..], &["--set", "run.camera_timeout_s=0.2"]].concat());
+    told.by(&[&run[..], &["--skip", "3"]].concat());
+    told.by(&["check", "external"]);
 }
 
 fn of_running(told: &mut Told) {

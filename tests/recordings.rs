@@ -9,13 +9,14 @@ use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec};
 
 const FRAMES: u64 = 12;
 
-const PACKAGES: [&str; 8] = [
+const PACKAGES: [&str; 9] = [
     "rosbags==0.11.9",
     "mcap==1.6.0",
     "mcap-protobuf-support==0.6.0",
     "mcap-ros2-support==0.6.0",
     "foxglove-schemas-protobuf==0.4.0",
     "protobuf",
+    "rvl==1.0.4",
     "pillow",
     "numpy",
 ];
@@ -70,6 +71,7 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
         "ros_raw",
         "ros_metres",
         "ros_compressed",
+        "ros_rvl",
         "ros_mono_jpeg",
         "foxglove_protobuf",
         "foxglove_json",

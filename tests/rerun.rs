@@ -2,9 +2,12 @@
 
 mod common;
 
-use common::{Run, room};
+use common::{Run, room, wait_for};
+use std::net::{TcpListener, TcpStream};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 const FRAMES: u64 = 60;
 
@@ -37,10 +40,13 @@ fn tessera(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).output().unwrap()
 }
 
-/// How many messages each entity of a file has, by Rerun's own reader.
-fn print(rerun: &Path, file: &Path) -> String {
+fn verify(rerun: &Path, file: &Path) {
     let verified = Command::new(rerun).args(["rrd", "verify"]).arg(file).output().unwrap();
     assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stderr));
+}
+
+/// What a file has of each entity, by Rerun's own reader.
+fn print(rerun: &Path, file: &Path) -> String {
     let output = Command::new(rerun).args(["rrd", "print"]).arg(file).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
@@ -93,9 +99,51 @@ fn a_run_that_is_recorded_has_its_bytes_and_the_recording_is_whole() {
         assert!(bytes.starts_with(b"RRF") && bytes.len() > 10_000, "{}", file.display());
     }
     let Some(rerun) = rerun() else { return };
+    for file in [&live, &after, &without] {
+        verify(&rerun, file);
+    }
     assert_whole(&print(&rerun, &live), true);
     assert_whole(&print(&rerun, &after), false);
     assert!(!print(&rerun, &without).contains("/world/camera/surface"));
+}
+
+#[test]
+fn a_viewer_that_is_open_is_fed() {
+    if !is_built() {
+        return;
+    }
+    let Some(rerun) = rerun() else { return };
+    let run = room().frames(FRAMES);
+    assert!(run.finish().success());
+    let dir = tempfile::tempdir().unwrap();
+    let received = dir.path().join("received.rrd");
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
+    // A viewer without a window, which writes down what it is sent.
+    let mut viewer = Command::new(&rerun)
+        .args(["--bind", "127.0.0.1", "--port", &port, "--save"])
+        .arg(&received)
+        .stderr(Stdio::null())
+        // What PyPI has under that name starts the program itself as its child.
+        .process_group(0)
+        .spawn()
+        .unwrap();
+    wait_for("the viewer", || TcpStream::connect(format!("127.0.0.1:{port}")).is_ok());
+    let url = format!("rerun+http://127.0.0.1:{port}/proxy");
+    let viewed = tessera(&["view", run.out().to_str().unwrap(), "--connect", &url]);
+    assert!(viewed.status.success(), "{}", String::from_utf8_lossy(&viewed.stderr));
+    // It has all of it before it writes it.
+    let size = || std::fs::metadata(&received).map_or(0, |meta| meta.len());
+    let mut seen = 0;
+    wait_for("the viewer to write", || {
+        std::thread::sleep(Duration::from_millis(500));
+        let grew = size() > seen.max(10_000);
+        seen = size();
+        seen > 10_000 && !grew
+    });
+    let group = format!("-{}", viewer.id());
+    assert!(Command::new("kill").args(["-INT", "--", &group]).status().unwrap().success());
+    viewer.wait().unwrap();
+    assert_whole(&print(&rerun, &received), false);
 }
 
 #[test]

@@ -145,3 +145,32 @@ fn a_run_that_cannot_be_read_hides_no_other() {
     signal(stopped, "CONT");
     assert!(child.wait().unwrap().success(), "{}", run.log());
 }
+
+#[test]
+fn a_stage_that_says_nothing_is_alive_to_status() {
+    let run =
+        room().with(&["--set", "flow.hang_s=600"]).with_env("TESSERA_KILL_PLAN", "reconstruct=sent:10:stop");
+    let mut child = run.start();
+    let stopped = run.wait_until_stopped("reconstruct");
+    let silent = run.stage_pid("optimise");
+    signal(silent, "STOP");
+    let states = || {
+        let output = Command::new(env!("CARGO_BIN_EXE_tessera"))
+            .args(["status", &run.name, "--json"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let status: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let of = |stage: &serde_json::Value| {
+            let text = |key: &str| stage[key].as_str().unwrap().to_owned();
+            (text("stage"), text("state"), stage["pid"].as_u64().unwrap())
+        };
+        status["stages"].as_array().unwrap().iter().map(of).collect::<Vec<_>>()
+    };
+    let silence = ("optimise".to_owned(), "alive, silent".to_owned(), u64::from(silent));
+    assert!(states().contains(&silence), "{:?}", states());
+    for pid in [silent, stopped] {
+        signal(pid, "CONT");
+    }
+    assert!(child.wait().unwrap().success(), "{}", run.log());
+}

@@ -2,7 +2,7 @@
 
     python write_recordings.py FOLDER OUT
 
-rosbags writes ROS 2 (its own CDR), the mcap packages Foxglove's schemas in protobuf and JSON.
+rosbags writes ROS 2 (its own CDR), rvl the code of compressed depth, the mcap packages Foxglove's schemas in protobuf and JSON.
 """
 
 import base64
@@ -14,6 +14,7 @@ import sys
 import tomllib
 
 import numpy as np
+import rvl
 from foxglove_schemas_protobuf import CameraCalibration_pb2, CompressedImage_pb2, RawImage_pb2
 from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer as JsonWriter
@@ -106,6 +107,13 @@ ros(
 ros(
     "ros_compressed",
     lambda depth: ("16UC1; compressedDepth png", header_of_compressed_depth() + picture(millimetres(depth), "PNG"), 0),
+    lambda colour: ("rgb8; png compressed rgb8", picture(colour, "PNG"), 0),
+    "/camera/depth/image_raw/compressedDepth", "/camera/color/image_raw/compressed",
+)
+rvl_of = lambda depth: struct.pack("<II", width, height) + rvl.compress(millimetres(depth).tobytes())[4:]
+ros(
+    "ros_rvl",
+    lambda depth: ("16UC1; compressedDepth rvl", header_of_compressed_depth() + rvl_of(depth), 0),
     lambda colour: ("rgb8; png compressed rgb8", picture(colour, "PNG"), 0),
     "/camera/depth/image_raw/compressedDepth", "/camera/color/image_raw/compressed",
 )

@@ -1,6 +1,8 @@
 //! Running the real executable over real shared memory, each run under its own name.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses a part of it")]
 
+pub mod ros;
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};

@@ -1,13 +1,16 @@
 //! Everything that the aligner knows: a fold over its journal, and the files behind it.
 
-use crate::known::Known;
+use crate::known::{Known, Snapshot};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, Store};
-use tessera_mapping::{AlignRecord, Correction, FrameRecord, OptimiseRecord, StoreSlot, Tracker};
+use tessera_journal::{Follower, Journal, Mark, Store};
+use tessera_mapping::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker};
 use tessera_settings::Fsync;
 use tessera_stage::{
-    ALIGN_JOURNAL, Context, MappedKeyframes, OPTIMISE_JOURNAL, StageError, journal_slot, store_slot,
+    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, OPTIMISE_JOURNAL, RunFiles, StageError,
+    journal_slot, slots, store_slot,
 };
 use tessera_surface::Vertex;
 
@@ -24,6 +27,24 @@ pub(crate) struct Desk {
     /// Corrections that the optimiser has journaled and that have not taken effect.
     pending: BTreeMap<u64, Correction>,
     fsync: Fsync,
+    checkpoint: Checkpoint,
+}
+
+/// What a checkpoint holds: the fold, and where it stands in both journals.
+#[derive(Serialize, Deserialize)]
+struct Kept<'a> {
+    journal: Mark,
+    /// Corrections before it have taken effect.
+    answers: Mark,
+    known: Snapshot<'a>,
+}
+
+impl Kept<'_> {
+    fn fits(&self, files: &RunFiles) -> bool {
+        let fits = |mark: &Mark, path: &Path, kind| mark.fits(path, kind).unwrap_or(false);
+        fits(&self.journal, &files.align_journal(), ALIGN_JOURNAL)
+            && fits(&self.answers, &files.optimise_journal(), OPTIMISE_JOURNAL)
+    }
 }
 
 impl Desk {
@@ -33,14 +54,40 @@ impl Desk {
         let store_path = files.store();
         let mut store = Store::open(&store_path, PATIENCE)?;
         let mut keyframes = MappedKeyframes::open(&store_path, context.layout.grid.len())?;
-        let mut known = Known::new(Tracker::new(context.mapping_context()));
-        let (journal, recovered) =
-            Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
-                keyframes.take(&record).map_err(|e| e.to_string())?;
-                slots(&record).iter().for_each(|slot| store.keep(&journal_slot(slot)));
+        let flow = &context.settings.flow;
+        let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), ALIGN_JOURNAL, flow.checkpoint_kb);
+        let kept = checkpoint.read::<Kept<'static>>().filter(|kept| kept.fits(files));
+        let (marks, mut known) = match kept {
+            Some(kept) => {
+                let known = Known::restore(context.mapping_context(), kept.known);
+                (Some((kept.journal, kept.answers)), known)
+            }
+            None => (None, Known::new(Tracker::new(context.mapping_context()))),
+        };
+        for keyframe in &known.tracker.state().keyframes {
+            keyframes.add_unread(keyframe.id, &keyframe.slot)?;
+            store.keep(&journal_slot(&keyframe.slot));
+        }
+        let answers = Follower::open_behind(
+            &files.optimise_journal(),
+            OPTIMISE_JOURNAL,
+            marks.as_ref().map(|(_, answers)| answers),
+        )?;
+        let (journal, recovered) = Journal::open_behind(
+            &files.align_journal(),
+            ALIGN_JOURNAL,
+            marks.as_ref().map(|(journal, _)| journal),
+            PATIENCE,
+            |record: AlignRecord| {
+                keyframes.take_unread(&record).map_err(|e| e.to_string())?;
+                slots(&record).for_each(|(_, slot)| store.keep(&journal_slot(slot)));
                 known.take_in(record);
                 Ok(())
-            })?;
+            },
+        )?;
+        if let Some((journal, _)) = &marks {
+            tracing::info!("a checkpoint spares {} of {} records", journal.n_records, recovered.n_records);
+        }
         if let Some(reason) = &recovered.reason {
             tracing::warn!(
                 "the journal of align ends after {} records, {} bytes behind them are dropped: {reason}",
@@ -54,16 +101,22 @@ impl Desk {
                 files.align_journal().display()
             )));
         }
-        let answers = Follower::open(&files.optimise_journal(), OPTIMISE_JOURNAL)?;
-        Ok(Self {
-            known,
-            keyframes,
-            journal,
-            store,
-            answers,
-            pending: BTreeMap::new(),
-            fsync: context.settings.flow.fsync,
-        })
+        checkpoint.stands_at(marks.map_or(0, |(journal, answers)| journal.len_bytes() + answers.len_bytes()));
+        let (pending, fsync) = (BTreeMap::new(), flow.fsync);
+        Ok(Self { known, keyframes, journal, store, answers, pending, fsync, checkpoint })
+    }
+
+    /// Keeps the state for a successor, where the journals have grown enough since the last time;
+    /// whether it did.
+    pub(crate) fn keep(&mut self) -> bool {
+        let (journal, answers) = (self.journal.mark(), self.answers.mark());
+        let bytes = journal.len_bytes() + answers.len_bytes();
+        // A correction that is pending lies before the mark of the answers.
+        let is_due = self.pending.is_empty() && self.checkpoint.is_due(bytes);
+        if is_due {
+            self.checkpoint.write(&Kept { journal, answers, known: self.known.snapshot() }, bytes);
+        }
+        is_due
     }
 
     /// Writes the surface of a frame that becomes a keyframe into the store and names it.
@@ -90,7 +143,7 @@ impl Desk {
             Fsync::Always => true,
         };
         self.journal.append(record, sync)?;
-        self.keyframes.take(record)?;
+        self.keyframes.take_unread(record)?;
         self.known.take_in(record.clone());
         Ok(())
     }
@@ -119,14 +172,5 @@ impl Desk {
             }
         }
         Ok(())
-    }
-}
-
-/// Where the surfaces lie that a record names.
-fn slots(record: &AlignRecord) -> Vec<StoreSlot> {
-    match record {
-        AlignRecord::Frame(frame) => frame.new_keyframe.iter().map(|keyframe| keyframe.slot).collect(),
-        AlignRecord::Map(map) => map.keyframes.iter().map(|keyframe| keyframe.slot).collect(),
-        _ => Vec::new(),
     }
 }

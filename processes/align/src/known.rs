@@ -1,9 +1,11 @@
 //! What the aligner's journal says, folded into what the next frame needs.
 
-use tessera_mapping::{AlignRecord, FrameRecord, RequestRecord, Tracker};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use tessera_mapping::{AlignRecord, Context, FrameRecord, RequestRecord, Tracker, TrackerState};
 
 /// How the source ended, once it has.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct End {
     /// Frames in the source.
     pub(crate) n_frames: u64,
@@ -27,6 +29,18 @@ pub(crate) struct Known {
     n_records: u64,
 }
 
+/// The fold, as a checkpoint holds it.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Snapshot<'a> {
+    tracker: Cow<'a, TrackerState>,
+    last_frame: Cow<'a, Option<FrameRecord>>,
+    end: Option<End>,
+    n_loops: u64,
+    last_applied: Option<u64>,
+    begins_in_map: bool,
+    n_records: u64,
+}
+
 impl Known {
     pub(crate) fn new(tracker: Tracker) -> Self {
         Self {
@@ -37,6 +51,31 @@ impl Known {
             last_applied: None,
             begins_in_map: false,
             n_records: 0,
+        }
+    }
+
+    pub(crate) fn snapshot(&self) -> Snapshot<'_> {
+        Snapshot {
+            tracker: Cow::Borrowed(self.tracker.state()),
+            last_frame: Cow::Borrowed(&self.last_frame),
+            end: self.end,
+            n_loops: self.n_loops,
+            last_applied: self.last_applied,
+            begins_in_map: self.begins_in_map,
+            n_records: self.n_records,
+        }
+    }
+
+    /// As one that took in all records before the snapshot.
+    pub(crate) fn restore(context: Context, snapshot: Snapshot<'_>) -> Self {
+        Self {
+            tracker: Tracker::restore(context, snapshot.tracker.into_owned()),
+            last_frame: snapshot.last_frame.into_owned(),
+            end: snapshot.end,
+            n_loops: snapshot.n_loops,
+            last_applied: snapshot.last_applied,
+            begins_in_map: snapshot.begins_in_map,
+            n_records: snapshot.n_records,
         }
     }
 

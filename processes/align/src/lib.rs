@@ -19,7 +19,7 @@ use desk::Desk;
 use ports::Ports;
 use std::process::ExitCode;
 use tessera_messages::Stage;
-use tessera_stage::{Context, Outcome, StageArgs, StageError, stage_main};
+use tessera_stage::{Checkpoint, Context, Outcome, StageArgs, StageError, stage_main};
 
 /// Runs the stage as a process.
 pub fn main(args: &StageArgs) -> ExitCode {
@@ -56,6 +56,9 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         };
         match pause {
             Pause::Over(outcome) => {
+                if outcome == Outcome::Finished {
+                    Checkpoint::remove(&context.files.align_checkpoint());
+                }
                 ports.pulse.finish();
                 return Ok(outcome);
             }

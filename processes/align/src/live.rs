@@ -3,7 +3,7 @@
 use crate::Pause;
 use crate::desk::Desk;
 use crate::ladder::{Ladder, Pace};
-use crate::lossless::{finish, probe};
+use crate::lossless::{finish, keep, probe};
 use crate::ports::Ports;
 use tessera_mapping::AlignRecord;
 use tessera_messages::{Kind, Phase, WaitingOn};
@@ -56,6 +56,7 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
             set_effort(&ladder, ports)?;
         }
         step(context, desk, ports, next, index)?;
+        keep(context, desk, index);
         n_done += 1;
         if forget_every > 0 && n_done >= forget_every && desk.known.end.is_none() {
             return Ok(Pause::Forget);
@@ -121,6 +122,7 @@ fn step(
     let recent = ports.inbox.recent(first, index);
     probe(context, desk, surface, &recent);
     let mut record = desk.known.tracker.align(&surface.view(ports.inbox.grid), &recent, &desk.keyframes);
+    desk.keyframes.check()?;
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     context.kill_points.pass("computed", index);

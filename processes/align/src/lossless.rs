@@ -47,6 +47,7 @@ pub(crate) fn work(context: &Context, desk: &mut Desk, ports: &mut Ports) -> Res
             continue;
         }
         step(context, desk, ports, next)?;
+        keep(context, desk, next);
         n_done += 1;
         if forget_every > 0 && n_done >= forget_every && desk.known.end.is_none() {
             return Ok(Pause::Forget);
@@ -128,6 +129,7 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     let recent = ports.inbox.recent(first, next);
     probe(context, desk, surface, &recent);
     let mut record = desk.known.tracker.align(&surface.view(grid), &recent, &desk.keyframes);
+    desk.keyframes.check()?;
     let computed = monotonic_nanos();
     ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     context.kill_points.pass("computed", next);
@@ -165,6 +167,13 @@ fn step(context: &Context, desk: &mut Desk, ports: &mut Ports, next: u64) -> Res
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
     ports.pulse.done(began, now);
     Ok(())
+}
+
+/// Behind everything that others wait for.
+pub(crate) fn keep(context: &Context, desk: &mut Desk, index: u64) {
+    if desk.keep() {
+        context.kill_points.pass("checkpointed", index);
+    }
 }
 
 /// Says where lie the frame's surface, the recent ones and the last keyframe's, in tests.

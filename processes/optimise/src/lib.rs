@@ -6,72 +6,21 @@
 //! are mapped from the store.
 #![forbid(unsafe_code)]
 
-use std::process::ExitCode;
-use std::time::Duration;
-use tessera_journal::{Follower, Journal};
-use tessera_mapping::{AlignRecord, Correction, LoopVerdict, OptimiseRecord, Optimiser, RequestRecord};
-use tessera_messages::{Phase, Stage, WaitingOn};
-use tessera_settings::Fsync;
-use tessera_stage::{
-    ALIGN_JOURNAL, Context, IDLE, MappedKeyframes, OPTIMISE_JOURNAL, Outcome, Pulse, StageArgs, StageError,
-    monotonic_nanos, stage_main,
-};
+mod desk;
+mod history;
 
-/// How long a predecessor may take to die before its lock is an error.
-const PATIENCE: Duration = Duration::from_secs(2);
+use desk::Desk;
+use history::JournaledFrames;
+use std::process::ExitCode;
+use tessera_mapping::{Correction, LoopVerdict, OptimiseRecord};
+use tessera_messages::{Phase, Stage, WaitingOn};
+use tessera_stage::{
+    Checkpoint, Context, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
+};
 
 /// Runs the stage as a process.
 pub fn main(args: &StageArgs) -> ExitCode {
     stage_main(Stage::Optimise, || run(args))
-}
-
-/// Everything that the optimiser knows; it can be thrown away and read back at any time.
-struct Desk {
-    optimiser: Optimiser,
-    keyframes: MappedKeyframes,
-    records: Follower<AlignRecord>,
-    journal: Journal<OptimiseRecord>,
-}
-
-impl Desk {
-    fn open(context: &Context) -> Result<Self, StageError> {
-        let files = &context.files;
-        let mut optimiser = Optimiser::new(context.mapping_context());
-        let (journal, recovered) = Journal::open(
-            &files.optimise_journal(),
-            OPTIMISE_JOURNAL,
-            PATIENCE,
-            |record: OptimiseRecord| {
-                optimiser.apply_own(&record);
-                Ok(())
-            },
-        )?;
-        if let Some(reason) = &recovered.reason {
-            tracing::warn!(
-                "the journal of optimise ends after {} records, {} bytes behind them are dropped: {reason}",
-                recovered.n_records,
-                recovered.dropped_bytes
-            );
-        }
-        Ok(Self {
-            optimiser,
-            keyframes: MappedKeyframes::open(&files.store(), context.layout.grid.len())?,
-            records: Follower::open(&files.align_journal(), ALIGN_JOURNAL)?,
-            journal,
-        })
-    }
-
-    /// Reads on in the aligner's journal, up to the next request and no further.
-    fn next_request(&mut self) -> Result<Option<RequestRecord>, StageError> {
-        loop {
-            if let Some(request) = self.optimiser.next_request() {
-                return Ok(Some(request));
-            }
-            let Some(record) = self.records.next()? else { return Ok(None) };
-            self.keyframes.take(&record)?;
-            self.optimiser.apply(&record);
-        }
-    }
 }
 
 /// Each loop candidate with its tests, and how many went which way.
@@ -125,8 +74,13 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         }
         let Some(request) = desk.next_request()? else {
             if desk.optimiser.is_done() {
+                Checkpoint::remove(&context.files.optimise_checkpoint());
                 pulse.finish();
                 return Ok(Outcome::Finished);
+            }
+            // Nobody waits for this process now.
+            if desk.keep() {
+                context.kill_points.pass("checkpointed", desk.optimiser.n_answered());
             }
             pulse.waiting(WaitingOn::Requests);
             ear.wait(IDLE)?;
@@ -135,10 +89,13 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.working(request.request);
         context.kill_points.pass("received", request.request);
         let began = monotonic_nanos();
-        let correction = desk.optimiser.solve(&request, &desk.keyframes, &mut || {
+        let history = JournaledFrames::of(&context.files);
+        let correction = desk.optimiser.solve(&request, &desk.keyframes, &history, &mut || {
             pulse.progress();
             context.kill_points.pass("solving", request.request);
         });
+        desk.keyframes.check()?;
+        history.check()?;
         let Some(correction) = correction else {
             return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));
         };
@@ -146,9 +103,8 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.phase(Phase::Computing, solved.saturating_sub(began));
         log_loops(&correction);
         let record = OptimiseRecord::Correction(Box::new(correction));
-        desk.journal.append(&record, context.settings.flow.fsync != Fsync::Never)?;
+        desk.commit(&record)?;
         context.kill_points.pass("journaled", request.request);
-        desk.optimiser.apply_own(&record);
         align.ring();
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(solved));

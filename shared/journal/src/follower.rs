@@ -2,14 +2,11 @@
 
 use crate::codec;
 use crate::error::JournalError;
-use crate::framing::{
-    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, chained_crc, check_file_header, first_link,
-    record_header,
-};
+use crate::framing::{FILE_HEADER_BYTES, FileStart, check_file_header};
+use crate::scan::{Mark, next_record, read_at};
 use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::marker::PhantomData;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Reads a growing journal record by record; takes no lock and changes nothing.
@@ -18,8 +15,9 @@ pub struct Follower<T> {
     file: File,
     path: PathBuf,
     kind: String,
-    end: u64,
-    link: u32,
+    mark: Mark,
+    /// The file's first bytes have been seen.
+    has_header: bool,
     buffer: Vec<u8>,
     of: PhantomData<fn() -> T>,
 }
@@ -30,9 +28,18 @@ impl<T: DeserializeOwned> Follower<T> {
     /// # Errors
     /// Where the file cannot be opened.
     pub fn open(path: &Path, kind: &str) -> Result<Self, JournalError> {
+        Self::open_behind(path, kind, None)
+    }
+
+    /// Opens an existing journal behind a mark that fits ([`Mark::fits`]).
+    ///
+    /// # Errors
+    /// Where the file cannot be opened.
+    pub fn open_behind(path: &Path, kind: &str, mark: Option<&Mark>) -> Result<Self, JournalError> {
         let file = File::open(path).map_err(JournalError::io("open", path))?;
+        let mark = mark.copied().unwrap_or(Mark::start(kind));
         let (path, kind) = (path.to_path_buf(), kind.to_string());
-        Ok(Self { file, path, link: first_link(&kind), kind, end: 0, buffer: Vec::new(), of: PhantomData })
+        Ok(Self { file, path, kind, mark, has_header: false, buffer: Vec::new(), of: PhantomData })
     }
 
     /// The next whole record, or `None` where it is not there yet.
@@ -42,33 +49,30 @@ impl<T: DeserializeOwned> Follower<T> {
     /// program cannot decode.
     #[expect(clippy::should_implement_trait, reason = "an iterator ends at None, a follower does not")]
     pub fn next(&mut self) -> Result<Option<T>, JournalError> {
-        if self.end == 0 {
-            if !self.fill(0, FILE_HEADER_BYTES)? {
+        if !self.has_header {
+            if !read_at(&self.file, &self.path, 0, FILE_HEADER_BYTES, &mut self.buffer)?
+                || check_file_header(&self.buffer, &self.kind, &self.path)? == FileStart::Torn
+            {
                 return Ok(None);
             }
-            if check_file_header(&self.buffer, &self.kind, &self.path)? == FileStart::Torn {
-                return Ok(None);
-            }
-            self.end = FILE_HEADER_BYTES as u64;
+            self.has_header = true;
         }
-        if !self.fill(self.end, RECORD_HEADER_BYTES)? {
+        let Ok(crc) = next_record(&self.file, &self.path, &self.mark, &mut self.buffer)? else {
             return Ok(None);
-        }
-        let Some((len, crc)) = record_header(&self.buffer) else { return Ok(None) };
-        if !self.fill(self.end + RECORD_HEADER_BYTES as u64, len)?
-            || chained_crc(self.link, &self.buffer) != crc
-        {
-            return Ok(None);
-        }
+        };
         let record = codec::decode(&self.buffer).map_err(|problem| JournalError::Slot {
             path: self.path.clone(),
-            offset: self.end,
-            len: len as u64,
+            offset: self.mark.end,
+            len: self.buffer.len() as u64,
             problem: format!("are whole but no record: {problem}"),
         })?;
-        self.end += (RECORD_HEADER_BYTES + len) as u64;
-        self.link = crc;
+        self.mark = self.mark.behind(self.buffer.len(), crc);
         Ok(Some(record))
+    }
+
+    /// Behind the last record read.
+    pub fn mark(&self) -> Mark {
+        self.mark
     }
 
     /// Bytes behind the records read so far: of a journal that nobody writes, a torn tail.
@@ -77,16 +81,6 @@ impl<T: DeserializeOwned> Follower<T> {
     /// Where the file cannot be looked at.
     pub fn bytes_left(&self) -> Result<u64, JournalError> {
         let len = self.file.metadata().map_err(JournalError::io("look at", &self.path))?.len();
-        Ok(len.saturating_sub(self.end))
-    }
-
-    /// Reads exactly `len` bytes at `offset` into the buffer; `false` where the file is shorter.
-    fn fill(&mut self, offset: u64, len: usize) -> Result<bool, JournalError> {
-        self.buffer.resize(len, 0);
-        match self.file.read_exact_at(&mut self.buffer, offset) {
-            Ok(()) => Ok(true),
-            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
-            Err(error) => Err(JournalError::io("read", &self.path)(error)),
-        }
+        Ok(if self.has_header { len.saturating_sub(self.mark.end) } else { len })
     }
 }

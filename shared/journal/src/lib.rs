@@ -9,22 +9,27 @@
 //! * A record is there with all its bytes or not at all; after a crash the longest prefix of
 //!   whole records is what happened.
 //! * One writer: the lock is taken before the file is read and goes away with the process.
+//! * A checkpoint is a short cut through a journal and never more: whoever reads it can do without.
 //! * A file that may be mapped (the store) is never shortened.
 #![deny(unsafe_code)]
 
+mod checkpoint;
 mod codec;
 mod error;
 mod follower;
 mod framing;
 mod lock;
 mod mapped;
+mod scan;
 mod store;
 mod writer;
 
+pub use checkpoint::{read_checkpoint, write_checkpoint};
 pub use codec::fingerprint;
 pub use error::JournalError;
 pub use follower::Follower;
 pub use lock::{end_holder, lock_file};
-pub use mapped::StoreView;
+pub use mapped::{Block, StoreView};
+pub use scan::Mark;
 pub use store::{Slot, Store};
 pub use writer::{Journal, Recovered};

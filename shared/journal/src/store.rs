@@ -118,15 +118,15 @@ mod tests {
         let path = dir.path().join("s");
         let mut store = Store::open(&path, Duration::ZERO).unwrap();
         let blocks: Vec<Vec<u8>> = (0..5u8).map(|k| vec![k + 1; 1000 + 77 * k as usize]).collect();
-        let mut view = StoreView::open(&path).unwrap();
+        let view = StoreView::open(&path).unwrap();
         let mut slots = Vec::new();
         for block in &blocks {
             slots.push(store.append(block, false).unwrap());
         }
         for (slot, block) in slots.iter().zip(&blocks) {
-            let id = view.map(slot).unwrap();
-            assert_eq!(view.bytes(id), block);
-            assert_eq!(view.bytes(id).as_ptr() as usize % 64, 0);
+            let mapped = view.map(slot).unwrap();
+            assert_eq!(mapped.bytes(), block);
+            assert_eq!(mapped.bytes().as_ptr() as usize % 64, 0);
         }
         drop(store);
         // A writer that comes back knows from its journal what is in use: the rest is overwritten.

@@ -3,14 +3,13 @@
 use crate::codec;
 use crate::error::JournalError;
 use crate::framing::{
-    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, chained_crc, check_file_header, file_header,
-    first_link, record_header, seal,
+    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, check_file_header, file_header, seal,
 };
 use crate::lock::lock_file;
+use crate::scan::{Mark, NoRecord, next_record, read_at};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{File, OpenOptions};
-use std::io::Read;
 use std::marker::PhantomData;
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -19,7 +18,7 @@ use std::time::Duration;
 /// What opening a journal found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recovered {
-    /// Whole records.
+    /// Whole records, those before a mark included.
     pub n_records: u64,
     /// Bytes behind the last whole record; they are gone now.
     pub dropped_bytes: u64,
@@ -32,8 +31,7 @@ pub struct Recovered {
 pub struct Journal<T> {
     file: File,
     path: PathBuf,
-    end: u64,
-    link: u32,
+    mark: Mark,
     buffer: Vec<u8>,
     of: PhantomData<fn(T)>,
 }
@@ -51,6 +49,20 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         path: &Path,
         kind: &str,
         wait: Duration,
+        accept: impl FnMut(T) -> Result<(), String>,
+    ) -> Result<(Self, Recovered), JournalError> {
+        Self::open_behind(path, kind, None, wait, accept)
+    }
+
+    /// As [`Self::open`], but only records behind a mark that fits ([`Mark::fits`]) are handed over.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_behind(
+        path: &Path,
+        kind: &str,
+        mark: Option<&Mark>,
+        wait: Duration,
         mut accept: impl FnMut(T) -> Result<(), String>,
     ) -> Result<(Self, Recovered), JournalError> {
         let file = OpenOptions::new()
@@ -62,39 +74,40 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
             .open(path)
             .map_err(JournalError::io("open", path))?;
         lock_file(&file, path, wait)?;
-        let mut bytes = Vec::new();
-        (&file).read_to_end(&mut bytes).map_err(JournalError::io("read", path))?;
         let mut recovered = Recovered::default();
-        let (mut end, mut link) = (FILE_HEADER_BYTES, first_link(kind));
-        if check_file_header(&bytes, kind, path)? == FileStart::Torn {
-            recovered.dropped_bytes = bytes.len() as u64;
-            recovered.reason = (!bytes.is_empty()).then(|| "the file's first bytes are missing".into());
+        let mut mark = mark.copied().unwrap_or(Mark::start(kind));
+        let mut buffer = Vec::new();
+        if !read_at(&file, path, 0, FILE_HEADER_BYTES, &mut buffer)? {
+            let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
+            buffer.truncate(len as usize);
+        }
+        if check_file_header(&buffer, kind, path)? == FileStart::Torn {
+            let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
+            mark = Mark::start(kind);
+            recovered.dropped_bytes = len;
+            recovered.reason = (len > 0).then(|| "the file's first bytes are missing".into());
             file.set_len(0).map_err(JournalError::io("cut", path))?;
             file.write_all_at(&file_header(kind), 0).map_err(JournalError::io("write", path))?;
-        } else {
-            while end < bytes.len() {
-                match whole_record(&bytes[end..], link).and_then(|(len, crc)| {
-                    let from = end + RECORD_HEADER_BYTES;
-                    accept(codec::decode(&bytes[from..from + len])?)?;
-                    Ok((len, crc))
-                }) {
-                    Ok((len, crc)) => {
-                        end += RECORD_HEADER_BYTES + len;
-                        link = crc;
-                        recovered.n_records += 1;
-                    }
-                    Err(reason) => {
-                        recovered.dropped_bytes = (bytes.len() - end) as u64;
-                        recovered.reason = Some(reason);
-                        file.set_len(end as u64).map_err(JournalError::io("cut", path))?;
-                        break;
-                    }
+        }
+        loop {
+            let found = next_record(&file, path, &mark, &mut buffer)?.and_then(|crc| {
+                codec::decode(&buffer).and_then(&mut accept).map_err(NoRecord::Broken)?;
+                Ok(crc)
+            });
+            match found {
+                Ok(crc) => mark = mark.behind(buffer.len(), crc),
+                Err(NoRecord::End) => break,
+                Err(NoRecord::Broken(reason)) => {
+                    let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
+                    recovered.dropped_bytes = len.saturating_sub(mark.end);
+                    recovered.reason = Some(reason);
+                    file.set_len(mark.end).map_err(JournalError::io("cut", path))?;
+                    break;
                 }
             }
         }
-        let journal =
-            Self { file, path: path.into(), end: end as u64, link, buffer: Vec::new(), of: PhantomData };
-        Ok((journal, recovered))
+        recovered.n_records = mark.n_records;
+        Ok((Self { file, path: path.into(), mark, buffer: Vec::new(), of: PhantomData }, recovered))
     }
 
     /// Appends a record; with `sync` it has reached the disk when this returns.
@@ -105,34 +118,24 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         self.buffer.clear();
         self.buffer.resize(RECORD_HEADER_BYTES, 0);
         codec::encode(record, &mut self.buffer, &self.path)?;
-        let crc = seal(&mut self.buffer, self.link);
-        let written = self.file.write_all_at(&self.buffer, self.end);
+        let crc = seal(&mut self.buffer, self.mark.link);
+        let written = self.file.write_all_at(&self.buffer, self.mark.end);
         if written.is_err() {
             // Half a record may stand there; the next one overwrites it if this fails too.
-            let _ = self.file.set_len(self.end);
+            let _ = self.file.set_len(self.mark.end);
         }
         written.map_err(JournalError::io("append to", &self.path))?;
         if sync {
             self.file.sync_data().map_err(JournalError::io("sync", &self.path))?;
         }
-        self.end += self.buffer.len() as u64;
-        self.link = crc;
+        self.mark = self.mark.behind(self.buffer.len() - RECORD_HEADER_BYTES, crc);
         Ok(())
     }
 
-    /// Bytes of whole records, header included.
-    pub fn len_bytes(&self) -> u64 {
-        self.end
+    /// Behind the last record.
+    pub fn mark(&self) -> Mark {
+        self.mark
     }
-}
-
-/// Length and checksum of the record at the front of `bytes`, or why there is none.
-fn whole_record(bytes: &[u8], link: u32) -> Result<(usize, u32), String> {
-    let (len, crc) = record_header(bytes).ok_or("no record header")?;
-    let payload = bytes
-        .get(RECORD_HEADER_BYTES..RECORD_HEADER_BYTES + len)
-        .ok_or_else(|| format!("a record of {len} bytes is cut short"))?;
-    if chained_crc(link, payload) == crc { Ok((len, crc)) } else { Err("a checksum does not match".into()) }
 }
 
 #[cfg(test)]

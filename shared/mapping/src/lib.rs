@@ -39,12 +39,13 @@ mod window;
 
 pub use context::Context;
 pub use neighbours::pairs as neighbour_pairs;
-pub use optimiser::Optimiser;
+pub use optimiser::{Optimiser, OptimiserState};
 pub use records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
     KeyframeRecord, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RefinedCamera, Refinement,
     RequestRecord, RetiredRecord, State, StoreSlot,
 };
+pub use refine::FrameHistory;
 pub use settings::{
     GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings, WindowSettings,
 };

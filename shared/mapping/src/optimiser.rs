@@ -2,19 +2,19 @@
 
 use crate::budget::with_retired;
 use crate::context::Context;
-use crate::gaps::Timeline;
 use crate::global::{self, Solution};
 use crate::records::{
     AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
     RequestRecord,
 };
-use crate::refine::FrameBlocks;
+use crate::refine::{FrameHistory, Refiner};
 use crate::refine_camera::refine_camera;
 use crate::state::{KeyframeState, TrackerState};
 use crate::tracker::KeyframeSurfaces;
 use crate::verify::{KnownLoops, Tested};
-use rayon::prelude::*;
-use std::collections::{BTreeMap, VecDeque};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::VecDeque;
 use tessera_geometry::{Pose, PoseBits};
 use tessera_steps::Step;
 
@@ -28,11 +28,17 @@ pub struct Optimiser {
     state: TrackerState,
     /// Requests with the keyframes as they were at that record.
     pending: VecDeque<(RequestRecord, Vec<KeyframeState>)>,
-    frames: Vec<FrameBlocks>,
-    timeline: Timeline,
     n_answered: u64,
     /// Loop pairs that passed their tests in the last correction.
     known: KnownLoops,
+}
+
+/// An optimiser between two requests.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct OptimiserState<'a> {
+    state: Cow<'a, TrackerState>,
+    n_answered: u64,
+    known: Vec<((u32, u32), Tested)>,
 }
 
 impl Optimiser {
@@ -42,8 +48,6 @@ impl Optimiser {
             context,
             state: TrackerState::default(),
             pending: VecDeque::new(),
-            frames: Vec::new(),
-            timeline: Timeline::default(),
             n_answered: 0,
             known: KnownLoops::new(),
         }
@@ -53,11 +57,7 @@ impl Optimiser {
     pub fn apply(&mut self, record: &AlignRecord) {
         self.state.apply(record);
         let request = match record {
-            AlignRecord::Frame(frame) => {
-                self.frames.extend(FrameBlocks::of(frame));
-                self.timeline.add(frame);
-                frame.request
-            }
+            AlignRecord::Frame(frame) => frame.request,
             AlignRecord::End { request, .. } => *request,
             AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::Map(_) => None,
         };
@@ -87,6 +87,11 @@ impl Optimiser {
         self.pending.front().map(|(request, _)| *request)
     }
 
+    /// Requests answered so far.
+    pub fn n_answered(&self) -> u64 {
+        self.n_answered
+    }
+
     /// Whether the aligner's journal has ended and every request is answered.
     pub fn is_done(&self) -> bool {
         self.state.is_ended && self.pending.is_empty()
@@ -97,12 +102,34 @@ impl Optimiser {
         &self.state
     }
 
-    /// Answers a pending request; `progress` is called in each inner iteration (a heartbeat).
-    /// `None` when the request is not pending.
+    /// What a successor needs to go on from here; `None` while a request is pending, whose
+    /// keyframes are those of an earlier moment.
+    pub fn snapshot(&self) -> Option<OptimiserState<'_>> {
+        self.pending.is_empty().then(|| OptimiserState {
+            state: Cow::Borrowed(&self.state),
+            n_answered: self.n_answered,
+            known: self.known.iter().map(|(ids, tested)| (*ids, *tested)).collect(),
+        })
+    }
+
+    /// An optimiser that goes on from a snapshot, as one that took in all records before it.
+    pub fn restore(context: Context, snapshot: OptimiserState<'_>) -> Self {
+        Self {
+            context,
+            state: snapshot.state.into_owned(),
+            pending: VecDeque::new(),
+            n_answered: snapshot.n_answered,
+            known: snapshot.known.into_iter().collect(),
+        }
+    }
+
+    /// Answers a pending request; `history` holds the frames up to the request, and `progress` is
+    /// called in each inner iteration (a heartbeat). `None` when the request is not pending.
     pub fn solve(
         &self,
         request: &RequestRecord,
         surfaces: &dyn KeyframeSurfaces,
+        history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
         let (_, keyframes) = self.pending.iter().find(|(r, _)| r.request == request.request)?;
@@ -113,9 +140,9 @@ impl Optimiser {
             global::solve(&self.context, &active, surfaces, self.known.clone(), iterations, progress);
         let poses = with_retired(keyframes, &active, &solution.poses);
         self.context.steps.enter(Step::Refine);
-        let frames = if request.is_final { self.refine(&poses) } else { Vec::new() };
+        let frames = if request.is_final { self.refine(&poses, history) } else { Vec::new() };
         let refinement = (request.is_final && settings.refine_camera)
-            .then(|| self.refine_camera(keyframes, &active, surfaces, &solution, progress));
+            .then(|| self.refine_camera(keyframes, &active, (surfaces, history), &solution, progress));
         self.context.steps.leave();
         Some(Correction {
             request: request.request,
@@ -133,7 +160,7 @@ impl Optimiser {
         &self,
         keyframes: &[KeyframeState],
         active: &[KeyframeState],
-        surfaces: &dyn KeyframeSurfaces,
+        (surfaces, history): (&dyn KeyframeSurfaces, &dyn FrameHistory),
         solution: &Solution,
         progress: &mut dyn FnMut(),
     ) -> Refinement {
@@ -145,7 +172,7 @@ impl Optimiser {
                     n_held: found.held.len() as u32,
                     residual_sigmas: found.residual_sigmas.into(),
                     keyframes: by_id(keyframes, &poses),
-                    frames: self.refine(&poses),
+                    frames: self.refine(&poses, history),
                     camera: found.camera,
                 }))
             }
@@ -153,33 +180,10 @@ impl Optimiser {
         }
     }
 
-    /// Every frame solved again against the optimised keyframes; keyframes take their own pose,
-    /// and lost frames one between those around them.
-    fn refine(&self, poses: &[Pose]) -> Vec<(u64, PoseBits)> {
-        // Those of earlier runs come first and count other frames.
-        let n_map = (self.state.n_map_keyframes as usize).min(self.state.keyframes.len());
-        let own = &self.state.keyframes[n_map..];
-        let keyframe_of =
-            |index: u64| own.binary_search_by_key(&index, |k| k.frame_index).ok().map(|place| n_map + place);
-        let solved: Vec<(u64, Pose)> = self
-            .frames
-            .par_iter()
-            .filter_map(|frame| {
-                let pose = match keyframe_of(frame.index) {
-                    Some(id) => *poses.get(id)?,
-                    None => frame.solve(poses)?,
-                };
-                Some((frame.index, pose))
-            })
-            .collect();
-        let mut known: BTreeMap<u64, Pose> = solved.iter().copied().collect();
-        let keyframes = own.iter().zip(poses.iter().skip(n_map));
-        known.extend(keyframes.map(|(k, pose)| (k.frame_index, *pose)));
-        let mut frames: Vec<(u64, PoseBits)> =
-            solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();
-        frames.extend(self.timeline.interpolated(&known));
-        frames.sort_by_key(|f| f.0);
-        frames
+    fn refine(&self, poses: &[Pose], history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
+        let keyframes = &self.state.keyframes;
+        let n_map_keyframes = (self.state.n_map_keyframes as usize).min(keyframes.len());
+        Refiner { poses, n_map_keyframes, keyframes }.solve(history)
     }
 }
 

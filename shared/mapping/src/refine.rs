@@ -1,10 +1,31 @@
 //! A frame solved again against optimised keyframes, from its journaled blocks (SPEC 5.3, 8).
 
-use crate::records::FrameRecord;
+use crate::gaps::Timeline;
+use crate::records::{AlignRecord, FrameRecord};
+use crate::state::KeyframeState;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
 use tessera_registration::{BlockSums, Graph, Pair, PairBlock};
 
-/// What must be kept of a frame to solve it again.
+/// The frames of a run as they were journaled, read again when they are needed: they are too many
+/// to be kept.
+pub trait FrameHistory {
+    /// Hands the records of all frames over, in order.
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord));
+}
+
+impl FrameHistory for &[AlignRecord] {
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord)) {
+        for record in *self {
+            if let AlignRecord::Frame(frame) = record {
+                take(frame);
+            }
+        }
+    }
+}
+
+/// What is needed of a frame to solve it again.
 #[derive(Clone, Debug)]
 pub(crate) struct FrameBlocks {
     pub(crate) index: u64,
@@ -46,5 +67,58 @@ impl FrameBlocks {
         graph.is_fixed.push(false);
         graph.optimise(10, &mut || ()).ok()?;
         graph.poses.pop()
+    }
+}
+
+/// Frames that are solved at once: what is read of a history at a time.
+const CHUNK: usize = 1024;
+
+/// What solving frames again needs to know.
+pub(crate) struct Refiner<'a> {
+    /// Poses of the keyframes, by id.
+    pub(crate) poses: &'a [Pose],
+    /// Keyframes of earlier runs, which come first and count other frames.
+    pub(crate) n_map_keyframes: usize,
+    /// All keyframes, by id.
+    pub(crate) keyframes: &'a [KeyframeState],
+}
+
+impl Refiner<'_> {
+    /// Every frame solved again against the keyframes; keyframes take their own pose, and lost
+    /// frames one between those around them.
+    pub(crate) fn solve(&self, history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
+        let mut timeline = Timeline::default();
+        let mut solved: Vec<(u64, Pose)> = Vec::new();
+        let mut chunk: Vec<FrameBlocks> = Vec::new();
+        history.visit(&mut |frame| {
+            timeline.add(frame);
+            chunk.extend(FrameBlocks::of(frame));
+            if chunk.len() >= CHUNK {
+                solved.extend(self.solve_chunk(&chunk));
+                chunk.clear();
+            }
+        });
+        solved.extend(self.solve_chunk(&chunk));
+        let own = &self.keyframes[self.n_map_keyframes..];
+        let mut known: BTreeMap<u64, Pose> = solved.iter().copied().collect();
+        let own_poses = self.poses.iter().skip(self.n_map_keyframes);
+        known.extend(own.iter().zip(own_poses).map(|(k, pose)| (k.frame_index, *pose)));
+        let mut frames: Vec<(u64, PoseBits)> =
+            solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();
+        frames.extend(timeline.interpolated(&known));
+        frames.sort_by_key(|f| f.0);
+        frames
+    }
+
+    fn solve_chunk(&self, chunk: &[FrameBlocks]) -> Vec<(u64, Pose)> {
+        let own = &self.keyframes[self.n_map_keyframes..];
+        let solve = |frame: &FrameBlocks| {
+            let pose = match own.binary_search_by_key(&frame.index, |k| k.frame_index) {
+                Ok(place) => *self.poses.get(self.n_map_keyframes + place)?,
+                Err(_) => frame.solve(self.poses)?,
+            };
+            Some((frame.index, pose))
+        };
+        chunk.par_iter().filter_map(solve).collect()
     }
 }

@@ -78,6 +78,11 @@ impl Tracker {
         }
     }
 
+    /// A tracker that goes on from a state, as one that took in all records before it.
+    pub fn restore(context: Context, state: TrackerState) -> Self {
+        Self { state, ..Self::new(context) }
+    }
+
     /// Takes a record into the state. The only way the state changes, live and in replay.
     pub fn apply(&mut self, record: &AlignRecord) {
         self.state.apply(record);

@@ -4,6 +4,7 @@
 use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust::{disagreement_sigmas, own_optimum};
 use crate::settings::GlobalSettings;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_registration::Target;
@@ -20,7 +21,7 @@ pub(crate) struct Side<'a> {
 }
 
 /// What the tests of a loop pair found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Tested {
     /// Smaller share of queries with a match, of both directions.
     pub(crate) overlap: f64,

@@ -198,7 +198,8 @@ impl Run {
 
     fn solve(&mut self) {
         if let Some(request) = self.optimiser.next_request()
-            && let Some(correction) = self.optimiser.solve(&request, &self.keyframes, &mut || ())
+            && let Some(correction) =
+                self.optimiser.solve(&request, &self.keyframes, &self.records.as_slice(), &mut || ())
         {
             self.optimiser.apply_own(&OptimiseRecord::Correction(Box::new(correction.clone())));
             self.correction = Some(correction);

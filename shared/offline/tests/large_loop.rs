@@ -72,7 +72,7 @@ fn solved(min_similarity: f64) -> (f64, usize) {
         is_final: true,
     };
     optimiser.apply(&AlignRecord::End { n_frames: N_FRAMES + 41, request: Some(request) });
-    let correction = optimiser.solve(&request, &Surfaces(surfaces), &mut || ()).unwrap();
+    let correction = optimiser.solve(&request, &Surfaces(surfaces), &[].as_slice(), &mut || ()).unwrap();
     let largest = correction.keyframes.iter().zip(&truth).map(|(corrected, truth)| {
         translation_rotation_norms(&(truth.inverse() * Pose::from(&corrected.world_from_camera))).0
     });

@@ -28,13 +28,16 @@ pub struct FlowSettings {
     pub fsync: Fsync,
     /// A stage that gives no sign of life for so long is killed and started again, seconds.
     pub hang_s: f64,
+    /// A stage that is started again reads about so much of its journal beside its last checkpoint,
+    /// kB; 0: there are no checkpoints, it reads all of it.
+    pub checkpoint_kb: u32,
     /// Whether a live run puts less work into each frame before it leaves frames out.
     pub ladder: bool,
 }
 
 impl Default for FlowSettings {
     fn default() -> Self {
-        Self { window: 4, ahead: 4, fsync: Fsync::Never, hang_s: 10.0, ladder: true }
+        Self { window: 4, ahead: 4, fsync: Fsync::Never, hang_s: 10.0, checkpoint_kb: 1024, ladder: true }
     }
 }
 
@@ -48,6 +51,7 @@ impl FlowSettings {
             ("window", f64::from(self.window), 1.0, 64.0),
             ("ahead", f64::from(self.ahead), 1.0, 64.0),
             ("hang_s", self.hang_s, 0.5, 1e6),
+            ("checkpoint_kb", f64::from(self.checkpoint_kb), 0.0, 1e6),
         ];
         for (key, value, low, high) in ranges {
             if !(low..=high).contains(&value) {

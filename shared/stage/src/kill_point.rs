@@ -13,8 +13,8 @@ use crate::clock::monotonic_nanos;
 /// life until one has struck, as the log tells.
 pub const KILL_POINTS_VARIABLE: &str = "TESSERA_KILL_POINTS";
 
-/// All kill points with the stage that has them; the number is a frame, or a request for the last four.
-pub const KILL_POINTS: [(&str, &str); 19] = [
+/// All kill points with the stage that has them; the number is a frame, or a request for those of `optimise`.
+pub const KILL_POINTS: [(&str, &str); 21] = [
     ("sensor", "opened"),
     ("sensor", "read"),
     ("sensor", "sent"),
@@ -29,11 +29,13 @@ pub const KILL_POINTS: [(&str, &str); 19] = [
     ("align", "journaled"),
     ("align", "published"),
     ("align", "acknowledged"),
+    ("align", "checkpointed"),
     ("align", "ended"),
     ("optimise", "opened"),
     ("optimise", "received"),
     ("optimise", "solving"),
     ("optimise", "journaled"),
+    ("optimise", "checkpointed"),
 ];
 
 /// What happens at a kill point.

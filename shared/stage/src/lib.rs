@@ -4,6 +4,7 @@
 //! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
 #![forbid(unsafe_code)]
 
+mod checkpoint;
 mod clock;
 mod context;
 mod error;
@@ -21,10 +22,11 @@ mod run_file;
 mod stopwatch;
 mod tracer;
 
+pub use checkpoint::Checkpoint;
 pub use clock::{cpu_nanos, monotonic_nanos};
 pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};
 pub use error::StageError;
-pub use keyframes::{MappedKeyframes, journal_slot, store_slot};
+pub use keyframes::{MappedKeyframes, journal_slot, slots, store_slot};
 pub use kill_point::{
     Delivery, KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints, MESSAGE_POINTS, STRUCK, fault_names,
 };

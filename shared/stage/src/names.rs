@@ -40,6 +40,16 @@ impl RunFiles {
         self.dir.join("optimise.journal")
     }
 
+    /// The aligner's state as it was some records ago.
+    pub fn align_checkpoint(&self) -> PathBuf {
+        self.dir.join("align.checkpoint")
+    }
+
+    /// The optimiser's state as it was some records ago.
+    pub fn optimise_checkpoint(&self) -> PathBuf {
+        self.dir.join("optimise.checkpoint")
+    }
+
     /// Surfaces of the keyframes.
     pub fn store(&self) -> PathBuf {
         self.dir.join("keyframes.store")

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 17] = [
+const DOCUMENTED: [&str; 19] = [
+    "align.checkpoint",
     "align.journal",
     "config.toml",
     "groundtruth.txt",
@@ -13,6 +14,7 @@ const DOCUMENTED: [&str; 17] = [
     "live.clock",
     "log.txt",
     "map.ply",
+    "optimise.checkpoint",
     "optimise.journal",
     "report.html",
     "run.json",

@@ -13,17 +13,19 @@ use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage, WaitingOn};
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
-use tessera_transport::{Link, Registered, RunEntry, registered_runs};
+use tessera_transport::{Link, Registered, RunEntry, living_nodes, registered_runs};
 
-/// How long to listen for the beats of all stages; each beats some ten times a second.
+/// How long to listen for the beats of all stages; each beats some ten times a second, unless one
+/// step of its work takes longer or it is frozen.
 const LISTEN: Duration = Duration::from_millis(500);
 
 /// One process of a run.
 #[derive(Clone, Debug, Serialize)]
 struct StageStatus {
     stage: String,
-    /// Absent where nothing was heard of it.
+    /// Absent where it does not live.
     pid: Option<u32>,
+    /// What it says that it does, `alive, silent` where it lives and says nothing, `not running`.
     state: String,
     restarts: u64,
     frames: u64,
@@ -78,7 +80,9 @@ fn is_named(run: &Registered, wanted: &str) -> bool {
 fn of_running(run: &RunEntry) -> Result<RunStatus, CommandError> {
     let beats = listen(run)?;
     let statistics = outputs::read_statistics(&run.run_dir)?;
-    let stages = Stage::ALL.map(|stage| of_stage(stage, beats.get(&stage), &statistics)).to_vec();
+    let living = living_nodes(&run.identity)?;
+    let pid = |stage: Stage| living.iter().find(|node| node.name == stage.name()).map(|node| node.pid);
+    let stages = Stage::ALL.map(|stage| of_stage(stage, pid(stage), beats.get(&stage), &statistics)).to_vec();
     Ok(RunStatus {
         name: run.name.clone(),
         folder: run.run_dir.clone(),
@@ -97,17 +101,27 @@ fn of_unread(run: &RunEntry, error: &CommandError) -> RunStatus {
 fn of_ended(name_or_folder: &str) -> Result<RunStatus, CommandError> {
     let folder = run_folder::find(name_or_folder)?;
     let statistics = outputs::read_statistics(&folder)?;
-    let stages = Stage::ALL.map(|stage| of_stage(stage, None, &statistics)).to_vec();
+    let stages = Stage::ALL.map(|stage| of_stage(stage, None, None, &statistics)).to_vec();
     let name = RunFile::read(&RunFiles::new(&folder))?.name;
     Ok(RunStatus { name, folder, running: false, stages, problem: None })
 }
 
-fn of_stage(stage: Stage, beat: Option<&Beat>, statistics: &RunStatistics) -> StageStatus {
+fn of_stage(
+    stage: Stage,
+    living: Option<u32>,
+    beat: Option<&Beat>,
+    statistics: &RunStatistics,
+) -> StageStatus {
     let kept = statistics.stages.get(stage.name()).copied().unwrap_or_default();
+    let state = match (beat, living) {
+        (Some(_), _) => "unknown",
+        (None, Some(_)) => "alive, silent",
+        (None, None) => "not running",
+    };
     let mut status = StageStatus {
         stage: stage.name().to_owned(),
-        pid: None,
-        state: if beat.is_some() { "unknown".to_owned() } else { "not running".to_owned() },
+        pid: living,
+        state: state.to_owned(),
         restarts: kept.restarts,
         frames: kept.frames,
         latency_ms: kept.latency_ms,

@@ -1,6 +1,7 @@
 //! What a run leaves for its user: pure functions of the run directory, so that they can be
 //! written at any time, also after a crash, and say the same.
 
+mod accuracy;
 mod export;
 mod files;
 mod machine;
@@ -14,6 +15,7 @@ pub(crate) mod test_run;
 mod timeline;
 mod trajectories;
 mod voxels;
+mod words;
 
 pub(crate) use export::{
     export, map_keyframes, read_groundtruth, read_journal, read_settings, refined_warp, write_groundtruth,

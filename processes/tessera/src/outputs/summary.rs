@@ -1,36 +1,21 @@
-//! `summary.json`, and the summary that a person reads.
+//! `summary.json`.
 
 use crate::exit::CommandError;
+use crate::outputs::accuracy::{Accuracy, accuracy};
 use crate::outputs::files::write_whole;
 use crate::outputs::replay::Replay;
 use crate::outputs::statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
-use crate::outputs::trajectories::{Rows, as_trajectory, final_rows, online_rows};
+use crate::outputs::trajectories::{Rows, final_rows, online_rows};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::path::Path;
 use tessera_geometry::Camera;
 use tessera_mapping::Refinement;
 use tessera_settings::Settings;
-use tessera_trajectory::{EvaluationOptions, Trajectory, evaluate};
+use tessera_trajectory::Trajectory;
 
 /// Names of the stages in the order of the flow, as every table of the summary lists them.
-const STAGES: [&str; 4] = ["sensor", "reconstruct", "align", "optimise"];
-
-/// Errors against the ground truth, by the definitions of the TUM scripts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Accuracy {
-    /// Absolute trajectory error, metres.
-    pub(crate) ate_rmse_m: f64,
-    /// Relative pose error over one second; absent where the run is shorter.
-    pub(crate) rpe_translation_rmse_m_per_s: Option<f64>,
-    /// Relative pose error over one second; absent where the run is shorter.
-    pub(crate) rpe_rotation_rmse_deg_per_s: Option<f64>,
-    /// How far the last pose is off, seen from the first, metres.
-    pub(crate) end_error_m: f64,
-    /// Poses compared.
-    pub(crate) pairs: usize,
-}
+pub(super) const STAGES: [&str; 4] = ["sensor", "reconstruct", "align", "optimise"];
 
 /// What came of a run. Field names are an interface: scripts read them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -163,103 +148,6 @@ impl Summary {
     pub(crate) fn to_json(&self) -> Result<String, CommandError> {
         serde_json::to_string_pretty(self).map_err(|error| CommandError::Stage(error.to_string()))
     }
-
-    /// The summary as lines of at most 80 columns, unless a name or a number is uncommonly long.
-    pub(crate) fn for_people(&self) -> String {
-        let mut text = String::new();
-        // Writing to a String cannot fail, here and below.
-        let _ = writeln!(text, "{}", self.headline());
-        let Self { frames_read, frames_processed, frames_dropped, frames_lost, frames_untracked, .. } = self;
-        let _ = writeln!(
-            text,
-            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} lost"
-        );
-        if let [_, fewer, small, least] = self.frames_at_effort
-            && fewer + small + least > 0
-        {
-            let _ = writeln!(
-                text,
-                "  effort      lowered in {} frames: {fewer} by 1 rung, {small} by 2, {least} by 3",
-                fewer + small + least
-            );
-        }
-        let Self { keyframes, loops_closed, global_optimisations, .. } = self;
-        let _ = writeln!(
-            text,
-            "  map         {keyframes} keyframes, {loops_closed} loops closed, {global_optimisations} global optimisations"
-        );
-        match (self.map_keyframes, self.first_tracked) {
-            (0, _) => {}
-            (n, Some(frame)) => {
-                let _ = writeln!(text, "  started in  a map of {n} keyframes, found at frame {frame}");
-            }
-            (n, None) => {
-                let _ = writeln!(
-                    text,
-                    "  WARNING     never found in the map of {n} keyframes, which stays as it was"
-                );
-            }
-        }
-        if self.wall_s > 0.0 {
-            let rate = *frames_processed as f64 / self.wall_s;
-            let latency = self.latency_ms.get("end_to_end").copied().unwrap_or_default();
-            let _ = writeln!(
-                text,
-                "  speed       {rate:.1} frames/s, latency p50 {:.1} p99 {:.1} max {:.1} ms",
-                latency.p50, latency.p99, latency.max
-            );
-            text.push_str(&self.stage_table());
-        }
-        let restarts: u64 = self.restarts.values().sum();
-        if restarts > 0 {
-            let _ = writeln!(text, "  restarts    {restarts}");
-        }
-        for (name, accuracy) in [("final", &self.of_final), ("online", &self.of_online)] {
-            if let Some(accuracy) = accuracy {
-                let _ = writeln!(text, "  {name:<11} {}", accuracy.for_people());
-            }
-        }
-        if let Some(refinement) = &self.refinement {
-            text.push_str(&refinement.for_people());
-        }
-        text
-    }
-
-    /// How the run ended, in a word.
-    pub(crate) fn how_it_ended(&self) -> &'static str {
-        match self.ended {
-            Ended::Finished => "done",
-            Ended::Interrupted => "interrupted",
-            Ended::Failed => "failed",
-            Ended::Unfinished => "unfinished",
-        }
-    }
-
-    /// Whether the end of the run is a reason to worry.
-    pub(crate) fn is_alarming(&self) -> bool {
-        self.ended != Ended::Finished || self.frames_lost > 0 || self.is_nowhere()
-    }
-
-    fn headline(&self) -> String {
-        let how = self.how_it_ended();
-        let optimised = if self.final_optimisation { "" } else { ", without the final optimisation" };
-        format!("{}: {how}{optimised}", self.source)
-    }
-
-    fn stage_table(&self) -> String {
-        let mut text = format!("  {:<12}", "");
-        for name in STAGES {
-            let _ = write!(text, "{name:>13}");
-        }
-        for (title, values) in [("CPU ms/frame", &self.cpu_ms_per_frame), ("peak MB", &self.peak_rss_mb)] {
-            let _ = write!(text, "\n  {title:<12}");
-            for name in STAGES {
-                let _ = write!(text, "{:>13.1}", values.get(name).copied().unwrap_or_default());
-            }
-        }
-        let _ = writeln!(text, "\n  shared MB   {:>13.1}", self.shared_memory_mb);
-        text
-    }
 }
 
 impl RefinementSummary {
@@ -277,66 +165,19 @@ impl RefinementSummary {
             None => Self::Kept("the run ended without a final optimisation".to_owned()),
         }
     }
-
-    fn for_people(&self) -> String {
-        match self {
-            Self::Refined {
-                moved_px,
-                held,
-                residual_sigmas_before: before,
-                residual_sigmas_after: after,
-                final_before,
-                ..
-            } => {
-                let mut text = format!(
-                    "  camera      refined by {moved_px:.2} px, {held} held, residual {before:.3} to {after:.3}\n"
-                );
-                if let Some(accuracy) = final_before {
-                    let _ = writeln!(text, "  before that {}", accuracy.for_people());
-                }
-                text
-            }
-            Self::Kept(reason) => format!("  camera      not refined: {reason}\n"),
-        }
-    }
-}
-
-impl Accuracy {
-    fn for_people(&self) -> String {
-        let mut text = format!("ATE {:.4} m", self.ate_rmse_m);
-        if let (Some(metres), Some(degrees)) =
-            (self.rpe_translation_rmse_m_per_s, self.rpe_rotation_rmse_deg_per_s)
-        {
-            let _ = write!(text, ", RPE {metres:.4} m/s {degrees:.3} deg/s");
-        }
-        let _ = write!(text, ", end {:.4} m, {} pairs", self.end_error_m, self.pairs);
-        text
-    }
 }
 
 fn by_stage<T>(value: impl Fn(&str) -> T) -> BTreeMap<String, T> {
     STAGES.iter().map(|name| ((*name).to_owned(), value(name))).collect()
 }
 
-/// The errors of a trajectory; `None` where too little overlaps with the ground truth.
-fn accuracy(rows: &Rows, groundtruth: &Trajectory) -> Option<Accuracy> {
-    let estimate = as_trajectory(rows)?;
-    let evaluation = evaluate(&estimate, groundtruth, &EvaluationOptions::default()).ok()?;
-    Some(Accuracy {
-        ate_rmse_m: evaluation.ate_rmse_m,
-        rpe_translation_rmse_m_per_s: evaluation.rpe_translation_rmse_m_per_s,
-        rpe_rotation_rmse_deg_per_s: evaluation.rpe_rotation_rmse_deg_per_s,
-        end_error_m: evaluation.end_error_m,
-        pairs: evaluation.pairs,
-    })
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::outputs::test_run;
+    use crate::outputs::trajectories::as_trajectory;
 
-    fn summary() -> Summary {
+    pub(in crate::outputs) fn summary() -> Summary {
         let replay = test_run::replay();
         let truth = as_trajectory(&online_rows(&replay)).unwrap();
         let stage = StageStatistics { restarts: 1, cpu_ms: 30.0, ..StageStatistics::default() };
@@ -378,24 +219,5 @@ mod tests {
         assert!(json["final"]["ate_rmse_m"].as_f64().unwrap() > 0.1);
         // Shorter than a second: no RPE, and not a number made up for it.
         assert!(json["final"]["rpe_translation_rmse_m_per_s"].is_null());
-    }
-
-    #[test]
-    fn people_read_lines_of_at_most_80_columns() {
-        let text = summary().for_people();
-        let accuracy = Accuracy {
-            ate_rmse_m: 0.0123,
-            rpe_translation_rmse_m_per_s: Some(0.0234),
-            rpe_rotation_rmse_deg_per_s: Some(1.345),
-            end_error_m: 0.0456,
-            pairs: 360,
-        };
-        let accuracy = format!("  final       {}", accuracy.for_people());
-        for line in text.lines().chain([accuracy.as_str()]) {
-            assert!(line.len() <= 80, "{line}");
-        }
-        assert!(text.starts_with("room: interrupted, without the final optimisation\n"), "{text}");
-        assert!(text.contains("6 of 7 processed, 1 not tracked, 1 dropped, 0 lost"), "{text}");
-        assert!(text.contains("restarts    1"), "{text}");
     }
 }

@@ -6,7 +6,7 @@ use super::recording::{Entry, Recorded, to_vertices};
 use super::report::Report;
 use crate::exit::CommandError;
 use tessera_journal::fingerprint;
-use tessera_mapping::{OptimiseRecord, Optimiser};
+use tessera_mapping::{AlignRecord, FrameHistory, FrameRecord, OptimiseRecord, Optimiser};
 use tessera_messages::Stage;
 
 /// Answers each recorded request.
@@ -23,7 +23,7 @@ pub(crate) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, 
                 Entry::Answer(expected) => {
                     let pending = optimiser.next_request();
                     let answer = pending.and_then(|request| {
-                        let solve = || optimiser.solve(&request, &keyframes, &mut || ());
+                        let solve = || optimiser.solve(&request, &keyframes, recorded, &mut || ());
                         Some((request.request, meter.time(solve)?))
                     });
                     let Some((request, correction)) = answer else {
@@ -37,4 +37,17 @@ pub(crate) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, 
         }
     }
     Ok(meter.report(options))
+}
+
+impl FrameHistory for Recorded {
+    /// The final request comes behind the last frame: no other one looks at them.
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord)) {
+        for entry in &self.entries {
+            if let Entry::Record(record) = entry
+                && let AlignRecord::Frame(frame) = &**record
+            {
+                take(frame);
+            }
+        }
+    }
 }

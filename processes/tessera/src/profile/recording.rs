@@ -154,7 +154,7 @@ impl Writer {
         self.add(&Entry::End { n_frames })?;
         std::fs::rename(&self.temporary, &self.path)
             .map_err(|error| CommandError::write(&self.path, error))?;
-        Ok(self.journal.len_bytes())
+        Ok(self.journal.mark().len_bytes())
     }
 }
 

@@ -5,10 +5,11 @@
 //! Stages that start without a supervisor clean up after their dead predecessors themselves.
 
 use super::failure::SupervisorError;
+use super::outcome::{Outcome, Progress, Supervised};
 use super::plan::Plan;
 use super::signals::Signals;
 use super::tally::{Counters, Tally};
-use super::watch::{FOREIGN_INTERVAL, Outcome, Progress, Supervised};
+use super::watch::FOREIGN_INTERVAL;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_journal::Follower;

@@ -12,7 +12,9 @@ use tessera_journal::{Journal, Recovered, Store, end_holder, lock_file};
 use tessera_mapping::{AlignRecord, OptimiseRecord};
 use tessera_messages::Stage;
 use tessera_settings::Settings;
-use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log};
+use tessera_stage::{
+    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log,
+};
 use tessera_transport::{Layout, RunClaim, check_space};
 
 /// Folder of the traces in the run's folder, while the run lasts.
@@ -125,6 +127,10 @@ impl Plan {
         )
         .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
         say_dropped(&files.optimise_journal(), &recovered);
+        // Whole journals were read above: what a crash of the machine did to them is mended, and a
+        // short cut through them says nothing new.
+        Checkpoint::remove(&files.align_checkpoint());
+        Checkpoint::remove(&files.optimise_checkpoint());
         let _ = std::fs::remove_file(files.live_clock());
         let _ = std::fs::remove_file(files.camera_session());
         run.write(&files)?;

@@ -3,16 +3,16 @@
 use super::failure::{StageFailure, SupervisorError};
 use super::limits::ensure_open_files;
 use super::marks::Marks;
+use super::outcome::{Outcome, Progress, Supervised};
 use super::plan::{Plan, Prepared};
-use super::policy::{Death, History, Verdict};
 use super::signals::Signals;
-use super::stage_process::{Meaning, describe, is_abort, meaning, spawn};
-use super::tally::{Counters, Tally};
+use super::stage_process::{Meaning, describe, meaning, spawn};
+use super::tally::Counters;
+use super::watched::Watched;
 use std::collections::BTreeMap;
-use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
-use tessera_stage::{Notifier, last_lines, ran_out_of_memory, stage_settings};
+use tessera_stage::Notifier;
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -21,88 +21,6 @@ const LOOK: Duration = Duration::from_millis(100);
 pub(super) const FOREIGN_INTERVAL: Duration = Duration::from_secs(1);
 /// How long stages may take to end when told to; then they are killed.
 const GRACE: Duration = Duration::from_millis(1500);
-
-/// How a run ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Outcome {
-    /// All is done.
-    Finished,
-    /// By Ctrl-C or SIGTERM; `resume` goes on.
-    Interrupted,
-    /// A stage failed.
-    Failed(Box<StageFailure>),
-}
-
-/// A run that is over.
-#[derive(Debug)]
-pub(crate) struct Supervised {
-    /// How it ended.
-    pub(crate) outcome: Outcome,
-    /// What each stage did.
-    pub(crate) stages: BTreeMap<Stage, Counters>,
-    /// Most shared memory in use at a time, bytes.
-    pub(crate) shared_memory_bytes: u64,
-    /// From start to end.
-    pub(crate) duration: Duration,
-    /// The run's name, free when this is dropped: after the outputs are written.
-    pub(crate) claim: RunClaim,
-}
-
-/// How far a run is.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Progress {
-    /// Frames aligned, or the index reached in live mode.
-    pub(crate) frames: u64,
-    /// Frames of the source, where known.
-    pub(crate) n_frames: Option<u64>,
-    /// Keyframes in the map.
-    pub(crate) keyframes: u64,
-    /// Loops closed.
-    pub(crate) loops: u64,
-    /// What each stage did so far.
-    pub(crate) stages: BTreeMap<Stage, Counters>,
-    /// Since the start.
-    pub(crate) elapsed: Duration,
-}
-
-/// One stage as the supervisor sees it.
-struct Watched {
-    stage: Stage,
-    child: Option<Child>,
-    heard_at: Instant,
-    /// Waiting to be started (again).
-    start_at: Option<Instant>,
-    n_lives: u64,
-    is_finished: bool,
-    was_hung: bool,
-    /// Whether its present life has done anything, or has found nothing to do.
-    had_progress: bool,
-    /// Keyframes and loops as it last said (align).
-    map: (u64, u64),
-    tally: Tally,
-    history: History,
-    /// Frames that ended it again and again: it leaves them out (live mode).
-    poison: Vec<u64>,
-}
-
-impl Watched {
-    fn new(stage: Stage, now: Instant) -> Self {
-        Self {
-            stage,
-            child: None,
-            heard_at: now,
-            start_at: Some(now),
-            n_lives: 0,
-            is_finished: false,
-            was_hung: false,
-            had_progress: false,
-            map: (0, 0),
-            tally: Tally::default(),
-            history: History::default(),
-            poison: Vec::new(),
-        }
-    }
-}
 
 /// Runs a plan to its end, under a name that is taken already or by `claim`; `tell` hears of its
 /// progress some ten times a second.
@@ -277,68 +195,12 @@ impl Supervisor<'_> {
             self.has_dead = true;
             let stage = self.stages[place].stage;
             self.marks.note(stage, || format!("{stage} died: {}", describe(status)));
-            if let Some(failure) = self.judge(place, status) {
+            let (settings, log) = (&self.plan.settings, self.prepared.files.log());
+            if let Some(failure) = self.stages[place].judge(status, settings, &log) {
                 return Ok(Some(failure));
             }
         }
         Ok(None)
-    }
-
-    fn judge(&mut self, place: usize, status: ExitStatus) -> Option<StageFailure> {
-        let watched = &mut self.stages[place];
-        let log = self.prepared.files.log();
-        let settings = stage_settings(&self.plan.settings, watched.stage);
-        let is_memory = settings.memory_mb > 0 && is_abort(status) && ran_out_of_memory(&log);
-        let words = match (watched.was_hung, is_memory) {
-            (true, _) => format!("no sign of life ({})", describe(status)),
-            (false, true) => format!(
-                "{}: it needs more memory than stages.{}.memory_mb = {}",
-                describe(status),
-                watched.stage,
-                settings.memory_mb
-            ),
-            (false, false) => describe(status),
-        };
-        let index = watched.tally.beat.index;
-        let death = Death {
-            at: Instant::now(),
-            is_own: watched.was_hung || meaning(status) == Meaning::Failed,
-            is_memory,
-            had_progress: watched.had_progress,
-            index,
-        };
-        watched.had_progress = false;
-        let verdict = watched.history.judge(&death, settings);
-        if meaning(status) != Meaning::Unusable
-            && let Verdict::Again(pause) = verdict
-        {
-            let last = last_lines(&log, watched.stage.name(), 1).pop();
-            tracing::warn!(
-                frame = index,
-                last_line = last.as_deref().unwrap_or("none"),
-                "{} died: {words}; it is started again",
-                watched.stage
-            );
-            watched.start_at = Some(death.at + pause);
-            return None;
-        }
-        // A camera does not stop for one frame. A request that cannot be answered ends a live run too.
-        let may_skip = self.plan.settings.run.live && watched.stage != Stage::Optimise;
-        if may_skip && watched.history.is_poisoned() && !watched.poison.contains(&index) {
-            tracing::warn!(frame = index, "{} died: {words}; the frame is left out", watched.stage);
-            watched.poison.push(index);
-            watched.start_at = Some(death.at);
-            return None;
-        }
-        tracing::error!(frame = index, "{} died: {words}; the run ends", watched.stage);
-        Some(StageFailure {
-            stage: watched.stage,
-            status: words,
-            exit_code: status.code(),
-            index,
-            n_deaths: watched.history.n_own_deaths(),
-            last_lines: last_lines(&log, watched.stage.name(), 5),
-        })
     }
 
     /// Kills what gives no sign of life; a stage that waits does.

@@ -2,9 +2,10 @@
 
 use super::error::RecordingError;
 use super::file::{Channels, McapFile, Place, message};
+use super::heads::heads;
 use super::messages::{self, Kind};
 use super::topics::Topics;
-use mcap::records::op;
+use mcap::records::{MessageHeader, op};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -41,7 +42,8 @@ enum Role {
     Camera,
 }
 
-/// Reads the whole file for the times of its images. A damaged last record ends the file.
+/// Looks through the file for the times of its images. A damaged last record of a file that was cut
+/// ends it.
 pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Result<Found, RecordingError> {
     let mut roles: BTreeMap<u16, (Role, Kind)> = BTreeMap::new();
     for (&id, channel) in &channels.by_id {
@@ -57,10 +59,18 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
     }
     let is_content = |place: &&Place| place.opcode == op::CHUNK || place.opcode == op::MESSAGE;
     let places: Vec<&Place> = file.data.iter().filter(is_content).collect();
-    let read: Vec<Result<Found, RecordingError>> =
-        places.par_iter().map(|place| in_place(file, place, &roles, topics)).collect();
+    let n = places.len();
+    let read: Vec<Result<Found, RecordingError>> = places
+        .par_iter()
+        .enumerate()
+        .map(|(at, place)| {
+            let looking =
+                Looking { roles: &roles, topics, place: **place, number: 0, found: Found::default() };
+            // Where a file was cut, only checksums tell whether all of its end was written.
+            looking.through(file, file.cut.is_some() && at + 1 == n)
+        })
+        .collect();
     let mut all = Found::default();
-    let n = read.len();
     for (at, found) in read.into_iter().enumerate() {
         match found {
             Ok(found) => {
@@ -77,47 +87,60 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
     Ok(all)
 }
 
-fn in_place(
-    file: &McapFile,
-    place: &Place,
-    roles: &BTreeMap<u16, (Role, Kind)>,
-    topics: &Topics,
-) -> Result<Found, RecordingError> {
-    let mut found = Found::default();
-    let mut number = 0;
-    let mut wrong = None;
-    file.records(place, |opcode, body| {
-        if opcode != op::MESSAGE {
-            return Ok(());
+/// Going through the messages of a place.
+struct Looking<'a> {
+    roles: &'a BTreeMap<u16, (Role, Kind)>,
+    topics: &'a Topics,
+    place: Place,
+    number: u32,
+    found: Found,
+}
+
+impl Looking<'_> {
+    /// Reads the heads of messages alone where that will do.
+    fn through(mut self, file: &McapFile, must_check: bool) -> Result<Found, RecordingError> {
+        let place = self.place;
+        let stamp_bytes: Option<Vec<u64>> = self.roles.values().map(|(_, kind)| kind.stamp_bytes()).collect();
+        if let Some(n_bytes) = stamp_bytes.map(|bytes| bytes.into_iter().max().unwrap_or(0))
+            && !must_check
+            && heads(file, &place, n_bytes, |header, data| self.take(&header, data))?
+        {
+            return Ok(self.found);
         }
-        let (header, data) = message(body)?;
-        let mut spot = Spot { stamp_nanos: 0, kind: Kind::RosImage, place: *place, number };
-        number += 1;
-        let Some(&(role, kind)) = roles.get(&header.channel_id) else { return Ok(()) };
-        spot.kind = kind;
-        let topic = match role {
+        let mut wrong = None;
+        file.records(&place, |opcode, body| {
+            if opcode == op::MESSAGE && wrong.is_none() {
+                let (header, data) = message(body)?;
+                wrong = self.take(&header, data).err();
+            }
+            Ok(())
+        })?;
+        wrong.map_or(Ok(self.found), Err)
+    }
+
+    fn take(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
+        let number = self.number;
+        self.number += 1;
+        let Some(&(role, kind)) = self.roles.get(&header.channel_id) else { return Ok(()) };
+        let mut spot = Spot { stamp_nanos: 0, kind, place: self.place, number };
+        let (topic, to) = match role {
             Role::Camera => {
-                found.camera.get_or_insert(spot);
+                self.found.camera.get_or_insert(spot);
                 return Ok(());
             }
-            Role::Depth => &topics.depth,
-            Role::Colour => topics.colour.as_ref().unwrap_or(&topics.depth),
+            Role::Depth => (&self.topics.depth, &mut self.found.depth),
+            Role::Colour => {
+                (self.topics.colour.as_ref().unwrap_or(&self.topics.depth), &mut self.found.colour)
+            }
         };
-        match messages::image(kind, data) {
-            Ok(image) => spot.stamp_nanos = image.stamp_nanos,
-            Err(problem) => {
-                let (topic, number) = (topic.clone(), header.sequence as usize);
-                wrong.get_or_insert(RecordingError::Message { topic, number, problem });
-                return Ok(());
-            }
-        }
-        match role {
-            Role::Depth => found.depth.push(spot),
-            _ => found.colour.push(spot),
-        }
+        let wrong = |problem| {
+            let (topic, number) = (topic.clone(), header.sequence as usize);
+            RecordingError::Message { topic, number, problem }
+        };
+        spot.stamp_nanos = messages::stamp_nanos(kind, data).map_err(wrong)?;
+        to.push(spot);
         Ok(())
-    })?;
-    wrong.map_or(Ok(found), Err)
+    }
 }
 
 /// The messages of a place, one after the other.

@@ -65,7 +65,7 @@ pub enum RecordingError {
     },
     /// A camera of a model that is not known here.
     #[error(
-        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5; give --camera FILE"
+        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE with a fit of 5"
     )]
     Distortion {
         /// The topic.

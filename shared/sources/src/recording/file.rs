@@ -9,7 +9,7 @@ use std::os::unix::fs::FileExt;
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Bytes of opcode and length before each record.
-const FRAMING: u64 = 9;
+pub(super) const FRAMING: u64 = 9;
 /// Largest record that is read, and largest content of a chunk: no image is that large.
 const MOST_BYTES: usize = 1 << 30;
 
@@ -109,6 +109,11 @@ impl McapFile {
             offset += place.len;
         }
         Ok(found)
+    }
+
+    /// Reads bytes of the file, all of them.
+    pub(super) fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<(), RecordingError> {
+        Ok(self.file.read_exact_at(bytes, offset)?)
     }
 
     /// Gives each record of a place, those of a chunk one by one: opcode and body.

@@ -53,6 +53,11 @@ impl Kind {
         }
     }
 
+    /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
+    pub(super) fn stamp_bytes(self) -> Option<u64> {
+        matches!(self, Self::RosImage | Self::RosCompressed | Self::RosCamera).then_some(ros::STAMP_BYTES)
+    }
+
     pub(super) fn is_camera(self) -> bool {
         matches!(self, Self::RosCamera | Self::FoxgloveCamera(_))
     }
@@ -102,6 +107,15 @@ pub(super) fn image(kind: Kind, data: &[u8]) -> Result<ImageMessage<'_>, Message
         Kind::RosCamera | Kind::FoxgloveCamera(_) => {
             Err(MessageError::Kind { kind: "image", reason: "it is a camera".to_owned() })
         }
+    }
+}
+
+/// Reads the time of an image, of which the front may be all that there is.
+pub(super) fn stamp_nanos(kind: Kind, data: &[u8]) -> Result<i64, MessageError> {
+    match kind {
+        Kind::RosImage => ros::stamp_nanos("sensor_msgs/msg/Image", data),
+        Kind::RosCompressed => ros::stamp_nanos("sensor_msgs/msg/CompressedImage", data),
+        _ => image(kind, data).map(|image| image.stamp_nanos),
     }
 }
 

@@ -1,16 +1,20 @@
 //! A recording in an MCAP file: messages of ROS 2 or of Foxglove's schemas.
 //!
-//! Opening reads the whole file once, in parallel, for the times of its images; after that a
-//! frame costs the reading of the chunks that it stands in.
+//! Opening looks for the times of the images: of chunks that are not compressed it reads the heads
+//! of their messages, other chunks it reads whole, several at once, and keeps none. After that a
+//! frame costs the reading of the chunks that it stands in. The file is read and never mapped: one
+//! that shrinks meanwhile is an error, not a signal.
 
 mod camera;
 mod chunks;
 mod error;
 mod file;
 mod foxglove;
+mod heads;
 mod messages;
 mod pixels;
 mod ros;
+mod rvl;
 mod topics;
 
 use crate::cameras::named_camera;

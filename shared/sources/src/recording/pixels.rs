@@ -2,9 +2,10 @@
 
 use super::error::MessageError;
 use super::messages::{ImageForm, ImageMessage};
+use super::rvl;
 use crate::{ImageError, decode};
 
-/// Bytes before the PNG of ROS's `compressedDepth`: a word and two floats.
+/// Bytes before the image in ROS's `compressedDepth`: a word and two floats.
 const COMPRESSED_DEPTH_HEADER: usize = 12;
 const PNG: &[u8] = b"\x89PNG";
 
@@ -56,7 +57,7 @@ pub(super) fn depth(
     }
 }
 
-/// A PNG of depth; behind the header of `compressedDepth` it may hold inverse depth.
+/// A PNG of depth; behind the header of `compressedDepth` a PNG or RVL, which may hold inverse depth.
 fn compressed_depth(
     data: &[u8],
     format: &str,
@@ -67,11 +68,18 @@ fn compressed_depth(
     if data.starts_with(PNG) {
         return Ok(decode::depth(data, size, depth_raw)?);
     }
-    let (head, png) = data
+    let is_rvl = format.trim_end().ends_with("compressedDepth rvl");
+    let (head, inside) = data
         .split_at_checked(COMPRESSED_DEPTH_HEADER)
-        .filter(|(_, png)| png.starts_with(PNG))
-        .ok_or_else(|| unknown(format, "a PNG, or compressedDepth with a PNG"))?;
-    decode::depth(png, size, depth_raw)?;
+        .filter(|(_, inside)| is_rvl || inside.starts_with(PNG))
+        .ok_or_else(|| unknown(format, "a PNG, or compressedDepth with a PNG or RVL"))?;
+    if is_rvl {
+        let (found, code) = rvl::split(inside)?;
+        check_size("depth", found, size)?;
+        rvl::decode(code, depth_raw)?;
+    } else {
+        decode::depth(inside, size, depth_raw)?;
+    }
     if format.starts_with("32FC1") {
         let word = |at: usize| f32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
         let (a, b) = (word(4), word(8));

@@ -6,16 +6,24 @@ use re_cdr::{BigEndian, LittleEndian, from_bytes};
 use serde::Deserialize;
 use std::borrow::Cow;
 
+/// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
+pub(super) const STAMP_BYTES: u64 = 12;
+
 #[derive(Deserialize)]
-struct Header {
+struct Time {
     sec: i32,
     nanosec: u32,
+}
+
+#[derive(Deserialize)]
+struct Header {
+    stamp: Time,
     #[serde(rename = "frame_id")]
     _frame_id: String,
 }
 
-impl Header {
-    fn stamp_nanos(&self) -> i64 {
+impl Time {
+    fn nanos(&self) -> i64 {
         nanos(self.sec.into(), self.nanosec.into())
     }
 }
@@ -71,10 +79,15 @@ fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<
     decoded.map(|(message, _)| message).map_err(|error| wrong(error.to_string()))
 }
 
+/// The time of a message that begins with a header, from its first bytes.
+pub(super) fn stamp_nanos(kind: &'static str, data: &[u8]) -> Result<i64, MessageError> {
+    decode::<Time>(kind, data).map(|time| time.nanos())
+}
+
 pub(super) fn image(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
     let image: Image<'_> = decode("sensor_msgs/msg/Image", data)?;
     Ok(ImageMessage {
-        stamp_nanos: image.header.stamp_nanos(),
+        stamp_nanos: image.header.stamp.nanos(),
         data: Cow::Borrowed(image.data),
         form: ImageForm::Raw {
             encoding: image.encoding,
@@ -89,7 +102,7 @@ pub(super) fn image(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
 pub(super) fn compressed(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
     let image: CompressedImage<'_> = decode("sensor_msgs/msg/CompressedImage", data)?;
     Ok(ImageMessage {
-        stamp_nanos: image.header.stamp_nanos(),
+        stamp_nanos: image.header.stamp.nanos(),
         data: Cow::Borrowed(image.data),
         form: ImageForm::File { format: image.format },
     })

@@ -1,0 +1,119 @@
+//! Everything that the optimiser knows: a fold over both journals, and the files behind it.
+
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::time::Duration;
+use tessera_journal::{Follower, Journal, Mark};
+use tessera_mapping::{AlignRecord, OptimiseRecord, Optimiser, OptimiserState, RequestRecord};
+use tessera_settings::Fsync;
+use tessera_stage::{
+    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, OPTIMISE_JOURNAL, RunFiles, StageError,
+};
+
+/// How long a predecessor may take to die before its lock is an error.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The optimiser's whole state; it can be thrown away and read back at any time.
+pub(crate) struct Desk {
+    pub(crate) optimiser: Optimiser,
+    pub(crate) keyframes: MappedKeyframes,
+    records: Follower<AlignRecord>,
+    journal: Journal<OptimiseRecord>,
+    fsync: Fsync,
+    checkpoint: Checkpoint,
+}
+
+/// What a checkpoint holds: the fold, and where it stands in both journals.
+#[derive(Serialize, Deserialize)]
+struct Kept<'a> {
+    journal: Mark,
+    records: Mark,
+    optimiser: OptimiserState<'a>,
+}
+
+impl Kept<'_> {
+    fn fits(&self, files: &RunFiles) -> bool {
+        let fits = |mark: &Mark, path: &Path, kind| mark.fits(path, kind).unwrap_or(false);
+        fits(&self.journal, &files.optimise_journal(), OPTIMISE_JOURNAL)
+            && fits(&self.records, &files.align_journal(), ALIGN_JOURNAL)
+    }
+}
+
+impl Desk {
+    /// Reads the state back from the run directory; locks the journal.
+    pub(crate) fn open(context: &Context) -> Result<Self, StageError> {
+        let (files, flow) = (&context.files, &context.settings.flow);
+        let mut checkpoint =
+            Checkpoint::new(&files.optimise_checkpoint(), OPTIMISE_JOURNAL, flow.checkpoint_kb);
+        let kept = checkpoint.read::<Kept<'static>>().filter(|kept| kept.fits(files));
+        let (marks, mut optimiser) = match kept {
+            Some(kept) => {
+                let optimiser = Optimiser::restore(context.mapping_context(), kept.optimiser);
+                (Some((kept.journal, kept.records)), optimiser)
+            }
+            None => (None, Optimiser::new(context.mapping_context())),
+        };
+        let mut keyframes = MappedKeyframes::open(&files.store(), context.layout.grid.len())?;
+        for keyframe in &optimiser.state().keyframes {
+            keyframes.add_unread(keyframe.id, &keyframe.slot)?;
+        }
+        let (journal, recovered) = Journal::open_behind(
+            &files.optimise_journal(),
+            OPTIMISE_JOURNAL,
+            marks.as_ref().map(|(journal, _)| journal),
+            PATIENCE,
+            |record: OptimiseRecord| {
+                optimiser.apply_own(&record);
+                Ok(())
+            },
+        )?;
+        if let Some((_, records)) = &marks {
+            tracing::info!("a checkpoint spares {} records", records.n_records);
+        }
+        if let Some(reason) = &recovered.reason {
+            tracing::warn!(
+                "the journal of optimise ends after {} records, {} bytes behind them are dropped: {reason}",
+                recovered.n_records,
+                recovered.dropped_bytes
+            );
+        }
+        let records = Follower::open_behind(
+            &files.align_journal(),
+            ALIGN_JOURNAL,
+            marks.as_ref().map(|(_, records)| records),
+        )?;
+        checkpoint.stands_at(marks.map_or(0, |(journal, records)| journal.len_bytes() + records.len_bytes()));
+        Ok(Self { optimiser, keyframes, records, journal, fsync: flow.fsync, checkpoint })
+    }
+
+    /// Reads on in the aligner's journal, up to the next request and no further.
+    pub(crate) fn next_request(&mut self) -> Result<Option<RequestRecord>, StageError> {
+        loop {
+            if let Some(request) = self.optimiser.next_request() {
+                return Ok(Some(request));
+            }
+            let Some(record) = self.records.next()? else { return Ok(None) };
+            self.keyframes.take_unread(&record)?;
+            self.optimiser.apply(&record);
+        }
+    }
+
+    /// Writes a correction down and lets it take effect here.
+    pub(crate) fn commit(&mut self, record: &OptimiseRecord) -> Result<(), StageError> {
+        self.journal.append(record, self.fsync != Fsync::Never)?;
+        self.optimiser.apply_own(record);
+        Ok(())
+    }
+
+    /// Keeps the state for a successor, where the journals have grown enough since the last time;
+    /// whether it did.
+    pub(crate) fn keep(&mut self) -> bool {
+        let (journal, records) = (self.journal.mark(), self.records.mark());
+        let bytes = journal.len_bytes() + records.len_bytes();
+        let is_due = self.checkpoint.is_due(bytes);
+        let snapshot = if is_due { self.optimiser.snapshot() } else { None };
+        let Some(optimiser) = snapshot else { return false };
+        self.checkpoint.write(&Kept { journal, records, optimiser }, bytes);
+        true
+    }
+}

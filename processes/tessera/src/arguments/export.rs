@@ -1,0 +1,63 @@
+//! `tessera export`: its arguments.
+
+use super::Speech;
+use clap::Args;
+use std::path::PathBuf;
+
+/// `tessera export`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+With --cloud, --mesh, --kitti, --euroc or --mcap only those files are written, else (or
+with --out) all outputs.
+
+Examples:
+  tessera export room-1
+  tessera export results/desk --out elsewhere
+  tessera export room-1 --cloud room.pcd --mesh room.glb --voxel-mm 5
+  tessera export room-1 --kitti poses.txt --euroc poses.csv")]
+pub(crate) struct ExportArguments {
+    /// Name of the run, or its folder
+    pub(crate) run: String,
+    /// Folder for the outputs [default: the run's own]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) files: ExportFiles,
+    #[command(flatten)]
+    pub(crate) speech: Speech,
+}
+
+/// What other programs read.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ExportFiles {
+    /// The fused map as coloured points with normals: FILE.ply or FILE.pcd
+    #[arg(long, value_name = "FILE")]
+    pub(crate) cloud: Option<PathBuf>,
+    /// The fused map as coloured triangles: FILE.ply or FILE.glb
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mesh: Option<PathBuf>,
+    /// Edge of the voxels of the fused map, millimetres
+    #[arg(long, value_name = "MM", default_value_t = 10.0, value_parser = positive)]
+    pub(crate) voxel_mm: f64,
+    /// Points farther from their camera are not fused, metres
+    #[arg(long, value_name = "M", default_value_t = 4.0, value_parser = positive)]
+    pub(crate) max_depth_m: f64,
+    /// Memory for voxels at most, megabytes
+    #[arg(long, value_name = "MB", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) memory_mb: u32,
+    /// The final trajectory as KITTI has it: rows of a 3x4 matrix, without times
+    #[arg(long, value_name = "FILE")]
+    pub(crate) kitti: Option<PathBuf>,
+    /// The final trajectory as EuRoC has it: CSV, nanoseconds, quaternions w x y z
+    #[arg(long, value_name = "FILE")]
+    pub(crate) euroc: Option<PathBuf>,
+    /// Poses, transforms, keyframes and the fused map as messages of ROS 2, for Foxglove too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mcap: Option<PathBuf>,
+}
+
+/// A length that is more than nothing and less than a hundred thousand.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
+    if value > 0.0 && value < 1e5 { Ok(value) } else { Err(format!("found {value}, expected more than 0")) }
+}

@@ -1,0 +1,119 @@
+//! `tessera run`: its arguments.
+
+use super::top;
+use clap::Args;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use tessera_surface::Isa;
+
+/// `tessera run`.
+#[derive(Clone, Debug, Default, Args)]
+#[command(args_override_self = true)]
+#[command(after_help = "\
+Examples:
+  tessera run                              the simulated room
+  tessera run room --frames 100            its first 100 frames
+  tessera run room --person --readout 0.03 with a person and a rolling shutter
+  tessera run FOLDER --out results         a recording in the TUM layout
+  tessera run FOLDER --config paper        with the values of the paper
+  tessera run FOLDER --set surface.step=2  with one setting changed
+  tessera run FOLDER --map runs/room-1     in the map of an earlier run
+  tessera run FOLDER --live                at the rate of the recording")]
+pub(crate) struct RunArguments {
+    /// A folder in the TUM layout, FILE.mcap, a simulated world (room, corridor, wall, house), or external: a
+    /// camera's own program sends the frames [default: room]
+    pub(crate) source: Option<String>,
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    #[arg(long, value_name = "CAMERA")]
+    pub(crate) camera: Option<String>,
+    /// In FILE.mcap: the topic of depth [default: the one whose name says so]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) depth_topic: Option<String>,
+    /// In FILE.mcap: the topic of colour [default: the one whose name says so]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) color_topic: Option<String>,
+    /// A preset (default, paper, fast, onboard) or a TOML file
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub(crate) config: Option<String>,
+    /// Change one setting; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) overrides: Vec<String>,
+    /// Folder for the outputs [default: runs/NAME]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Name of the run [default: a fresh one, after the source]
+    #[arg(long)]
+    pub(crate) name: Option<String>,
+    /// Leave out so many frames at the beginning
+    #[arg(long, value_name = "N")]
+    pub(crate) skip: Option<u64>,
+    /// Process at most so many frames
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<u64>,
+    /// In a simulated scene: a person walks about in front of the camera
+    #[arg(long)]
+    pub(crate) person: bool,
+    /// In a simulated scene: a rolling shutter, seconds from the first row to the last
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) readout: Option<f64>,
+    /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
+    #[arg(long, value_name = "RUN")]
+    pub(crate) map: Option<String>,
+    /// Where the first frame stands in that map: "tx ty tz qx qy qz qw"
+    #[arg(long, value_name = "POSE", requires = "map", allow_hyphen_values = true)]
+    pub(crate) at: Option<String>,
+    /// At the end of the run its folder and that of the map change places: the map is updated
+    #[arg(long, requires = "map")]
+    pub(crate) map_update: bool,
+    /// The final optimisation solves for the camera too; the outputs are those of the refined camera
+    #[arg(long)]
+    pub(crate) refine_camera: bool,
+    /// Frames come at the source's own rate and the newest wins; drops are counted
+    #[arg(long)]
+    pub(crate) live: bool,
+    /// Prepare and hold the run, or go on with the one of that name, for stages that somebody
+    /// else starts: systemd, or `tessera stage`
+    #[arg(long, requires = "name")]
+    pub(crate) hold: bool,
+    /// Go on where the source looks wrong
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
+    #[arg(long, value_parser = isa)]
+    pub(crate) isa: Option<Isa>,
+    /// Write the run for Rerun too, by the program of `tessera view`
+    #[arg(long, value_name = "FILE.rrd")]
+    pub(crate) rerun: Option<PathBuf>,
+    /// Write down what each process does and when, for Perfetto (ui.perfetto.dev)
+    #[arg(long, value_name = "FILE", conflicts_with = "hold")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Answer Prometheus at this address of the loopback interface while the run lasts
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback)]
+    pub(crate) metrics: Option<SocketAddr>,
+    /// Decode all frames into memory first
+    #[arg(long)]
+    pub(crate) preload: bool,
+    /// For tests: throw state away after every N frames and read it back
+    #[arg(long, value_name = "N")]
+    pub(crate) forget_every: Option<u64>,
+    #[command(flatten)]
+    pub(crate) speech: Speech,
+}
+
+/// How much is said, and in what form.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct Speech {
+    /// No progress and no summary, errors only
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+fn isa(word: &str) -> Result<Isa, String> {
+    let all = [Isa::Auto, Isa::Baseline, Isa::Avx2, Isa::Neon];
+    all.into_iter()
+        .find(|isa| isa.to_string() == word)
+        .ok_or("expected auto, baseline, avx2 or neon".to_owned())
+}
