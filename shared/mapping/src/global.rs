@@ -102,7 +102,7 @@ pub(crate) fn solve(
                     });
                     let has_overlap = pair.weight > 0.0;
                     // What was outvoted has no say until it fits or the others fall out.
-                    if tested.is_some_and(|t| t.is_outvoted) {
+                    if tested.is_some_and(|t| t.verdict == LoopVerdict::Outvoted) {
                         pair.weight = 0.0;
                     }
                     Found { pair, tested, has_overlap }
@@ -115,7 +115,7 @@ pub(crate) fn solve(
         loops.clear();
         let (mut pairs, mut is_loop, mut tests) = (Vec::new(), Vec::new(), Vec::new());
         for f in found {
-            let is_good = f.tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
+            let is_good = f.tested.is_none_or(|t| t.has_passed());
             if f.has_overlap && is_good {
                 pairs.push(f.pair);
                 is_loop.push(f.tested.is_some());
@@ -136,7 +136,7 @@ pub(crate) fn solve(
                 is_loop.push(true);
                 tests.push(Some(tested));
                 // The poses will move: what was refused where they were may fit then.
-                known.retain(|_, tested| tested.verdict == LoopVerdict::Accepted);
+                known.retain(|_, tested| tested.has_passed());
             }
             progress();
         }
@@ -160,7 +160,8 @@ pub(crate) fn solve(
             for ((pair, tested), residual) in graph.pairs.iter().zip(&tests).zip(&report.residuals_sigmas) {
                 let Some(tested) = tested else { continue };
                 if let Some(known) = known.get_mut(&ids(pair.query, pair.target)) {
-                    known.is_outvoted = pair.weight == 0.0;
+                    known.verdict =
+                        if pair.weight > 0.0 { LoopVerdict::Accepted } else { LoopVerdict::Outvoted };
                 }
                 loops.push(loop_record(keyframes, pair, tested, *residual, pair.weight));
             }
@@ -216,9 +217,10 @@ fn loop_record(
     weight: f64,
 ) -> LoopRecord {
     let verdict = match tested.verdict {
-        LoopVerdict::Accepted if pair.weight == 0.0 && residual_sigmas > 0.0 => LoopVerdict::Outvoted,
-        LoopVerdict::Accepted if pair.weight == 0.0 => LoopVerdict::LittleOverlap,
-        verdict => verdict,
+        verdict if !tested.has_passed() => verdict,
+        _ if pair.weight > 0.0 => LoopVerdict::Accepted,
+        _ if residual_sigmas > 0.0 => LoopVerdict::Outvoted,
+        _ => LoopVerdict::LittleOverlap,
     };
     LoopRecord {
         newer: keyframes[pair.query].id,

@@ -29,24 +29,28 @@ pub(crate) struct Tested {
     pub(crate) in_front: f64,
     /// Root mean square disagreement between both directions, standard deviations.
     pub(crate) inconsistency_sigmas: f64,
+    /// Outvoted: it passed, and the last optimisation took its weight all the same.
     pub(crate) verdict: LoopVerdict,
-    /// It passed, and the last optimisation took its weight all the same.
-    pub(crate) is_outvoted: bool,
 }
 
 /// Tests by the ids of the newer and the older keyframe.
 pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
 
 impl Tested {
-    /// What a record says of a pair that passed.
-    pub(crate) fn accepted(record: &LoopRecord) -> Self {
-        Self {
+    /// What a record says of a pair that passed; `None` of another.
+    pub(crate) fn passed(record: &LoopRecord) -> Option<Self> {
+        let tested = Self {
             overlap: record.overlap,
             in_front: record.in_front,
             inconsistency_sigmas: record.inconsistency_sigmas,
-            verdict: LoopVerdict::Accepted,
-            is_outvoted: record.verdict == LoopVerdict::Outvoted,
-        }
+            verdict: record.verdict,
+        };
+        tested.has_passed().then_some(tested)
+    }
+
+    /// Whether the pair passed its tests, whatever the other pairs say of it.
+    pub(crate) fn has_passed(&self) -> bool {
+        matches!(self.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted)
     }
 
     /// A pair with too few matches for a test, by what its search found.
@@ -56,7 +60,6 @@ impl Tested {
             in_front: share(report.n_in_front, report.n_in_view),
             inconsistency_sigmas: 0.0,
             verdict: LoopVerdict::LittleOverlap,
-            is_outvoted: false,
         }
     }
 }
@@ -98,7 +101,7 @@ pub(crate) fn test(
     } else {
         LoopVerdict::Accepted
     };
-    Tested { overlap, in_front, inconsistency_sigmas, verdict, is_outvoted: false }
+    Tested { overlap, in_front, inconsistency_sigmas, verdict }
 }
 
 fn share(part: u32, whole: u32) -> f64 {
