@@ -202,7 +202,8 @@ pub fn journal(bytes: &[u8]) {
     });
 }
 
-fn sealed(path: &Path, kind: &str, payload: &[u8]) {
+/// Writes a journal of one record with this payload, whatever it is.
+pub fn sealed(path: &Path, kind: &str, payload: &[u8]) {
     let (mut journal, _) =
         Journal::<Raw<'_>>::open(path, kind, Duration::ZERO, |_| Ok(())).expect("a new file");
     journal.append(&Raw(payload), false).expect("the record fits");

@@ -3,11 +3,16 @@
 //! Beside each input come some changed ones, the same in every run; `TESSERA_TEST_MUTATIONS` sets
 //! how many (100 by default).
 
+mod common;
+
 #[path = "../fuzz/targets.rs"]
 #[allow(unreachable_pub, reason = "the executables of fuzz/ use it too")]
 mod targets;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tessera_journal::Journal;
+use tessera_mapping::{AlignRecord, OptimiseRecord};
 
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
@@ -127,4 +132,74 @@ fn messages() {
 #[test]
 fn recording() {
     replay("recording");
+}
+
+/// Payloads of a journal's records.
+fn payloads(journal: &[u8]) -> Vec<&[u8]> {
+    let mut rest = &journal[32..];
+    let mut payloads = Vec::new();
+    while let Some((header, behind)) = rest.split_at_checked(12) {
+        let len = u32::from_le_bytes(header[..4].try_into().unwrap()) as usize;
+        payloads.push(&behind[..len]);
+        rest = &behind[len..];
+    }
+    payloads
+}
+
+/// Writes real records into the corpus: those of a run, and of one that starts in its map.
+fn renew(corpus: &Path) {
+    let first = common::room();
+    assert!(first.finish().success());
+    let map = first.out();
+    let second = common::room().frames(20).with(&["--map", map.to_str().unwrap()]);
+    // Whether it finds itself there does not matter: the map is its first record.
+    second.finish();
+    let write = |name: &str, which: u8, bytes: &[u8]| {
+        std::fs::write(corpus.join(name), [&[which], bytes].concat()).unwrap();
+    };
+    let align = first.output("align.journal");
+    let records = payloads(&align);
+    let of_kind = |kind: u8| records.iter().find(|record| record[0] == kind).unwrap();
+    write("first_frame", 1, records[0]);
+    write("frame", 1, records[5]);
+    write("correction", 1, of_kind(2));
+    write("end", 1, of_kind(3));
+    let whole: usize = records[..3].iter().map(|record| 12 + record.len()).sum();
+    write("whole_prefix", 0, &align[..32 + whole + 100]);
+    write("optimise", 2, payloads(&first.output("optimise.journal"))[0]);
+    write("map", 1, payloads(&second.output("align.journal"))[0]);
+}
+
+/// With another layout of records its inputs would end at their first bytes: `TESSERA_UPDATE=1`
+/// makes them anew.
+#[test]
+fn the_corpus_of_journals_holds_records_of_this_version() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/journal");
+    if std::env::var_os("TESSERA_UPDATE").is_some() {
+        renew(&corpus);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    for name in ["first_frame", "frame", "correction", "end", "map", "optimise", "whole_prefix"] {
+        let bytes = std::fs::read(corpus.join(name)).unwrap();
+        let _ = std::fs::remove_file(&path);
+        let n_records = match bytes[0] {
+            0 => {
+                std::fs::write(&path, &bytes[1..]).unwrap();
+                let opened = Journal::<AlignRecord>::open(&path, "align", Duration::ZERO, |_| Ok(()));
+                opened.unwrap().1.n_records
+            }
+            1 => {
+                targets::sealed(&path, "align", &bytes[1..]);
+                let opened = Journal::<AlignRecord>::open(&path, "align", Duration::ZERO, |_| Ok(()));
+                opened.unwrap().1.n_records
+            }
+            _ => {
+                targets::sealed(&path, "optimise", &bytes[1..]);
+                let opened = Journal::<OptimiseRecord>::open(&path, "optimise", Duration::ZERO, |_| Ok(()));
+                opened.unwrap().1.n_records
+            }
+        };
+        assert!(n_records > 0, "{name} is of another version");
+    }
 }

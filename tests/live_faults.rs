@@ -2,9 +2,7 @@
 
 mod common;
 
-use common::{Run, room, signal, wait_for};
-use std::fmt::Write;
-use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
+use common::{Run, room, signal, wait_for, write_images, write_lists};
 
 fn has_output(run: &Run, stage: &str, pid: u32) -> bool {
     // The optimiser has nothing to put out unless it is asked.
@@ -51,29 +49,8 @@ fn after_a_kill_no_other_process_restarts() {
 /// again before the next.
 fn slow_recording(run: &Run, n_frames: u64, gap_s: f64) {
     let folder = run.dir.path().join("recording");
-    for name in ["depth", "rgb"] {
-        std::fs::create_dir_all(folder.join(name)).unwrap();
-    }
-    let camera = run.dir.path().join("camera.toml").display().to_string();
-    let options = SourceOptions { camera: Some(camera), frames: Some(n_frames), ..SourceOptions::default() };
-    let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
-    let (width, height) = (source.camera().width, source.camera().height);
-    let n_pixels = (width * height) as usize;
-    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-    let (mut depth_list, mut colour_list) = (String::new(), String::new());
-    for index in 0..n_frames {
-        source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-        let image: image::ImageBuffer<image::Luma<u16>, _> =
-            image::ImageBuffer::from_raw(width, height, depth.clone()).unwrap();
-        image.save(folder.join(format!("depth/{index}.png"))).unwrap();
-        let image = image::RgbImage::from_raw(width, height, colour.clone()).unwrap();
-        image.save(folder.join(format!("rgb/{index}.png"))).unwrap();
-        let seconds = index as f64 * gap_s;
-        writeln!(depth_list, "{seconds:.6} depth/{index}.png").unwrap();
-        writeln!(colour_list, "{seconds:.6} rgb/{index}.png").unwrap();
-    }
-    std::fs::write(folder.join("depth.txt"), depth_list).unwrap();
-    std::fs::write(folder.join("rgb.txt"), colour_list).unwrap();
+    write_images(&folder, &run.dir.path().join("camera.toml"), n_frames);
+    write_lists(&folder, (0..n_frames).map(|index| (format!("{:.6}", index as f64 * gap_s), index)));
 }
 
 #[test]

@@ -6,7 +6,6 @@ use tessera_journal::Follower;
 use tessera_mapping::{AlignRecord, StoreSlot};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
-use tessera_sources::FrameBuffers;
 
 /// Where a surface lies is the pipeline's own; all else must agree to the bit.
 fn without_slot(mut record: AlignRecord) -> AlignRecord {
@@ -27,16 +26,8 @@ fn offline(settings: &Settings) -> Vec<AlignRecord> {
         mapping: settings.mapping.clone(),
     };
     let mut run = Run::new(source.camera(), &method).unwrap();
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
     for index in 0..source.n_frames().unwrap() {
-        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-        run.push(&RawFrame {
-            stamp_nanos: info.stamp_nanos,
-            rotation: info.rotation,
-            depth,
-            colour: info.has_colour.then_some(colour),
-        });
+        run.push(&RawFrame::read(&*source, index).unwrap());
     }
     run.finish().records
 }

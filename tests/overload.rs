@@ -3,12 +3,10 @@
 
 mod common;
 
-use common::{Run, room, wait_for};
-use std::fmt::Write;
+use common::{Run, room, wait_for, write_images, write_lists};
 use std::process::{Child, Command, Stdio};
 use tessera_journal::Follower;
 use tessera_mapping::AlignRecord;
-use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 use tessera_surface::Effort;
 
 /// Processes that burn cores for as long as they are held.
@@ -39,33 +37,14 @@ const N_IMAGES: u64 = 20;
 /// A recording that comes at 500 frames a second, which nothing here can work, and then at 8.
 fn rushed_recording(run: &Run, n_rushed: u64, n_calm: u64) {
     let folder = run.dir.path().join("recording");
-    for name in ["depth", "rgb"] {
-        std::fs::create_dir_all(folder.join(name)).unwrap();
-    }
-    let camera = run.dir.path().join("camera.toml").display().to_string();
-    let options = SourceOptions { camera: Some(camera), frames: Some(N_IMAGES), ..SourceOptions::default() };
-    let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
-    let (width, height) = (source.camera().width, source.camera().height);
-    let n_pixels = (width * height) as usize;
-    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-    for index in 0..N_IMAGES {
-        source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-        let image: image::ImageBuffer<image::Luma<u16>, _> =
-            image::ImageBuffer::from_raw(width, height, depth.clone()).unwrap();
-        image.save(folder.join(format!("depth/{index}.png"))).unwrap();
-        let image = image::RgbImage::from_raw(width, height, colour.clone()).unwrap();
-        image.save(folder.join(format!("rgb/{index}.png"))).unwrap();
-    }
-    let (mut depth_list, mut colour_list) = (String::new(), String::new());
+    write_images(&folder, &run.dir.path().join("camera.toml"), N_IMAGES);
     let mut seconds = 0.0;
-    for index in 0..n_rushed + n_calm {
-        let image = index % N_IMAGES;
-        writeln!(depth_list, "{seconds:.6} depth/{image}.png").unwrap();
-        writeln!(colour_list, "{seconds:.6} rgb/{image}.png").unwrap();
+    let row = |index| {
+        let row = (format!("{seconds:.6}"), index % N_IMAGES);
         seconds += if index < n_rushed { 0.002 } else { 0.125 };
-    }
-    std::fs::write(folder.join("depth.txt"), depth_list).unwrap();
-    std::fs::write(folder.join("rgb.txt"), colour_list).unwrap();
+        row
+    };
+    write_lists(&folder, (0..n_rushed + n_calm).map(row));
 }
 
 fn efforts(run: &Run) -> Vec<Effort> {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use tessera_geometry::Camera;
 use tessera_offline::{Method, RawFrame};
-use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec, open};
+use tessera_sources::{Source, SourceOptions, SourceSpec, open};
 use tessera_surface::{Reconstructor, Vertex};
 
 /// Frames decoded for a benchmark.
@@ -37,13 +37,7 @@ pub fn frames() -> &'static Frames {
 
 /// One decoded frame of a source.
 pub fn read(source: &dyn Source, index: u64) -> RawFrame {
-    let n_pixels = (source.camera().width * source.camera().height) as usize;
-    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-    let info = source
-        .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
-        .expect("the frame can be read");
-    let colour = info.has_colour.then_some(colour);
-    RawFrame { stamp_nanos: info.stamp_nanos, depth, colour, rotation: info.rotation }
+    RawFrame::read(source, index).expect("the frame can be read")
 }
 
 /// A frame's surface by the default settings.

@@ -259,6 +259,13 @@ pub fn python(name: &str, packages: &[&str]) -> Option<PathBuf> {
 
 /// Writes frames of the room as a folder in the TUM layout, colour as PNG: the same in every reader.
 pub fn write_folder(folder: &Path, camera: &Path, n: u64) {
+    let stamps = write_images(folder, camera, n);
+    let nanos = |stamp: i64| format!("{}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000);
+    write_lists(folder, stamps.into_iter().zip(0..).map(|(stamp, image)| (nanos(stamp), image)));
+}
+
+/// Writes images of the room and the camera; answers their stamps, nanoseconds.
+pub fn write_images(folder: &Path, camera: &Path, n: u64) -> Vec<i64> {
     let options = tessera_sources::SourceOptions {
         camera: Some(camera.display().to_string()),
         frames: Some(n),
@@ -268,24 +275,29 @@ pub fn write_folder(folder: &Path, camera: &Path, n: u64) {
     let (width, height) = (source.camera().width, source.camera().height);
     let n_pixels = (width * height) as usize;
     let (mut depth, mut colour) = (vec![0u16; n_pixels], vec![0u8; 3 * n_pixels]);
-    let mut lists = [String::new(), String::new()];
     std::fs::create_dir_all(folder).unwrap();
-    for index in 0..n {
+    std::fs::copy(camera, folder.join("camera.toml")).unwrap();
+    let mut write = |index| {
         let info = source
             .read(index, &mut tessera_sources::FrameBuffers { depth: &mut depth, colour: &mut colour })
             .unwrap();
-        let stamp = format!("{}.{:09}", info.stamp_nanos / 1_000_000_000, info.stamp_nanos % 1_000_000_000);
-        let names = [format!("d{index}.png"), format!("c{index}.png")];
-        let save = |name: &str, bytes: &[u8], color| {
+        let save = |name: String, bytes: &[u8], color| {
             image::save_buffer(folder.join(name), bytes, width, height, color).unwrap();
         };
-        save(&names[0], bytemuck::cast_slice(&depth), image::ExtendedColorType::L16);
-        save(&names[1], &colour, image::ExtendedColorType::Rgb8);
-        for (list, name) in lists.iter_mut().zip(&names) {
-            *list += &format!("{stamp} {name}\n");
-        }
+        save(format!("d{index}.png"), bytemuck::cast_slice(&depth), image::ExtendedColorType::L16);
+        save(format!("c{index}.png"), &colour, image::ExtendedColorType::Rgb8);
+        info.stamp_nanos
+    };
+    (0..n).map(&mut write).collect()
+}
+
+/// Writes the lists of a folder: stamps, and which image comes then.
+pub fn write_lists(folder: &Path, rows: impl Iterator<Item = (String, u64)>) {
+    let (mut depth, mut colour) = (String::new(), String::new());
+    for (stamp, image) in rows {
+        depth += &format!("{stamp} d{image}.png\n");
+        colour += &format!("{stamp} c{image}.png\n");
     }
-    std::fs::write(folder.join("depth.txt"), &lists[0]).unwrap();
-    std::fs::write(folder.join("rgb.txt"), &lists[1]).unwrap();
-    std::fs::copy(camera, folder.join("camera.toml")).unwrap();
+    std::fs::write(folder.join("depth.txt"), depth).unwrap();
+    std::fs::write(folder.join("rgb.txt"), colour).unwrap();
 }

@@ -9,6 +9,7 @@ mod frames;
 mod hear;
 mod live;
 mod lossless;
+mod send;
 
 use frames::Frames;
 use std::process::ExitCode;

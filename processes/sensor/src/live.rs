@@ -1,13 +1,13 @@
 //! Frames at their own times: what comes too late is left out, and counted.
 
 use crate::Ports;
-use crate::frames::{Frames, deliver};
+use crate::frames::Frames;
 use crate::hear::hear;
+use crate::send::send;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
-use tessera_messages::{Flow, Phase, WaitingOn};
+use tessera_messages::{Flow, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
-use tessera_steps::Step;
 
 /// Time between two sendings of the end, which nobody asks for again in live mode.
 const END_INTERVAL_NANOS: u64 = 50_000_000;
@@ -121,25 +121,8 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         if !sleep_until(due, context, ports)? {
             return Ok(Outcome::Stopped);
         }
-        context.kill_points.pass("read", index);
-        let decode_nanos = frame.decode_nanos;
-        let header = frame.loan.header_mut();
-        let read_began = header.times.read_began;
-        header.epoch = flow.epoch;
-        header.dropped_before = std::mem::take(&mut dropped_before);
-        let sent = monotonic_nanos();
-        header.times.frame_sent = sent;
-        if deliver(&context.kill_points, &mut frame) {
-            frame.loan.send()?;
-            ports.reconstruct.ring();
-        }
-        context.kill_points.pass("sent", index);
-        ports.pulse.output(index);
-        ports.pulse.beat.index = index;
-        ports.pulse.step(Step::Decode, read_began, decode_nanos);
-        ports.pulse.phase(Phase::Computing, decode_nanos);
-        ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
-        ports.pulse.done(read_began.max(due), sent);
+        frame.loan.header_mut().dropped_before = std::mem::take(&mut dropped_before);
+        send(context, frame, &flow, due, ports)?;
     }
 }
 

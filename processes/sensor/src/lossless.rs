@@ -1,12 +1,12 @@
 //! Every frame, in order, as fast as the window allows.
 
 use crate::Ports;
-use crate::frames::{Frames, Prepared, deliver};
+use crate::frames::{Frames, Prepared};
 use crate::hear::hear;
+use crate::send::send;
 use std::collections::VecDeque;
-use tessera_messages::{Flow, Phase, WaitingOn};
-use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
-use tessera_steps::Step;
+use tessera_messages::{Flow, WaitingOn};
+use tessera_stage::{Context, IDLE, Outcome, StageError};
 
 /// Sends while `index - acknowledged < window`; begins again where the aligner asks for it.
 pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) -> Result<Outcome, StageError> {
@@ -45,7 +45,7 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
         let limit = flow.acknowledged.saturating_add(window);
         while ready.front().is_some_and(|frame| frame.index < limit) {
             if let Some(frame) = ready.pop_front() {
-                send(context, frame, &flow, ports)?;
+                send(context, frame, &flow, 0, ports)?;
             }
             did_something = true;
         }
@@ -77,33 +77,4 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
             ports.ear.wait(IDLE)?;
         }
     }
-}
-
-/// Hands a frame on, with what a test wants to happen to it.
-pub(crate) fn send(
-    context: &Context,
-    mut frame: Prepared,
-    flow: &Flow,
-    ports: &mut Ports,
-) -> Result<(), StageError> {
-    let index = frame.index;
-    context.kill_points.pass("read", index);
-    let decode_nanos = frame.decode_nanos;
-    let header = frame.loan.header_mut();
-    let read_began = header.times.read_began;
-    header.epoch = flow.epoch;
-    header.times.frame_sent = monotonic_nanos();
-    let sent = header.times.frame_sent;
-    if deliver(&context.kill_points, &mut frame) {
-        frame.loan.send()?;
-        ports.reconstruct.ring();
-    }
-    context.kill_points.pass("sent", index);
-    ports.pulse.output(index);
-    ports.pulse.beat.index = index;
-    ports.pulse.step(Step::Decode, read_began, decode_nanos);
-    ports.pulse.phase(Phase::Computing, decode_nanos);
-    ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
-    ports.pulse.done(read_began, sent);
-    Ok(())
 }

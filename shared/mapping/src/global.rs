@@ -4,13 +4,13 @@ use crate::context::Context;
 use crate::degeneracy;
 use crate::loops;
 use crate::neighbours;
+use crate::parts::map_in_parts;
 use crate::recognised;
 use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust;
 use crate::state::KeyframeState;
 use crate::tracker::KeyframeSurfaces;
 use crate::verify::{self, KnownLoops, Side, Tested};
-use rayon::prelude::*;
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
     BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, PairReport, Queries,
@@ -71,8 +71,7 @@ pub(crate) fn solve(
     let mut poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
     let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
     context.steps.enter(Step::Prepare);
-    let prepared: Vec<Prepared<'_>> = keyframes.par_iter().map(|k| prepare(context, k, surfaces)).collect();
-    progress();
+    let prepared = map_in_parts(keyframes, || (), |(), k| prepare(context, k, surfaces), progress);
     let ids = |query: usize, target: usize| (keyframes[query].id, keyframes[target].id);
     let metric_factor = context.matcher().metric_factor();
     let mut loops = Vec::new();
@@ -81,35 +80,32 @@ pub(crate) fn solve(
         let share = if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 };
         let limits = MatchLimits::new(settings.first_distance_m, share);
         context.steps.enter(Step::Search);
-        let found: Vec<Found> = neighbours::pairs(&poses, &sessions, settings)
-            .par_iter()
-            .map_init(
-                || context.matcher(),
-                |matcher, &(query, target)| {
-                    let is_loop =
-                        loops::are_far(&context.mapping.loops, &keyframes[query], &keyframes[target]);
-                    let at = poses[target].inverse() * poses[query];
-                    let (newer, older) = (&prepared[query], &prepared[target]);
-                    let (mut pair, report) =
-                        pair(context, matcher, (query, newer), (target, older), &at, &limits);
-                    let tested = is_loop.then(|| match known.get(&ids(query, target)) {
-                        Some(known) => *known,
-                        None if pair.weight == 0.0 => Tested::little_overlap(&report),
-                        None => {
-                            let (newer, older) = (newer.side(), older.side());
-                            verify::test(settings, matcher, &newer, &older, &at, &pair.block)
-                        }
-                    });
-                    let has_overlap = pair.weight > 0.0;
-                    // What was outvoted has no say until it fits or the others fall out.
-                    if tested.is_some_and(|t| t.verdict == LoopVerdict::Outvoted) {
-                        pair.weight = 0.0;
+        let found = map_in_parts(
+            &neighbours::pairs(&poses, &sessions, settings),
+            || context.matcher(),
+            |matcher, &(query, target)| {
+                let is_loop = loops::are_far(&context.mapping.loops, &keyframes[query], &keyframes[target]);
+                let at = poses[target].inverse() * poses[query];
+                let (newer, older) = (&prepared[query], &prepared[target]);
+                let (mut pair, report) =
+                    pair(context, matcher, (query, newer), (target, older), &at, &limits);
+                let tested = is_loop.then(|| match known.get(&ids(query, target)) {
+                    Some(known) => *known,
+                    None if pair.weight == 0.0 => Tested::little_overlap(&report),
+                    None => {
+                        let (newer, older) = (newer.side(), older.side());
+                        verify::test(settings, matcher, &newer, &older, &at, &pair.block)
                     }
-                    Found { pair, tested, has_overlap }
-                },
-            )
-            .collect();
-        progress();
+                });
+                let has_overlap = pair.weight > 0.0;
+                // What was outvoted has no say until it fits or the others fall out.
+                if tested.is_some_and(|t| t.verdict == LoopVerdict::Outvoted) {
+                    pair.weight = 0.0;
+                }
+                Found { pair, tested, has_overlap }
+            },
+            progress,
+        );
         let tested = found.iter().filter(|f| f.has_overlap);
         known.extend(tested.filter_map(|f| Some((ids(f.pair.query, f.pair.target), f.tested?))));
         loops.clear();
@@ -131,14 +127,13 @@ pub(crate) fn solve(
             }
             let open: Vec<usize> = (0..keyframes.len()).filter(|&i| !is_closed[i]).collect();
             context.steps.enter(Step::Recognise);
-            for (pair, tested) in recognised::pairs(context, keyframes, &prepared, &open) {
+            for (pair, tested) in recognised::pairs(context, keyframes, &prepared, &open, progress) {
                 pairs.push(pair);
                 is_loop.push(true);
                 tests.push(Some(tested));
                 // The poses will move: what was refused where they were may fit then.
                 known.retain(|_, tested| tested.has_passed());
             }
-            progress();
         }
         context.steps.enter(Step::Solve);
         let mut is_fixed = vec![false; poses.len()];

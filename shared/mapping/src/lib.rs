@@ -23,6 +23,7 @@ mod loops;
 mod neighbours;
 mod optimiser;
 mod orient;
+mod parts;
 mod promotion;
 mod recognised;
 mod records;

@@ -4,11 +4,11 @@
 use crate::context::Context;
 use crate::global::Prepared;
 use crate::loops;
+use crate::parts::map_in_parts;
 use crate::records::LoopVerdict;
 use crate::robust::own_optimum;
 use crate::state::KeyframeState;
 use crate::verify::{self, Tested};
-use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_recognition::similarity;
 use tessera_registration::{MatchLimits, Matcher, Pair, PairBlock, Selection};
@@ -38,27 +38,24 @@ pub(crate) fn pairs(
     keyframes: &[KeyframeState],
     prepared: &[Prepared<'_>],
     newer: &[usize],
+    progress: &mut dyn FnMut(),
 ) -> Vec<(Pair, Tested)> {
-    newer
-        .par_iter()
-        .map_init(
-            || context.matcher(),
-            |matcher, &query| {
-                let target = most_alike(context, keyframes, query)?;
-                let (at, block) = from_scratch(context, matcher, &prepared[query], &prepared[target]);
-                let settings = &context.mapping.global;
-                let (newer, older) = (prepared[query].side(), prepared[target].side());
-                let tested = verify::test(settings, matcher, &newer, &older, &at, &block);
-                // No pose speaks for this pair: it must overlap well in both directions.
-                let is_good =
-                    tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
-                is_good.then_some((Pair { query, target, block, weight: 1.0 }, tested))
-            },
-        )
-        .collect::<Vec<_>>()
-        .into_iter()
-        .flatten()
-        .collect()
+    let found = map_in_parts(
+        newer,
+        || context.matcher(),
+        |matcher, &query| {
+            let target = most_alike(context, keyframes, query)?;
+            let (at, block) = from_scratch(context, matcher, &prepared[query], &prepared[target]);
+            let settings = &context.mapping.global;
+            let (newer, older) = (prepared[query].side(), prepared[target].side());
+            let tested = verify::test(settings, matcher, &newer, &older, &at, &block);
+            // No pose speaks for this pair: it must overlap well in both directions.
+            let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+            is_good.then_some((Pair { query, target, block, weight: 1.0 }, tested))
+        },
+        progress,
+    );
+    found.into_iter().flatten().collect()
 }
 
 fn from_scratch(

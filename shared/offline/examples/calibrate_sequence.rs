@@ -9,7 +9,7 @@ use tessera_calibration::Parameter;
 use tessera_geometry::Camera;
 use tessera_offline::{CalibrateOptions, Method, RawFrame, Run, calibrate};
 use tessera_settings::Settings;
-use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec, open};
+use tessera_sources::{Source, SourceOptions, SourceSpec, open};
 use tessera_trajectory::{EvaluationOptions, evaluate};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -124,22 +124,6 @@ fn apply(camera: &mut Camera, change: &str) -> Result<(), Box<dyn Error>> {
 
 fn decode(source: &dyn Source) -> Result<Vec<RawFrame>, Box<dyn Error>> {
     use rayon::prelude::*;
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
-    let n = source.n_frames().unwrap_or(0);
-    (0..n)
-        .into_par_iter()
-        .map(|index| {
-            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-            let info = source
-                .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
-                .map_err(|error| error.to_string())?;
-            Ok(RawFrame {
-                stamp_nanos: info.stamp_nanos,
-                depth,
-                colour: info.has_colour.then_some(colour),
-                rotation: info.rotation,
-            })
-        })
-        .collect::<Result<Vec<_>, String>>()
-        .map_err(Into::into)
+    let read = |index| RawFrame::read(source, index);
+    Ok((0..source.n_frames().unwrap_or(0)).into_par_iter().map(read).collect::<Result<_, _>>()?)
 }

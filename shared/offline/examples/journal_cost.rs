@@ -13,7 +13,7 @@ use tessera_journal::{Journal, Store};
 use tessera_mapping::AlignRecord;
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
-use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
+use tessera_sources::{SourceOptions, SourceSpec};
 use tessera_surface::Vertex;
 
 /// Repetitions of each policy; the median counts.
@@ -41,18 +41,10 @@ fn measure(sequence: &str, dir: &Path) -> Result<(), Box<dyn Error>> {
         Method { surface: settings.surface, registration: settings.registration, mapping: settings.mapping };
     let source = tessera_sources::open(&SourceSpec::parse(sequence), &SourceOptions::default())?;
     let n_frames = source.n_frames().unwrap_or(0);
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
     let mut run = Run::new(source.camera(), &method)?;
     let mut without_ms = 0.0;
     for index in 0..n_frames {
-        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-        let frame = RawFrame {
-            stamp_nanos: info.stamp_nanos,
-            rotation: info.rotation,
-            depth,
-            colour: info.has_colour.then_some(colour),
-        };
+        let frame = RawFrame::read(&*source, index)?;
         let started = cpu_ms();
         run.push(&frame);
         without_ms += cpu_ms() - started;

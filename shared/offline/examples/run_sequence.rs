@@ -10,7 +10,7 @@ use std::error::Error;
 use tessera_mapping::{AlignRecord, LoopRecord};
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_settings::Settings;
-use tessera_sources::{FrameBuffers, SimulationOptions, Source, SourceOptions, SourceSpec};
+use tessera_sources::{SimulationOptions, Source, SourceOptions, SourceSpec};
 use tessera_surface::{Reconstructor, Vertex};
 use tessera_trajectory::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
 
@@ -81,24 +81,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn decode(source: &dyn Source) -> Result<Vec<RawFrame>, Box<dyn Error>> {
     use rayon::prelude::*;
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
-    let n = source.n_frames().unwrap_or(0);
-    (0..n)
-        .into_par_iter()
-        .map(|index| {
-            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-            let info = source
-                .read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })
-                .map_err(|error| error.to_string())?;
-            Ok(RawFrame {
-                stamp_nanos: info.stamp_nanos,
-                rotation: info.rotation,
-                depth,
-                colour: info.has_colour.then_some(colour),
-            })
-        })
-        .collect::<Result<Vec<_>, String>>()
-        .map_err(Into::into)
+    let read = |index| RawFrame::read(source, index);
+    Ok((0..source.n_frames().unwrap_or(0)).into_par_iter().map(read).collect::<Result<_, _>>()?)
 }
 
 /// Turns time round: the last frame comes first, and the truth goes along.

@@ -5,7 +5,7 @@
 
 use std::error::Error;
 use tessera_offline::{Method, RawFrame, Run};
-use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec, open};
+use tessera_sources::{SourceOptions, SourceSpec, open};
 use tessera_trajectory::{EvaluationOptions, evaluate};
 
 /// Frames at most.
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut run = Run::new(source.camera(), &Method::default())?;
     for index in 0..source.n_frames().unwrap_or(FRAMES) {
-        run.push(&read(&*source, index)?);
+        run.push(&RawFrame::read(&*source, index)?);
     }
     let (records, map) = run.finish_with_map();
 
@@ -33,12 +33,4 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("ATE {:.4} m over {} poses", score.ate_rmse_m, score.pairs);
     }
     Ok(())
-}
-
-fn read(source: &dyn Source, index: u64) -> Result<RawFrame, Box<dyn Error>> {
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
-    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-    let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-    let colour = info.has_colour.then_some(colour);
-    Ok(RawFrame { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour })
 }

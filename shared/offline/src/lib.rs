@@ -16,6 +16,7 @@ use tessera_mapping::{
     MappingSettings, OptimiseRecord, Optimiser, RefinedCamera, Refinement, State, Tracker,
 };
 use tessera_registration::RegistrationSettings;
+use tessera_sources::{FrameBuffers, Source, SourceError};
 use tessera_surface::{Effort, Grid, Reconstructor, SettingError, SurfaceSettings, SurfaceView, Vertex};
 use tessera_trajectory::Trajectory;
 
@@ -30,6 +31,20 @@ pub struct RawFrame {
     pub depth: Vec<u16>,
     /// Red, green, blue, registered to depth.
     pub colour: Option<Vec<u8>>,
+}
+
+impl RawFrame {
+    /// Reads a frame of a source.
+    ///
+    /// # Errors
+    /// Those of [`Source::read`].
+    pub fn read(source: &dyn Source, index: u64) -> Result<Self, SourceError> {
+        let n_pixels = source.camera().width as usize * source.camera().height as usize;
+        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
+        let colour = info.has_colour.then_some(colour);
+        Ok(Self { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour })
+    }
 }
 
 /// The settings of the algorithms.

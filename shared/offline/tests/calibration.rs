@@ -4,18 +4,13 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use tessera_geometry::Camera;
 use tessera_offline::{CalibrateError, CalibrateOptions, Calibrated, Method, RawFrame, Run, calibrate};
-use tessera_sources::{FolderSource, FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_sources::{FolderSource, SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_trajectory::{EvaluationOptions, evaluate};
 
 fn frames(source: &dyn Source, step: u64) -> Vec<RawFrame> {
     use rayon::prelude::*;
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
     let indices: Vec<u64> = (0..source.n_frames().unwrap()).step_by(step as usize).collect();
-    let read = |index: &u64| {
-        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-        let info = source.read(*index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-        RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour), rotation: info.rotation }
-    };
+    let read = |index: &u64| RawFrame::read(source, *index).unwrap();
     indices.par_iter().map(read).collect()
 }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use tessera_geometry::{Pose, log, translation_rotation_norms};
 use tessera_mapping::{FrameRecord, State};
 use tessera_offline::{Method, RawFrame, Run};
-use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 
 /// Every `every`th frame of a scene, online, with the true poses in the map's frame.
 fn online(
@@ -15,24 +15,11 @@ fn online(
     every: u64,
 ) -> Vec<(FrameRecord, Pose)> {
     let source = SimulatedSource::open(name, None, None, options).unwrap();
-    let n = (source.camera().width * source.camera().height) as usize;
     let mut run = Run::new(source.camera(), method).unwrap();
     let indices: Vec<u64> = (0..n_frames).map(|k| k * every).collect();
     for some in indices.chunks(16) {
-        let frames: Vec<RawFrame> = some
-            .par_iter()
-            .map(|&index| {
-                let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
-                let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-                let info = source.read(index, &mut buffers).unwrap();
-                RawFrame {
-                    stamp_nanos: info.stamp_nanos,
-                    rotation: info.rotation,
-                    depth,
-                    colour: Some(colour),
-                }
-            })
-            .collect();
+        let frames: Vec<RawFrame> =
+            some.par_iter().map(|&index| RawFrame::read(&source, index).unwrap()).collect();
         frames.iter().for_each(|frame| run.push(frame));
     }
     let truth = &source.ground_truth().unwrap().poses;

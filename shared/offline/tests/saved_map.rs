@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_mapping::{AlignRecord, FrameRecord, State};
 use tessera_offline::{Method, RawFrame, Records, Run, SavedMap};
-use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 
 const FIRST_PART: u64 = 150;
 
@@ -13,10 +13,7 @@ fn scene(name: SceneName) -> SimulatedSource {
 }
 
 fn frame(source: &SimulatedSource, index: u64) -> RawFrame {
-    let n = (source.camera().width * source.camera().height) as usize;
-    let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
-    let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-    RawFrame { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour: Some(colour) }
+    RawFrame::read(source, index).unwrap()
 }
 
 fn push_all(run: &mut Run, source: &SimulatedSource, indices: &[u64]) {

@@ -51,6 +51,9 @@ pub(crate) enum Form {
     Segments,
 }
 
+/// How much of a band's colour is seen; `style.css` says the same of its legend.
+const BAND_OPACITY: f64 = 0.25;
+
 /// A span of x to be noticed.
 pub(crate) struct Band {
     pub(crate) x: Range<f64>,
@@ -98,12 +101,12 @@ impl Chart {
     }
 
     fn legend(&self) -> String {
-        let own = self.series.iter().map(|s| (&s.name, s.colour, s.form == Form::Dots));
-        let all = own.chain(self.also.iter().map(|(name, colour)| (name, *colour, true)));
+        let class = |form| if form == Form::Dots { "dot" } else { "line" };
+        let own = self.series.iter().map(|s| (&s.name, s.colour, class(s.form)));
+        let all = own.chain(self.also.iter().map(|(name, colour)| (name, *colour, "band")));
         let entries: String = all
             .filter(|(name, ..)| !name.is_empty())
-            .map(|(name, RGBColor(r, g, b), is_dot)| {
-                let class = if is_dot { "dot" } else { "line" };
+            .map(|(name, RGBColor(r, g, b), class)| {
                 let name = escaped(name);
                 format!("<span><i class=\"{class}\" style=\"background:rgb({r},{g},{b})\"></i>{name}</span>")
             })
@@ -156,7 +159,7 @@ impl Chart {
         for band in &self.bands {
             let corners = [(band.x.start.max(x.start), y.start), (band.x.end.min(x.end), y.end)];
             chart
-                .draw_series([Rectangle::new(corners, band.colour.mix(0.25).filled())])
+                .draw_series([Rectangle::new(corners, band.colour.mix(BAND_OPACITY).filled())])
                 .map_err(|error| error.to_string())?;
         }
         for series in &self.series {
@@ -287,6 +290,16 @@ mod tests {
         assert_eq!(html.matches("<svg").count(), 2);
         assert!(html.contains("a &lt;test&gt;") && html.contains("</i>line</span>"), "{html}");
         assert!(!html.contains("NaN") && !html.contains("<svg width"), "{html}");
+    }
+
+    #[test]
+    fn a_band_looks_in_the_legend_as_it_is_drawn() {
+        let band = Chart { also: vec![("restart".into(), BLUE)], ..chart() };
+        let html = band.html().unwrap();
+        assert!(html.contains("<i class=\"band\"") && html.contains("</i>restart</span>"), "{html}");
+        let style = include_str!("style.css");
+        let line = style.lines().find(|line| line.contains(".band")).unwrap();
+        assert!(line.contains(&format!("opacity: {BAND_OPACITY};")), "{line}");
     }
 
     #[test]

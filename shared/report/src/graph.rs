@@ -12,7 +12,7 @@ const MOST_ROWS: usize = 200;
 const VERDICTS: [(Verdict, &str, plotters::style::RGBColor); 4] = [
     (Verdict::Refused, "loop refused", ORANGE),
     (Verdict::Outvoted, "loop outvoted", VERMILION),
-    (Verdict::Untested, "loop not judged", PURPLE),
+    (Verdict::Untested, "loop of the aligner alone", PURPLE),
     (Verdict::Accepted, "loop accepted", GREEN),
 ];
 

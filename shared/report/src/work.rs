@@ -142,8 +142,8 @@ fn of_each_stage(run: &Run, value: impl Fn(&StageSample) -> Option<f64>) -> Vec<
         let colour = CYCLE[place % CYCLE.len()];
         let points: Vec<_> = points.collect();
         // A line through one point cannot be seen.
-        let form = if points.len() == 1 { Form::Dots } else { Form::Line };
-        Series { name: title(&stage.name), colour, points, size: 1.4, form }
+        let (form, size) = if points.len() == 1 { (Form::Dots, 3.0) } else { (Form::Line, 1.4) };
+        Series { name: title(&stage.name), colour, points, size, form }
     });
     series.filter(|series| !series.points.is_empty()).collect()
 }

@@ -5,7 +5,7 @@ use super::session::Session;
 use super::{copy, end, most_frames};
 use crate::Ports;
 use crate::hear::hear;
-use crate::lossless::send;
+use crate::send::send;
 use tessera_messages::{CameraFlow, Flow, Kind, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
 
@@ -84,7 +84,7 @@ pub(super) fn work(context: &Context, camera: &mut Camera, ports: &mut Ports) ->
         let mut frame = copy(&image, index, ports, context)?;
         drop(image);
         frame.loan.header_mut().dropped_before = std::mem::take(&mut at.dropped_before);
-        send(context, frame, &flow, ports)?;
+        send(context, frame, &flow, 0, ports)?;
     }
 }
 

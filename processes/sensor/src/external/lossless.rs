@@ -4,7 +4,7 @@ use super::camera::{Camera, Image};
 use super::{copy, end, most_frames};
 use crate::Ports;
 use crate::hear::hear;
-use crate::lossless::send;
+use crate::send::send;
 use tessera_messages::{CameraFlow, Flow, Kind, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
 
@@ -135,7 +135,7 @@ fn take(
     ports.pulse.working(index);
     let frame = copy(&image, index, ports, context)?;
     drop(image);
-    send(context, frame, flow, ports)?;
+    send(context, frame, flow, 0, ports)?;
     (request.next, request.at, request.later, request.n) = (index + 1, monotonic_nanos(), None, 1);
     Ok(())
 }
@@ -147,7 +147,7 @@ fn forward_end(
     ports: &mut Ports,
 ) -> Result<(), StageError> {
     let end = end(request.next, ports, context)?;
-    send(context, end, flow, ports)?;
+    send(context, end, flow, 0, ports)?;
     request.has_ended = true;
     Ok(())
 }

@@ -7,7 +7,7 @@ use crate::exit::CommandError;
 use rayon::prelude::*;
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_settings::Settings;
-use tessera_sources::{FrameBuffers, Source};
+use tessera_sources::Source;
 use tessera_trajectory::{Evaluation, EvaluationOptions, Trajectory};
 
 /// Frames decoded at a time.
@@ -110,20 +110,7 @@ pub(crate) fn ground_truth<'a>(name: &str, source: &'a dyn Source) -> Result<&'a
 }
 
 fn read(source: &dyn Source, indices: std::ops::Range<u64>) -> Result<Vec<RawFrame>, CommandError> {
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
-    indices
-        .into_par_iter()
-        .map(|index| {
-            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-            let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-            Ok(RawFrame {
-                stamp_nanos: info.stamp_nanos,
-                rotation: info.rotation,
-                depth,
-                colour: info.has_colour.then_some(colour),
-            })
-        })
-        .collect()
+    indices.into_par_iter().map(|index| Ok(RawFrame::read(source, index)?)).collect()
 }
 
 fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, whole: Run) -> Result<Sample, CommandError> {

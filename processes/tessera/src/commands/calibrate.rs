@@ -12,7 +12,7 @@ use tessera_offline::{
     CalibrateError, CalibrateOptions, Calibrated, Method, Parameter, RawFrame, calibrate as solve,
 };
 use tessera_settings::Settings;
-use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec, named_camera};
+use tessera_sources::{Source, SourceOptions, SourceSpec, named_camera};
 
 /// A parameter counts as held when more than this share of it lies in held directions.
 const HELD_SHARE: f64 = 0.5;
@@ -78,15 +78,7 @@ fn read(source: &dyn Source, index: u64) -> Result<Option<RawFrame>, CommandErro
     if source.n_frames().is_some_and(|n| index >= n) {
         return Ok(None);
     }
-    let n_pixels = source.camera().width as usize * source.camera().height as usize;
-    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-    let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-    Ok(Some(RawFrame {
-        stamp_nanos: info.stamp_nanos,
-        depth,
-        colour: info.has_colour.then_some(colour),
-        rotation: info.rotation,
-    }))
+    Ok(Some(RawFrame::read(source, index)?))
 }
 
 /// Parameters by name.

@@ -9,7 +9,7 @@ use tessera_mapping::AlignRecord;
 use tessera_messages::Stage;
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
-use tessera_sources::{FrameBuffers, Source};
+use tessera_sources::Source;
 
 /// Writes the input of `stage` over a whole source; `tell` hears of each frame. Answers the bytes
 /// of the file.
@@ -34,13 +34,9 @@ pub(crate) fn record(
     let wrong = |error: &dyn std::fmt::Display| CommandError::Arguments(error.to_string());
     let mut run = Run::new(camera, &method).map_err(|error| wrong(&error))?;
     let mut tap = Tap { stage, writer: &mut writer, previous: ByteBuf::new(), n_records: 0, n_answers: 0 };
-    let n_pixels = camera.width as usize * camera.height as usize;
     let n_frames = source.n_frames().unwrap_or(u64::MAX);
     for index in 0..n_frames {
-        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-        let colour = info.has_colour.then_some(colour);
-        let frame = RawFrame { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour };
+        let frame = RawFrame::read(source, index)?;
         run.push(&frame);
         tap.frame(&run, &frame)?;
         tell();

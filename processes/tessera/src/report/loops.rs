@@ -4,7 +4,12 @@ use crate::outputs::Replay;
 use tessera_mapping::{LoopRecord, LoopVerdict};
 use tessera_report::{LoopPair, Verdict};
 
-/// Every pair that the optimiser judged, and every loop of the aligner that it has not judged.
+/// A loop that the optimiser did not choose: it takes the nearest keyframes of each.
+const NOT_CHOSEN: &str = "held by the aligner, which saw it; the optimiser has nearer pairs";
+/// A loop after the last optimisation of a run that has not ended.
+const NOT_YET: &str = "held by the aligner, which saw it; no optimisation since";
+
+/// Every pair that the optimiser judged, and every loop of the aligner that it has no word on, behind them.
 pub(super) fn of(replay: &Replay) -> Vec<LoopPair> {
     let judged = replay.loops.values().map(judged);
     let edges = replay.keyframes.iter().skip(replay.n_map_keyframes);
@@ -15,12 +20,11 @@ pub(super) fn of(replay: &Replay) -> Vec<LoopPair> {
             newer,
             older: edge.to,
             verdict: Verdict::Untested,
-            words: "seen by the aligner, not judged by the optimiser".into(),
+            words: if replay.is_finally_optimised { NOT_CHOSEN } else { NOT_YET }.into(),
             numbers: [f64::NAN; 5],
         });
-    let mut all: Vec<LoopPair> = judged.chain(fresh).collect();
-    all.sort_by_key(|pair| (pair.newer, pair.older));
-    all
+    // Each in the order of keyframes.
+    judged.chain(fresh).collect()
 }
 
 fn judged(pair: &LoopRecord) -> LoopPair {

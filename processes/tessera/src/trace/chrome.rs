@@ -9,6 +9,12 @@ use std::collections::BTreeMap;
 use tessera_messages::Stage;
 use tessera_stage::TraceEvent;
 
+/// Nanoseconds between two slices of a row: microseconds are no whole numbers, and readers that add
+/// them leave out a slice that seems to begin before the last has ended.
+const APART_NANOS: u64 = 1;
+/// Nanoseconds from the beginning of an arrow to the end of its slice, whatever a reader cuts off.
+const INSIDE_NANOS: u64 = 4;
+
 /// One event; what a kind has no use for is left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(super) struct ChromeEvent {
@@ -171,7 +177,7 @@ impl Clock {
             pid: rows.pid(),
             tid,
             ts: self.micros(slice.from),
-            dur: Some(slice.to.saturating_sub(slice.from) as f64 * 1e-3),
+            dur: Some(slice.to.saturating_sub(slice.from + APART_NANOS) as f64 * 1e-3),
             args: [(what, slice.index.into()), ("process", slice.pid.into())].into(),
             ..ChromeEvent::default()
         }
@@ -202,7 +208,7 @@ impl Clock {
             let (id, frame) = (id as u64, surface.index);
             let Some((sent, sensor_tid)) = sensor.before(frame, surface.from) else { continue };
             // A slice ends before its end: an arrow that begins there would hang on none.
-            let leaves = surface.from.min(sent.to.saturating_sub(1)).max(sent.from);
+            let leaves = surface.from.min(sent.to.saturating_sub(INSIDE_NANOS)).max(sent.from);
             events.push(arrow("s", sensor, sensor_tid, leaves, id, frame));
             match followed.get(&(frame, surface.from)) {
                 Some((aligned, align_tid)) => {
