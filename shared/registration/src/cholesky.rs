@@ -10,6 +10,9 @@ use tessera_geometry::{Matrix6, Vector6};
 /// Lanes of a column: six rows, and two that are 0.
 const ROWS: usize = 8;
 
+/// Columns between two signs of life: late in a large system each takes milliseconds.
+const COLUMNS_OF_A_PART: usize = 64;
+
 /// A 6x6 block by columns.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
@@ -80,7 +83,8 @@ impl BlockCholesky {
         }
     }
 
-    /// Factorises a system whose blocks stand in the order of the pattern.
+    /// Factorises a system whose blocks stand in the order of the pattern; `progress` is called
+    /// every so many columns.
     ///
     /// # Errors
     /// Where a direction has no information.
@@ -89,6 +93,7 @@ impl BlockCholesky {
         diagonal: &[Matrix6],
         blocks: &[Matrix6],
         lambda: f64,
+        progress: &mut dyn FnMut(),
     ) -> Result<(), NotPositiveDefinite> {
         self.diagonal.fill(Block::ZERO);
         self.lower.fill(Block::ZERO);
@@ -99,7 +104,7 @@ impl BlockCholesky {
         for (block, &(place, is_transposed)) in blocks.iter().zip(&self.goes) {
             self.lower[place].add(block, is_transposed);
         }
-        self.arch.dispatch(Factorise(self))
+        self.arch.dispatch(Factorise(self, progress))
     }
 
     /// Solves `(H + lambda I) d = -gradient` by the last factor.
@@ -145,16 +150,19 @@ impl BlockCholesky {
     }
 }
 
-struct Factorise<'a>(&'a mut BlockCholesky);
+struct Factorise<'a, 'b>(&'a mut BlockCholesky, &'b mut dyn FnMut());
 
-impl pulp::WithSimd for Factorise<'_> {
+impl pulp::WithSimd for Factorise<'_, '_> {
     type Output = Result<(), NotPositiveDefinite>;
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> Self::Output {
-        let it = self.0;
+        let Self(it, progress) = self;
         let Elimination { starts, rows, .. } = &it.elimination;
         for column in 0..it.diagonal.len() {
+            if column % COLUMNS_OF_A_PART == 0 {
+                progress();
+            }
             let (first, end) = (starts[column], starts[column + 1]);
             for place in first..end {
                 it.place_of_row[rows[place] as usize] = place as u32;
@@ -283,8 +291,8 @@ mod tests {
             let solve = |arch| {
                 let mut factor = BlockCholesky::new(n, &pattern, arch);
                 // A factor is kept for other values: the second use is what counts.
-                factor.factorise(&diagonal, &blocks, 9.0).unwrap();
-                factor.factorise(&diagonal, &blocks, 0.5).unwrap();
+                factor.factorise(&diagonal, &blocks, 9.0, &mut || ()).unwrap();
+                factor.factorise(&diagonal, &blocks, 0.5, &mut || ()).unwrap();
                 factor.solve(&gradient)
             };
             let found = solve(pulp::Arch::new());
@@ -303,10 +311,10 @@ mod tests {
         let pattern = [(1, 0)];
         let (mut diagonal, blocks, _) = system(2, &pattern);
         let mut factor = BlockCholesky::new(2, &pattern, pulp::Arch::new());
-        assert!(factor.factorise(&diagonal, &blocks, 0.0).is_ok());
+        assert!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()).is_ok());
         diagonal[1] = Matrix6::zeros();
-        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0), Err(NotPositiveDefinite));
+        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()), Err(NotPositiveDefinite));
         diagonal[1] = Matrix6::from_element(f64::NAN);
-        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0), Err(NotPositiveDefinite));
+        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()), Err(NotPositiveDefinite));
     }
 }
