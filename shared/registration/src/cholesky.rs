@@ -10,9 +10,6 @@ use tessera_geometry::{Matrix6, Vector6};
 /// Lanes of a column: six rows, and two that are 0.
 const ROWS: usize = 8;
 
-/// Columns between two signs of life: late in a large system each takes milliseconds.
-const COLUMNS_OF_A_PART: usize = 64;
-
 /// A 6x6 block by columns.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
@@ -83,8 +80,7 @@ impl BlockCholesky {
         }
     }
 
-    /// Factorises a system whose blocks stand in the order of the pattern; `progress` is called
-    /// every so many columns.
+    /// Factorises a system whose blocks stand in the order of the pattern.
     ///
     /// # Errors
     /// Where a direction has no information.
@@ -93,7 +89,6 @@ impl BlockCholesky {
         diagonal: &[Matrix6],
         blocks: &[Matrix6],
         lambda: f64,
-        progress: &mut dyn FnMut(),
     ) -> Result<(), NotPositiveDefinite> {
         self.diagonal.fill(Block::ZERO);
         self.lower.fill(Block::ZERO);
@@ -104,7 +99,7 @@ impl BlockCholesky {
         for (block, &(place, is_transposed)) in blocks.iter().zip(&self.goes) {
             self.lower[place].add(block, is_transposed);
         }
-        self.arch.dispatch(Factorise(self, progress))
+        self.arch.dispatch(Factorise(self))
     }
 
     /// Solves `(H + lambda I) d = -gradient` by the last factor.
@@ -150,19 +145,16 @@ impl BlockCholesky {
     }
 }
 
-struct Factorise<'a, 'b>(&'a mut BlockCholesky, &'b mut dyn FnMut());
+struct Factorise<'a>(&'a mut BlockCholesky);
 
-impl pulp::WithSimd for Factorise<'_, '_> {
+impl pulp::WithSimd for Factorise<'_> {
     type Output = Result<(), NotPositiveDefinite>;
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> Self::Output {
-        let Self(it, progress) = self;
+        let it = self.0;
         let Elimination { starts, rows, .. } = &it.elimination;
         for column in 0..it.diagonal.len() {
-            if column % COLUMNS_OF_A_PART == 0 {
-                progress();
-            }
             let (first, end) = (starts[column], starts[column + 1]);
             for place in first..end {
                 it.place_of_row[rows[place] as usize] = place as u32;
@@ -291,8 +283,8 @@ mod tests {
             let solve = |arch| {
                 let mut factor = BlockCholesky::new(n, &pattern, arch);
                 // A factor is kept for other values: the second use is what counts.
-                factor.factorise(&diagonal, &blocks, 9.0, &mut || ()).unwrap();
-                factor.factorise(&diagonal, &blocks, 0.5, &mut || ()).unwrap();
+                factor.factorise(&diagonal, &blocks, 9.0).unwrap();
+                factor.factorise(&diagonal, &blocks, 0.5).unwrap();
                 factor.solve(&gradient)
             };
             let found = solve(pulp::Arch::new());
@@ -311,10 +303,10 @@ mod tests {
         let pattern = [(1, 0)];
         let (mut diagonal, blocks, _) = system(2, &pattern);
         let mut factor = BlockCholesky::new(2, &pattern, pulp::Arch::new());
-        assert!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()).is_ok());
+        assert!(factor.factorise(&diagonal, &blocks, 0.0).is_ok());
         diagonal[1] = Matrix6::zeros();
-        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()), Err(NotPositiveDefinite));
+        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0), Err(NotPositiveDefinite));
         diagonal[1] = Matrix6::from_element(f64::NAN);
-        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()), Err(NotPositiveDefinite));
+        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0), Err(NotPositiveDefinite));
     }
 }

@@ -38,7 +38,7 @@ impl Graph {
         let mut last_largest = f64::MAX;
         while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
             progress();
-            let solved = if is_kept { Ok(system.solve_again()) } else { system.solve(lambda, progress) };
+            let solved = if is_kept { Ok(system.solve_again()) } else { system.solve(lambda) };
             let steps = match solved {
                 Ok(steps) => steps,
                 Err(error) if n_rejected >= 10 => return Err(error),

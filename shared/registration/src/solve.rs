@@ -75,17 +75,13 @@ impl BlockSystem {
     }
 
     /// Solves `(H + lambda I) d = -g`.
-    pub(crate) fn solve(
-        &mut self,
-        lambda: f64,
-        progress: &mut dyn FnMut(),
-    ) -> Result<Vec<Vector6>, NotPositiveDefinite> {
+    pub(crate) fn solve(&mut self, lambda: f64) -> Result<Vec<Vector6>, NotPositiveDefinite> {
         let Some(factor) = &mut self.factor else {
             let damped = self.diagonal[0] + Matrix6::identity() * lambda;
             let factor = damped.cholesky().ok_or(NotPositiveDefinite)?;
             return Ok(vec![-factor.solve(&self.gradient[0])]);
         };
-        factor.factorise(&self.diagonal, &self.lower, lambda, progress)?;
+        factor.factorise(&self.diagonal, &self.lower, lambda)?;
         Ok(factor.solve(&self.gradient))
     }
 

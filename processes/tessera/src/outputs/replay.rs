@@ -98,11 +98,8 @@ impl Replay {
 
     /// Moves the keyframes; those made since the request was answered hang on the last of it.
     fn correct(&mut self, correction: &Correction) {
-        // The answer to a request that was left out corrects nothing.
-        if !correction.keyframes.is_empty() {
-            self.n_corrections += 1;
-            self.is_finally_optimised |= self.n_source_frames.is_some();
-        }
+        self.n_corrections += 1;
+        self.is_finally_optimised |= self.n_source_frames.is_some();
         let mut new_from_old = None;
         let mut n_corrected = 0;
         for corrected in &correction.keyframes {
