@@ -83,3 +83,16 @@ fn poison_frames_are_left_out_and_counted() {
     assert!(states.contains("it ended align again and again"), "{states}");
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
 }
+
+#[test]
+fn a_poison_request_is_left_out_and_the_run_goes_on() {
+    let run = room().with(&["--live"]).with_env("TESSERA_KILL_PLAN", "optimise=solving:0:panic*");
+    assert!(run.finish().success(), "{}", run.log());
+    let log = run.log();
+    assert_eq!(log.matches("] optimise died: exit status 101").count(), 3, "{log}");
+    assert!(log.contains("the request is left out"), "{log}");
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    assert_eq!(summary["ended"], "finished", "{summary}");
+    assert_eq!(summary["frames_dropped"].as_u64().map(|n| n < 20), Some(true), "{summary}");
+    assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}

@@ -87,13 +87,21 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             continue;
         };
         pulse.working(request.request);
-        context.kill_points.pass("received", request.request);
+        let is_poison = context.poison.contains(&request.request);
+        if !is_poison {
+            context.kill_points.pass("received", request.request);
+        }
         let began = monotonic_nanos();
         let history = JournaledFrames::of(&context.files);
-        let correction = desk.optimiser.solve(&request, &desk.keyframes, &history, &mut || {
-            pulse.progress();
-            context.kill_points.pass("solving", request.request);
-        });
+        let correction = if is_poison {
+            tracing::warn!(request = request.request, "left out: it ended optimise again and again");
+            desk.optimiser.decline(&request)
+        } else {
+            desk.optimiser.solve(&request, &desk.keyframes, &history, &mut || {
+                pulse.progress();
+                context.kill_points.pass("solving", request.request);
+            })
+        };
         desk.keyframes.check()?;
         history.check()?;
         let Some(correction) = correction else {

@@ -156,6 +156,22 @@ impl Optimiser {
         })
     }
 
+    /// The answer to a pending request that cannot be solved: it corrects nothing. `None` when the
+    /// request is not pending.
+    pub fn decline(&self, request: &RequestRecord) -> Option<Correction> {
+        let (_, keyframes) = self.pending.iter().find(|(r, _)| r.request == request.request)?;
+        Some(Correction {
+            request: request.request,
+            input_hash: input_hash(keyframes),
+            keyframes: Vec::new(),
+            frames: Vec::new(),
+            refinement: None,
+            loops: Vec::new(),
+            outer_iterations: 0,
+            n_graduated_rounds: 0,
+        })
+    }
+
     fn refine_camera(
         &self,
         keyframes: &[KeyframeState],

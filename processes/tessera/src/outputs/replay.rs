@@ -98,8 +98,11 @@ impl Replay {
 
     /// Moves the keyframes; those made since the request was answered hang on the last of it.
     fn correct(&mut self, correction: &Correction) {
-        self.n_corrections += 1;
-        self.is_finally_optimised |= self.n_source_frames.is_some();
+        // The answer to a request that was left out corrects nothing.
+        if !correction.keyframes.is_empty() {
+            self.n_corrections += 1;
+            self.is_finally_optimised |= self.n_source_frames.is_some();
+        }
         let mut new_from_old = None;
         let mut n_corrected = 0;
         for corrected in &correction.keyframes {

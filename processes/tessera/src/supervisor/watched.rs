@@ -92,10 +92,9 @@ impl Watched {
             self.start_at = Some(death.at + pause);
             return None;
         }
-        // A camera does not stop for one frame. A request that cannot be answered ends a live run too.
-        let may_skip = is_live && self.stage != Stage::Optimise;
-        if may_skip && self.history.is_poisoned() && !self.poison.contains(&index) {
-            tracing::warn!(frame = index, "{} died: {words}; the frame is left out", self.stage);
+        // A camera does not stop for one frame, nor for a request: its answer then corrects nothing.
+        if is_live && self.history.is_poisoned() && !self.poison.contains(&index) {
+            tracing::warn!(frame = index, "{} died: {words}; {} is left out", self.stage, of(self.stage));
             self.poison.push(index);
             self.start_at = Some(death.at);
             return None;
@@ -110,4 +109,9 @@ impl Watched {
             last_lines: last_lines(log, self.stage.name(), 5),
         })
     }
+}
+
+/// What the index of a stage's work counts.
+fn of(stage: Stage) -> &'static str {
+    if stage == Stage::Optimise { "the request" } else { "the frame" }
 }
