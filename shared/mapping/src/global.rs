@@ -13,8 +13,8 @@ use crate::tracker::KeyframeSurfaces;
 use crate::verify::{self, KnownLoops, Side, Tested};
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
-    BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, PairReport, Queries,
-    Sampler, Selection, ShutterTable, Target,
+    BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler,
+    Selection, ShutterTable, Target,
 };
 use tessera_steps::Step;
 use tessera_surface::SurfaceView;
@@ -53,8 +53,6 @@ impl Prepared<'_> {
 struct Found {
     pair: Pair,
     tested: Option<Tested>,
-    /// Enough of the query has a match.
-    has_overlap: bool,
 }
 
 /// Solves for all keyframes, the first one fixed. The same bits for any number of threads: each
@@ -87,32 +85,22 @@ pub(crate) fn solve(
                 let is_loop = loops::are_far(&context.mapping.loops, &keyframes[query], &keyframes[target]);
                 let at = poses[target].inverse() * poses[query];
                 let (newer, older) = (&prepared[query], &prepared[target]);
-                let (mut pair, report) =
-                    pair(context, matcher, (query, newer), (target, older), &at, &limits);
-                let tested = is_loop.then(|| match known.get(&ids(query, target)) {
-                    Some(known) => *known,
-                    None if pair.weight == 0.0 => Tested::little_overlap(&report),
-                    None => {
-                        let (newer, older) = (newer.side(), older.side());
-                        verify::test(settings, matcher, &newer, &older, &at, &pair.block)
-                    }
+                let tested = is_loop.then(|| {
+                    known
+                        .get(&ids(query, target))
+                        .copied()
+                        .unwrap_or_else(|| verify::test(settings, matcher, &newer.side(), &older.side(), &at))
                 });
-                let has_overlap = pair.weight > 0.0;
-                // What was outvoted has no say until it fits or the others fall out.
-                if tested.is_some_and(|t| t.verdict == LoopVerdict::Outvoted) {
-                    pair.weight = 0.0;
-                }
-                Found { pair, tested, has_overlap }
+                Found { pair: pair(context, matcher, (query, newer), (target, older), &at, &limits), tested }
             },
             progress,
         );
-        let tested = found.iter().filter(|f| f.has_overlap);
-        known.extend(tested.filter_map(|f| Some((ids(f.pair.query, f.pair.target), f.tested?))));
+        known.extend(found.iter().filter_map(|f| Some((ids(f.pair.query, f.pair.target), f.tested?))));
         loops.clear();
         let (mut pairs, mut is_loop, mut tests) = (Vec::new(), Vec::new(), Vec::new());
         for f in found {
-            let is_good = f.tested.is_none_or(|t| t.has_passed());
-            if f.has_overlap && is_good {
+            let is_good = f.tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
+            if f.pair.weight > 0.0 && is_good {
                 pairs.push(f.pair);
                 is_loop.push(f.tested.is_some());
                 tests.push(f.tested);
@@ -132,7 +120,7 @@ pub(crate) fn solve(
                 is_loop.push(true);
                 tests.push(Some(tested));
                 // The poses will move: what was refused where they were may fit then.
-                known.retain(|_, tested| tested.has_passed());
+                known.retain(|_, tested| tested.verdict == LoopVerdict::Accepted);
             }
         }
         context.steps.enter(Step::Solve);
@@ -154,10 +142,6 @@ pub(crate) fn solve(
             poses = graph.poses;
             for ((pair, tested), residual) in graph.pairs.iter().zip(&tests).zip(&report.residuals_sigmas) {
                 let Some(tested) = tested else { continue };
-                if let Some(known) = known.get_mut(&ids(pair.query, pair.target)) {
-                    known.verdict =
-                        if pair.weight > 0.0 { LoopVerdict::Accepted } else { LoopVerdict::Outvoted };
-                }
                 loops.push(loop_record(keyframes, pair, tested, *residual, pair.weight));
             }
         }
@@ -175,7 +159,7 @@ fn pair(
     (target, older): (usize, &Prepared<'_>),
     target_from_query: &Pose,
     limits: &MatchLimits,
-) -> (Pair, PairReport) {
+) -> Pair {
     let settings = &context.mapping.global;
     // Each pair takes another choice of the samples.
     let selection = Selection { count: settings.queries_per_pair as usize, shift: target };
@@ -192,7 +176,7 @@ fn pair(
     let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
     let is_neighbour = query == target + 1 && newer.session == older.session && report.n_matches >= 30;
     let weight = if overlap >= settings.min_overlap || is_neighbour { 1.0 } else { 0.0 };
-    (Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight }, report)
+    Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight }
 }
 
 /// Whether the matches of a pair leave a direction of its motion free.
@@ -212,10 +196,9 @@ fn loop_record(
     weight: f64,
 ) -> LoopRecord {
     let verdict = match tested.verdict {
-        verdict if !tested.has_passed() => verdict,
-        _ if pair.weight > 0.0 => LoopVerdict::Accepted,
-        _ if residual_sigmas > 0.0 => LoopVerdict::Outvoted,
-        _ => LoopVerdict::LittleOverlap,
+        LoopVerdict::Accepted if pair.weight == 0.0 && residual_sigmas > 0.0 => LoopVerdict::Outvoted,
+        LoopVerdict::Accepted if pair.weight == 0.0 => LoopVerdict::LittleOverlap,
+        verdict => verdict,
     };
     LoopRecord {
         newer: keyframes[pair.query].id,

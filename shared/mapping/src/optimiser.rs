@@ -4,7 +4,8 @@ use crate::budget::with_retired;
 use crate::context::Context;
 use crate::global::{self, Solution};
 use crate::records::{
-    AlignRecord, Correction, KeyframePose, OptimiseRecord, RefinedCamera, Refinement, RequestRecord,
+    AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
+    RequestRecord,
 };
 use crate::refine::{FrameHistory, Refiner};
 use crate::refine_camera::refine_camera;
@@ -73,8 +74,12 @@ impl Optimiser {
         let OptimiseRecord::Correction(correction) = record;
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|(request, _)| request.request > correction.request);
-        self.known =
-            correction.loops.iter().filter_map(|l| Some(((l.newer, l.older), Tested::passed(l)?))).collect();
+        self.known = correction
+            .loops
+            .iter()
+            .filter(|l| matches!(l.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted))
+            .map(|l| ((l.newer, l.older), Tested::accepted(l)))
+            .collect();
     }
 
     /// The oldest request without an answer.

@@ -48,7 +48,7 @@ pub(crate) fn pairs(
             let (at, block) = from_scratch(context, matcher, &prepared[query], &prepared[target]);
             let settings = &context.mapping.global;
             let (newer, older) = (prepared[query].side(), prepared[target].side());
-            let tested = verify::test(settings, matcher, &newer, &older, &at, &block);
+            let tested = verify::test(settings, matcher, &newer, &older, &at);
             // No pose speaks for this pair: it must overlap well in both directions.
             let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
             is_good.then_some((Pair { query, target, block, weight: 1.0 }, tested))

@@ -1,15 +1,13 @@
 //! An optimisation that wrong loops cannot bend: each loop pair has a weight that goes to zero
 //! when its measurement does not fit the rest (graduated non-convexity).
 //!
-//! Odometry pairs are trusted. First all loops count in full but those that an earlier optimisation
-//! outvoted; if each is then content, and those left out would not be, that is the answer.
-//! Otherwise the graph starts again without loops, and loops come in by how well they fit, under a
-//! limit that shrinks: those that agree with odometry and with each other pull the graph towards
-//! themselves, the others never get a grip, however many they are and even if they agree among
-//! themselves.
+//! Odometry pairs are trusted. First all loops count in full; if each of them is then content,
+//! that is the answer. Otherwise the graph starts again without loops, and loops come in by how
+//! well they fit, under a limit that shrinks: those that agree with odometry and with each other
+//! pull the graph towards themselves, the others never get a grip, however many they are and
+//! even if they agree among themselves.
 
 use crate::settings::GlobalSettings;
-use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_registration::{Graph, InnerReport, NotPositiveDefinite, Pair, PairBlock, Solver};
 
@@ -57,8 +55,8 @@ pub(crate) fn disagreement_sigmas(
     (excess / (metric_factor * f64::from(block.n_matches().max(1)))).sqrt()
 }
 
-/// Optimises `graph` with a weight of its own for each pair where `is_loop`, beginning with those
-/// that it has, 1 or 0; the weights stay in the graph. `metric_factor` makes costs metric.
+/// Optimises `graph` with a weight of its own for each pair where `is_loop`; the weights stay in
+/// the graph. `metric_factor` makes costs metric.
 ///
 /// # Errors
 /// As [`Graph::optimise`].
@@ -74,11 +72,16 @@ pub(crate) fn optimise(
     let mut solver = Solver::default();
     let start = graph.poses.clone();
     graph.optimise_again(inner_iterations, &mut solver, progress)?;
-    let own_cost = |(pair, is_loop): (&Pair, &bool)| match is_loop {
-        true => own_optimum(&pair.block, &relative(&graph.poses, pair)).1,
-        false => 0.0,
-    };
-    let own_costs: Vec<f64> = graph.pairs.par_iter().zip(is_loop).with_min_len(16).map(own_cost).collect();
+    let own_costs: Vec<f64> = graph
+        .pairs
+        .iter()
+        .zip(is_loop)
+        .map(
+            |(pair, is_loop)| {
+                if *is_loop { own_optimum(&pair.block, &relative(&graph.poses, pair)).1 } else { 0.0 }
+            },
+        )
+        .collect();
     let residuals = |graph: &Graph| -> Vec<f64> {
         let pairs = graph.pairs.iter().zip(is_loop).zip(&own_costs);
         pairs
@@ -89,14 +92,7 @@ pub(crate) fn optimise(
             .collect()
     };
     let mut found = residuals(graph);
-    // Each loop that takes part is content, and none that was left out would be.
-    let is_settled = graph
-        .pairs
-        .iter()
-        .zip(&found)
-        .zip(is_loop)
-        .all(|((pair, residual), is_loop)| !is_loop || (pair.weight > 0.0) == (*residual <= limit));
-    if !(limit > 0.0) || is_settled {
+    if !(limit > 0.0) || found.iter().all(|r| *r <= limit) {
         return Ok(RobustReport { residuals_sigmas: found, n_rounds: 0 });
     }
     graph.poses = start;

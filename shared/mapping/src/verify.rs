@@ -29,7 +29,6 @@ pub(crate) struct Tested {
     pub(crate) in_front: f64,
     /// Root mean square disagreement between both directions, standard deviations.
     pub(crate) inconsistency_sigmas: f64,
-    /// Outvoted: it passed, and the last optimisation took its weight all the same.
     pub(crate) verdict: LoopVerdict,
 }
 
@@ -37,42 +36,24 @@ pub(crate) struct Tested {
 pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
 
 impl Tested {
-    /// What a record says of a pair that passed; `None` of another.
-    pub(crate) fn passed(record: &LoopRecord) -> Option<Self> {
-        let tested = Self {
+    /// What a record says of a pair that passed.
+    pub(crate) fn accepted(record: &LoopRecord) -> Self {
+        Self {
             overlap: record.overlap,
             in_front: record.in_front,
             inconsistency_sigmas: record.inconsistency_sigmas,
-            verdict: record.verdict,
-        };
-        tested.has_passed().then_some(tested)
-    }
-
-    /// Whether the pair passed its tests, whatever the other pairs say of it.
-    pub(crate) fn has_passed(&self) -> bool {
-        matches!(self.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted)
-    }
-
-    /// A pair with too few matches for a test, by what its search found.
-    pub(crate) fn little_overlap(report: &PairReport) -> Self {
-        Self {
-            overlap: share(report.n_matches, report.n_queries),
-            in_front: share(report.n_in_front, report.n_in_view),
-            inconsistency_sigmas: 0.0,
-            verdict: LoopVerdict::LittleOverlap,
+            verdict: LoopVerdict::Accepted,
         }
     }
 }
 
-/// Tests the pair at its own optimum, which it looks for from where the pair's first matches are
-/// content.
+/// Tests the pair at its own optimum, which it looks for from `newer`'s pose in `older`'s frame.
 pub(crate) fn test(
     settings: &GlobalSettings,
     matcher: &mut Matcher,
     newer: &Side<'_>,
     older: &Side<'_>,
     older_from_newer: &Pose,
-    first: &PairBlock,
 ) -> Tested {
     let limits = |progress| MatchLimits::new(settings.first_distance_m, progress);
     let mut find = |query: &Side<'_>, target: &Side<'_>, at: &Pose, progress: f32| {
@@ -83,11 +64,12 @@ pub(crate) fn test(
         let (own, cost) = own_optimum(&block, at);
         (block, own, cost, report)
     };
-    let (near, _) = own_optimum(first, older_from_newer);
+    let (_, near, _, _) = find(newer, older, older_from_newer, 0.0);
     let (_, near, _, _) = find(newer, older, &near, 1.0);
     let (forward, forward_own, forward_cost, there) = find(newer, older, &near, 1.0);
     let (backward, backward_own, backward_cost, back) = find(older, newer, &forward_own.inverse(), 1.0);
     let factor = matcher.metric_factor();
+    let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
     let overlap = share(there.n_matches, there.n_queries).min(share(back.n_matches, back.n_queries));
     let in_front = share(there.n_in_front, there.n_in_view).max(share(back.n_in_front, back.n_in_view));
     let inconsistency_sigmas = disagreement_sigmas(&forward, forward_cost, &backward_own.inverse(), factor)
@@ -102,8 +84,4 @@ pub(crate) fn test(
         LoopVerdict::Accepted
     };
     Tested { overlap, in_front, inconsistency_sigmas, verdict }
-}
-
-fn share(part: u32, whole: u32) -> f64 {
-    f64::from(part) / f64::from(whole.max(1))
 }
