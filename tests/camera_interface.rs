@@ -221,13 +221,19 @@ fn a_program_in_python_is_a_camera_and_another_reads_the_poses() {
 
     let run = external.start();
     let poses = example(&python, "poses.py", &[&external.name]);
-    let camera = example(&python, "publisher.py", &[&folder, &external.name, "--ring", "16"]);
+    let mut camera = example(&python, "publisher.py", &[&folder, &external.name, "--ring", "16"]);
+    let run = run.wait_with_output().unwrap();
+    if !run.status.success() {
+        // Without a run nothing else ends it.
+        camera.kill().unwrap();
+        let camera = String::from_utf8(camera.wait_with_output().unwrap().stderr).unwrap();
+        panic!("the camera's program says: {camera}\n{}", external.log());
+    }
     let words = |child: Child| {
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success(), "{}\n{}", String::from_utf8_lossy(&output.stderr), external.log());
         String::from_utf8(output.stdout).unwrap()
     };
-    words(run);
     words(camera);
     let poses = words(poses);
     external.assert_same_bytes(&reference, "sent by Python with a ring");

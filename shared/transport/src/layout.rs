@@ -132,14 +132,15 @@ impl Layout {
         }
     }
 
-    /// What a camera's own program is told; only the newest counts.
+    /// What a camera's own program is told; only the newest counts. A program may hold what it has
+    /// while it takes the next.
     pub fn camera_flow(&self) -> Service {
         Service {
             name: "camera_flow",
             publishers: 3,
             subscribers: 6,
             buffer: 1,
-            borrowed: 1,
+            borrowed: 2,
             history: 1,
             loans: 1,
         }
