@@ -10,6 +10,9 @@ use tessera_geometry::{Matrix6, Vector6};
 /// Lanes of a column: six rows, and two that are 0.
 const ROWS: usize = 8;
 
+/// Block products between two signs of life: some milliseconds.
+const PRODUCTS_OF_A_PART: usize = 1 << 16;
+
 /// A 6x6 block by columns.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
@@ -80,7 +83,8 @@ impl BlockCholesky {
         }
     }
 
-    /// Factorises a system whose blocks stand in the order of the pattern.
+    /// Factorises a system whose blocks stand in the order of the pattern; `progress` is called
+    /// every few milliseconds of work.
     ///
     /// # Errors
     /// Where a direction has no information.
@@ -89,6 +93,7 @@ impl BlockCholesky {
         diagonal: &[Matrix6],
         blocks: &[Matrix6],
         lambda: f64,
+        progress: &mut dyn FnMut(),
     ) -> Result<(), NotPositiveDefinite> {
         self.diagonal.fill(Block::ZERO);
         self.lower.fill(Block::ZERO);
@@ -99,7 +104,7 @@ impl BlockCholesky {
         for (block, &(place, is_transposed)) in blocks.iter().zip(&self.goes) {
             self.lower[place].add(block, is_transposed);
         }
-        self.arch.dispatch(Factorise(self))
+        self.arch.dispatch(Factorise(self, progress))
     }
 
     /// Solves `(H + lambda I) d = -gradient` by the last factor.
@@ -145,14 +150,15 @@ impl BlockCholesky {
     }
 }
 
-struct Factorise<'a>(&'a mut BlockCholesky);
+struct Factorise<'a, 'b>(&'a mut BlockCholesky, &'b mut dyn FnMut());
 
-impl pulp::WithSimd for Factorise<'_> {
+impl pulp::WithSimd for Factorise<'_, '_> {
     type Output = Result<(), NotPositiveDefinite>;
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> Self::Output {
-        let it = self.0;
+        let Self(it, progress) = self;
+        let mut n_products = 0;
         let Elimination { starts, rows, .. } = &it.elimination;
         for column in 0..it.diagonal.len() {
             let (first, end) = (starts[column], starts[column + 1]);
@@ -165,6 +171,11 @@ impl pulp::WithSimd for Factorise<'_> {
             // What the columns before this one have in its row: their blocks from there on.
             for &(earlier, place) in &it.in_row[it.row_starts[column]..it.row_starts[column + 1]] {
                 let (place, last) = (place as usize, starts[earlier as usize + 1]);
+                n_products += last - place;
+                if n_products >= PRODUCTS_OF_A_PART {
+                    n_products = 0;
+                    progress();
+                }
                 let b = before[place];
                 subtract_product(diagonal, &b, &b);
                 for at in place + 1..last {
@@ -283,8 +294,8 @@ mod tests {
             let solve = |arch| {
                 let mut factor = BlockCholesky::new(n, &pattern, arch);
                 // A factor is kept for other values: the second use is what counts.
-                factor.factorise(&diagonal, &blocks, 9.0).unwrap();
-                factor.factorise(&diagonal, &blocks, 0.5).unwrap();
+                factor.factorise(&diagonal, &blocks, 9.0, &mut || ()).unwrap();
+                factor.factorise(&diagonal, &blocks, 0.5, &mut || ()).unwrap();
                 factor.solve(&gradient)
             };
             let found = solve(pulp::Arch::new());
@@ -303,10 +314,23 @@ mod tests {
         let pattern = [(1, 0)];
         let (mut diagonal, blocks, _) = system(2, &pattern);
         let mut factor = BlockCholesky::new(2, &pattern, pulp::Arch::new());
-        assert!(factor.factorise(&diagonal, &blocks, 0.0).is_ok());
+        assert!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()).is_ok());
         diagonal[1] = Matrix6::zeros();
-        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0), Err(NotPositiveDefinite));
+        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()), Err(NotPositiveDefinite));
         diagonal[1] = Matrix6::from_element(f64::NAN);
-        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0), Err(NotPositiveDefinite));
+        assert_eq!(factor.factorise(&diagonal, &blocks, 0.0, &mut || ()), Err(NotPositiveDefinite));
+    }
+
+    #[test]
+    fn a_long_factorisation_says_that_it_lives() {
+        // A dense matrix: column c takes c (n - c) products.
+        let n = 120;
+        let pattern: Vec<_> = (0..n).flat_map(|c| (c + 1..n).map(move |r| (r, c))).collect();
+        let (diagonal, blocks, _) = system(n, &pattern);
+        let mut factor = BlockCholesky::new(n, &pattern, pulp::Arch::new());
+        let mut n_signs = 0;
+        factor.factorise(&diagonal, &blocks, 1.0, &mut || n_signs += 1).unwrap();
+        let n_products: usize = (0..n).map(|c| c * (n - c)).sum();
+        assert!(n_signs >= 4 && n_signs + 1 >= n_products / (PRODUCTS_OF_A_PART + n), "{n_signs} signs");
     }
 }

@@ -26,7 +26,7 @@ impl Graph {
         let mut n_rejected = 0;
         while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
             progress();
-            let steps = match system.solve(lambda) {
+            let steps = match system.solve(lambda, progress) {
                 Ok(steps) => steps,
                 Err(error) if n_rejected >= 10 => return Err(error),
                 Err(_) => {

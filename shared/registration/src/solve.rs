@@ -74,14 +74,18 @@ impl BlockSystem {
         self.diagonal.iter().flat_map(|m| (0..6).map(|k| m[(k, k)])).fold(0.0, f64::max)
     }
 
-    /// Solves `(H + lambda I) d = -g`.
-    pub(crate) fn solve(&mut self, lambda: f64) -> Result<Vec<Vector6>, NotPositiveDefinite> {
+    /// Solves `(H + lambda I) d = -g`; `progress` is called every few milliseconds of work.
+    pub(crate) fn solve(
+        &mut self,
+        lambda: f64,
+        progress: &mut dyn FnMut(),
+    ) -> Result<Vec<Vector6>, NotPositiveDefinite> {
         let Some(factor) = &mut self.factor else {
             let damped = self.diagonal[0] + Matrix6::identity() * lambda;
             let factor = damped.cholesky().ok_or(NotPositiveDefinite)?;
             return Ok(vec![-factor.solve(&self.gradient[0])]);
         };
-        factor.factorise(&self.diagonal, &self.lower, lambda)?;
+        factor.factorise(&self.diagonal, &self.lower, lambda, progress)?;
         Ok(factor.solve(&self.gradient))
     }
 }
