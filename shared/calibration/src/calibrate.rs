@@ -297,6 +297,7 @@ fn match_all(problem: &Problem<'_>, camera: &Camera, poses: &[Pose], iteration: 
     let limits = MatchLimits {
         first_distance_m: problem.first_distance_m as f32,
         progress: if iteration == 1 { 0.5 } else { 1.0 },
+        pose_sigma_m: 0.0,
         brightness: false,
     };
     let rule =

@@ -166,6 +166,7 @@ impl Aligner {
             let limits = MatchLimits {
                 first_distance_m: prediction.first_distance_m as f32,
                 progress: k as f32 / last as f32,
+                pose_sigma_m: 0.0,
                 brightness,
             };
             self.match_all(context, references, &targets, &limits, &mut result);

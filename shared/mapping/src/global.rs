@@ -76,7 +76,8 @@ pub(crate) fn solve(
     let mut n_rounds = 0;
     for k in 0..outer_iterations {
         let share = if outer_iterations > 1 { k as f32 / (outer_iterations - 1) as f32 } else { 1.0 };
-        let limits = MatchLimits::new(settings.first_distance_m, share);
+        let near = MatchLimits::new(settings.first_distance_m, share);
+        let far = MatchLimits::drifted(settings.first_distance_m, share);
         context.steps.enter(Step::Search);
         let found = map_in_parts(
             &neighbours::pairs(&poses, &sessions, settings),
@@ -91,7 +92,8 @@ pub(crate) fn solve(
                         .copied()
                         .unwrap_or_else(|| verify::test(settings, matcher, &newer.side(), &older.side(), &at))
                 });
-                Found { pair: pair(context, matcher, (query, newer), (target, older), &at, &limits), tested }
+                let limits = if is_loop { &far } else { &near };
+                Found { pair: pair(context, matcher, (query, newer), (target, older), &at, limits), tested }
             },
             progress,
         );

@@ -55,7 +55,7 @@ pub(crate) fn test(
     older: &Side<'_>,
     older_from_newer: &Pose,
 ) -> Tested {
-    let limits = |progress| MatchLimits::new(settings.first_distance_m, progress);
+    let limits = |progress| MatchLimits::drifted(settings.first_distance_m, progress);
     let mut find = |query: &Side<'_>, target: &Side<'_>, at: &Pose, progress: f32| {
         let selection = Selection { count: N_QUERIES, shift: 0 };
         let (sums, report): (BlockSums, PairReport) =

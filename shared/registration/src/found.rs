@@ -27,7 +27,7 @@ pub(crate) struct Found {
     /// Residual `b - T a` in the target's frame.
     pub(crate) e: Columns3,
     pub(crate) distance_sq: Vec<f32>,
-    /// Normal residual in standard deviations, without its sign.
+    /// Normal residual in standard deviations of surfaces and pose, without its sign.
     pub(crate) sigmas: Vec<f32>,
     /// Inverse variance of the normal residual; 0 where the place is not a match.
     pub(crate) weight: Vec<f32>,
@@ -78,6 +78,8 @@ pub(crate) struct Limits {
     pub(crate) distance_m: f32,
     pub(crate) distance_sigmas: f32,
     pub(crate) cosine: f32,
+    /// What the error of the pose adds to the variance of a residual, square metres.
+    pub(crate) pose_variance: f32,
 }
 
 /// Turns what was found into residuals and weights, eight places at a time.
@@ -133,7 +135,7 @@ fn judge<const IS_ROLLING: bool>(it: Judge<'_>) -> u32 {
         let keep: [bool; LANES] = from_fn(|l| {
             (is_inner.0[l] > 0.0) & (distance_sq.0[l] <= limit_sq.0[l]) & (cosine.0[l] >= limits.cosine)
         });
-        let sigmas = (residual_sq / variance).sqrt();
+        let sigmas = (residual_sq / (variance + Lanes::splat(limits.pose_variance))).sqrt();
         // Memory may change after its check: what is rejected must not be able to poison a sum.
         found.e.store(at, e.map(|c| c.only(keep)));
         found.nb.store(at, nb.map(|c| c.only(keep)));

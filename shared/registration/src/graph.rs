@@ -1,10 +1,9 @@
 //! A graph of poses and pair blocks, and its Levenberg-Marquardt solver (SPEC 5).
 
 use crate::block::PairBlock;
-use crate::linearised::Linearised;
 use crate::solve::{BlockSystem, NotPositiveDefinite};
 use rayon::prelude::*;
-use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised, log, translation_rotation_norms};
+use tessera_geometry::{Matrix6, Pose, log};
 use tessera_surface::Isa;
 
 /// All correspondences between two frames.
@@ -74,16 +73,13 @@ pub struct InnerReport {
 /// From so many pairs on, sharing them out is worth its cost.
 const MIN_SHARED_PAIRS: usize = 256;
 
-/// Steps below these are no steps (SPEC 5.2): metres and radians.
-const STEP_LIMIT: f64 = 1e-6;
-
 impl Graph {
     /// The cost `sum e Omega e` of all pairs and priors.
     pub fn cost(&self) -> f64 {
         self.cost_at(&self.poses)
     }
 
-    fn cost_at(&self, poses: &[Pose]) -> f64 {
+    pub(crate) fn cost_at(&self, poses: &[Pose]) -> f64 {
         let pairs: f64 = self
             .of_each(|p| p.weight * p.block.cost(&(poses[p.target].inverse() * poses[p.query])))
             .iter()
@@ -132,143 +128,19 @@ impl Graph {
             let (a, b) = (slot[p.query], slot[p.target]);
             (a != usize::MAX && b != usize::MAX).then_some((a, b))
         });
-        let mut system = BlockSystem::new(free.len(), places, self.isa, solver.system.take())?;
+        let mut system = BlockSystem::new(free.len(), places, self.isa, solver.system.take());
         let report = self.descend(max_iterations, &free, &slot, &mut system, &mut solver.lambda, progress);
         solver.system = Some(system);
         report
     }
 
-    fn descend(
-        &mut self,
-        max_iterations: u32,
-        free: &[usize],
-        slot: &[usize],
-        system: &mut BlockSystem,
-        last_lambda: &mut Option<f64>,
-        progress: &mut dyn FnMut(),
-    ) -> Result<InnerReport, NotPositiveDefinite> {
-        let start = self.poses.clone();
-        let mut cost = self.linearise(slot, system);
-        let mut report = InnerReport { cost_before: cost, cost_after: cost, ..InnerReport::default() };
-        let largest = system.max_diagonal();
-        let mut lambda = last_lambda.map_or(1e-5 * largest, |last| last.max(1e-12 * largest));
-        let mut growth = 2.0;
-        let mut n_rejected = 0;
-        while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
-            progress();
-            let steps = match system.solve(lambda) {
-                Ok(steps) => steps,
-                Err(error) if n_rejected >= 10 => return Err(error),
-                Err(_) => {
-                    (lambda, growth, n_rejected) = (lambda.max(1e-9) * growth, growth * 2.0, n_rejected + 1);
-                    continue;
-                }
-            };
-            let mut moved = self.poses.clone();
-            for (&i, step) in free.iter().zip(&steps) {
-                moved[i] = compose_normalised(&self.poses[i], &Twist::from_vector(step));
-            }
-            let new_cost = self.cost_at(&moved);
-            let predicted: f64 =
-                steps.iter().zip(&system.gradient).map(|(d, g)| d.dot(&(d * lambda - g))).sum::<f64>();
-            let gain = (cost - new_cost) / (predicted + 1e-12 * cost + f64::MIN_POSITIVE);
-            let largest = steps.iter().map(|d| d.amax()).fold(0.0, f64::max);
-            if gain > 0.0 && new_cost.is_finite() {
-                self.poses = moved;
-                report.n_accepted += 1;
-                let decrease = cost - new_cost;
-                cost = new_cost;
-                let shrink = 1.0 - (2.0 * gain - 1.0) * (2.0 * gain - 1.0) * (2.0 * gain - 1.0);
-                lambda *= shrink.clamp(1.0 / 3.0, 2.0 / 3.0);
-                (growth, n_rejected) = (2.0, 0);
-                *last_lambda = Some(lambda);
-                if largest < STEP_LIMIT || decrease < 1e-6 * cost {
-                    report.is_converged = true;
-                    break;
-                }
-                self.linearise(slot, system);
-            } else {
-                // At the minimum rounding decides the sign of the gain: a tiny step is the end.
-                if largest < STEP_LIMIT {
-                    report.is_converged = true;
-                    break;
-                }
-                (lambda, growth, n_rejected) = (lambda * growth, growth * 2.0, n_rejected + 1);
-                if n_rejected > 10 {
-                    break;
-                }
-            }
-        }
-        report.cost_after = cost;
-        for &i in free {
-            let (m, r) = translation_rotation_norms(&(start[i].inverse() * self.poses[i]));
-            (report.moved_m, report.turned_rad) = (report.moved_m.max(m), report.turned_rad.max(r));
-        }
-        Ok(report)
-    }
-
     /// A value of each pair, in their order; many pairs are shared out to all threads.
-    fn of_each<T: Send>(&self, value: impl Fn(&Pair) -> T + Send + Sync) -> Vec<T> {
+    pub(crate) fn of_each<T: Send>(&self, value: impl Fn(&Pair) -> T + Send + Sync) -> Vec<T> {
         if self.pairs.len() < MIN_SHARED_PAIRS {
             self.pairs.iter().map(value).collect()
         } else {
             self.pairs.par_iter().with_min_len(64).map(value).collect()
         }
-    }
-
-    /// Fills the system and returns the cost.
-    fn linearise(&self, slot: &[usize], system: &mut BlockSystem) -> f64 {
-        system.clear();
-        let mut cost = 0.0;
-        let linearised = self.of_each(|pair| {
-            let (i, j) = (slot[pair.query], slot[pair.target]);
-            let is_idle = pair.weight == 0.0 || (i == usize::MAX && j == usize::MAX);
-            (!is_idle).then(|| {
-                let target_from_query = self.poses[pair.target].inverse() * self.poses[pair.query];
-                Linearised::new(pair, &target_from_query, j != usize::MAX)
-            })
-        });
-        for (pair, terms) in self.pairs.iter().zip(linearised) {
-            let Some(terms) = terms else { continue };
-            let (i, j) = (slot[pair.query], slot[pair.target]);
-            cost += terms.cost;
-            if i != usize::MAX {
-                system.diagonal[i] += terms.h_query;
-                system.gradient[i] += terms.g_query;
-            }
-            if j == usize::MAX {
-                continue;
-            }
-            system.diagonal[j] += terms.h_target;
-            system.gradient[j] -= terms.g_target;
-            if i != usize::MAX
-                && let Some(place) = system.place(i, j)
-            {
-                // H_ij = -H_ii Ad; stored with the larger slot as row.
-                if i > j {
-                    system.lower[place] -= terms.h_across;
-                } else {
-                    system.lower[place] -= terms.h_across.transpose();
-                }
-            }
-        }
-        for prior in &self.priors {
-            let s = slot[prior.vertex];
-            let e: Vector6 = log(&(prior.predicted.inverse() * self.poses[prior.vertex])).to_vector();
-            cost += e.dot(&(prior.information * e));
-            if s != usize::MAX {
-                // Near the prediction the Jacobian of the logarithm is the identity.
-                system.diagonal[s] += prior.information;
-                system.gradient[s] += prior.information * e;
-            }
-        }
-        // Pairs between fixed poses are left out of the loop above but belong to the cost.
-        cost + self
-            .pairs
-            .iter()
-            .filter(|p| p.weight != 0.0 && slot[p.query] == usize::MAX && slot[p.target] == usize::MAX)
-            .map(|p| p.weight * p.block.cost(&(self.poses[p.target].inverse() * self.poses[p.query])))
-            .sum::<f64>()
     }
 }
 
@@ -277,6 +149,7 @@ mod tests {
     use super::*;
     use crate::block::BlockSums;
     use nalgebra::Vector3;
+    use tessera_geometry::{Twist, compose_normalised, translation_rotation_norms};
 
     /// A pair whose matches are the six ends of a cross, all with identity information, so that
     /// its cost is zero exactly at `target_from_query`.

@@ -7,15 +7,18 @@
 #![forbid(unsafe_code)]
 
 mod accumulate;
+mod assemble;
 mod block;
 mod brightness;
+mod cholesky;
 mod columns;
 mod descent;
-mod envelope;
+mod elimination;
 mod found;
 mod graph;
 mod kd_tree;
 mod lanes;
+mod levenberg;
 mod linearised;
 mod locate;
 mod matches;

@@ -21,6 +21,10 @@ pub struct MatchLimits {
     /// 0 in the first outer iteration, 1 in the last: distances shrink from `first_distance_m`
     /// to twice the local edge tolerance, radii and normals from their first to their last value.
     pub progress: f32,
+    /// Standard deviation that the error of the pose itself gives to a residual, metres; 0 where the
+    /// pose is known as well as the surfaces are. While it is not, what stands apart from most
+    /// matches is not an outlier: it may be the one thing that shows the error.
+    pub pose_sigma_m: f32,
     /// Whether brightness counts beside geometry.
     pub brightness: bool,
 }
@@ -28,7 +32,14 @@ pub struct MatchLimits {
 impl MatchLimits {
     /// The limits at a point of the schedule, geometry alone.
     pub fn new(first_distance_m: f64, progress: f32) -> Self {
-        Self { first_distance_m: first_distance_m as f32, progress, brightness: false }
+        Self { first_distance_m: first_distance_m as f32, progress, pose_sigma_m: 0.0, brightness: false }
+    }
+
+    /// The limits where drift may have carried the pose away by as much as `first_distance_m`: its
+    /// error shrinks along the schedule, from a third of that to none.
+    pub fn drifted(first_distance_m: f64, progress: f32) -> Self {
+        let pose_sigma_m = first_distance_m as f32 / 3.0 * (1.0 - progress);
+        Self { pose_sigma_m, ..Self::new(first_distance_m, progress) }
     }
 }
 
@@ -117,6 +128,8 @@ impl Matcher {
         self.found.reset(self.chosen.len());
         self.locate(target, &motion);
         let with_brightness = limits.brightness && self.has_colour;
+        // A floor keeps perfect data from rejecting everything but the median itself.
+        let least_median = if limits.pose_sigma_m > 0.0 { 1.0 } else { 0.05 };
         let limits = self.limits(limits);
         let n_in_view = match target.tree {
             Some(tree) => {
@@ -154,7 +167,7 @@ impl Matcher {
         if self.settings.search.one_to_one {
             self.keep_one_to_one();
         }
-        let median_residual_sigmas = self.reject_by_median();
+        let median_residual_sigmas = self.reject_by_median(least_median);
         let brightness = if with_brightness { self.brightness(target) } else { Brightness::default() };
         self.weigh();
         self.steps.enter(Step::Accumulate);
@@ -184,6 +197,7 @@ impl Matcher {
                 // 2 eps_d(z) = 2 * 2 n sigma(z).
                 distance_sigmas: blend(0.0, 4.0 * self.camera.grid.step as f32),
                 cosine: blend(s.first_normal_cosine, s.last_normal_cosine),
+                pose_variance: limits.pose_sigma_m * limits.pose_sigma_m,
             },
         }
     }
@@ -240,8 +254,8 @@ impl Matcher {
         }
     }
 
-    /// The median residual, after taking out all that exceeds a multiple of it.
-    fn reject_by_median(&mut self) -> f32 {
+    /// The median residual, after taking out all that exceeds a multiple of it or of `least`.
+    fn reject_by_median(&mut self, least: f32) -> f32 {
         let found = &mut self.found;
         self.residuals.clear();
         self.residuals.extend(found.sigmas.iter().zip(&found.weight).filter(|f| *f.1 > 0.0).map(|f| f.0));
@@ -253,8 +267,7 @@ impl Matcher {
         let median = *median;
         let factor = self.settings.search.median_factor;
         if factor > 0.0 {
-            // A floor keeps perfect data from rejecting everything but the median itself.
-            let limit = factor * median.max(0.05);
+            let limit = factor * median.max(least);
             for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
                 *weight = if *sigmas <= limit { *weight } else { 0.0 };
             }

@@ -4,16 +4,16 @@ use serde::{Deserialize, Serialize};
 
 /// A set of vector instructions.
 ///
-/// Plain loops give the same bits on each. faer's factorisations do not, so that a run names the
-/// set that it began with.
+/// Plain loops give the same bits on each. faer's factorisations, which solve for the camera, do
+/// not, so that a run names the set that it began with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Isa {
     /// The widest that the machine has.
     #[default]
     Auto,
-    /// What every machine of the architecture has, and no factorisations of faer: the same bits
-    /// on all machines.
+    /// What every machine of the architecture has: the same bits on all machines, but for the
+    /// factorisations that solve for the camera.
     Baseline,
     /// AVX2 and FMA on x86-64.
     Avx2,
@@ -76,11 +76,6 @@ impl Isa {
         }
     }
 
-    /// Whether nothing but portable code may run.
-    pub fn is_portable(self) -> bool {
-        self == Isa::Baseline || Self::of_machine() == Isa::Baseline
-    }
-
     /// What loops are dispatched to.
     pub fn arch(self) -> pulp::Arch {
         if self == Isa::Baseline { pulp::Arch::Scalar } else { pulp::Arch::new() }
@@ -96,7 +91,6 @@ mod tests {
         let found = Isa::of_machine();
         assert_eq!(Isa::Auto.resolve(), Ok(found));
         assert_eq!(Isa::Baseline.resolve(), Ok(Isa::Baseline));
-        assert!(Isa::Baseline.is_portable());
         let other = if found == Isa::Neon { Isa::Avx2 } else { Isa::Neon };
         let refused = other.resolve().unwrap_err().to_string();
         assert!(refused.contains(&format!("isa is {other}")) && refused.contains(&found.to_string()));
