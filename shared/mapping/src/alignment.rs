@@ -159,6 +159,7 @@ impl Aligner {
             .map(|(r, tree)| Target { surface: r.surface, shutter: &r.shutter, tree: tree.as_deref() })
             .collect();
         let factor = self.metric_factor(context);
+        let seconds = prediction.previous.map_or(0.0, |(_, seconds)| seconds);
         let motion = prior(context, prediction, self.independent_factor(), factor);
         let (mut k, mut is_checked, mut n_more) = (0, false, 0);
         loop {
@@ -174,7 +175,7 @@ impl Aligner {
             let held = (!result.free.is_empty()).then(|| Prior {
                 vertex: 0,
                 predicted: prediction.world_from_camera,
-                information: degeneracy::hold(&result.free) * factor,
+                information: degeneracy::hold(&result.free, seconds) * factor,
             });
             let mut graph = graph_of(references, &result, motion.iter().chain(&held));
             let Ok(report) = graph.optimise(context.registration.inner_iterations, &mut || ()) else {

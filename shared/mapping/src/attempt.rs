@@ -22,8 +22,8 @@ pub(crate) struct Attempt {
 
 impl Tracker {
     /// The prediction first; after a failure the last pose with wide limits; then the last
-    /// keyframe (SPEC 6), both under the strict tests; so is the first where the motion is not known.
-    /// The error says why the first will not do.
+    /// keyframe (SPEC 6), then a long stride, all under the strict tests; so is the first where the
+    /// motion is not known. The error says why the first will not do.
     pub(crate) fn attempt_all(
         &mut self,
         samples: &[Sample],
@@ -57,16 +57,24 @@ impl Tracker {
         }
         let wide_turned = self.turned(samples, surfaces, &wide);
         let second = self.attempt(samples, surfaces, &wide_turned);
-        if judge::found_again(strict, &second.alignment).is_ok() {
+        // Along a free direction a start that is no prediction decides nothing.
+        let stands = |attempt: &Attempt| {
+            attempt.alignment.free.is_empty() && judge::found_again(strict, &attempt.alignment).is_ok()
+        };
+        if stands(&second) {
             return Ok(second);
         }
         if let Some(keyframe) = self.state.last_own_keyframe() {
             wide.world_from_camera = Pose::from(&keyframe.world_from_camera);
             (wide.previous, wide.is_known, wide.rotation_sigma_rad) = (None, false, None);
             let third = self.attempt(samples, surfaces, &wide);
-            if judge::found_again(strict, &third.alignment).is_ok() {
+            if stands(&third) {
                 return Ok(third);
             }
+        }
+        if let Some((found, numbers)) = self.long_stride(samples, surfaces, prediction) {
+            let why = passes.err().unwrap_or_else(|| "the motion is not known".into());
+            return Ok(Attempt { reason: format!("{why}; found by a long stride: {numbers}"), ..found });
         }
         // A guess that passes stands only where nothing fits better.
         passes.map(|()| first)

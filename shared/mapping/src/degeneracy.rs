@@ -87,14 +87,19 @@ fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<
     FreeDirection { motion, axis, sigma, tangent, coordinate }
 }
 
-/// Standard deviation at which a free direction is held, metres or radians.
+/// Standard deviation at which a free direction is held one thirtieth of a second after the frame
+/// before, metres or radians. A camera speeds up: it grows with the square of the time.
 const HELD: f64 = 1e-4;
+const HELD_AFTER_S: f64 = 1.0 / 30.0;
 
-/// Information that holds the free directions where they are predicted, metric.
-pub(crate) fn hold(free: &[FreeDirection]) -> Matrix6 {
+/// Information that holds the free directions where they are predicted, metric. `seconds` since the
+/// frame that the prediction goes by; 0 where it is no prediction but a place.
+pub(crate) fn hold(free: &[FreeDirection], seconds: f64) -> Matrix6 {
+    let frames = (seconds / HELD_AFTER_S).max(1.0);
+    let sigma = HELD * frames * frames;
     let mut held = Matrix6::zeros();
     for f in free {
-        held += f.coordinate * f.coordinate.transpose() / (HELD * HELD);
+        held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);
     }
     held
 }

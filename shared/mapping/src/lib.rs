@@ -33,6 +33,7 @@ mod relocalise;
 mod robust;
 mod settings;
 mod state;
+mod stride;
 mod tracker;
 mod trees;
 mod verify;

@@ -3,7 +3,7 @@
 //! Alignment follows a turn of a few degrees and no more. Turns on a coarse grid are compared by
 //! how many points of the frame they bring onto the reference, without solving for anything.
 
-use crate::alignment::{Prediction, Reference};
+use crate::alignment::Prediction;
 use crate::tracker::{Surfaces, Tracker};
 use crate::window;
 use tessera_geometry::{Pose, Twist, exp};
@@ -48,12 +48,6 @@ impl Tracker {
             }
         }
         Prediction { world_from_camera: best.1, ..*prediction }
-    }
-
-    /// Points that come to lie on the reference, less those that come to lie in front of it.
-    fn fitting(&mut self, samples: &[Sample], reference: &Reference<'_>, pose: &Pose) -> f64 {
-        let report = self.aligner.try_pose(&self.context, samples, reference, pose);
-        f64::from(report.n_matches) - f64::from(report.n_in_front)
     }
 }
 

@@ -68,38 +68,51 @@ impl Tracker {
         if !settings.enabled {
             return Err(why_lost.into());
         }
-        // Samples may be in any order: an even choice covers the whole frame.
-        let step = samples.len().div_ceil(COARSE_SAMPLES).max(1);
-        let coarse: Vec<Sample> = samples.iter().step_by(step).copied().collect();
+        let coarse = coarse(samples);
         let candidates = self.candidates(frame, prediction);
         let n_candidates = candidates.len();
         for candidate in candidates {
-            let members = self.near(&candidate.near, COARSE_REFERENCES);
-            if members.is_empty() {
+            let start = self.wide(&candidate.start);
+            let Some((attempt, numbers)) = self.settle(&start, &candidate.near, [&coarse, samples], surfaces)
+            else {
                 continue;
-            }
-            let wide = self.wide(&candidate.start);
-            let attempt = self.attempt_in(members, &coarse, surfaces, &wide);
-            if judge::found_again(&settings.coarse(), &attempt.alignment).is_err() {
-                continue;
-            }
-            // Now with all samples, against what lies near the place itself.
-            let found = attempt.alignment.world_from_camera;
-            let members = self.near(&found, usize::MAX);
-            let attempt = self.attempt_in(members, samples, surfaces, &self.wide(&found));
+            };
             // Along a free direction the place is a guess, unless the camera never left it.
             if !attempt.alignment.free.is_empty() && !candidate.is_last_pose {
                 continue;
             }
-            if let Ok(numbers) = judge::found_again(&settings, &attempt.alignment) {
-                let reason = format!("{why_lost}; found by {}: {numbers}", candidate.name);
-                return Ok(Attempt { state: State::Relocalising, reason, ..attempt });
-            }
+            let reason = format!("{why_lost}; found by {}: {numbers}", candidate.name);
+            return Ok(Attempt { state: State::Relocalising, reason, ..attempt });
         }
         Err(format!("{why_lost}; none of {n_candidates} candidate places fits"))
     }
 
-    fn wide(&self, start: &Pose) -> Prediction {
+    /// Aligns from a start, first some samples to what lies near a view, then all of them to what
+    /// lies near the place itself. With the numbers of the strict tests where it passes them.
+    pub(crate) fn settle(
+        &mut self,
+        start: &Prediction,
+        near: &Pose,
+        [coarse, samples]: [&[Sample]; 2],
+        surfaces: &Surfaces<'_>,
+    ) -> Option<(Attempt, String)> {
+        let settings = self.context.mapping.relocalise.clone();
+        let members = self.near(near, COARSE_REFERENCES);
+        if members.is_empty() {
+            return None;
+        }
+        let attempt = self.attempt_in(members, coarse, surfaces, start);
+        judge::found_again(&settings.coarse(), &attempt.alignment).ok()?;
+        let found = attempt.alignment.world_from_camera;
+        let members = self.near(&found, usize::MAX);
+        let attempt =
+            self.attempt_in(members, samples, surfaces, &Prediction { world_from_camera: found, ..*start });
+        let numbers = judge::found_again(&settings, &attempt.alignment).ok()?;
+        Some((attempt, numbers))
+    }
+
+    /// A place to begin from that no motion leads to.
+    pub(crate) fn wide(&self, start: &Pose) -> Prediction {
         Prediction {
             world_from_camera: *start,
             previous: None,
@@ -150,6 +163,12 @@ impl Tracker {
         }));
         candidates
     }
+}
+
+/// Some of the samples: they may be in any order, so an even choice covers the whole frame.
+pub(crate) fn coarse(samples: &[Sample]) -> Vec<Sample> {
+    let step = samples.len().div_ceil(COARSE_SAMPLES).max(1);
+    samples.iter().step_by(step).copied().collect()
 }
 
 /// Turns about the vertical axis of the camera with shifts along the others.

@@ -35,6 +35,8 @@ pub struct WindowSettings {
     pub inertial_rotation: bool,
     /// Standard deviation that the last pose's rotation adds to the gyroscope's, degrees.
     pub inertial_floor_deg: f64,
+    /// Whether shifts and turns about the last pose are tried where the other attempts fail.
+    pub long_strides: bool,
     /// Least share of queries with a match.
     pub min_match_share: f64,
     /// Largest median normal residual, standard deviations of depth.
@@ -73,6 +75,7 @@ impl Default for WindowSettings {
             prior_rotation_deg: 3.0,
             inertial_rotation: true,
             inertial_floor_deg: 0.2,
+            long_strides: true,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,
             min_matched: 0.3,

@@ -1,9 +1,10 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--simulation 'KEY = VALUE'] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--camera FILE] [--simulation 'KEY = VALUE'] [key=value]...`
 //!
 //! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
-//! backwards in time.
+//! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random, and
+//! `--camera` takes another camera: a folder's frames are as they are, a scene is rendered with it.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -18,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut sequences, mut overrides, mut frames, mut n_seeds) = (Vec::new(), Vec::new(), None, 1);
     let mut arguments = std::env::args().skip(1);
     let mut out = None;
-    let (mut every, mut is_reversed) = (1, false);
+    let (mut every, mut is_reversed, mut hole_share, mut camera) = (1, false, 0.0, None);
     let mut simulation = SimulationOptions::default();
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -27,6 +28,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--out" => out = arguments.next(),
             "--every" => every = arguments.next().ok_or("--every N")?.parse::<usize>()?.max(1),
             "--reverse" => is_reversed = true,
+            "--holes" => hole_share = arguments.next().ok_or("--holes SHARE")?.parse::<f64>()?,
+            "--camera" => camera = arguments.next(),
             "--simulation" => {
                 let table = arguments.next().ok_or("--simulation 'key = value'")?;
                 simulation = toml::from_str::<SimulationOptions>(&table)?;
@@ -36,7 +39,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     for sequence in &sequences {
-        let options = SourceOptions { frames, simulation: simulation.clone(), ..SourceOptions::default() };
+        let options = SourceOptions {
+            frames,
+            camera: camera.clone(),
+            simulation: simulation.clone(),
+            ..SourceOptions::default()
+        };
         let source = tessera_sources::open(&SourceSpec::parse(sequence), &options)?;
         let source = source.as_ref();
         let mut decoded = decode(source)?;
@@ -44,7 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         if is_reversed {
             reverse(&mut decoded, truth.as_mut());
         }
-        let decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
+        let mut decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
+        pierce(&mut decoded, hole_share);
         reconstruction_alone(source, &decoded, &Settings::load(None, &overrides)?)?;
         for seed in 0..n_seeds {
             let mut settings = Settings::load(None, &overrides)?;
@@ -96,6 +105,19 @@ fn reverse(frames: &mut [RawFrame], truth: Option<&mut Trajectory>) {
         truth.poses.reverse();
         truth.stamps_nanos.iter_mut().for_each(|stamp| *stamp = sum - *stamp);
     }
+}
+
+/// Takes the depth of a share of all pixels away: the same pixels on each run.
+fn pierce(frames: &mut [RawFrame], share: f64) {
+    let limit = (share * 2f64.powi(32)) as u64;
+    // Numerical Recipes' linear congruential generator; its high bits are even enough.
+    let mut state = 1u64;
+    let mut is_hole = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state >> 32 < limit
+    };
+    let depth = frames.iter_mut().flat_map(|frame| &mut frame.depth);
+    depth.for_each(|depth| *depth = if is_hole() { 0 } else { *depth });
 }
 
 /// CPU time of this process so far: unlike the wall clock it does not see the machine's load.

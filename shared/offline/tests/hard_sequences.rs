@@ -4,9 +4,10 @@
 mod common;
 
 use common::{ate_m, frames, run, scene};
+use tessera_geometry::translation_rotation_norms;
 use tessera_offline::{Method, RawFrame};
 use tessera_registration::BrightnessUse;
-use tessera_sources::{SceneName, SimulationOptions};
+use tessera_sources::{SceneName, SimulationOptions, Source};
 
 /// Takes away 37 % of the pixels, scattered, others in each frame.
 fn make_holes(frames: &mut [RawFrame]) {
@@ -43,6 +44,25 @@ fn five_frames_a_second_full_of_holes_are_enough() {
     assert_eq!(records.n_untracked(), 0);
     let error_m = ate_m(&source, &indices, &records.last());
     assert!(error_m < 0.01, "ATE {error_m} m");
+}
+
+#[test]
+fn frames_a_long_stride_apart_are_enough() {
+    let source = scene(SceneName::House, &SimulationOptions::default());
+    let truth = &source.ground_truth().unwrap().poses;
+    let mut indices: Vec<u64> = vec![0];
+    for k in 1..700 {
+        let stride = truth[indices[indices.len() - 1] as usize].inverse() * truth[k as usize];
+        let (moved_m, turned_rad) = translation_rotation_norms(&stride);
+        if moved_m >= 0.155 || turned_rad >= 6.7f64.to_radians() {
+            indices.push(k);
+        }
+    }
+    assert!(indices.len() > 30, "{} frames", indices.len());
+    let records = run(&source, &Method::default(), &frames(&source, &indices));
+    assert_eq!(records.n_untracked(), 0);
+    let error_m = ate_m(&source, &indices, &records.last());
+    assert!(error_m < 0.03, "ATE {error_m} m");
 }
 
 #[test]
