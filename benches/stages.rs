@@ -47,7 +47,7 @@ fn global_optimisation_of_200_keyframes(bencher: Bencher<'_, '_>) {
         .bench_local(|| optimiser.solve(&request, &surfaces, &[].as_slice(), &mut || ()).expect("pending"));
 }
 
-/// As above for 2,000 keyframes; needs 1.5 GB and a minute to prepare.
+/// As above for 2,000 keyframes; seven rounds through the house.
 #[divan::bench(sample_count = 2, sample_size = 1, ignore)]
 fn global_optimisation_of_2000_keyframes(bencher: Bencher<'_, '_>) {
     let (optimiser, request, surfaces) = keyframes::optimiser(2000);

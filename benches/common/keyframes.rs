@@ -14,30 +14,33 @@ use tessera_surface::{SurfaceView, Vertex};
 /// Frames between two keyframes.
 const SPACING: u64 = 6;
 
-/// Surfaces of keyframes, by id.
+/// Surfaces of the keyframes of one way round; the next round sees the same.
 pub(crate) struct Surfaces(Vec<Vec<Vertex>>);
 
 impl KeyframeSurfaces for Surfaces {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
-        &self.0[keyframe as usize]
+        &self.0[keyframe as usize % self.0.len()]
     }
 }
 
-/// An optimiser that holds `n` keyframes and the request to optimise them once.
+/// An optimiser that holds `n` keyframes, in as many rounds through the house as they need, and the
+/// request to optimise them once.
 pub(crate) fn optimiser(n: u64) -> (Optimiser, RequestRecord, Surfaces) {
     let source = SimulatedSource::open(SceneName::House, None, None, &SimulationOptions::default())
         .expect("the house opens");
     let mut method = Method::default();
     method.mapping.global.final_iterations = 1;
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
-    let surfaces: Vec<Vec<Vertex>> = (0..n)
+    let truth = source.ground_truth().expect("a simulated scene has a ground truth");
+    let n_of_a_round = truth.poses.len() as u64 / SPACING;
+    let surfaces: Vec<Vec<Vertex>> = (0..n.min(n_of_a_round))
         .into_par_iter()
         .map(|k| crate::common::surface(source.camera(), &method, &crate::common::read(&source, k * SPACING)))
         .collect();
-    let truth = source.ground_truth().expect("a simulated scene has a ground truth");
     let mut optimiser = Optimiser::new(context.clone());
     let ferns = Ferns::default();
-    for (id, vertices) in surfaces.iter().enumerate() {
+    for id in 0..n as usize {
+        let vertices = &surfaces[id % surfaces.len()];
         let frame_index = id as u64 * SPACING;
         let pose = truth.poses[0].inverse() * truth.poses[frame_index as usize % truth.poses.len()];
         let surface = SurfaceView { grid: context.grid, vertices };

@@ -10,7 +10,9 @@ use crate::tracker::{FrameSurface, Surfaces, Tracker};
 use crate::window::Member;
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised, translation_rotation_norms};
-use tessera_registration::{Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sample, Selection};
+use tessera_registration::{
+    Graph, MatchLimits, Matcher, Pair, PairBlock, Queries, Sample, Sampler, Selection,
+};
 
 /// Searches, from wide limits to the last.
 const OUTER_ITERATIONS: u32 = 3;
@@ -186,10 +188,15 @@ impl Tracker {
         let mut ids: Vec<(u32, bool)> = window.iter().map(|&id| (id, id == 0 || held == Some(id))).collect();
         ids.extend(border.into_iter().map(|(_, id)| (id, true)));
         ids.sort_unstable();
+        let mut sampler = Sampler::default();
         ids.into_iter()
             .map(|(id, is_fixed)| {
                 let keyframe = &keyframes[id as usize];
-                Vertex { id, is_fixed, prepared: prepare(&self.context, keyframe, surfaces.keyframes) }
+                Vertex {
+                    id,
+                    is_fixed,
+                    prepared: prepare(&self.context, &mut sampler, keyframe, surfaces.keyframes),
+                }
             })
             .collect()
     }

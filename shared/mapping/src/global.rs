@@ -69,7 +69,12 @@ pub(crate) fn solve(
     let mut poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
     let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
     context.steps.enter(Step::Prepare);
-    let prepared = map_in_parts(keyframes, || (), |(), k| prepare(context, k, surfaces), progress);
+    let prepared = map_in_parts(
+        keyframes,
+        Sampler::default,
+        |sampler, k| prepare(context, sampler, k, surfaces),
+        progress,
+    );
     let ids = |query: usize, target: usize| (keyframes[query].id, keyframes[target].id);
     let metric_factor = context.matcher().metric_factor();
     let mut loops = Vec::new();
@@ -216,12 +221,13 @@ fn loop_record(
 
 pub(crate) fn prepare<'a>(
     context: &Context,
+    sampler: &mut Sampler,
     keyframe: &KeyframeState,
     surfaces: &'a dyn KeyframeSurfaces,
 ) -> Prepared<'a> {
     let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframe.id) };
     let mut samples = Vec::new();
-    Sampler::default().draw(&surface, keyframe.frame_index, &context.registration, &mut samples);
+    sampler.draw(&surface, keyframe.frame_index, &context.registration, &mut samples);
     let shutter = context.shutter(&Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity)));
     let mut queries = Queries::default();
     queries.fill(&samples, &shutter);

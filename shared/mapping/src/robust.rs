@@ -8,6 +8,7 @@
 //! even if they agree among themselves.
 
 use crate::settings::GlobalSettings;
+use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_registration::{Graph, InnerReport, NotPositiveDefinite, Pair, PairBlock, Solver};
 
@@ -72,16 +73,11 @@ pub(crate) fn optimise(
     let mut solver = Solver::default();
     let start = graph.poses.clone();
     graph.optimise_again(inner_iterations, &mut solver, progress)?;
-    let own_costs: Vec<f64> = graph
-        .pairs
-        .iter()
-        .zip(is_loop)
-        .map(
-            |(pair, is_loop)| {
-                if *is_loop { own_optimum(&pair.block, &relative(&graph.poses, pair)).1 } else { 0.0 }
-            },
-        )
-        .collect();
+    let own_cost = |(pair, is_loop): (&Pair, &bool)| match is_loop {
+        true => own_optimum(&pair.block, &relative(&graph.poses, pair)).1,
+        false => 0.0,
+    };
+    let own_costs: Vec<f64> = graph.pairs.par_iter().zip(is_loop).with_min_len(16).map(own_cost).collect();
     let residuals = |graph: &Graph| -> Vec<f64> {
         let pairs = graph.pairs.iter().zip(is_loop).zip(&own_costs);
         pairs

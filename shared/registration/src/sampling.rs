@@ -41,12 +41,7 @@ impl Sampler {
         out: &mut Vec<Sample>,
     ) {
         let mut random = SplitMix64::for_frame(settings.seed, index);
-        self.candidates.clear();
-        for (i, vertex) in surface.vertices.iter().enumerate() {
-            if vertex.is_inner() && vertex.position[2] <= settings.max_sample_depth_m {
-                self.candidates.push(i as u32);
-            }
-        }
+        self.choose(surface.vertices, settings);
         out.clear();
         self.drawn.clear();
         let n_uniform = (settings.uniform_samples as usize).min(self.candidates.len());
@@ -56,7 +51,6 @@ impl Sampler {
                 (k * self.candidates.len() / n_uniform, (k + 1) * self.candidates.len() / n_uniform);
             self.drawn.push(self.candidates[from + random.below(to - from)]);
         }
-        self.fill_bins(surface.vertices);
         let mut wanted = settings.normal_space_samples as usize;
         while wanted > 0 {
             let before = wanted;
@@ -81,11 +75,20 @@ impl Sampler {
         }));
     }
 
-    fn fill_bins(&mut self, vertices: &[Vertex]) {
+    /// All vertices that may be drawn, and those of each bin of normal space: one way through the
+    /// surface for both.
+    fn choose(&mut self, vertices: &[Vertex], settings: &RegistrationSettings) {
+        self.candidates.clear();
         self.bins.resize_with(POLAR * AZIMUTH, Vec::new);
         self.bins.iter_mut().for_each(Vec::clear);
-        for &i in &self.candidates {
-            self.bins[bin_of(&vertices[i as usize].normal)].push(i);
+        let with_bins = settings.normal_space_samples > 0;
+        for (i, vertex) in vertices.iter().enumerate() {
+            if vertex.is_inner() && vertex.position[2] <= settings.max_sample_depth_m {
+                self.candidates.push(i as u32);
+                if with_bins {
+                    self.bins[bin_of(&vertex.normal)].push(i as u32);
+                }
+            }
         }
     }
 }
