@@ -1,15 +1,13 @@
 //! Everything that the aligner knows: a fold over its journal, and the files behind it.
 
 use crate::known::{Known, Snapshot};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, Mark, Store};
+use tessera_journal::{Follower, Journal, Store};
 use tessera_mapping::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker};
 use tessera_settings::Fsync;
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, OPTIMISE_JOURNAL, RunFiles, StageError,
+    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageError, StateAt,
     journal_slot, slots, store_slot,
 };
 use tessera_surface::Vertex;
@@ -30,23 +28,6 @@ pub(crate) struct Desk {
     checkpoint: Checkpoint,
 }
 
-/// What a checkpoint holds: the fold, and where it stands in both journals.
-#[derive(Serialize, Deserialize)]
-struct Kept<'a> {
-    journal: Mark,
-    /// Corrections before it have taken effect.
-    answers: Mark,
-    known: Snapshot<'a>,
-}
-
-impl Kept<'_> {
-    fn fits(&self, files: &RunFiles) -> bool {
-        let fits = |mark: &Mark, path: &Path, kind| mark.fits(path, kind).unwrap_or(false);
-        fits(&self.journal, &files.align_journal(), ALIGN_JOURNAL)
-            && fits(&self.answers, &files.optimise_journal(), OPTIMISE_JOURNAL)
-    }
-}
-
 impl Desk {
     /// Reads the state back from the run directory; locks the journal and the store.
     pub(crate) fn open(context: &Context) -> Result<Self, StageError> {
@@ -56,12 +37,9 @@ impl Desk {
         let mut keyframes = MappedKeyframes::open(&store_path, context.layout.grid.len())?;
         let flow = &context.settings.flow;
         let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), ALIGN_JOURNAL, flow.checkpoint_kb);
-        let kept = checkpoint.read::<Kept<'static>>().filter(|kept| kept.fits(files));
+        let kept = checkpoint.read::<StateAt<Snapshot<'static>>>().filter(|kept| kept.marks.fits(files));
         let (marks, mut known) = match kept {
-            Some(kept) => {
-                let known = Known::restore(context.mapping_context(), kept.known);
-                (Some((kept.journal, kept.answers)), known)
-            }
+            Some(kept) => (Some(kept.marks), Known::restore(context.mapping_context(), kept.state)),
             None => (None, Known::new(Tracker::new(context.mapping_context()))),
         };
         for keyframe in &known.tracker.state().keyframes {
@@ -71,12 +49,12 @@ impl Desk {
         let answers = Follower::open_behind(
             &files.optimise_journal(),
             OPTIMISE_JOURNAL,
-            marks.as_ref().map(|(_, answers)| answers),
+            marks.as_ref().map(|marks| &marks.optimise),
         )?;
         let (journal, recovered) = Journal::open_behind(
             &files.align_journal(),
             ALIGN_JOURNAL,
-            marks.as_ref().map(|(journal, _)| journal),
+            marks.as_ref().map(|marks| &marks.align),
             PATIENCE,
             |record: AlignRecord| {
                 keyframes.take_unread(&record).map_err(|e| e.to_string())?;
@@ -85,8 +63,12 @@ impl Desk {
                 Ok(())
             },
         )?;
-        if let Some((journal, _)) = &marks {
-            tracing::info!("a checkpoint spares {} of {} records", journal.n_records, recovered.n_records);
+        if let Some(marks) = &marks {
+            tracing::info!(
+                "a checkpoint spares {} of {} records",
+                marks.align.n_records,
+                recovered.n_records
+            );
         }
         if let Some(reason) = &recovered.reason {
             tracing::warn!(
@@ -101,7 +83,7 @@ impl Desk {
                 files.align_journal().display()
             )));
         }
-        checkpoint.stands_at(marks.map_or(0, |(journal, answers)| journal.len_bytes() + answers.len_bytes()));
+        checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
         let (pending, fsync) = (BTreeMap::new(), flow.fsync);
         Ok(Self { known, keyframes, journal, store, answers, pending, fsync, checkpoint })
     }
@@ -109,12 +91,12 @@ impl Desk {
     /// Keeps the state for a successor, where the journals have grown enough since the last time;
     /// whether it did.
     pub(crate) fn keep(&mut self) -> bool {
-        let (journal, answers) = (self.journal.mark(), self.answers.mark());
-        let bytes = journal.len_bytes() + answers.len_bytes();
+        let marks = Marks { align: self.journal.mark(), optimise: self.answers.mark() };
+        let bytes = marks.len_bytes();
         // A correction that is pending lies before the mark of the answers.
         let is_due = self.pending.is_empty() && self.checkpoint.is_due(bytes);
         if is_due {
-            self.checkpoint.write(&Kept { journal, answers, known: self.known.snapshot() }, bytes);
+            self.checkpoint.write(&StateAt { marks, state: self.known.snapshot() }, bytes);
         }
         is_due
     }

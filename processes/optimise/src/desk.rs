@@ -1,13 +1,11 @@
 //! Everything that the optimiser knows: a fold over both journals, and the files behind it.
 
-use serde::{Deserialize, Serialize};
-use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, Mark};
+use tessera_journal::{Follower, Journal};
 use tessera_mapping::{AlignRecord, OptimiseRecord, Optimiser, OptimiserState, RequestRecord};
 use tessera_settings::Fsync;
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, OPTIMISE_JOURNAL, RunFiles, StageError,
+    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageError, StateAt,
 };
 
 /// How long a predecessor may take to die before its lock is an error.
@@ -23,34 +21,15 @@ pub(crate) struct Desk {
     checkpoint: Checkpoint,
 }
 
-/// What a checkpoint holds: the fold, and where it stands in both journals.
-#[derive(Serialize, Deserialize)]
-struct Kept<'a> {
-    journal: Mark,
-    records: Mark,
-    optimiser: OptimiserState<'a>,
-}
-
-impl Kept<'_> {
-    fn fits(&self, files: &RunFiles) -> bool {
-        let fits = |mark: &Mark, path: &Path, kind| mark.fits(path, kind).unwrap_or(false);
-        fits(&self.journal, &files.optimise_journal(), OPTIMISE_JOURNAL)
-            && fits(&self.records, &files.align_journal(), ALIGN_JOURNAL)
-    }
-}
-
 impl Desk {
     /// Reads the state back from the run directory; locks the journal.
     pub(crate) fn open(context: &Context) -> Result<Self, StageError> {
         let (files, flow) = (&context.files, &context.settings.flow);
         let mut checkpoint =
             Checkpoint::new(&files.optimise_checkpoint(), OPTIMISE_JOURNAL, flow.checkpoint_kb);
-        let kept = checkpoint.read::<Kept<'static>>().filter(|kept| kept.fits(files));
-        let (marks, mut optimiser) = match kept {
-            Some(kept) => {
-                let optimiser = Optimiser::restore(context.mapping_context(), kept.optimiser);
-                (Some((kept.journal, kept.records)), optimiser)
-            }
+        let kept = checkpoint.read::<StateAt<OptimiserState<'static>>>();
+        let (marks, mut optimiser) = match kept.filter(|kept| kept.marks.fits(files)) {
+            Some(kept) => (Some(kept.marks), Optimiser::restore(context.mapping_context(), kept.state)),
             None => (None, Optimiser::new(context.mapping_context())),
         };
         let mut keyframes = MappedKeyframes::open(&files.store(), context.layout.grid.len())?;
@@ -60,15 +39,15 @@ impl Desk {
         let (journal, recovered) = Journal::open_behind(
             &files.optimise_journal(),
             OPTIMISE_JOURNAL,
-            marks.as_ref().map(|(journal, _)| journal),
+            marks.as_ref().map(|marks| &marks.optimise),
             PATIENCE,
             |record: OptimiseRecord| {
                 optimiser.apply_own(&record);
                 Ok(())
             },
         )?;
-        if let Some((_, records)) = &marks {
-            tracing::info!("a checkpoint spares {} records", records.n_records);
+        if let Some(marks) = &marks {
+            tracing::info!("a checkpoint spares {} records", marks.align.n_records);
         }
         if let Some(reason) = &recovered.reason {
             tracing::warn!(
@@ -80,9 +59,9 @@ impl Desk {
         let records = Follower::open_behind(
             &files.align_journal(),
             ALIGN_JOURNAL,
-            marks.as_ref().map(|(_, records)| records),
+            marks.as_ref().map(|marks| &marks.align),
         )?;
-        checkpoint.stands_at(marks.map_or(0, |(journal, records)| journal.len_bytes() + records.len_bytes()));
+        checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
         Ok(Self { optimiser, keyframes, records, journal, fsync: flow.fsync, checkpoint })
     }
 
@@ -108,12 +87,12 @@ impl Desk {
     /// Keeps the state for a successor, where the journals have grown enough since the last time;
     /// whether it did.
     pub(crate) fn keep(&mut self) -> bool {
-        let (journal, records) = (self.journal.mark(), self.records.mark());
-        let bytes = journal.len_bytes() + records.len_bytes();
+        let marks = Marks { align: self.records.mark(), optimise: self.journal.mark() };
+        let bytes = marks.len_bytes();
         let is_due = self.checkpoint.is_due(bytes);
         let snapshot = if is_due { self.optimiser.snapshot() } else { None };
-        let Some(optimiser) = snapshot else { return false };
-        self.checkpoint.write(&Kept { journal, records, optimiser }, bytes);
+        let Some(state) = snapshot else { return false };
+        self.checkpoint.write(&StateAt { marks, state }, bytes);
         true
     }
 }

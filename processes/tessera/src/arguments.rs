@@ -8,6 +8,7 @@ mod export;
 mod profile;
 mod run;
 mod top;
+mod topics;
 mod view;
 
 use crate::terminal::WIDTH;
@@ -22,6 +23,7 @@ pub(crate) use profile::{ProfileArguments, RecordArguments};
 pub(crate) use run::{RunArguments, Speech};
 use std::path::PathBuf;
 pub(crate) use top::TopArguments;
+use topics::TopicArguments;
 pub(crate) use view::ViewArguments;
 
 const ABOUT: &str = "RGB-D SLAM in four processes joined by zero-copy shared memory";
@@ -162,12 +164,8 @@ pub(crate) struct CheckArguments {
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// In FILE.mcap: the topic of depth [default: the one whose name says so]
-    #[arg(long, value_name = "TOPIC")]
-    pub(crate) depth_topic: Option<String>,
-    /// In FILE.mcap: the topic of colour [default: the one whose name says so]
-    #[arg(long, value_name = "TOPIC")]
-    pub(crate) color_topic: Option<String>,
+    #[command(flatten)]
+    pub(crate) topics: TopicArguments,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -5,7 +5,8 @@
 //! turned against each other disagree, and no poses make them agree. [`calibrate`] therefore solves
 //! for all keyframe poses and the camera at once: the camera is a dense border of the pose graph's
 //! sparse system, and what remains of it once the poses are eliminated (the Schur complement) says
-//! which combinations of parameters this motion determines. The others keep their start.
+//! which combinations of parameters this motion determines. The others stay at their start: each
+//! takes what the frames say by the share that its standard deviation leaves.
 //!
 //! A global scale of depth is not among the unknowns: depth and all translations times a constant
 //! fit the same frames equally well.
@@ -14,12 +15,21 @@
 mod calibrate;
 mod derivative;
 mod directions;
+mod jackknife;
+mod matching;
+mod pairs;
 mod parameters;
+mod problem;
 mod residuals;
 mod sizes;
+mod solution;
 mod system;
 mod warp;
+mod widths;
 
-pub use calibrate::{Calibration, CalibrationError, Estimate, HeldDirection, Keyframe, Problem, calibrate};
+pub use calibrate::calibrate;
+pub use pairs::{PairLimits, pairs};
 pub use parameters::{N_PARAMETERS, Parameter, Parameters};
+pub use problem::{Keyframe, Problem};
+pub use solution::{Calibration, CalibrationError, Estimate, HeldDirection};
 pub use warp::SurfaceWarp;

@@ -1,7 +1,7 @@
 //! Poses and camera in one system; the poses eliminated (Schur complement).
 
 use crate::parameters::{N_PARAMETERS, Parameters};
-use crate::residuals::PairSums;
+use crate::residuals::{N_PAIR, PairSums};
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Par, Side};
@@ -10,9 +10,6 @@ use tessera_geometry::{Matrix6, Twist, Vector6, adjoint};
 
 /// A matrix over the camera's parameters.
 pub(crate) type CameraMatrix = SMatrix<f64, N_PARAMETERS, N_PARAMETERS>;
-/// Runs of consecutive keyframes whose residuals count as independent: neighbours see the same
-/// walls with the same errors.
-const MOST_CLUSTERS: usize = 10;
 
 type Border = SMatrix<f64, 6, N_PARAMETERS>;
 
@@ -26,8 +23,6 @@ pub(crate) struct Reduced {
     pub(crate) information: CameraMatrix,
     /// Gradient of half the cost.
     pub(crate) gradient: Parameters,
-    /// Variance of the gradient, with each keyframe's noise common to all its pairs.
-    pub(crate) gradient_variance: CameraMatrix,
     /// For each free pose its derivative by the camera, and its own step.
     follow: Vec<(Border, Vector6)>,
 }
@@ -81,17 +76,11 @@ pub(crate) fn reduce(pairs: &[PairSums], n_poses: usize) -> Option<Reduced> {
             (Border::from_fn(at), Vector6::from_fn(|r, _| at(r, N_PARAMETERS)))
         })
         .collect();
-    let mut reduced = Reduced {
-        information: camera,
-        gradient: camera_gradient,
-        gradient_variance: CameraMatrix::zeros(),
-        follow,
-    };
+    let mut reduced = Reduced { information: camera, gradient: camera_gradient, follow };
     for (p, (by_camera, step)) in reduced.follow.iter().enumerate() {
         reduced.information -= borders[p + 1].transpose() * by_camera;
         reduced.gradient -= borders[p + 1].transpose() * step;
     }
-    reduced.gradient_variance = gradient_variance(pairs, &reduced, n_poses);
     Some(reduced)
 }
 
@@ -102,6 +91,23 @@ impl Reduced {
             return Twist::default();
         };
         Twist::from_vector(&-(own + by_camera * step))
+    }
+
+    /// What a pair says of the camera with the poses following: its information, and its gradient
+    /// once the camera has taken `step`.
+    pub(crate) fn share_of(&self, pair: &PairSums, step: &Parameters) -> (CameraMatrix, Parameters) {
+        let ad = adjoint(&pair.target_from_query.inverse());
+        let mut follow = SMatrix::<f64, N_PAIR, N_PARAMETERS>::identity();
+        follow
+            .fixed_view_mut::<6, N_PARAMETERS>(0, 0)
+            .copy_from(&(ad * self.by_camera(pair.target) - self.by_camera(pair.query)));
+        follow.fixed_view_mut::<N_PARAMETERS, N_PARAMETERS>(6, 0).copy_from(&CameraMatrix::identity());
+        let [by_query, by_target] =
+            [pair.query, pair.target].map(|pose| self.pose_step(pose, step).to_vector());
+        let mut moved = SVector::<f64, N_PAIR>::zeros();
+        moved.fixed_rows_mut::<6>(0).copy_from(&(by_query - ad * by_target));
+        moved.fixed_rows_mut::<N_PARAMETERS>(6).copy_from(step);
+        (follow.transpose() * pair.h * follow, follow.transpose() * (pair.g + pair.h * moved))
     }
 
     fn by_camera(&self, index: usize) -> Border {
@@ -135,23 +141,4 @@ fn solve(
         if c < N_PARAMETERS { borders[p][(r, c)] } else { gradients[p][r] }
     });
     Some(factor.solve(rhs))
-}
-
-/// The gradient's variance as the residuals themselves show it, whatever correlates them: the sum
-/// over keyframes of the outer product of what all pairs of a keyframe pull together. A pair
-/// counts from both its ends, so the result is at most twice too large.
-fn gradient_variance(pairs: &[PairSums], reduced: &Reduced, n_poses: usize) -> CameraMatrix {
-    let n_clusters = n_poses.min(MOST_CLUSTERS);
-    let cluster_of = |pose: usize| pose * n_clusters / n_poses.max(1);
-    let mut pulls = vec![SVector::<f64, N_PARAMETERS>::zeros(); n_clusters];
-    for pair in pairs {
-        let s = Shares::of(pair);
-        let at_target = -s.ad.transpose() * s.g;
-        let pull = pair.g.fixed_rows::<N_PARAMETERS>(6)
-            - reduced.by_camera(pair.query).transpose() * s.g
-            - reduced.by_camera(pair.target).transpose() * at_target;
-        pulls[cluster_of(pair.query)] += pull;
-        pulls[cluster_of(pair.target)] += pull;
-    }
-    pulls.iter().map(|pull| pull * pull.transpose()).sum()
 }

@@ -2,20 +2,19 @@
 
 use crate::context::Context;
 use crate::global::Solution;
-use crate::neighbours;
 use crate::records::LoopVerdict;
 use crate::state::KeyframeState;
 use crate::tracker::KeyframeSurfaces;
 use std::collections::BTreeSet;
-use tessera_calibration::{Calibration, CalibrationError, Keyframe, Problem, calibrate};
+use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Problem, calibrate};
 use tessera_geometry::{Twist, Vector6};
 
 /// Neighbours of a keyframe: what a camera does to a surface is small, so many pairs are asked.
-const NEIGHBOURS: u32 = 24;
+const NEIGHBOURS: usize = 24;
 /// Queries of a pair.
 const QUERIES_PER_PAIR: usize = 600;
-/// A combination of parameters that is known to no better than this many pixels is held.
-const HOLD_PX: f64 = 8.0;
+/// How far the camera may be off, pixels of image motion.
+const START_PX: f64 = 8.0;
 
 /// Solves for the camera together with the poses of all keyframes, from the optimised poses on.
 ///
@@ -28,8 +27,12 @@ pub(crate) fn refine_camera(
     solution: &Solution,
     progress: &mut dyn FnMut(),
 ) -> Result<Calibration, CalibrationError> {
-    let mut global = context.mapping.global.clone();
-    global.neighbours = global.neighbours.max(NEIGHBOURS);
+    let global = &context.mapping.global;
+    let limits = PairLimits {
+        distance_m: global.radius_m,
+        angle_rad: global.angle_deg.to_radians(),
+        neighbours: (global.neighbours as usize).max(NEIGHBOURS),
+    };
     let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
     let refused: BTreeSet<(u32, u32)> = solution
         .loops
@@ -37,7 +40,7 @@ pub(crate) fn refine_camera(
         .filter(|l| l.verdict != LoopVerdict::Accepted)
         .map(|l| (l.newer, l.older))
         .collect();
-    let mut pairs = neighbours::pairs(&solution.poses, &sessions, &global);
+    let mut pairs = tessera_calibration::pairs(&solution.poses, &sessions, &limits);
     pairs.retain(|&(query, target)| !refused.contains(&(keyframes[query].id, keyframes[target].id)));
     let keyframes: Vec<Keyframe<'_>> = keyframes
         .iter()
@@ -62,7 +65,7 @@ pub(crate) fn refine_camera(
             queries_per_pair: QUERIES_PER_PAIR,
             first_distance_m: global.first_distance_m,
             min_overlap: global.min_overlap,
-            hold_px: HOLD_PX,
+            start_px: START_PX,
             fixed: &[],
         },
         progress,

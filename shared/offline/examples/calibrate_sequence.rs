@@ -1,7 +1,7 @@
 //! Calibrates from a folder's frames and compares the errors of a run with the start, the found
 //! and the folder's own camera.
 //!
-//! `cargo run --release -p tessera-offline --example calibrate_sequence -- FOLDER [--camera FILE] [--change fx*1.03] [--frames N] [--seeds N] [key=value]...`
+//! `cargo run --release -p tessera-offline --example calibrate_sequence -- FOLDER [--camera FILE] [--change fx*1.03] [--frames N] [--skip N] [--seeds N] [--start-px PX] [--fix NAMES] [key=value]...`
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -14,7 +14,7 @@ use tessera_trajectory::{EvaluationOptions, evaluate};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut source, mut overrides, mut frames, mut camera) = (None, Vec::new(), None, None);
-    let (mut changes, mut seeds) = (Vec::new(), 1);
+    let (mut changes, mut seeds, mut skip) = (Vec::new(), 1, 0);
     let mut options = CalibrateOptions::default();
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -22,7 +22,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
             "--camera" => camera = arguments.next(),
             "--change" => changes.push(arguments.next().ok_or("--change fx=525")?),
-            "--hold" => options.hold_px = arguments.next().ok_or("--hold PX")?.parse()?,
+            "--start-px" => options.start_px = arguments.next().ok_or("--start-px PX")?.parse()?,
+            "--skip" => skip = arguments.next().ok_or("--skip N")?.parse()?,
             "--seeds" => seeds = arguments.next().ok_or("--seeds N")?.parse()?,
             "--passes" => options.max_passes = arguments.next().ok_or("--passes N")?.parse()?,
             "--neighbours" => options.neighbours = arguments.next().ok_or("--neighbours N")?.parse()?,
@@ -53,7 +54,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for change in &changes {
         apply(&mut start, change)?;
     }
-    let decoded = decode(&*source)?;
+    let mut decoded = decode(&*source)?;
+    decoded.drain(..decoded.len().min(skip));
     let n = decoded.len() as u64;
     let mut read =
         |index: u64| Ok::<_, std::convert::Infallible>((index < n).then(|| decoded[index as usize].clone()));

@@ -1,12 +1,14 @@
 //! Calibration of a whole sequence: the pipeline with the present camera, then the camera with all
 //! keyframes, again until the camera stays.
 
+use crate::motion::{Moment, velocity};
+use crate::smooth_surfaces::SmoothSurfaces;
 use crate::{Method, RawFrame, Records, Run, SavedMap};
 use std::collections::BTreeSet;
-use tessera_calibration::{Calibration, CalibrationError, Keyframe, Parameter, Problem};
-use tessera_geometry::{Camera, Pose, Twist, Vector6, log};
-use tessera_mapping::{AlignRecord, Context, State, neighbour_pairs};
-use tessera_surface::{Reconstructor, SettingError, SurfaceSettings, Vertex};
+use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Parameter, Problem};
+use tessera_geometry::{Camera, Pose, Twist, Vector6};
+use tessera_mapping::{AlignRecord, Context, State};
+use tessera_surface::SettingError;
 
 /// The camera stays when a pass moves the image by less than this share of its standard deviation,
 const CONVERGED_SHARE: f64 = 0.5;
@@ -18,8 +20,8 @@ const CONVERGED_PX: f64 = 0.05;
 pub struct CalibrateOptions {
     /// Passes over the sequence at most.
     pub max_passes: u32,
-    /// A combination of parameters whose standard deviation exceeds this many pixels is held.
-    pub hold_px: f64,
+    /// How far the start may be off, pixels of image motion.
+    pub start_px: f64,
     /// Parameters that keep their start.
     pub fixed: Vec<Parameter>,
     /// Neighbours of a keyframe.
@@ -30,7 +32,7 @@ pub struct CalibrateOptions {
 
 impl Default for CalibrateOptions {
     fn default() -> Self {
-        Self { max_passes: 3, hold_px: 8.0, fixed: Vec::new(), neighbours: 24, queries_per_pair: 600 }
+        Self { max_passes: 3, start_px: 8.0, fixed: Vec::new(), neighbours: 24, queries_per_pair: 1500 }
     }
 }
 
@@ -102,17 +104,17 @@ pub fn calibrate<E>(
     let mut passes = Vec::new();
     loop {
         let mut run = Run::new(&camera, method)?;
-        let mut raw = RawSurfaces::new(&camera, method)?;
+        let mut smooth = SmoothSurfaces::new(&camera, method)?;
         let mut n_frames = 0;
         while let Some(frame) = read(n_frames).map_err(CalibrateError::Frame)? {
             run.push(&frame);
-            raw.push(&frame, &run);
+            smooth.push(&frame, &run);
             n_frames += 1;
             progress();
         }
         let (records, map) = run.finish_with_map();
         let (calibration, n_untracked) =
-            solve(&records, &map, &raw, (&camera, start), method, options, progress)?;
+            solve(&records, &map, &smooth, (&camera, start), method, options, progress)?;
         passes.push(Pass {
             n_frames: n_frames as usize,
             n_untracked,
@@ -128,37 +130,10 @@ pub fn calibrate<E>(
     }
 }
 
-/// Surfaces of the keyframes without the filter, which rounds creases off and so looks like a lens.
-struct RawSurfaces {
-    reconstructor: Reconstructor,
-    previous: Vec<Vertex>,
-    keyframes: Vec<Vec<Vertex>>,
-}
-
-impl RawSurfaces {
-    fn new(camera: &Camera, method: &Method) -> Result<Self, SettingError> {
-        let settings = SurfaceSettings { filter_rings: 0, ..method.surface.clone() };
-        let reconstructor = Reconstructor::new(camera, &settings)?;
-        Ok(Self { reconstructor, previous: Vec::new(), keyframes: Vec::new() })
-    }
-
-    /// Keeps the surface of a keyframe that the run has just made: of this frame or the one before.
-    fn push(&mut self, frame: &RawFrame, run: &Run) {
-        let mut vertices = vec![Vertex::default(); self.reconstructor.grid().len()];
-        self.reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut vertices);
-        let state = run.tracker.state();
-        if let Some(keyframe) = state.keyframes.get(self.keyframes.len()) {
-            let is_current = keyframe.frame_index + 1 == state.next_index;
-            self.keyframes.push(if is_current { vertices.clone() } else { self.previous.clone() });
-        }
-        self.previous = vertices;
-    }
-}
-
 fn solve<E>(
     records: &Records,
     map: &SavedMap,
-    raw: &RawSurfaces,
+    smooth: &SmoothSurfaces,
     (camera, start): (&Camera, &Camera),
     method: &Method,
     options: &CalibrateOptions,
@@ -184,7 +159,7 @@ fn solve<E>(
         .collect();
     let keyframes: Vec<Keyframe<'_>> = states
         .iter()
-        .zip(&raw.keyframes)
+        .zip(&smooth.keyframes)
         .map(|(k, vertices)| Keyframe {
             frame_index: k.frame_index,
             world_from_camera: Pose::from(&k.world_from_camera),
@@ -194,10 +169,14 @@ fn solve<E>(
         })
         .collect();
     let poses: Vec<Pose> = keyframes.iter().map(|k| k.world_from_camera).collect();
-    let mut global = method.mapping.global.clone();
-    global.neighbours = options.neighbours;
+    let global = &method.mapping.global;
+    let limits = PairLimits {
+        distance_m: global.radius_m,
+        angle_rad: global.angle_deg.to_radians(),
+        neighbours: options.neighbours as usize,
+    };
     let refused = refused_pairs(records);
-    let mut pairs = neighbour_pairs(&poses, &vec![0; poses.len()], &global);
+    let mut pairs = tessera_calibration::pairs(&poses, &vec![0; poses.len()], &limits);
     pairs.retain(|pair| !refused.contains(pair));
     let calibration = tessera_calibration::calibrate(
         &Problem {
@@ -212,33 +191,12 @@ fn solve<E>(
             queries_per_pair: options.queries_per_pair,
             first_distance_m: global.first_distance_m,
             min_overlap: global.min_overlap,
-            hold_px: options.hold_px,
+            start_px: options.start_px,
             fixed: &options.fixed,
         },
         progress,
     )?;
     Ok((calibration, n_frames - n_tracked))
-}
-
-/// A frame's final pose.
-struct Moment {
-    index: u64,
-    stamp_nanos: i64,
-    is_tracked: bool,
-    world_from_camera: Pose,
-}
-
-/// Motion per second of a frame from its neighbours' final poses, one of which may be itself: the
-/// first frame moves too, though nothing was known of that when it was aligned.
-fn velocity(frames: &[Moment], index: u64) -> Option<Twist> {
-    let at = frames.binary_search_by_key(&index, |frame| frame.index).ok()?;
-    let is_near =
-        |other: &usize| frames.get(*other).is_some_and(|f| f.is_tracked && f.index.abs_diff(index) <= 1);
-    let before = &frames[at.checked_sub(1).filter(is_near).unwrap_or(at)];
-    let after = &frames[Some(at + 1).filter(is_near).unwrap_or(at)];
-    let seconds = (after.stamp_nanos - before.stamp_nanos) as f64 * 1e-9;
-    let step = log(&(before.world_from_camera.inverse() * after.world_from_camera));
-    (seconds > 0.0 && seconds < 1.0).then(|| step.scaled(1.0 / seconds))
 }
 
 /// Loop pairs that the last correction gave no weight.

@@ -5,6 +5,8 @@
 #![forbid(unsafe_code)]
 
 mod calibrate;
+mod motion;
+mod smooth_surfaces;
 
 pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
 pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};

@@ -4,6 +4,11 @@ use crate::graph::{Graph, InnerReport};
 use crate::solve::{BlockSystem, NotPositiveDefinite};
 use tessera_geometry::{Twist, compose_normalised, translation_rotation_norms};
 
+/// Where the model was this near the truth (gain less one), damping has nothing more to do.
+const TRUE_GAIN: f64 = 0.05;
+/// Its factor then.
+const TRUE_SHRINK: f64 = 0.01;
+
 /// Steps below these are no steps (SPEC 5.2): metres and radians.
 const STEP_LIMIT: f64 = 1e-6;
 
@@ -49,7 +54,8 @@ impl Graph {
                 let decrease = cost - new_cost;
                 cost = new_cost;
                 let shrink = 1.0 - (2.0 * gain - 1.0) * (2.0 * gain - 1.0) * (2.0 * gain - 1.0);
-                lambda *= shrink.clamp(1.0 / 3.0, 2.0 / 3.0);
+                let is_true = (gain - 1.0).abs() < TRUE_GAIN;
+                lambda *= if is_true { TRUE_SHRINK } else { shrink.clamp(1.0 / 3.0, 2.0 / 3.0) };
                 (growth, n_rejected) = (2.0, 0);
                 *last_lambda = Some(lambda);
                 if largest < STEP_LIMIT || decrease < 1e-6 * cost {

@@ -12,6 +12,7 @@ mod keyframes;
 mod kill_point;
 mod lifeline;
 mod log;
+mod marks;
 mod memory;
 mod names;
 mod notify;
@@ -32,6 +33,7 @@ pub use kill_point::{
 };
 pub use lifeline::Lifeline;
 pub use log::{last_lines, start_log};
+pub use marks::{Marks, StateAt};
 pub use memory::{ran_out_of_memory, stage_settings};
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use notify::{NOTIFY_VARIABLES, Notifier};

@@ -14,6 +14,7 @@ mod link;
 mod messages;
 mod nodes;
 mod patience;
+mod ports;
 mod registry;
 mod slices;
 mod space;

@@ -1,4 +1,4 @@
-//! A process's place in a run: its node, and its ports by the table.
+//! A process's place in a run: its node, and how ports are made by the table.
 
 use crate::cleanup::{Cleaned, clean_dead_nodes, make_private};
 use crate::error::TransportError;
@@ -25,7 +25,7 @@ pub struct Link {
     node: Node<ipc::Service>,
     config: Config,
     identity: RunIdentity,
-    layout: Layout,
+    pub(crate) layout: Layout,
 }
 
 type SliceService<H, E> =
@@ -162,7 +162,7 @@ impl Link {
         })
     }
 
-    fn slice_publisher<H: Message, E: Element>(
+    pub(crate) fn slice_publisher<H: Message, E: Element>(
         &self,
         row: &Service,
         max_len: usize,
@@ -179,7 +179,7 @@ impl Link {
         Ok(SlicePublisher { port, service: row.name })
     }
 
-    fn slice_subscriber<H: Message, E: Element>(
+    pub(crate) fn slice_subscriber<H: Message, E: Element>(
         &self,
         row: &Service,
     ) -> Result<SliceSubscriber<H, E>, TransportError> {
@@ -190,7 +190,7 @@ impl Link {
         Ok(SliceSubscriber { port, service: row.name })
     }
 
-    fn publisher<T: Message>(&self, row: &Service) -> Result<Publisher<T>, TransportError> {
+    pub(crate) fn publisher<T: Message>(&self, row: &Service) -> Result<Publisher<T>, TransportError> {
         let service = self.message_service::<T>(row)?;
         let port = patiently(&format!("a publisher of {}", row.name), Some(&self.node), || {
             service.publisher_builder().max_loaned_samples(row.loans).create()
@@ -198,7 +198,7 @@ impl Link {
         Ok(Publisher { port, service: row.name })
     }
 
-    fn subscriber<T: Message>(&self, row: &Service) -> Result<Subscriber<T>, TransportError> {
+    pub(crate) fn subscriber<T: Message>(&self, row: &Service) -> Result<Subscriber<T>, TransportError> {
         let service = self.message_service::<T>(row)?;
         let port = patiently(&format!("a subscriber of {}", row.name), Some(&self.node), || {
             service.subscriber_builder().create()
@@ -206,138 +206,10 @@ impl Link {
         Ok(Subscriber { port, service: row.name })
     }
 
-    /// Writes frames.
-    ///
-    /// # Errors
-    /// Where the service cannot be opened; the same for all functions below.
-    pub fn frame_publisher(&self) -> Result<SlicePublisher<FrameHeader, u16>, TransportError> {
-        self.slice_publisher(&self.layout.frames(), self.layout.frame.payload_len())
-    }
-
-    /// Reads frames.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn frame_subscriber(&self) -> Result<SliceSubscriber<FrameHeader, u16>, TransportError> {
-        self.slice_subscriber(&self.layout.frames())
-    }
-
-    /// Writes surfaces.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn surface_publisher(&self) -> Result<SlicePublisher<SurfaceHeader, Vertex>, TransportError> {
-        self.slice_publisher(&self.layout.surfaces(), self.layout.grid.len())
-    }
-
-    /// Reads surfaces.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn surface_subscriber(&self) -> Result<SliceSubscriber<SurfaceHeader, Vertex>, TransportError> {
-        self.slice_subscriber(&self.layout.surfaces())
-    }
-
-    /// Writes poses.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn pose_publisher(&self) -> Result<Publisher<PoseMessage>, TransportError> {
-        self.publisher(&self.layout.poses())
-    }
-
-    /// Reads poses.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn pose_subscriber(&self) -> Result<Subscriber<PoseMessage>, TransportError> {
-        self.subscriber(&self.layout.poses())
-    }
-
-    /// Writes the flow.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn flow_publisher(&self) -> Result<Publisher<Flow>, TransportError> {
-        self.publisher(&self.layout.flow())
-    }
-
-    /// Reads the flow.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn flow_subscriber(&self) -> Result<Subscriber<Flow>, TransportError> {
-        self.subscriber(&self.layout.flow())
-    }
-
-    /// Reads the images of a camera's own program.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn camera_subscriber(&self) -> Result<SliceSubscriber<CameraFrame, u16>, TransportError> {
-        self.slice_subscriber(&self.layout.camera())
-    }
-
-    /// Tells a camera's own program what is needed.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn camera_flow_publisher(&self) -> Result<Publisher<CameraFlow>, TransportError> {
-        self.publisher(&self.layout.camera_flow())
-    }
-
-    /// Writes images as a camera's own program does.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn camera_publisher(&self) -> Result<SlicePublisher<CameraFrame, u16>, TransportError> {
-        self.slice_publisher(&self.layout.camera(), self.layout.frame.payload_len())
-    }
-
-    /// Reads what a camera's own program is told.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn camera_flow_subscriber(&self) -> Result<Subscriber<CameraFlow>, TransportError> {
-        self.subscriber(&self.layout.camera_flow())
-    }
-
-    /// Writes beats.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn beat_publisher(&self) -> Result<Publisher<Beat>, TransportError> {
-        self.publisher(&self.layout.beats())
-    }
-
-    /// Reads beats.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn beat_subscriber(&self) -> Result<Subscriber<Beat>, TransportError> {
-        self.subscriber(&self.layout.beats())
-    }
-
-    /// Writes where a stage's time goes.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn stage_times_publisher(&self) -> Result<Publisher<StageTimes>, TransportError> {
-        self.publisher(&self.layout.stage_times())
-    }
-
-    /// Reads where the stages' time goes.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn stage_times_subscriber(&self) -> Result<Subscriber<StageTimes>, TransportError> {
-        self.subscriber(&self.layout.stage_times())
-    }
-
     /// Wakes a stage.
     ///
     /// # Errors
-    /// As above.
+    /// Where the event cannot be opened.
     pub fn bell(&self, stage: Stage) -> Result<Bell, TransportError> {
         let service = self.event_service(stage)?;
         let what = format!("a bell for {stage}");
@@ -348,7 +220,7 @@ impl Link {
     /// Where a stage sleeps.
     ///
     /// # Errors
-    /// As above.
+    /// Where the event cannot be opened.
     pub fn ear(&self, stage: Stage) -> Result<Ear, TransportError> {
         let service = self.event_service(stage)?;
         let what = format!("the ear of {stage}");

@@ -1,6 +1,7 @@
 //! `tessera run`: its arguments.
 
 use super::top;
+use super::topics::TopicArguments;
 use clap::Args;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -26,12 +27,8 @@ pub(crate) struct RunArguments {
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
-    /// In FILE.mcap: the topic of depth [default: the one whose name says so]
-    #[arg(long, value_name = "TOPIC")]
-    pub(crate) depth_topic: Option<String>,
-    /// In FILE.mcap: the topic of colour [default: the one whose name says so]
-    #[arg(long, value_name = "TOPIC")]
-    pub(crate) color_topic: Option<String>,
+    #[command(flatten)]
+    pub(crate) topics: TopicArguments,
     /// A preset (default, paper, fast, onboard) or a TOML file
     #[arg(long, value_name = "PRESET|FILE")]
     pub(crate) config: Option<String>,

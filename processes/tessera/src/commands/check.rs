@@ -14,8 +14,8 @@ pub(crate) fn check(arguments: &CheckArguments) -> Result<Exit, CommandError> {
     let spec = SourceSpec::parse(&arguments.source);
     let options = SourceOptions {
         camera: arguments.camera.clone(),
-        depth_topic: arguments.depth_topic.clone(),
-        color_topic: arguments.color_topic.clone(),
+        depth_topic: arguments.topics.depth_topic.clone(),
+        color_topic: arguments.topics.color_topic.clone(),
         ..SourceOptions::default()
     };
     let source = tessera_sources::open(&spec, &options)?;

@@ -97,10 +97,10 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     if let Some(camera) = &arguments.camera {
         run.camera.clone_from(camera);
     }
-    if let Some(topic) = &arguments.depth_topic {
+    if let Some(topic) = &arguments.topics.depth_topic {
         run.depth_topic.clone_from(topic);
     }
-    if let Some(topic) = &arguments.color_topic {
+    if let Some(topic) = &arguments.topics.color_topic {
         run.color_topic.clone_from(topic);
     }
     if let Some(map) = &arguments.map {
