@@ -11,7 +11,9 @@ use tessera_messages::{Flow, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
 
 /// A frame is read so many times as long before it is due as reading took at most of late.
-const READ_AHEAD: u32 = 2;
+const READ_AHEAD: u64 = 2;
+/// And at least so long before, nanoseconds.
+const LEAST_AHEAD_NANOS: u64 = 5_000_000;
 /// Frames that "of late" means.
 const LATE: usize = 8;
 
@@ -66,7 +68,8 @@ impl Readings {
 
     /// How long before a frame is due its reading begins; as early as can be where nothing is known.
     fn ahead_nanos(&self) -> u64 {
-        self.0.iter().max().map_or(u64::MAX, |nanos| nanos.saturating_mul(READ_AHEAD.into()))
+        let slowest = self.0.iter().max();
+        slowest.map_or(u64::MAX, |nanos| nanos.saturating_mul(READ_AHEAD).max(LEAST_AHEAD_NANOS))
     }
 }
 
