@@ -2,9 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use image::codecs::jpeg::JpegEncoder;
-use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use jpeg_encoder::{ColorType, Encoder};
 
 /// Quality of JPEG, of 100.
 const QUALITY: u8 = 80;
@@ -26,9 +24,12 @@ pub enum PictureError {
         /// Rows.
         height: usize,
     },
-    /// The encoder refused.
+    /// The encoder of JPEG refused.
     #[error("cannot encode a picture: {0}")]
-    Encode(#[from] image::ImageError),
+    Jpeg(#[from] jpeg_encoder::EncodingError),
+    /// The encoder of PNG refused.
+    #[error("cannot encode a picture: {0}")]
+    Png(#[from] png::EncodingError),
 }
 
 /// An encoded picture.
@@ -60,12 +61,7 @@ pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<Image, Pict
     check(rgb.len(), 3 * width * height, width, height)?;
     let (columns, rows, small) = smaller(width, height, |at| [rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY).write_image(
-        &small,
-        columns as u32,
-        rows as u32,
-        ExtendedColorType::Rgb8,
-    )?;
+    Encoder::new(&mut bytes, QUALITY).encode(&small, columns as u16, rows as u16, ColorType::Rgb)?;
     Ok(Image { kind: "jpeg", bytes, width: columns, height: rows })
 }
 
@@ -94,7 +90,9 @@ pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<Image
     };
     let (columns, rows, small) = smaller(width, height, |at| colour(depth[at]));
     let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes).write_image(&small, columns as u32, rows as u32, ExtendedColorType::Rgb8)?;
+    let mut encoder = png::Encoder::new(&mut bytes, columns as u32, rows as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header()?.write_image_data(&small)?;
     Ok(Image { kind: "png", bytes, width: columns, height: rows })
 }
 

@@ -1,28 +1,44 @@
 //! Images into the caller's memory: PNG for depth, PNG or JPEG for colour.
 
 use crate::ImageError;
-use image::codecs::{jpeg::JpegDecoder, png::PngDecoder};
-use image::{ColorType, ImageDecoder, Limits};
+use std::fmt::Display;
 use std::io::Cursor;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+/// Memory that a PNG's own chunks may take, bytes.
+const MOST_BYTES: usize = 512 << 20;
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
 pub(crate) fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
     if !is_png(bytes) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: "" });
     }
-    let decoder = png(bytes)?;
-    check_size("depth", decoder.dimensions(), size)?;
-    if decoder.color_type() != ColorType::L16 {
-        let found = pixels(decoder.color_type());
+    let mut png = Png::open(bytes)?;
+    check_size("depth", png.reader.info().size(), size)?;
+    if (png.n_channels, png.n_bits) != (1, 16) {
+        let found = pixels(png.n_channels, png.n_bits);
         return Err(ImageError::Pixels { what: "depth", found, expected: "1 channel of 16 bits" });
     }
-    decoder.read_image(bytemuck::cast_slice_mut(depth_raw)).map_err(|error| damaged("PNG", &error))
+    png.read(bytemuck::cast_slice_mut(depth_raw))?;
+    for raw in depth_raw {
+        *raw = u16::from_be(*raw);
+    }
+    Ok(())
 }
 
 /// Decodes a colour or grey PNG or JPEG of 8 bits as red, green, blue.
 pub(crate) fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
     if is_png(bytes) {
-        return read_rgb("PNG", png(bytes)?, size, rgb);
+        let mut png = Png::open(bytes)?;
+        check_size("colour", png.reader.info().size(), size)?;
+        if png.n_bits != 8 {
+            let found = pixels(png.n_channels, png.n_bits);
+            return Err(ImageError::Pixels { what: "colour", found, expected: "1 to 4 channels of 8 bits" });
+        }
+        return read_rgb(png.n_channels, rgb, |to| png.read(to));
     }
     if !bytes.starts_with(&[0xff, 0xd8]) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
@@ -33,28 +49,36 @@ pub(crate) fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(
         let message = format!("no end marker in {} bytes", bytes.len());
         return Err(ImageError::Damaged { format: "JPEG", message });
     }
-    let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(|error| damaged("JPEG", &error))?;
-    read_rgb("JPEG", decoder, size, rgb)
+    jpeg(bytes, size, rgb)
 }
 
+fn jpeg(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
+    let damaged = |error: &dyn Display| damaged("JPEG", error);
+    let options = DecoderOptions::default().set_strict_mode(false);
+    let options = options.set_max_width(usize::MAX).set_max_height(usize::MAX);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|error| damaged(&error))?;
+    let (Some((columns, rows)), Some(from)) = (decoder.dimensions(), decoder.input_colorspace()) else {
+        return Err(damaged(&"no size"));
+    };
+    check_size("colour", (columns as u32, rows as u32), size)?;
+    let (to, n_channels) =
+        if from == ColorSpace::Luma { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
+    decoder.set_options(decoder.options().jpeg_set_out_colorspace(to));
+    read_rgb(n_channels, rgb, |to| decoder.decode_into(to).map_err(|error| damaged(&error)))
+}
+
+/// Pixels of 8 bits a channel as red, green, blue.
 fn read_rgb(
-    format: &'static str,
-    decoder: impl ImageDecoder,
-    size: (u32, u32),
+    n_channels: usize,
     rgb: &mut [u8],
+    read: impl FnOnce(&mut [u8]) -> Result<(), ImageError>,
 ) -> Result<(), ImageError> {
-    check_size("colour", decoder.dimensions(), size)?;
-    let color_type = decoder.color_type();
-    if color_type == ColorType::Rgb8 {
-        return decoder.read_image(rgb).map_err(|error| damaged(format, &error));
-    }
-    let n_channels = usize::from(color_type.channel_count());
-    if color_type.bytes_per_pixel() != color_type.channel_count() {
-        let found = pixels(color_type);
-        return Err(ImageError::Pixels { what: "colour", found, expected: "1 to 4 channels of 8 bits" });
+    if n_channels == 3 {
+        return read(rgb);
     }
     let mut scratch = vec![0; rgb.len() / 3 * n_channels];
-    decoder.read_image(&mut scratch).map_err(|error| damaged(format, &error))?;
+    read(&mut scratch)?;
     for (pixel, from) in rgb.chunks_exact_mut(3).zip(scratch.chunks_exact(n_channels)) {
         match *from {
             [grey] | [grey, _] => pixel.fill(grey),
@@ -65,8 +89,27 @@ fn read_rgb(
     Ok(())
 }
 
-fn png(bytes: &[u8]) -> Result<PngDecoder<Cursor<&[u8]>>, ImageError> {
-    PngDecoder::with_limits(Cursor::new(bytes), Limits::default()).map_err(|error| damaged("PNG", &error))
+/// A PNG whose head has been read; palettes and fewer bits come as 8 bits a channel.
+struct Png<'a> {
+    reader: png::Reader<Cursor<&'a [u8]>>,
+    n_channels: usize,
+    n_bits: usize,
+}
+
+impl<'a> Png<'a> {
+    fn open(bytes: &'a [u8]) -> Result<Self, ImageError> {
+        let limits = png::Limits { bytes: MOST_BYTES };
+        let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let reader = decoder.read_info().map_err(|error| damaged("PNG", &error))?;
+        let (color, depth) = reader.output_color_type();
+        Ok(Self { reader, n_channels: color.samples(), n_bits: depth as usize })
+    }
+
+    /// Bytes of 16-bit pixels come highest first.
+    fn read(&mut self, to: &mut [u8]) -> Result<(), ImageError> {
+        self.reader.next_frame(to).map(|_| ()).map_err(|error| damaged("PNG", &error))
+    }
 }
 
 fn is_png(bytes: &[u8]) -> bool {
@@ -80,16 +123,15 @@ fn first_bytes(bytes: &[u8]) -> String {
     }
 }
 
-fn pixels(color_type: ColorType) -> String {
-    let n_channels = color_type.channel_count();
+fn pixels(n_channels: usize, n_bits: usize) -> String {
     let plural = if n_channels == 1 { "" } else { "s" };
-    format!("{n_channels} channel{plural} of {} bits", color_type.bits_per_pixel() / u16::from(n_channels))
+    format!("{n_channels} channel{plural} of {n_bits} bits")
 }
 
 fn check_size(what: &'static str, found: (u32, u32), expected: (u32, u32)) -> Result<(), ImageError> {
     if found == expected { Ok(()) } else { Err(ImageError::Size { what, found, expected }) }
 }
 
-fn damaged(format: &'static str, error: &image::ImageError) -> ImageError {
+fn damaged(format: &'static str, error: &dyn Display) -> ImageError {
     ImageError::Damaged { format, message: error.to_string() }
 }

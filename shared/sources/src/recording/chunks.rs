@@ -2,16 +2,19 @@
 
 use super::error::RecordingError;
 use super::file::{Channels, McapFile, Place, message};
-use super::heads::heads;
 use super::messages::{self, Kind};
 use super::topics::Topics;
 use mcap::records::{MessageHeader, op};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::{Deref, Range};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of read chunks that are kept, beside the newest.
 const KEPT_BYTES: usize = 64 << 20;
+
+/// Bytes of a message's record before its data: channel, sequence and two times.
+const MESSAGE_HEAD: u64 = 22;
 
 /// A message that matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,21 +104,22 @@ impl Looking<'_> {
     fn through(mut self, file: &McapFile, must_check: bool) -> Result<Found, RecordingError> {
         let place = self.place;
         let stamp_bytes: Option<Vec<u64>> = self.roles.values().map(|(_, kind)| kind.stamp_bytes()).collect();
-        if let Some(n_bytes) = stamp_bytes.map(|bytes| bytes.into_iter().max().unwrap_or(0))
-            && !must_check
-            && heads(file, &place, n_bytes, |header, data| self.take(&header, data))?
-        {
-            return Ok(self.found);
-        }
-        let mut wrong = None;
-        file.records(&place, |opcode, body| {
-            if opcode == op::MESSAGE && wrong.is_none() {
-                let (header, data) = message(body)?;
-                wrong = self.take(&header, data).err();
-            }
-            Ok(())
-        })?;
-        wrong.map_or(Ok(self.found), Err)
+        let most = match stamp_bytes.and_then(|bytes| bytes.into_iter().max()) {
+            Some(n) if !must_check => MESSAGE_HEAD + n,
+            _ => u64::MAX,
+        };
+        file.records(
+            &place,
+            |_| most,
+            |opcode, body| {
+                if opcode == op::MESSAGE {
+                    let (header, data) = message(body).map_err(|reason| place.damaged(reason))?;
+                    self.take(&header, data)?;
+                }
+                Ok(())
+            },
+        )?;
+        Ok(self.found)
     }
 
     fn take(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
@@ -143,13 +147,31 @@ impl Looking<'_> {
     }
 }
 
-/// The messages of a place, one after the other.
-type Messages = Arc<Vec<Vec<u8>>>;
+/// The messages of a place, one behind the other.
+#[derive(Default)]
+struct Messages {
+    bytes: Vec<u8>,
+    ranges: Vec<Range<usize>>,
+}
+
+/// The data of a message, with the place that it stands in kept for as long as it is used.
+pub(super) struct Message {
+    of: Arc<Messages>,
+    range: Range<usize>,
+}
+
+impl Deref for Message {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.of.bytes[self.range.clone()]
+    }
+}
 
 /// Reads messages; the last few places are kept, for frames share them.
 pub(super) struct Chunks {
     file: McapFile,
-    kept: Mutex<VecDeque<(u64, usize, Messages)>>,
+    kept: Mutex<VecDeque<(u64, Arc<Messages>)>>,
 }
 
 impl Chunks {
@@ -158,33 +180,38 @@ impl Chunks {
     }
 
     /// The data of a message.
-    pub(super) fn read(&self, spot: &Spot) -> Result<Vec<u8>, RecordingError> {
-        let messages = self.messages(&spot.place)?;
+    pub(super) fn read(&self, spot: &Spot) -> Result<Message, RecordingError> {
+        let of = self.messages(&spot.place)?;
         // The file has changed since it was opened.
-        let gone = || RecordingError::Damaged {
-            offset: spot.place.offset,
-            reason: format!("message {} is not there any more", spot.number),
-        };
-        messages.get(spot.number as usize).cloned().ok_or_else(gone)
+        let gone = || spot.place.damaged(format!("message {} is not there any more", spot.number));
+        let range = of.ranges.get(spot.number as usize).cloned().ok_or_else(gone)?;
+        Ok(Message { of, range })
     }
 
-    fn messages(&self, place: &Place) -> Result<Messages, RecordingError> {
+    fn messages(&self, place: &Place) -> Result<Arc<Messages>, RecordingError> {
         let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((.., messages)) = lock().iter().find(|(offset, ..)| *offset == place.offset) {
+        if let Some((_, messages)) = lock().iter().find(|(offset, _)| *offset == place.offset) {
             return Ok(Arc::clone(messages));
         }
-        let mut messages = Vec::new();
-        self.file.records(place, |opcode, body| {
-            if opcode == op::MESSAGE {
-                messages.push(message(body)?.1.to_vec());
-            }
-            Ok(())
-        })?;
-        let n_bytes = messages.iter().map(Vec::len).sum();
+        let mut messages = Messages::default();
+        self.file.records(
+            place,
+            |_| u64::MAX,
+            |opcode, body| {
+                if opcode == op::MESSAGE {
+                    let (_, data) = message(body).map_err(|reason| place.damaged(reason))?;
+                    let at = messages.bytes.len();
+                    messages.bytes.extend_from_slice(data);
+                    messages.ranges.push(at..messages.bytes.len());
+                }
+                Ok(())
+            },
+        )?;
+        messages.bytes.shrink_to_fit();
         let messages = Arc::new(messages);
         let mut kept = lock();
-        kept.push_back((place.offset, n_bytes, Arc::clone(&messages)));
-        while kept.len() > 1 && kept.iter().map(|(_, n, _)| n).sum::<usize>() > KEPT_BYTES {
+        kept.push_back((place.offset, Arc::clone(&messages)));
+        while kept.len() > 1 && kept.iter().map(|(_, of)| of.bytes.len()).sum::<usize>() > KEPT_BYTES {
             kept.pop_front();
         }
         Ok(messages)

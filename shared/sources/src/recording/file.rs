@@ -1,17 +1,16 @@
 //! The records of an MCAP file, by where they stand: top-level records and chunks.
 
+use super::content::Content;
 use super::error::RecordingError;
 use mcap::records::{MessageHeader, Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io;
 use std::os::unix::fs::FileExt;
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Bytes of opcode and length before each record.
 pub(super) const FRAMING: u64 = 9;
-/// Largest record that is read, and largest content of a chunk: no image is that large.
-const MOST_BYTES: usize = 1 << 30;
 
 /// A record of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +20,13 @@ pub(super) struct Place {
     /// With its framing.
     pub(super) len: u64,
     pub(super) opcode: u8,
+}
+
+impl Place {
+    /// Says what is wrong here.
+    pub(super) fn damaged(&self, reason: impl Into<String>) -> RecordingError {
+        RecordingError::Damaged { offset: self.offset, reason: reason.into() }
+    }
 }
 
 /// A kind of message on a topic.
@@ -116,38 +122,20 @@ impl McapFile {
         Ok(self.file.read_exact_at(bytes, offset)?)
     }
 
-    /// Gives each record of a place, those of a chunk one by one: opcode and body.
+    /// Reads bytes of the file, as many as come at once; 0 at its end.
+    pub(super) fn read_some(&self, offset: u64, bytes: &mut [u8]) -> io::Result<usize> {
+        self.file.read_at(bytes, offset)
+    }
+
+    /// Gives each record of a place, those of a chunk one by one: opcode and body, of longer bodies
+    /// the first `most` bytes for its opcode.
     pub(super) fn records(
         &self,
         place: &Place,
-        mut take: impl FnMut(u8, &[u8]) -> Result<(), String>,
+        most: impl Fn(u8) -> u64,
+        take: impl FnMut(u8, &[u8]) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
-        let damaged = |reason: String| RecordingError::Damaged { offset: place.offset, reason };
-        if place.len > MOST_BYTES as u64 {
-            return Err(damaged(format!("it has {} bytes, expected at most {MOST_BYTES}", place.len)));
-        }
-        let mut bytes = vec![0; place.len as usize];
-        self.file.read_exact_at(&mut bytes, place.offset)?;
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_start_magic(true)
-                .with_skip_end_magic(true)
-                .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(MOST_BYTES),
-        );
-        let mut left = bytes.as_slice();
-        while let Some(event) = reader.next_event() {
-            match event.map_err(|error| damaged(error.to_string()))? {
-                LinearReadEvent::ReadRequest(need) => {
-                    let (now, later) = left.split_at(need.min(left.len()));
-                    reader.insert(now.len()).copy_from_slice(now);
-                    reader.notify_read(now.len());
-                    left = later;
-                }
-                LinearReadEvent::Record { data, opcode } => take(opcode, data).map_err(damaged)?,
-            }
-        }
-        Ok(())
+        Content::open(self, place)?.records(most, take)
     }
 }
 

@@ -1,16 +1,17 @@
 //! A recording in an MCAP file: messages of ROS 2 or of Foxglove's schemas.
 //!
 //! Opening looks for the times of the images: of chunks that are not compressed it reads the heads
-//! of their messages, other chunks it reads whole, several at once, and keeps none. After that a
-//! frame costs the reading of the chunks that it stands in. The file is read and never mapped: one
-//! that shrinks meanwhile is an error, not a signal.
+//! of their messages, other chunks run through their decompression, several at once, and none is in
+//! memory. After that a frame costs the reading of the chunks that it stands in. The file is read
+//! and never mapped: one that shrinks meanwhile is an error, not a signal.
 
 mod camera;
 mod chunks;
+mod compression;
+mod content;
 mod error;
 mod file;
 mod foxglove;
-mod heads;
 mod messages;
 mod pixels;
 mod ros;
@@ -64,9 +65,11 @@ impl RecordingSource {
         let file = McapFile::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
             file.cut.iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
-        let channels = channels(&file).map_err(wrong)?;
+        let (channels, damage) = channels(&file);
         let (depth_topic, colour_topic) = (options.depth_topic.as_deref(), options.color_topic.as_deref());
-        let topics = topics::choose(&channels, depth_topic, colour_topic).map_err(wrong)?;
+        let topics = topics::choose(&channels, depth_topic, colour_topic)
+            // Where something is damaged, what is missing may be in there.
+            .map_err(|missing| wrong(damage.unwrap_or(missing)))?;
         let mut found = chunks::find(&file, &channels, &topics).map_err(wrong)?;
         if let Some(torn) = found.torn.take() {
             warnings.push(format!("{torn}: read up to there"));
@@ -124,19 +127,22 @@ fn in_order(spots: &mut Vec<Spot>) -> usize {
     n - spots.len()
 }
 
-/// All channels: from the summary, or from the whole file where it was cut or has none.
-fn channels(file: &McapFile) -> Result<Channels, RecordingError> {
+/// All channels: from the summary, or from the whole file where it was cut or has none, then up to
+/// what is damaged.
+fn channels(file: &McapFile) -> (Channels, Option<RecordingError>) {
     let mut channels = Channels::default();
     let from_summary = file.cut.is_none() && file.summary.iter().any(|place| place.opcode == op::CHANNEL);
     let places = if from_summary { &file.summary } else { &file.data };
+    let most = |opcode| if opcode == op::MESSAGE { 0 } else { u64::MAX };
     for place in places {
-        let read = file.records(place, |opcode, body| channels.take(opcode, body));
-        // What is torn ends the file; finding the images says so.
+        let read = file.records(place, most, |opcode, body| {
+            channels.take(opcode, body).map_err(|reason| place.damaged(reason))
+        });
         if read.is_err() {
-            break;
+            return (channels, read.err());
         }
     }
-    Ok(channels)
+    (channels, None)
 }
 
 impl Source for RecordingSource {

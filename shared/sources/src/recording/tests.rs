@@ -1,6 +1,9 @@
 //! Files made by the mcap crate, for what no other writer would make: cut, damaged, odd. Files of
 //! other libraries are read in `tests/recordings.rs`.
 
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
 use super::*;
 use mcap::records::MessageHeader;
 use std::io::Cursor;
@@ -56,6 +59,12 @@ fn recording(n: i32) -> Vec<u8> {
     writer.finish().unwrap();
     drop(writer);
     bytes.into_inner()
+}
+
+fn compressed(n: i32, name: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    common::compress(recording(n).as_slice(), &mut bytes, name);
+    bytes
 }
 
 fn open(bytes: &[u8]) -> Result<RecordingSource, String> {
@@ -132,4 +141,60 @@ fn damage_and_other_files_are_named() {
     let end = recording(0);
     assert!(words(&end).contains("/depth has no messages"), "{}", words(&end));
     assert!(words(&end[..10]).contains("there are: no image topics"));
+}
+
+#[test]
+fn compressed_chunks_are_read_one_by_one() {
+    let plain = open(&recording(40)).unwrap();
+    for name in ["zstd", "lz4"] {
+        let whole = compressed(40, name);
+        let source = open(&whole).unwrap();
+        assert_eq!((source.n_frames(), source.warnings()), (Some(40), &[] as &[String]), "{name}");
+        for index in [39, 0, 20] {
+            assert_eq!(read(&source, index), read(&plain, index), "{name}");
+        }
+        let cut = open(&whole[..whole.len() * 7 / 10]).unwrap();
+        let n = cut.n_frames().unwrap();
+        assert!((20..32).contains(&n), "{name}: {n}");
+        assert!(cut.warnings()[0].contains("read up to its last whole record"), "{:?}", cut.warnings());
+        read(&cut, n - 1);
+        // Damage in the records of a chunk: words, or the same images, but never other ones.
+        let head = [&(name.len() as u32).to_le_bytes()[..], name.as_bytes()].concat();
+        let at = whole.windows(head.len()).position(|bytes| bytes == head).unwrap() + head.len();
+        let n_bytes = u64::from_le_bytes(std::array::from_fn(|k| whole[at + k])) as usize;
+        let mut n_refused = 0;
+        for place in at + 8..at + 8 + n_bytes {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 0x41;
+            match open(&damaged) {
+                Ok(source) => assert_eq!(read(&source, 0), read(&plain, 0), "{name}: byte {place}"),
+                Err(words) => {
+                    assert!(words.contains("a.mcap: the record at byte "), "{name}: {words}");
+                    n_refused += 1;
+                }
+            }
+        }
+        assert!(2 * n_refused > n_bytes, "{name}: {n_refused} of {n_bytes}");
+    }
+}
+
+#[test]
+fn what_a_chunk_declares_is_checked() {
+    let whole = compressed(8, "zstd");
+    let at = whole.windows(8).position(|bytes| bytes == b"\x04\0\0\0zstd").unwrap();
+    let words = |change: &dyn Fn(&mut [u8])| {
+        let mut bytes = whole.clone();
+        change(&mut bytes[at - 12..]);
+        open(&bytes).err().unwrap()
+    };
+    let n_bytes = u64::from_le_bytes(std::array::from_fn(|k| whole[at - 12 + k]));
+    let size = |n: u64| words(&move |head: &mut [u8]| head[..8].copy_from_slice(&n.to_le_bytes()));
+    assert!(size(1 << 40).contains("it has 1099511627776 bytes, expected at most 1073741824"));
+    assert!(size(n_bytes + 5).contains("it ends 5 bytes before the size that it declares"));
+    assert!(size(n_bytes - 5).contains("it holds more bytes than it declares"));
+    assert!(words(&|head| head[8] ^= 1).contains("its checksum is "));
+    let other = words(&|head| head[16..20].copy_from_slice(b"brot"));
+    assert!(other.contains("its compression is 'brot', expected zstd, lz4 or none"), "{other}");
+    let long = words(&|head| head[12..16].fill(0x7f));
+    assert!(long.contains("the name of its compression has 2139062143 bytes, expected at most 32"), "{long}");
 }

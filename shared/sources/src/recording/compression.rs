@@ -1,0 +1,73 @@
+//! What chunks are compressed with: zstd and lz4, as streams.
+
+use lz4_flex::frame::FrameDecoder as Lz4;
+use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
+use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
+use std::io::{self, BufRead, Read};
+
+/// The bytes behind a compression, by the name that an MCAP chunk gives it. `None`: an unknown name.
+pub(super) fn decompress<'a>(name: &str, source: impl BufRead + 'a) -> Option<Box<dyn Read + 'a>> {
+    match name {
+        "zstd" => Some(Box::new(Zstd { decoder: FrameDecoder::new(), source, is_inside: false })),
+        "lz4" => Some(Box::new(Lz4::new(source))),
+        _ => None,
+    }
+}
+
+/// Frames of zstd, one after the other. Takes the memory of a frame's window.
+struct Zstd<S> {
+    decoder: FrameDecoder,
+    source: S,
+    /// A frame has begun and has not ended.
+    is_inside: bool,
+}
+
+impl<S: BufRead> Zstd<S> {
+    /// Begins the next frame. `false`: there is none.
+    fn begin(&mut self) -> io::Result<bool> {
+        while !self.source.fill_buf()?.is_empty() {
+            match self.decoder.reset(&mut self.source) {
+                Ok(()) => return Ok(true),
+                Err(FrameDecoderError::ReadFrameHeaderError(ReadFrameHeaderError::SkipFrame {
+                    length,
+                    ..
+                })) => {
+                    io::copy(&mut (&mut self.source).take(u64::from(length)), &mut io::sink())?;
+                }
+                Err(error) => return Err(io::Error::other(error)),
+            }
+        }
+        Ok(false)
+    }
+
+    fn check(&self) -> io::Result<()> {
+        let written = self.decoder.get_checksum_from_data();
+        if written.is_some() && written != self.decoder.get_calculated_checksum() {
+            return Err(io::Error::other("the checksum of a zstd frame is not that of its bytes"));
+        }
+        Ok(())
+    }
+}
+
+impl<S: BufRead> Read for Zstd<S> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        loop {
+            if !self.is_inside {
+                self.is_inside = self.begin()?;
+                if !self.is_inside {
+                    return Ok(0);
+                }
+            }
+            while self.decoder.can_collect() == 0 && !self.decoder.is_finished() {
+                let step = BlockDecodingStrategy::UptoBlocks(1);
+                self.decoder.decode_blocks(&mut self.source, step).map_err(io::Error::other)?;
+            }
+            let n = self.decoder.read(bytes)?;
+            if n > 0 || bytes.is_empty() {
+                return Ok(n);
+            }
+            self.check()?;
+            self.is_inside = false;
+        }
+    }
+}
