@@ -2,9 +2,10 @@
 
 use crate::context::Context;
 use crate::degeneracy;
+use crate::drawn::Drawn;
 use crate::loops;
 use crate::neighbours;
-use crate::parts::map_in_parts;
+use crate::parts::{in_pool, map_in_parts};
 use crate::recognised;
 use crate::records::{LoopRecord, LoopVerdict};
 use crate::robust;
@@ -13,8 +14,8 @@ use crate::tracker::KeyframeSurfaces;
 use crate::verify::{self, KnownLoops, Side, Tested};
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::{
-    BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sampler,
-    Selection, ShutterTable, Target,
+    BlockSums, BrightnessUse, Graph, KdTree, MatchLimits, Matcher, Pair, PairBlock, Queries, Sample, Sampler,
+    Selection, ShutterTable, Target, gather,
 };
 use tessera_steps::Step;
 use tessera_surface::SurfaceView;
@@ -61,6 +62,7 @@ pub(crate) fn solve(
     context: &Context,
     keyframes: &[KeyframeState],
     surfaces: &dyn KeyframeSurfaces,
+    drawn: &Drawn,
     mut known: KnownLoops,
     outer_iterations: u32,
     progress: &mut dyn FnMut(),
@@ -72,9 +74,17 @@ pub(crate) fn solve(
     let prepared = map_in_parts(
         keyframes,
         Sampler::default,
-        |sampler, k| prepare(context, sampler, k, surfaces),
+        |sampler, k| {
+            let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(k.id) };
+            let draw = || sampler.choose(&surface, k.frame_index, &context.registration).into();
+            let mut samples = Vec::new();
+            let key = (k.id, k.frame_index, surface.vertices.len());
+            gather(&surface, &drawn.of(key, draw), &mut samples);
+            prepared_by(context, k, surface, &samples)
+        },
         progress,
     );
+    drawn.keep_only(&keyframes.iter().map(|k| k.id).collect::<Vec<_>>());
     let ids = |query: usize, target: usize| (keyframes[query].id, keyframes[target].id);
     let metric_factor = context.matcher().metric_factor();
     let mut loops = Vec::new();
@@ -141,8 +151,9 @@ pub(crate) fn solve(
             isa: context.registration.isa,
         };
         let inner_iterations = context.registration.inner_iterations;
-        let report =
-            robust::optimise(&mut graph, &is_loop, settings, metric_factor, inner_iterations, progress);
+        let report = in_pool(progress, |progress| {
+            robust::optimise(&mut graph, &is_loop, settings, metric_factor, inner_iterations, progress)
+        });
         // Without a solution the poses stay as they are: a correction that changes nothing.
         if let Ok(report) = report {
             n_rounds += report.n_rounds;
@@ -228,9 +239,18 @@ pub(crate) fn prepare<'a>(
     let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframe.id) };
     let mut samples = Vec::new();
     sampler.draw(&surface, keyframe.frame_index, &context.registration, &mut samples);
+    prepared_by(context, keyframe, surface, &samples)
+}
+
+fn prepared_by<'a>(
+    context: &Context,
+    keyframe: &KeyframeState,
+    surface: SurfaceView<'a>,
+    samples: &[Sample],
+) -> Prepared<'a> {
     let shutter = context.shutter(&Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity)));
     let mut queries = Queries::default();
-    queries.fill(&samples, &shutter);
+    queries.fill(samples, &shutter);
     let tree = context.tree(&surface, &shutter);
     Prepared { queries, shutter, surface, tree, session: keyframe.session }
 }

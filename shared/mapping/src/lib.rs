@@ -12,6 +12,7 @@ mod budget;
 mod context;
 mod covariance;
 mod degeneracy;
+mod drawn;
 mod effort;
 mod extended;
 mod frame_record;

@@ -1,7 +1,9 @@
 //! Which keyframes share multi-edges in the global optimisation (SPEC 8).
 
 use crate::settings::GlobalSettings;
-use crate::window::view_difference;
+use crate::window::{angle_between, optical_axis};
+use nalgebra::Vector3;
+use rayon::prelude::*;
 use tessera_geometry::Pose;
 
 /// Index gap that counts as large.
@@ -12,31 +14,40 @@ const FAR_GAP: usize = 10;
 /// picks neighbours in time). `sessions`: the run that made each; where another run goes on,
 /// consecutive keyframes may be anywhere.
 pub fn pairs(poses: &[Pose], sessions: &[u32], settings: &GlobalSettings) -> Vec<(usize, usize)> {
-    let angle_limit = settings.angle_deg.to_radians();
-    let half = (settings.neighbours as usize).div_ceil(2);
-    let mut found = Vec::new();
-    for i in 0..poses.len() {
-        if i > 0 && sessions[i] == sessions[i - 1] {
-            found.push((i, i - 1));
-        }
-        let mut near: Vec<(f64, usize)> = (0..poses.len())
-            .filter(|&j| j != i)
-            .filter_map(|j| {
-                let apart_m = (poses[i].translation.vector - poses[j].translation.vector).norm();
-                if apart_m > settings.radius_m {
-                    return None;
-                }
-                let (_, angle_rad) = view_difference(&poses[i], &poses[j]);
-                (angle_rad <= angle_limit).then(|| (apart_m / settings.radius_m + angle_rad / angle_limit, j))
-            })
-            .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let nearest = near.iter().take(half);
-        let far = near.iter().skip(half).filter(|n| n.1.abs_diff(i) >= FAR_GAP).take(half);
-        found.extend(nearest.chain(far).map(|&(_, j)| (i.max(j), i.min(j))));
-    }
+    let axes: Vec<Vector3<f64>> = poses.iter().map(optical_axis).collect();
+    let of_each = (0..poses.len()).into_par_iter().with_min_len(16);
+    let mut found: Vec<(usize, usize)> =
+        of_each.flat_map_iter(|i| of_one(i, poses, &axes, sessions, settings)).collect();
     // By target first: its surface then stays in the cache for all its pairs.
     found.sort_unstable_by_key(|&(newer, older)| (older, newer));
     found.dedup();
     found
+}
+
+/// The pairs that one keyframe asks for.
+fn of_one(
+    i: usize,
+    poses: &[Pose],
+    axes: &[Vector3<f64>],
+    sessions: &[u32],
+    settings: &GlobalSettings,
+) -> Vec<(usize, usize)> {
+    let angle_limit = settings.angle_deg.to_radians();
+    let half = (settings.neighbours as usize).div_ceil(2);
+    let mut near: Vec<(f64, usize)> = (0..poses.len())
+        .filter(|&j| j != i)
+        .filter_map(|j| {
+            let apart_m = (poses[i].translation.vector - poses[j].translation.vector).norm();
+            if apart_m > settings.radius_m {
+                return None;
+            }
+            let angle_rad = angle_between(&axes[i], &axes[j]);
+            (angle_rad <= angle_limit).then(|| (apart_m / settings.radius_m + angle_rad / angle_limit, j))
+        })
+        .collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let nearest = near.iter().take(half);
+    let far = near.iter().skip(half).filter(|n| n.1.abs_diff(i) >= FAR_GAP).take(half);
+    let before = (i > 0 && sessions[i] == sessions[i - 1]).then(|| (i, i - 1));
+    before.into_iter().chain(nearest.chain(far).map(|&(_, j)| (i.max(j), i.min(j)))).collect()
 }

@@ -2,6 +2,7 @@
 
 use crate::budget::with_retired;
 use crate::context::Context;
+use crate::drawn::Drawn;
 use crate::global::{self, Solution};
 use crate::records::{
     AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
@@ -31,6 +32,7 @@ pub struct Optimiser {
     n_answered: u64,
     /// Loop pairs that passed their tests in the last correction.
     known: KnownLoops,
+    drawn: Drawn,
 }
 
 /// An optimiser between two requests.
@@ -50,6 +52,7 @@ impl Optimiser {
             pending: VecDeque::new(),
             n_answered: 0,
             known: KnownLoops::new(),
+            drawn: Drawn::default(),
         }
     }
 
@@ -120,6 +123,7 @@ impl Optimiser {
             pending: VecDeque::new(),
             n_answered: snapshot.n_answered,
             known: snapshot.known.into_iter().collect(),
+            drawn: Drawn::default(),
         }
     }
 
@@ -136,8 +140,15 @@ impl Optimiser {
         let settings = &self.context.mapping.global;
         let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
-        let solution =
-            global::solve(&self.context, &active, surfaces, self.known.clone(), iterations, progress);
+        let solution = global::solve(
+            &self.context,
+            &active,
+            surfaces,
+            &self.drawn,
+            self.known.clone(),
+            iterations,
+            progress,
+        );
         let poses = with_retired(keyframes, &active, &solution.poses);
         self.context.steps.enter(Step::Refine);
         let frames = if request.is_final { self.refine(&poses, history) } else { Vec::new() };

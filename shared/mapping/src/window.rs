@@ -75,7 +75,15 @@ pub(crate) fn near(state: &TrackerState, settings: &WindowSettings, view: &Pose)
 /// Distance of the camera centres in metres and angle between the optical axes in radians.
 pub(crate) fn view_difference(a: &Pose, b: &Pose) -> (f64, f64) {
     let distance_m = (a.translation.vector - b.translation.vector).norm();
-    let axis_a = a.rotation * Vector3::z();
-    let axis_b = b.rotation * Vector3::z();
-    (distance_m, libm::acos(axis_a.dot(&axis_b).clamp(-1.0, 1.0)))
+    (distance_m, angle_between(&optical_axis(a), &optical_axis(b)))
+}
+
+/// Where the camera looks, a unit vector in the world.
+pub(crate) fn optical_axis(world_from_camera: &Pose) -> Vector3<f64> {
+    world_from_camera.rotation * Vector3::z()
+}
+
+/// Angle between two unit vectors, radians.
+pub(crate) fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }

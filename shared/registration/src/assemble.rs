@@ -1,22 +1,17 @@
 //! The normal equations of a graph from its pairs and priors (SPEC 5.1, 5.3).
 
 use crate::graph::{Graph, Pair};
-use crate::linearised::Linearised;
+use crate::linearised::Terms;
 use crate::solve::BlockSystem;
 use tessera_geometry::{Pose, Vector6, log};
 
 impl Graph {
-    /// Fills the system and returns the cost.
-    pub(crate) fn linearise(&self, slot: &[usize], system: &mut BlockSystem) -> f64 {
+    /// Fills the system and returns the cost; `terms` keeps what it needs again.
+    pub(crate) fn linearise(&self, slot: &[usize], system: &mut BlockSystem, terms: &mut Terms) -> f64 {
         system.clear();
+        terms.update(self, slot);
         let mut cost = 0.0;
-        let linearised = self.of_each(|pair| {
-            self.is_at_work(pair, slot).then(|| {
-                Linearised::new(pair, &self.target_from_query(pair), slot[pair.target] != usize::MAX)
-            })
-        });
-        for (pair, terms) in self.pairs.iter().zip(linearised) {
-            let Some(terms) = terms else { continue };
+        for (pair, terms) in self.pairs.iter().zip(&terms.pairs).filter(|(_, terms)| terms.weight != 0.0) {
             let (i, j) = (slot[pair.query], slot[pair.target]);
             cost += terms.cost;
             if i != usize::MAX {
@@ -58,12 +53,7 @@ impl Graph {
             .sum::<f64>()
     }
 
-    /// Whether a pair pulls at a free pose.
-    fn is_at_work(&self, pair: &Pair, slot: &[usize]) -> bool {
-        pair.weight != 0.0 && (slot[pair.query] != usize::MAX || slot[pair.target] != usize::MAX)
-    }
-
-    fn target_from_query(&self, pair: &Pair) -> Pose {
+    pub(crate) fn target_from_query(&self, pair: &Pair) -> Pose {
         self.poses[pair.target].inverse() * self.poses[pair.query]
     }
 }

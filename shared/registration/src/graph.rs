@@ -1,6 +1,7 @@
 //! A graph of poses and pair blocks, and its Levenberg-Marquardt solver (SPEC 5).
 
 use crate::block::PairBlock;
+use crate::linearised::Terms;
 use crate::solve::{BlockSystem, NotPositiveDefinite};
 use rayon::prelude::*;
 use tessera_geometry::{Matrix6, Pose, log};
@@ -46,11 +47,12 @@ pub struct Graph {
 }
 
 /// Kept from one optimisation of a graph to the next: where its blocks lie, the symbolic factor,
-/// and the damping that was last good.
+/// its terms, and the damping that was last good.
 #[derive(Default)]
 pub struct Solver {
     system: Option<BlockSystem>,
-    lambda: Option<f64>,
+    pub(crate) terms: Terms,
+    pub(crate) lambda: Option<f64>,
 }
 
 /// How an inner optimisation ended.
@@ -71,7 +73,7 @@ pub struct InnerReport {
 }
 
 /// From so many pairs on, sharing them out is worth its cost.
-const MIN_SHARED_PAIRS: usize = 256;
+pub(crate) const MIN_SHARED_PAIRS: usize = 256;
 
 impl Graph {
     /// The cost `sum e Omega e` of all pairs and priors.
@@ -109,7 +111,7 @@ impl Graph {
     }
 
     /// As [`Self::optimise`], for a graph that is solved several times with other weights or poses:
-    /// `solver` keeps what depends on its pairs' places alone.
+    /// `solver` keeps what stays the same while its pairs do.
     ///
     /// # Errors
     /// As [`Self::optimise`].
@@ -129,7 +131,7 @@ impl Graph {
             (a != usize::MAX && b != usize::MAX).then_some((a, b))
         });
         let mut system = BlockSystem::new(free.len(), places, self.isa, solver.system.take());
-        let report = self.descend(max_iterations, &free, &slot, &mut system, &mut solver.lambda, progress);
+        let report = self.descend(max_iterations, &free, &slot, &mut system, solver, progress);
         solver.system = Some(system);
         report
     }

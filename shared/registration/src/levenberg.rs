@@ -1,6 +1,6 @@
 //! Levenberg-Marquardt on frozen matches, damped as in g2o (SPEC 5.2).
 
-use crate::graph::{Graph, InnerReport};
+use crate::graph::{Graph, InnerReport, Solver};
 use crate::solve::{BlockSystem, NotPositiveDefinite};
 use tessera_geometry::{Twist, compose_normalised, translation_rotation_norms};
 
@@ -19,18 +19,24 @@ impl Graph {
         free: &[usize],
         slot: &[usize],
         system: &mut BlockSystem,
-        last_lambda: &mut Option<f64>,
+        solver: &mut Solver,
         progress: &mut dyn FnMut(),
     ) -> Result<InnerReport, NotPositiveDefinite> {
         let start = self.poses.clone();
-        let mut cost = self.linearise(slot, system);
+        let Solver { terms, lambda: last_lambda, .. } = solver;
+        let mut cost = self.linearise(slot, system, terms);
         let mut report = InnerReport { cost_before: cost, cost_after: cost, ..InnerReport::default() };
         let largest = system.max_diagonal();
         let mut lambda = last_lambda.map_or(1e-5 * largest, |last| last.max(1e-12 * largest));
         let mut growth = 2.0;
         let mut n_rejected = 0;
+        let mut has_moved = false;
         while report.n_accepted < max_iterations && lambda.is_finite() && !free.is_empty() {
             progress();
+            if has_moved {
+                self.linearise(slot, system, terms);
+                has_moved = false;
+            }
             let steps = match system.solve(lambda, progress) {
                 Ok(steps) => steps,
                 Err(error) if n_rejected >= 10 => return Err(error),
@@ -62,7 +68,7 @@ impl Graph {
                     report.is_converged = true;
                     break;
                 }
-                self.linearise(slot, system);
+                has_moved = true;
             } else {
                 // At the minimum rounding decides the sign of the gain: a tiny step is the end.
                 if largest < STEP_LIMIT {

@@ -28,7 +28,7 @@ pub use check::{
 pub use error::{ImageError, ListError, SourceError};
 pub use folder::FolderSource;
 pub use imu::Gyroscope;
-pub use recording::{MessageError, RecordingError, RecordingSource};
+pub use recording::{LensFit, MessageError, RecordingError, RecordingSource};
 pub use simulation::{SceneName, SimulatedSource, SimulationOptions};
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
 pub use spec::{SourceOptions, SourceSpec, open};

@@ -4,6 +4,7 @@ use super::UNITS_OF_METRES;
 use super::chunks::{Chunks, Spot};
 use super::error::{MessageError, RecordingError};
 use super::messages::{self, CameraMessage, ImageForm};
+use super::rational::RationalLens;
 use super::topics::Topics;
 use tessera_geometry::Camera;
 
@@ -53,23 +54,6 @@ fn convert(
         let k = &said.intrinsics;
         (number(k, 0), number(k, 4), number(k, 2), number(k, 5))
     };
-    let mut distortion = [0.0; 5];
-    let is_distorted = said.distortion.iter().any(|&d| d != 0.0);
-    if is_distorted && !(is_rectified && has_projection) {
-        let is_known = matches!(said.model.as_str(), "plumb_bob" | "rational_polynomial" | "");
-        // A rational polynomial whose denominator is 1 is the plain one.
-        let has_more = said.distortion.iter().skip(5).any(|&d| d != 0.0);
-        if !is_known || has_more {
-            return Err(RecordingError::Distortion {
-                topic: topic.to_owned(),
-                model: said.model.clone(),
-                found: said.distortion.clone(),
-            });
-        }
-        for (to, from) in distortion.iter_mut().zip(&said.distortion) {
-            *to = *from;
-        }
-    }
     let camera = Camera {
         width: said.width,
         height: said.height,
@@ -78,14 +62,43 @@ fn convert(
         cx,
         cy,
         units_per_metre,
-        distortion,
+        distortion: [0.0; 5],
         readout_s: 0.0,
         depth_offset_m: 0.0,
         colour_registered: true,
     };
     let wrong = |source| RecordingError::Camera { topic: topic.to_owned(), source };
     camera.check().map_err(wrong)?;
+    let is_distorted = said.distortion.iter().any(|&d| d != 0.0);
+    if !is_distorted || (is_rectified && has_projection) {
+        return Ok(camera);
+    }
+    let distortion = distortion(said, &camera, topic)?;
+    let camera = Camera { distortion, ..camera };
+    camera.check().map_err(wrong)?;
     Ok(camera)
+}
+
+/// The coefficients of the lens that a message has with the other numbers of `camera`.
+fn distortion(said: &CameraMessage, camera: &Camera, topic: &str) -> Result<[f64; 5], RecordingError> {
+    let is_known = matches!(said.model.as_str(), "plumb_bob" | "rational_polynomial" | "");
+    // A rational polynomial whose denominator is 1 is the plain one.
+    let has_more = said.distortion.iter().skip(5).any(|&d| d != 0.0);
+    if !is_known || has_more {
+        let eight = <[f64; 8]>::try_from(said.distortion.as_slice()).ok();
+        let lens = eight.filter(|_| is_known).map(RationalLens);
+        return Err(RecordingError::Distortion {
+            topic: topic.to_owned(),
+            model: said.model.clone(),
+            found: said.distortion.clone(),
+            fit: lens.and_then(|lens| lens.fit(camera)).map(Box::new),
+        });
+    }
+    let mut distortion = [0.0; 5];
+    for (to, from) in distortion.iter_mut().zip(&said.distortion) {
+        *to = *from;
+    }
+    Ok(distortion)
 }
 
 #[cfg(test)]
@@ -123,6 +136,14 @@ mod tests {
             let words = convert(&said(model, &k), 1e3, false, "t").unwrap_err().to_string();
             assert!(words.contains(model) && words.contains("expected plumb_bob"), "{words}");
         }
+        // A colour camera of an Azure Kinect; five coefficients are not enough for it, and it says so.
+        let eight = [0.51, -2.65, 0.0, 0.0, 1.52, 0.39, -2.46, 1.45];
+        let words = convert(&said("rational_polynomial", &eight), 1e3, false, "t").unwrap_err().to_string();
+        assert!(
+            words.contains("with five of its own: the nearest, distortion = [0.")
+                && words.contains(" px at most"),
+            "{words}"
+        );
         let without = CameraMessage { intrinsics: Vec::new(), ..said("", &[]) };
         assert!(convert(&without, 1e3, false, "t").unwrap_err().to_string().contains("fx is NaN"));
     }
