@@ -5,9 +5,17 @@ use crate::frames::Frames;
 use crate::hear::hear;
 use crate::send::send;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use std::time::Duration;
 use tessera_messages::{Flow, WaitingOn};
 use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
+
+/// A frame is read so many times as long before it is due as reading took at most of late.
+const READ_AHEAD: u64 = 2;
+/// And at least so long before, nanoseconds.
+const LEAST_AHEAD_NANOS: u64 = 5_000_000;
+/// Frames that "of late" means.
+const LATE: usize = 8;
 
 /// Time between two sendings of the end, which nobody asks for again in live mode.
 const END_INTERVAL_NANOS: u64 = 50_000_000;
@@ -48,12 +56,30 @@ impl LiveClock {
     }
 }
 
+/// How long the last frames took to read.
+#[derive(Default)]
+struct Readings(VecDeque<u64>);
+
+impl Readings {
+    fn note(&mut self, nanos: u64) {
+        self.0.truncate(LATE - 1);
+        self.0.push_front(nanos);
+    }
+
+    /// How long before a frame is due its reading begins; as early as can be where nothing is known.
+    fn ahead_nanos(&self) -> u64 {
+        let slowest = self.0.iter().max();
+        slowest.map_or(u64::MAX, |nanos| nanos.saturating_mul(READ_AHEAD).max(LEAST_AHEAD_NANOS))
+    }
+}
+
 /// Sends each frame when it is due.
 pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) -> Result<Outcome, StageError> {
     let mut flow: Option<Flow> = None;
     let mut clock: Option<(LiveClock, u64)> = None;
     let mut dropped_before = 0;
     let mut end_sent_at = 0;
+    let mut readings = Readings::default();
     loop {
         if context.lifeline.is_cut() {
             return Ok(Outcome::Stopped);
@@ -104,9 +130,15 @@ pub(crate) fn work(context: &Context, frames: &Frames<'_>, ports: &mut Ports) ->
             continue;
         }
         ports.pulse.working(*next);
-        // Read ahead, so that the frame is in shared memory when it is due.
-        let (prepared, problem) = frames.prepare(*next..*next + 1, &ports.frames)?;
+        // Read ahead, so that the frame is in shared memory when it is due, but no sooner than has
+        // to be: the frame before it is being worked on.
         let due = live_clock.due_nanos(frames, *next).unwrap_or(now);
+        if !sleep_until(due.saturating_sub(readings.ahead_nanos()), context, ports)? {
+            return Ok(Outcome::Stopped);
+        }
+        let began = monotonic_nanos();
+        let (prepared, problem) = frames.prepare(*next..*next + 1, &ports.frames)?;
+        readings.note(monotonic_nanos().saturating_sub(began));
         let index = *next;
         *next += 1;
         let Some(mut frame) = prepared.into_iter().next() else {

@@ -17,6 +17,8 @@ pub enum Isa {
     Baseline,
     /// AVX2 and FMA on x86-64.
     Avx2,
+    /// AVX-512 (F, BW, CD, DQ, VL) on x86-64.
+    Avx512,
     /// NEON on aarch64.
     Neon,
 }
@@ -45,6 +47,7 @@ impl std::fmt::Display for Isa {
             Isa::Auto => "auto",
             Isa::Baseline => "baseline",
             Isa::Avx2 => "avx2",
+            Isa::Avx512 => "avx512",
             Isa::Neon => "neon",
         })
     }
@@ -56,6 +59,8 @@ impl Isa {
         match pulp::Arch::new() {
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             pulp::Arch::V3(_) => Isa::Avx2,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            pulp::Arch::V4(_) => Isa::Avx512,
             #[cfg(target_arch = "aarch64")]
             pulp::Arch::Neon(_) => Isa::Neon,
             _ => Isa::Baseline,

@@ -75,7 +75,7 @@ pub(crate) struct RunArguments {
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,
-    /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, neon
+    /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, avx512, neon
     #[arg(long, value_parser = isa)]
     pub(crate) isa: Option<Isa>,
     /// Write the run for Rerun too, by the program of `tessera view`
@@ -109,8 +109,8 @@ pub(crate) struct Speech {
 }
 
 fn isa(word: &str) -> Result<Isa, String> {
-    let all = [Isa::Auto, Isa::Baseline, Isa::Avx2, Isa::Neon];
+    let all = [Isa::Auto, Isa::Baseline, Isa::Avx2, Isa::Avx512, Isa::Neon];
     all.into_iter()
         .find(|isa| isa.to_string() == word)
-        .ok_or("expected auto, baseline, avx2 or neon".to_owned())
+        .ok_or("expected auto, baseline, avx2, avx512 or neon".to_owned())
 }
