@@ -47,7 +47,7 @@ fn open_log(path: &Path) -> std::io::Result<File> {
 }
 
 /// Sends this process's log, panics included, to the file. `TESSERA_LOG` sets the level (`info` by
-/// default, for instance `debug`, or `info,tessera_align=debug`).
+/// default, for instance `debug`), or those of modules beside it (`tessera_align=debug`).
 ///
 /// # Errors
 /// Where the file cannot be opened.
@@ -56,7 +56,8 @@ pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
     let wanted = std::env::var(LEVEL_VARIABLE).ok().filter(|text| !text.is_empty());
     let parsed = wanted.as_deref().map(str::parse::<Targets>);
     let levels = match &parsed {
-        Some(Ok(levels)) => levels.clone(),
+        Some(Ok(levels)) if levels.default_level().is_some() => levels.clone(),
+        Some(Ok(levels)) => levels.clone().with_default(LevelFilter::INFO),
         Some(Err(_)) | None => Targets::new().with_default(LevelFilter::INFO),
     };
     let lines = tracing_subscriber::fmt::layer()
