@@ -44,11 +44,14 @@ fn locked<S>(idle: &Mutex<Vec<S>>) -> MutexGuard<'_, Vec<S>> {
 
 /// Does work that shares out many small parts on one of the threads that they are shared out to: from
 /// outside, each part would put the caller to sleep and wake it. `progress` is called here, for each
-/// call of what `work` gets.
+/// call of what `work` gets. A caller that is one of those threads does it itself.
 pub(crate) fn in_pool<R: Send>(
     progress: &mut dyn FnMut(),
-    work: impl FnOnce(&mut (dyn FnMut() + Send)) -> R + Send,
+    work: impl FnOnce(&mut dyn FnMut()) -> R + Send,
 ) -> R {
+    if rayon::current_thread_index().is_some() {
+        return work(progress);
+    }
     let (sender, receiver) = mpsc::channel();
     let mut result = None;
     rayon::in_place_scope(|scope| {
@@ -81,6 +84,15 @@ mod tests {
             rayon::current_thread_index().is_some()
         });
         assert!(is_worker && n_calls == 5);
+    }
+
+    #[test]
+    fn a_thread_of_the_pool_does_not_wait_for_itself() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let mut n_calls = 0;
+        let sum =
+            pool.install(|| in_pool(&mut || n_calls += 1, |tell| (0..5).inspect(|_| tell()).sum::<i32>()));
+        assert_eq!((sum, n_calls), (10, 5));
     }
 
     #[test]

@@ -6,11 +6,16 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::sync::Arc;
 use tracing::{Event, Subscriber};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// Environment variable with the level of the log, or levels by module.
+const LEVEL_VARIABLE: &str = "TESSERA_LOG";
 
 /// `2026-11-21T08:00:00.000000Z  INFO align[4711] frame=12 …`
 struct LineFormat {
@@ -41,21 +46,29 @@ fn open_log(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().append(true).create(true).mode(0o600).open(path)
 }
 
-/// Sends this process's log, panics included, to the file. `TESSERA_LOG` sets the level
-/// (`info` by default, for instance `debug`).
+/// Sends this process's log, panics included, to the file. `TESSERA_LOG` sets the level (`info` by
+/// default, for instance `debug`), or those of modules beside it (`tessera_align=debug`).
 ///
 /// # Errors
 /// Where the file cannot be opened.
 pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
     let file = Arc::new(open_log(path)?);
-    let filter = EnvFilter::try_from_env("TESSERA_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    // A second start in one process (tests) keeps the first log.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let wanted = std::env::var(LEVEL_VARIABLE).ok().filter(|text| !text.is_empty());
+    let parsed = wanted.as_deref().map(str::parse::<Targets>);
+    let levels = match &parsed {
+        Some(Ok(levels)) if levels.default_level().is_some() => levels.clone(),
+        Some(Ok(levels)) => levels.clone().with_default(LevelFilter::INFO),
+        Some(Err(_)) | None => Targets::new().with_default(LevelFilter::INFO),
+    };
+    let lines = tracing_subscriber::fmt::layer()
         .with_ansi(false)
         .event_format(LineFormat { process, pid: std::process::id() })
-        .with_writer(file)
-        .try_init();
+        .with_writer(file);
+    // A second start in one process (tests) keeps the first log.
+    let _ = tracing_subscriber::registry().with(lines).with(levels).try_init();
+    if let (Some(text), Some(Err(error))) = (wanted, parsed) {
+        tracing::warn!("{LEVEL_VARIABLE} is {text:?}, expected a level such as debug: {error}; info is used");
+    }
     let print = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
         tracing::error!("panicked: {}", info.to_string().replace('\n', " "));
