@@ -8,12 +8,13 @@ use common::frames;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use tessera_geometry::{DepthNoise, Pose, Twist, exp};
+use tessera_graph::PairBlock;
+use tessera_numerics::Step;
 use tessera_offline::Method;
 use tessera_registration::{
-    GridCamera, KdTree, MatchLimits, Matcher, PairBlock, Queries, Sample, Sampler, Selection, ShutterTable,
-    Target,
+    GridCamera, KdTree, MatchLimits, Matcher, Queries, Sample, Sampler, Selection, ShutterTable, Target,
 };
-use tessera_surface::{Grid, Reconstructor, Step, SurfaceSettings, SurfaceView, Vertex};
+use tessera_surface::{Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex};
 
 fn main() {
     divan::main();
@@ -30,7 +31,7 @@ fn step(bencher: Bencher<'_, '_>, step: u32, kernel: Step) {
     let frame = &data.frames[0];
     let colour = frame.colour.as_deref();
     reconstructor.reconstruct(&frame.depth, colour, &mut out);
-    for before in Step::ALL.into_iter().take_while(|&s| s != kernel) {
+    for before in Reconstructor::STEPS.into_iter().take_while(|&s| s != kernel) {
         reconstructor.run_step(before, &frame.depth, colour, &mut out);
     }
     bencher

@@ -4,15 +4,15 @@
 use serde::{Deserialize, Deserializer, Serialize, Serializer, ser::SerializeTuple};
 use std::path::Path;
 use std::time::Duration;
+use tessera_evaluation::parse_tum;
 use tessera_journal::{Follower, Journal};
-use tessera_mapping::{AlignRecord, OptimiseRecord, TrackerState};
 use tessera_messages::{
     Beat, CameraFrame, Flow, FrameHeader, FrameShape, PoseMessage, SurfaceExpectation, SurfaceHeader,
 };
 use tessera_settings::Settings;
-use tessera_sources::{FolderSource, FrameBuffers, RecordingSource, Source, SourceOptions, load_camera};
+use tessera_slam::{AlignRecord, OptimiseRecord, TrackerState};
+use tessera_sources::{FolderSource, FrameBuffers, RecordingOptions, RecordingSource, Source, load_camera};
 use tessera_surface::{Grid, Vertex};
-use tessera_trajectory::parse_tum;
 
 /// Takes any bytes, and panics where a promise is broken.
 pub type Target = fn(&[u8]);
@@ -77,8 +77,8 @@ pub fn recording(bytes: &[u8]) {
         write(folder, "my.mcap", bytes);
         write(folder, "mcap-camera.toml", CAMERA.as_bytes());
         let given = folder.join("mcap-camera.toml").display().to_string();
-        for camera in [None, Some(given)] {
-            let options = SourceOptions { camera, ..SourceOptions::default() };
+        for camera in [None, Some(given.as_str())] {
+            let options = RecordingOptions { camera, ..RecordingOptions::default() };
             let source = match RecordingSource::open(&folder.join("my.mcap"), &options, None) {
                 Ok(source) => source,
                 Err(error) => {

@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 use tessera_geometry::{Pose, PoseBits, Twist, exp};
-use tessera_mapping::{
+use tessera_offline::Method;
+use tessera_slam::Ferns;
+use tessera_slam::{
     AlignRecord, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, Optimiser, RequestRecord, State,
     StoreSlot,
 };
-use tessera_offline::Method;
-use tessera_recognition::Ferns;
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{SurfaceView, Vertex};
 
@@ -91,6 +91,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         n_correspondences: 0,
         velocity: [0.0; 6],
         entropy_nats: f64::NAN,
+        colour: None,
         blocks: Vec::new(),
         new_keyframe,
         request: None,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 use tessera_geometry::{Pose, Twist, compose_normalised, exp};
-use tessera_registration::{BlockSums, Graph, Pair, PairBlock};
+use tessera_graph::{BlockSums, Graph, Pair, PairBlock};
 
 /// A pair whose matches are the six ends of a cross: its cost is zero at `target_from_query`.
 fn pair(query: usize, target: usize, target_from_query: &Pose) -> Pair {
@@ -19,7 +19,7 @@ fn pair(query: usize, target: usize, target_from_query: &Pose) -> Pair {
             }
         }
     }
-    Pair { query, target, block: PairBlock::new(target_from_query, &sums), weight: 1.0 }
+    Pair::new(query, target, PairBlock::new(target_from_query, &sums))
 }
 
 fn shaken(i: usize, pose: &Pose) -> Pose {

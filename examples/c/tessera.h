@@ -1,5 +1,5 @@
 /* Tessera's public services for C and C++: see docs/camera.md.
-   Made from the Rust types by tests/camera_interface.rs; TESSERA_UPDATE=1 cargo test --test camera_interface writes it. */
+   Made from the Rust types by tests/end_to_end/interfaces/camera/camera_interface.rs; TESSERA_UPDATE=1 cargo test --test end_to_end camera_interface writes it. */
 #ifndef TESSERA_H
 #define TESSERA_H
 

@@ -13,7 +13,7 @@ use re_sdk_types::archetypes::{Scalars, TextLog};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tessera_journal::Follower;
-use tessera_mapping::{AlignRecord, FrameRecord, State};
+use tessera_slam::{AlignRecord, FrameRecord, State};
 use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes};
 
 /// Time between two looks into the journal.
@@ -67,7 +67,7 @@ pub(crate) fn feed(
             std::thread::sleep(POLL);
         }
     }
-    feed.track.log_final(recording, &feed.map)
+    feed.track.log_final(recording, feed.map.poses())
 }
 
 /// Journal and store, once they are there; `None` where somebody ends it before.

@@ -6,7 +6,7 @@ use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D};
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
-use tessera_mapping::{AlignRecord, Correction, KeyframeRecord, KeyframeSurfaces, LoopVerdict, MapRecord};
+use tessera_slam::{AlignRecord, Correction, KeyframeRecord, KeyframeSurfaces, LoopVerdict, PoseHistory};
 use tessera_stage::MappedKeyframes;
 
 /// Radius of a keyframe's points and of the graph's lines, metres.
@@ -17,8 +17,8 @@ const LINE_M: f32 = 0.003;
 pub(crate) struct Map {
     surfaces: MappedKeyframes,
     most_points: usize,
-    /// `world_from_camera` by id, as corrected so far.
-    poses: Vec<Pose>,
+    /// Poses of keyframes and frames as corrected so far.
+    poses: PoseHistory,
     /// Older keyframes that each is aligned to, by id.
     edges: Vec<Vec<u32>>,
     /// Verdicts by newer and older keyframe.
@@ -34,7 +34,7 @@ impl Map {
         Self {
             surfaces,
             most_points,
-            poses: Vec::new(),
+            poses: PoseHistory::default(),
             edges: Vec::new(),
             loops: BTreeMap::new(),
             fresh: BTreeSet::new(),
@@ -42,74 +42,44 @@ impl Map {
         }
     }
 
-    /// The corrected pose of a keyframe.
-    pub(crate) fn pose(&self, id: u32) -> Option<&Pose> {
-        self.poses.get(id as usize)
+    /// Poses of keyframes and frames as corrected so far.
+    pub(crate) fn poses(&self) -> &PoseHistory {
+        &self.poses
     }
 
     /// Takes the next record in.
     pub(crate) fn apply(&mut self, record: &AlignRecord) -> Result<(), ViewError> {
         self.surfaces.take(record)?;
-        match record {
-            AlignRecord::Map(map) => self.add_map(map),
-            AlignRecord::Frame(frame) => {
-                if let Some(keyframe) = &frame.new_keyframe {
-                    self.add(keyframe);
-                }
-                for moved in &frame.moved {
-                    self.move_to(moved.id, Pose::from(&moved.world_from_camera));
-                }
+        let before: Vec<Pose> = match record {
+            // It moves nothing, and most records are like it.
+            AlignRecord::Frame(frame) if frame.moved.is_empty() && frame.new_keyframe.is_none() => {
+                return Ok(());
             }
-            AlignRecord::Correction(applied) => self.correct(&applied.correction),
+            _ => self.poses.keyframe_poses().collect(),
+        };
+        self.poses.apply(record);
+        let moved =
+            self.poses.keyframe_poses().zip(&before).enumerate().filter(|(_, (new, old))| new != *old);
+        self.changed.extend(moved.map(|(id, _)| id as u32));
+        let added = before.len() as u32..self.poses.n_keyframes() as u32;
+        self.fresh.extend(added.clone());
+        self.changed.extend(added);
+        match record {
+            AlignRecord::Map(_) => self.edges.resize(self.poses.n_keyframes(), Vec::new()),
+            AlignRecord::Frame(frame) => {
+                let edges = |keyframe: &KeyframeRecord| -> Vec<u32> {
+                    keyframe.edges.iter().map(|edge| edge.to).collect()
+                };
+                self.edges.extend(frame.new_keyframe.as_ref().map(edges));
+            }
+            AlignRecord::Correction(applied) => self.apply_verdicts(&applied.correction),
             AlignRecord::Skipped(..) | AlignRecord::End { .. } => {}
         }
         Ok(())
     }
 
-    fn add_map(&mut self, map: &MapRecord) {
-        for keyframe in &map.keyframes {
-            self.push(Pose::from(&keyframe.world_from_camera), Vec::new());
-        }
-    }
-
-    fn add(&mut self, keyframe: &KeyframeRecord) {
-        let edges = keyframe.edges.iter().map(|edge| edge.to).collect();
-        self.push(Pose::from(&keyframe.world_from_camera), edges);
-    }
-
-    fn push(&mut self, world_from_camera: Pose, edges: Vec<u32>) {
-        let id = self.poses.len() as u32;
-        self.poses.push(world_from_camera);
-        self.edges.push(edges);
-        self.fresh.insert(id);
-        self.changed.insert(id);
-    }
-
-    fn move_to(&mut self, id: u32, world_from_camera: Pose) {
-        if let Some(pose) = self.poses.get_mut(id as usize) {
-            *pose = world_from_camera;
-            self.changed.insert(id);
-        }
-    }
-
-    /// Moves the keyframes; those made since the request was answered hang on the last of it.
-    fn correct(&mut self, correction: &Correction) {
-        let mut new_from_old = None;
-        let mut n_corrected = 0;
-        for corrected in &correction.keyframes {
-            let Some(old) = self.poses.get(corrected.id as usize).copied() else { continue };
-            let new = Pose::from(&corrected.world_from_camera);
-            new_from_old = Some(new * old.inverse());
-            n_corrected = n_corrected.max(corrected.id as usize + 1);
-            if new != old {
-                self.move_to(corrected.id, new);
-            }
-        }
-        if let Some(new_from_old) = new_from_old {
-            for id in n_corrected..self.poses.len() {
-                self.move_to(id as u32, new_from_old * self.poses[id]);
-            }
-        }
+    /// Takes in the verdicts on loop pairs.
+    fn apply_verdicts(&mut self, correction: &Correction) {
         for pair in &correction.loops {
             if self.loops.insert((pair.newer, pair.older), pair.verdict) != Some(pair.verdict) {
                 self.changed.insert(pair.newer);
@@ -130,13 +100,13 @@ impl Map {
         }
         let changed = std::mem::take(&mut self.changed);
         for id in &changed {
-            if let Some(pose) = self.pose(*id) {
-                log(recording, &format!("world/map/{id}"), &transform(pose))?;
+            if let Some(pose) = self.poses.keyframe_pose(*id) {
+                log(recording, &format!("world/map/{id}"), &transform(&pose))?;
             }
         }
         // A line follows both of its ends.
         let ends = |newer: &u32| self.older(*newer).any(|(older, _)| changed.contains(&older));
-        let newer = (0..self.poses.len() as u32).filter(|id| changed.contains(id) || ends(id));
+        let newer = (0..self.poses.n_keyframes() as u32).filter(|id| changed.contains(id) || ends(id));
         for id in newer {
             self.log_lines(recording, id)?;
         }
@@ -153,17 +123,17 @@ impl Map {
     }
 
     fn log_lines(&self, recording: &RecordingStream, newer: u32) -> Result<(), ViewError> {
-        let Some(from) = self.pose(newer) else { return Ok(()) };
+        let Some(from) = self.poses.keyframe_pose(newer) else { return Ok(()) };
         let mut strips = Vec::new();
         let mut colours = Vec::new();
         for (older, line) in self.older(newer) {
-            let Some(to) = self.pose(older) else { continue };
-            strips.push([place(from), place(to)]);
+            let Some(to) = self.poses.keyframe_pose(older) else { continue };
+            strips.push([place(&from), place(&to)]);
             colours.push(colour(line));
         }
         let lines = LineStrips3D::new(strips).with_colors(colours).with_radii([LINE_M]);
         log(recording, &format!("world/graph/{newer}/lines"), &lines)?;
-        let dot = Points3D::new([place(from)]).with_colors([colour(BLUE)]).with_radii([3.0 * LINE_M]);
+        let dot = Points3D::new([place(&from)]).with_colors([colour(BLUE)]).with_radii([3.0 * LINE_M]);
         log(recording, &format!("world/graph/{newer}"), &dot)
     }
 }

@@ -1,13 +1,11 @@
 //! The trajectory: as published, in pieces as it grows; with all corrections, once at the end.
 
 use crate::error::ViewError;
-use crate::map::Map;
 use crate::scene::{BLUE, GREEN, colour, log, place};
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::LineStrips3D;
-use std::collections::BTreeMap;
-use tessera_geometry::{Pose, PoseBits};
-use tessera_mapping::{AlignRecord, FrameRecord};
+use tessera_geometry::Pose;
+use tessera_slam::{AlignRecord, FramePose, FrameRecord, PoseHistory};
 
 /// Frames of a piece: what is logged again while it grows.
 const PIECE: usize = 60;
@@ -22,26 +20,22 @@ pub(crate) struct Track {
     /// Places of the piece that grows; it begins where the one before ended.
     piece: Vec<[f32; 3]>,
     has_grown: bool,
-    /// Frame index, keyframe that it hangs on, and its pose in that keyframe.
-    frames: Vec<(u64, u32, PoseBits)>,
-    /// Frames that an optimisation solved again.
-    solved: BTreeMap<u64, PoseBits>,
+    /// What the final pose of each frame follows from.
+    frames: Vec<FramePose>,
 }
 
 impl Track {
     /// Takes the next record in.
     pub(crate) fn apply(&mut self, record: &AlignRecord) {
-        match record {
-            AlignRecord::Frame(frame) => self.add(frame),
-            AlignRecord::Correction(applied) => self.solved.extend(applied.correction.frames.iter().copied()),
-            _ => {}
+        if let AlignRecord::Frame(frame) = record {
+            self.add(frame);
         }
     }
 
     fn add(&mut self, frame: &FrameRecord) {
         self.piece.push(place(&Pose::from(&frame.world_from_camera)));
         self.has_grown = true;
-        self.frames.push((frame.index, frame.keyframe, frame.keyframe_from_camera));
+        self.frames.push(frame.into());
     }
 
     /// Logs what has been added since the last time.
@@ -60,12 +54,13 @@ impl Track {
     }
 
     /// Logs the trajectory with all corrections.
-    pub(crate) fn log_final(&self, recording: &RecordingStream, map: &Map) -> Result<(), ViewError> {
-        let of = |(index, keyframe, keyframe_from_camera): &(u64, u32, PoseBits)| {
-            let solved = self.solved.get(index).map(Pose::from);
-            solved.or_else(|| Some(map.pose(*keyframe)? * Pose::from(keyframe_from_camera)))
-        };
-        let places: Vec<[f32; 3]> = self.frames.iter().filter_map(of).map(|pose| place(&pose)).collect();
+    pub(crate) fn log_final(
+        &self,
+        recording: &RecordingStream,
+        poses: &PoseHistory,
+    ) -> Result<(), ViewError> {
+        let final_place = |frame: &FramePose| place(&poses.final_pose(frame));
+        let places: Vec<[f32; 3]> = self.frames.iter().map(final_place).collect();
         log(recording, "world/trajectory/final", &line(places, GREEN))
     }
 }

@@ -1,23 +1,32 @@
 //! Surfaces in shared memory: the one that is next, some that came early, and the recent ones.
 
 use std::collections::BTreeMap;
-use tessera_mapping::FrameSurface;
-use tessera_messages::{Kind, Refusal, SurfaceExpectation, SurfaceHeader};
+use tessera_features::Feature;
+use tessera_messages::{Kind, Refusal, SurfaceExpectation, SurfaceHeader, read_features};
+use tessera_slam::FrameSurface;
 use tessera_stage::{Pulse, StageError};
 use tessera_surface::{Grid, SurfaceView, Vertex};
 use tessera_transport::{Link, Received, SliceSubscriber};
 
 /// A checked surface, read in place.
 pub(crate) struct Surface {
-    /// A copy that nobody else can change.
+    /// A private copy.
     pub(crate) header: SurfaceHeader,
     pub(crate) kind: Kind,
     received: Received<SurfaceHeader, Vertex>,
+    /// Vertices of the grid; what follows them in the payload are features.
+    n_vertices: usize,
+    features: Vec<Feature>,
 }
 
 impl Surface {
     /// The vertices, in place.
     pub(crate) fn vertices(&self) -> &[Vertex] {
+        &self.received.payload()[..self.n_vertices]
+    }
+
+    /// Vertices and features as a keyframe keeps them, in place.
+    pub(crate) fn payload(&self) -> &[Vertex] {
         self.received.payload()
     }
 
@@ -26,15 +35,16 @@ impl Surface {
         FrameSurface {
             index: self.header.index,
             stamp_nanos: self.header.stamp_nanos,
-            // Checked when it came, in a copy that nobody else can change.
+            // Checked when it came, in a private copy.
             rotation: self.header.rotation.read(self.header.index).unwrap_or(None),
             surface: SurfaceView { grid, vertices: self.vertices() },
+            features: &self.features,
             effort: self.header.effort(),
         }
     }
 }
 
-/// Index and epoch of each surface that was received and believed.
+/// Index and epoch of each surface that was received and passed its checks.
 pub(crate) type Seen = Vec<(u64, u64)>;
 
 /// Surfaces by index, as many as may be held.
@@ -60,8 +70,8 @@ impl Inbox {
         })
     }
 
-    /// Takes in what has come, if it is at or above `first` and below `limit`; answers index and
-    /// epoch of all that was believed.
+    /// Receives the surfaces at or above `first` and below `limit`; answers index and epoch of all
+    /// that passed their checks.
     pub(crate) fn fill(
         &mut self,
         first: u64,
@@ -84,7 +94,10 @@ impl Inbox {
             match checked {
                 Ok(kind) => {
                     seen.push((header.index, header.epoch));
-                    self.held.insert(header.index, Surface { header, kind, received });
+                    let n_vertices = self.grid.len();
+                    let features = read_features(received.payload(), n_vertices);
+                    let surface = Surface { header, kind, received, n_vertices, features };
+                    self.held.insert(header.index, surface);
                 }
                 Err(refusal) => {
                     tracing::warn!(frame = header.index, "refused: {refusal}");
@@ -116,12 +129,12 @@ impl Inbox {
         self.held.range(first..next.max(first)).map(|(_, surface)| surface.view(self.grid)).collect()
     }
 
-    /// Gives back what lies below `first`.
-    pub(crate) fn let_go_below(&mut self, first: u64) {
+    /// Releases the surfaces below `first`.
+    pub(crate) fn release_below(&mut self, first: u64) {
         self.held = self.held.split_off(&first);
     }
 
-    /// Gives everything back.
+    /// Releases all surfaces.
     pub(crate) fn clear(&mut self) {
         self.held.clear();
     }

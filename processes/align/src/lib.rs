@@ -5,17 +5,19 @@
 //! again, is computed again to the same bits, and is journaled exactly once.
 #![forbid(unsafe_code)]
 
-mod desk;
+mod correction;
+mod durable_state;
 mod flow;
 mod inbox;
-mod known;
+mod journal_fold;
 mod ladder;
 mod live;
 mod lossless;
 mod ports;
 mod publish;
+mod step;
 
-use desk::Desk;
+use durable_state::DurableState;
 use ports::Ports;
 use std::process::ExitCode;
 use tessera_messages::Stage;
@@ -26,7 +28,7 @@ pub fn main(args: &StageArgs) -> ExitCode {
     stage_main(Stage::Align, || run(args))
 }
 
-/// Why work at one desk came to an end.
+/// Why the loop over one durable state ended.
 enum Pause {
     /// The stage is done.
     Over(Outcome),
@@ -41,18 +43,18 @@ enum Pause {
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = Context::open(Stage::Align, args)?;
     // The journal first: it is what says where to go on.
-    let mut desk = Desk::open(&context)?;
+    let mut state = DurableState::open(&context)?;
     let link = context.link(Stage::Align)?;
     let mut ports = Ports::open(&link, &context)?;
     context.kill_points.pass("opened", 0);
     loop {
-        ports.pulse.ready(Some(desk.known.tracker.next_index()));
+        ports.pulse.ready(Some(state.fold.tracker.next_index()));
         // What was journaled may not have been published: the same bytes go out again.
-        ports.publish_again(&desk)?;
+        ports.publish_again(&state)?;
         let pause = if context.settings.run.live {
-            live::work(&context, &mut desk, &mut ports)?
+            live::run(&context, &mut state, &mut ports)?
         } else {
-            lossless::work(&context, &mut desk, &mut ports)?
+            lossless::run(&context, &mut state, &mut ports)?
         };
         match pause {
             Pause::Over(outcome) => {
@@ -63,10 +65,10 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
                 return Ok(outcome);
             }
             Pause::Forget => {
-                // The lock on the journal goes with the old desk.
-                drop(desk);
-                ports.forget();
-                desk = Desk::open(&context)?;
+                // The lock on the journal goes with the old state.
+                drop(state);
+                ports.release();
+                state = DurableState::open(&context)?;
             }
         }
     }

@@ -1,13 +1,12 @@
 //! The aligner's connections: surfaces in; poses, flow and wake-ups out.
 
-use crate::desk::Desk;
+use crate::durable_state::DurableState;
 use crate::flow::FlowControl;
 use crate::inbox::Inbox;
 use crate::publish::pose_message;
-use tessera_mapping::FrameRecord;
 use tessera_messages::{Flow, PoseMessage, Stage, StepTimes, WaitingOn};
 use tessera_stage::{Context, IDLE, Pulse, StageError, monotonic_nanos};
-use tessera_transport::{Bell, Ear, Link, Publisher};
+use tessera_transport::{Link, Listener, Notifier, Publisher};
 
 /// All connections of the aligner.
 pub(crate) struct Ports {
@@ -16,29 +15,30 @@ pub(crate) struct Ports {
     pub(crate) pulse: Pulse,
     /// Nothing was received yet: a writer's history may be under way.
     pub(crate) is_fresh: bool,
-    ear: Ear,
+    listener: Listener,
     poses: Publisher<PoseMessage>,
     flow: Publisher<Flow>,
-    sensor: Bell,
-    optimise: Bell,
+    sensor: Notifier,
+    optimise: Notifier,
 }
 
 impl Ports {
     pub(crate) fn open(link: &Link, context: &Context) -> Result<Self, StageError> {
         Ok(Self {
-            ear: link.ear(Stage::Align)?,
+            listener: link.listener(Stage::Align)?,
             inbox: Inbox::open(link, context.run.n_frames)?,
             control: FlowControl::begin(0, 0),
             is_fresh: true,
             poses: link.pose_publisher()?,
             flow: link.flow_publisher()?,
-            sensor: link.bell(Stage::Sensor)?,
-            optimise: link.bell(Stage::Optimise)?,
+            sensor: link.notifier(Stage::Sensor)?,
+            optimise: link.notifier(Stage::Optimise)?,
             pulse: Pulse::start(link, Stage::Align, &context.stopwatch)?,
         })
     }
 
-    /// Goes on in the epoch of a predecessor, whose surfaces `seen` came by the history, and says so.
+    /// Adopts the epoch of a predecessor, whose surfaces `seen` came by the history, and notifies
+    /// the sensor.
     pub(crate) fn adopt_epoch(
         &mut self,
         epoch: u64,
@@ -48,25 +48,26 @@ impl Ports {
         let now = monotonic_nanos();
         self.control = FlowControl::adopt(epoch, next, now);
         seen.iter().for_each(|&(index, epoch)| self.control.saw(index, epoch, now));
-        self.tell_sensor()
+        self.notify_sensor()
     }
 
-    /// Begins an epoch at the first index that is missing, and says so.
+    /// Begins an epoch at the first index that is missing and notifies the sensor.
     pub(crate) fn begin_epoch(&mut self, first_missing: u64) -> Result<(), StageError> {
         self.control = FlowControl::begin(first_missing, monotonic_nanos());
-        self.tell_sensor()
+        self.notify_sensor()
     }
 
     /// Publishes the last frame's pose again.
-    pub(crate) fn publish_again(&mut self, desk: &Desk) -> Result<(), StageError> {
-        if let Some(record) = &desk.known.last_frame {
+    pub(crate) fn publish_again(&mut self, state: &DurableState) -> Result<(), StageError> {
+        if let Some(record) = &state.fold.last_frame {
             self.poses.send(pose_message(record, StepTimes::default()))?;
         }
         Ok(())
     }
 
-    /// Publishes a frame's pose.
-    pub(crate) fn publish(&mut self, record: &FrameRecord, mut times: StepTimes) -> Result<(), StageError> {
+    /// Publishes the last frame's pose.
+    pub(crate) fn publish(&mut self, state: &DurableState, mut times: StepTimes) -> Result<(), StageError> {
+        let Some(record) = &state.fold.last_frame else { return Ok(()) };
         times.pose_sent = monotonic_nanos();
         self.poses.send(pose_message(record, times))?;
         self.pulse.output(record.index);
@@ -77,30 +78,30 @@ impl Ports {
     }
 
     /// Sends the flow and wakes the sensor.
-    pub(crate) fn tell_sensor(&mut self) -> Result<(), StageError> {
+    pub(crate) fn notify_sensor(&mut self) -> Result<(), StageError> {
         self.flow.send(self.control.flow())?;
-        self.sensor.ring();
+        self.sensor.notify();
         Ok(())
     }
 
     /// Wakes the optimiser: the journal has grown by something that matters to it.
-    pub(crate) fn tell_optimiser(&self) {
-        self.optimise.ring();
+    pub(crate) fn notify_optimiser(&self) {
+        self.optimise.notify();
     }
 
     /// Sleeps until something comes, at most [`IDLE`].
     pub(crate) fn wait(&mut self, on: WaitingOn) -> Result<(), StageError> {
         self.pulse.waiting(on);
-        if !self.ear.wait(IDLE)? {
-            // Nobody rang: whoever came late gets what was said last.
+        if !self.listener.wait(IDLE)? {
+            // Late subscribers get the last messages.
             self.flow.update();
             self.poses.update();
         }
         Ok(())
     }
 
-    /// Throws away what is held of the flow.
-    pub(crate) fn forget(&mut self) {
+    /// Releases the surfaces in hand.
+    pub(crate) fn release(&mut self) {
         self.inbox.clear();
     }
 }

@@ -1,8 +1,8 @@
 //! From a journal record to the message that others see.
 
 use tessera_geometry::{Pose, PoseBits};
-use tessera_mapping::{FrameRecord, State};
 use tessera_messages::{PoseMessage, StepTimes, pack_reason};
+use tessera_slam::{FrameRecord, State};
 
 /// The pose message of a record: a pure function of it, but for the times.
 pub(crate) fn pose_message(record: &FrameRecord, times: StepTimes) -> PoseMessage {

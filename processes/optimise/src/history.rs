@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use tessera_journal::{Follower, JournalError};
-use tessera_mapping::{AlignRecord, FrameHistory, FrameRecord};
+use tessera_slam::{AlignRecord, FrameHistory, FrameRecord};
 use tessera_stage::{ALIGN_JOURNAL, RunFiles, StageError};
 
 /// Frames of the aligner's journal. Nothing of them is kept: their matches take some kilobytes each.
@@ -12,7 +12,7 @@ pub(crate) struct JournaledFrames<'a> {
 }
 
 impl<'a> JournaledFrames<'a> {
-    pub(crate) fn of(files: &'a RunFiles) -> Self {
+    pub(crate) fn new(files: &'a RunFiles) -> Self {
         Self { files, failure: RefCell::new(None) }
     }
 

@@ -6,14 +6,14 @@
 //! are mapped from the store.
 #![forbid(unsafe_code)]
 
-mod desk;
+mod durable_state;
 mod history;
 
-use desk::Desk;
+use durable_state::DurableState;
 use history::JournaledFrames;
 use std::process::ExitCode;
-use tessera_mapping::{Correction, LoopVerdict, OptimiseRecord};
 use tessera_messages::{Phase, Stage, WaitingOn};
+use tessera_slam::{Correction, LoopVerdict, OptimiseRecord};
 use tessera_stage::{
     Checkpoint, Context, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
 };
@@ -57,33 +57,33 @@ fn log_loops(correction: &Correction) {
 /// Where the run directory, the settings or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = Context::open(Stage::Optimise, args)?;
-    let mut desk = Desk::open(&context)?;
+    let mut state = DurableState::open(&context)?;
     let link = context.link(Stage::Optimise)?;
-    let ear = link.ear(Stage::Optimise)?;
-    let align = link.bell(Stage::Align)?;
+    let listener = link.listener(Stage::Optimise)?;
+    let align = link.notifier(Stage::Align)?;
     let mut pulse = Pulse::start(&link, Stage::Optimise, &context.stopwatch)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);
     // A correction that was journaled may not have been noticed.
-    align.ring();
+    align.notify();
     let mut n_done = 0;
     loop {
         if context.lifeline.is_cut() {
             pulse.finish();
             return Ok(Outcome::Stopped);
         }
-        let Some(request) = desk.next_request()? else {
-            if desk.optimiser.is_done() {
+        let Some(request) = state.next_request()? else {
+            if state.optimiser.is_done() {
                 Checkpoint::remove(&context.files.optimise_checkpoint());
                 pulse.finish();
                 return Ok(Outcome::Finished);
             }
-            // Nobody waits for this process now.
-            if desk.keep() {
-                context.kill_points.pass("checkpointed", desk.optimiser.n_answered());
+            // No request is pending: time for a checkpoint.
+            if state.checkpoint_if_due() {
+                context.kill_points.pass("checkpointed", state.optimiser.n_answered());
             }
             pulse.waiting(WaitingOn::Requests);
-            ear.wait(IDLE)?;
+            listener.wait(IDLE)?;
             continue;
         };
         pulse.working(request.request);
@@ -92,17 +92,17 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             context.kill_points.pass("received", request.request);
         }
         let began = monotonic_nanos();
-        let history = JournaledFrames::of(&context.files);
+        let history = JournaledFrames::new(&context.files);
         let correction = if is_poison {
             tracing::warn!(request = request.request, "left out: it ended optimise again and again");
-            desk.optimiser.decline(&request)
+            state.optimiser.decline(&request)
         } else {
-            desk.optimiser.solve(&request, &desk.keyframes, &history, &mut || {
+            state.optimiser.solve(&request, &state.keyframes, &history, &mut || {
                 pulse.progress();
                 context.kill_points.pass("solving", request.request);
             })
         };
-        desk.keyframes.check()?;
+        state.keyframes.check()?;
         history.check()?;
         let Some(correction) = correction else {
             return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));
@@ -111,9 +111,9 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.phase(Phase::Computing, solved.saturating_sub(began));
         log_loops(&correction);
         let record = OptimiseRecord::Correction(Box::new(correction));
-        desk.commit(&record)?;
+        state.commit(&record)?;
         context.kill_points.pass("journaled", request.request);
-        align.ring();
+        align.notify();
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(solved));
         let nanos = now.saturating_sub(began);
@@ -126,8 +126,8 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         );
         n_done += 1;
         if context.settings.run.forget_every > 0 && n_done % context.settings.run.forget_every == 0 {
-            drop(desk);
-            desk = Desk::open(&context)?;
+            drop(state);
+            state = DurableState::open(&context)?;
         }
     }
 }

@@ -8,7 +8,10 @@ mod feed;
 
 use feed::Feed;
 use std::process::ExitCode;
-use tessera_messages::{FrameHeader, Kind, Phase, Stage, SurfaceHeader, WaitingOn};
+use tessera_messages::{
+    FrameHeader, Kind, Phase, Stage, SurfaceHeader, WaitingOn, vertices_of_features, write_features,
+};
+use tessera_numerics::Step;
 use tessera_stage::{
     Context, Delivery, IDLE, Outcome, Probe, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
 };
@@ -29,12 +32,14 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let mut reconstructor = Reconstructor::new(&context.run.camera, &context.settings.surface)
         .map_err(|e| StageError::Settings(e.to_string()))?;
     reconstructor.steps = context.stopwatch.steps();
+    let steps = context.stopwatch.steps();
     let mut unfiltered = unfiltered(&context)?;
+    let mut extractor = context.feature_extractor();
     let link = context.link(Stage::Reconstruct)?;
-    let ear = link.ear(Stage::Reconstruct)?;
+    let listener = link.listener(Stage::Reconstruct)?;
     let mut feed = Feed::open(&link, &context)?;
     let surfaces = link.surface_publisher()?;
-    let align = link.bell(Stage::Align)?;
+    let align = link.notifier(Stage::Align)?;
     let mut pulse = Pulse::start(&link, Stage::Reconstruct, &context.stopwatch)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);
@@ -50,17 +55,29 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let Some((header, kind, frame)) = feed.next(&mut pulse)? else {
             surfaces.update();
             pulse.waiting(WaitingOn::Frames);
-            ear.wait(IDLE)?;
+            listener.wait(IDLE)?;
             continue;
         };
         pulse.working(header.index);
         context.kill_points.pass("received", header.index);
         let began = monotonic_nanos();
         pulse.phase(Phase::Transport, began.saturating_sub(header.times.frame_sent));
-        let mut loan = surfaces.loan(context.layout.grid.len())?;
+        let features = match (kind, header.payload(feed.shape, frame.payload())) {
+            (Kind::Frame, Ok(payload)) => {
+                steps.enter(Step::Features);
+                extractor.extract(payload.colour)
+            }
+            _ => Vec::new(),
+        };
+        let n_vertices = context.layout.grid.len();
+        let mut loan = surfaces.loan(n_vertices + vertices_of_features(features.len()))?;
+        write_features(&mut loan.payload_mut()[n_vertices..], &features);
         let effort = feed.effort();
         let reconstructor = if effort == Effort::Least { &mut unfiltered } else { &mut reconstructor };
-        *loan.header_mut() = surface_header(&header, reconstructor, effort, began);
+        *loan.header_mut() = SurfaceHeader {
+            n_features: features.len() as u32,
+            ..surface_header(&header, reconstructor, effort, began)
+        };
         if kind == Kind::Frame
             && let Err(refusal) = fill(&mut loan, &header, &frame, reconstructor, &feed, context.probe)
         {
@@ -79,7 +96,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         }
         if delivery != Delivery::Dropped {
             loan.send()?;
-            align.ring();
+            align.notify();
         }
         context.kill_points.pass("sent", header.index);
         pulse.output(header.index);
@@ -134,10 +151,12 @@ fn fill(
     probe: Probe,
 ) -> Result<(), tessera_messages::Refusal> {
     let payload = header.payload(feed.shape, frame.payload())?;
-    probe.look("depth", header.index, payload.depth);
-    probe.look("colour", header.index, payload.colour.unwrap_or_default());
-    probe.look("the surface made", header.index, loan.payload_mut());
-    let stats = reconstructor.reconstruct(payload.depth, payload.colour, loan.payload_mut());
+    probe.log_place("depth", header.index, payload.depth);
+    probe.log_place("colour", header.index, payload.colour.unwrap_or_default());
+    let n_vertices = reconstructor.grid().len();
+    let vertices = &mut loan.payload_mut()[..n_vertices];
+    probe.log_place("the surface made", header.index, vertices);
+    let stats = reconstructor.reconstruct(payload.depth, payload.colour, vertices);
     loan.header_mut().n_valid = stats.n_valid as u32;
     Ok(())
 }

@@ -1,16 +1,15 @@
-//! Handing a frame on.
+//! Sending a frame.
 
 use crate::Ports;
-use crate::frames::{Prepared, deliver};
+use crate::frame::{PreparedFrame, is_delivered};
 use tessera_messages::{Flow, Phase};
+use tessera_numerics::Step;
 use tessera_stage::{Context, StageError, monotonic_nanos};
-use tessera_steps::Step;
 
-/// Sends a frame, with what a test wants to happen to it; `due_nanos`: when it was to be sent, 0
-/// where it has no time of its own.
+/// Sends a frame and counts it; `due_nanos`: when it was to be sent, 0 without a clock.
 pub(crate) fn send(
     context: &Context,
-    mut frame: Prepared,
+    mut frame: PreparedFrame,
     flow: &Flow,
     due_nanos: u64,
     ports: &mut Ports,
@@ -23,9 +22,9 @@ pub(crate) fn send(
     header.epoch = flow.epoch;
     let sent = monotonic_nanos();
     header.times.frame_sent = sent;
-    if deliver(&context.kill_points, &mut frame) {
+    if is_delivered(&context.kill_points, &mut frame) {
         frame.loan.send()?;
-        ports.reconstruct.ring();
+        ports.reconstruct.notify();
     }
     context.kill_points.pass("sent", index);
     ports.pulse.output(index);

@@ -18,7 +18,7 @@ pub(crate) use chaos::ChaosArguments;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 pub(crate) use evaluate::EvaluateArguments;
-pub(crate) use export::{ExportArguments, ExportFiles};
+pub(crate) use export::ExportArguments;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
 pub(crate) use run::{RunArguments, Speech};
 use std::path::PathBuf;

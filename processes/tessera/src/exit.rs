@@ -1,13 +1,14 @@
 //! Exit codes, and the errors that lead to them.
 
-use crate::supervisor::SupervisorError;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
+use tessera_evaluation::ReadError;
 use tessera_journal::JournalError;
+use tessera_outputs::ToolError;
 use tessera_settings::SettingsError;
 use tessera_sources::SourceError;
 use tessera_stage::StageError;
-use tessera_trajectory::{EvaluationError, ReadError};
+use tessera_supervisor::SupervisorError;
 use tessera_transport::TransportError;
 
 /// How the command ended; documented in the README and in `tessera --help`.
@@ -36,52 +37,13 @@ impl From<Exit> for ExitCode {
 /// Why a command could not do its work.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CommandError {
-    /// The settings were refused.
+    /// A tool failed, or what the command itself read or wrote.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// An argument cannot be used.
-    #[error("{0}")]
-    Arguments(String),
-    /// A trajectory file cannot be used.
-    #[error(transparent)]
-    Trajectory(#[from] ReadError),
-    /// Two trajectories cannot be compared.
-    #[error("{estimate} against {groundtruth}: {source}")]
-    Evaluation {
-        /// The estimate's file.
-        estimate: String,
-        /// The ground truth's file.
-        groundtruth: String,
-        /// Why.
-        source: EvaluationError,
-    },
-    /// Some other input cannot be used.
-    #[error("{0}")]
-    Input(String),
-    /// A file or folder cannot be written.
-    #[error("{}: cannot write: {reason}", path.display())]
-    Write {
-        /// What was to be written.
-        path: PathBuf,
-        /// The system's words.
-        reason: String,
-    },
-    /// The source cannot be used.
-    #[error(transparent)]
-    Source(#[from] SourceError),
+    Tool(#[from] ToolError),
     /// The run could not be started or kept up.
     #[error(transparent)]
     Supervisor(#[from] SupervisorError),
-    /// Shared memory or the registry of runs.
-    #[error(transparent)]
-    Transport(#[from] TransportError),
-    /// A file of the run directory.
-    #[error(transparent)]
-    RunFile(#[from] StageError),
-    /// A journal or a store.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-    /// A stage failed; what it said decides on the exit code.
+    /// A stage failed; its log decides on the exit code.
     #[error("{message}")]
     Failed {
         /// The exit code.
@@ -89,29 +51,60 @@ pub(crate) enum CommandError {
         /// Which stage, how, and its last lines of log.
         message: String,
     },
-    /// Anything else that is not the user's doing.
-    #[error("{0}")]
-    Stage(String),
 }
+
+/// What a tool's error is made of, is a command's too.
+macro_rules! from_tool {
+    ($($error:ty),*) => {
+        $(impl From<$error> for CommandError {
+            fn from(error: $error) -> Self {
+                Self::Tool(error.into())
+            }
+        })*
+    };
+}
+
+from_tool!(SettingsError, ReadError, SourceError, TransportError, StageError, JournalError);
 
 impl CommandError {
     /// The exit code that tells it to scripts.
     pub(crate) fn exit(&self) -> Exit {
         match self {
-            Self::Settings(_) | Self::Arguments(_) => Exit::Arguments,
-            Self::Trajectory(_) | Self::Evaluation { .. } | Self::Input(_) => Exit::Input,
-            Self::Source(_) | Self::Journal(_) => Exit::Input,
+            Self::Tool(error) => of_tool(error),
             Self::Supervisor(error) => of_supervisor(error),
-            Self::Transport(error) => of_transport(error),
-            Self::RunFile(error) => of_stage(error),
             Self::Failed { exit, .. } => *exit,
-            Self::Write { .. } | Self::Stage(_) => Exit::Stage,
         }
+    }
+
+    /// An argument that cannot be used.
+    pub(crate) fn arguments(message: impl Into<String>) -> Self {
+        Self::Tool(ToolError::Arguments(message.into()))
+    }
+
+    /// Input that cannot be used.
+    pub(crate) fn input(message: impl Into<String>) -> Self {
+        Self::Tool(ToolError::Input(message.into()))
+    }
+
+    /// A failure that is not the user's doing.
+    pub(crate) fn stage(message: impl Into<String>) -> Self {
+        Self::Tool(ToolError::Stage(message.into()))
     }
 
     /// A failure to write `path`.
     pub(crate) fn write(path: &Path, error: impl std::fmt::Display) -> Self {
-        Self::Write { path: path.to_owned(), reason: error.to_string() }
+        Self::Tool(ToolError::write(path, error))
+    }
+}
+
+fn of_tool(error: &ToolError) -> Exit {
+    match error {
+        ToolError::Settings(_) | ToolError::Arguments(_) => Exit::Arguments,
+        ToolError::Trajectory(_) | ToolError::Evaluation { .. } | ToolError::Input(_) => Exit::Input,
+        ToolError::Source(_) | ToolError::Journal(_) => Exit::Input,
+        ToolError::Transport(error) => of_transport(error),
+        ToolError::RunFile(error) => of_stage(error),
+        ToolError::Write { .. } | ToolError::Stage(_) => Exit::Stage,
     }
 }
 

@@ -3,14 +3,14 @@
 use crate::arguments::Speech;
 use crate::commands::say_summary;
 use crate::exit::{CommandError, Exit};
-use crate::outputs::{self, Ended, Recorder, RunStatistics};
 use crate::progress::ProgressView;
-use crate::report::{self, REPORT_FILE};
-use crate::supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, hold, supervise};
 use crate::terminal::{say, say_error};
 use std::time::Duration;
+use tessera_evaluation::Trajectory;
 use tessera_messages::Stage;
-use tessera_trajectory::Trajectory;
+use tessera_outputs::{Ended, Recorder, RunStatistics, ToolError};
+use tessera_report::REPORT_FILE;
+use tessera_supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, hold, supervise};
 use tessera_transport::RunClaim;
 
 /// Time between two looks that `tessera status` can take at the counters.
@@ -28,14 +28,14 @@ pub(crate) fn launch(
     beside: &mut dyn FnMut(),
 ) -> Result<Exit, LaunchError> {
     let before =
-        if plan.resume { outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
-    let recorded = if plan.resume { outputs::read_timeline(&plan.run_dir) } else { None };
+        if plan.resume { tessera_outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
+    let recorded = if plan.resume { tessera_outputs::read_timeline(&plan.run_dir) } else { None };
     // The report alone reads it: without one its memory, which grows to a bound, is saved.
     let mut recorder =
         plan.settings.output.report.then(|| Recorder::new(recorded.unwrap_or_default(), before.wall_s));
     let write_timeline = |recorder: &Recorder| {
         // The run is no worse without it.
-        let _ = outputs::write_timeline(&plan.run_dir, &recorder.timeline());
+        let _ = tessera_outputs::write_timeline(&plan.run_dir, &recorder.timeline());
     };
     let mut view = ProgressView::new(speech.quiet);
     let mut due = Duration::ZERO;
@@ -49,12 +49,12 @@ pub(crate) fn launch(
             if due.is_zero() {
                 beside();
                 // The run directory is ours from here on.
-                refused = outputs::write_groundtruth(&plan.run_dir, groundtruth).err();
+                refused = tessera_outputs::write_groundtruth(&plan.run_dir, groundtruth).err();
             }
             due = progress.elapsed + REFRESH;
             // Only for `status`: the last word on these numbers is written at the end.
             let now = RunStatistics::new(Ended::Unfinished, &progress.stages, progress.elapsed, 0);
-            let _ = outputs::write_statistics(&plan.run_dir, &before.and(&now));
+            let _ = tessera_outputs::write_statistics(&plan.run_dir, &before.and(&now));
             if progress.elapsed.as_secs() % 5 == 4 {
                 recorder.iter().for_each(write_timeline);
             }
@@ -91,10 +91,10 @@ fn conclude(
         Outcome::Failed(_) => Ended::Failed,
     };
     let statistics = RunStatistics::new(ended, stages, *duration, *shared_memory_bytes);
-    let written = outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
-        .and_then(|()| outputs::export(&plan.run_dir, &plan.run_dir));
+    let written = tessera_outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
+        .and_then(|()| tessera_outputs::export(&plan.run_dir, &plan.run_dir));
     if plan.settings.output.report
-        && let Err(error) = report::write(&[&plan.run_dir], &plan.run_dir.join(REPORT_FILE))
+        && let Err(error) = tessera_report::write(&[&plan.run_dir], &plan.run_dir.join(REPORT_FILE))
     {
         // What was asked for is the trajectory and the map: the run is no worse without a page.
         say_error(&format!("no report: {error}"));
@@ -135,6 +135,12 @@ pub(crate) enum LaunchError {
     Supervisor(SupervisorError),
     /// Anything else.
     Command(CommandError),
+}
+
+impl From<ToolError> for LaunchError {
+    fn from(error: ToolError) -> Self {
+        Self::Command(error.into())
+    }
 }
 
 impl From<CommandError> for LaunchError {

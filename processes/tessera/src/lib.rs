@@ -4,22 +4,14 @@
 //! run directory, under `outputs`.
 #![forbid(unsafe_code)]
 
-mod ablation;
 mod arguments;
-mod chaos;
 mod commands;
-mod exchange;
 mod exit;
 mod launch;
-mod outputs;
-mod profile;
 mod progress;
-mod report;
 mod run_folder;
-mod supervisor;
 mod terminal;
 mod top;
-mod trace;
 mod viewer;
 
 use arguments::{Arguments, Command, RunArguments};

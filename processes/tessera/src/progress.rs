@@ -1,9 +1,9 @@
 //! What a run says while it goes on: one bar on a terminal, plain lines elsewhere.
 
-use crate::supervisor::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
+use tessera_supervisor::Progress;
 
 /// Time between two plain lines.
 const LINE_INTERVAL: Duration = Duration::from_secs(2);
@@ -92,8 +92,8 @@ fn words(progress: &Progress) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::supervisor::Counters;
     use tessera_messages::Stage;
+    use tessera_supervisor::Counters;
 
     #[test]
     fn the_words_fit_beside_the_bar() {

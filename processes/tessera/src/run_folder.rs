@@ -23,7 +23,7 @@ pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
     }
     let names = names();
     let there_are = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-    Err(CommandError::Arguments(format!(
+    Err(CommandError::arguments(format!(
         "no run {name_or_folder:?}: expected the folder of a run or a name in {RUNS}/, where there are: {there_are}"
     )))
 }

@@ -23,7 +23,7 @@ pub(crate) fn program() -> Result<PathBuf, CommandError> {
     let folders = beside.into_iter().chain(checkout).chain(std::env::split_paths(&path));
     let found = folders.map(|folder| folder.join(PROGRAM)).find(|path| path.is_file());
     found.ok_or_else(|| {
-        CommandError::Arguments(format!(
+        CommandError::arguments(format!(
             "{PROGRAM} is neither beside this program nor on PATH; it is built apart, in the project's folder: cargo build --release --manifest-path view/Cargo.toml"
         ))
     })
@@ -45,7 +45,7 @@ impl Recording {
     pub(crate) fn start(file: &Path) -> Result<Self, CommandError> {
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() || file.is_dir() {
-            return Err(CommandError::Arguments(format!(
+            return Err(CommandError::arguments(format!(
                 "--rerun {}: expected a file in a folder that is there",
                 file.display()
             )));
@@ -53,7 +53,7 @@ impl Recording {
         let mut command = Command::new(program()?);
         command.arg("--of-supervisor").arg(std::process::id().to_string()).arg("--save").arg(file);
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn();
-        let child = child.map_err(|error| CommandError::Stage(format!("cannot start {PROGRAM}: {error}")))?;
+        let child = child.map_err(|error| CommandError::stage(format!("cannot start {PROGRAM}: {error}")))?;
         Ok(Self { child, file: file.to_owned() })
     }
 

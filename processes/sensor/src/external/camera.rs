@@ -1,4 +1,4 @@
-//! The services of a camera's own program: what comes is checked before anybody believes it.
+//! The services of a camera's own program; each image is checked before it is used.
 
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind};
 use tessera_stage::{Context, Pulse, StageError, monotonic_nanos};
@@ -18,7 +18,7 @@ pub(super) struct Image {
 pub(super) struct Camera {
     images: SliceSubscriber<CameraFrame, u16>,
     flow: Publisher<CameraFlow>,
-    told: Option<CameraFlow>,
+    published: Option<CameraFlow>,
     shape: FrameShape,
     /// What a publisher that describes its camera must say; `None` where `--camera` decides.
     expected: Option<tessera_geometry::Camera>,
@@ -42,7 +42,7 @@ impl Camera {
         Ok(Self {
             images: link.camera_subscriber()?,
             flow: link.camera_flow_publisher()?,
-            told: None,
+            published: None,
             shape: context.layout.frame,
             expected: run.camera.is_empty().then(|| context.run.camera.clone()),
             timeout_nanos: (run.camera_timeout_s * 1e9) as u64,
@@ -51,7 +51,7 @@ impl Camera {
         })
     }
 
-    /// The next image that can be used; others are counted and told.
+    /// The next image that can be used; others are counted and logged.
     pub(super) fn receive(&mut self, pulse: &mut Pulse) -> Result<Option<Image>, StageError> {
         while let Some(received) = self.images.receive()? {
             let header = received.header();
@@ -79,7 +79,7 @@ impl Camera {
         }
     }
 
-    /// Counts an image that cannot be used, and tells of it at most once a second.
+    /// Counts an image that cannot be used, and logs it at most once a second.
     pub(super) fn refuse(&mut self, reason: String, pulse: &mut Pulse) {
         pulse.beat.refused += 1;
         let now = monotonic_nanos();
@@ -92,8 +92,8 @@ impl Camera {
         refused.last = Some(reason);
     }
 
-    /// An image was used.
-    pub(super) fn used(&mut self) {
+    /// Notes that a usable image came.
+    pub(super) fn note_usable(&mut self) {
         self.heard_at = monotonic_nanos();
         self.refused.last = None;
     }
@@ -118,20 +118,21 @@ impl Camera {
         )))
     }
 
-    /// Tells the camera's program what is needed, where that has changed; late readers hear it too.
-    pub(super) fn tell(&mut self, flow: CameraFlow) -> Result<(), StageError> {
-        if self.told != Some(flow) {
+    /// Publishes what is needed to the camera's program, where that has changed; late subscribers
+    /// get it too.
+    pub(super) fn publish_flow(&mut self, flow: CameraFlow) -> Result<(), StageError> {
+        if self.published != Some(flow) {
             self.flow.send(flow)?;
-            self.told = Some(flow);
+            self.published = Some(flow);
         } else {
             self.flow.update();
         }
         Ok(())
     }
 
-    /// Tells the camera's program that the run is done.
-    pub(super) fn finish(&mut self) -> Result<(), StageError> {
-        let flow = self.told.unwrap_or_default();
-        self.tell(CameraFlow { finished: 1, ..flow })
+    /// Publishes that the run is done.
+    pub(super) fn publish_finished(&mut self) -> Result<(), StageError> {
+        let flow = self.published.unwrap_or_default();
+        self.publish_flow(CameraFlow { finished: 1, ..flow })
     }
 }

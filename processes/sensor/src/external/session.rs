@@ -1,6 +1,7 @@
 //! How the images of one start of the camera's program are counted as frames of the run.
 
 use serde::{Deserialize, Serialize};
+use tessera_journal::{Durability, write_atomically};
 use tessera_messages::CameraFrame;
 use tessera_stage::{Context, StageError};
 
@@ -28,9 +29,7 @@ impl Session {
         let path = context.files.camera_session();
         let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };
         let text = serde_json::to_string(&session).map_err(|e| wrong(e.to_string()))?;
-        let temporary = path.with_extension("session.new");
-        std::fs::write(&temporary, text)
-            .and_then(|()| std::fs::rename(&temporary, &path))
+        write_atomically(&path, Durability::Scratch, |writer| writer.write_all(text.as_bytes()))
             .map_err(|e| wrong(format!("cannot write: {e}")))?;
         Ok(session)
     }

@@ -77,3 +77,24 @@ pub(crate) struct ChaosArguments {
     #[arg(long, short)]
     pub(crate) quiet: bool,
 }
+
+impl From<&ChaosArguments> for tessera_lab::chaos::Campaign {
+    fn from(arguments: &ChaosArguments) -> Self {
+        let ChaosArguments { source, kills, seed, interval_ms, plan, camera, config, .. } = arguments.clone();
+        let ChaosArguments { overrides, frames, live, out, patience_s, .. } = arguments.clone();
+        Self {
+            source,
+            kills,
+            seed,
+            interval_ms,
+            plan,
+            camera,
+            config,
+            overrides,
+            frames,
+            live,
+            out,
+            patience_s,
+        }
+    }
+}

@@ -56,6 +56,13 @@ pub(crate) struct ExportFiles {
     pub(crate) mcap: Option<PathBuf>,
 }
 
+impl From<&ExportFiles> for tessera_exchange::ExportFiles {
+    fn from(files: &ExportFiles) -> Self {
+        let ExportFiles { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap } = files.clone();
+        Self { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap }
+    }
+}
+
 /// A length that is more than nothing and less than a hundred thousand.
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;

@@ -5,7 +5,7 @@ use super::topics::TopicArguments;
 use clap::Args;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use tessera_surface::Isa;
+use tessera_numerics::Isa;
 
 /// `tessera run`.
 #[derive(Clone, Debug, Default, Args)]
@@ -75,7 +75,7 @@ pub(crate) struct RunArguments {
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,
-    /// Vector instructions: auto (the machine's widest), baseline (the same bits on all machines), avx2, avx512, neon
+    /// Vector instructions, all with the same results: auto (the machine's widest), baseline, avx2, avx512, neon
     #[arg(long, value_parser = isa)]
     pub(crate) isa: Option<Isa>,
     /// Write the run for Rerun too, by the program of `tessera view`

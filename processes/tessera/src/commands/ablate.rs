@@ -1,16 +1,16 @@
 //! `tessera ablate`: what each part of the method is worth, on any sequences.
 
-use crate::ablation::{Peers, Plan, Tables, columns, ground_truth, markdown, measure, svg};
 use crate::arguments::AblateArguments;
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::terminal::say;
 use std::path::Path;
+use tessera_lab::ablation::{Peers, Plan, Tables, columns, ground_truth, markdown, measure, svg};
 use tessera_sources::{Source, SourceOptions, SourceSpec};
 
 /// Runs all columns on all sequences, prints both tables and writes the plot.
 pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> {
-    let internal = |error: &dyn std::fmt::Display| CommandError::Stage(error.to_string());
+    let internal = |error: &dyn std::fmt::Display| CommandError::stage(error.to_string());
     let plan = Plan {
         columns_base: arguments.config.clone(),
         whole_base: arguments.whole_config.clone(),

@@ -4,9 +4,9 @@ use crate::arguments::RunArguments;
 use crate::commands::metrics::{MetricsServer, listen};
 use crate::exit::Exit;
 use crate::launch::LaunchError;
-use crate::supervisor::Plan;
 use crate::terminal::{say, say_error};
-use crate::trace::TraceOutput;
+use tessera_lab::trace::TraceOutput;
+use tessera_supervisor::Plan;
 
 /// Launches a plan with all that goes on beside it. What `launch` is given it calls once, when
 /// others can see the run.

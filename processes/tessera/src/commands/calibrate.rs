@@ -31,7 +31,7 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
     };
     let (found, expected) = ((start.width, start.height), (source.camera().width, source.camera().height));
     if found != expected {
-        return Err(CommandError::Input(format!(
+        return Err(CommandError::input(format!(
             "the start camera's images are {}x{} px, expected {}x{} as in {}",
             found.0, found.1, expected.0, expected.1, arguments.source
         )));
@@ -44,14 +44,14 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
     bar.finish_and_clear();
     let found = result.map_err(|error| match error {
         CalibrateError::Frame(error) => error,
-        error => CommandError::Input(format!("{}: {error}", arguments.source)),
+        error => CommandError::input(format!("{}: {error}", arguments.source)),
     })?;
     let report = Report::of(&found);
     let text = file_text(&arguments.source, &found, &report)?;
     std::fs::write(&arguments.out, text).map_err(|error| CommandError::write(&arguments.out, error))?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&report);
-        say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
     } else {
         say_to_people(&for_people(arguments, &report));
     }
@@ -86,7 +86,7 @@ fn fixed(names: &[String]) -> Result<Vec<Parameter>, CommandError> {
     let by_name = |name: &String| {
         Parameter::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let known = Parameter::ALL.map(Parameter::name).join(", ");
-            CommandError::Arguments(format!("--fix {name}: no such parameter, expected one of {known}"))
+            CommandError::arguments(format!("--fix {name}: no such parameter, expected one of {known}"))
         })
     };
     names.iter().map(by_name).collect()
@@ -94,7 +94,7 @@ fn fixed(names: &[String]) -> Result<Vec<Parameter>, CommandError> {
 
 fn check_writable(path: &Path) -> Result<(), CommandError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let refuse = |reason: String| Err(CommandError::Arguments(format!("--out {}: {reason}", path.display())));
+    let refuse = |reason: String| Err(CommandError::arguments(format!("--out {}: {reason}", path.display())));
     match (folder.is_dir(), path.is_dir()) {
         (true, false) => Ok(()),
         (true, true) => refuse("it is a folder, expected a file to write".to_owned()),
@@ -203,7 +203,7 @@ impl Report {
 /// The camera file, with what is known of each value in its head.
 fn file_text(source: &str, found: &Calibrated, report: &Report) -> Result<String, CommandError> {
     let camera = toml::to_string(&found.calibration.camera);
-    let camera = camera.map_err(|error| CommandError::Stage(error.to_string()))?;
+    let camera = camera.map_err(|error| CommandError::stage(error.to_string()))?;
     let mut text =
         format!("# Calibrated by `tessera calibrate` from {} frames of {source}.\n", report.n_frames);
     for line in report.lines() {

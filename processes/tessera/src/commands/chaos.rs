@@ -1,9 +1,10 @@
 //! `tessera chaos`: faults on purpose, and what came of them.
 
 use crate::arguments::ChaosArguments;
-use crate::chaos::{FaultKind, Report, Target, attach, campaign};
 use crate::exit::{CommandError, Exit};
+use crate::progress::work_bar;
 use crate::terminal::{say, say_error, say_to_people};
+use tessera_lab::chaos::{FaultKind, Report, Target, attach, campaign};
 
 /// Disturbs runs and says whether the promise was kept.
 pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
@@ -17,11 +18,22 @@ pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
     let names = FaultKind::ALL.map(|(name, _)| name).join(", ");
     let kinds = all(&arguments.faults, "fault", kind, &names)?;
     if arguments.interval_ms == 0 || arguments.kills == 0 {
-        return Err(CommandError::Arguments("--kills or --interval-ms is 0, expected at least 1".into()));
+        return Err(CommandError::arguments("--kills or --interval-ms is 0, expected at least 1"));
     }
+    let wanted = arguments.into();
     let report = match &arguments.attach {
-        Some(name) => attach(arguments, name, &targets, &kinds)?,
-        None => campaign(arguments, &targets, &kinds)?,
+        Some(name) => attach(&wanted, name, &targets, &kinds)?,
+        None => {
+            let template = "{bar:20} {pos}/{len} faults, {wide_msg}";
+            let bar = work_bar(arguments.quiet, Some(arguments.kills), template);
+            let mut on_run = |number: u64, n_faults: u64| {
+                bar.set_message(format!("run {number}"));
+                bar.set_position(n_faults);
+            };
+            let report = campaign(&wanted, &targets, &kinds, &mut on_run);
+            bar.finish_and_clear();
+            report?
+        }
     };
     conclude(&report, arguments.json)
 }
@@ -49,7 +61,7 @@ fn all<T>(
 ) -> Result<Vec<T>, CommandError> {
     let one = |name: &String| {
         find(name)
-            .ok_or_else(|| CommandError::Arguments(format!("no {what} {name:?}, expected one of {expected}")))
+            .ok_or_else(|| CommandError::arguments(format!("no {what} {name:?}, expected one of {expected}")))
     };
     names.iter().map(one).collect()
 }

@@ -22,7 +22,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> Result<Exit, CommandError> {
     let report = tessera_sources::check(&*source, FRAMES_LOOKED_AT)?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&report);
-        say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
     } else {
         say_to_people(&for_people(&spec.to_string(), &report));
     }

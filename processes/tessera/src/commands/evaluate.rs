@@ -4,15 +4,16 @@ use crate::arguments::EvaluateArguments;
 use crate::exit::{CommandError, Exit};
 use crate::terminal::{say, say_to_people};
 use std::fmt::Write;
-use tessera_trajectory::{Evaluation, EvaluationOptions, Statistics, read_tum};
+use tessera_evaluation::{Evaluation, EvaluationOptions, Statistics, read_tum};
+use tessera_outputs::ToolError;
 
 /// Prints the errors of an estimate.
 pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandError> {
     let estimate = read_tum(&arguments.estimate)?;
     let groundtruth = read_tum(&arguments.groundtruth)?;
     let options = EvaluationOptions { time_offset: arguments.time_offset.is_some(), scale: arguments.scale };
-    let evaluation = tessera_trajectory::evaluate(&estimate, &groundtruth, &options).map_err(|source| {
-        CommandError::Evaluation {
+    let evaluation = tessera_evaluation::evaluate(&estimate, &groundtruth, &options).map_err(|source| {
+        ToolError::Evaluation {
             estimate: arguments.estimate.display().to_string(),
             groundtruth: arguments.groundtruth.display().to_string(),
             source,
@@ -20,7 +21,7 @@ pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandErr
     })?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&evaluation);
-        say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
     } else {
         say_to_people(&for_people(&evaluation, &options));
     }

@@ -1,17 +1,16 @@
 //! `tessera export`: the outputs of a run, written again from its folder.
 
 use crate::arguments::{ExportArguments, Speech};
-use crate::exchange;
 use crate::exit::{CommandError, Exit};
-use crate::outputs::{self, Summary};
 use crate::run_folder;
 use crate::terminal::{say, say_to_people};
 use std::path::Path;
+use tessera_outputs::Summary;
 
 /// Writes all outputs of a run.
 pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> {
     let run_folder = run_folder::find(&arguments.run)?;
-    let written = exchange::write(&run_folder, &arguments.files)?;
+    let written = tessera_exchange::write(&run_folder, &(&arguments.files).into())?;
     if !written.is_empty() && arguments.out.is_none() {
         if arguments.speech.json {
             say(&serde_json::json!({ "written": written }).to_string());
@@ -21,7 +20,7 @@ pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> 
         return Ok(Exit::Done);
     }
     let out_folder = arguments.out.as_deref().unwrap_or(&run_folder);
-    let summary = outputs::export(&run_folder, out_folder)?;
+    let summary = tessera_outputs::export(&run_folder, out_folder)?;
     say_summary(&summary, out_folder, arguments.speech)?;
     Ok(Exit::Done)
 }

@@ -6,13 +6,13 @@ use crate::commands::beside::with_company;
 use crate::commands::run::{new_plan, run_dir};
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, launch};
-use crate::supervisor::SupervisorError;
 use std::time::{Duration, Instant};
 use tessera_geometry::Camera;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind, Stage};
 use tessera_settings::Settings;
 use tessera_sources::{named_camera, refuse_impossible_depth, summarise_image};
 use tessera_stage::{Lifeline, RunFiles};
+use tessera_supervisor::SupervisorError;
 use tessera_surface::Grid;
 use tessera_transport::{Layout, Link, RunClaim, TransportError};
 
@@ -28,7 +28,7 @@ struct First {
 /// Refuses options that make no sense for frames that come by themselves.
 pub(super) fn check_arguments(settings: &Settings) -> Result<(), CommandError> {
     let wrong =
-        |what| Err(CommandError::Arguments(format!("{what} cannot be used with the source external")));
+        |what| Err(CommandError::arguments(format!("{what} cannot be used with the source external")));
     match &settings.run {
         run if run.skip > 0 => wrong("--skip"),
         run if run.preload => wrong("--preload"),
@@ -67,13 +67,13 @@ pub(super) fn start(arguments: &RunArguments, settings: &Settings, name: &str) -
 
 /// The first image that can be used; `None` where somebody wants an end.
 fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<Option<First>, CommandError> {
-    let stage = |error: std::io::Error| CommandError::Stage(format!("cannot listen to signals: {error}"));
+    let stage = |error: std::io::Error| CommandError::stage(format!("cannot listen to signals: {error}"));
     let lifeline = Lifeline::hold(false).map_err(stage)?;
     let given = settings.source().1.camera.as_deref().map(named_camera).transpose()?;
     let identity = &claim.entry.identity;
     let link = Link::open(identity, &camera_layout(settings), "waiting for a camera")?;
     let _services = link.hold_camera_services()?;
-    let ear = link.ear(Stage::Sensor)?;
+    let listener = link.listener(Stage::Sensor)?;
     let (images, flow) = (link.camera_subscriber()?, link.camera_flow_publisher()?);
     flow.send(CameraFlow { epoch: 1, send_from: 0, send_below: 1, finished: 0 })?;
     if !speech.quiet {
@@ -91,7 +91,7 @@ fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<
         }
         let Some(image) = images.receive()? else {
             flow.update();
-            ear.wait(LOOK)?;
+            listener.wait(LOOK)?;
             continue;
         };
         match look_at(&image.header(), image.payload(), given.as_ref(), settings.run.force) {
@@ -101,7 +101,7 @@ fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<
     }
     let seconds = settings.run.camera_timeout_s;
     let waited = format!("no camera came within {seconds} s (run.camera_timeout_s)");
-    Err(CommandError::Input(match refused {
+    Err(CommandError::input(match refused {
         Some(reason) => format!("{waited}; what was sent is refused: {reason}"),
         None => format!(
             "{waited}: expected a program that sends to the service 'camera' of the run {} (docs/camera.md)",

@@ -23,7 +23,7 @@ const SOCKET_VARIABLE: &str = "TESSERA_METRICS_SOCKET";
 /// # Errors
 /// Where the address cannot be had.
 pub(crate) fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), CommandError> {
-    let cannot = |error: std::io::Error| CommandError::Arguments(format!("--metrics {address}: {error}"));
+    let cannot = |error: std::io::Error| CommandError::arguments(format!("--metrics {address}: {error}"));
     let listener = TcpListener::bind(address).map_err(cannot)?;
     let bound = listener.local_addr().map_err(cannot)?;
     Ok((listener, bound))
@@ -66,7 +66,7 @@ pub(crate) fn serve(
     watcher: &mut Watcher,
     mut goes_on: impl FnMut() -> Result<bool, CommandError>,
 ) -> Result<(), CommandError> {
-    let cannot = |error: std::io::Error| CommandError::Arguments(format!("--metrics {address}: {error}"));
+    let cannot = |error: std::io::Error| CommandError::arguments(format!("--metrics {address}: {error}"));
     let listener = match std::env::var_os(SOCKET_VARIABLE) {
         Some(_) => TcpListener::from(std::io::stdin().as_fd().try_clone_to_owned().map_err(cannot)?),
         None => {

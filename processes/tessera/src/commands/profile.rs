@@ -2,15 +2,15 @@
 
 use crate::arguments::ProfileArguments;
 use crate::exit::{CommandError, Exit};
-use crate::profile::{self, Options, Recorded, Stages};
 use crate::terminal::{say, say_to_people};
+use tessera_lab::profile::{self, Options, Recorded, Stages};
 
 /// Runs the stage and prints where its time went.
 pub(crate) fn profile(arguments: &ProfileArguments) -> Result<Exit, CommandError> {
     let stage = Stages::named(&arguments.stage)?;
     let recorded = Recorded::read(&arguments.file)?;
     if recorded.stage != stage {
-        return Err(CommandError::Input(format!(
+        return Err(CommandError::input(format!(
             "{} holds the input of {}, expected that of {stage}",
             arguments.file.display(),
             recorded.stage
@@ -20,7 +20,7 @@ pub(crate) fn profile(arguments: &ProfileArguments) -> Result<Exit, CommandError
     let report = profile::profile(&recorded, &options)?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&report);
-        say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
     } else {
         say_to_people(&report.for_people());
     }

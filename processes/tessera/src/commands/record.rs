@@ -3,9 +3,9 @@
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::commands::run::settings;
 use crate::exit::{CommandError, Exit};
-use crate::profile::{self, Stages};
 use crate::progress::work_bar;
 use crate::terminal::say_to_people;
+use tessera_lab::profile::{self, Stages};
 
 /// Records a source.
 pub(crate) fn record(arguments: &RecordArguments) -> Result<Exit, CommandError> {
@@ -22,7 +22,7 @@ pub(crate) fn record(arguments: &RecordArguments) -> Result<Exit, CommandError> 
     let (spec, options) = settings.source();
     let source = tessera_sources::open(&spec, &options)?;
     let Some(n_frames) = source.n_frames() else {
-        return Err(CommandError::Arguments(format!("{spec} has no end, expected --frames N")));
+        return Err(CommandError::arguments(format!("{spec} has no end, expected --frames N")));
     };
     let bar = work_bar(arguments.quiet, Some(n_frames), "{bar:20} {pos}/{len} frames, {eta} left");
     let bytes = profile::record(&*source, &settings, stage, &arguments.out, &mut || bar.inc(1));

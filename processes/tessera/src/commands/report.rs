@@ -2,10 +2,10 @@
 
 use crate::arguments::ReportArguments;
 use crate::exit::{CommandError, Exit};
-use crate::report::{self, REPORT_FILE};
 use crate::run_folder;
 use crate::terminal::say;
 use std::path::{Path, PathBuf};
+use tessera_report::REPORT_FILE;
 
 /// Writes the report and says where it is.
 pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, CommandError> {
@@ -17,7 +17,7 @@ pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, CommandError> 
         (None, _) => PathBuf::from(REPORT_FILE),
     };
     let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
-    report::write(&folders, &path)?;
+    tessera_report::write(&folders, &path)?;
     if !arguments.quiet {
         say(&path.display().to_string());
     }

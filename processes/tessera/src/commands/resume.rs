@@ -4,11 +4,12 @@ use crate::arguments::{ResumeArguments, Speech};
 use crate::exit::{CommandError, Exit};
 use crate::launch::{kill_plan, launch};
 use crate::run_folder;
-use crate::supervisor::Plan;
 use std::path::Path;
+use tessera_numerics::Isa;
 use tessera_settings::Settings;
 use tessera_sources::SourceSpec;
 use tessera_stage::{RunFile, RunFiles};
+use tessera_supervisor::Plan;
 
 /// Goes on with a run as it was begun: same name, camera and settings.
 pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> {
@@ -21,14 +22,11 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
     let run = RunFile::read(&files)?;
     let config = files.config();
     let text = std::fs::read_to_string(&config)
-        .map_err(|error| CommandError::Input(format!("{}: {error}", config.display())))?;
-    let settings = Settings::from_toml(&text, &config.display().to_string())?;
-    settings.run.isa.resolve().map_err(|error| {
-        CommandError::Input(format!(
-            "{}: {error}: the run began on another kind of machine",
-            config.display()
-        ))
-    })?;
+        .map_err(|error| CommandError::input(format!("{}: {error}", config.display())))?;
+    let mut settings = Settings::from_toml(&text, &config.display().to_string())?;
+    // The same bits on every set: a run that began on another kind of machine goes on with this
+    // one's.
+    settings.set_isa(settings.run.isa.resolve().unwrap_or(Isa::of_machine()));
     let (spec, options) = settings.source();
     // Opened here too, so that a source that went away is told before anything starts.
     let source = match spec {
@@ -45,7 +43,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         hold,
         resume: true,
         executable: std::env::current_exe()
-            .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
+            .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
         is_traced: false,
     };

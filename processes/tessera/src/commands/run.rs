@@ -7,7 +7,6 @@ use crate::commands::resume::resume_in;
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
-use crate::supervisor::{Plan, SupervisorError, update_map};
 use crate::terminal::say_error;
 use crate::terminal::say_to_people;
 use crate::viewer::Recording;
@@ -16,6 +15,7 @@ use tessera_geometry::Camera;
 use tessera_settings::Settings;
 use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
 use tessera_stage::RunFiles;
+use tessera_supervisor::{Plan, SupervisorError, update_map};
 use tessera_transport::{TransportError, check_name};
 
 /// Frames looked at before the start, to notice wrong depth units.
@@ -37,7 +37,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     }
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
-        .map_err(|error| CommandError::Input(format!("{spec}: {error}")))?;
+        .map_err(|error| CommandError::input(format!("{spec}: {error}")))?;
     under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, name))
 }
 
@@ -62,7 +62,7 @@ fn under_a_free_name(
     start: impl Fn(&str) -> Result<Exit, LaunchError>,
 ) -> Result<Exit, CommandError> {
     if let Some(name) = &arguments.name {
-        check_name(name).map_err(|error| CommandError::Arguments(error.to_string()))?;
+        check_name(name).map_err(|error| CommandError::arguments(error.to_string()))?;
         let run_dir = run_dir(arguments, name);
         if arguments.hold && RunFiles::new(&run_dir).run_file().exists() {
             return resume_in(&run_dir, arguments.speech, true);
@@ -81,7 +81,7 @@ fn under_a_free_name(
             ended => return Ok(ended?),
         }
     }
-    Err(CommandError::Arguments(format!(
+    Err(CommandError::arguments(format!(
         "all names {label}-1 to {label}-{MOST_NAMES} are taken, expected --name NAME"
     )))
 }
@@ -116,20 +116,20 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     run.force |= arguments.force;
     run.preload |= arguments.preload;
     if arguments.frames == Some(0) {
-        return Err(CommandError::Arguments("--frames is 0, expected at least 1".to_owned()));
+        return Err(CommandError::arguments("--frames is 0, expected at least 1".to_owned()));
     }
     settings.simulation.person |= arguments.person;
     settings.simulation.readout_s = arguments.readout.or(settings.simulation.readout_s);
     let is_of_a_scene = arguments.person || arguments.readout.is_some();
     if is_of_a_scene && !matches!(SourceSpec::parse(&settings.run.source), SourceSpec::Scene(_)) {
-        return Err(CommandError::Arguments(format!(
+        return Err(CommandError::arguments(format!(
             "--person and --readout are for simulated scenes, and {} is none; a camera file's readout_s tells of a real rolling shutter",
             settings.run.source
         )));
     }
     settings.check()?;
     let isa = arguments.isa.unwrap_or(settings.run.isa);
-    settings.set_isa(isa.resolve().map_err(|error| CommandError::Arguments(error.to_string()))?);
+    settings.set_isa(isa.resolve().map_err(|error| CommandError::arguments(error.to_string()))?);
     // Absolute, so that the stages and a later `resume` find them from anywhere.
     let run = &mut settings.run;
     run.source = SourceSpec::parse(&run.source).to_string();
@@ -191,7 +191,7 @@ pub(super) fn new_plan(
         hold: arguments.hold,
         resume: false,
         executable: std::env::current_exe()
-            .map_err(|error| CommandError::Stage(format!("cannot find the own program: {error}")))?,
+            .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),
         is_traced: arguments.trace.is_some(),
     })

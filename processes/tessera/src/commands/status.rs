@@ -2,7 +2,6 @@
 
 use crate::arguments::StatusArguments;
 use crate::exit::{CommandError, Exit};
-use crate::outputs::{self, LatencyMs, RunStatistics};
 use crate::run_folder;
 use crate::terminal::{say, say_to_people};
 use serde::Serialize;
@@ -11,6 +10,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage, WaitingOn};
+use tessera_outputs::{LatencyMs, RunStatistics};
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Link, Registered, RunEntry, living_nodes, registered_runs};
@@ -79,7 +79,7 @@ fn is_named(run: &Registered, wanted: &str) -> bool {
 
 fn of_running(run: &RunEntry) -> Result<RunStatus, CommandError> {
     let beats = listen(run)?;
-    let statistics = outputs::read_statistics(&run.run_dir)?;
+    let statistics = tessera_outputs::read_statistics(&run.run_dir)?;
     let living = living_nodes(&run.identity)?;
     let pid = |stage: Stage| living.iter().find(|node| node.name == stage.name()).map(|node| node.pid);
     let stages = Stage::ALL.map(|stage| of_stage(stage, pid(stage), beats.get(&stage), &statistics)).to_vec();
@@ -100,7 +100,7 @@ fn of_unread(run: &RunEntry, error: &CommandError) -> RunStatus {
 /// A run that is over: what its supervisor wrote last.
 fn of_ended(name_or_folder: &str) -> Result<RunStatus, CommandError> {
     let folder = run_folder::find(name_or_folder)?;
-    let statistics = outputs::read_statistics(&folder)?;
+    let statistics = tessera_outputs::read_statistics(&folder)?;
     let stages = Stage::ALL.map(|stage| of_stage(stage, None, None, &statistics)).to_vec();
     let name = RunFile::read(&RunFiles::new(&folder))?.name;
     Ok(RunStatus { name, folder, running: false, stages, problem: None })
@@ -165,11 +165,11 @@ fn listen(run: &RunEntry) -> Result<BTreeMap<Stage, Beat>, CommandError> {
 }
 
 fn read(path: &Path) -> Result<String, CommandError> {
-    std::fs::read_to_string(path).map_err(|error| CommandError::Input(format!("{}: {error}", path.display())))
+    std::fs::read_to_string(path).map_err(|error| CommandError::input(format!("{}: {error}", path.display())))
 }
 
 fn to_json(status: &impl Serialize) -> Result<String, CommandError> {
-    serde_json::to_string_pretty(status).map_err(|error| CommandError::Stage(error.to_string()))
+    serde_json::to_string_pretty(status).map_err(|error| CommandError::stage(error.to_string()))
 }
 
 fn for_people(run: &RunStatus) -> String {

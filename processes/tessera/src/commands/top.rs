@@ -18,7 +18,7 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
         return serve(address, &mut watcher, || is_alive(&run)).map(|()| Exit::Done);
     }
     if !arguments.json && !std::io::stdout().is_terminal() {
-        return Err(CommandError::Arguments(
+        return Err(CommandError::arguments(
             "standard output is no terminal, expected --json or a terminal".to_owned(),
         ));
     }
@@ -26,7 +26,7 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
     let interval = Duration::from_secs_f64(arguments.interval);
     let mut terminal = match arguments.json {
         true => None,
-        false => Some(ratatui::try_init().map_err(|error| CommandError::Stage(error.to_string()))?),
+        false => Some(ratatui::try_init().map_err(|error| CommandError::stage(error.to_string()))?),
     };
     let mut look = || -> Result<(), CommandError> {
         let mut n_looks = 0;
@@ -36,11 +36,11 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
             n_looks += 1;
             let Some(terminal) = &mut terminal else {
                 let json = serde_json::to_string(&snapshot);
-                say(&json.map_err(|error| CommandError::Stage(error.to_string()))?);
+                say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
                 continue;
             };
             let drawn = terminal.draw(|frame| draw(frame, &snapshot)).map(drop);
-            drawn.map_err(|error| CommandError::Stage(error.to_string()))?;
+            drawn.map_err(|error| CommandError::stage(error.to_string()))?;
             if wants_end() {
                 break;
             }
@@ -63,7 +63,7 @@ fn find(wanted: Option<&str>) -> Result<RunEntry, CommandError> {
         if names.is_empty() { "no run is going on".to_owned() } else { format!("there are: {names}") };
     match wanted {
         None if alive.len() == 1 => Ok(alive[0].clone()),
-        None => Err(CommandError::Arguments(format!(
+        None => Err(CommandError::arguments(format!(
             "expected the name of one run that is going on; {there_are}"
         ))),
         Some(wanted) => alive
@@ -71,7 +71,7 @@ fn find(wanted: Option<&str>) -> Result<RunEntry, CommandError> {
             .find(|run| {
                 run.name == wanted || std::path::absolute(wanted).is_ok_and(|folder| folder == run.run_dir)
             })
-            .ok_or_else(|| CommandError::Arguments(format!("no run {wanted:?} is going on; {there_are}"))),
+            .ok_or_else(|| CommandError::arguments(format!("no run {wanted:?} is going on; {there_are}"))),
     }
 }
 

@@ -19,5 +19,5 @@ pub(crate) fn view(arguments: &ViewArguments) -> Result<Exit, CommandError> {
     command.arg("--images-per-s").arg(arguments.images_per_s.to_string());
     command.arg("--memory").arg(&arguments.memory);
     let error = command.exec();
-    Err(CommandError::Stage(format!("cannot start {}: {error}", command.get_program().display())))
+    Err(CommandError::stage(format!("cannot start {}: {error}", command.get_program().display())))
 }

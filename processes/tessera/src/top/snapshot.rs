@@ -1,9 +1,9 @@
 //! What can be seen of a run at one time.
 
-use crate::outputs::LatencyMs;
-use crate::profile::Times;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use tessera_lab::profile::Times;
+use tessera_outputs::LatencyMs;
 
 /// One process.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

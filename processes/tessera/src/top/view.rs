@@ -112,12 +112,12 @@ fn pose(snapshot: &Snapshot) -> Line<'static> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::outputs::LatencyMs;
-    use crate::profile::Times;
     use crate::top::snapshot::LastPose;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use std::collections::BTreeMap;
+    use tessera_lab::profile::Times;
+    use tessera_outputs::LatencyMs;
 
     fn snapshot() -> Snapshot {
         let line = StageLine {

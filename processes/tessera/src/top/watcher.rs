@@ -2,7 +2,6 @@
 
 use super::snapshot::{LastPose, Snapshot, StageLine};
 use crate::exit::CommandError;
-use crate::outputs;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_geometry::{Pose, PoseBits};
@@ -41,7 +40,7 @@ impl Watcher {
         let config = files.config();
         let origin = config.display().to_string();
         let text =
-            std::fs::read_to_string(&config).map_err(|e| CommandError::Input(format!("{origin}: {e}")))?;
+            std::fs::read_to_string(&config).map_err(|e| CommandError::input(format!("{origin}: {e}")))?;
         let layout = RunFile::read(&files)?.layout(&Settings::from_toml(&text, &origin)?);
         let link = Link::open(&run.identity, &layout, name)?;
         let now = Instant::now();
@@ -95,7 +94,7 @@ impl Watcher {
         let now = Instant::now();
         let seconds = (now - self.looked_at).as_secs_f64().max(1e-3);
         self.looked_at = now;
-        let statistics = outputs::read_statistics(&self.run.run_dir).unwrap_or_default();
+        let statistics = tessera_outputs::read_statistics(&self.run.run_dir).unwrap_or_default();
         let restarts = |stage: Stage| statistics.stages.get(stage.name()).map_or(0, |kept| kept.restarts);
         let stages = Stage::ALL.map(|stage| {
             let times = self.times.get(&stage);

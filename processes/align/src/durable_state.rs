@@ -1,0 +1,157 @@
+//! The aligner's durable state: a fold over its journal, and the files behind it.
+
+use crate::journal_fold::{JournalFold, Snapshot};
+use std::collections::BTreeMap;
+use std::time::Duration;
+use tessera_journal::{Follower, Journal, Store};
+use tessera_settings::Fsync;
+use tessera_slam::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker};
+use tessera_stage::{
+    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageError, StateAt,
+    journal_slot, slots, store_slot,
+};
+use tessera_surface::Vertex;
+
+/// How long a predecessor may take to die before its lock is an error.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The aligner's whole state; it can be thrown away and read back from disk at any time.
+pub(crate) struct DurableState {
+    pub(crate) fold: JournalFold,
+    pub(crate) keyframes: MappedKeyframes,
+    journal: Journal<AlignRecord>,
+    store: Store,
+    corrections: Follower<OptimiseRecord>,
+    /// Corrections that the optimiser has journaled and that have not taken effect.
+    pending: BTreeMap<u64, Correction>,
+    fsync: Fsync,
+    checkpoint: Checkpoint,
+}
+
+impl DurableState {
+    /// Reads the state back from the run directory; locks the journal and the store.
+    pub(crate) fn open(context: &Context) -> Result<Self, StageError> {
+        let files = &context.files;
+        let store_path = files.store();
+        let mut store = Store::open(&store_path, PATIENCE)?;
+        let mut keyframes = MappedKeyframes::open(&store_path, context.layout.grid.len())?;
+        let flow = &context.settings.flow;
+        let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), ALIGN_JOURNAL, flow.checkpoint_kb);
+        let kept = checkpoint.read::<StateAt<Snapshot<'static>>>().filter(|kept| kept.marks.fits(files));
+        let (marks, mut fold) = match kept {
+            Some(kept) => (Some(kept.marks), JournalFold::restore(context.mapping_context(), kept.state)),
+            None => (None, JournalFold::new(Tracker::new(context.mapping_context()))),
+        };
+        for keyframe in &fold.tracker.state().keyframes {
+            keyframes.add_unread(keyframe.id, &keyframe.slot)?;
+            store.keep(&journal_slot(&keyframe.slot));
+        }
+        let corrections = Follower::open_behind(
+            &files.optimise_journal(),
+            OPTIMISE_JOURNAL,
+            marks.as_ref().map(|marks| &marks.optimise),
+        )?;
+        let (journal, recovered) = Journal::open_behind(
+            &files.align_journal(),
+            ALIGN_JOURNAL,
+            marks.as_ref().map(|marks| &marks.align),
+            PATIENCE,
+            |record: AlignRecord| {
+                keyframes.take_unread(&record).map_err(|e| e.to_string())?;
+                slots(&record).for_each(|(_, slot)| store.keep(&journal_slot(slot)));
+                fold.apply(record);
+                Ok(())
+            },
+        )?;
+        if let Some(marks) = &marks {
+            tracing::info!(
+                "a checkpoint spares {} of {} records",
+                marks.align.n_records,
+                recovered.n_records
+            );
+        }
+        if let Some(reason) = &recovered.reason {
+            tracing::warn!(
+                "the journal of align ends after {} records, {} bytes behind them are dropped: {reason}",
+                recovered.n_records,
+                recovered.dropped_bytes
+            );
+        }
+        if context.run.map.is_some() && !fold.begins_in_map {
+            return Err(StageError::Inconsistent(format!(
+                "{} does not begin with the map that the run starts in; `tessera resume` puts it back",
+                files.align_journal().display()
+            )));
+        }
+        checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
+        let (pending, fsync) = (BTreeMap::new(), flow.fsync);
+        Ok(Self { fold, keyframes, journal, store, corrections, pending, fsync, checkpoint })
+    }
+
+    /// Writes a checkpoint for a successor, where the journals have grown enough since the last
+    /// one; to be called behind everything that others wait for.
+    pub(crate) fn checkpoint_if_due(&mut self, context: &Context, index: u64) {
+        let marks = Marks { align: self.journal.mark(), optimise: self.corrections.mark() };
+        let bytes = marks.len_bytes();
+        // A correction that is pending lies before the mark of the corrections.
+        if self.pending.is_empty() && self.checkpoint.is_due(bytes) {
+            self.checkpoint.write(&StateAt { marks, state: self.fold.snapshot() }, bytes);
+            context.kill_points.pass("checkpointed", index);
+        }
+    }
+
+    /// Appends the surface of a frame that becomes a keyframe to the store; the record gets its slot.
+    pub(crate) fn store_keyframe(
+        &mut self,
+        record: &mut FrameRecord,
+        surface: &[Vertex],
+    ) -> Result<(), StageError> {
+        let sync = self.fsync != Fsync::Never;
+        let slot = self.store.append(bytemuck::cast_slice(surface), sync)?;
+        if let Some(keyframe) = &mut record.new_keyframe {
+            keyframe.slot = store_slot(&slot);
+        }
+        Ok(())
+    }
+
+    /// Journals a record and applies it: the commit point.
+    pub(crate) fn commit(&mut self, record: AlignRecord) -> Result<(), StageError> {
+        let is_plain = matches!(&record, AlignRecord::Frame(f) if f.new_keyframe.is_none())
+            || matches!(record, AlignRecord::Skipped(..));
+        let sync = match self.fsync {
+            Fsync::Never => false,
+            Fsync::Keyframe => !is_plain,
+            Fsync::Always => true,
+        };
+        self.journal.append(&record, sync)?;
+        self.keyframes.take_unread(&record)?;
+        self.fold.apply(record);
+        Ok(())
+    }
+
+    /// Takes the correction of `request`, if the optimiser has journaled it.
+    pub(crate) fn take_correction(&mut self, request: u64) -> Result<Option<Correction>, StageError> {
+        self.read_corrections()?;
+        Ok(self.pending.remove(&request))
+    }
+
+    /// Takes the oldest correction that has not taken effect (live mode).
+    pub(crate) fn take_oldest_correction(&mut self) -> Result<Option<Correction>, StageError> {
+        self.read_corrections()?;
+        Ok(self.pending.pop_first().map(|(_, correction)| correction))
+    }
+
+    /// Whether the correction of `request` has taken effect.
+    pub(crate) fn is_applied(&self, request: u64) -> bool {
+        self.fold.last_applied.is_some_and(|last| last >= request)
+    }
+
+    fn read_corrections(&mut self) -> Result<(), StageError> {
+        while let Some(OptimiseRecord::Correction(correction)) = self.corrections.next()? {
+            if !self.is_applied(correction.request) {
+                self.pending.insert(correction.request, *correction);
+            }
+        }
+        Ok(())
+    }
+}

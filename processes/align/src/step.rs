@@ -1,0 +1,191 @@
+//! Work on one frame, the same in a lossless and in a live run but for a [`Policy`]: skip, align,
+//! store, journal, publish, acknowledge.
+
+use crate::durable_state::DurableState;
+use crate::inbox::Surface;
+use crate::ports::Ports;
+use tessera_messages::{Kind, Phase};
+use tessera_numerics::Step;
+use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, KeyframeSurfaces};
+use tessera_stage::{Context, StageError, monotonic_nanos};
+
+/// Treatment of a frame by the kind of run.
+#[derive(Debug)]
+pub(crate) struct Policy {
+    /// Whether a frame that ended this stage again and again is left out.
+    pub(crate) skips_poison: bool,
+    /// A new keyframe's frame whose surface was lost with a predecessor.
+    pub(crate) missing_surface: MissingSurface,
+    /// Extent of an acknowledgement.
+    pub(crate) acknowledge: Acknowledge,
+}
+
+/// Treatment of a new keyframe without its surface.
+#[derive(Debug)]
+pub(crate) enum MissingSurface {
+    /// An error: the flow brings every recent surface again.
+    Fail,
+    /// No keyframe: the next frame will make one.
+    Postpone,
+}
+
+/// What is acknowledged once a frame is journaled.
+#[derive(Debug)]
+pub(crate) enum Acknowledge {
+    /// Everything below the first recent surface that is missing: all others are in hand.
+    RecentSurfaces,
+    /// Every frame up to this one.
+    Frame,
+}
+
+/// Processes the surface of frame `index`; the frames left out before it get a record each.
+pub(crate) fn process_frame(
+    context: &Context,
+    policy: &Policy,
+    state: &mut DurableState,
+    ports: &mut Ports,
+    index: u64,
+) -> Result<(), StageError> {
+    ports.pulse.working(index);
+    let began = monotonic_nanos();
+    let Some(surface) = ports.inbox.get(index) else { return Ok(()) };
+    let (kind, mut times) = (surface.kind, surface.header.times);
+    let dropped_upstream = surface.header.dropped_before;
+    let is_poison = policy.skips_poison && context.poison.contains(&index);
+    if !is_poison {
+        context.kill_points.pass("received", index);
+    }
+    skip_frames(state, ports, index, dropped_upstream)?;
+    if kind == Kind::End {
+        let request = state.fold.tracker.final_request();
+        state.commit(AlignRecord::End { n_frames: index, request })?;
+        context.kill_points.pass("ended", index);
+        ports.notify_optimiser();
+        return Ok(());
+    }
+    if is_poison {
+        tracing::warn!(frame = index, "lost: it ended align again and again");
+        state.commit(AlignRecord::Skipped(index, "it ended align again and again".to_string()))?;
+        ports.pulse.beat.lost += 1;
+        return Ok(());
+    }
+    times.align_began = began;
+    ports.pulse.phase(Phase::Transport, began.saturating_sub(times.surface_sent));
+    let mut record = align(context, state, ports, index)?;
+    let computed = monotonic_nanos();
+    ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
+    context.kill_points.pass("computed", index);
+    let steps = ports.pulse.steps();
+    if record.new_keyframe.is_some() {
+        // Only a frame that stores a surface spends time in this step.
+        steps.enter(Step::Store);
+        store_keyframe(policy, state, ports, &mut record)?;
+        context.kill_points.pass("stored", index);
+    }
+    let concerns_optimiser = record.new_keyframe.is_some() || record.request.is_some();
+    steps.enter(Step::Journal);
+    state.commit(AlignRecord::Frame(Box::new(record)))?;
+    context.kill_points.pass("journaled", index);
+    steps.enter(Step::Send);
+    ports.publish(state, times)?;
+    context.kill_points.pass("published", index);
+    acknowledge(policy, state, ports)?;
+    context.kill_points.pass("acknowledged", index);
+    if concerns_optimiser {
+        ports.notify_optimiser();
+    }
+    ports.pulse.beat.keyframes = state.keyframes.len() as u64;
+    ports.pulse.beat.loops = state.fold.n_loops;
+    steps.leave();
+    let now = monotonic_nanos();
+    ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
+    ports.pulse.done(began, now);
+    Ok(())
+}
+
+/// Journals the frames left out before `index`: the sensor left `dropped_upstream` of them out,
+/// this stage the rest.
+fn skip_frames(
+    state: &mut DurableState,
+    ports: &mut Ports,
+    index: u64,
+    dropped_upstream: u64,
+) -> Result<(), StageError> {
+    let next = state.fold.tracker.next_index();
+    for skipped in next..index {
+        let is_own = skipped - next >= dropped_upstream;
+        let reason = if is_own { "newer frames had come" } else { "left out before alignment" };
+        state.commit(AlignRecord::Skipped(skipped, reason.to_string()))?;
+        ports.pulse.beat.dropped += u64::from(is_own);
+    }
+    Ok(())
+}
+
+/// The pure step: a surface in shared memory to a record.
+fn align(
+    context: &Context,
+    state: &mut DurableState,
+    ports: &Ports,
+    index: u64,
+) -> Result<FrameRecord, StageError> {
+    let Some(surface) = ports.inbox.get(index) else {
+        return Err(StageError::Inconsistent(format!("the surface of frame {index} is not at hand")));
+    };
+    let recent = ports.inbox.recent(state.fold.tracker.first_recent_index(), index);
+    log_addresses(context, state, surface, &recent);
+    let record = state.fold.tracker.align(&surface.view(ports.inbox.grid), &recent, &state.keyframes);
+    state.keyframes.check()?;
+    Ok(record)
+}
+
+/// Appends the surface of the new keyframe to the store.
+fn store_keyframe(
+    policy: &Policy,
+    state: &mut DurableState,
+    ports: &Ports,
+    record: &mut FrameRecord,
+) -> Result<(), StageError> {
+    let Some(keyframe_index) = record.new_keyframe.as_ref().map(|keyframe| keyframe.frame_index) else {
+        return Ok(());
+    };
+    match (ports.inbox.get(keyframe_index), &policy.missing_surface) {
+        (Some(surface), _) => state.store_keyframe(record, surface.payload())?,
+        (None, MissingSurface::Postpone) => record.new_keyframe = None,
+        (None, MissingSurface::Fail) => {
+            return Err(StageError::Inconsistent(format!(
+                "frame {} makes a keyframe of frame {keyframe_index}, whose surface is not at hand",
+                record.index
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn acknowledge(policy: &Policy, state: &DurableState, ports: &mut Ports) -> Result<(), StageError> {
+    let next = state.fold.tracker.next_index();
+    let now = monotonic_nanos();
+    let first_missing = match policy.acknowledge {
+        Acknowledge::Frame => next,
+        Acknowledge::RecentSurfaces => {
+            let first = state.fold.tracker.first_recent_index().min(next);
+            ports.inbox.release_below(first);
+            ports.inbox.first_missing(first, next)
+        }
+    };
+    if ports.control.acknowledge(first_missing, now) {
+        ports.notify_sensor()?;
+    }
+    // The time of the alignment is not time without news.
+    ports.control.was_busy(now);
+    Ok(())
+}
+
+/// Logs the addresses of the frame's surface, the recent ones and the last keyframe's, in tests.
+fn log_addresses(context: &Context, state: &DurableState, surface: &Surface, recent: &[FrameSurface<'_>]) {
+    let (probe, index) = (context.probe, surface.header.index);
+    probe.log_place("the surface", index, surface.vertices());
+    recent.iter().for_each(|r| probe.log_place("a recent surface", index, r.surface.vertices));
+    if let Some(last) = state.keyframes.len().checked_sub(1) {
+        probe.log_place("a keyframe", index, state.keyframes.vertices(last as u32));
+    }
+}

@@ -1,0 +1,117 @@
+//! Images at the camera's own rate: the newest wins, what is left out is counted.
+
+use super::camera::{Camera, Image};
+use super::session::Session;
+use super::{copy, most_frames};
+use crate::sending::{Supplied, Supply, Turn};
+use tessera_messages::{CameraFlow, Kind, WaitingOn};
+use tessera_stage::{Context, StageError};
+
+/// The camera's newest image.
+pub(super) struct Newest {
+    camera: Camera,
+    /// `None` before the first epoch.
+    position: Option<Position>,
+}
+
+/// How far the run is.
+struct Position {
+    /// First frame that was not sent.
+    next: u64,
+    session: Option<Session>,
+    last_stamp_nanos: Option<i64>,
+    /// Number of frames, once the camera has ended.
+    n_frames: Option<u64>,
+}
+
+impl Newest {
+    pub(super) fn new(camera: Camera) -> Self {
+        Self { camera, position: None }
+    }
+}
+
+impl Supply for Newest {
+    fn begin_epoch(&mut self, context: &Context, first_missing: u64) -> Result<(), StageError> {
+        self.position.get_or_insert_with(|| Position {
+            next: first_missing,
+            session: Session::read(context),
+            last_stamp_nanos: None,
+            n_frames: None,
+        });
+        Ok(())
+    }
+
+    fn next(&mut self, turn: &mut Turn<'_>) -> Result<Supplied, StageError> {
+        let Some(at) = &mut self.position else { return Ok(Supplied::Again) };
+        let epoch = turn.flow.epoch;
+        self.camera.publish_flow(CameraFlow { epoch, send_from: 0, send_below: u64::MAX, finished: 0 })?;
+        if let Some(n_frames) = at.n_frames.or(most_frames(turn.context).filter(|n| *n <= at.next)) {
+            return Ok(Supplied::End(n_frames));
+        }
+        let Some((image, index)) = newest(turn, &mut self.camera, at)? else {
+            self.camera.check_silence(at.next, at.n_frames.is_none())?;
+            return Ok(Supplied::Wait(WaitingOn::Camera));
+        };
+        turn.drop_frames(index - at.next);
+        at.next = index + 1;
+        if turn.loses_poison(index) {
+            return Ok(Supplied::Again);
+        }
+        turn.ports.pulse.working(index);
+        let frame = copy(&image, index, turn.ports, turn.context)?;
+        Ok(Supplied::Frame { frame, due_nanos: 0 })
+    }
+
+    fn finish(&mut self) -> Result<(), StageError> {
+        self.camera.publish_finished()
+    }
+}
+
+/// The newest usable image and the frame that it is. An end is noted and ends the search.
+fn newest(
+    turn: &mut Turn<'_>,
+    camera: &mut Camera,
+    at: &mut Position,
+) -> Result<Option<(Image, u64)>, StageError> {
+    let mut newest: Option<(Image, u64)> = None;
+    while let Some(image) = camera.receive(&mut turn.ports.pulse)? {
+        let header = image.header;
+        let next = newest.as_ref().map_or(at.next, |(_, index)| index + 1);
+        if image.kind == Kind::End {
+            let index = at.session.and_then(|session| session.frame(&header)).unwrap_or(next).max(next);
+            at.n_frames = Some(most_frames(turn.context).map_or(index, |n| n.min(index)));
+            tracing::info!(frame = index, "the camera has ended");
+            camera.note_usable();
+            break;
+        }
+        if let Some(last) = at.last_stamp_nanos.filter(|last| *last >= header.stamp_nanos) {
+            let reason = format!(
+                "frame {}: stamp_nanos is {}, expected more than {last} as the image before it has",
+                header.index, header.stamp_nanos
+            );
+            camera.refuse(reason, &mut turn.ports.pulse);
+            continue;
+        }
+        let known = at.session.and_then(|session| session.frame(&header));
+        let index = match known {
+            Some(index) if index < next => {
+                turn.ports.pulse.beat.duplicates += 1;
+                continue;
+            }
+            Some(index) => index,
+            None => {
+                tracing::info!(frame = next, "the camera counts from {} in a new session", header.index);
+                at.session = Some(Session::begin(turn.context, &header, next)?);
+                next
+            }
+        };
+        if most_frames(turn.context).is_some_and(|n| index >= n) {
+            at.n_frames = most_frames(turn.context);
+            break;
+        }
+        camera.note_usable();
+        at.last_stamp_nanos = Some(header.stamp_nanos);
+        newest = Some((image, index));
+    }
+    Ok(newest)
+}

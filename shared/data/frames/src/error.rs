@@ -1,0 +1,242 @@
+//! What can be wrong with a source. Each message names the place, what was found and expected.
+
+use std::io;
+use std::path::PathBuf;
+use tessera_evaluation::{ReadError, StampError};
+use tessera_geometry::CameraError;
+
+/// Why a source cannot be opened or a frame not read.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// The source is neither a scene nor a folder.
+    #[error(
+        "no source '{}': expected room, corridor, wall, house or a folder with rgb.txt and depth.txt, FILE.mcap, or external", path.display()
+    )]
+    NoFolder {
+        /// What was given.
+        path: PathBuf,
+    },
+    /// An MCAP recording cannot be used.
+    #[error("{}: {source}", path.display())]
+    Recording {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Frames of a camera's own program cannot be looked at beforehand, nor again.
+    #[error("the source 'external' is a camera's own program: only `tessera run external` waits for it")]
+    External,
+    /// All frames are left out.
+    #[error("the source has {n_frames} frames, {n_skipped} are left out at the beginning; expected fewer")]
+    NothingLeft {
+        /// Frames of the source.
+        n_frames: u64,
+        /// Frames left out.
+        n_skipped: u64,
+    },
+    /// A file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A line of `rgb.txt` or `depth.txt` cannot be used.
+    #[error("{}, line {line}: {source}", path.display())]
+    List {
+        /// The list.
+        path: PathBuf,
+        /// Line, counted from 1.
+        line: usize,
+        /// What is wrong with it.
+        source: ListError,
+    },
+    /// A list names no image.
+    #[error("{} names no images, expected lines of: timestamp filename", path.display())]
+    EmptyList {
+        /// The list.
+        path: PathBuf,
+    },
+    /// `imu.txt` holds nothing.
+    #[error("{} has no measurements, expected lines of: timestamp gx gy gz [ax ay az]", path.display())]
+    EmptyImu {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The ground truth cannot be used.
+    #[error(transparent)]
+    GroundTruth(#[from] ReadError),
+    /// Nothing says what the camera is.
+    #[error(
+        "{} has no camera.toml: put one there, or give --camera FILE or --camera {}",
+        folder.display(), crate::CAMERA_NAMES.join("|")
+    )]
+    NoCamera {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A camera was named that is neither built in nor a file.
+    #[error("no camera '{found}': expected a file or one of {}", crate::CAMERA_NAMES.join(", "))]
+    UnknownCamera {
+        /// What was given.
+        found: String,
+    },
+    /// A camera file is not what it should be.
+    #[error("{file}: {message}")]
+    CameraFile {
+        /// The file, or the name of a built-in camera.
+        file: String,
+        /// Line, key, what was found and expected.
+        message: String,
+    },
+    /// A number of the camera is out of range.
+    #[error("{file}: {source}")]
+    CameraValue {
+        /// The file, or the name of a built-in camera.
+        file: String,
+        /// Which number.
+        source: CameraError,
+    },
+    /// A scene option is out of range.
+    #[error("{name} is {value}, expected {rule}")]
+    Option {
+        /// Name of the option.
+        name: &'static str,
+        /// What was found.
+        value: String,
+        /// What must hold.
+        rule: &'static str,
+    },
+    /// An image cannot be used.
+    #[error("frame {frame}, {}: {source}", path.display())]
+    Image {
+        /// Index of the frame.
+        frame: u64,
+        /// The image.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ImageError,
+    },
+    /// A frame beyond the end was asked for.
+    #[error("frame {frame} was asked for, the source has frames 0 to {last}")]
+    NoFrame {
+        /// Index asked for.
+        frame: u64,
+        /// Last index there is.
+        last: u64,
+    },
+    /// The caller's slices do not fit the camera.
+    #[error(
+        "buffers hold {depth} depth and {colour} colour values, expected {expected_depth} and {expected_colour}"
+    )]
+    Buffers {
+        /// Length of the depth slice.
+        depth: usize,
+        /// Length of the colour slice.
+        colour: usize,
+        /// Length that fits.
+        expected_depth: usize,
+        /// Length that fits.
+        expected_colour: usize,
+    },
+}
+
+/// What is wrong with one line of an image list.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ListError {
+    /// There is no file name behind the time.
+    #[error("found '{found}', expected: timestamp filename")]
+    Columns {
+        /// The line.
+        found: String,
+    },
+    /// The first word is no time.
+    #[error(transparent)]
+    Stamp(#[from] StampError),
+    /// A time comes twice.
+    #[error("timestamp {found} is repeated, expected each once")]
+    Repeated {
+        /// The time, seconds.
+        found: String,
+    },
+    /// A time is below the one before it.
+    #[error("timestamp {found} comes after {before}, expected increasing timestamps")]
+    Unsorted {
+        /// The time, seconds.
+        found: String,
+        /// The one before it, seconds.
+        before: String,
+    },
+    /// A line of `imu.txt` has the wrong number of columns.
+    #[error("found '{found}', expected: timestamp gx gy gz [ax ay az]")]
+    ImuColumns {
+        /// The line.
+        found: String,
+    },
+    /// A word of `imu.txt` is no number.
+    #[error("found '{found}', expected a finite number")]
+    ImuNumber {
+        /// The word.
+        found: String,
+    },
+    /// No camera turns that fast.
+    #[error("a rate is {found} rad/s, expected at most {most} rad/s: are these degrees?")]
+    ImuRate {
+        /// The rate, as text.
+        found: String,
+        /// The largest that is believed, as text.
+        most: String,
+    },
+    /// A file name leads out of the folder.
+    #[error("filename is '{found}', expected a path inside the folder")]
+    Outside {
+        /// The file name.
+        found: String,
+    },
+}
+
+/// What is wrong with one image.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// The file cannot be read.
+    #[error("{0}")]
+    Io(io::Error),
+    /// The file is neither PNG nor JPEG.
+    #[error("found a file that begins with {found}, expected a PNG{or_jpeg}")]
+    Format {
+        /// First bytes.
+        found: String,
+        /// What else would do.
+        or_jpeg: &'static str,
+    },
+    /// The decoder gave up: the file is cut short or damaged.
+    #[error("the image is cut short or damaged ({message}), expected a whole {format}")]
+    Damaged {
+        /// PNG or JPEG.
+        format: &'static str,
+        /// What the decoder said.
+        message: String,
+    },
+    /// The wrong kind of pixel.
+    #[error("{what} image has {found}, expected {expected}")]
+    Pixels {
+        /// `depth` or `colour`.
+        what: &'static str,
+        /// Channels and bits found.
+        found: String,
+        /// Channels and bits that would do.
+        expected: &'static str,
+    },
+    /// The wrong size.
+    #[error("{what} image is {}x{} px, expected {}x{} px as the camera says", found.0, found.1, expected.0, expected.1)]
+    Size {
+        /// `depth` or `colour`.
+        what: &'static str,
+        /// Columns and rows found.
+        found: (u32, u32),
+        /// Columns and rows of the camera.
+        expected: (u32, u32),
+    },
+}

@@ -1,0 +1,23 @@
+//! What a source of frames is, for all who read frames and all who provide them.
+//!
+//! Everything stands behind one trait, [`Source`]: frames are numbered from 0, each can be read
+//! again at any time and by several threads at once, and reading an index twice gives the same
+//! bytes. That is what lets a restarted sensor go on where its predecessor died.
+#![forbid(unsafe_code)]
+
+pub mod cameras;
+mod check;
+pub mod decode;
+mod error;
+pub mod imu;
+pub mod pairing;
+mod source;
+
+pub use cameras::{CAMERA_NAMES, load_camera, named_camera};
+pub use check::{
+    CheckReport, DepthSummary, DepthUnitsError, Gaps, check, refuse_impossible_depth, summarise_depth,
+    summarise_image,
+};
+pub use error::{ImageError, ListError, SourceError};
+pub use imu::Gyroscope;
+pub use source::{FrameBuffers, FrameInfo, Pairing, Source};

@@ -1,0 +1,87 @@
+//! The one interface behind which all sources stand.
+
+use crate::SourceError;
+use tessera_evaluation::Trajectory;
+use tessera_geometry::{Camera, InertialRotation};
+
+/// Where a frame is decoded to: slices of the caller, for instance in shared memory.
+#[derive(Debug)]
+pub struct FrameBuffers<'a> {
+    /// Raw depth, row by row, `width * height` values; 0 and 65535 mean no measurement.
+    pub depth: &'a mut [u16],
+    /// Colour as red, green, blue bytes, row by row, `3 * width * height` values.
+    pub colour: &'a mut [u8],
+}
+
+impl FrameBuffers<'_> {
+    /// Checks that both slices fit the camera's images.
+    ///
+    /// # Errors
+    /// Says the lengths found and expected.
+    pub fn check(&self, camera: &Camera) -> Result<(), SourceError> {
+        let n_pixels = camera.width as usize * camera.height as usize;
+        if self.depth.len() != n_pixels || self.colour.len() != 3 * n_pixels {
+            return Err(SourceError::Buffers {
+                depth: self.depth.len(),
+                colour: self.colour.len(),
+                expected_depth: n_pixels,
+                expected_colour: 3 * n_pixels,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// What came with a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameInfo {
+    /// Time of the depth image, nanoseconds.
+    pub stamp_nanos: i64,
+    /// Whether the colour slice was filled from an image; without one it is all zero.
+    pub has_colour: bool,
+    /// The camera's rotation since the first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
+}
+
+/// How depth and colour images were paired.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pairing {
+    /// Depth images.
+    pub n_depth: usize,
+    /// Colour images.
+    pub n_colour: usize,
+    /// Pairs within the limit.
+    pub n_pairs: usize,
+    /// Largest difference of paired times, nanoseconds.
+    pub largest_difference_nanos: i64,
+}
+
+/// Frames by index. `read` takes `&self` so that several threads can decode ahead.
+pub trait Source: Send + Sync {
+    /// Camera of the depth images; colour has the same size.
+    fn camera(&self) -> &Camera;
+
+    /// Number of frames; `None` for a source without an end.
+    fn n_frames(&self) -> Option<u64>;
+
+    /// Time of a frame, nanoseconds, without reading it; `None` beyond the end.
+    fn stamp_nanos(&self, index: u64) -> Option<i64>;
+
+    /// Reads a frame into the caller's slices. The same index always gives the same bytes.
+    ///
+    /// # Errors
+    /// Names the frame and file, what was found and what was expected. The slices then hold
+    /// anything; the source stays usable.
+    fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError>;
+
+    /// True poses `world_from_camera` at the times of the source, where known.
+    fn ground_truth(&self) -> Option<&Trajectory>;
+
+    /// How depth and colour were paired.
+    fn pairing(&self) -> Pairing;
+
+    /// What was found wrong while opening and could be worked around, in sentences.
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+}

@@ -1,0 +1,149 @@
+//! What can be wrong with an MCAP recording.
+
+use crate::rational::LensFit;
+use std::io;
+use tessera_frames::ImageError;
+
+/// Why a recording cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// The file is no MCAP file.
+    #[error("begins with '{found}', expected an MCAP file, which begins with '\\x89MCAP0\\r\\n'")]
+    Magic {
+        /// First bytes.
+        found: String,
+    },
+    /// A record in the middle of the file is damaged.
+    #[error("the record at byte {offset} is damaged: {reason}")]
+    Damaged {
+        /// Where it begins.
+        offset: u64,
+        /// What the reader said.
+        reason: String,
+    },
+    /// No topic has what is needed.
+    #[error("no {what} topic, expected {expected}; give {option}; there are: {there_are}")]
+    NoTopic {
+        /// `depth` or `colour`.
+        what: &'static str,
+        /// What would do.
+        expected: &'static str,
+        /// The option that names one.
+        option: &'static str,
+        /// Image topics of the file.
+        there_are: String,
+    },
+    /// Several topics would do.
+    #[error("several {what} topics: {found}; give {option}")]
+    SeveralTopics {
+        /// `depth` or `colour`.
+        what: &'static str,
+        /// Which.
+        found: String,
+        /// The option that names one.
+        option: &'static str,
+    },
+    /// A topic that was given has no images.
+    #[error("{option} is {found}, expected an image topic of the file: {there_are}")]
+    UnknownTopic {
+        /// The option.
+        option: &'static str,
+        /// What was given.
+        found: String,
+        /// Image topics of the file.
+        there_are: String,
+    },
+    /// Nothing says what the camera is.
+    #[error(
+        "no camera for {topic}: expected a CameraInfo or CameraCalibration topic beside it; give --camera FILE"
+    )]
+    NoCamera {
+        /// The depth topic.
+        topic: String,
+    },
+    /// A camera of a model that is not known here.
+    #[error(
+        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE with five of its own{}", fit_words(.fit.as_deref())
+    )]
+    Distortion {
+        /// The topic.
+        topic: String,
+        /// The model.
+        model: String,
+        /// Its coefficients.
+        found: Vec<f64>,
+        /// What five coefficients make of it, where that is known.
+        fit: Option<Box<LensFit>>,
+    },
+    /// A camera whose numbers cannot be.
+    #[error("{topic}: {source}")]
+    Camera {
+        /// The topic.
+        topic: String,
+        /// Which number.
+        source: tessera_geometry::CameraError,
+    },
+    /// A message cannot be used.
+    #[error("{topic}, message {number}: {problem}")]
+    Message {
+        /// The topic.
+        topic: String,
+        /// Counted from 1 in the order of its times.
+        number: usize,
+        /// What is wrong with it.
+        problem: MessageError,
+    },
+    /// No images are left.
+    #[error("{topic} has no messages")]
+    Empty {
+        /// The topic.
+        topic: String,
+    },
+}
+
+fn fit_words(fit: Option<&LensFit>) -> String {
+    let Some(LensFit { distortion, worst_px, rms_px }) = fit else { return String::new() };
+    let numbers = distortion.map(|k| format!("{k:.6}")).join(", ");
+    format!(
+        ": the nearest, distortion = [{numbers}], are {rms_px:.2} px off in the mean and {worst_px:.2} px at most"
+    )
+}
+
+/// Why a message cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum MessageError {
+    /// The bytes are no message of their kind.
+    #[error("no {kind}: {reason}")]
+    Kind {
+        /// The schema.
+        kind: &'static str,
+        /// What the decoder said.
+        reason: String,
+    },
+    /// An encoding that is not known here.
+    #[error("encoding is '{found}', expected {expected}")]
+    Encoding {
+        /// What was found.
+        found: String,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// Fewer bytes than rows and columns need.
+    #[error("{found} bytes of data and step {step}, expected {expected} bytes in rows of at least {row}")]
+    Length {
+        /// Bytes found.
+        found: usize,
+        /// Bytes from row to row.
+        step: usize,
+        /// Bytes needed.
+        expected: usize,
+        /// Bytes of a row.
+        row: usize,
+    },
+    /// The picture inside.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}

@@ -1,0 +1,178 @@
+//! Images of messages into the caller's memory.
+
+use crate::error::MessageError;
+use crate::messages::{ImageForm, ImageMessage};
+use crate::rvl;
+use tessera_frames::{ImageError, decode};
+
+/// Bytes before the image in ROS's `compressedDepth`: a word and two floats.
+const COMPRESSED_DEPTH_HEADER: usize = 12;
+const PNG: &[u8] = b"\x89PNG";
+
+/// Depth as raw units; what is metres in the message is counted in `units_per_metre`.
+pub(super) fn depth(
+    image: &ImageMessage<'_>,
+    size: (u32, u32),
+    units_per_metre: f64,
+    depth_raw: &mut [u16],
+) -> Result<(), MessageError> {
+    let raw_of = |depth_m: f32| {
+        let raw = (f64::from(depth_m) * units_per_metre).round();
+        // No measurement: not finite, behind the camera, or beyond what a raw value holds.
+        if raw >= 1.0 && raw < f64::from(u16::MAX) { raw as u16 } else { 0 }
+    };
+    match &image.form {
+        ImageForm::Raw { encoding, width, height, step, is_big_endian } => {
+            check_size("depth", (*width, *height), size)?;
+            let swap = |bytes: [u8; 2]| match is_big_endian {
+                true => u16::from_be_bytes(bytes),
+                false => u16::from_le_bytes(bytes),
+            };
+            match encoding.as_str() {
+                "16UC1" | "mono16" => {
+                    let rows = rows(&image.data, size, *step, 2)?;
+                    for (to, from) in depth_raw.chunks_exact_mut(size.0 as usize).zip(rows) {
+                        for (raw, bytes) in to.iter_mut().zip(from.chunks_exact(2)) {
+                            *raw = swap([bytes[0], bytes[1]]);
+                        }
+                    }
+                }
+                "32FC1" => {
+                    let rows = rows(&image.data, size, *step, 4)?;
+                    for (to, from) in depth_raw.chunks_exact_mut(size.0 as usize).zip(rows) {
+                        for (raw, bytes) in to.iter_mut().zip(from.chunks_exact(4)) {
+                            let bytes = [bytes[0], bytes[1], bytes[2], bytes[3]];
+                            *raw = raw_of(match is_big_endian {
+                                true => f32::from_be_bytes(bytes),
+                                false => f32::from_le_bytes(bytes),
+                            });
+                        }
+                    }
+                }
+                other => return Err(unknown(other, "16UC1 or 32FC1")),
+            }
+            Ok(())
+        }
+        ImageForm::File { format } => compressed_depth(&image.data, format, size, raw_of, depth_raw),
+    }
+}
+
+/// A PNG of depth; behind the header of `compressedDepth` a PNG or RVL, which may hold inverse depth.
+fn compressed_depth(
+    data: &[u8],
+    format: &str,
+    size: (u32, u32),
+    raw_of: impl Fn(f32) -> u16,
+    depth_raw: &mut [u16],
+) -> Result<(), MessageError> {
+    if data.starts_with(PNG) {
+        return Ok(decode::depth(data, size, depth_raw)?);
+    }
+    let is_rvl = format.trim_end().ends_with("compressedDepth rvl");
+    let (head, inside) = data
+        .split_at_checked(COMPRESSED_DEPTH_HEADER)
+        .filter(|(_, inside)| is_rvl || inside.starts_with(PNG))
+        .ok_or_else(|| unknown(format, "a PNG, or compressedDepth with a PNG or RVL"))?;
+    if is_rvl {
+        let (found, code) = rvl::split(inside)?;
+        check_size("depth", found, size)?;
+        rvl::decode(code, depth_raw)?;
+    } else {
+        decode::depth(inside, size, depth_raw)?;
+    }
+    if format.starts_with("32FC1") {
+        let word = |at: usize| f32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let (a, b) = (word(4), word(8));
+        for raw in depth_raw.iter_mut().filter(|raw| **raw != 0) {
+            *raw = raw_of(a / (f32::from(*raw) - b));
+        }
+    }
+    Ok(())
+}
+
+/// Colour as red, green, blue.
+pub(super) fn colour(image: &ImageMessage<'_>, size: (u32, u32), rgb: &mut [u8]) -> Result<(), MessageError> {
+    let (encoding, width, height, step) = match &image.form {
+        ImageForm::File { .. } => return Ok(decode::colour(&image.data, size, rgb)?),
+        ImageForm::Raw { encoding, width, height, step, .. } => (encoding, *width, *height, *step),
+    };
+    check_size("colour", (width, height), size)?;
+    // Where red, green and blue stand in a pixel.
+    let (n_channels, places) = match encoding.as_str() {
+        "rgb8" | "8UC3" => (3, [0, 1, 2]),
+        "bgr8" => (3, [2, 1, 0]),
+        "rgba8" => (4, [0, 1, 2]),
+        "bgra8" => (4, [2, 1, 0]),
+        "mono8" | "8UC1" => (1, [0, 0, 0]),
+        other => return Err(unknown(other, "rgb8, bgr8, rgba8, bgra8 or mono8")),
+    };
+    let rows = rows(&image.data, size, step, n_channels)?;
+    for (to, from) in rgb.chunks_exact_mut(3 * size.0 as usize).zip(rows) {
+        for (pixel, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(n_channels)) {
+            pixel.copy_from_slice(&places.map(|place| from[place]));
+        }
+    }
+    Ok(())
+}
+
+/// The rows of an image, after a check that they are all there.
+fn rows(
+    data: &[u8],
+    (width, height): (u32, u32),
+    step: usize,
+    bytes_per_pixel: usize,
+) -> Result<impl Iterator<Item = &[u8]>, MessageError> {
+    let (row, height) = (width as usize * bytes_per_pixel, height as usize);
+    let expected = step.saturating_mul(height.saturating_sub(1)).saturating_add(row);
+    if step < row || data.len() < expected {
+        return Err(MessageError::Length { found: data.len(), step, expected, row });
+    }
+    Ok((0..height).map(move |at| &data[at * step..at * step + row]))
+}
+
+fn unknown(found: &str, expected: &'static str) -> MessageError {
+    MessageError::Encoding { found: found.chars().take(64).collect(), expected }
+}
+
+fn check_size(what: &'static str, found: (u32, u32), expected: (u32, u32)) -> Result<(), ImageError> {
+    if found == expected { Ok(()) } else { Err(ImageError::Size { what, found, expected }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::borrow::Cow;
+
+    fn raw(encoding: &str, step: usize, data: &[u8]) -> ImageMessage<'static> {
+        let form =
+            ImageForm::Raw { encoding: encoding.into(), width: 2, height: 2, step, is_big_endian: false };
+        ImageMessage { stamp_nanos: 0, data: Cow::Owned(data.to_vec()), form }
+    }
+
+    #[test]
+    fn metres_are_counted_and_what_is_none_is_zero() {
+        let metres = [1.0f32, f32::NAN, -2.0, 100.0];
+        let bytes: Vec<u8> = metres.iter().flat_map(|m| m.to_le_bytes()).collect();
+        let mut found = [9; 4];
+        depth(&raw("32FC1", 8, &bytes), (2, 2), 5000.0, &mut found).unwrap();
+        assert_eq!(found, [5000, 0, 0, 0]);
+    }
+
+    #[test]
+    fn rows_may_be_padded_and_must_be_there() {
+        let mut rgb = [0; 12];
+        let padded = [1, 2, 3, 4, 5, 6, 0, 0, 7, 8, 9, 10, 11, 12];
+        colour(&raw("bgr8", 8, &padded), (2, 2), &mut rgb).unwrap();
+        assert_eq!(rgb, [3, 2, 1, 6, 5, 4, 9, 8, 7, 12, 11, 10]);
+        let words = |image| colour(&image, (2, 2), &mut [0; 12]).unwrap_err().to_string();
+        assert!(words(raw("bgr8", 8, &padded[1..])).contains("13 bytes of data and step 8, expected 14"));
+        assert!(words(raw("bgr8", 5, &padded)).contains("rows of at least 6"));
+        assert!(words(raw("yuv422", 8, &padded)).contains("encoding is 'yuv422', expected rgb8"));
+        assert!(
+            colour(&raw("mono8", 2, &padded), (3, 2), &mut [0; 18])
+                .unwrap_err()
+                .to_string()
+                .contains("2x2 px, expected 3x2")
+        );
+    }
+}

@@ -1,0 +1,66 @@
+//! Images, cameras and times read from CDR.
+
+use super::structs::{CameraInfo, CompressedImage, Image, Time};
+use crate::error::MessageError;
+use crate::messages::{CameraMessage, ImageForm, ImageMessage};
+use re_cdr::{BigEndian, LittleEndian, from_bytes};
+use serde::Deserialize;
+use std::borrow::Cow;
+
+/// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
+pub(crate) const STAMP_BYTES: u64 = 12;
+
+/// The four bytes before a message say in which order its bytes are.
+fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
+    let wrong = |reason: String| MessageError::Kind { kind, reason };
+    let (head, body) = data
+        .split_at_checked(4)
+        .ok_or_else(|| wrong(format!("{} bytes, expected at least 4", data.len())))?;
+    let decoded = match head[1] {
+        0 => from_bytes::<T, BigEndian>(body),
+        1 => from_bytes::<T, LittleEndian>(body),
+        other => return Err(wrong(format!("encapsulation {other}, expected 0 or 1 (plain CDR)"))),
+    };
+    decoded.map(|(message, _)| message).map_err(|error| wrong(error.to_string()))
+}
+
+/// The time of a message that begins with a header, from its first bytes.
+pub(crate) fn stamp_nanos(kind: &'static str, data: &[u8]) -> Result<i64, MessageError> {
+    decode::<Time>(kind, data).map(|time| time.nanos())
+}
+
+pub(crate) fn image(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
+    let image: Image<'_> = decode("sensor_msgs/msg/Image", data)?;
+    Ok(ImageMessage {
+        stamp_nanos: image.header.stamp.nanos(),
+        data: Cow::Borrowed(image.data),
+        form: ImageForm::Raw {
+            encoding: image.encoding.into_owned(),
+            width: image.width,
+            height: image.height,
+            step: image.step as usize,
+            is_big_endian: image.is_bigendian != 0,
+        },
+    })
+}
+
+pub(crate) fn compressed(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
+    let image: CompressedImage<'_> = decode("sensor_msgs/msg/CompressedImage", data)?;
+    Ok(ImageMessage {
+        stamp_nanos: image.header.stamp.nanos(),
+        data: Cow::Borrowed(image.data),
+        form: ImageForm::File { format: image.format.into_owned() },
+    })
+}
+
+pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
+    let info: CameraInfo<'_> = decode("sensor_msgs/msg/CameraInfo", data)?;
+    Ok(CameraMessage {
+        width: info.width,
+        height: info.height,
+        model: info.distortion_model.into_owned(),
+        distortion: info.d,
+        intrinsics: info.k.to_vec(),
+        projection: info.p.to_vec(),
+    })
+}

@@ -1,0 +1,148 @@
+//! Which topics have depth, colour and the camera: by type and name, or as given.
+
+use crate::error::RecordingError;
+use crate::file::{Channel, Channels};
+use crate::messages::Kind;
+
+/// The options that name topics.
+const DEPTH_OPTION: &str = "--depth-topic TOPIC";
+const COLOUR_OPTION: &str = "--color-topic TOPIC";
+
+/// The channels that matter.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Topics {
+    pub(super) depth: String,
+    /// `None`: the recording has no colour.
+    pub(super) colour: Option<String>,
+    pub(super) camera: Option<String>,
+}
+
+/// Chooses among the channels of a file.
+pub(super) fn choose(
+    channels: &Channels,
+    depth: Option<&str>,
+    colour: Option<&str>,
+) -> Result<Topics, RecordingError> {
+    let of = |wanted: fn(Kind) -> bool| -> Vec<&str> {
+        let is_wanted = |channel: &&Channel| Kind::of(channel).is_some_and(wanted);
+        let mut topics: Vec<&str> =
+            channels.by_id.values().filter(is_wanted).map(|channel| channel.topic.as_str()).collect();
+        topics.sort_unstable();
+        topics.dedup();
+        topics
+    };
+    let images = of(Kind::is_image);
+    let there_are = if images.is_empty() { "no image topics".to_owned() } else { images.join(", ") };
+    let given = |option, topic: &str| match images.contains(&topic) {
+        true => Ok(topic.to_owned()),
+        false => {
+            let there_are = there_are.clone();
+            Err(RecordingError::UnknownTopic { option, found: topic.to_owned(), there_are })
+        }
+    };
+    let depth = match depth {
+        Some(topic) => given(DEPTH_OPTION, topic)?,
+        None => best("depth", DEPTH_OPTION, &images, is_depth)?.ok_or_else(|| RecordingError::NoTopic {
+            what: "depth",
+            expected: "an image topic with 'depth' in its name",
+            option: DEPTH_OPTION,
+            there_are: there_are.clone(),
+        })?,
+    };
+    let colour = match colour {
+        Some(topic) => Some(given(COLOUR_OPTION, topic)?),
+        None => best("colour", COLOUR_OPTION, &images, is_colour)?,
+    };
+    let cameras = of(Kind::is_camera);
+    let common = |topic: &str| topic.bytes().zip(depth.bytes()).take_while(|(a, b)| a == b).count();
+    // The nearest name; a camera of colour alone is not that of depth, unless nothing else is there.
+    let camera =
+        cameras.into_iter().rev().max_by_key(|topic| (is_depth(topic) == is_depth(&depth), common(topic)));
+    Ok(Topics { colour, camera: camera.map(str::to_owned), depth })
+}
+
+fn is_depth(topic: &str) -> bool {
+    topic.to_lowercase().contains("depth")
+}
+
+fn is_colour(topic: &str) -> bool {
+    let name = topic.to_lowercase();
+    !is_depth(topic) && !["infra", "/ir", "mono", "mask"].iter().any(|word| name.contains(word))
+}
+
+/// The one topic that fits best; `None` where none fits.
+fn best(
+    what: &'static str,
+    option: &'static str,
+    topics: &[&str],
+    fits: fn(&str) -> bool,
+) -> Result<Option<String>, RecordingError> {
+    let rank = |topic: &str| {
+        let name = topic.to_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+        // Depth laid over colour first, what is not compressed before what is.
+        (has(&["aligned", "registered"]), !has(&["compressed"]), has(&["color", "colour", "rgb"]))
+    };
+    let fitting: Vec<&str> = topics.iter().copied().filter(|topic| fits(topic)).collect();
+    let Some(most) = fitting.iter().map(|topic| rank(topic)).max() else { return Ok(None) };
+    let foremost: Vec<&str> = fitting.into_iter().filter(|topic| rank(topic) == most).collect();
+    match foremost[..] {
+        [topic] => Ok(Some(topic.to_owned())),
+        _ => Err(RecordingError::SeveralTopics { what, found: foremost.join(", "), option }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channels(topics: &[(&str, &str)]) -> Channels {
+        let mut channels = Channels::default();
+        for (id, (topic, schema)) in topics.iter().enumerate() {
+            let channel =
+                Channel { topic: (*topic).into(), encoding: "cdr".into(), schema: (*schema).into() };
+            channels.by_id.insert(id as u16, channel);
+        }
+        channels
+    }
+
+    const IMAGE: &str = "sensor_msgs/msg/Image";
+    const INFO: &str = "sensor_msgs/msg/CameraInfo";
+
+    #[test]
+    fn topics_of_common_drivers_are_found() {
+        let realsense = channels(&[
+            ("/camera/color/image_raw", IMAGE),
+            ("/camera/color/camera_info", INFO),
+            ("/camera/depth/image_rect_raw", IMAGE),
+            ("/camera/depth/camera_info", INFO),
+            ("/camera/aligned_depth_to_color/image_raw", IMAGE),
+            ("/camera/aligned_depth_to_color/camera_info", INFO),
+            ("/camera/infra1/image_rect_raw", IMAGE),
+        ]);
+        let topics = choose(&realsense, None, None).unwrap();
+        assert_eq!(topics.depth, "/camera/aligned_depth_to_color/image_raw");
+        assert_eq!(topics.colour.as_deref(), Some("/camera/color/image_raw"));
+        assert_eq!(topics.camera.as_deref(), Some("/camera/aligned_depth_to_color/camera_info"));
+        let given = choose(&realsense, Some("/camera/depth/image_rect_raw"), None).unwrap();
+        assert_eq!(given.camera.as_deref(), Some("/camera/depth/camera_info"));
+    }
+
+    #[test]
+    fn what_is_missing_or_doubtful_is_named() {
+        let words = |result: Result<Topics, RecordingError>| result.unwrap_err().to_string();
+        let two = channels(&[("/a/depth", IMAGE), ("/b/depth", IMAGE), ("/rgb", IMAGE)]);
+        assert_eq!(
+            words(choose(&two, None, None)),
+            "several depth topics: /a/depth, /b/depth; give --depth-topic TOPIC"
+        );
+        assert!(choose(&two, Some("/b/depth"), None).is_ok());
+        assert!(
+            words(choose(&two, Some("/c"), None)).contains("expected an image topic of the file: /a/depth")
+        );
+        let none = words(choose(&channels(&[("/rgb", IMAGE)]), None, None));
+        assert!(none.contains("no depth topic") && none.contains("there are: /rgb"), "{none}");
+        let without_colour = choose(&channels(&[("/depth", IMAGE)]), None, None).unwrap();
+        assert_eq!((without_colour.colour, without_colour.camera), (None, None));
+    }
+}

@@ -1,0 +1,121 @@
+//! What can be set about a simulated scene.
+
+use serde::{Deserialize, Serialize};
+use tessera_frames::SourceError;
+use tessera_frames::imu::Gyroscope;
+use tessera_geometry::Camera;
+
+/// Options of a simulated scene; everything follows from them and the frame's index.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulationOptions {
+    /// Seed of the noise, of the hand's tremor and of the textures.
+    pub seed: u64,
+    /// Whether depth and colour are measured with noise; without it depth is exact.
+    pub noise: bool,
+    /// Standard deviation of the disparity before it is rounded to 1/8 px, pixels.
+    ///
+    /// 1/16 px: half of one step, as Khoshelham and Elberink measured (Sensors 2012). Together
+    /// with the rounding this gives the axial noise of Nguyen et al. and of eq. 5 (method 1.4): 7 mm at
+    /// 2 m, 16 mm at 3 m.
+    pub disparity_sigma_px: f64,
+    /// Standard deviation by which a pixel looks beside itself, pixels along each axis.
+    pub lateral_sigma_px: f64,
+    /// Lens distortion `k1 k2 p1 p2 k3` of depth and colour; absent: the camera's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<[f64; 5]>,
+    /// Rolling shutter, seconds from the first row to the last; absent: the camera's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub readout_s: Option<f64>,
+    /// How much older the colour image is than the depth image, seconds.
+    pub colour_lag_s: f64,
+    /// Whether a person walks about in front of the camera.
+    pub person: bool,
+    /// How many times faster than by default the camera goes its way.
+    pub speed: f64,
+    /// Whether the camera carries a gyroscope.
+    pub imu: bool,
+    /// White noise of the gyroscope, radians per second per root hertz.
+    pub imu_noise_rad_per_s_sqrt_hz: f64,
+    /// Standard deviation of the gyroscope's constant error, radians per second.
+    pub imu_bias_sigma_rad_per_s: f64,
+}
+
+impl Default for SimulationOptions {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            noise: true,
+            disparity_sigma_px: 0.0625,
+            lateral_sigma_px: 0.5,
+            distortion: None,
+            readout_s: None,
+            colour_lag_s: 0.0,
+            person: false,
+            speed: 1.0,
+            imu: false,
+            imu_noise_rad_per_s_sqrt_hz: Gyroscope::default().noise_rad_per_s_sqrt_hz,
+            imu_bias_sigma_rad_per_s: Gyroscope::default().bias_sigma_rad_per_s,
+        }
+    }
+}
+
+impl SimulationOptions {
+    /// Checks every number, NaN included.
+    ///
+    /// # Errors
+    /// Names the option, what it is and what it must be.
+    pub fn check(&self) -> Result<(), SourceError> {
+        let rules = [
+            ("disparity_sigma_px", self.disparity_sigma_px, 0.0..=2.0, "0 to 2 px"),
+            ("lateral_sigma_px", self.lateral_sigma_px, 0.0..=2.0, "0 to 2 px"),
+            ("speed", self.speed, 0.01..=20.0, "0.01 to 20"),
+            ("imu_noise_rad_per_s_sqrt_hz", self.imu_noise_rad_per_s_sqrt_hz, 0.0..=1.0, "0 to 1"),
+            ("imu_bias_sigma_rad_per_s", self.imu_bias_sigma_rad_per_s, 0.0..=10.0, "0 to 10 rad/s"),
+            ("colour_lag_s", self.colour_lag_s, -0.2..=0.2, "-0.2 to 0.2 s"),
+        ];
+        for (name, value, range, rule) in rules {
+            if !range.contains(&value) {
+                return Err(SourceError::Option { name, value: value.to_string(), rule });
+            }
+        }
+        Ok(())
+    }
+
+    /// The gyroscope, if there is one.
+    pub(super) fn gyroscope(&self) -> Option<Gyroscope> {
+        self.imu.then(|| Gyroscope {
+            noise_rad_per_s_sqrt_hz: self.imu_noise_rad_per_s_sqrt_hz,
+            bias_sigma_rad_per_s: self.imu_bias_sigma_rad_per_s,
+            ..Gyroscope::default()
+        })
+    }
+
+    /// Puts lens and shutter into the camera and checks it.
+    pub(super) fn apply_to(&self, camera: &mut Camera) -> Result<(), SourceError> {
+        if let Some(distortion) = self.distortion {
+            camera.distortion = distortion;
+        }
+        if let Some(readout_s) = self.readout_s {
+            camera.readout_s = readout_s;
+        }
+        camera.check().map_err(|source| SourceError::CameraValue { file: "simulation".to_owned(), source })
+    }
+}
+
+/// A Kinect without distortion and with a global shutter.
+pub(super) fn default_camera() -> Camera {
+    Camera {
+        width: 640,
+        height: 480,
+        fx: 525.0,
+        fy: 525.0,
+        cx: 319.5,
+        cy: 239.5,
+        units_per_metre: 5000.0,
+        distortion: [0.0; 5],
+        readout_s: 0.0,
+        depth_offset_m: 0.0,
+        colour_registered: true,
+    }
+}

@@ -1,0 +1,59 @@
+//! Iteratively reweighted least squares over all correspondences.
+
+use super::correspondence::Correspondence;
+use super::linearise::{Motion, Normal, Residual, linearise};
+use crate::settings::PoseSettings;
+use tessera_geometry::{Pose, Twist, compose_normalised};
+
+/// Squared normalised error of an inlier at most: the same share of a chi-square distribution of
+/// two and of three dimensions.
+pub(crate) fn limit_sq(residual: &Residual, inlier_sigmas: f64) -> f64 {
+    let of_dimensions = if residual.n_dimensions > 2.5 { 1.25 } else { 1.0 };
+    inlier_sigmas * inlier_sigmas * of_dimensions
+}
+
+/// Errors beyond this times the limit have weight 0 (in squares), so that far outliers do not add up.
+const CUT: f64 = 4.0;
+
+/// Least squares with the weights of Geman and McClure from a first pose; `None` where the
+/// correspondences near it do not determine a pose.
+pub(crate) fn refine(
+    correspondences: &[Correspondence],
+    start: &Pose,
+    settings: &PoseSettings,
+    n_iterations: u32,
+) -> Option<Pose> {
+    let mut target_from_query = *start;
+    for _ in 0..n_iterations {
+        let motion = Motion::from(&target_from_query);
+        let mut normal = Normal::zero();
+        for residual in correspondences.iter().filter_map(|c| linearise(c, &motion)) {
+            let relative = residual.squared / limit_sq(&residual, settings.inlier_sigmas);
+            if relative < CUT {
+                let weight = 1.0 / (1.0 + relative);
+                normal.add(&residual, weight * weight);
+            }
+        }
+        let delta = Twist::from_vector(&normal.solve()?);
+        target_from_query = compose_normalised(&target_from_query, &delta);
+        if !(delta.rho.norm().max(delta.phi.norm()) > settings.min_change) {
+            break;
+        }
+    }
+    Some(target_from_query)
+}
+
+/// Gauss-Newton steps over a minimal sample, which its covariances overdetermine: the bearings are
+/// far better known than the depths.
+pub(crate) fn polish(sample: &[&Correspondence; 3], start: &Pose, n_iterations: u32) -> Option<Pose> {
+    let mut target_from_query = *start;
+    for _ in 0..n_iterations {
+        let motion = Motion::from(&target_from_query);
+        let mut normal = Normal::zero();
+        for correspondence in sample {
+            normal.add(&linearise(correspondence, &motion)?, 1.0);
+        }
+        target_from_query = compose_normalised(&target_from_query, &Twist::from_vector(&normal.solve()?));
+    }
+    Some(target_from_query)
+}

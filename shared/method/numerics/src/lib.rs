@@ -1,0 +1,21 @@
+//! Numerical tools of the method that know nothing of surfaces: vector instructions, the random
+//! generator, the sparse Cholesky factorisation of 6x6 blocks, parallel maps with a fixed order,
+//! checked setting ranges and the named steps of the work on a frame.
+//!
+//! Every result has the same bits for any number of threads and any set of vector instructions.
+#![forbid(unsafe_code)]
+
+mod block_cholesky;
+mod elimination;
+mod isa;
+pub mod lanes;
+pub mod parallel;
+mod random;
+mod range;
+mod steps;
+
+pub use block_cholesky::{BlockCholesky, NotPositiveDefinite};
+pub use isa::{Isa, IsaMissing};
+pub use random::{SplitMix64, mix};
+pub use range::{SettingError, check_range};
+pub use steps::*;

@@ -1,0 +1,120 @@
+//! The projective search: from the cell that sees a query down to the nearest vertex (method 10.2).
+
+use tessera_surface::{SurfaceView, Vertex};
+
+/// How far a descent goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// Steps, at least one.
+    pub(crate) steps: u32,
+    /// Cells between neighbours in the first step: a power of two, halved when the middle is
+    /// nearest, from coarse to fine.
+    pub(crate) stride: usize,
+}
+
+/// The valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
+/// then around that one, until the middle is nearest at stride 1 or the steps are used up. Near the
+/// solution this reads nine vertices, whatever the reach.
+#[inline(always)]
+pub(crate) fn nearest(
+    surface: &SurfaceView<'_>,
+    (row, column): (usize, usize),
+    reach: Reach,
+    q: [f32; 3],
+) -> Option<usize> {
+    let (width, height) = (surface.grid.width, surface.grid.height);
+    // Squared distance and place in one number: distances are not negative, so their bits order as
+    // they do, and the least of these numbers needs no branch to find.
+    let mut best = u64::MAX;
+    let mut look = |row: usize, column: usize| {
+        let at = row * width + column;
+        best = best.min(key(&surface.vertices[at], q) | at as u64);
+        best
+    };
+    let mut middle = (row, column);
+    let mut stride = reach.stride;
+    let mut now = around(middle, stride, (width, height), &mut look);
+    for _ in 1..reach.steps.max(1) {
+        let vertex = now as u32 as usize;
+        // Nothing valid here, or a distance that is no number.
+        if !is_found(now) {
+            return None;
+        }
+        let next = (vertex / width, vertex % width);
+        if next == middle {
+            if stride == 1 {
+                break;
+            }
+            stride /= 2;
+            now = around(middle, stride, (width, height), &mut look);
+        } else if stride > 1 {
+            middle = next;
+            now = around(middle, stride, (width, height), &mut look);
+        } else {
+            // One cell on: only the row and the column that came into view are new.
+            let columns = [next.1.saturating_sub(1), next.1, (next.1 + 1).min(width - 1)];
+            let rows = [next.0.saturating_sub(1), next.0, (next.0 + 1).min(height - 1)];
+            if next.0 != middle.0 {
+                let row = if next.0 > middle.0 { rows[2] } else { rows[0] };
+                for column in columns {
+                    now = look(row, column);
+                }
+            }
+            if next.1 != middle.1 {
+                let column = if next.1 > middle.1 { columns[2] } else { columns[0] };
+                for row in rows {
+                    now = look(row, column);
+                }
+            }
+            middle = next;
+        }
+    }
+    is_found(now).then_some(now as u32 as usize)
+}
+
+/// Reads a word of each cache line that [`nearest`] reads first, for many queries one after the
+/// other: what has to come from memory then comes at once and not one wait after the other.
+#[inline(always)]
+pub(crate) fn read_ahead(surface: &SurfaceView<'_>, cells: impl Iterator<Item = (usize, usize)>) {
+    let (width, height) = (surface.grid.width, surface.grid.height);
+    let mut sum = 0u32;
+    for (row, column) in cells {
+        for row in [row.saturating_sub(1), row, (row + 1).min(height - 1)] {
+            sum = sum.wrapping_add(surface.vertices[row * width + column].flags_rgb);
+        }
+    }
+    std::hint::black_box(sum);
+}
+
+/// Looks at the 3x3 cells around a cell, those beyond the image being its border.
+#[inline(always)]
+fn around(
+    middle: (usize, usize),
+    stride: usize,
+    (width, height): (usize, usize),
+    look: &mut impl FnMut(usize, usize) -> u64,
+) -> u64 {
+    let columns = [middle.1.saturating_sub(stride), middle.1, (middle.1 + stride).min(width - 1)];
+    let rows = [middle.0.saturating_sub(stride), middle.0, (middle.0 + stride).min(height - 1)];
+    let mut best = u64::MAX;
+    for row in rows {
+        for column in columns {
+            best = look(row, column);
+        }
+    }
+    best
+}
+
+#[inline(always)]
+fn is_found(best: u64) -> bool {
+    (best >> 32) as u32 <= f32::INFINITY.to_bits()
+}
+
+/// The squared distance's bits in the upper half; above all numbers where the vertex is not valid.
+#[inline(always)]
+fn key(v: &Vertex, q: [f32; 3]) -> u64 {
+    let d = [v.position[0] - q[0], v.position[1] - q[1], v.position[2] - q[2]];
+    let distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    let invalid = (v.flags_rgb & Vertex::VALID).wrapping_sub(1);
+    u64::from(distance_sq.to_bits() | invalid) << 32
+}

@@ -1,0 +1,200 @@
+//! Data association of one pair and the sums of its GICP term (method 4.2, 10).
+
+use crate::association::descent;
+use crate::association::found::Found;
+use crate::association::limits::MatchLimits;
+use crate::association::photometric;
+use crate::association::projection::GridCamera;
+use crate::association::projective_search::{Located, SeenBy};
+use crate::association::queries::{Chosen, Queries, Selection, Straighten};
+use crate::association::rejection::{self, Reject, Rejection};
+use crate::association::target::{Target, flat};
+use crate::gicp::{Accumulate, Photometric};
+use crate::settings::RegistrationSettings;
+use tessera_geometry::{DepthNoise, Pose};
+use tessera_graph::BlockSums;
+use tessera_numerics::{Step, Steps};
+
+/// What a search found, in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PairReport {
+    /// Queries tried.
+    pub n_queries: u32,
+    /// Queries that fell on a measured part of the target.
+    pub n_in_view: u32,
+    /// Matches kept.
+    pub n_matches: u32,
+    /// Median of the normal residual over its standard deviation.
+    pub median_residual_sigmas: f32,
+    /// Queries that lie more than three standard deviations in front of the target's surface.
+    pub n_in_front: u32,
+}
+
+/// Searches and sums; holds its buffers.
+pub struct Matcher {
+    camera: GridCamera,
+    noise: DepthNoise,
+    settings: RegistrationSettings,
+    pub(crate) chosen: Chosen,
+    located: Located,
+    pub(crate) found: Found,
+    rejection: Rejection,
+    has_colour: bool,
+    arch: pulp::Arch,
+    /// Hears of the steps; nobody by default.
+    pub steps: Steps,
+}
+
+/// Queries whose cells are read ahead at a time: what they bring fits the first cache.
+const AHEAD: usize = 64;
+
+/// Depth at which a correspondence has weight one.
+const REFERENCE_DEPTH_M: f32 = 1.0;
+
+impl Matcher {
+    /// A matcher for surfaces of one camera.
+    pub fn new(camera: GridCamera, noise: DepthNoise, settings: &RegistrationSettings) -> Self {
+        Self {
+            camera,
+            noise,
+            settings: settings.clone(),
+            chosen: Chosen::default(),
+            located: Located::default(),
+            found: Found::default(),
+            rejection: Rejection::new(camera.grid.len()),
+            has_colour: camera.has_colour,
+            arch: settings.isa.arch(),
+            steps: Steps::default(),
+        }
+    }
+
+    /// Variance of a correspondence's normal residual at weight one, over epsilon: the factor
+    /// that makes an inverse information matrix metric (method 9.3).
+    pub fn metric_factor(&self) -> f64 {
+        let sigma = f64::from(self.noise.sigma_m(REFERENCE_DEPTH_M));
+        sigma * sigma / f64::from(self.settings.weight.covariance_epsilon)
+    }
+
+    /// Matches the selected queries against a target and sums them up.
+    ///
+    /// `target_from_query` maps the query frame (at its stamp) into the target's (at its stamp);
+    /// the sums are about it.
+    pub fn match_pair(
+        &mut self,
+        queries: &Queries,
+        selection: Selection,
+        target: &Target<'_>,
+        target_from_query: &Pose,
+        limits: &MatchLimits,
+    ) -> (BlockSums, PairReport) {
+        self.steps.enter(Step::Search);
+        let motion = flat(target_from_query);
+        let n_queries = self.chosen.choose(queries, selection);
+        self.arch.dispatch(Straighten { chosen: &mut self.chosen, shutter: queries.shutter() });
+        self.found.reset(self.chosen.len());
+        self.locate(target, &motion);
+        let is_photometric = limits.intensity && self.has_colour;
+        let limits = limits.at(&self.settings.search, self.camera.grid.step);
+        let n_in_view = match target.tree {
+            Some(tree) => {
+                let noise = self.noise;
+                self.search(n_queries, target, |matcher, place| {
+                    let q = matcher.located.q.at(place);
+                    let limit_m = limits.kept.distance_m + limits.kept.distance_sigmas * noise.sigma_m(q[2]);
+                    tree.nearest(q, limit_m).map(|(vertex, _)| vertex)
+                })
+            }
+            None => self.search(n_queries, target, |matcher, place| {
+                if place % AHEAD == 0 {
+                    let grid = matcher.camera.grid;
+                    let places = place..(place + AHEAD).min(n_queries);
+                    descent::read_ahead(
+                        &target.surface,
+                        places.filter_map(|p| matcher.located.cell(p, grid)),
+                    );
+                }
+                let cell = matcher.located.cell(place, matcher.camera.grid)?;
+                descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
+            }),
+        };
+        self.steps.enter(Step::Reject);
+        let n_in_front = self.arch.dispatch(Reject {
+            found: &mut self.found,
+            q: &self.located.q,
+            points: &self.chosen.points,
+            normals: &self.chosen.normals,
+            motion: &motion,
+            shutter: *target.shutter,
+            noise: self.noise,
+            limits: limits.kept,
+        });
+        if self.settings.search.one_to_one {
+            self.rejection.keep_one_to_one(&mut self.found);
+        }
+        let factor = self.settings.search.median_factor;
+        let median_residual_sigmas = self.rejection.by_median(&mut self.found, factor, limits.least_median);
+        let photometric = if is_photometric { self.photometric(target) } else { Photometric::default() };
+        let reference_sigma_m = self.noise.sigma_m(REFERENCE_DEPTH_M);
+        rejection::weigh(&mut self.found, &self.settings.weight, reference_sigma_m);
+        self.steps.enter(Step::Accumulate);
+        let epsilon = self.settings.weight.covariance_epsilon;
+        let sums = self.arch.dispatch(Accumulate {
+            found: &self.found,
+            points: &self.chosen.points,
+            epsilon,
+            photometric,
+        });
+        let n_queries = n_queries as u32;
+        let n_matches = sums.n;
+        (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })
+    }
+
+    /// Where the chosen queries fall in the target's grid.
+    fn locate(&mut self, target: &Target<'_>, motion: &[f32; 12]) {
+        let n = self.chosen.len();
+        self.located.resize(n);
+        let p = &self.chosen.points;
+        self.arch.dispatch(Locate {
+            located: &mut self.located,
+            seen_by: SeenBy { camera: self.camera, target_from_query: motion, shutter: *target.shutter },
+            points: [&p.x[..n], &p.y[..n], &p.z[..n]],
+        });
+    }
+
+    /// Puts down what `find` finds for the first `n` places, and counts it.
+    #[inline(always)]
+    fn search(&mut self, n: usize, target: &Target<'_>, find: impl Fn(&Self, usize) -> Option<usize>) -> u32 {
+        let mut n_found = 0;
+        for place in 0..n {
+            if let Some(vertex) = find(self, place) {
+                let v = &target.surface.vertices[vertex];
+                self.found.put(place, vertex, self.camera.grid.width, v);
+                n_found += 1;
+            }
+        }
+        n_found
+    }
+
+    /// Intensity as a further residual of each match.
+    fn photometric(&mut self, target: &Target<'_>) -> Photometric {
+        let information = self.metric_factor() as f32;
+        let sigma = self.settings.weight.brightness_sigma;
+        photometric::gather(&mut self.found, &self.chosen, target, information, sigma)
+    }
+}
+
+/// The vector part of the search, compiled for each instruction set.
+struct Locate<'a> {
+    located: &'a mut Located,
+    seen_by: SeenBy<'a>,
+    points: [&'a [f32]; 3],
+}
+
+impl pulp::WithSimd for Locate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) {
+        self.located.fill(&self.seen_by, self.points);
+    }
+}

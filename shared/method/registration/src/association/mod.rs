@@ -1,0 +1,24 @@
+//! Data association: for each query point the nearest target point, by projection or exactly, and
+//! the rejection of pairs that do not belong together (III-I).
+
+pub(crate) mod columns;
+mod descent;
+pub(crate) mod found;
+mod kd_tree;
+mod limits;
+mod matcher;
+mod matches;
+mod photometric;
+mod projection;
+mod projective_search;
+mod queries;
+pub(crate) mod rejection;
+mod target;
+
+pub use kd_tree::KdTree;
+pub use limits::MatchLimits;
+pub use matcher::{Matcher, PairReport};
+pub use matches::Match;
+pub use projection::GridCamera;
+pub use queries::{Queries, Selection};
+pub use target::{ShutterTable, Target};

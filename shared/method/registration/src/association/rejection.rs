@@ -1,0 +1,146 @@
+//! Rejection of outliers, and the weights of what remains (III-I; method 10.3, 10.4).
+
+use crate::association::columns::Columns3;
+use crate::association::found::Found;
+use crate::association::limits::Limits;
+use crate::association::target::ShutterTable;
+use crate::settings::WeightSettings;
+use std::array::from_fn;
+use tessera_geometry::DepthNoise;
+use tessera_numerics::lanes::{LANES, Lanes, Real, dot, rotate, sub};
+
+/// Turns what was found into residuals and weights, eight places at a time.
+pub(crate) struct Reject<'a> {
+    pub(crate) found: &'a mut Found,
+    /// Query points in the target's frame at its stamp.
+    pub(crate) q: &'a Columns3,
+    /// Query points and normals in their own frame.
+    pub(crate) points: &'a Columns3,
+    pub(crate) normals: &'a Columns3,
+    /// `target_from_query`.
+    pub(crate) motion: &'a [f32; 12],
+    pub(crate) shutter: ShutterTable,
+    pub(crate) noise: DepthNoise,
+    pub(crate) limits: Limits,
+}
+
+impl pulp::WithSimd for Reject<'_> {
+    /// Queries that lie more than three standard deviations in front of the target's surface.
+    type Output = u32;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> u32 {
+        if self.shutter.is_global() { reject::<false>(self) } else { reject::<true>(self) }
+    }
+}
+
+#[inline(always)]
+fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> u32 {
+    let Reject { found, q, points, normals, motion, shutter, noise, limits } = it;
+    let sigma = |z: Lanes| z.map(|z| noise.sigma_m(z));
+    let mut in_front = [0u32; LANES];
+    for at in (0..found.len()).step_by(LANES) {
+        let (mut b, mut nb) = (found.b.load(at), found.nb.load(at));
+        let (sigma_a, sigma_b) = (sigma(Lanes::load(&points.z, at)), sigma(b[2]));
+        if IS_ROLLING {
+            let seconds = shutter.inner_row_time_s(Lanes::load(&found.row, at));
+            (b, nb) = (shutter.move_point(b, seconds), shutter.turn(nb, seconds));
+        }
+        let e = sub(b, q.load(at));
+        let na = rotate(motion, normals.load(at));
+        let variance = sigma_a * sigma_a + sigma_b * sigma_b;
+        let (residual, distance_sq, cosine) = (dot(e, nb), dot(e, e), dot(na, nb));
+        let residual_sq = residual * residual;
+        let limit = Lanes::splat(limits.distance_m) + Lanes::splat(limits.distance_sigmas) * sigma_b;
+        let limit_sq = limit * limit;
+        let is_inner = Lanes::load(&found.is_inner, at);
+        // Where nothing was found the normal is 0, and with it the residual.
+        for l in 0..LANES {
+            let is_in_front = (residual.0[l] < 0.0) & (residual_sq.0[l] > 9.0 * variance.0[l]);
+            in_front[l] += u32::from(is_in_front);
+        }
+        let keep: [bool; LANES] = from_fn(|l| {
+            (is_inner.0[l] > 0.0) & (distance_sq.0[l] <= limit_sq.0[l]) & (cosine.0[l] >= limits.cosine)
+        });
+        let sigmas = (residual_sq / (variance + Lanes::splat(limits.pose_variance))).sqrt();
+        // Memory may change after its check: what is rejected must not be able to poison a sum.
+        found.e.store(at, e.map(|c| c.only(keep)));
+        found.nb.store(at, nb.map(|c| c.only(keep)));
+        found.na.store(at, na);
+        distance_sq.store(&mut found.distance_sq, at);
+        sigmas.store(&mut found.sigmas, at);
+        (Lanes::splat(1.0) / variance).only(keep).store(&mut found.weight, at);
+    }
+    in_front.iter().sum()
+}
+
+/// Rejection that compares matches with each other; holds its buffers.
+#[derive(Debug, Default)]
+pub(crate) struct Rejection {
+    residuals: Vec<f32>,
+    /// For one-to-one: the place that holds a target vertex, valid where the stamp is current.
+    holders: Vec<(u32, u32)>,
+    stamp: u32,
+}
+
+impl Rejection {
+    /// For targets with `n_vertices` vertices.
+    pub(crate) fn new(n_vertices: usize) -> Self {
+        Self { holders: vec![(0, 0); n_vertices], ..Self::default() }
+    }
+
+    /// Keeps for each target vertex its nearest query only; the first among equals.
+    pub(crate) fn keep_one_to_one(&mut self, found: &mut Found) {
+        self.stamp = self.stamp.wrapping_add(1);
+        if self.stamp == 0 {
+            self.holders.fill((0, 0));
+            self.stamp = 1;
+        }
+        for k in 0..found.len() {
+            if found.weight[k] <= 0.0 {
+                continue;
+            }
+            let holder = &mut self.holders[found.vertex[k] as usize];
+            if holder.0 != self.stamp {
+                *holder = (self.stamp, k as u32);
+            } else if found.distance_sq[k] < found.distance_sq[holder.1 as usize] {
+                found.weight[holder.1 as usize] = 0.0;
+                holder.1 = k as u32;
+            } else {
+                found.weight[k] = 0.0;
+            }
+        }
+    }
+
+    /// The median residual, after rejecting all that exceed `factor` times it or `least`; a factor
+    /// of 0 rejects nothing.
+    pub(crate) fn by_median(&mut self, found: &mut Found, factor: f32, least: f32) -> f32 {
+        self.residuals.clear();
+        self.residuals.extend(found.sigmas.iter().zip(&found.weight).filter(|f| *f.1 > 0.0).map(|f| f.0));
+        if self.residuals.is_empty() {
+            return 0.0;
+        }
+        let middle = self.residuals.len() / 2;
+        let (_, median, _) = self.residuals.select_nth_unstable_by(middle, f32::total_cmp);
+        let median = *median;
+        if factor > 0.0 {
+            let limit = factor * median.max(least);
+            for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
+                *weight = if *sigmas <= limit { *weight } else { 0.0 };
+            }
+        }
+        median
+    }
+}
+
+/// Turns inverse variances into weights: `w = (2 sigma(1 m)^2 / variance) / (1 + (r/c)^2)`, the noise
+/// model and the Cauchy kernel on the normal residual, each as the settings have it.
+pub(crate) fn weigh(found: &mut Found, settings: &WeightSettings, reference_sigma_m: f32) {
+    let unit = 2.0 * reference_sigma_m * reference_sigma_m;
+    let inverse = if settings.robust_sigmas > 0.0 { 1.0 / settings.robust_sigmas } else { 0.0 };
+    for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
+        let r = *sigmas * inverse;
+        let plain = if settings.noise_scaled { unit * *weight } else { 1.0 };
+        *weight = if *weight > 0.0 { plain / (1.0 + r * r) } else { 0.0 };
+    }
+}

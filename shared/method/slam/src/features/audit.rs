@@ -1,0 +1,62 @@
+//! The audit of colour: what the surfaces alone say of a frame that features took part in.
+//!
+//! A pose that follows wrong colour takes the data association of the surfaces along, which then
+//! agrees. So some frames are aligned once more without features, and their matches are judged there.
+
+use crate::features::colour_model::{ColourRecord, Observed};
+use crate::features::sight::Judged;
+use crate::map::records::State;
+use crate::tracking::alignment::{Aligner, Prediction, Reference};
+use crate::tracking::input::TrackingInput;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::{WindowAlignment, reference};
+
+/// Frames that are all audited at first, and the distance of those audited from then on.
+const ALL_UNTIL: u32 = 40;
+const EVERY: u64 = 4;
+/// Outer iterations: the start is at a solution, or not far from one.
+const OUTER_ITERATIONS: u32 = 3;
+
+/// What a frame's features say of colour; `None` where it is not audited, or too few match.
+pub(crate) fn colour_record(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    aligned: &WindowAlignment,
+    prediction: &Prediction,
+) -> Option<ColourRecord> {
+    let colour = &input.map.state().colour;
+    let is_due = colour.n_frames < ALL_UNTIL || input.frame.index.is_multiple_of(EVERY);
+    if !is_due || aligner.sight.n_features() == 0 || aligned.state != State::Tracking {
+        return None;
+    }
+    let (members, references): (Vec<Member>, Vec<Reference<'_>>) =
+        aligned.members.iter().filter_map(|member| Some((*member, reference(input, *member)?))).unzip();
+    let guess = Prediction {
+        world_from_camera: aligned.alignment.world_from_camera,
+        is_known: false,
+        first_distance_m: input.context.mapping.window.min_first_distance_m,
+        outer_iterations: OUTER_ITERATIONS,
+        ..*prediction
+    };
+    let alone = aligner.align(input.context, input.samples, &references, &guess);
+    if !alone.is_solved {
+        return None;
+    }
+    let factor = aligner.independent_factor();
+    let mut sums = Observed::new(input.context, colour);
+    for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
+        if !matches!(member, Member::Keyframe(_)) {
+            continue;
+        }
+        let target_from_query = reference.world_from_camera.inverse() * alone.world_from_camera;
+        let judged = Judged {
+            key: reference.key,
+            target_from_query,
+            origin: *origin,
+            sums: block,
+            velocity: reference.velocity,
+        };
+        aligner.sight.judge(&judged, factor, &mut sums);
+    }
+    sums.record()
+}

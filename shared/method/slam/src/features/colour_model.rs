@@ -1,0 +1,249 @@
+//! How colour lies against depth, estimated while running: time lag and ratio of focal lengths.
+//!
+//! Both are linear in the residuals of matches between frames whose relative pose is known. Each
+//! frame's record holds its normal equations about the parameters themselves, so that the state is
+//! their sum; what is applied follows from the state alone.
+
+use crate::map::context::Context;
+use nalgebra::{Matrix2, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
+use tessera_features::Correspondence;
+use tessera_geometry::{Camera, Pose, Twist};
+
+/// What is applied to the pixels of features.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColourModel {
+    /// Seconds by which colour is newer than the depth of the same stamp.
+    pub lag_s: f64,
+    /// Focal length of colour over that of depth.
+    pub focal_ratio: f64,
+}
+
+impl Default for ColourModel {
+    fn default() -> Self {
+        Self { lag_s: 0.0, focal_ratio: 1.0 }
+    }
+}
+
+impl ColourModel {
+    /// Direction `(x, y, 1)` of a pixel of the colour image.
+    pub(crate) fn ray(&self, camera: &Camera, row: f64, column: f64) -> Vector3<f64> {
+        let (x, y) = ((column - camera.cx) / self.focal_ratio, (row - camera.cy) / self.focal_ratio);
+        camera.ray(y + camera.cy, x + camera.cx)
+    }
+
+    /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the
+    /// motion during the lag left out.
+    pub(crate) fn pixel(&self, camera: &Camera, point: &Vector3<f64>) -> Option<[f64; 2]> {
+        let (row, column) = camera.project(point)?;
+        Some([
+            (row - camera.cy) * self.focal_ratio + camera.cy,
+            (column - camera.cx) * self.focal_ratio + camera.cx,
+        ])
+    }
+}
+
+/// What one frame's matches say of colour, as journaled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColourRecord {
+    /// Matches that took part.
+    pub n_pairs: u32,
+    /// Median residual of a pair against its surfaces, mean over the pairs, pixels.
+    pub residual_px: f64,
+    /// `sum w J^T J`: lag-lag, lag-ratio, ratio-ratio, per square pixel.
+    pub information: [f64; 3],
+    /// `sum w J^T (J x - r)` at the parameters `x` in effect.
+    pub gradient: [f64; 2],
+}
+
+/// Share by which what was seen before counts less with each frame.
+const FORGETTING: f64 = 0.002;
+/// Residual from which on colour is not trusted, pixels.
+const UNTRUSTED_PX: f64 = 10.0;
+/// Least share that a frame has in the running residual.
+const RESIDUAL_SHARE: f64 = 0.1;
+/// Residual before the first frame, pixels.
+const FIRST_RESIDUAL_PX: f64 = 4.0;
+/// Matches of a frame that count for its residual, at least.
+const MIN_PAIRS: u32 = 20;
+/// Frames before anything is applied.
+const MIN_FRAMES: u32 = 30;
+/// Matches err together: their number is worth this share.
+const INDEPENDENT: f64 = 0.05;
+/// A parameter is applied when it differs from none by this many deviations, and is worth it.
+const CERTAIN_SIGMAS: f64 = 5.0;
+const LEAST_LAG_S: f64 = 0.002;
+const LEAST_RATIO: f64 = 0.005;
+/// Beyond, it is no such camera.
+const MOST_LAG_S: f64 = 0.1;
+const MOST_RATIO: f64 = 0.3;
+
+/// What all frames so far say of colour.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColourState {
+    /// Frames with enough matches.
+    pub n_frames: u32,
+    /// Sums of the records, older ones less.
+    pub information: [f64; 3],
+    /// As the information.
+    pub gradient: [f64; 2],
+    /// Running residual, pixels.
+    pub residual_px: f64,
+    /// What is applied.
+    pub model: ColourModel,
+}
+
+impl Default for ColourState {
+    fn default() -> Self {
+        Self {
+            n_frames: 0,
+            information: [0.0; 3],
+            gradient: [0.0; 2],
+            residual_px: FIRST_RESIDUAL_PX,
+            model: ColourModel::default(),
+        }
+    }
+}
+
+impl ColourState {
+    /// Takes a frame's record in.
+    pub(crate) fn apply(&mut self, record: &ColourRecord) {
+        if record.n_pairs < MIN_PAIRS {
+            return;
+        }
+        self.n_frames = self.n_frames.saturating_add(1);
+        let kept = 1.0 - FORGETTING;
+        (0..3).for_each(|k| self.information[k] = kept * self.information[k] + record.information[k]);
+        (0..2).for_each(|k| self.gradient[k] = kept * self.gradient[k] + record.gradient[k]);
+        // The first frames count alike.
+        let share = RESIDUAL_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
+        self.residual_px += share * (record.residual_px - self.residual_px);
+        if self.n_frames >= MIN_FRAMES {
+            self.decide();
+        }
+    }
+
+    /// Whether features may lead: beyond, colour is of another time or another scene.
+    pub(crate) fn is_trusted(&self) -> bool {
+        self.residual_px < UNTRUSTED_PX
+    }
+
+    /// Factor of the residuals' information: 1 where colour agrees with the surfaces to a pixel, 0
+    /// where it is not trusted.
+    pub(crate) fn weight(&self) -> f64 {
+        let ratio = 1.0 / self.residual_px.max(1.0);
+        if self.is_trusted() { ratio * ratio } else { 0.0 }
+    }
+
+    /// Lag and ratio less one with their standard deviations, `[value, sigma]` each.
+    pub fn estimate(&self) -> Option<[[f64; 2]; 2]> {
+        let [a, b, d] = self.information;
+        let inverse = Matrix2::new(a, b, b, d).try_inverse()?;
+        let x = inverse * Vector2::from(self.gradient);
+        // The residual is that of the pose and the pixel too: never below one.
+        let variance = self.residual_px.max(1.0).powi(2) / INDEPENDENT;
+        let sigma = |k: usize| (inverse[(k, k)] * variance).max(0.0).sqrt();
+        Some([[x[0], sigma(0)], [x[1], sigma(1)]])
+    }
+
+    fn decide(&mut self) {
+        let Some([lag, ratio]) = self.estimate() else { return };
+        let applied = [self.model.lag_s, self.model.focal_ratio - 1.0];
+        let chosen = |[value, sigma]: [f64; 2], applied: f64, least: f64, most: f64| {
+            let is_certain =
+                value.abs() > CERTAIN_SIGMAS * sigma && value.abs() > least && value.abs() < most;
+            let is_none = value.abs() < 0.5 * least || value.abs() < 0.5 * CERTAIN_SIGMAS * sigma;
+            // What is applied moves when it must, not with each frame.
+            let is_off = (value - applied).abs() > 0.25 * least && (value - applied).abs() > 0.5 * sigma;
+            match () {
+                () if is_certain && (applied == 0.0 || is_off) => value,
+                () if is_none => 0.0,
+                () => applied,
+            }
+        };
+        self.model.lag_s = chosen(lag, applied[0], LEAST_LAG_S, MOST_LAG_S);
+        self.model.focal_ratio = 1.0 + chosen(ratio, applied[1], LEAST_RATIO, MOST_RATIO);
+    }
+}
+
+/// One frame's sums over its matches.
+pub(crate) struct Observed<'a> {
+    model: &'a ColourModel,
+    focal_px: f64,
+    scale_px: f64,
+    record: ColourRecord,
+    residuals_px: Vec<f64>,
+    /// Of each pair with enough matches.
+    medians_px: Vec<f64>,
+}
+
+/// Residuals beyond are of wrong matches or wrong poses, pixels.
+const MOST_RESIDUAL_PX: f64 = 40.0;
+
+impl<'a> Observed<'a> {
+    pub(crate) fn new(context: &'a Context, state: &ColourState) -> Self {
+        let camera = &context.camera;
+        Self {
+            model: &context.colour,
+            focal_px: 0.5 * (camera.fx.abs() + camera.fy.abs()),
+            scale_px: 2.0 * state.residual_px.max(1.0),
+            record: ColourRecord::default(),
+            residuals_px: Vec::new(),
+            medians_px: Vec::new(),
+        }
+    }
+
+    /// Adds a match between frames whose relative pose is known; `velocities` of query and target.
+    pub(crate) fn add(&mut self, c: &Correspondence, target_from_query: &Pose, velocities: [&Twist; 2]) {
+        let Some(point) = &c.query.point else { return };
+        let a = point.position_m;
+        let b = target_from_query.rotation * a + target_from_query.translation.vector;
+        if !(b.z > 0.1) {
+            return;
+        }
+        let (x, y) = (b.x / b.z, b.y / b.z);
+        // Of `(x/z, y/z)` by the point.
+        let project = |d: &Vector3<f64>| Vector2::new(d.x - x * d.z, d.y - y * d.z) / b.z;
+        let [query, target] = velocities;
+        let turned = |d: Vector3<f64>| target_from_query.rotation * d;
+        let by_lag =
+            project(&turned(query.phi.cross(&a) + query.rho)) - project(&(target.phi.cross(&b) + target.rho));
+        let inverse = -1.0 / self.model.focal_ratio;
+        let ray_b = Vector2::from(c.target.ray);
+        let by_ratio = project(&turned(Vector3::new(a.x, a.y, 0.0) * inverse)) - ray_b * inverse;
+        let r = (Vector2::new(x, y) - ray_b) * self.focal_px;
+        let size = r.norm();
+        if !(size < MOST_RESIDUAL_PX) {
+            return;
+        }
+        let (by_lag, by_ratio) = (by_lag * self.focal_px, by_ratio * self.focal_px);
+        let relative = size / self.scale_px;
+        let weight = 1.0 / (1.0 + relative * relative);
+        let target = by_lag * self.model.lag_s + by_ratio * (self.model.focal_ratio - 1.0) - r;
+        let record = &mut self.record;
+        record.information[0] += weight * by_lag.dot(&by_lag);
+        record.information[1] += weight * by_lag.dot(&by_ratio);
+        record.information[2] += weight * by_ratio.dot(&by_ratio);
+        record.gradient[0] += weight * by_lag.dot(&target);
+        record.gradient[1] += weight * by_ratio.dot(&target);
+        record.n_pairs += 1;
+        self.residuals_px.push(size);
+    }
+
+    /// Ends a pair.
+    pub(crate) fn end_pair(&mut self) {
+        let (n, middle) = (self.residuals_px.len(), self.residuals_px.len() / 2);
+        if n >= MIN_PAIRS as usize {
+            let (_, median, _) = self.residuals_px.select_nth_unstable_by(middle, f64::total_cmp);
+            self.medians_px.push(*median);
+        }
+        self.residuals_px.clear();
+    }
+
+    /// The frame's record; none without a match.
+    pub(crate) fn record(self) -> Option<ColourRecord> {
+        let n = self.medians_px.len() as f64;
+        let residual_px = self.medians_px.iter().sum::<f64>() / n;
+        (n > 0.0).then_some(ColourRecord { residual_px, ..self.record })
+    }
+}

@@ -1,0 +1,109 @@
+//! From a feature's pixel to a ray in the depth camera's frame at the frame's stamp, and to the point
+//! where the ray meets the surface (method 14.2).
+//!
+//! The colour camera is taken as the depth camera with another focal length about the same principal
+//! point, exposed `lag_s` later. A pixel's ray starts where the camera was then.
+
+use crate::map::context::Context;
+use nalgebra::Vector3;
+use tessera_features::{Feature, Observation, PointEstimate};
+use tessera_geometry::Twist;
+use tessera_surface::{SurfaceView, Vertex};
+
+/// Cosine between ray and normal at least: beyond, a pixel more or less is another depth.
+const MIN_COSINE: f64 = 0.2;
+/// Change of depth from the vertex to the ray's point at most, as a share of the depth.
+const MAX_DEPTH_STEP: f64 = 0.1;
+
+/// A point moved by `exp(velocity seconds)`, as the series up to the second order.
+fn moved(p: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
+    let first = velocity.phi.cross(p) + velocity.rho;
+    p + first * seconds + velocity.phi.cross(&first) * (0.5 * seconds * seconds)
+}
+
+/// A direction turned by `exp(velocity seconds)`, as the series up to the second order.
+fn turned(d: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
+    let first = velocity.phi.cross(d);
+    d + first * seconds + velocity.phi.cross(&first) * (0.5 * seconds * seconds)
+}
+
+fn vector(v: [f32; 3]) -> Vector3<f64> {
+    Vector3::from(v.map(f64::from))
+}
+
+/// Observations of a frame's features at its stamp: rays, with points where the surface has depth.
+///
+/// `velocity`: the frame's own motion per second in its camera frame.
+pub(crate) fn lift(
+    context: &Context,
+    features: &[Feature],
+    surface: &SurfaceView<'_>,
+    velocity: &Twist,
+) -> Vec<Observation> {
+    let lifter = Lifter { context, surface, velocity };
+    features.iter().map(|feature| lifter.observe(feature)).collect()
+}
+
+struct Lifter<'a> {
+    context: &'a Context,
+    surface: &'a SurfaceView<'a>,
+    velocity: &'a Twist,
+}
+
+impl Lifter<'_> {
+    fn observe(&self, feature: &Feature) -> Observation {
+        let camera = &self.context.camera;
+        let [row, column] = feature.pixel.map(f64::from);
+        let direction = self.context.colour.ray(camera, row, column);
+        let seconds = self.context.colour.lag_s + camera.row_time_s(row);
+        let direction = turned(&direction, self.velocity, seconds);
+        let direction = direction / direction.z;
+        let origin = moved(&Vector3::zeros(), self.velocity, seconds);
+        let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs()) * self.context.colour.focal_ratio;
+        let ray_sigma = f64::from(feature.sigma_px) / focal_px;
+        let depth = self.meet(&origin, &direction);
+        let ray = [direction.x, direction.y];
+        let Some((position_m, slope)) = depth else { return Observation { ray, ray_sigma, point: None } };
+        // Seen from the depth camera's own centre, which the ray misses by the motion during the lag.
+        let ray = [position_m.x / position_m.z, position_m.y / position_m.z];
+        let noise_m = f64::from(self.context.noise.sigma_m(position_m.z as f32));
+        let of_slope_m = slope * ray_sigma * position_m.z;
+        let depth_sigma_m = (noise_m * noise_m + of_slope_m * of_slope_m).sqrt();
+        let point = PointEstimate::on_ray(ray, ray_sigma, position_m.z, depth_sigma_m);
+        Observation { ray, ray_sigma, point: Some(point) }
+    }
+
+    /// Where a ray meets the surface, and the tangent of the angle at which it does.
+    fn meet(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+        let (first, _) = self.vertex(direction)?;
+        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(first.position[2])))?;
+        let camera = &self.context.camera;
+        let row = (grid_row * self.context.grid.step) as f64 + self.context.offset_px;
+        let seconds = camera.row_time_s(row);
+        let on_surface = moved(&vector(vertex.position), self.velocity, seconds);
+        let normal = turned(&vector(vertex.normal), self.velocity, seconds);
+        let along = normal.dot(direction);
+        let cosine = along.abs() / (direction.norm() * normal.norm());
+        if !(cosine > MIN_COSINE) {
+            return None;
+        }
+        let position = origin + direction * (normal.dot(&(on_surface - origin)) / along);
+        let is_near = (position.z - on_surface.z).abs() < MAX_DEPTH_STEP * on_surface.z;
+        is_near.then(|| (position, ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine))
+    }
+
+    /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
+    fn vertex(&self, point: &Vector3<f64>) -> Option<(Vertex, usize)> {
+        let (camera, grid) = (&self.context.camera, self.context.grid);
+        let (row, _) = camera.project(point)?;
+        let seconds = -camera.row_time_s(row.clamp(0.0, f64::from(camera.height)));
+        let (row, column) = camera.project(&turned(point, self.velocity, seconds))?;
+        let cell = |pixel: f64, n: usize| {
+            let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
+            (place >= 0.0 && place < n as f64).then_some(place as usize)
+        };
+        let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
+        let vertex = self.surface.vertices.get(row * grid.width + column)?;
+        vertex.is_inner().then_some((*vertex, row))
+    }
+}

@@ -1,0 +1,12 @@
+//! Sparse features beside the surfaces: initial guesses, residuals, and whether colour may be
+//! believed (method 14.2).
+
+pub(crate) mod audit;
+pub(crate) mod colour_model;
+pub(crate) mod lift;
+pub(crate) mod matching;
+pub(crate) mod residuals;
+pub(crate) mod sight;
+pub(crate) mod start;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,76 @@
+//! Residuals of matched features in a pair's exact sums (method 14.2).
+//!
+//! Two points give `e = b - (R a + t)` with `Omega = (C_b + R C_a R^T)^-1`. A point and a bearing
+//! give the point's distance from the bearing's line: the other end is the foot of the point on it,
+//! and `Omega = (I - r r^T) / s^2` has rank two, with `s` the deviation across the line. All
+//! information is metric: `1 / m^2`.
+
+use nalgebra::{Matrix3, Vector3};
+use tessera_features::{Correspondence, Observation};
+use tessera_geometry::Pose;
+use tessera_graph::BlockSums;
+
+/// A residual frozen at a transform: `a` in the query's frame, `b` and `omega` in the target's.
+struct Residual {
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+    omega: Matrix3<f64>,
+}
+
+/// Squared normalised error at which a residual has half its weight.
+const ROBUST_SQ: f64 = 9.0;
+
+/// Sums of all correspondences about `target_from_query`, metric, with robust weights there.
+pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose) -> BlockSums {
+    let mut sums = BlockSums::default();
+    for residual in correspondences.iter().filter_map(|c| residual(c, target_from_query)) {
+        let e = residual.b - target_from_query.rotation * residual.a - target_from_query.translation.vector;
+        let weight = 1.0 / (1.0 + e.dot(&(residual.omega * e)) / ROBUST_SQ);
+        sums.add(&residual.a, &e, &(residual.omega * weight));
+        sums.n += 1;
+    }
+    sums
+}
+
+/// Squared normalised error of a correspondence; infinite where it has none.
+pub(crate) fn squared_error(correspondence: &Correspondence, target_from_query: &Pose) -> f64 {
+    residual(correspondence, target_from_query).map_or(f64::INFINITY, |r| {
+        let e = r.b - target_from_query.rotation * r.a - target_from_query.translation.vector;
+        e.dot(&(r.omega * e))
+    })
+}
+
+fn residual(c: &Correspondence, target_from_query: &Pose) -> Option<Residual> {
+    let rotation = target_from_query.rotation.to_rotation_matrix().into_inner();
+    let translation = target_from_query.translation.vector;
+    match (&c.query.point, &c.target.point) {
+        (Some(q), Some(t)) => {
+            let covariance = t.covariance_m2 + rotation * q.covariance_m2 * rotation.transpose();
+            Some(Residual { a: q.position_m, b: t.position_m, omega: covariance.try_inverse()? })
+        }
+        (Some(q), None) => {
+            let seen = rotation * q.position_m + translation;
+            let (b, omega) = bearing(&c.target, &seen)?;
+            Some(Residual { a: q.position_m, b, omega })
+        }
+        (None, Some(t)) => {
+            let seen = rotation.tr_mul(&(t.position_m - translation));
+            let (a, omega) = bearing(&c.query, &seen)?;
+            Some(Residual { a, b: t.position_m, omega: rotation * omega * rotation.transpose() })
+        }
+        (None, None) => None,
+    }
+}
+
+/// The foot of a point on the line of a bearing, and the information across that line. The point's
+/// own position across the line is known as well as a pixel, from its own camera.
+fn bearing(observation: &Observation, seen: &Vector3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    let [x, y] = observation.ray;
+    let direction = Vector3::new(x, y, 1.0).normalize();
+    let along = direction.dot(seen);
+    let across_m = 2.0_f64.sqrt() * observation.ray_sigma * along;
+    (along > 0.05).then(|| {
+        let projector = Matrix3::identity() - direction * direction.transpose();
+        (direction * along, projector / (across_m * across_m))
+    })
+}

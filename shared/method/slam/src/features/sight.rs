@@ -1,0 +1,221 @@
+//! What the tracker sees by features: the frame's own, the references', and the pairs between them.
+
+use crate::features::colour_model::{ColourModel, Observed};
+use crate::features::lift::lift;
+use crate::features::matching::{FeaturePair, PairFinder, Reach, Seen};
+use crate::features::residuals;
+use crate::map::context::Context;
+use crate::tracking::alignment::Reference;
+use crate::tracking::input::FrameSurface;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use tessera_features::{Feature, Observation};
+use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
+use tessera_graph::{BlockSums, PairBlock};
+use tessera_surface::SurfaceView;
+
+/// Names a surface: as [`Reference::key`].
+pub(crate) type Key = (bool, u64);
+
+/// Observations kept beside those of this frame.
+const KEPT: usize = 24;
+/// References whose features are matched: the first of a window.
+const MOST_PAIRS: usize = 5;
+/// Squared normalised error of a feature that agrees with a pose, at most.
+const AGREES_SQ: f64 = 25.0;
+/// Mean squared error at which a pair has its full weight, at most.
+const MEAN_SQ: f64 = 4.0;
+
+/// Observations of one reference, with what they were made from.
+struct Known {
+    model: ColourModel,
+    velocity: Twist,
+    observations: Arc<[Observation]>,
+}
+
+/// Observations are made again where a better known motion turns them by more, radians.
+const LEAST_CHANGE_RAD: f64 = 1e-3;
+
+/// The tracker's features: buffers and what is known of this frame. Nothing of it is state.
+pub(crate) struct Sight {
+    pub(crate) finder: PairFinder,
+    known: BTreeMap<Key, Known>,
+    index: u64,
+    /// Motion that the observations were made with.
+    velocity: Twist,
+    features: Vec<Feature>,
+    observations: Arc<[Observation]>,
+    pairs: BTreeMap<Key, Option<Arc<FeaturePair>>>,
+}
+
+impl Sight {
+    pub(crate) fn new(context: &Context) -> Self {
+        Self {
+            finder: PairFinder::new(context),
+            known: BTreeMap::new(),
+            index: 0,
+            velocity: Twist::default(),
+            features: Vec::new(),
+            observations: Arc::new([]),
+            pairs: BTreeMap::new(),
+        }
+    }
+
+    /// Takes a frame's features in.
+    pub(crate) fn begin(&mut self, context: &Context, frame: &FrameSurface<'_>, velocity: &Twist) {
+        self.index = frame.index;
+        self.velocity = *velocity;
+        self.pairs.clear();
+        self.features.clear();
+        if context.mapping.features.enabled {
+            self.features.extend_from_slice(frame.features);
+        }
+        self.observations = lift(context, &self.features, &frame.surface, velocity).into();
+    }
+
+    /// Observes the features again with a better known motion, where that moves them.
+    pub(crate) fn observe_again(&mut self, context: &Context, surface: &SurfaceView<'_>, velocity: &Twist) {
+        let change = Twist { rho: velocity.rho - self.velocity.rho, phi: velocity.phi - self.velocity.phi };
+        let seconds = context.colour.lag_s.abs() + 0.25 * context.camera.readout_s.abs();
+        if (change.phi.norm() + 0.5 * change.rho.norm()) * seconds < LEAST_CHANGE_RAD {
+            return;
+        }
+        self.velocity = *velocity;
+        self.pairs.clear();
+        self.observations = lift(context, &self.features, surface, velocity).into();
+    }
+
+    pub(crate) fn n_features(&self) -> usize {
+        self.features.len()
+    }
+
+    /// The pair with a reference: found once for each frame, within reach of
+    /// `world_from_camera`.
+    pub(crate) fn pair(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+        reach: Reach,
+    ) -> Option<Arc<FeaturePair>> {
+        if let Some(Some(known)) = self.pairs.get(&reference.key) {
+            return Some(Arc::clone(known));
+        }
+        let observations = self.observations_of(context, reference);
+        let guess = reference.world_from_camera.inverse() * world_from_camera;
+        let query = Seen { features: &self.features, observations: &self.observations };
+        let target = Seen { features: reference.features, observations: &observations };
+        let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
+        let found = self.finder.find(context, [query, target], &guess, reach, seed);
+        let found = found.map(Arc::new);
+        self.pairs.insert(reference.key, found.clone());
+        found
+    }
+
+    fn observations_of(&mut self, context: &Context, reference: &Reference<'_>) -> Arc<[Observation]> {
+        if let Some(known) = self.known.get(&reference.key)
+            && known.model == context.colour
+            && known.velocity == reference.velocity
+            && known.observations.len() == reference.features.len()
+        {
+            return Arc::clone(&known.observations);
+        }
+        let (model, velocity) = (context.colour, reference.velocity);
+        let observations: Arc<[Observation]> =
+            lift(context, reference.features, &reference.surface, &velocity).into();
+        while self.known.len() >= KEPT {
+            self.known.pop_first();
+        }
+        self.known.insert(reference.key, Known { model, velocity, observations: Arc::clone(&observations) });
+        observations
+    }
+
+    /// Gives references the features that they share with the frame; `weight` of metric information in
+    /// the units of the blocks.
+    pub(crate) fn pair_all(
+        &mut self,
+        context: &Context,
+        references: &mut [Reference<'_>],
+        world_from_camera: &Pose,
+        weight: f64,
+    ) {
+        if self.features.is_empty() {
+            return;
+        }
+        for reference in references.iter_mut().take(MOST_PAIRS) {
+            let pair = self.pair(context, reference, world_from_camera, Reach::KNOWN);
+            let at = reference.world_from_camera.inverse() * world_from_camera;
+            reference.pair = pair.map(|pair| WeightedPair::new(pair, weight, &at));
+        }
+    }
+
+    /// Features that agree with an alignment, of the reference that has most.
+    pub(crate) fn n_agreeing(&self, references: &[Reference<'_>], world_from_camera: &Pose) -> u32 {
+        let count = |reference: &Reference<'_>| {
+            let Some(pair) = &reference.pair else { return 0 };
+            let at = reference.world_from_camera.inverse() * world_from_camera;
+            pair.found.inliers.iter().filter(|c| residuals::squared_error(c, &at) < AGREES_SQ).count() as u32
+        };
+        references.iter().map(count).max().unwrap_or(0)
+    }
+
+    /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
+    pub(crate) fn judge(&self, judged: &Judged<'_>, factor: f64, sums: &mut Observed<'_>) {
+        let Some(Some(pair)) = self.pairs.get(&judged.key) else { return };
+        let at = by_surfaces(judged, factor);
+        let velocities = [&self.velocity, &judged.velocity];
+        pair.inliers.iter().for_each(|c| sums.add(c, &at, velocities));
+        sums.end_pair();
+    }
+}
+
+/// A pair whose surfaces judge colour.
+pub(crate) struct Judged<'a> {
+    pub(crate) key: Key,
+    /// As aligned, and where the sums are about.
+    pub(crate) target_from_query: Pose,
+    pub(crate) origin: Pose,
+    /// Of the surfaces alone.
+    pub(crate) sums: &'a BlockSums,
+    /// Of the target.
+    pub(crate) velocity: Twist,
+}
+
+/// Standard deviations of a relative pose beyond which the surfaces do not judge, metres and radians.
+const JUDGED_M: f64 = 0.002;
+const JUDGED_RAD: f64 = 0.002;
+
+/// The relative pose by the surfaces alone; as aligned where they hardly hold it.
+fn by_surfaces(judged: &Judged<'_>, factor: f64) -> Pose {
+    let block = PairBlock::new(&judged.origin, judged.sums);
+    let (t, r) = (factor / (JUDGED_M * JUDGED_M), factor / (JUDGED_RAD * JUDGED_RAD));
+    let prior = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
+    let (h, g, _) = block.linearise(&judged.target_from_query);
+    let step = (h + prior).cholesky().map(|factor| -factor.solve(&g));
+    step.map_or(judged.target_from_query, |step| {
+        compose_normalised(&judged.target_from_query, &Twist::from_vector(&step))
+    })
+}
+
+/// A pair as an alignment takes it: with its weight in the units of the blocks' information.
+#[derive(Clone, Debug)]
+pub(crate) struct WeightedPair {
+    pub(crate) found: Arc<FeaturePair>,
+    pub(crate) weight: f64,
+}
+
+impl WeightedPair {
+    /// `weight`: of metric information in the units of the blocks, where the pair agrees with the start.
+    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64, start: &Pose) -> Self {
+        let cost = found.sums.about(&found.target_from_query, start).c;
+        let mean_sq = cost / f64::from(found.sums.n.max(1));
+        let agreement = (MEAN_SQ / mean_sq.max(MEAN_SQ)).min(1.0);
+        Self { found, weight: weight * agreement }
+    }
+
+    /// Adds the features' residuals to a pair's sums, which are about `target_from_query`.
+    pub(crate) fn add_to(&self, sums: &mut BlockSums, target_from_query: &Pose) {
+        let seen = self.found.sums.about(&self.found.target_from_query, target_from_query);
+        sums.add_scaled(&seen, self.weight);
+    }
+}

@@ -1,0 +1,35 @@
+//! Tracking, keyframes, loop closure and optimisation; their state as a fold over records.
+//!
+//! [`Tracker`] aligns one frame at a time against a local window of fixed poses and decides on
+//! keyframes and loops; [`Optimiser`] solves for all keyframes at once. Both are folds over
+//! [`records`](AlignRecord) plus a pure step, so that a process that restarted and one that did
+//! not hold the same bits. Holz and Behnke 2015, III-F to III-H.
+#![forbid(unsafe_code)]
+
+mod features;
+mod loops;
+mod map;
+mod optimise;
+mod settings;
+mod tracking;
+
+pub use features::colour_model::{ColourModel, ColourRecord, ColourState};
+pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
+pub use loops::covisibility::pairs as neighbour_pairs;
+pub use map::context::Context;
+pub use map::pose_history::{FramePose, PoseHistory};
+pub use map::records::{
+    AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
+    KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RefinedCamera,
+    Refinement, RequestRecord, RetiredRecord, State, StoreSlot,
+};
+pub use map::state::TrackerState;
+pub use map::surfaces::KeyframeSurfaces;
+pub use optimise::optimiser::{Optimiser, OptimiserState};
+pub use optimise::refine::FrameHistory;
+pub use settings::{
+    FeatureUse, GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings,
+    WindowSettings,
+};
+pub use tracking::input::FrameSurface;
+pub use tracking::tracker::Tracker;

@@ -1,0 +1,70 @@
+//! A keyframe made ready for data association.
+
+use crate::features::lift::lift;
+use crate::features::matching::Seen;
+use crate::map::context::Context;
+use crate::map::state::KeyframeState;
+use crate::map::surfaces::KeyframeSurfaces;
+use tessera_features::{Feature, Observation};
+use tessera_geometry::{Twist, Vector6};
+use tessera_registration::{KdTree, Queries, Sample, Sampler, ShutterTable, Target};
+use tessera_surface::SurfaceView;
+
+/// A keyframe as both sides of a pair: its samples as queries, its surface as a target, each with
+/// the readout motion at its stamp.
+pub(crate) struct Matchable<'a> {
+    pub(crate) queries: Queries,
+    shutter: ShutterTable,
+    surface: SurfaceView<'a>,
+    tree: Option<KdTree>,
+    velocity: Twist,
+    features: &'a [Feature],
+    observations: Vec<Observation>,
+}
+
+impl<'a> Matchable<'a> {
+    /// A keyframe with its samples drawn.
+    pub(crate) fn new(
+        context: &Context,
+        sampler: &mut Sampler,
+        keyframe: &KeyframeState,
+        surfaces: &'a dyn KeyframeSurfaces,
+    ) -> Self {
+        let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframe.id) };
+        let mut samples = Vec::new();
+        sampler.draw(&surface, keyframe.frame_index, &context.registration, &mut samples);
+        Self::with_samples(context, keyframe, surface, &samples)
+    }
+
+    /// A keyframe with samples that are known.
+    pub(crate) fn with_samples(
+        context: &Context,
+        keyframe: &KeyframeState,
+        surface: SurfaceView<'a>,
+        samples: &[Sample],
+    ) -> Self {
+        let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
+        let shutter = context.shutter(&velocity);
+        let mut queries = Queries::default();
+        queries.fill(samples, &shutter);
+        let tree = context.tree(&surface, &shutter);
+        Self { queries, shutter, surface, tree, velocity, features: &[], observations: Vec::new() }
+    }
+
+    /// The keyframe with its features.
+    pub(crate) fn with_features(mut self, context: &Context, features: &'a [Feature]) -> Self {
+        if context.mapping.features.enabled {
+            self.features = features;
+            self.observations = lift(context, features, &self.surface, &self.velocity);
+        }
+        self
+    }
+
+    pub(crate) fn seen(&self) -> Seen<'_> {
+        Seen { features: self.features, observations: &self.observations }
+    }
+
+    pub(crate) fn target(&self) -> Target<'_> {
+        Target { surface: self.surface, shutter: &self.shutter, tree: self.tree.as_ref() }
+    }
+}

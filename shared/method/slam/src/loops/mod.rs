@@ -1,0 +1,16 @@
+//! Loop closure (III-G): candidates, verification, and the extended window.
+
+pub(crate) mod appearance;
+pub(crate) mod conflict;
+pub(crate) mod covisibility;
+pub(crate) mod detection;
+pub(crate) mod extended_window;
+pub(crate) mod from_appearance;
+pub(crate) mod keyframe_pair;
+pub(crate) mod matchable;
+pub(crate) mod pair_alignment;
+#[cfg(test)]
+pub(crate) mod test_wall;
+pub(crate) mod trigger;
+pub(crate) mod verification;
+pub(crate) mod view_limits;

@@ -1,0 +1,86 @@
+//! Keyframes in front of a painted wall, for tests: geometry leaves its plane degenerate.
+
+use crate::map::context::Context;
+use crate::map::records::StoreSlot;
+use crate::map::state::KeyframeState;
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::settings::MappingSettings;
+use tessera_geometry::{Camera, Pose, PoseBits};
+use tessera_registration::{BrightnessUse, RegistrationSettings};
+use tessera_surface::{Grid, SurfaceSettings, Vertex};
+
+const DEPTH_M: f64 = 2.0;
+
+/// A context in which intensity is used like this.
+pub(crate) fn context(intensity: BrightnessUse) -> Context {
+    let camera = Camera {
+        width: 640,
+        height: 480,
+        fx: 525.0,
+        fy: 525.0,
+        cx: 319.5,
+        cy: 239.5,
+        units_per_metre: 5000.0,
+        distortion: [0.0; 5],
+        readout_s: 0.0,
+        depth_offset_m: 0.0,
+        colour_registered: true,
+    };
+    let mut registration = RegistrationSettings::default();
+    registration.weight.brightness = intensity;
+    Context::new(&camera, &SurfaceSettings::default(), &registration, &MappingSettings::default())
+}
+
+pub(crate) fn keyframe(id: u32, session: u32, x_m: f64) -> KeyframeState {
+    KeyframeState {
+        id,
+        session,
+        frame_index: 10 * u64::from(id),
+        stamp_nanos: 1_000_000_000 * i64::from(id),
+        world_from_camera: PoseBits::from(&Pose::translation(x_m, 0.0, 0.0)),
+        velocity: [0.0; 6],
+        slot: StoreSlot::default(),
+        edges: Vec::new(),
+        covariance: Vec::new(),
+        place: vec![1],
+        hangs_on: None,
+    }
+}
+
+/// Surfaces by keyframe id.
+pub(crate) struct Walls(Vec<Vec<Vertex>>);
+
+impl Walls {
+    /// The wall as each keyframe sees it.
+    pub(crate) fn seen_by(context: &Context, keyframes: &[KeyframeState]) -> Self {
+        Self(keyframes.iter().map(|k| wall(context.grid, &Pose::from(&k.world_from_camera))).collect())
+    }
+}
+
+impl KeyframeSurfaces for Walls {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        &self.0[keyframe as usize]
+    }
+}
+
+fn wall(grid: Grid, world_from_camera: &Pose) -> Vec<Vertex> {
+    let step = grid.step as f64;
+    let vertex = |i: usize| {
+        let (row, column) = (i / grid.width, i % grid.width);
+        let x = (column as f64 * step - 319.5) / 525.0 * DEPTH_M;
+        let y = (row as f64 * step - 239.5) / 525.0 * DEPTH_M;
+        let is_border = row == 0 || column == 0 || row + 1 == grid.height || column + 1 == grid.width;
+        let painted = x + world_from_camera.translation.x;
+        Vertex {
+            position: [x as f32, y as f32, DEPTH_M as f32],
+            normal: [0.0, 0.0, -1.0],
+            intensity: (0.5 + 0.3 * libm::sin(6.0 * painted) + 0.15 * libm::cos(5.0 * y)) as f32,
+            flags_rgb: Vertex::pack(
+                Vertex::VALID | if is_border { Vertex::BOUNDARY } else { 0 },
+                0,
+                [128; 3],
+            ),
+        }
+    };
+    (0..grid.len()).map(vertex).collect()
+}

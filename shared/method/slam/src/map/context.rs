@@ -1,0 +1,102 @@
+//! Camera, grid and settings, shared by aligner and optimiser.
+
+use crate::features::colour_model::{ColourModel, ColourState};
+use crate::settings::MappingSettings;
+use tessera_geometry::{Camera, DepthNoise, Twist};
+use tessera_numerics::Steps;
+use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
+use tessera_surface::{CellSample, Grid, SurfaceSettings, SurfaceView};
+
+/// Camera, grid and settings of one run.
+#[derive(Clone, Debug)]
+pub struct Context {
+    /// The camera.
+    pub camera: Camera,
+    /// Shape of every surface.
+    pub grid: Grid,
+    /// Settings of the registration.
+    pub registration: RegistrationSettings,
+    /// Settings of mapping.
+    pub mapping: MappingSettings,
+    /// Noise of the depth.
+    pub noise: DepthNoise,
+    /// Where the measurement of a cell lies relative to the cell's first pixel.
+    pub offset_px: f64,
+    /// How colour lies against depth, as far as it is certain.
+    pub(crate) colour: ColourModel,
+    /// Factor of the information of features; between keyframes that of the settings beside it.
+    pub(crate) feature_weight: f64,
+    /// Whether features may lead.
+    pub(crate) is_colour_trusted: bool,
+    /// Observer of the steps of aligner and optimiser; none by default.
+    pub steps: Steps,
+}
+
+impl Context {
+    /// Collects what a run's aligner and optimiser share.
+    pub fn new(
+        camera: &Camera,
+        surface: &SurfaceSettings,
+        registration: &RegistrationSettings,
+        mapping: &MappingSettings,
+    ) -> Self {
+        let step = surface.step as usize;
+        let grid = Grid {
+            width: (camera.width as usize).div_ceil(step),
+            height: (camera.height as usize).div_ceil(step),
+            step,
+        };
+        let offset_px = match surface.cell_sample {
+            CellSample::Mean => (f64::from(surface.step) - 1.0) / 2.0,
+            CellSample::Corner | CellSample::Nearest => 0.0,
+        };
+        Self {
+            camera: camera.clone(),
+            grid,
+            registration: registration.clone(),
+            mapping: mapping.clone(),
+            steps: Steps::default(),
+            noise: DepthNoise::new(surface.noise),
+            offset_px,
+            colour: ColourModel::default(),
+            feature_weight: 0.0,
+            is_colour_trusted: true,
+        }
+    }
+
+    /// The same with what is known of colour.
+    pub(crate) fn with_colour(&self, colour: &ColourState) -> Self {
+        let settings = &self.mapping.features;
+        let known = ColourModel { lag_s: settings.lag_s, focal_ratio: settings.focal_ratio };
+        Self {
+            colour: if settings.correct { colour.model } else { known },
+            feature_weight: settings.weight * colour.weight(),
+            is_colour_trusted: colour.is_trusted(),
+            ..self.clone()
+        }
+    }
+
+    /// A matcher with buffers of its own.
+    pub fn matcher(&self) -> Matcher {
+        let camera = GridCamera::new(&self.camera, self.grid, self.offset_px);
+        Matcher::new(camera, self.noise, &self.registration)
+    }
+
+    /// The tree of a surface, where the exact search is asked for.
+    pub(crate) fn tree(&self, surface: &SurfaceView<'_>, shutter: &ShutterTable) -> Option<KdTree> {
+        match self.registration.search.method {
+            SearchMethod::Exact => Some(KdTree::new(surface, shutter)),
+            SearchMethod::Projective => None,
+        }
+    }
+
+    /// Motion during the readout of a frame with this velocity.
+    pub fn shutter(&self, velocity: &Twist) -> ShutterTable {
+        ShutterTable::new(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px)
+    }
+
+    /// As [`Self::shutter`], into a table that exists.
+    pub fn fill_shutter(&self, velocity: &Twist, table: &mut ShutterTable) {
+        table.fill(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px);
+    }
+}

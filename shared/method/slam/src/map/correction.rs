@@ -1,0 +1,104 @@
+//! The optimiser's answer to a request.
+
+use crate::map::keyframe::KeyframePose;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{Camera, PoseBits};
+
+/// What became of a loop pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LoopVerdict {
+    /// It takes part.
+    Accepted,
+    /// Too few queries have a match, in one of the directions.
+    LittleOverlap,
+    /// Points of one keyframe float in what the other saw to be empty.
+    FreeSpaceViolated,
+    /// Aligning the newer to the older and the older to the newer gives different answers.
+    Inconsistent,
+    /// The tests passed, but it contradicts the rest of the graph: the optimiser took its weight.
+    Outvoted,
+}
+
+/// A pair of keyframes that would close a loop, and why it does or does not take part.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoopRecord {
+    /// The newer keyframe.
+    pub newer: u32,
+    /// The older keyframe.
+    pub older: u32,
+    /// Smaller share of queries with a match, of both directions.
+    pub overlap: f64,
+    /// Larger share of queries in view more than three standard deviations in front of what the
+    /// other keyframe saw there, of both directions.
+    pub in_front: f64,
+    /// Root mean square disagreement between both directions, standard deviations of depth.
+    pub inconsistency_sigmas: f64,
+    /// Root mean square disagreement between the pair and the graph, standard deviations of depth.
+    pub residual_sigmas: f64,
+    /// Factor of the pair's cost at the end.
+    pub weight: f64,
+    /// Why.
+    pub verdict: LoopVerdict,
+}
+
+/// The answer to a request.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Correction {
+    /// Which request.
+    pub request: u64,
+    /// Hash of the input it was computed from.
+    pub input_hash: u64,
+    /// Corrected keyframes, by id.
+    pub keyframes: Vec<KeyframePose>,
+    /// Frames solved again against the optimised keyframes (final optimisation only).
+    pub frames: Vec<(u64, PoseBits)>,
+    /// Loop pairs with what their tests found and the weight that the optimiser left them.
+    pub loops: Vec<LoopRecord>,
+    /// Outer iterations done.
+    pub outer_iterations: u32,
+    /// Rounds of graduated non-convexity over all outer iterations; 0: every loop fitted at once.
+    pub n_graduated_rounds: u32,
+    /// The camera as a further unknown (final optimisation only, where the settings ask for it).
+    pub refinement: Option<Refinement>,
+}
+
+/// What became of the camera when it was solved for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Refinement {
+    /// Another camera fits the frames better.
+    Refined(Box<RefinedCamera>),
+    /// The frames determine none, and why: the run's camera stays.
+    Kept(String),
+}
+
+/// A camera from the frames themselves, with the poses that go with it.
+///
+/// The map's own poses are those of [`Correction::keyframes`]: they fit the surfaces in the store,
+/// which the run's camera made. These fit the surfaces as this camera would have made them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RefinedCamera {
+    /// The camera.
+    pub camera: Camera,
+    /// How far the image moved from the run's camera to this one, root mean square pixels.
+    pub moved_px: f64,
+    /// Combinations of parameters that the motion does not determine: they keep the run's values.
+    pub n_held: u32,
+    /// Root mean square normal residual of keyframe pairs before and after, standard deviations
+    /// of depth.
+    pub residual_sigmas: [f64; 2],
+    /// Every keyframe's pose, by id.
+    pub keyframes: Vec<KeyframePose>,
+    /// Frames solved again against those keyframes.
+    pub frames: Vec<(u64, PoseBits)>,
+}
+
+/// A correction taking effect: the whole correction is copied into the aligner's own
+/// journal, so that its state is a fold over one file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AppliedCorrection {
+    /// First frame index aligned after it.
+    pub before_frame: u64,
+    /// What was applied.
+    pub correction: Correction,
+}

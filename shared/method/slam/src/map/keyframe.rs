@@ -1,0 +1,100 @@
+//! Keyframes: as journaled, and as the tracker holds them.
+
+use crate::loops::appearance::PlaceCode;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::PoseBits;
+
+/// Where a keyframe's surface lies in the keyframe store.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StoreSlot {
+    /// Byte offset of the first vertex.
+    pub offset: u64,
+    /// Length in bytes.
+    pub len: u64,
+    /// CRC-32 of those bytes.
+    pub crc: u32,
+}
+
+/// A keyframe, whose surface is in the store.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyframeRecord {
+    /// 0, 1, 2, … in the order of creation.
+    pub id: u32,
+    /// The frame it was.
+    pub frame_index: u64,
+    /// Its stamp.
+    pub stamp_nanos: i64,
+    /// Pose when it was made.
+    pub world_from_camera: PoseBits,
+    /// Its own motion per second in its camera frame, `rho phi`, for the rolling shutter.
+    pub velocity: [f64; 6],
+    /// Where its surface lies; filled in when the store is written.
+    pub slot: StoreSlot,
+    /// Keyframes it shares an edge with (ids below its own), loops among them.
+    pub edges: Vec<EdgeRecord>,
+    /// What the place looks like, to recognise it.
+    pub place: PlaceCode,
+    /// Keyframes that leave the working map for it, because there are more than the budget.
+    pub retires: Vec<RetiredRecord>,
+}
+
+/// A keyframe that nothing is aligned to any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RetiredRecord {
+    /// The keyframe.
+    pub keyframe: u32,
+    /// The keyframe of the working map that it moves along with from now on.
+    pub hangs_on: u32,
+}
+
+/// A connection between two keyframes, made when the newer one was aligned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EdgeRecord {
+    /// The older keyframe.
+    pub to: u32,
+    /// Whether it closes a loop.
+    pub is_loop: bool,
+}
+
+/// One corrected keyframe.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyframePose {
+    /// Keyframe.
+    pub id: u32,
+    /// Its corrected pose.
+    pub world_from_camera: PoseBits,
+}
+
+/// A keyframe as the aligner knows it now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyframeState {
+    /// 0, 1, 2, …
+    pub id: u32,
+    /// Which run made it: 0, 1, 2, … in the order in which runs extended the map.
+    pub session: u32,
+    /// The frame it was, as that run counts.
+    pub frame_index: u64,
+    /// Its stamp.
+    pub stamp_nanos: i64,
+    /// Its pose after all corrections so far.
+    pub world_from_camera: PoseBits,
+    /// Its own motion per second, `rho phi`.
+    pub velocity: [f64; 6],
+    /// Where its surface lies.
+    pub slot: StoreSlot,
+    /// Keyframes it was aligned to.
+    pub edges: Vec<EdgeRecord>,
+    /// Covariance of its pose when it was made, as in `FrameRecord::covariance`.
+    pub covariance: Vec<f64>,
+    /// What the place looks like.
+    pub place: PlaceCode,
+    /// The keyframe that this one moves along with since it left the working map.
+    pub hangs_on: Option<u32>,
+}
+
+impl KeyframeState {
+    /// Whether it belongs to the working map: others may be aligned to it.
+    pub fn is_active(&self) -> bool {
+        self.hangs_on.is_none()
+    }
+}

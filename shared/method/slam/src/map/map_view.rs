@@ -1,0 +1,100 @@
+//! The map as one tracking step sees it.
+
+use crate::map::state::{KeyframeState, TrackerState};
+
+/// The tracker's state, and in front of it a keyframe that this step would make. The state itself
+/// changes only by records.
+#[derive(Clone, Copy)]
+pub(crate) struct MapView<'a> {
+    state: &'a TrackerState,
+    candidate: Option<&'a KeyframeState>,
+}
+
+impl<'a> From<&'a TrackerState> for MapView<'a> {
+    fn from(state: &'a TrackerState) -> Self {
+        Self { state, candidate: None }
+    }
+}
+
+impl<'a> MapView<'a> {
+    /// The same map with one keyframe more, whose id follows the last.
+    pub(crate) fn with_candidate(self, candidate: &'a KeyframeState) -> Self {
+        Self { candidate: Some(candidate), ..self }
+    }
+
+    /// What is no keyframe: recent frames, counters, the pending request.
+    pub(crate) fn state(&self) -> &'a TrackerState {
+        self.state
+    }
+
+    /// All keyframes, by id.
+    pub(crate) fn keyframes(&self) -> impl Iterator<Item = &'a KeyframeState> + use<'a> {
+        self.state.keyframes.iter().chain(self.candidate)
+    }
+
+    /// Number of keyframes.
+    pub(crate) fn n_keyframes(&self) -> usize {
+        self.state.keyframes.len() + usize::from(self.candidate.is_some())
+    }
+
+    /// A keyframe by its id.
+    pub(crate) fn keyframe(&self, id: u32) -> Option<&'a KeyframeState> {
+        let candidate = self.candidate.filter(|candidate| candidate.id == id);
+        self.state.keyframes.get(id as usize).or(candidate)
+    }
+
+    /// The newest keyframe.
+    pub(crate) fn last_keyframe(&self) -> Option<&'a KeyframeState> {
+        self.candidate.or(self.state.keyframes.last())
+    }
+
+    /// The newest keyframe, if this run made it.
+    pub(crate) fn last_own_keyframe(&self) -> Option<&'a KeyframeState> {
+        self.last_keyframe().filter(|keyframe| self.is_own(keyframe))
+    }
+
+    /// Whether this run made a keyframe.
+    pub(crate) fn is_own(&self, keyframe: &KeyframeState) -> bool {
+        self.state.is_own(keyframe)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_geometry::PoseBits;
+
+    fn keyframe(id: u32, session: u32) -> KeyframeState {
+        KeyframeState {
+            id,
+            session,
+            frame_index: u64::from(id),
+            stamp_nanos: 0,
+            world_from_camera: PoseBits::IDENTITY,
+            velocity: [0.0; 6],
+            slot: crate::StoreSlot::default(),
+            edges: Vec::new(),
+            covariance: Vec::new(),
+            place: Vec::new(),
+            hangs_on: None,
+        }
+    }
+
+    #[test]
+    fn a_candidate_is_the_last_keyframe_and_the_state_has_none_of_it() {
+        let state = TrackerState {
+            session: 1,
+            keyframes: vec![keyframe(0, 0), keyframe(1, 0)],
+            ..TrackerState::default()
+        };
+        let map = MapView::from(&state);
+        assert_eq!((map.n_keyframes(), map.last_keyframe().map(|k| k.id)), (2, Some(1)));
+        assert!(map.last_own_keyframe().is_none() && map.keyframe(2).is_none());
+        let candidate = keyframe(2, 1);
+        let with = map.with_candidate(&candidate);
+        assert_eq!((with.n_keyframes(), with.last_own_keyframe().map(|k| k.id)), (3, Some(2)));
+        assert_eq!(with.keyframe(2), Some(&candidate));
+        assert_eq!(with.keyframes().map(|k| k.id).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!((map.n_keyframes(), state.keyframes.len()), (2, 2));
+    }
+}

@@ -1,0 +1,12 @@
+//! The map: keyframes and frames as a fold over journal records.
+
+pub(crate) mod context;
+pub(crate) mod correction;
+pub(crate) mod culling;
+pub(crate) mod input_hash;
+pub(crate) mod keyframe;
+pub(crate) mod map_view;
+pub(crate) mod pose_history;
+pub(crate) mod records;
+pub(crate) mod state;
+pub(crate) mod surfaces;

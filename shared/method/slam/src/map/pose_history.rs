@@ -1,0 +1,241 @@
+//! What a correction does to poses: the one fold that gives final poses (method 8.4).
+//!
+//! A correction names keyframes `0..=last`. They take their corrected poses; every pose that was
+//! estimated after the request moves rigidly with the last of them. The tracker's state uses these
+//! functions for its keyframes and recent frames, and [`PoseHistory`] for a whole run, so the
+//! outputs, the offline runner and the viewer have the poses that the tracker went on with.
+
+use crate::map::correction::{Correction, RefinedCamera};
+use crate::map::keyframe::{KeyframePose, KeyframeRecord, KeyframeState};
+use crate::map::records::{AlignRecord, FrameRecord};
+use std::collections::BTreeMap;
+use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
+
+/// Storage of keyframe poses `world_from_camera`, indexed by id.
+pub(crate) trait KeyframePoses {
+    /// Pose of a keyframe, `None` beyond the last.
+    fn pose_mut(&mut self, id: usize) -> Option<&mut PoseBits>;
+}
+
+impl KeyframePoses for [KeyframeState] {
+    fn pose_mut(&mut self, id: usize) -> Option<&mut PoseBits> {
+        self.get_mut(id).map(|keyframe| &mut keyframe.world_from_camera)
+    }
+}
+
+impl KeyframePoses for [PoseBits] {
+    fn pose_mut(&mut self, id: usize) -> Option<&mut PoseBits> {
+        self.get_mut(id)
+    }
+}
+
+/// Rigid motion in the world, `new_world_from_old_world`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RigidMotion(pub(crate) Pose);
+
+impl RigidMotion {
+    /// The motion that takes one pose to another.
+    pub(crate) fn between(old: &PoseBits, new: &PoseBits) -> Self {
+        Self(Pose::from(new) * Pose::from(old).inverse())
+    }
+
+    /// The moved pose, its quaternion normalised.
+    pub(crate) fn of(&self, world_from_camera: &PoseBits) -> PoseBits {
+        let moved = self.0 * Pose::from(world_from_camera);
+        PoseBits::from(&compose_normalised(&moved, &Twist::default()))
+    }
+}
+
+/// Sets the poses of single keyframes.
+pub(crate) fn apply_poses<K: KeyframePoses + ?Sized>(keyframes: &mut K, poses: &[KeyframePose]) {
+    for KeyframePose { id, world_from_camera } in poses {
+        if let Some(pose) = keyframes.pose_mut(*id as usize) {
+            *pose = *world_from_camera;
+        }
+    }
+}
+
+/// Applies a correction to the keyframes and returns the motion of everything estimated after the
+/// request; `None` where the correction is empty, as that of a declined request.
+pub(crate) fn apply_correction<K: KeyframePoses + ?Sized>(
+    keyframes: &mut K,
+    correction: &Correction,
+) -> Option<RigidMotion> {
+    let last = correction.keyframes.last()?;
+    let motion = RigidMotion::between(keyframes.pose_mut(last.id as usize)?, &last.world_from_camera);
+    let mut id = last.id as usize + 1;
+    while let Some(pose) = keyframes.pose_mut(id) {
+        *pose = motion.of(pose);
+        id += 1;
+    }
+    apply_poses(keyframes, &correction.keyframes);
+    Some(motion)
+}
+
+/// Where a frame's pose comes from: the part of its record that its final pose needs.
+#[derive(Clone, Copy, Debug)]
+pub struct FramePose {
+    /// Frame index.
+    pub index: u64,
+    /// Reference keyframe.
+    pub keyframe: u32,
+    /// Pose relative to that keyframe.
+    pub keyframe_from_camera: PoseBits,
+    /// Pose as first published.
+    pub world_from_camera: PoseBits,
+}
+
+impl From<&FrameRecord> for FramePose {
+    fn from(frame: &FrameRecord) -> Self {
+        Self {
+            index: frame.index,
+            keyframe: frame.keyframe,
+            keyframe_from_camera: frame.keyframe_from_camera,
+            world_from_camera: frame.world_from_camera,
+        }
+    }
+}
+
+/// Poses of all keyframes, and what the final pose of each frame needs beside its record: a fold
+/// over the aligner's journal.
+#[derive(Clone, Debug, Default)]
+pub struct PoseHistory {
+    /// `world_from_camera` as corrected so far, by id.
+    keyframes: Vec<PoseBits>,
+    /// Which keyframe a frame of this run became.
+    keyframe_of_frame: BTreeMap<u64, u32>,
+    /// `world_from_camera` of frames that the last correction solved again.
+    solved: BTreeMap<u64, PoseBits>,
+}
+
+impl PoseHistory {
+    /// Takes the next record in.
+    pub fn apply(&mut self, record: &AlignRecord) {
+        match record {
+            AlignRecord::Map(map) => self.keyframes.extend(map.keyframes.iter().map(|k| k.world_from_camera)),
+            AlignRecord::Frame(frame) => {
+                apply_poses(self.keyframes.as_mut_slice(), &frame.moved);
+                if let Some(keyframe) = &frame.new_keyframe {
+                    self.add_keyframe(keyframe);
+                }
+            }
+            AlignRecord::Correction(applied) => self.apply_correction(&applied.correction),
+            AlignRecord::Skipped(..) | AlignRecord::End { .. } => {}
+        }
+    }
+
+    fn add_keyframe(&mut self, keyframe: &KeyframeRecord) {
+        self.keyframe_of_frame.insert(keyframe.frame_index, keyframe.id);
+        self.keyframes.push(keyframe.world_from_camera);
+    }
+
+    /// Frames solved against poses that have moved since are no longer solved.
+    fn apply_correction(&mut self, correction: &Correction) {
+        if apply_correction(self.keyframes.as_mut_slice(), correction).is_some() {
+            self.solved = correction.frames.iter().copied().collect();
+        }
+    }
+
+    /// The same run with the poses that go with a refined camera.
+    pub fn with_refined_camera(&self, refined: &RefinedCamera) -> Self {
+        let mut history = self.clone();
+        apply_poses(history.keyframes.as_mut_slice(), &refined.keyframes);
+        history.solved = refined.frames.iter().copied().collect();
+        history
+    }
+
+    /// Number of keyframes, those of earlier runs included.
+    pub fn n_keyframes(&self) -> usize {
+        self.keyframes.len()
+    }
+
+    /// Corrected `world_from_camera` of a keyframe.
+    pub fn keyframe_pose(&self, id: u32) -> Option<Pose> {
+        self.keyframes.get(id as usize).map(Pose::from)
+    }
+
+    /// Corrected `world_from_camera` of all keyframes, by id.
+    pub fn keyframe_poses(&self) -> impl Iterator<Item = Pose> + '_ {
+        self.keyframes.iter().map(Pose::from)
+    }
+
+    /// Final `world_from_camera` of a frame. In this order: as solved again by the last correction;
+    /// the pose of the keyframe that it became; its reference keyframe times its relative pose; as
+    /// first published, where it has no reference keyframe.
+    pub fn final_pose(&self, frame: &FramePose) -> Pose {
+        if let Some(solved) = self.solved.get(&frame.index) {
+            return Pose::from(solved);
+        }
+        if let Some(pose) = self.keyframe_of_frame.get(&frame.index).and_then(|&id| self.keyframe_pose(id)) {
+            return pose;
+        }
+        match self.keyframe_pose(frame.keyframe) {
+            Some(world_from_keyframe) => world_from_keyframe * Pose::from(&frame.keyframe_from_camera),
+            None => Pose::from(&frame.world_from_camera),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn along_x(x_m: f64) -> PoseBits {
+        PoseBits::from(&Pose::translation(x_m, 0.0, 0.0))
+    }
+
+    fn correction(keyframes: &[(u32, f64)], frames: &[(u64, f64)]) -> Correction {
+        let pose = |(id, x): &(u32, f64)| KeyframePose { id: *id, world_from_camera: along_x(*x) };
+        Correction {
+            request: 0,
+            input_hash: 0,
+            keyframes: keyframes.iter().map(pose).collect(),
+            frames: frames.iter().map(|(index, x)| (*index, along_x(*x))).collect(),
+            loops: Vec::new(),
+            outer_iterations: 1,
+            n_graduated_rounds: 0,
+            refinement: None,
+        }
+    }
+
+    /// Keyframes 0, 1, 2 at 0, 1 and 2 m, made from frames 0, 10 and 20.
+    fn history() -> PoseHistory {
+        PoseHistory {
+            keyframes: [0.0, 1.0, 2.0].map(along_x).to_vec(),
+            keyframe_of_frame: [(0, 0), (10, 1), (20, 2)].into(),
+            solved: BTreeMap::new(),
+        }
+    }
+
+    fn check(history: &PoseHistory, index: u64, keyframe: u32, expected_x_m: f64) {
+        let frame = FramePose {
+            index,
+            keyframe,
+            keyframe_from_camera: along_x(0.25),
+            world_from_camera: along_x(9.0),
+        };
+        assert_eq!(history.final_pose(&frame).translation.x, expected_x_m, "frame {index}");
+    }
+
+    #[test]
+    fn a_frame_follows_its_keyframe_and_a_frame_that_became_one_is_that_keyframe() {
+        let mut history = history();
+        history.apply_correction(&correction(&[(0, 0.0), (1, 4.0)], &[]));
+        check(&history, 5, 0, 0.25);
+        check(&history, 10, 0, 4.0);
+        check(&history, 15, 1, 4.25);
+        check(&history, 25, 2, 5.25);
+        check(&history, 3, u32::MAX, 9.0);
+    }
+
+    #[test]
+    fn solved_frames_are_those_of_the_last_correction_that_corrected() {
+        let mut history = history();
+        history.apply_correction(&correction(&[(0, 0.0)], &[(5, 7.0)]));
+        check(&history, 5, 0, 7.0);
+        history.apply_correction(&correction(&[], &[]));
+        check(&history, 5, 0, 7.0);
+        history.apply_correction(&correction(&[(0, 0.5)], &[]));
+        check(&history, 5, 0, 0.75);
+    }
+}

@@ -1,0 +1,138 @@
+//! Records of the journals of aligner and optimiser: their whole durable state.
+//!
+//! The state of both is a fold over these records and nothing else, so a process
+//! that restarted and one that did not hold the same bits.
+
+use crate::features::colour_model::ColourRecord;
+pub use crate::map::correction::{
+    AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
+};
+pub use crate::map::keyframe::{
+    EdgeRecord, KeyframePose, KeyframeRecord, KeyframeState, RetiredRecord, StoreSlot,
+};
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{InertialRotation, PoseBits};
+use tessera_surface::Effort;
+
+/// Whether a frame's pose can be trusted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Aligned to the map.
+    #[default]
+    Tracking,
+    /// Not aligned: the row holds the prediction.
+    Lost,
+    /// Found again by place recognition, not yet confirmed.
+    Relocalising,
+}
+
+/// The result for one frame: exactly one per processed frame index.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameRecord {
+    /// Frame index as the source counts.
+    pub index: u64,
+    /// Sensor time.
+    pub stamp_nanos: i64,
+    /// How much work it got; less than full in live mode alone.
+    pub effort: Effort,
+    /// Whether the pose can be trusted.
+    pub state: State,
+    /// Why, in words and numbers; empty while tracking normally.
+    pub reason: String,
+    /// Pose as first published, in the map's frame.
+    pub world_from_camera: PoseBits,
+    /// What corrections change; `world_from_camera = world_from_odom * odom_from_camera`.
+    pub world_from_odom: PoseBits,
+    /// Reference keyframe of this frame: the newest one when it was recorded.
+    pub keyframe: u32,
+    /// Pose relative to that keyframe.
+    pub keyframe_from_camera: PoseBits,
+    /// 6x6 covariance of `world_from_camera` (upper triangle, row by row, translation first), m
+    /// and rad: of the tangent `d` in `world_from_camera * exp(d)`, thus along the camera's axes.
+    /// The first frame is certain. Empty where the frame is lost.
+    pub covariance: Vec<f64>,
+    /// Correspondences in the last outer iteration.
+    pub n_correspondences: u32,
+    /// The frame's own motion per second in its camera frame, `rho phi`: the next prediction,
+    /// and the rolling shutter of this frame.
+    pub velocity: [f64; 6],
+    /// The camera's rotation since the source's first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
+    /// Entropy of the pose relative to the last keyframe, nats (method 9.4); NaN where unknown.
+    pub entropy_nats: f64,
+    /// What its features say of colour; nothing where too few match.
+    pub colour: Option<ColourRecord>,
+    /// Matches with the keyframes of the window, so that the frame can be solved again; none where
+    /// the map has a budget: the frame then follows its reference keyframe.
+    pub blocks: Vec<BlockRecord>,
+    /// Keyframes of the window that moved with this frame, because what was seen long ago
+    /// contradicted what was seen just now (method 7).
+    pub moved: Vec<KeyframePose>,
+    /// A keyframe made at this step: always the previous frame or, for the first frame, this one.
+    pub new_keyframe: Option<KeyframeRecord>,
+    /// An optimisation asked for at this step.
+    pub request: Option<RequestRecord>,
+}
+
+/// All matches between a frame and one keyframe: the exact sufficient statistics (method 5.4).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockRecord {
+    /// The keyframe that was searched.
+    pub keyframe: u32,
+    /// The transform at which the matches were found.
+    pub keyframe_from_camera: PoseBits,
+    /// `Q`, `l` and `c`, 73 numbers.
+    pub sums: Vec<f64>,
+    /// Matches.
+    pub n_matches: u32,
+}
+
+/// A request to optimise all keyframes made so far.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RequestRecord {
+    /// 0, 1, 2, …
+    pub request: u64,
+    /// Keyframes `0..n_keyframes` take part.
+    pub n_keyframes: u32,
+    /// The correction takes effect before this frame index is aligned.
+    pub effective_before: u64,
+    /// The optimisation at the end of the run.
+    pub is_final: bool,
+}
+
+/// The map of an earlier run, in which a run starts: the first record of its journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapRecord {
+    /// All keyframes of the map as finally corrected, by id; slots are those of this run's store.
+    pub keyframes: Vec<KeyframeState>,
+    /// Where the camera stands in the map at the first frame, where that is known.
+    pub start: Option<PoseBits>,
+}
+
+/// One record of the aligner's journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum AlignRecord {
+    /// A frame was aligned (or lost), with all that happened at this step.
+    Frame(Box<FrameRecord>),
+    /// A frame was skipped in live mode: index and reason.
+    Skipped(u64, String),
+    /// A correction took effect.
+    Correction(Box<AppliedCorrection>),
+    /// The source is exhausted after this many frames, and the final request.
+    End {
+        /// Frames in the source.
+        n_frames: u64,
+        /// The final optimisation, unless there is nothing to optimise.
+        request: Option<RequestRecord>,
+    },
+    /// The run starts in this map. First of all records, or absent.
+    Map(Box<MapRecord>),
+}
+
+/// One record of the optimiser's journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum OptimiseRecord {
+    /// A request was answered.
+    Correction(Box<Correction>),
+}

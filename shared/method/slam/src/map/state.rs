@@ -1,0 +1,196 @@
+//! State of the tracker between two frames, as a fold over its journal.
+
+use crate::features::colour_model::ColourState;
+pub(crate) use crate::map::keyframe::KeyframeState;
+use crate::map::keyframe::RetiredRecord;
+use crate::map::pose_history::{RigidMotion, apply_correction, apply_poses};
+use crate::map::records::{AlignRecord, AppliedCorrection, FrameRecord, MapRecord, RequestRecord, State};
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{InertialRotation, PoseBits};
+
+/// One of the last frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RecentFrame {
+    /// Frame index.
+    pub index: u64,
+    /// Its stamp.
+    pub stamp_nanos: i64,
+    /// Whether it was tracked.
+    pub state: State,
+    /// Its pose in the map as corrected so far.
+    pub world_from_camera: PoseBits,
+    /// Its own motion per second, `rho phi`.
+    pub velocity: [f64; 6],
+    /// Covariance of its pose, as in [`FrameRecord::covariance`].
+    pub covariance: Vec<f64>,
+    /// As in [`FrameRecord::rotation`].
+    pub rotation: Option<InertialRotation>,
+}
+
+/// Everything that tracking needs of the past beside surfaces.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrackerState {
+    /// The next index to align.
+    pub next_index: u64,
+    /// This run among those that made the map; 0: it began the map.
+    pub session: u32,
+    /// Keyframes of earlier runs.
+    pub n_map_keyframes: u32,
+    /// Where the camera stands in the map of earlier runs at the first frame, if that was said.
+    pub start: Option<PoseBits>,
+    /// A frame of this run has been tracked: before, its place in the map is unknown.
+    pub is_placed: bool,
+    /// All keyframes, by id.
+    pub keyframes: Vec<KeyframeState>,
+    /// The last two frames, newest last.
+    pub recent: Vec<RecentFrame>,
+    /// What corrections have moved so far; identity before the first.
+    pub world_from_odom: Option<PoseBits>,
+    /// Entropy of the first frame aligned to the last keyframe, nats.
+    pub reference_entropy: Option<f64>,
+    /// Frames since the last keyframe was made.
+    pub frames_since_keyframe: u32,
+    /// The request without an effect yet.
+    pub pending: Option<RequestRecord>,
+    /// Requests made.
+    pub n_requests: u64,
+    /// Keyframes that took part in the last request.
+    pub n_keyframes_at_request: u32,
+    /// Frames lost in a row.
+    pub n_lost: u32,
+    /// Frames in a row that were found by place recognition and passed the strict tests.
+    pub n_confirmed: u32,
+    /// What all frames say of colour.
+    pub colour: ColourState,
+    /// The source is exhausted.
+    pub is_ended: bool,
+}
+
+impl TrackerState {
+    /// Takes one record in. The only way the state changes, live and in replay.
+    pub fn apply(&mut self, record: &AlignRecord) {
+        match record {
+            AlignRecord::Frame(frame) => self.apply_frame(frame),
+            AlignRecord::Map(map) => self.apply_map(map),
+            AlignRecord::Skipped(index, _) => self.next_index = self.next_index.max(index.saturating_add(1)),
+            AlignRecord::Correction(applied) => self.apply_correction(applied),
+            AlignRecord::End { request, .. } => {
+                self.is_ended = true;
+                if let Some(request) = request {
+                    self.note_request(request);
+                }
+            }
+        }
+    }
+
+    /// A keyframe that this run made.
+    pub(crate) fn is_own(&self, keyframe: &KeyframeState) -> bool {
+        keyframe.session == self.session
+    }
+
+    fn apply_map(&mut self, map: &MapRecord) {
+        self.session = map.keyframes.iter().map(|k| k.session.saturating_add(1)).max().unwrap_or(0);
+        self.n_map_keyframes = map.keyframes.len() as u32;
+        // The map is optimised again only once it has grown.
+        self.n_keyframes_at_request = self.n_map_keyframes;
+        self.keyframes.clone_from(&map.keyframes);
+        self.start = map.start;
+    }
+
+    fn apply_frame(&mut self, frame: &FrameRecord) {
+        self.next_index = frame.index.saturating_add(1);
+        self.frames_since_keyframe = self.frames_since_keyframe.saturating_add(1);
+        self.apply_moved(frame);
+        if let Some(keyframe) = &frame.new_keyframe {
+            self.keyframes.push(KeyframeState {
+                id: keyframe.id,
+                session: self.session,
+                frame_index: keyframe.frame_index,
+                stamp_nanos: keyframe.stamp_nanos,
+                world_from_camera: keyframe.world_from_camera,
+                velocity: keyframe.velocity,
+                slot: keyframe.slot,
+                edges: keyframe.edges.clone(),
+                covariance: self
+                    .recent
+                    .iter()
+                    .find(|r| r.index == keyframe.frame_index)
+                    .map_or(Vec::new(), |r| r.covariance.clone()),
+                place: keyframe.place.clone(),
+                hangs_on: None,
+            });
+            keyframe.retires.iter().for_each(|retired| self.retire(retired));
+            self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
+            self.reference_entropy = None;
+        }
+        if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
+            self.reference_entropy = Some(frame.entropy_nats);
+        }
+        if let Some(colour) = &frame.colour {
+            self.colour.apply(colour);
+        }
+        self.is_placed |= frame.state == State::Tracking;
+        self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
+        self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
+        self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
+        if self.recent.len() == 2 {
+            self.recent.remove(0);
+        }
+        self.recent.push(RecentFrame {
+            index: frame.index,
+            stamp_nanos: frame.stamp_nanos,
+            state: frame.state,
+            world_from_camera: frame.world_from_camera,
+            velocity: frame.velocity,
+            covariance: frame.covariance.clone(),
+            rotation: frame.rotation,
+        });
+        if let Some(request) = &frame.request {
+            self.note_request(request);
+        }
+    }
+
+    /// A keyframe leaves the working map, with all that is of use there alone.
+    pub(crate) fn retire(&mut self, retired: &RetiredRecord) {
+        for keyframe in self.keyframes.iter_mut().filter(|k| k.hangs_on == Some(retired.keyframe)) {
+            keyframe.hangs_on = Some(retired.hangs_on);
+        }
+        if let Some(keyframe) = self.keyframes.get_mut(retired.keyframe as usize) {
+            keyframe.hangs_on = Some(retired.hangs_on);
+            (keyframe.edges, keyframe.covariance, keyframe.place) = Default::default();
+        }
+    }
+
+    /// Keyframes that an extended window moved; the frames before this one move along with it.
+    fn apply_moved(&mut self, frame: &FrameRecord) {
+        if frame.moved.is_empty() {
+            return;
+        }
+        apply_poses(self.keyframes.as_mut_slice(), &frame.moved);
+        let before = self.world_from_odom.unwrap_or(PoseBits::IDENTITY);
+        let motion = RigidMotion::between(&before, &frame.world_from_odom);
+        for recent in &mut self.recent {
+            recent.world_from_camera = motion.of(&recent.world_from_camera);
+        }
+        self.world_from_odom = Some(frame.world_from_odom);
+    }
+
+    fn note_request(&mut self, request: &RequestRecord) {
+        self.pending = Some(*request);
+        self.n_requests = request.request.saturating_add(1);
+        self.n_keyframes_at_request = request.n_keyframes;
+    }
+
+    /// Corrected keyframes take their new poses; what is newer moves rigidly with the last of them,
+    /// and so does `world_from_odom`, so that `odom_from_camera` does not jump.
+    fn apply_correction(&mut self, applied: &AppliedCorrection) {
+        self.pending = None;
+        let Some(motion) = apply_correction(self.keyframes.as_mut_slice(), &applied.correction) else {
+            return;
+        };
+        for frame in &mut self.recent {
+            frame.world_from_camera = motion.of(&frame.world_from_camera);
+        }
+        self.world_from_odom = Some(motion.of(&self.world_from_odom.unwrap_or(PoseBits::IDENTITY)));
+    }
+}

@@ -1,0 +1,15 @@
+//! Access to the surfaces of keyframes.
+
+use tessera_features::Feature;
+use tessera_surface::Vertex;
+
+/// Read access to the surfaces of keyframes, in place.
+pub trait KeyframeSurfaces: Sync {
+    /// Vertices of a keyframe, row by row; the grid is the same for all.
+    fn vertices(&self, keyframe: u32) -> &[Vertex];
+
+    /// Features of a keyframe's colour image; none where there is no colour.
+    fn features(&self, _keyframe: u32) -> &[Feature] {
+        &[]
+    }
+}

@@ -1,0 +1,213 @@
+//! Data association between all keyframes: neighbours by pose, verified loop closures, and loops
+//! recognised by appearance.
+
+use crate::features::matching::{FeaturePair, PairFinder, Reach};
+use crate::features::sight::WeightedPair;
+use crate::loops::covisibility;
+use crate::loops::detection::{self, TrackPoint};
+use crate::loops::from_appearance;
+use crate::loops::keyframe_pair::{MIN_FEATURES, PairSearch};
+use crate::loops::matchable::Matchable;
+use crate::loops::verification::{self, KnownLoops, Tested};
+use crate::map::context::Context;
+use crate::map::records::{LoopRecord, LoopVerdict};
+use crate::map::state::KeyframeState;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use tessera_geometry::Pose;
+use tessera_graph::{DataAssociation, OuterIteration, Pair, Solved};
+use tessera_numerics::Step;
+use tessera_numerics::parallel::map_in_parts;
+use tessera_registration::{MatchLimits, Matcher};
+
+/// The pairs of all keyframes, each a vertex.
+pub(crate) struct KeyframeAssociation<'a> {
+    pub(crate) context: &'a Context,
+    pub(crate) keyframes: &'a [KeyframeState],
+    pub(crate) matchable: Vec<Matchable<'a>>,
+    /// Loops that are not tested again.
+    pub(crate) known: KnownLoops,
+    /// Features by ids of the newer and the older keyframe, where they were looked for.
+    seen: SeenPairs,
+    /// The tests of the present pairs; `None` for odometry.
+    tests: Vec<Option<Tested>>,
+    /// Loops that the present pairs do not hold.
+    rejected: Vec<LoopRecord>,
+}
+
+/// Features that two keyframes share, by the ids of the newer and the older.
+type SeenPairs = BTreeMap<(u32, u32), Option<Arc<FeaturePair>>>;
+
+/// A pair with the tests that it had to pass, if it closes a loop.
+struct Found {
+    pair: Pair,
+    tested: Option<Tested>,
+    seen: Option<Arc<FeaturePair>>,
+}
+
+impl<'a> KeyframeAssociation<'a> {
+    pub(crate) fn new(
+        context: &'a Context,
+        keyframes: &'a [KeyframeState],
+        matchable: Vec<Matchable<'a>>,
+        known: KnownLoops,
+    ) -> Self {
+        let (seen, tests, rejected) = (SeenPairs::new(), Vec::new(), Vec::new());
+        Self { context, keyframes, matchable, known, seen, tests, rejected }
+    }
+
+    fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<Found> {
+        let settings = &self.context.mapping.global;
+        let sessions: Vec<u32> = self.keyframes.iter().map(|k| k.session).collect();
+        map_in_parts(
+            &covisibility::pairs(poses, &sessions, settings),
+            || self.context.matcher(),
+            |matcher, &(query, target)| self.search_one(matcher, poses, (query, target), tightness),
+            progress,
+        )
+    }
+
+    fn search_one(
+        &self,
+        matcher: &mut Matcher,
+        poses: &[Pose],
+        (query, target): (usize, usize),
+        tightness: f32,
+    ) -> Found {
+        let settings = &self.context.mapping.global;
+        let [newer, older] = [query, target].map(|k| &self.keyframes[k]);
+        let is_loop = detection::closes_loop(
+            &self.context.mapping.loops,
+            &TrackPoint::of_keyframe(newer),
+            &TrackPoint::of_keyframe(older),
+        );
+        let [queries, surface] = [query, target].map(|k| &self.matchable[k]);
+        let tested = is_loop.then(|| {
+            self.known.get(&(newer.id, older.id)).copied().unwrap_or_else(|| {
+                let at = poses[target].inverse() * poses[query];
+                verification::test(settings, matcher, queries, surface, &at)
+            })
+        });
+        let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
+        let seen = self.seen_by_both(poses, (query, target), reach);
+        // What shares many features overlaps, however little depth there is.
+        let is_seen = seen.as_ref().is_some_and(|pair| pair.sums.n >= MIN_FEATURES);
+        let tested = tested.map(|tested| match tested.verdict {
+            LoopVerdict::LittleOverlap if is_seen => Tested { verdict: LoopVerdict::Accepted, ..tested },
+            _ => tested,
+        });
+        let weight = self.context.feature_weight
+            * self.context.mapping.features.keyframe_weight
+            * matcher.metric_factor();
+        let limits = if is_loop { MatchLimits::drifted } else { MatchLimits::new };
+        let search = PairSearch {
+            query,
+            target,
+            queries: &queries.queries,
+            surface: surface.target(),
+            is_consecutive: query == target + 1 && newer.session == older.session,
+            limits: limits(settings.first_distance_m, tightness),
+            features: seen
+                .clone()
+                .map(|found| WeightedPair::new(found, weight, &(poses[target].inverse() * poses[query]))),
+        };
+        Found { pair: Pair { is_loop, ..search.find(self.context, matcher, poses) }, tested, seen }
+    }
+
+    /// Features that two keyframes share, looked for once near where their poses predict them.
+    fn seen_by_both(
+        &self,
+        poses: &[Pose],
+        (query, target): (usize, usize),
+        reach: Reach,
+    ) -> Option<Arc<FeaturePair>> {
+        let ids = (self.keyframes[query].id, self.keyframes[target].id);
+        if let Some(known) = self.seen.get(&ids) {
+            return known.clone();
+        }
+        let sides = [query, target].map(|k| self.matchable[k].seen());
+        let guess = poses[target].inverse() * poses[query];
+        let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
+        PairFinder::new(self.context).find(self.context, sides, &guess, reach, seed).map(Arc::new)
+    }
+
+    /// Pairs by appearance for the keyframes that no loop holds yet.
+    fn recognise(&mut self, pairs: &mut Vec<Pair>, progress: &mut dyn FnMut()) {
+        self.context.steps.enter(Step::Recognise);
+        let mut is_closed = vec![false; self.keyframes.len()];
+        for pair in pairs.iter().filter(|pair| pair.is_loop) {
+            (is_closed[pair.query], is_closed[pair.target]) = (true, true);
+        }
+        let open: Vec<usize> = (0..self.keyframes.len()).filter(|&i| !is_closed[i]).collect();
+        let (context, keyframes) = (self.context, self.keyframes);
+        for (pair, tested) in from_appearance::pairs(context, keyframes, &self.matchable, &open, progress) {
+            pairs.push(pair);
+            self.tests.push(Some(tested));
+            // The poses will move: what was refused where they were may fit then.
+            self.known.retain(|_, tested| tested.verdict == LoopVerdict::Accepted);
+        }
+    }
+
+    /// All loops of the last outer iteration with their verdicts, by newer and older keyframe.
+    pub(crate) fn loop_records(mut self, solved: &Solved) -> Vec<LoopRecord> {
+        let mut records = std::mem::take(&mut self.rejected);
+        if solved.is_solved {
+            let residuals = &solved.residuals_sigmas;
+            for ((pair, tested), residual) in solved.graph.pairs.iter().zip(&self.tests).zip(residuals) {
+                records.extend(tested.map(|tested| self.loop_record(pair, &tested, *residual, pair.weight)));
+            }
+        }
+        records.sort_by_key(|l| (l.newer, l.older));
+        records
+    }
+
+    fn loop_record(&self, pair: &Pair, tested: &Tested, residual_sigmas: f64, weight: f64) -> LoopRecord {
+        let verdict = match tested.verdict {
+            LoopVerdict::Accepted if pair.weight == 0.0 && residual_sigmas > 0.0 => LoopVerdict::Outvoted,
+            LoopVerdict::Accepted if pair.weight == 0.0 => LoopVerdict::LittleOverlap,
+            verdict => verdict,
+        };
+        LoopRecord {
+            newer: self.keyframes[pair.query].id,
+            older: self.keyframes[pair.target].id,
+            overlap: tested.overlap,
+            in_front: tested.in_front,
+            inconsistency_sigmas: tested.inconsistency_sigmas,
+            residual_sigmas,
+            weight,
+            verdict,
+        }
+    }
+}
+
+impl DataAssociation for KeyframeAssociation<'_> {
+    fn associate(
+        &mut self,
+        poses: &[Pose],
+        iteration: OuterIteration,
+        progress: &mut dyn FnMut(),
+    ) -> Vec<Pair> {
+        self.context.steps.enter(Step::Search);
+        let found = self.search(poses, iteration.tightness, progress);
+        let ids = |pair: &Pair| (self.keyframes[pair.query].id, self.keyframes[pair.target].id);
+        self.known.extend(found.iter().filter_map(|f| Some((ids(&f.pair), f.tested?))));
+        self.seen.extend(found.iter().map(|f| (ids(&f.pair), f.seen.clone())));
+        self.rejected.clear();
+        self.tests.clear();
+        let mut pairs = Vec::new();
+        for Found { pair, tested, .. } in found {
+            let is_good = tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
+            if pair.weight > 0.0 && is_good {
+                pairs.push(pair);
+                self.tests.push(tested);
+            } else if let Some(tested) = tested {
+                self.rejected.push(self.loop_record(&pair, &tested, 0.0, 0.0));
+            }
+        }
+        if iteration.index == 0 {
+            self.recognise(&mut pairs, progress);
+        }
+        self.context.steps.enter(Step::Solve);
+        pairs
+    }
+}

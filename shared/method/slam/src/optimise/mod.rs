@@ -1,0 +1,9 @@
+//! Global optimisation of all keyframes (III-G), and what follows from it for the frames.
+
+pub(crate) mod association;
+pub(crate) mod global;
+pub(crate) mod interpolation;
+pub(crate) mod optimiser;
+pub(crate) mod refine;
+pub(crate) mod refine_camera;
+pub(crate) mod sample_cache;

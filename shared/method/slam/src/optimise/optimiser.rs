@@ -1,0 +1,219 @@
+//! The optimiser's pure step: all keyframes in, a correction out.
+
+use crate::features::colour_model::ColourState;
+use crate::loops::verification::{KnownLoops, Tested};
+use crate::map::context::Context;
+use crate::map::culling::with_retired;
+use crate::map::input_hash::input_hash;
+use crate::map::records::{
+    AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
+    RequestRecord,
+};
+use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::optimise::global::{self, Solution};
+use crate::optimise::refine::{FrameHistory, Refiner};
+use crate::optimise::refine_camera::refine_camera;
+use crate::optimise::sample_cache::Drawn;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use tessera_geometry::{Pose, PoseBits};
+use tessera_numerics::Step;
+
+/// The optimiser: a fold over both journals plus a pure solve.
+///
+/// A request's input is the aligner's journal up to the record that holds it, with the corrections
+/// before it, and the loops that the last correction's record names as accepted: they passed their
+/// tests at their own optimum and are not tested again.
+pub struct Optimiser {
+    context: Context,
+    state: TrackerState,
+    /// Requests with the keyframes and what was known of colour as they were at that record.
+    pending: VecDeque<(RequestRecord, Vec<KeyframeState>, ColourState)>,
+    n_answered: u64,
+    /// Loop pairs that passed their tests in the last correction.
+    known: KnownLoops,
+    drawn: Drawn,
+}
+
+/// An optimiser between two requests.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct OptimiserState<'a> {
+    state: Cow<'a, TrackerState>,
+    n_answered: u64,
+    known: Vec<((u32, u32), Tested)>,
+}
+
+impl Optimiser {
+    /// An optimiser that has seen nothing.
+    pub fn new(context: Context) -> Self {
+        Self {
+            context,
+            state: TrackerState::default(),
+            pending: VecDeque::new(),
+            n_answered: 0,
+            known: KnownLoops::new(),
+            drawn: Drawn::default(),
+        }
+    }
+
+    /// Takes a record of the aligner's journal into the state.
+    pub fn apply(&mut self, record: &AlignRecord) {
+        self.state.apply(record);
+        let request = match record {
+            AlignRecord::Frame(frame) => frame.request,
+            AlignRecord::End { request, .. } => *request,
+            AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::Map(_) => None,
+        };
+        if let Some(request) = request
+            && request.request >= self.n_answered
+        {
+            let n = (request.n_keyframes as usize).min(self.state.keyframes.len());
+            self.pending.push_back((request, self.state.keyframes[..n].to_vec(), self.state.colour));
+        }
+    }
+
+    /// Takes a record of its own journal into the state.
+    pub fn apply_own(&mut self, record: &OptimiseRecord) {
+        let OptimiseRecord::Correction(correction) = record;
+        self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
+        self.pending.retain(|(request, ..)| request.request > correction.request);
+        self.known = correction
+            .loops
+            .iter()
+            .filter(|l| matches!(l.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted))
+            .map(|l| ((l.newer, l.older), Tested::accepted(l)))
+            .collect();
+    }
+
+    /// The oldest request without an answer.
+    pub fn next_request(&self) -> Option<RequestRecord> {
+        self.pending.front().map(|(request, ..)| *request)
+    }
+
+    /// Requests answered so far.
+    pub fn n_answered(&self) -> u64 {
+        self.n_answered
+    }
+
+    /// Whether the aligner's journal has ended and every request is answered.
+    pub fn is_done(&self) -> bool {
+        self.state.is_ended && self.pending.is_empty()
+    }
+
+    /// The aligner's state as of the records taken in.
+    pub fn state(&self) -> &TrackerState {
+        &self.state
+    }
+
+    /// What a successor needs to go on from here; `None` while a request is pending, whose
+    /// keyframes are those of an earlier moment.
+    pub fn snapshot(&self) -> Option<OptimiserState<'_>> {
+        self.pending.is_empty().then(|| OptimiserState {
+            state: Cow::Borrowed(&self.state),
+            n_answered: self.n_answered,
+            known: self.known.iter().map(|(ids, tested)| (*ids, *tested)).collect(),
+        })
+    }
+
+    /// An optimiser that goes on from a snapshot, as one that took in all records before it.
+    pub fn restore(context: Context, snapshot: OptimiserState<'_>) -> Self {
+        Self {
+            context,
+            state: snapshot.state.into_owned(),
+            pending: VecDeque::new(),
+            n_answered: snapshot.n_answered,
+            known: snapshot.known.into_iter().collect(),
+            drawn: Drawn::default(),
+        }
+    }
+
+    /// Answers a pending request; `history` holds the frames up to the request, and `progress` is
+    /// called in each inner iteration (a heartbeat). `None` when the request is not pending.
+    pub fn solve(
+        &self,
+        request: &RequestRecord,
+        surfaces: &dyn KeyframeSurfaces,
+        history: &dyn FrameHistory,
+        progress: &mut dyn FnMut(),
+    ) -> Option<Correction> {
+        let (_, keyframes, colour) = self.pending.iter().find(|(r, ..)| r.request == request.request)?;
+        let context = self.context.with_colour(colour);
+        let settings = &self.context.mapping.global;
+        let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
+        let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
+        let solution =
+            global::solve(&context, &active, surfaces, &self.drawn, self.known.clone(), iterations, progress);
+        let poses = with_retired(keyframes, &active, &solution.poses);
+        self.context.steps.enter(Step::Refine);
+        let frames = if request.is_final { self.refine(&poses, history) } else { Vec::new() };
+        let refinement = (request.is_final && settings.refine_camera)
+            .then(|| self.refine_camera(keyframes, &active, (surfaces, history), &solution, progress));
+        self.context.steps.leave();
+        Some(Correction {
+            request: request.request,
+            input_hash: input_hash(keyframes),
+            keyframes: by_id(keyframes, &poses),
+            frames,
+            refinement,
+            loops: solution.loops,
+            outer_iterations: solution.outer_iterations,
+            n_graduated_rounds: solution.n_rounds,
+        })
+    }
+
+    /// The answer to a pending request that cannot be solved: it corrects nothing. `None` when the
+    /// request is not pending.
+    pub fn decline(&self, request: &RequestRecord) -> Option<Correction> {
+        let (_, keyframes, _) = self.pending.iter().find(|(r, ..)| r.request == request.request)?;
+        Some(Correction {
+            request: request.request,
+            input_hash: input_hash(keyframes),
+            keyframes: Vec::new(),
+            frames: Vec::new(),
+            refinement: None,
+            loops: Vec::new(),
+            outer_iterations: 0,
+            n_graduated_rounds: 0,
+        })
+    }
+
+    fn refine_camera(
+        &self,
+        keyframes: &[KeyframeState],
+        active: &[KeyframeState],
+        (surfaces, history): (&dyn KeyframeSurfaces, &dyn FrameHistory),
+        solution: &Solution,
+        progress: &mut dyn FnMut(),
+    ) -> Refinement {
+        match refine_camera(&self.context, active, surfaces, solution, progress) {
+            Ok(found) => {
+                let poses = with_retired(keyframes, active, &found.world_from_camera);
+                Refinement::Refined(Box::new(RefinedCamera {
+                    moved_px: found.moved_px,
+                    n_held: found.held.len() as u32,
+                    residual_sigmas: found.residual_sigmas.into(),
+                    keyframes: by_id(keyframes, &poses),
+                    frames: self.refine(&poses, history),
+                    camera: found.camera,
+                }))
+            }
+            Err(error) => Refinement::Kept(error.to_string()),
+        }
+    }
+
+    fn refine(&self, poses: &[Pose], history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
+        let keyframes = &self.state.keyframes;
+        let n_map_keyframes = (self.state.n_map_keyframes as usize).min(keyframes.len());
+        Refiner { poses, n_map_keyframes, keyframes }.solve(history)
+    }
+}
+
+fn by_id(keyframes: &[KeyframeState], poses: &[Pose]) -> Vec<KeyframePose> {
+    let entry = |(k, pose): (&KeyframeState, &Pose)| KeyframePose {
+        id: k.id,
+        world_from_camera: PoseBits::from(pose),
+    };
+    keyframes.iter().zip(poses).map(entry).collect()
+}

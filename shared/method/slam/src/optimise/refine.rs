@@ -1,0 +1,124 @@
+//! A frame solved again against optimised keyframes, from its journaled blocks (method 5.3, method 8).
+
+use crate::map::records::{AlignRecord, FrameRecord};
+use crate::map::state::KeyframeState;
+use crate::optimise::interpolation::Timeline;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use tessera_geometry::{Pose, PoseBits};
+use tessera_graph::{BlockSums, Graph, Pair, PairBlock};
+
+/// The frames of a run as they were journaled, read again when they are needed: they are too many
+/// to be kept.
+pub trait FrameHistory {
+    /// Hands the records of all frames over, in order.
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord));
+}
+
+impl FrameHistory for &[AlignRecord] {
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord)) {
+        for record in *self {
+            if let AlignRecord::Frame(frame) = record {
+                take(frame);
+            }
+        }
+    }
+}
+
+/// What is needed of a frame to solve it again.
+#[derive(Clone, Debug)]
+pub(crate) struct FrameBlocks {
+    pub(crate) index: u64,
+    keyframe: u32,
+    keyframe_from_camera: PoseBits,
+    blocks: Vec<(u32, PoseBits, Box<BlockSums>)>,
+}
+
+impl FrameBlocks {
+    pub(crate) fn of(frame: &FrameRecord) -> Option<Self> {
+        let blocks: Vec<_> = frame
+            .blocks
+            .iter()
+            .filter_map(|b| {
+                let sums = BlockSums::from_numbers(&b.sums, b.n_matches)?;
+                Some((b.keyframe, b.keyframe_from_camera, Box::new(sums)))
+            })
+            .collect();
+        (!blocks.is_empty()).then_some(Self {
+            index: frame.index,
+            keyframe: frame.keyframe,
+            keyframe_from_camera: frame.keyframe_from_camera,
+            blocks,
+        })
+    }
+
+    /// The pose that fits all blocks best, keyframes fixed; `None` when they do not determine it.
+    pub(crate) fn solve(&self, keyframe_poses: &[Pose]) -> Option<Pose> {
+        let start = keyframe_poses.get(self.keyframe as usize)? * Pose::from(&self.keyframe_from_camera);
+        let mut graph = Graph::default();
+        for (keyframe, origin, sums) in &self.blocks {
+            let target = graph.poses.len();
+            graph.poses.push(*keyframe_poses.get(*keyframe as usize)?);
+            graph.is_fixed.push(true);
+            let block = PairBlock::new(&Pose::from(origin), sums);
+            graph.pairs.push(Pair::new(self.blocks.len(), target, block));
+        }
+        graph.poses.push(start);
+        graph.is_fixed.push(false);
+        graph.optimise(10, &mut || ()).ok()?;
+        graph.poses.pop()
+    }
+}
+
+/// Frames that are solved at once: what is read of a history at a time.
+const CHUNK: usize = 1024;
+
+/// What solving frames again needs to know.
+pub(crate) struct Refiner<'a> {
+    /// Poses of the keyframes, by id.
+    pub(crate) poses: &'a [Pose],
+    /// Keyframes of earlier runs, which come first and count other frames.
+    pub(crate) n_map_keyframes: usize,
+    /// All keyframes, by id.
+    pub(crate) keyframes: &'a [KeyframeState],
+}
+
+impl Refiner<'_> {
+    /// Every frame solved again against the keyframes; keyframes take their own pose, and lost
+    /// frames one between those around them.
+    pub(crate) fn solve(&self, history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
+        let mut timeline = Timeline::default();
+        let mut solved: Vec<(u64, Pose)> = Vec::new();
+        let mut chunk: Vec<FrameBlocks> = Vec::new();
+        history.visit(&mut |frame| {
+            timeline.add(frame);
+            chunk.extend(FrameBlocks::of(frame));
+            if chunk.len() >= CHUNK {
+                solved.extend(self.solve_chunk(&chunk));
+                chunk.clear();
+            }
+        });
+        solved.extend(self.solve_chunk(&chunk));
+        let own = &self.keyframes[self.n_map_keyframes..];
+        let mut known: BTreeMap<u64, Pose> = solved.iter().copied().collect();
+        let own_poses = self.poses.iter().skip(self.n_map_keyframes);
+        known.extend(own.iter().zip(own_poses).map(|(k, pose)| (k.frame_index, *pose)));
+        let mut frames: Vec<(u64, PoseBits)> =
+            solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();
+        frames.extend(timeline.interpolated(&known));
+        frames.sort_by_key(|f| f.0);
+        frames
+    }
+
+    fn solve_chunk(&self, chunk: &[FrameBlocks]) -> Vec<(u64, Pose)> {
+        let own = &self.keyframes[self.n_map_keyframes..];
+        let solve = |frame: &FrameBlocks| {
+            let pose = match own.binary_search_by_key(&frame.index, |k| k.frame_index) {
+                Ok(place) => *self.poses.get(self.n_map_keyframes + place)?,
+                Err(_) => frame.solve(self.poses)?,
+            };
+            Some((frame.index, pose))
+        };
+        chunk.par_iter().filter_map(solve).collect()
+    }
+}

@@ -1,0 +1,73 @@
+//! The camera as a further unknown of the final optimisation.
+
+use crate::map::context::Context;
+use crate::map::records::LoopVerdict;
+use crate::map::state::KeyframeState;
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::optimise::global::Solution;
+use std::collections::BTreeSet;
+use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Problem, calibrate};
+use tessera_geometry::{Twist, Vector6};
+
+/// Neighbours of a keyframe: what a camera does to a surface is small, so many pairs are asked.
+const NEIGHBOURS: usize = 24;
+/// Queries of a pair.
+const QUERIES_PER_PAIR: usize = 600;
+/// How far the camera may be off, pixels of image motion.
+const START_PX: f64 = 8.0;
+
+/// Solves for the camera together with the poses of all keyframes, from the optimised poses on.
+///
+/// # Errors
+/// Too little overlap, or a solution that is no camera.
+pub(crate) fn refine_camera(
+    context: &Context,
+    keyframes: &[KeyframeState],
+    surfaces: &dyn KeyframeSurfaces,
+    solution: &Solution,
+    progress: &mut dyn FnMut(),
+) -> Result<Calibration, CalibrationError> {
+    let global = &context.mapping.global;
+    let limits = PairLimits {
+        distance_m: global.radius_m,
+        angle_rad: global.angle_deg.to_radians(),
+        neighbours: (global.neighbours as usize).max(NEIGHBOURS),
+    };
+    let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
+    let refused: BTreeSet<(u32, u32)> = solution
+        .loops
+        .iter()
+        .filter(|l| l.verdict != LoopVerdict::Accepted)
+        .map(|l| (l.newer, l.older))
+        .collect();
+    let mut pairs = tessera_calibration::pairs(&solution.poses, &sessions, &limits);
+    pairs.retain(|&(query, target)| !refused.contains(&(keyframes[query].id, keyframes[target].id)));
+    let keyframes: Vec<Keyframe<'_>> = keyframes
+        .iter()
+        .zip(&solution.poses)
+        .map(|(k, pose)| Keyframe {
+            frame_index: k.frame_index,
+            world_from_camera: *pose,
+            velocity: Twist::from_vector(&Vector6::from_column_slice(&k.velocity)),
+            vertices: surfaces.vertices(k.id),
+        })
+        .collect();
+    calibrate(
+        &Problem {
+            made_with: &context.camera,
+            start: &context.camera,
+            grid: context.grid,
+            offset_px: context.offset_px,
+            noise: context.noise,
+            registration: &context.registration,
+            keyframes: &keyframes,
+            pairs: &pairs,
+            queries_per_pair: QUERIES_PER_PAIR,
+            first_distance_m: global.first_distance_m,
+            min_overlap: global.min_overlap,
+            start_px: START_PX,
+            fixed: &[],
+        },
+        progress,
+    )
+}

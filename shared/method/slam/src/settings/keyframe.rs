@@ -1,0 +1,51 @@
+//! Settings of the keyframe test and of the size of the map.
+
+use serde::{Deserialize, Serialize};
+use tessera_numerics::{SettingError, check_range};
+
+/// When a frame becomes a keyframe (method 9).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KeyframeSettings {
+    /// Distance from the last keyframe, metres.
+    pub translation_m: f64,
+    /// Rotation from the last keyframe, degrees.
+    pub rotation_deg: f64,
+    /// Gain of entropy over the keyframe's reference, nats; 0 switches the test off.
+    pub entropy_gain_nats: f64,
+    /// Ratio of entropies below which a keyframe is made (eq. 15); 0 switches the test off.
+    pub entropy_ratio: f64,
+    /// Frames after a keyframe before the entropy tests may trigger.
+    pub min_frames: u32,
+    /// Keyframes of the working map at most; 0: no limit. Those beyond it move along with their
+    /// neighbours; nothing is aligned to them any more, and frames are not solved again at the end.
+    pub budget: u32,
+}
+
+impl Default for KeyframeSettings {
+    fn default() -> Self {
+        Self {
+            translation_m: 0.1,
+            rotation_deg: 6.0,
+            entropy_gain_nats: 4.0,
+            entropy_ratio: 0.0,
+            min_frames: 3,
+            budget: 0,
+        }
+    }
+}
+
+impl KeyframeSettings {
+    /// Checks every range, NaN included.
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        check_range("keyframe.translation_m", self.translation_m, 0.001, 10.0)?;
+        check_range("keyframe.rotation_deg", self.rotation_deg, 0.1, 180.0)?;
+        check_range("keyframe.entropy_gain_nats", self.entropy_gain_nats, 0.0, 1e3)?;
+        check_range("keyframe.entropy_ratio", self.entropy_ratio, 0.0, 1.0)?;
+        check_range("keyframe.min_frames", self.min_frames.into(), 1.0, 1e6)?;
+        if self.budget != 0 {
+            check_range("keyframe.budget", self.budget.into(), 10.0, 2000.0)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,51 @@
+//! Settings of tracking, keyframes, loops, relocalisation and the global optimisation.
+
+mod features;
+mod global;
+mod keyframe;
+mod loops;
+mod relocalise;
+mod window;
+
+pub use features::FeatureUse;
+pub use global::GlobalSettings;
+pub use keyframe::KeyframeSettings;
+pub use loops::LoopSettings;
+pub use relocalise::RelocaliseSettings;
+use serde::{Deserialize, Serialize};
+use tessera_numerics::SettingError;
+pub use window::WindowSettings;
+
+/// All settings of mapping.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MappingSettings {
+    /// The local window.
+    pub window: WindowSettings,
+    /// Keyframes.
+    pub keyframe: KeyframeSettings,
+    /// Loops.
+    #[serde(rename = "loop")]
+    pub loops: LoopSettings,
+    /// Lost and found.
+    pub relocalise: RelocaliseSettings,
+    /// Global optimisation.
+    pub global: GlobalSettings,
+    /// Features.
+    pub features: FeatureUse,
+}
+
+impl MappingSettings {
+    /// Checks every range, NaN included.
+    ///
+    /// # Errors
+    /// Names the first key that is out of range, its value and the rule.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.window.check()?;
+        self.keyframe.check()?;
+        self.loops.check()?;
+        self.relocalise.check()?;
+        self.global.check()?;
+        self.features.check()
+    }
+}

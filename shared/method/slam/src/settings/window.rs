@@ -1,0 +1,121 @@
+//! Settings of the local window and its alignment.
+
+use serde::{Deserialize, Serialize};
+use tessera_numerics::{SettingError, check_range};
+
+/// The local window and its alignment (method 5.1, 6).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WindowSettings {
+    /// Fixed reference poses `w`, 1 to 10.
+    pub size: u32,
+    /// Keyframes farther away take no part, metres.
+    pub radius_m: f64,
+    /// Keyframes looking elsewhere take no part, degrees between optical axes.
+    pub angle_deg: f64,
+    /// Correspondences sought per frame, split evenly over the window.
+    pub match_budget: u32,
+    /// Share of the correspondences sought in all but the last outer iteration.
+    pub early_share: f64,
+    /// Outer iterations while tracking.
+    pub outer_iterations: u32,
+    /// Outer iterations of the second attempt, after a failure.
+    pub retry_iterations: u32,
+    /// Bounds of the first distance limit while tracking, metres.
+    pub min_first_distance_m: f64,
+    /// Upper bound of the first distance limit while tracking, metres.
+    pub max_first_distance_m: f64,
+    /// An outer iteration that moves less than this is the last but one, metres (and radians).
+    pub converged_step: f64,
+    /// Standard deviation of the constant velocity prediction, metres per frame.
+    pub prior_translation_m: f64,
+    /// Standard deviation of the constant velocity prediction, degrees per frame.
+    pub prior_rotation_deg: f64,
+    /// Whether the rotation of the prediction is the gyroscope's where the source has one.
+    pub inertial_rotation: bool,
+    /// Standard deviation that the last pose's rotation adds to the gyroscope's, degrees.
+    pub inertial_floor_deg: f64,
+    /// Whether shifts and turns about the last pose are tried where the other attempts fail.
+    pub long_strides: bool,
+    /// Least share of queries with a match.
+    pub min_match_share: f64,
+    /// Largest median normal residual, standard deviations of depth.
+    pub max_residual_sigmas: f64,
+    /// Least share with a match of what the best reference sees of the frame.
+    pub min_matched: f64,
+    /// Largest share of that in front of what the reference saw.
+    pub max_in_front: f64,
+    /// A translation is free when its matches claim a larger standard deviation, metres, and it
+    /// is `free_ratio` times that of the best known translation.
+    pub free_translation_m: f64,
+    /// A rotation is free when its matches claim a larger standard deviation, degrees, and it is
+    /// `free_ratio` times that of the best known rotation.
+    pub free_rotation_deg: f64,
+    /// See `free_translation_m`.
+    pub free_ratio: f64,
+    /// Factor of the covariance that independent, unfiltered correspondences would have. Below
+    /// one: the filter takes more noise away than correlation brings back.
+    pub correlation: f64,
+}
+
+impl Default for WindowSettings {
+    fn default() -> Self {
+        Self {
+            size: 5,
+            radius_m: 0.3,
+            angle_deg: 30.0,
+            match_budget: 4000,
+            early_share: 0.3,
+            outer_iterations: 6,
+            retry_iterations: 10,
+            min_first_distance_m: 0.1,
+            max_first_distance_m: 0.5,
+            converged_step: 2e-4,
+            prior_translation_m: 0.05,
+            prior_rotation_deg: 3.0,
+            inertial_rotation: true,
+            inertial_floor_deg: 0.2,
+            long_strides: true,
+            min_match_share: 0.15,
+            max_residual_sigmas: 3.0,
+            min_matched: 0.3,
+            max_in_front: 0.4,
+            free_translation_m: 0.0015,
+            free_rotation_deg: 0.1,
+            free_ratio: 10.0,
+            correlation: 0.07,
+        }
+    }
+}
+
+impl WindowSettings {
+    /// Checks every range, NaN included.
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        check_range("window.size", self.size.into(), 1.0, 10.0)?;
+        check_range("window.radius_m", self.radius_m, 0.0, 100.0)?;
+        check_range("window.angle_deg", self.angle_deg, 0.0, 180.0)?;
+        check_range("window.match_budget", self.match_budget.into(), 50.0, 1e6)?;
+        check_range("window.early_share", self.early_share, 0.01, 1.0)?;
+        check_range("window.outer_iterations", self.outer_iterations.into(), 2.0, 100.0)?;
+        check_range("window.retry_iterations", self.retry_iterations.into(), 2.0, 100.0)?;
+        check_range("window.min_first_distance_m", self.min_first_distance_m, 0.001, 10.0)?;
+        check_range(
+            "window.max_first_distance_m",
+            self.max_first_distance_m,
+            self.min_first_distance_m,
+            10.0,
+        )?;
+        check_range("window.converged_step", self.converged_step, 0.0, 0.1)?;
+        check_range("window.prior_translation_m", self.prior_translation_m, 1e-4, 1e3)?;
+        check_range("window.prior_rotation_deg", self.prior_rotation_deg, 1e-3, 1e3)?;
+        check_range("window.inertial_floor_deg", self.inertial_floor_deg, 1e-3, 1e3)?;
+        check_range("window.min_match_share", self.min_match_share, 0.0, 1.0)?;
+        check_range("window.max_residual_sigmas", self.max_residual_sigmas, 0.1, 1e3)?;
+        check_range("window.min_matched", self.min_matched, 0.0, 1.0)?;
+        check_range("window.max_in_front", self.max_in_front, 0.0, 1.0)?;
+        check_range("window.free_translation_m", self.free_translation_m, 1e-4, 1e3)?;
+        check_range("window.free_rotation_deg", self.free_rotation_deg, 1e-2, 1e3)?;
+        check_range("window.free_ratio", self.free_ratio, 1.0, 1e6)?;
+        check_range("window.correlation", self.correlation, 1e-3, 1e6)
+    }
+}

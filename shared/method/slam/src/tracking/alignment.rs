@@ -1,0 +1,240 @@
+//! One frame against a local window of fixed poses (III-F): the window as a description for the one
+//! outer loop, [`MultiEdge::solve`].
+
+use crate::features::sight::Sight;
+use crate::map::context::Context;
+use crate::tracking::degeneracy::FreeDirection;
+pub(crate) use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::trees::Trees;
+use crate::tracking::window_association::WindowAssociation;
+use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
+use tessera_graph::{BlockSums, MultiEdge, Prior, Schedule};
+use tessera_numerics::Step;
+use tessera_registration::{
+    BrightnessUse, MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
+};
+
+/// Outer iterations that follow once degenerate directions are held at the prediction.
+const HELD_ITERATIONS: u32 = 3;
+/// First distance limit when poses are only compared, metres.
+const TRIED_DISTANCE_M: f64 = 0.1;
+
+/// An alignment's result, good or bad: the caller judges.
+#[derive(Clone, Debug)]
+pub(crate) struct Alignment {
+    pub(crate) world_from_camera: Pose,
+    pub(crate) velocity: Twist,
+    /// One per reference: where its matches were found, and their sums.
+    pub(crate) blocks: Vec<(Pose, BlockSums)>,
+    pub(crate) reports: Vec<PairReport>,
+    /// Information of the pose from all references, at the result, in the blocks' units.
+    pub(crate) information: Matrix6,
+    /// Degenerate directions of the matches; they are held at the prediction.
+    pub(crate) free: Vec<FreeDirection>,
+    /// As in the prediction.
+    pub(crate) rotation_sigma_rad: Option<f64>,
+    /// Features that agree with the result, of the reference that has most.
+    pub(crate) n_agreeing: u32,
+    pub(crate) is_solved: bool,
+}
+
+impl Alignment {
+    pub(crate) fn n_matches(&self) -> u32 {
+        self.reports.iter().map(|r| r.n_matches).sum()
+    }
+
+    pub(crate) fn match_share(&self) -> f64 {
+        let n_queries: u32 = self.reports.iter().map(|r| r.n_queries).sum();
+        f64::from(self.n_matches()) / f64::from(n_queries.max(1))
+    }
+
+    /// Points on the references, less those in front of them, as a share of all.
+    pub(crate) fn fitting(&self) -> f64 {
+        let n_queries: u32 = self.reports.iter().map(|r| r.n_queries).sum();
+        let n_in_front: u32 = self.reports.iter().map(|r| r.n_in_front).sum();
+        (f64::from(self.n_matches()) - f64::from(n_in_front)) / f64::from(n_queries.max(1))
+    }
+
+    /// Largest median normal residual of a reference that has matches, standard deviations.
+    pub(crate) fn residual_sigmas(&self) -> f64 {
+        let medians =
+            self.reports.iter().filter(|r| r.n_matches > 0).map(|r| f64::from(r.median_residual_sigmas));
+        medians.fold(0.0, f64::max)
+    }
+}
+
+/// Aligns frames to windows; holds its buffers.
+pub(crate) struct Aligner {
+    matcher: Matcher,
+    queries: Queries,
+    shutter: ShutterTable,
+    trees: Trees,
+    pub(crate) sight: Sight,
+}
+
+impl Aligner {
+    pub(crate) fn new(context: &Context) -> Self {
+        let mut matcher = context.matcher();
+        matcher.steps = context.steps.clone();
+        Self {
+            matcher,
+            queries: Queries::default(),
+            shutter: context.shutter(&Twist::default()),
+            trees: Trees::default(),
+            sight: Sight::new(context),
+        }
+    }
+
+    /// Aligns `samples` to the references; where geometry leaves a degenerate direction, once more
+    /// with the intensity, if the settings say so.
+    pub(crate) fn align(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        references: &[Reference<'_>],
+        prediction: &Prediction,
+    ) -> Alignment {
+        let intensity = context.registration.weight.brightness;
+        let is_always = intensity == BrightnessUse::Always;
+        let first = self.solve(context, samples, references, prediction, is_always);
+        context.steps.leave();
+        let is_asked =
+            intensity == BrightnessUse::WhereFree && context.camera.colour_registered && first.is_solved;
+        if !is_asked || first.free.is_empty() {
+            return first;
+        }
+        let second = self.solve(context, samples, references, prediction, true);
+        if second.is_solved { second } else { first }
+    }
+
+    /// The window as a multi-edge problem: the references fixed, and the frame as the last vertex.
+    fn solve(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        references: &[Reference<'_>],
+        prediction: &Prediction,
+        intensity: bool,
+    ) -> Alignment {
+        context.steps.enter(Step::Prepare);
+        let (independent, factor) = (self.independent_factor(), self.metric_factor(context));
+        self.queries.fill(samples, &self.shutter);
+        let trees = self.trees.of(context, references);
+        let targets = references
+            .iter()
+            .zip(&trees)
+            .map(|(r, tree)| Target { surface: r.surface, shutter: &r.shutter, tree: tree.as_deref() })
+            .collect();
+        let frame = references.len();
+        let prior = motion_prior(context, prediction, independent, factor, frame);
+        let problem = window_problem(context, references, prediction, prior);
+        let mut association = WindowAssociation {
+            context,
+            prediction,
+            references,
+            targets,
+            intensity,
+            factor,
+            matcher: &mut self.matcher,
+            queries: &mut self.queries,
+            shutter: &mut self.shutter,
+            velocity: prediction.velocity,
+            blocks: Vec::new(),
+            reports: Vec::new(),
+            free: Vec::new(),
+        };
+        let solved = problem.solve(&mut association, &mut || ());
+        let world_from_camera = solved.graph.poses[frame];
+        let mut information = Matrix6::zeros();
+        if solved.is_solved {
+            association.follow(&world_from_camera);
+            let priors: Matrix6 = solved.graph.priors.iter().map(|p| p.information).sum();
+            information = solved.graph.information(frame) + priors;
+        }
+        let WindowAssociation { velocity, blocks, reports, free, .. } = association;
+        Alignment {
+            world_from_camera,
+            velocity,
+            blocks,
+            reports,
+            information,
+            free,
+            rotation_sigma_rad: prediction.rotation_sigma_rad,
+            n_agreeing: 0,
+            is_solved: solved.is_solved,
+        }
+    }
+
+    /// What a search from one pose finds, with middling limits and without solving.
+    pub(crate) fn try_pose(
+        &mut self,
+        context: &Context,
+        samples: &[Sample],
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+    ) -> PairReport {
+        context.fill_shutter(&Twist::default(), &mut self.shutter);
+        self.queries.fill(samples, &self.shutter);
+        let target = Target { surface: reference.surface, shutter: &reference.shutter, tree: None };
+        let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
+        let selection = Selection { count: samples.len(), shift: 0 };
+        let limits = MatchLimits::new(TRIED_DISTANCE_M, 0.5);
+        self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, &limits).1
+    }
+
+    /// Makes an inverse information matrix metric: the variance of one correspondence times how
+    /// many correspondences say the same (method 9.3).
+    pub(crate) fn metric_factor(&self, context: &Context) -> f64 {
+        self.independent_factor() * context.mapping.window.correlation
+    }
+
+    /// As [`Self::metric_factor`] for independent correspondences.
+    pub(crate) fn independent_factor(&self) -> f64 {
+        self.matcher.metric_factor()
+    }
+}
+
+/// The references, fixed, and the frame as the last vertex.
+fn window_problem(
+    context: &Context,
+    references: &[Reference<'_>],
+    prediction: &Prediction,
+    prior: Option<Prior>,
+) -> MultiEdge {
+    let n_outer = prediction.outer_iterations.max(2);
+    let fixed = references.iter().map(|r| r.world_from_camera);
+    MultiEdge {
+        poses: fixed.chain([prediction.world_from_camera]).collect(),
+        is_fixed: references.iter().map(|_| true).chain([false]).collect(),
+        priors: prior.into_iter().collect(),
+        schedule: Schedule {
+            converged_step: context.mapping.window.converged_step,
+            held_iterations: HELD_ITERATIONS,
+            ..Schedule::shrinking(n_outer, context.registration.inner_iterations)
+        },
+        kernel: None,
+        isa: context.registration.isa,
+    }
+}
+
+/// The prediction as an edge, in the units of the blocks' information: constant velocity, and the
+/// rotation as well as the gyroscope knows it. The last pose, from which it counts, is uncertain too.
+fn motion_prior(
+    context: &Context,
+    prediction: &Prediction,
+    independent: f64,
+    metric: f64,
+    vertex: usize,
+) -> Option<Prior> {
+    if !prediction.is_known {
+        return None;
+    }
+    let w = &context.mapping.window;
+    let t = independent / (w.prior_translation_m * w.prior_translation_m);
+    let r = match prediction.rotation_sigma_rad {
+        Some(sigma) => metric / (sigma * sigma + w.inertial_floor_deg.to_radians().powi(2)),
+        None => independent / w.prior_rotation_deg.to_radians().powi(2),
+    };
+    let information = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
+    Some(Prior { vertex, predicted: prediction.world_from_camera, information })
+}

@@ -1,0 +1,88 @@
+//! Covariance of a frame's pose in the world (method 9.3).
+//!
+//! The covariance of the window, carried over to the frame, plus that of the alignment. The errors of
+//! the window's members are correlated, so the most certain of them counts, once.
+
+use crate::map::map_view::MapView;
+use crate::settings::WindowSettings;
+use crate::tracking::acceptance::AGREEING;
+use crate::tracking::degeneracy::{FreeDirection, Motion};
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::WindowAlignment;
+use tessera_geometry::{Matrix6, Pose, adjoint};
+
+/// 21 numbers, row by row.
+pub(crate) fn upper_triangle(m: &Matrix6) -> Vec<f64> {
+    (0..6).flat_map(|r| (r..6).map(move |c| (r, c))).map(|(r, c)| m[(r, c)]).collect()
+}
+
+/// The inverse of [`upper_triangle`]; zero for anything but 21 numbers.
+pub(crate) fn from_upper_triangle(numbers: &[f64]) -> Matrix6 {
+    let mut m = Matrix6::zeros();
+    if numbers.len() == 21 {
+        let places = (0..6).flat_map(|r| (r..6).map(move |c| (r, c)));
+        for ((r, c), value) in places.zip(numbers) {
+            m[(r, c)] = *value;
+            m[(c, r)] = *value;
+        }
+    }
+    m
+}
+
+/// Covariance of the frame's pose in the world, in the tangent of its camera, translation first.
+///
+/// `own`: covariance of the alignment against fixed references, degenerate directions held.
+pub(crate) fn of_world(
+    settings: &WindowSettings,
+    map: &MapView<'_>,
+    aligned: &WindowAlignment,
+    own: &Matrix6,
+    frame_index: u64,
+) -> Matrix6 {
+    let a = &aligned.alignment;
+    let is_seen = a.n_agreeing >= AGREEING;
+    let is_good = |place: usize| is_seen || a.reports[place].n_matches * 5 >= a.reports[place].n_queries;
+    let inherited =
+        aligned.members.iter().enumerate().filter(|(place, _)| is_good(*place)).filter_map(|(_, member)| {
+            let (pose, numbers, index) = match member {
+                Member::Recent(place) => {
+                    let r = map.state().recent.get(*place)?;
+                    (&r.world_from_camera, &r.covariance, r.index)
+                }
+                Member::Keyframe(id) => {
+                    let k = map.keyframe(*id)?;
+                    // A keyframe of an earlier run: as old as this run at least.
+                    let index = if map.is_own(k) { k.frame_index } else { 0 };
+                    (&k.world_from_camera, &k.covariance, index)
+                }
+            };
+            let ad = adjoint(&(a.world_from_camera.inverse() * Pose::from(pose)));
+            let mut carried = ad * from_upper_triangle(numbers) * ad.transpose();
+            let n_frames = frame_index.saturating_sub(index).max(1) as f64;
+            for free in &a.free {
+                drift(settings, free, a.rotation_sigma_rad, n_frames, &mut carried);
+            }
+            Some(carried)
+        });
+    let best = inherited.min_by(|x, y| x.trace().total_cmp(&y.trace()));
+    let sum = best.unwrap_or_else(Matrix6::zeros) + own;
+    (sum + sum.transpose()) * 0.5
+}
+
+/// A direction that only the prediction holds drifts with an unknown, steady velocity: its
+/// standard deviation, not its variance, grows in proportion to time.
+fn drift(
+    settings: &WindowSettings,
+    free: &FreeDirection,
+    measured_rad: Option<f64>,
+    n_frames: f64,
+    covariance: &mut Matrix6,
+) {
+    let per_frame = match free.motion {
+        Motion::Translation => settings.prior_translation_m,
+        Motion::Rotation => measured_rad.unwrap_or(settings.prior_rotation_deg.to_radians()),
+    };
+    let before = (free.coordinate.dot(&(*covariance * free.coordinate))).max(0.0);
+    let after = before.sqrt() + per_frame * n_frames;
+    *covariance += free.tangent * free.tangent.transpose() * (after * after - before);
+}

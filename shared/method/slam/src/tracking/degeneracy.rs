@@ -1,0 +1,172 @@
+//! Directions of a pose that its matches leave free (method T63, T64).
+//!
+//! Translation and rotation are judged apart, in metres and radians, as standard deviations after
+//! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
+//! about a camera far from it, rotation and translation are nearly the same thing.
+
+use crate::settings::WindowSettings;
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use tessera_geometry::{Matrix6, Vector6, hat};
+use tessera_graph::BlockSums;
+
+/// What moves freely.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Motion {
+    Translation,
+    Rotation,
+}
+
+/// A motion of the new frame that the surfaces do not resist.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FreeDirection {
+    pub(crate) motion: Motion,
+    /// Unit axis in the frame of the camera.
+    pub(crate) axis: Vector3<f64>,
+    /// Standard deviation that the matches claim for it, metres or radians.
+    pub(crate) sigma: f64,
+    /// The tangent vector of the motion by one metre or radian, the centroid resting in a turn.
+    pub(crate) tangent: Vector6,
+    /// The tangent's component along the motion is the scalar product with this.
+    pub(crate) coordinate: Vector6,
+}
+
+/// Weighted centroid of the matched queries in the camera frame.
+pub(crate) fn centroid<'a>(sums: impl Iterator<Item = &'a BlockSums>) -> Vector3<f64> {
+    let mut total = [0.0; 4];
+    for s in sums {
+        // Traces of the sums over a~_k a~_3 Omega: places 03, 13, 23 and 33.
+        for (k, place) in [3, 6, 8, 9].into_iter().enumerate() {
+            total[k] += s.q[6 * place] + s.q[6 * place + 3] + s.q[6 * place + 5];
+        }
+    }
+    if total[3] > 0.0 { Vector3::new(total[0], total[1], total[2]) / total[3] } else { Vector3::zeros() }
+}
+
+/// The free directions of a pose with this metric information (right tangent, translation first).
+pub(crate) fn free_directions(
+    settings: &WindowSettings,
+    information: &Matrix6,
+    centroid: &Vector3<f64>,
+) -> Vec<FreeDirection> {
+    // rho = rho_c + c x phi: the tangent in terms of the motion of the centroid.
+    let mut shift = Matrix6::identity();
+    shift.fixed_view_mut::<3, 3>(0, 3).copy_from(&hat(centroid));
+    let h = shift.transpose() * information * shift;
+    let block = |r: usize, c: usize| h.fixed_view::<3, 3>(r, c).into_owned();
+    let (tt, tr, rr) = (block(0, 0), block(0, 3), block(3, 3));
+    // A little information everywhere, far below any limit, keeps the inverses finite.
+    let floor = |limit: f64| Matrix3::identity() * (1e-4 / (limit * limit));
+    let (limit_m, limit_rad) = (settings.free_translation_m, settings.free_rotation_deg.to_radians());
+    let schur = |a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>| {
+        d.try_inverse().map_or(*a, |inverse| a - b * inverse * b.transpose())
+    };
+    let translation = schur(&tt, &tr, &(rr + floor(limit_rad)));
+    let rotation = schur(&rr, &tr.transpose(), &(tt + floor(limit_m)));
+    let mut free = Vec::new();
+    for (motion, matrix, limit) in
+        [(Motion::Translation, translation, limit_m), (Motion::Rotation, rotation, limit_rad)]
+    {
+        let eigen = SymmetricEigen::new((matrix + matrix.transpose()) * 0.5);
+        let best = 1.0 / eigen.eigenvalues.max().max(1e-12).sqrt();
+        for (k, value) in eigen.eigenvalues.iter().enumerate() {
+            let sigma = 1.0 / value.max(1e-12).sqrt();
+            if sigma > limit && sigma > settings.free_ratio * best {
+                free.push(direction(motion, eigen.eigenvectors.column(k).into_owned(), sigma, centroid));
+            }
+        }
+    }
+    free
+}
+
+fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<f64>) -> FreeDirection {
+    let six = |rho: Vector3<f64>, phi: Vector3<f64>| Vector6::new(rho.x, rho.y, rho.z, phi.x, phi.y, phi.z);
+    let (tangent, coordinate) = match motion {
+        Motion::Translation => (six(axis, Vector3::zeros()), six(axis, centroid.cross(&axis))),
+        Motion::Rotation => (six(centroid.cross(&axis), axis), six(Vector3::zeros(), axis)),
+    };
+    FreeDirection { motion, axis, sigma, tangent, coordinate }
+}
+
+/// Standard deviation at which a free direction is held one thirtieth of a second after the frame
+/// before, metres or radians. A camera speeds up: it grows with the square of the time.
+const HELD: f64 = 1e-4;
+const HELD_AFTER_S: f64 = 1.0 / 30.0;
+
+/// Information that holds the free directions where they are predicted, metric. `seconds` since the
+/// frame that the prediction goes by; 0 where it is no prediction but a place.
+pub(crate) fn hold(free: &[FreeDirection], seconds: f64) -> Matrix6 {
+    let frames = (seconds / HELD_AFTER_S).max(1.0);
+    let sigma = HELD * frames * frames;
+    let mut held = Matrix6::zeros();
+    for f in free {
+        held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);
+    }
+    held
+}
+
+/// The free directions in words, for a record's reason.
+pub(crate) fn describe(free: &[FreeDirection]) -> String {
+    let words: Vec<String> = free
+        .iter()
+        .map(|f| {
+            let [x, y, z] = [f.axis.x, f.axis.y, f.axis.z];
+            match f.motion {
+                Motion::Translation => {
+                    format!("translation along ({x:.2} {y:.2} {z:.2}), sigma {:.3} m", f.sigma)
+                }
+                Motion::Rotation => {
+                    format!("rotation about ({x:.2} {y:.2} {z:.2}), sigma {:.2} deg", f.sigma.to_degrees())
+                }
+            }
+        })
+        .collect();
+    format!("the surfaces leave free, and the prediction decides: {}", words.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Information of points `p` with normals `n` at 5 mm each.
+    fn of(points: &[(Vector3<f64>, Vector3<f64>)]) -> (Matrix6, Vector3<f64>) {
+        let mut h = Matrix6::zeros();
+        for (p, n) in points {
+            let turn = p.cross(n);
+            let j = Vector6::new(n.x, n.y, n.z, turn.x, turn.y, turn.z);
+            h += j * j.transpose() / (0.005 * 0.005);
+        }
+        (h, points.iter().map(|(p, _)| p).sum::<Vector3<f64>>() / points.len() as f64)
+    }
+
+    fn plane(n: Vector3<f64>, offset: Vector3<f64>) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+        let u = if n.x.abs() > 0.5 { Vector3::y() } else { Vector3::x() };
+        let v = n.cross(&u);
+        (0..100).map(|k| (offset + u * (k / 10) as f64 * 0.2 + v * (k % 10) as f64 * 0.2, n)).collect()
+    }
+
+    #[test]
+    fn a_wall_leaves_two_translations_and_a_turn_free_a_corridor_one_a_room_none() {
+        let settings = WindowSettings::default();
+        let count = |points: &[(Vector3<f64>, Vector3<f64>)]| {
+            let (h, c) = of(points);
+            let free = free_directions(&settings, &h, &c);
+            let translations = free.iter().filter(|f| f.motion == Motion::Translation).count();
+            (translations, free.len() - translations, free)
+        };
+        let mut points = plane(Vector3::z(), Vector3::new(-1.0, -1.0, 3.0));
+        let (t, r, free) = count(&points);
+        assert_eq!((t, r), (2, 1));
+        for f in &free {
+            assert!((f.coordinate.dot(&f.tangent) - 1.0).abs() < 1e-9);
+            let expected = if f.motion == Motion::Rotation { 1.0 } else { 0.0 };
+            assert!((f.axis.z.abs() - expected).abs() < 1e-6, "{f:?}");
+        }
+        points = plane(Vector3::x(), Vector3::new(-1.0, -1.0, 1.0));
+        points.extend(plane(Vector3::y(), Vector3::new(-1.0, 1.0, 1.0)));
+        let (t, r, free) = count(&points);
+        assert_eq!((t, r), (1, 0));
+        assert!(free[0].axis.z.abs() > 0.999);
+        points.extend(plane(Vector3::z(), Vector3::new(-1.0, -1.0, 4.0)));
+        assert_eq!(count(&points).2.len(), 0);
+    }
+}

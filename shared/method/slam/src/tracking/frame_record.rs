@@ -1,0 +1,136 @@
+//! From an alignment to the record of its frame.
+
+use crate::map::records::{BlockRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
+use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::covariance::{self, upper_triangle};
+use crate::tracking::degeneracy::describe;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::WindowAlignment;
+use tessera_geometry::{Matrix6, Pose, PoseBits};
+use tessera_graph::{PairBlock, entropy_of_covariance, metric_covariance};
+
+/// The keyframe of a frame before the first one.
+const NO_KEYFRAME: u32 = u32::MAX;
+
+/// The record of an accepted alignment.
+pub(crate) fn frame_record(
+    input: &TrackingInput<'_>,
+    aligner: &Aligner,
+    aligned: &WindowAlignment,
+    new_keyframe: Option<KeyframeRecord>,
+) -> FrameRecord {
+    let a = &aligned.alignment;
+    let own = metric_covariance(&a.information, aligner.metric_factor(input.context));
+    let covariance = own.map_or(Vec::new(), |own| {
+        let window = &input.context.mapping.window;
+        upper_triangle(&covariance::of_world(window, &input.map, aligned, &own, input.frame.index))
+    });
+    FrameRecord {
+        state: aligned.state,
+        reason: reason(aligned),
+        covariance,
+        n_correspondences: a.n_matches(),
+        velocity: a.velocity.to_vector().into(),
+        entropy_nats: entropy(input, aligner, aligned).unwrap_or(f64::NAN),
+        blocks: blocks(input, aligned),
+        new_keyframe,
+        ..record_at(input, &a.world_from_camera)
+    }
+}
+
+/// The record of the first frame with enough points: the map's origin and its first keyframe.
+pub(crate) fn first_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRecord {
+    let frame = input.frame;
+    let keyframe = KeyframeRecord {
+        id: 0,
+        frame_index: frame.index,
+        stamp_nanos: frame.stamp_nanos,
+        world_from_camera: PoseBits::from(&prediction.world_from_camera),
+        velocity: [0.0; 6],
+        slot: StoreSlot::default(),
+        edges: Vec::new(),
+        place: input.ferns.code(&frame.surface),
+        retires: Vec::new(),
+    };
+    FrameRecord {
+        state: State::Tracking,
+        reason: "the first frame".into(),
+        keyframe: 0,
+        keyframe_from_camera: PoseBits::IDENTITY,
+        covariance: upper_triangle(&Matrix6::zeros()),
+        new_keyframe: Some(keyframe),
+        ..record_at(input, &prediction.world_from_camera)
+    }
+}
+
+/// The record of a frame that could not be aligned: it holds the prediction and changes nothing.
+pub(crate) fn lost_record(input: &TrackingInput<'_>, prediction: &Prediction, reason: String) -> FrameRecord {
+    FrameRecord { reason, ..record_at(input, &prediction.world_from_camera) }
+}
+
+/// The identity of the frame and its pose; all else as of a lost frame.
+fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord {
+    let frame = input.frame;
+    let keyframe = input.map.last_keyframe();
+    let world_from_keyframe = keyframe.map_or(Pose::identity(), |k| Pose::from(&k.world_from_camera));
+    FrameRecord {
+        index: frame.index,
+        stamp_nanos: frame.stamp_nanos,
+        effort: frame.effort,
+        state: State::Lost,
+        reason: String::new(),
+        world_from_camera: PoseBits::from(world_from_camera),
+        world_from_odom: input.map.state().world_from_odom.unwrap_or(PoseBits::IDENTITY),
+        keyframe: keyframe.map_or(NO_KEYFRAME, |k| k.id),
+        keyframe_from_camera: PoseBits::from(&(world_from_keyframe.inverse() * world_from_camera)),
+        covariance: Vec::new(),
+        n_correspondences: 0,
+        velocity: [0.0; 6],
+        rotation: frame.rotation,
+        entropy_nats: f64::NAN,
+        colour: None,
+        blocks: Vec::new(),
+        moved: Vec::new(),
+        new_keyframe: None,
+        request: None,
+    }
+}
+
+/// The alignment's reason and its degenerate directions.
+fn reason(aligned: &WindowAlignment) -> String {
+    let free = &aligned.alignment.free;
+    let parts = [aligned.reason.clone(), if free.is_empty() { String::new() } else { describe(free) }];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
+/// Sums of the matches with each keyframe of the window; none in a map with a budget, which keeps
+/// nothing for each frame.
+fn blocks(input: &TrackingInput<'_>, aligned: &WindowAlignment) -> Vec<BlockRecord> {
+    if input.context.mapping.keyframe.budget != 0 {
+        return Vec::new();
+    }
+    let pairs = aligned.members.iter().zip(&aligned.alignment.blocks);
+    let block = |(member, (origin, sums)): (&Member, &(Pose, tessera_graph::BlockSums))| match member {
+        Member::Keyframe(keyframe) => Some(BlockRecord {
+            keyframe: *keyframe,
+            keyframe_from_camera: PoseBits::from(origin),
+            sums: sums.to_numbers(),
+            n_matches: sums.n,
+        }),
+        Member::Recent(_) => None,
+    };
+    pairs.filter_map(block).collect()
+}
+
+/// Entropy of the pose relative to the last keyframe, nats (eq. 14); `None` where that is not in
+/// the window.
+fn entropy(input: &TrackingInput<'_>, aligner: &Aligner, aligned: &WindowAlignment) -> Option<f64> {
+    let keyframe = input.map.last_keyframe()?;
+    let place = aligned.members.iter().position(|m| *m == Member::Keyframe(keyframe.id))?;
+    let (origin, sums) = &aligned.alignment.blocks[place];
+    let world_from_keyframe = Pose::from(&keyframe.world_from_camera);
+    let keyframe_from_camera = world_from_keyframe.inverse() * aligned.alignment.world_from_camera;
+    let information = PairBlock::new(origin, sums).linearise(&keyframe_from_camera).0;
+    entropy_of_covariance(&information, aligner.independent_factor())
+}

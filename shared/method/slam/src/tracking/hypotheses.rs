@@ -1,0 +1,214 @@
+//! Tracking from the frame before: the prediction, and the hypotheses tried where it is in doubt
+//! (method 6).
+//!
+//! A hypothesis is an entry of [`HYPOTHESES`]: when it is tried, its initial guesses with their
+//! search settings, how a guess is aligned, and what a result must show beside the strict tests.
+//! One loop walks the table; of a hypothesis's guesses the best supported one counts.
+
+use crate::features::start::guess_from_features;
+use crate::tracking::acceptance;
+use crate::tracking::alignment::{Aligner, Alignment, Prediction};
+use crate::tracking::input::TrackingInput;
+use crate::tracking::motion_model::{place, widened};
+use crate::tracking::window_alignment::{WindowAlignment, align_coarse_to_fine, align_to_window};
+use crate::tracking::{large_displacement, rotation_hypothesis};
+use tessera_geometry::{Pose, Twist};
+
+/// Outcome of the alignment from the prediction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    /// It passed the strict tests, or needs none.
+    Accepted,
+    /// It passed the tests of an expected motion, but not the strict ones.
+    Doubtful,
+    /// It failed, or no motion was known that could be tested.
+    Rejected,
+}
+
+/// How a guess is aligned.
+#[derive(Clone, Copy, Debug)]
+enum Search {
+    /// All samples to the local window.
+    Window,
+    /// Some samples to the nearest keyframes, then all.
+    CoarseToFine,
+}
+
+/// What a result must show beside the strict tests.
+#[derive(Clone, Copy, Debug)]
+enum Acceptance {
+    /// More inliers, less free-space violations, than the alignment from the prediction has.
+    MoreSupport,
+    /// No degenerate direction: along one the result is the initial guess, which predicts nothing.
+    WellConditioned,
+    /// As [`Self::WellConditioned`], within a large displacement of the last pose.
+    WithinReach,
+}
+
+/// One way in which a frame may have moved.
+struct Hypothesis {
+    after: Verdict,
+    /// Initial guesses and their search settings.
+    guesses: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Vec<Prediction>,
+    search: Search,
+    acceptance: Acceptance,
+    /// Name in the frame's reason, for a motion that a user may want to know of.
+    name: Option<&'static str>,
+}
+
+/// In the order in which they are tried; the first that is accepted counts.
+const HYPOTHESES: [Hypothesis; 4] = [
+    // A camera that turned faster than predicted may have come to rest in a local minimum.
+    Hypothesis {
+        after: Verdict::Doubtful,
+        guesses: rotated_prediction,
+        search: Search::Window,
+        acceptance: Acceptance::MoreSupport,
+        name: None,
+    },
+    Hypothesis {
+        after: Verdict::Rejected,
+        guesses: rotated_last_pose,
+        search: Search::Window,
+        acceptance: Acceptance::WellConditioned,
+        name: None,
+    },
+    Hypothesis {
+        after: Verdict::Rejected,
+        guesses: last_keyframe,
+        search: Search::Window,
+        acceptance: Acceptance::WellConditioned,
+        name: None,
+    },
+    Hypothesis {
+        after: Verdict::Rejected,
+        guesses: large_displacement::guesses,
+        search: Search::CoarseToFine,
+        acceptance: Acceptance::WithinReach,
+        name: Some("a large displacement"),
+    },
+];
+
+/// Aligns a frame that follows a tracked one. The error says why the prediction was rejected.
+pub(crate) fn track(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+) -> Result<WindowAlignment, String> {
+    let seen = guess_from_features(input, aligner, prediction);
+    let is_seen = seen.is_some();
+    let prediction = &seen.unwrap_or(*prediction);
+    let guess = if prediction.is_known {
+        *prediction
+    } else {
+        rotation_hypothesis::best_rotation(input, aligner, prediction)
+    };
+    let first = align_to_window(input, aligner, &guess);
+    let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
+    let is_strict = acceptance::strict(&input.context.mapping.relocalise, &first.alignment).is_ok();
+    let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {
+        (true, _) => Verdict::Accepted,
+        // What features agree on is no guess of the motion.
+        (false, true) if is_seen => Verdict::Accepted,
+        (false, true) => Verdict::Doubtful,
+        (false, false) => Verdict::Rejected,
+    };
+    for hypothesis in HYPOTHESES.iter().filter(|h| h.after == verdict) {
+        let Some((found, numbers)) = hypothesis.test(input, aligner, prediction, &first) else { continue };
+        let reason = hypothesis.name.map_or(String::new(), |name| {
+            let why = passed.as_ref().err().map_or("the motion is not known", String::as_str);
+            format!("{why}; found by {name}: {numbers}")
+        });
+        return Ok(WindowAlignment { reason, ..found });
+    }
+    if verdict == Verdict::Accepted { Ok(first) } else { passed.map(|()| first) }
+}
+
+impl Hypothesis {
+    /// The best supported of the accepted results, with the numbers of the strict tests.
+    fn test(
+        &self,
+        input: &TrackingInput<'_>,
+        aligner: &mut Aligner,
+        prediction: &Prediction,
+        first: &WindowAlignment,
+    ) -> Option<(WindowAlignment, String)> {
+        let mut best: Option<(WindowAlignment, String)> = None;
+        for guess in (self.guesses)(input, aligner, prediction) {
+            let Some((found, numbers)) = self.search.align(input, aligner, &guess) else { continue };
+            let most = best.as_ref().map_or(f64::NEG_INFINITY, |(best, _)| best.alignment.fitting());
+            if found.alignment.fitting() > most
+                && self.acceptance.is_met(input, &found.alignment, &first.alignment)
+            {
+                best = Some((found, numbers));
+            }
+        }
+        best
+    }
+}
+
+impl Search {
+    /// An alignment that passes the strict tests, with the numbers of these.
+    fn align(
+        self,
+        input: &TrackingInput<'_>,
+        aligner: &mut Aligner,
+        guess: &Prediction,
+    ) -> Option<(WindowAlignment, String)> {
+        match self {
+            Self::Window => {
+                let found = align_to_window(input, aligner, guess);
+                let strict = &input.context.mapping.relocalise;
+                acceptance::strict(strict, &found.alignment).ok().map(|numbers| (found, numbers))
+            }
+            Self::CoarseToFine => align_coarse_to_fine(input, aligner, guess, &guess.world_from_camera),
+        }
+    }
+}
+
+impl Acceptance {
+    fn is_met(self, input: &TrackingInput<'_>, found: &Alignment, first: &Alignment) -> bool {
+        match self {
+            Self::MoreSupport => found.fitting() > first.fitting(),
+            Self::WellConditioned => found.free.is_empty(),
+            Self::WithinReach => {
+                found.free.is_empty()
+                    && found.fitting() > 0.0
+                    && large_displacement::is_within_reach(input, &found.world_from_camera)
+            }
+        }
+    }
+}
+
+/// The prediction with the rotation that has most support.
+fn rotated_prediction(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+) -> Vec<Prediction> {
+    let wide = Prediction { is_known: false, ..widened(input, prediction) };
+    vec![rotation_hypothesis::best_rotation(input, aligner, &wide)]
+}
+
+/// The last pose with the rotation that a gyroscope measured, or that has most support.
+fn rotated_last_pose(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+) -> Vec<Prediction> {
+    let mut guess = widened(input, prediction);
+    if let Some(last) = input.map.state().recent.last() {
+        guess.world_from_camera = Pose::from(&last.world_from_camera);
+        guess.velocity = Twist::default();
+        if prediction.rotation_sigma_rad.is_some() {
+            guess.world_from_camera.rotation = prediction.world_from_camera.rotation;
+        }
+    }
+    vec![rotation_hypothesis::best_rotation(input, aligner, &guess)]
+}
+
+/// The pose of the last keyframe that this run made.
+fn last_keyframe(input: &TrackingInput<'_>, _: &mut Aligner, _: &Prediction) -> Vec<Prediction> {
+    let keyframe = input.map.last_own_keyframe();
+    keyframe.map(|k| place(input, &Pose::from(&k.world_from_camera))).into_iter().collect()
+}

@@ -1,0 +1,54 @@
+//! The input of one tracking step.
+
+use crate::loops::appearance::Ferns;
+use crate::map::context::Context;
+use crate::map::map_view::MapView;
+use crate::map::surfaces::KeyframeSurfaces;
+use tessera_features::Feature;
+use tessera_geometry::InertialRotation;
+use tessera_registration::Sample;
+use tessera_surface::{Effort, SurfaceView};
+
+/// One frame: its identity, its surface, and what else was measured with it.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameSurface<'a> {
+    /// Frame index as the source counts.
+    pub index: u64,
+    /// Sensor time.
+    pub stamp_nanos: i64,
+    /// The camera's rotation since the source's first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
+    /// The surface, read in place.
+    pub surface: SurfaceView<'a>,
+    /// How much work it gets; the same in each replay.
+    pub effort: Effort,
+    /// Features of its colour image; none where there is no colour.
+    pub features: &'a [Feature],
+}
+
+impl<'a> FrameSurface<'a> {
+    /// A frame at full effort of which only the surface was measured.
+    pub fn new(index: u64, stamp_nanos: i64, surface: SurfaceView<'a>) -> Self {
+        Self { index, stamp_nanos, rotation: None, surface, effort: Effort::Full, features: &[] }
+    }
+}
+
+/// Surfaces that one step may read.
+#[derive(Clone, Copy)]
+pub(crate) struct Surfaces<'a> {
+    pub(crate) recent: &'a [FrameSurface<'a>],
+    pub(crate) keyframes: &'a dyn KeyframeSurfaces,
+}
+
+/// Everything that one step reads. Nothing of it changes within the step.
+#[derive(Clone, Copy)]
+pub(crate) struct TrackingInput<'a> {
+    /// Camera, grid and settings at the frame's workload.
+    pub(crate) context: &'a Context,
+    pub(crate) map: MapView<'a>,
+    pub(crate) ferns: &'a Ferns,
+    pub(crate) frame: &'a FrameSurface<'a>,
+    /// Samples of the frame's surface.
+    pub(crate) samples: &'a [Sample],
+    pub(crate) surfaces: Surfaces<'a>,
+}

@@ -1,0 +1,22 @@
+//! Tracking: one frame against a local window of fixed poses (III-F), and the keyframe test (III-H).
+
+pub(crate) mod acceptance;
+pub(crate) mod alignment;
+pub(crate) mod covariance;
+pub(crate) mod degeneracy;
+pub(crate) mod frame_record;
+pub(crate) mod hypotheses;
+pub(crate) mod input;
+pub(crate) mod keyframe_test;
+pub(crate) mod large_displacement;
+pub(crate) mod motion_model;
+pub(crate) mod prediction;
+pub(crate) mod promotion;
+pub(crate) mod relocalise;
+pub(crate) mod rotation_hypothesis;
+pub(crate) mod tracker;
+pub(crate) mod trees;
+pub(crate) mod window;
+pub(crate) mod window_alignment;
+pub(crate) mod window_association;
+pub(crate) mod workload;

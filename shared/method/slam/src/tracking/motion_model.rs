@@ -1,0 +1,92 @@
+//! Prediction of a frame's pose: constant velocity, its rotation measured by a gyroscope where the
+//! source has one (method 6).
+
+use crate::map::records::State;
+use crate::map::state::RecentFrame;
+use crate::tracking::alignment::Prediction;
+use crate::tracking::input::TrackingInput;
+use nalgebra::Vector3;
+use tessera_geometry::{
+    Pose, RelativeRotation, Twist, Vector6, compose_normalised, exp, translation_rotation_norms,
+};
+
+/// Lost frames in a row through which the velocity before them is still used.
+const MOST_COASTED: u32 = 10;
+/// A measured rotation less certain than this is worse than constant velocity, radians.
+const MOST_INERTIAL_SIGMA_RAD: f64 = 0.1;
+
+/// An initial guess that no motion leads to, with the widest search.
+pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Prediction {
+    let window = &input.context.mapping.window;
+    Prediction {
+        world_from_camera: *world_from_camera,
+        previous: None,
+        is_known: false,
+        velocity: Twist::default(),
+        rotation_sigma_rad: None,
+        first_distance_m: window.max_first_distance_m,
+        outer_iterations: window.retry_iterations,
+    }
+}
+
+/// The same initial guess with the widest search.
+pub(crate) fn widened(input: &TrackingInput<'_>, prediction: &Prediction) -> Prediction {
+    let window = &input.context.mapping.window;
+    Prediction {
+        first_distance_m: window.max_first_distance_m,
+        outer_iterations: window.retry_iterations,
+        ..*prediction
+    }
+}
+
+/// Constant velocity in the time between the stamps; the last pose where the velocity is unknown.
+/// The rotation is the gyroscope's where the source has one.
+pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
+    let state = input.map.state();
+    let Some(last) = state.recent.last() else {
+        return place(input, &state.start.as_ref().map_or(Pose::identity(), Pose::from));
+    };
+    let last_pose = Pose::from(&last.world_from_camera);
+    let seconds = (input.frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
+    let measured = measured_rotation(input, last, seconds);
+    let turn = measured.map(|m| Pose::from_parts(Vector3::zeros().into(), m.earlier_from_later));
+    let last_turned = turn.map_or(last_pose, |turn| last_pose * turn);
+    // A stamp that does not advance, a gap in time, or a frame that could not be aligned leaves no
+    // velocity. A camera that saw nothing for a moment has moved on as before.
+    let is_coasting = state.n_lost <= MOST_COASTED && last.velocity != [0.0; 6];
+    if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < 1.0) {
+        return place(input, &last_turned);
+    }
+    // The second frame of a run: the first has no velocity yet.
+    if last.velocity == [0.0; 6] {
+        return Prediction { previous: Some((last_pose, seconds)), ..place(input, &last_turned) };
+    }
+    let mut velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
+    if let Some(measured) = &measured {
+        velocity.phi = measured.rate_rad_per_s(seconds);
+    }
+    let (moved_m, turned_rad) = translation_rotation_norms(&exp(&velocity.scaled(seconds)));
+    let motion_m = moved_m + measured.map_or(turned_rad, |m| m.sigma_rad);
+    let window = &input.context.mapping.window;
+    Prediction {
+        world_from_camera: compose_normalised(&last_pose, &velocity.scaled(seconds)),
+        previous: Some((last_pose, seconds)),
+        is_known: true,
+        velocity,
+        rotation_sigma_rad: measured.map(|m| m.sigma_rad),
+        first_distance_m: (4.0 * motion_m).clamp(window.min_first_distance_m, window.max_first_distance_m),
+        outer_iterations: window.outer_iterations,
+    }
+}
+
+/// The gyroscope's rotation since the last frame, where the source has one that is certain enough.
+fn measured_rotation(
+    input: &TrackingInput<'_>,
+    last: &RecentFrame,
+    seconds: f64,
+) -> Option<RelativeRotation> {
+    let (earlier, later) = (last.rotation?, input.frame.rotation?);
+    let is_used = input.context.mapping.window.inertial_rotation && seconds > 0.0;
+    let measured = earlier.until(&later, seconds);
+    (is_used && measured.sigma_rad < MOST_INERTIAL_SIGMA_RAD).then_some(measured)
+}

@@ -1,0 +1,144 @@
+//! The previous frame becomes a keyframe, and the alignment is repeated with it in the window
+//! (III-H, method 9).
+
+use crate::loops::detection;
+use crate::map::culling;
+use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
+use crate::map::state::{KeyframeState, RecentFrame};
+use crate::tracking::acceptance;
+use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::frame_record::frame_record;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::keyframe_test::{self, Distance};
+use crate::tracking::motion_model::predict;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::{WindowAlignment, align_to_window};
+use tessera_geometry::{Pose, log};
+
+/// Outer iterations of the repeated alignment: it starts at a solution, so once with wide limits
+/// and once with the last.
+const REPEATED_ITERATIONS: u32 = 2;
+
+/// Makes the previous frame a keyframe where the keyframe test asks for it, and repeats the
+/// alignment; at most once per frame.
+pub(crate) fn with_keyframe(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    aligned: WindowAlignment,
+    record: FrameRecord,
+) -> (WindowAlignment, FrameRecord) {
+    match new_keyframe(input, &record) {
+        Some(keyframe) => realign(input, aligner, aligned, record, keyframe),
+        None => (aligned, record),
+    }
+}
+
+/// The previous frame as a keyframe, where the new one is too far from the last (method 9.1).
+fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<KeyframeRecord> {
+    let state = input.map.state();
+    let last_keyframe = input.map.last_keyframe()?;
+    let previous = state.recent.last()?;
+    let distance = Distance {
+        keyframe_from_camera: &Pose::from(&record.keyframe_from_camera),
+        entropy_nats: record.entropy_nats,
+        reference_entropy: state.reference_entropy,
+        n_frames: state.frames_since_keyframe,
+    };
+    let surface = input.surfaces.recent.iter().find(|s| s.index == previous.index)?;
+    if (input.map.is_own(last_keyframe) && previous.index == last_keyframe.frame_index)
+        || previous.state != State::Tracking
+        || !keyframe_test::is_due(&input.context.mapping.keyframe, &distance)
+    {
+        return None;
+    }
+    Some(KeyframeRecord {
+        id: last_keyframe.id + 1,
+        frame_index: previous.index,
+        stamp_nanos: previous.stamp_nanos,
+        world_from_camera: previous.world_from_camera,
+        velocity: central_velocity(input, previous, &Pose::from(&record.world_from_camera)),
+        slot: StoreSlot::default(),
+        edges: Vec::new(),
+        place: input.ferns.code(&surface.surface),
+        retires: culling::culled(state, &input.context.mapping),
+    })
+}
+
+/// Velocity of the previous frame from its neighbours on both sides.
+fn central_velocity(input: &TrackingInput<'_>, previous: &RecentFrame, world_from_camera: &Pose) -> [f64; 6] {
+    let before = match input.map.state().recent.as_slice() {
+        [before, _] if before.state == State::Tracking => before,
+        _ => previous,
+    };
+    let seconds = (input.frame.stamp_nanos - before.stamp_nanos) as f64 * 1e-9;
+    if !(seconds > 0.0 && seconds < 1.0) {
+        return previous.velocity;
+    }
+    let step = log(&(Pose::from(&before.world_from_camera).inverse() * world_from_camera));
+    step.scaled(1.0 / seconds).to_vector().into()
+}
+
+/// The alignment repeated with the new keyframe in the window.
+fn realign(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    first: WindowAlignment,
+    record: FrameRecord,
+    mut keyframe: KeyframeRecord,
+) -> (WindowAlignment, FrameRecord) {
+    let candidate = candidate(input, &keyframe);
+    let input = &TrackingInput { map: input.map.with_candidate(&candidate), ..*input };
+    let guess = Prediction {
+        world_from_camera: first.alignment.world_from_camera,
+        velocity: first.alignment.velocity,
+        first_distance_m: input.context.mapping.window.min_first_distance_m,
+        outer_iterations: REPEATED_ITERATIONS,
+        ..predict(input)
+    };
+    let second = align_to_window(input, aligner, &guess);
+    if acceptance::tracking(&input.context.mapping.window, &second.alignment).is_ok() {
+        keyframe.edges = edges(input, &second);
+        let record = frame_record(input, aligner, &second, Some(keyframe));
+        (second, record)
+    } else {
+        // The first alignment stands, relative to the keyframe it was made with.
+        (first, FrameRecord { new_keyframe: Some(keyframe), ..record })
+    }
+}
+
+/// The new keyframe as the state will hold it once the record is applied.
+fn candidate(input: &TrackingInput<'_>, keyframe: &KeyframeRecord) -> KeyframeState {
+    let state = input.map.state();
+    KeyframeState {
+        id: keyframe.id,
+        session: state.session,
+        frame_index: keyframe.frame_index,
+        stamp_nanos: keyframe.stamp_nanos,
+        world_from_camera: keyframe.world_from_camera,
+        velocity: keyframe.velocity,
+        slot: keyframe.slot,
+        edges: Vec::new(),
+        covariance: state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
+        place: Vec::new(),
+        hangs_on: None,
+    }
+}
+
+/// The keyframes that share the window with the new one.
+fn edges(input: &TrackingInput<'_>, aligned: &WindowAlignment) -> Vec<EdgeRecord> {
+    let newest = input.map.last_keyframe().map_or(0, |k| k.id);
+    let older = aligned.members.iter().filter_map(|m| match m {
+        Member::Keyframe(id) if *id != newest => input.map.keyframe(*id),
+        _ => None,
+    });
+    let settings = &input.context.mapping.loops;
+    let (index, stamp_nanos) = (input.frame.index, input.frame.stamp_nanos);
+    let mut edges: Vec<EdgeRecord> = older
+        .map(|k| EdgeRecord {
+            to: k.id,
+            is_loop: detection::is_loop(settings, input.map, k, index, stamp_nanos),
+        })
+        .collect();
+    edges.sort_by_key(|e| e.to);
+    edges
+}

@@ -1,0 +1,185 @@
+//! The aligner's pure step: a frame's surface in, its record out.
+
+use crate::features::audit::colour_record;
+use crate::loops::appearance::Ferns;
+use crate::loops::trigger::with_request;
+use crate::map::context::Context;
+use crate::map::input_hash::input_hash;
+use crate::map::map_view::MapView;
+use crate::map::records::{AlignRecord, AppliedCorrection, Correction, FrameRecord, RequestRecord, State};
+use crate::map::state::TrackerState;
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::frame_record::{first_record, frame_record, lost_record};
+use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
+use crate::tracking::motion_model::predict;
+use crate::tracking::promotion::with_keyframe;
+use crate::tracking::window_alignment::WindowAlignment;
+use crate::tracking::workload::Workload;
+use crate::tracking::{hypotheses, relocalise};
+use tessera_numerics::Step;
+use tessera_registration::{Sample, Sampler};
+
+/// Fewer samples than this cannot be aligned.
+const MIN_SAMPLES: usize = 100;
+
+/// The aligner: a fold over [`AlignRecord`]s plus a pure step that makes the next one.
+pub struct Tracker {
+    pub(crate) context: Context,
+    pub(crate) state: TrackerState,
+    workload: Workload,
+    aligner: Aligner,
+    ferns: Ferns,
+    sampler: Sampler,
+    samples: Vec<Sample>,
+}
+
+impl Tracker {
+    /// A tracker that has seen nothing.
+    pub fn new(context: Context) -> Self {
+        Self {
+            state: TrackerState::default(),
+            workload: Workload::new(&context),
+            aligner: Aligner::new(&context),
+            ferns: Ferns::default(),
+            sampler: Sampler::default(),
+            samples: Vec::new(),
+            context,
+        }
+    }
+
+    /// A tracker that goes on from a state, as one that took in all records before it.
+    pub fn restore(context: Context, state: TrackerState) -> Self {
+        Self { state, ..Self::new(context) }
+    }
+
+    /// Takes a record into the state. The only way the state changes, live and in replay.
+    pub fn apply(&mut self, record: &AlignRecord) {
+        self.state.apply(record);
+    }
+
+    /// The state as of the records taken in.
+    pub fn state(&self) -> &TrackerState {
+        &self.state
+    }
+
+    /// The index that must be aligned next (lossless), or the lowest acceptable (live).
+    pub fn next_index(&self) -> u64 {
+        self.state.next_index
+    }
+
+    /// Surfaces of frames from this index on are needed beside the keyframes' to align `next_index`.
+    pub fn first_recent_index(&self) -> u64 {
+        self.state.recent.last().map_or(self.state.next_index, |r| r.index)
+    }
+
+    /// The request whose correction must be applied before frame `index` is aligned.
+    pub fn correction_due(&self, index: u64) -> Option<u64> {
+        self.state.pending.filter(|p| index >= p.effective_before).map(|p| p.request)
+    }
+
+    /// The request that has no effect yet.
+    pub fn pending_request(&self) -> Option<RequestRecord> {
+        self.state.pending
+    }
+
+    /// The record by which a correction takes effect before `before_frame`; `None` when it does
+    /// not answer the pending request or was computed from another input.
+    pub fn correction_record(&self, correction: Correction, before_frame: u64) -> Option<AlignRecord> {
+        let pending = self.state.pending?;
+        let n = (pending.n_keyframes as usize).min(self.state.keyframes.len());
+        let is_answer = correction.request == pending.request
+            && correction.input_hash == input_hash(&self.state.keyframes[..n])
+            && correction.keyframes.iter().all(|k| k.world_from_camera.is_valid());
+        is_answer.then(|| AlignRecord::Correction(Box::new(AppliedCorrection { before_frame, correction })))
+    }
+
+    /// The final request once the source is exhausted; `None` with fewer than two keyframes, or
+    /// where the map of an earlier run has not grown.
+    pub fn final_request(&self) -> Option<RequestRecord> {
+        let n_keyframes = self.state.keyframes.len() as u32;
+        (n_keyframes >= 2 && n_keyframes > self.state.n_map_keyframes).then_some(RequestRecord {
+            request: self.state.n_requests,
+            n_keyframes,
+            effective_before: self.state.next_index,
+            is_final: true,
+        })
+    }
+
+    /// Aligns a frame. `recent` holds the surfaces from [`Self::first_recent_index`] on that the
+    /// shell still has, in order of index. A `new_keyframe` in the answer has an empty store slot:
+    /// the shell writes that frame's surface to the store and fills the slot in before it journals.
+    ///
+    /// The state does not change: the answer takes effect through [`Self::apply`].
+    pub fn align(
+        &mut self,
+        frame: &FrameSurface<'_>,
+        recent: &[FrameSurface<'_>],
+        keyframes: &dyn KeyframeSurfaces,
+    ) -> FrameRecord {
+        let context = &self.workload.at(frame.effort).with_colour(&self.state.colour);
+        context.steps.enter(Step::Sampling);
+        self.sampler.draw(&frame.surface, frame.index, &context.registration, &mut self.samples);
+        let input = TrackingInput {
+            context,
+            map: MapView::from(&self.state),
+            ferns: &self.ferns,
+            frame,
+            samples: &self.samples,
+            surfaces: Surfaces { recent, keyframes },
+        };
+        let prediction = predict(&input);
+        self.aligner.sight.begin(context, frame, &prediction.velocity);
+        let record = if input.samples.len() < MIN_SAMPLES {
+            sparse_record(&input, &prediction)
+        } else if self.state.keyframes.is_empty() {
+            first_record(&input, &prediction)
+        } else {
+            match locate(&input, &mut self.aligner, &prediction) {
+                Err(reason) => lost_record(&input, &prediction, reason),
+                Ok(aligned) => {
+                    context.steps.enter(Step::Keyframe);
+                    let record = frame_record(&input, &self.aligner, &aligned, None);
+                    if aligned.state == State::Tracking {
+                        let (aligned, record) = with_keyframe(&input, &mut self.aligner, aligned, record);
+                        let colour = colour_record(&input, &mut self.aligner, &aligned, &prediction);
+                        let record = FrameRecord { colour, ..record };
+                        let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
+                        with_request(&input, &aligned, record)
+                    } else {
+                        record
+                    }
+                }
+            }
+        };
+        context.steps.leave();
+        record
+    }
+}
+
+/// The frame's place: tracked from the frame before, or found again in the map.
+fn locate(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+) -> Result<WindowAlignment, String> {
+    let state = input.map.state();
+    // A run that starts in a map does not know where.
+    let tracked = match state.recent.last().map_or(State::Lost, |r| r.state) {
+        State::Tracking => hypotheses::track(input, aligner, prediction),
+        State::Relocalising => relocalise::confirm(input, aligner, prediction),
+        State::Lost if !state.is_placed => Err(format!("not found in the map for {} frames", state.n_lost)),
+        State::Lost => Err(format!("lost for {} frames", state.n_lost)),
+    };
+    tracked.or_else(|reason| {
+        input.context.steps.enter(Step::Recognise);
+        relocalise::relocalise(input, aligner, prediction, &reason)
+    })
+}
+
+/// The record of a frame with too few samples. It keeps the predicted velocity for the next frame.
+fn sparse_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRecord {
+    let n = input.samples.len();
+    let reason = format!("{n} usable points, at least {MIN_SAMPLES} are needed");
+    FrameRecord { velocity: prediction.velocity.to_vector().into(), ..lost_record(input, prediction, reason) }
+}

@@ -1,0 +1,152 @@
+//! A frame aligned to a window of the map, from an initial guess (method 5.1, 6).
+
+use crate::loops::view_limits::ViewLimits;
+use crate::map::records::State;
+use crate::tracking::acceptance;
+use crate::tracking::alignment::{Aligner, Alignment, Prediction, Reference};
+use crate::tracking::input::TrackingInput;
+use crate::tracking::window::{self, Member};
+use tessera_geometry::{Pose, Twist, Vector6};
+use tessera_registration::Sample;
+use tessera_surface::SurfaceView;
+
+/// Samples of the coarse alignment.
+const COARSE_SAMPLES: usize = 500;
+/// References of the coarse alignment.
+const COARSE_REFERENCES: usize = 2;
+/// Keyframes that may share a view with a frame whose pose is uncertain.
+const WIDE_VIEW: ViewLimits = ViewLimits { radius_m: 1.5, angle_rad: 50.0_f64.to_radians() };
+
+/// An alignment with the window it was made in.
+#[derive(Clone, Debug)]
+pub(crate) struct WindowAlignment {
+    pub(crate) members: Vec<Member>,
+    pub(crate) alignment: Alignment,
+    /// State of the frame if the alignment is accepted.
+    pub(crate) state: State,
+    /// Why, where it is not plain tracking.
+    pub(crate) reason: String,
+}
+
+/// Aligns all samples to the local window about the initial guess.
+pub(crate) fn align_to_window(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    guess: &Prediction,
+) -> WindowAlignment {
+    let members = window::select(&input.map, &input.context.mapping.window, &guess.world_from_camera);
+    align_to(input, aligner, members, input.samples, guess)
+}
+
+/// Aligns samples to these members, without those whose surface is not at hand.
+pub(crate) fn align_to(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    members: Vec<Member>,
+    samples: &[Sample],
+    guess: &Prediction,
+) -> WindowAlignment {
+    let (members, mut references): (Vec<Member>, Vec<Reference<'_>>) =
+        members.into_iter().filter_map(|member| Some((member, reference(input, member)?))).unzip();
+    let weight = input.context.feature_weight * aligner.independent_factor();
+    aligner.sight.pair_all(input.context, &mut references, &guess.world_from_camera, weight);
+    let mut alignment = aligner.align(input.context, samples, &references, guess);
+    if input.context.is_colour_trusted {
+        alignment.n_agreeing = aligner.sight.n_agreeing(&references, &alignment.world_from_camera);
+    }
+    WindowAlignment { members, alignment, state: State::Tracking, reason: String::new() }
+}
+
+/// Aligns some samples to the two keyframes nearest to the view `near`, then all samples to the
+/// keyframes near the result. `None` unless both pass the strict tests; with the numbers of these.
+pub(crate) fn align_coarse_to_fine(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    guess: &Prediction,
+    near: &Pose,
+) -> Option<(WindowAlignment, String)> {
+    let strict = &input.context.mapping.relocalise;
+    let members = nearby_keyframes(input, near, COARSE_REFERENCES);
+    if members.is_empty() {
+        return None;
+    }
+    // Samples may be in any order: an even choice covers the whole frame.
+    let coarse = every_nth(input.samples, COARSE_SAMPLES);
+    let first = align_to(input, aligner, members, &coarse, guess);
+    acceptance::strict(&strict.coarse(), &first.alignment).ok()?;
+    let found = first.alignment.world_from_camera;
+    let members = nearby_keyframes(input, &found, usize::MAX);
+    let guess = Prediction { world_from_camera: found, ..*guess };
+    let second = align_to(input, aligner, members, input.samples, &guess);
+    let numbers = acceptance::strict(strict, &second.alignment).ok()?;
+    Some((second, numbers))
+}
+
+/// An even choice of about `n` samples.
+pub(crate) fn every_nth(samples: &[Sample], n: usize) -> Vec<Sample> {
+    let step = samples.len().div_ceil(n).max(1);
+    samples.iter().step_by(step).copied().collect()
+}
+
+/// Keyframes that may share something of a view, nearest first.
+pub(crate) fn nearby_keyframes(input: &TrackingInput<'_>, view: &Pose, at_most: usize) -> Vec<Member> {
+    let near = window::near(&input.map, &WIDE_VIEW, view);
+    let size = input.context.mapping.window.size as usize;
+    near.into_iter().take(at_most.min(size)).map(|(_, id)| Member::Keyframe(id)).collect()
+}
+
+/// The first member of the window about a pose whose surface is at hand: its newest reference.
+pub(crate) fn newest_reference<'a>(
+    input: &TrackingInput<'a>,
+    world_from_camera: &Pose,
+) -> Option<Reference<'a>> {
+    let members = window::select(&input.map, &input.context.mapping.window, world_from_camera);
+    members.into_iter().find_map(|member| reference(input, member))
+}
+
+/// Support of a pose, without solving for anything: samples that it brings onto the reference, less
+/// those that it brings into free space in front of it.
+pub(crate) fn support(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    samples: &[Sample],
+    reference: &Reference<'_>,
+    world_from_camera: &Pose,
+) -> f64 {
+    let report = aligner.try_pose(input.context, samples, reference, world_from_camera);
+    f64::from(report.n_matches) - f64::from(report.n_in_front)
+}
+
+pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option<Reference<'a>> {
+    let surfaces = &input.surfaces;
+    let (pose, velocity, key, surface, features) = match member {
+        Member::Recent(place) => {
+            let recent = &input.map.state().recent[place];
+            let seen = surfaces.recent.iter().find(|s| s.index == recent.index)?;
+            let key = (false, recent.index);
+            (&recent.world_from_camera, &recent.velocity, key, seen.surface, seen.features)
+        }
+        Member::Keyframe(id) => {
+            let keyframe = input.map.keyframe(id)?;
+            // A keyframe made at this step is not in the store yet; the recent frame has its bits.
+            let is_own = input.map.is_own(keyframe);
+            let fresh = surfaces.recent.iter().find(|s| is_own && s.index == keyframe.frame_index);
+            let (surface, features) = fresh.map(|s| (s.surface, s.features)).unwrap_or_else(|| {
+                let vertices = surfaces.keyframes.vertices(id);
+                (SurfaceView { grid: input.context.grid, vertices }, surfaces.keyframes.features(id))
+            });
+            let key = (true, u64::from(id));
+            (&keyframe.world_from_camera, &keyframe.velocity, key, surface, features)
+        }
+    };
+    let velocity = Twist::from_vector(&Vector6::from_column_slice(velocity));
+    Some(Reference {
+        world_from_camera: Pose::from(pose),
+        key,
+        surface,
+        shutter: input.context.shutter(&velocity),
+        velocity,
+        features,
+        pair: None,
+    })
+}

@@ -1,0 +1,100 @@
+//! Data association of a frame with its window, and what holds its degenerate directions.
+
+use crate::map::context::Context;
+use crate::tracking::degeneracy::{self, FreeDirection};
+use crate::tracking::prediction::{Prediction, Reference};
+use tessera_geometry::{Pose, Twist, log};
+use tessera_graph::{BlockSums, DataAssociation, Graph, OuterIteration, Pair, PairBlock, Prior};
+use tessera_numerics::Step;
+use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Selection, ShutterTable, Target};
+
+/// The pairs of one frame, the last vertex, with each of its references.
+pub(crate) struct WindowAssociation<'a, 'b> {
+    pub(crate) context: &'a Context,
+    pub(crate) prediction: &'a Prediction,
+    pub(crate) references: &'a [Reference<'b>],
+    /// The references as they are searched.
+    pub(crate) targets: Vec<Target<'a>>,
+    /// Whether intensity is a residual beside geometry.
+    pub(crate) intensity: bool,
+    /// Makes an inverse information matrix metric.
+    pub(crate) factor: f64,
+    pub(crate) matcher: &'a mut Matcher,
+    pub(crate) queries: &'a mut Queries,
+    pub(crate) shutter: &'a mut ShutterTable,
+    /// The frame's motion at its present pose; the prediction's where none is known before it.
+    pub(crate) velocity: Twist,
+    /// One per reference: where its matches were found, and their sums.
+    pub(crate) blocks: Vec<(Pose, BlockSums)>,
+    pub(crate) reports: Vec<PairReport>,
+    /// Degenerate directions of the tightest matches.
+    pub(crate) free: Vec<FreeDirection>,
+}
+
+impl WindowAssociation<'_, '_> {
+    /// Takes the velocity that leads from the frame before to this pose.
+    pub(crate) fn follow(&mut self, world_from_camera: &Pose) {
+        if let Some((previous, seconds)) = self.prediction.previous {
+            self.velocity = log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds);
+        }
+    }
+}
+
+impl DataAssociation for WindowAssociation<'_, '_> {
+    fn associate(
+        &mut self,
+        poses: &[Pose],
+        iteration: OuterIteration,
+        _progress: &mut dyn FnMut(),
+    ) -> Vec<Pair> {
+        let steps = &self.context.steps;
+        steps.enter(Step::Prepare);
+        let frame = self.references.len();
+        let world_from_camera = poses[frame];
+        if iteration.index > 0 {
+            self.follow(&world_from_camera);
+        }
+        self.context.fill_shutter(&self.velocity, self.shutter);
+        self.queries.set_shutter(self.shutter);
+        self.blocks.clear();
+        self.reports.clear();
+        let limits = MatchLimits {
+            intensity: self.intensity,
+            ..MatchLimits::new(self.prediction.first_distance_m, iteration.tightness)
+        };
+        let window = &self.context.mapping.window;
+        // While the pose is still far off, fewer matches lead it as well.
+        let share = if iteration.tightness < 1.0 { window.early_share } else { 1.0 };
+        let count = (f64::from(window.match_budget) * share) as usize / frame.max(1);
+        for (place, (reference, target)) in self.references.iter().zip(&self.targets).enumerate() {
+            let selection = Selection { count, shift: place };
+            let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
+            let (mut sums, report) =
+                self.matcher.match_pair(self.queries, selection, target, &target_from_query, &limits);
+            if let Some(pair) = &reference.pair {
+                pair.add_to(&mut sums, &target_from_query);
+            }
+            self.blocks.push((target_from_query, sums));
+            self.reports.push(report);
+        }
+        steps.enter(Step::Solve);
+        let pair = |(place, (origin, sums)): (usize, &(Pose, BlockSums))| {
+            Pair::new(frame, place, PairBlock::new(origin, sums))
+        };
+        self.blocks.iter().enumerate().map(pair).collect()
+    }
+
+    /// Holds degenerate directions at the prediction.
+    fn hold(&mut self, solved: &Graph) -> Vec<Prior> {
+        let vertex = self.references.len();
+        let centroid = degeneracy::centroid(self.blocks.iter().map(|(_, sums)| sums));
+        let metric = solved.information(vertex) / self.factor;
+        self.free = degeneracy::free_directions(&self.context.mapping.window, &metric, &centroid);
+        if self.free.is_empty() {
+            return Vec::new();
+        }
+        let seconds = self.prediction.previous.map_or(0.0, |(_, seconds)| seconds);
+        let information = degeneracy::hold(&self.free, seconds) * self.factor;
+        vec![Prior { vertex, predicted: self.prediction.world_from_camera, information }]
+    }
+}

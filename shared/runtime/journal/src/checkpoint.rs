@@ -1,0 +1,126 @@
+//! A fold over a journal as it was at some record, so that a successor need not read the records
+//! before it: one record in a file of its own, replaced as a whole.
+
+use crate::atomic_file::{Durability, write_atomically};
+use crate::codec;
+use crate::error::JournalError;
+use crate::follower::Follower;
+use crate::framing::{FILE_HEADER_BYTES, RECORD_HEADER_BYTES, file_header, first_link, seal};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
+/// Replaces the checkpoint and answers its length in bytes. Nothing is forced to disk: a checkpoint
+/// that is gone after a power loss is no loss.
+///
+/// # Errors
+/// Where it cannot be written; the one before then stays.
+pub fn write_checkpoint<T: Serialize>(path: &Path, kind: &str, state: &T) -> Result<u64, JournalError> {
+    let mut record = vec![0; RECORD_HEADER_BYTES];
+    codec::encode(state, &mut record, path)?;
+    seal(&mut record, first_link(kind));
+    write_atomically(path, Durability::Scratch, |writer| {
+        writer.write_all(&file_header(kind))?;
+        writer.write_all(&record)
+    })
+    .map_err(JournalError::io("write", path))?;
+    Ok((FILE_HEADER_BYTES + record.len()) as u64)
+}
+
+/// The checkpoint; `None` where there is none or it is not whole.
+///
+/// # Errors
+/// Where the file is something else or was written by another version.
+pub fn read_checkpoint<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<Option<T>, JournalError> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    Follower::open(path, kind)?.next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Journal, Mark};
+    use std::time::Duration;
+
+    #[test]
+    fn a_checkpoint_is_whole_or_absent() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.checkpoint");
+        let read = || read_checkpoint::<(u64, String)>(&path, "test");
+        assert_eq!(read().unwrap(), None);
+        for n in [3, 4] {
+            let state = (n, "x".repeat(500));
+            let len = write_checkpoint(&path, "test", &state).unwrap();
+            assert_eq!(std::fs::metadata(&path).unwrap().len(), len);
+            assert_eq!(read().unwrap(), Some(state));
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "nothing else is left");
+        let whole = std::fs::read(&path).unwrap();
+        for cut in 0..whole.len() {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            assert_eq!(read().unwrap(), None, "cut at {cut}");
+        }
+        let mut flipped = whole.clone();
+        flipped[100] ^= 4;
+        std::fs::write(&path, flipped).unwrap();
+        assert_eq!(read().unwrap(), None);
+        std::fs::write(&path, "ply\nformat ascii 1.0\nelement vertex 3").unwrap();
+        assert!(read().unwrap_err().to_string().contains("ply"));
+    }
+
+    /// A journal of `n` records and the mark behind each, the first one before all.
+    fn journal(path: &Path, n: u64) -> Vec<Mark> {
+        let (mut journal, _) = Journal::<u64>::open(path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        let mut marks = vec![journal.mark()];
+        for k in 0..n {
+            journal.append(&(k * k * 1000), false).unwrap();
+            marks.push(journal.mark());
+        }
+        marks
+    }
+
+    #[test]
+    fn a_journal_goes_on_from_a_mark() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("j");
+        let marks = journal(&path, 20);
+        for (k, mark) in marks.iter().enumerate() {
+            assert!(mark.fits(&path, "test").unwrap());
+            assert!(!mark.fits(&path, "other").unwrap());
+            let mut records = Vec::new();
+            let (opened, recovered) =
+                Journal::<u64>::open_behind(&path, "test", Some(mark), Duration::ZERO, |record| {
+                    records.push(record);
+                    Ok(())
+                })
+                .unwrap();
+            assert_eq!(records, (k as u64..20).map(|k| k * k * 1000).collect::<Vec<_>>());
+            assert_eq!((opened.mark(), recovered.n_records), (marks[20], 20));
+            let mut follower = Follower::<u64>::open_behind(&path, "test", Some(mark)).unwrap();
+            assert_eq!(follower.next().unwrap(), records.first().copied());
+        }
+    }
+
+    #[test]
+    fn a_mark_does_not_fit_another_past() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("j");
+        let marks = journal(&path, 20);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..whole.len() - 1]).unwrap();
+        assert!(!marks[20].fits(&path, "test").unwrap(), "its last record is torn");
+        assert!(marks[19].fits(&path, "test").unwrap());
+        // The same lengths, another record far before: the chain tells.
+        std::fs::remove_file(&path).unwrap();
+        let (mut other, _) = Journal::<u64>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        for k in 0..20u64 {
+            other.append(&(if k == 2 { 4001 } else { k * k * 1000 }), false).unwrap();
+        }
+        assert_eq!(std::fs::metadata(&path).unwrap().len(), whole.len() as u64);
+        assert!(marks[2].fits(&path, "test").unwrap());
+        assert!(!marks[3].fits(&path, "test").unwrap());
+        assert!(!marks[20].fits(&path, "test").unwrap());
+    }
+}

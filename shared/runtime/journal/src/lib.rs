@@ -1,0 +1,37 @@
+//! What lasts on disk: append-only journals of records, and a store of large byte blocks that
+//! readers map.
+//!
+//! The state of a stage is a fold over its journal, so a journal that is whole up to some record
+//! is a run that went up to that record. Files are untrusted input: a checksum first, then the
+//! decoder with a byte limit.
+//!
+//! Invariants:
+//! * A record is there with all its bytes or not at all; after a crash the longest prefix of
+//!   whole records is what happened.
+//! * One writer: the lock is taken before the file is read and goes away with the process.
+//! * A checkpoint is a short cut through a journal and never more: whoever reads it can do without.
+//! * A file that may be mapped (the store) is never shortened.
+#![deny(unsafe_code)]
+
+mod atomic_file;
+mod checkpoint;
+mod codec;
+mod error;
+mod follower;
+mod framing;
+mod lock;
+mod mapped;
+mod scan;
+mod store;
+mod writer;
+
+pub use atomic_file::{Durability, partial_path, write_atomically};
+pub use checkpoint::{read_checkpoint, write_checkpoint};
+pub use codec::fingerprint;
+pub use error::JournalError;
+pub use follower::Follower;
+pub use lock::{end_holder, lock_file};
+pub use mapped::{Block, StoreView};
+pub use scan::Mark;
+pub use store::{Slot, Store};
+pub use writer::{Journal, Recovered};

@@ -1,0 +1,32 @@
+//! What travels between the processes: plain data with a versioned wire name, and the checks
+//! that a receiver makes before it believes a word of it.
+//!
+//! Nothing here knows iceoryx2. A layout change means a new version in [`Message::NAME`]: two
+//! processes that disagree then fail to open the service instead of misreading each other.
+#![forbid(unsafe_code)]
+
+mod beat;
+mod camera;
+mod flow;
+mod frame;
+mod message;
+mod pose;
+mod rotation;
+mod stage;
+mod stage_times;
+mod surface;
+mod surface_payload;
+mod time_counts;
+
+pub use beat::{Beat, BeatState, Latency, WaitingOn};
+pub use camera::{CameraFlow, CameraFrame};
+pub use flow::Flow;
+pub use frame::{FrameHeader, FramePayload, FrameShape, Kind};
+pub use message::{Element, Message, Refusal, StepTimes};
+pub use pose::{POSE_STATES, PoseMessage, pack_reason};
+pub use rotation::RotationBits;
+pub use stage::Stage;
+pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
+pub use surface::{SurfaceExpectation, SurfaceHeader};
+pub use surface_payload::{MAX_FEATURES, read_features, vertices_of_features, write_features};
+pub use time_counts::TimeCounts;

@@ -1,0 +1,45 @@
+//! What the four stage processes share: the run directory, the log, the life line to the
+//! supervisor, signs of life, and the surfaces of keyframes read in place.
+//!
+//! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
+#![forbid(unsafe_code)]
+
+mod checkpoint;
+mod clock;
+mod context;
+mod error;
+mod keyframes;
+mod kill_point;
+mod lifeline;
+mod log;
+mod marks;
+mod memory;
+mod names;
+mod notify;
+mod placement;
+mod probe;
+mod pulse;
+mod run_file;
+mod stopwatch;
+mod tracer;
+
+pub use checkpoint::Checkpoint;
+pub use clock::{cpu_nanos, monotonic_nanos};
+pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};
+pub use error::StageError;
+pub use keyframes::{MappedKeyframes, journal_slot, slots, store_slot};
+pub use kill_point::{
+    Delivery, KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints, MESSAGE_POINTS, STRUCK, fault_names,
+};
+pub use lifeline::Lifeline;
+pub use log::{last_lines, start_log};
+pub use marks::{Marks, StateAt};
+pub use memory::{ran_out_of_memory, stage_settings};
+pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
+pub use notify::{NOTIFY_VARIABLES, SystemdNotifier};
+pub use placement::PLACED;
+pub use probe::{PROBE_VARIABLE, PROBED, Probe};
+pub use pulse::{FIRST_OUTPUT, Pulse, READY};
+pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};
+pub use stopwatch::{Distributions, Span, Stopwatch};
+pub use tracer::{TRACE_VARIABLE, TraceEvent, Tracer, read_trace};

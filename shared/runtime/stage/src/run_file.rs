@@ -1,0 +1,93 @@
+//! `run.json`: what every process of a run must agree on, written once by the supervisor.
+
+use crate::error::StageError;
+use crate::names::RunFiles;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::Camera;
+use tessera_journal::{Durability, write_atomically};
+use tessera_messages::FrameShape;
+use tessera_settings::Settings;
+use tessera_surface::Grid;
+use tessera_transport::{Layout, RunIdentity};
+
+/// Surfaces of past frames that the aligner may hold beside the new one.
+pub const RECENT_SURFACES: u32 = 4;
+
+/// What every process of a run must agree on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunFile {
+    /// Name of the run.
+    pub name: String,
+    /// Version of the program that started it.
+    pub version: String,
+    /// Its shared memory.
+    pub identity: RunIdentity,
+    /// The camera of its frames.
+    pub camera: Camera,
+    /// Frames that the source will give; `None`: no end in sight.
+    pub n_frames: Option<u64>,
+    /// The map that it starts in, if any: enough to know it again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<MapIdentity>,
+}
+
+/// Which map a run starts in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MapIdentity {
+    /// Keyframes in it.
+    pub n_keyframes: u32,
+    /// Checksum of the record that the run's journal begins with.
+    pub crc: u32,
+}
+
+impl RunFile {
+    /// Reads the file of a run directory and refuses that of another version.
+    ///
+    /// # Errors
+    /// Names the file and what is wrong with it.
+    pub fn read(files: &RunFiles) -> Result<Self, StageError> {
+        let path = files.run_file();
+        let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };
+        let text = std::fs::read_to_string(&path).map_err(|e| wrong(format!("cannot read: {e}")))?;
+        let run: RunFile = serde_json::from_str(&text).map_err(|e| wrong(format!("is no run file: {e}")))?;
+        let own = env!("CARGO_PKG_VERSION");
+        if run.version != own {
+            return Err(StageError::Version { own: own.into(), run: run.version });
+        }
+        run.camera.check().map_err(|e| wrong(e.to_string()))?;
+        Ok(run)
+    }
+
+    /// Writes the file whole or not at all, and to disk.
+    ///
+    /// # Errors
+    /// Where the run directory cannot be written.
+    pub fn write(&self, files: &RunFiles) -> Result<(), StageError> {
+        let path = files.run_file();
+        let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };
+        let text = serde_json::to_string_pretty(self).map_err(|e| wrong(e.to_string()))?;
+        write_atomically(&path, Durability::RunState, |writer| writer.write_all(text.as_bytes()))
+            .map_err(|e| wrong(format!("cannot write: {e}")))
+    }
+
+    /// The sizes of all services.
+    pub fn layout(&self, settings: &Settings) -> Layout {
+        let step = settings.surface.step as usize;
+        let (width, height) = (self.camera.width, self.camera.height);
+        Layout {
+            frame: FrameShape { width, height },
+            grid: Grid {
+                width: (width as usize).div_ceil(step),
+                height: (height as usize).div_ceil(step),
+                step,
+            },
+            window: settings.flow.window,
+            recent: RECENT_SURFACES,
+            ahead: settings.flow.ahead,
+            live: settings.run.live,
+            external: settings.is_external(),
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! How far a run is, and what came of it.
+
+use crate::failure::StageFailure;
+use crate::tally::Counters;
+use std::collections::BTreeMap;
+use std::time::Duration;
+use tessera_messages::Stage;
+use tessera_transport::RunClaim;
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// All is done.
+    Finished,
+    /// By Ctrl-C or SIGTERM; `resume` goes on.
+    Interrupted,
+    /// A stage failed.
+    Failed(Box<StageFailure>),
+}
+
+/// A run that is over.
+#[derive(Debug)]
+pub struct Supervised {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// What each stage did.
+    pub stages: BTreeMap<Stage, Counters>,
+    /// Most shared memory in use at a time, bytes.
+    pub shared_memory_bytes: u64,
+    /// From start to end.
+    pub duration: Duration,
+    /// The run's name, free when this is dropped: after the outputs are written.
+    pub claim: RunClaim,
+}
+
+/// How far a run is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Frames aligned, or the index reached in live mode.
+    pub frames: u64,
+    /// Frames of the source, where known.
+    pub n_frames: Option<u64>,
+    /// Keyframes in the map.
+    pub keyframes: u64,
+    /// Loops closed.
+    pub loops: u64,
+    /// What each stage did so far.
+    pub stages: BTreeMap<Stage, Counters>,
+    /// Since the start.
+    pub elapsed: Duration,
+}

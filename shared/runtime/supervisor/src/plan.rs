@@ -1,0 +1,175 @@
+//! What is to be run, and the run directory that says so to every process.
+
+use crate::failure::SupervisorError;
+use crate::saved_map::SavedMap;
+use std::fs::DirBuilder;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tessera_geometry::Camera;
+use tessera_journal::{Durability, Journal, Recovered, Store, end_holder, lock_file, write_atomically};
+use tessera_messages::Stage;
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, OptimiseRecord};
+use tessera_stage::{
+    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log,
+};
+use tessera_transport::{Layout, RunClaim, check_space};
+
+/// Folder of the traces in the run's folder, while the run lasts.
+const TRACE_FOLDER: &str = "trace";
+/// How long stages of an earlier supervisor may take to end.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// What is to be run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Name of the run.
+    pub name: String,
+    /// Its folder; made where it is missing.
+    pub run_dir: PathBuf,
+    /// Every setting.
+    pub settings: Settings,
+    /// Camera of the source.
+    pub camera: Camera,
+    /// Frames of the source.
+    pub n_frames: Option<u64>,
+    /// Somebody else starts the stages.
+    pub hold: bool,
+    /// Go on with the run that is there.
+    pub resume: bool,
+    /// The program that becomes the stages: `std::env::current_exe()`.
+    pub executable: PathBuf,
+    /// For tests: kill points of the first life of a stage, as `point:index,…`.
+    pub kill_points: Vec<(Stage, String)>,
+    /// Every process writes down what it does and when, below the run's folder.
+    pub is_traced: bool,
+}
+
+/// A run directory that is ours alone.
+pub struct Prepared {
+    pub claim: RunClaim,
+    pub files: RunFiles,
+    pub layout: Layout,
+    /// Bytes of shared memory that the run may take.
+    pub need_bytes: u64,
+}
+
+impl Plan {
+    /// Where the processes write their traces, if they are to.
+    pub fn trace_folder(&self) -> Option<PathBuf> {
+        self.is_traced.then(|| self.run_dir.join(TRACE_FOLDER))
+    }
+
+    /// Takes the name, unless it is taken already (`claim`), checks the room in shared memory and
+    /// writes what every process reads.
+    pub fn prepare(&self, claim: Option<RunClaim>) -> Result<Prepared, SupervisorError> {
+        let files = RunFiles::new(&self.run_dir);
+        let is_there = files.run_file().exists();
+        if is_there && !self.resume {
+            return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
+        }
+        // Refused before anything is made.
+        let map = if is_there { None } else { SavedMap::open(&self.camera, &self.settings)? };
+        let expected = if is_there { RunFile::read(&files)?.map } else { None };
+        let claim = claim.map_or_else(|| RunClaim::take(&self.name, &self.run_dir), Ok)?;
+        let mut run = RunFile {
+            name: self.name.clone(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            identity: claim.entry.identity.clone(),
+            camera: self.camera.clone(),
+            n_frames: self.n_frames,
+            map: expected,
+        };
+        let layout = run.layout(&self.settings);
+        let need_bytes = check_space(&layout)?;
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(&self.run_dir)
+            .map_err(|e| directory("make", &self.run_dir, &e))?;
+        let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
+        if std::fs::read(files.config()).ok().as_deref() != Some(config.as_bytes()) {
+            // Half a configuration would be a configuration too, of defaults.
+            write_atomically(&files.config(), Durability::RunState, |writer| {
+                writer.write_all(config.as_bytes())
+            })
+            .map_err(|e| directory("write", &files.config(), &e))?;
+        }
+        start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
+        end_stages_left(&files)?;
+        // Their readers want them to be there, and whole: a record whose keyframe is not in the
+        // store ends the journal, before anybody follows it.
+        let mut store =
+            Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
+        let mut keyframes = MappedKeyframes::open(&files.store(), layout.grid.len())
+            .map_err(|e| directory("map", &files.store(), &e))?;
+        let (mut journal, recovered) =
+            Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
+                keyframes.take(&record).map_err(|e| e.to_string())
+            })
+            .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
+        if !is_there && recovered.n_records > 0 {
+            return Err(SupervisorError::Leftover { dir: self.run_dir.clone() });
+        }
+        say_dropped(&files.align_journal(), &recovered);
+        if recovered.n_records == 0 {
+            // Also where a run's journal was lost whole: it begins again as it began.
+            let map =
+                map.map_or_else(|| SavedMap::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
+            if let Some(map) = map {
+                run.map = Some(map.plant(&mut store, &mut journal, expected)?);
+            }
+        }
+        drop((journal, store));
+        let (_, recovered) = Journal::<OptimiseRecord>::open(
+            &files.optimise_journal(),
+            OPTIMISE_JOURNAL,
+            PATIENCE,
+            |_| Ok(()),
+        )
+        .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
+        say_dropped(&files.optimise_journal(), &recovered);
+        // Whole journals were read above: what a crash of the machine did to them is mended, and a
+        // short cut through them says nothing new.
+        Checkpoint::remove(&files.align_checkpoint());
+        Checkpoint::remove(&files.optimise_checkpoint());
+        let _ = std::fs::remove_file(files.live_clock());
+        let _ = std::fs::remove_file(files.camera_session());
+        run.write(&files)?;
+        Ok(Prepared { claim, files, layout, need_bytes })
+    }
+}
+
+/// Stages of an earlier supervisor end by themselves; one that does not, for instance because it
+/// is frozen, is ended: it must not write beside its successor.
+fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
+    for path in [files.align_journal(), files.optimise_journal(), files.store()] {
+        let Ok(file) = std::fs::File::open(&path) else { continue };
+        if lock_file(&file, &path, PATIENCE).is_err() {
+            tracing::warn!("{} is still being written: its writer is ended", path.display());
+            end_holder(&path).map_err(|e| directory("free", &path, &e))?;
+        }
+    }
+    Ok(())
+}
+
+/// What was torn off a journal, for the log.
+fn say_dropped(path: &Path, recovered: &Recovered) {
+    if let Some(reason) = &recovered.reason {
+        let Recovered { n_records, dropped_bytes, .. } = recovered;
+        tracing::warn!(
+            "{} ends after {n_records} records, {dropped_bytes} bytes behind them are dropped: {reason}",
+            path.display()
+        );
+    }
+}
+
+/// An error about a file of the run directory.
+pub(crate) fn directory(
+    action: &'static str,
+    path: &Path,
+    reason: &dyn std::fmt::Display,
+) -> SupervisorError {
+    SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
+}

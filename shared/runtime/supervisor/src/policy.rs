@@ -1,0 +1,170 @@
+//! Whether and when a dead stage is started again: pure, so that it is tested.
+
+use std::time::{Duration, Instant};
+use tessera_settings::{Restart, StageSettings};
+
+/// Deaths of its own on one frame after which a stage is given up.
+const POISON: u32 = 3;
+/// Pause after the first death without progress; doubled with each further one.
+const FIRST_PAUSE: Duration = Duration::from_millis(20);
+const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+/// Longest pause after somebody else's kill, which says nothing about the stage.
+const LONGEST_PAUSE_AFTER_KILL: Duration = Duration::from_millis(80);
+
+/// How a stage died.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Death {
+    /// When.
+    pub at: Instant,
+    /// By its own doing (an error, a panic, a bad access, a hang), not by somebody's kill.
+    pub is_own: bool,
+    /// It wanted more memory than it may use.
+    pub is_memory: bool,
+    /// Whether it had done anything in this life.
+    pub had_progress: bool,
+    /// The frame (or request) it had in hand.
+    pub index: u64,
+}
+
+/// What to do about a death.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// Start it again after a pause.
+    Again(Duration),
+    /// Give the run up.
+    GiveUp,
+}
+
+/// The deaths of one stage.
+#[derive(Debug, Default)]
+pub(crate) struct History {
+    deaths: Vec<Instant>,
+    without_progress: u32,
+    /// The frame of the last deaths of its own, and how many there were on it.
+    poison: Option<(u64, u32)>,
+    /// Deaths from the memory limit.
+    memory: Vec<Instant>,
+}
+
+impl History {
+    /// Takes a death in and decides.
+    pub(crate) fn judge(&mut self, death: &Death, settings: &StageSettings) -> Verdict {
+        self.without_progress = if death.had_progress { 0 } else { self.without_progress + 1 };
+        if death.is_own {
+            let before = self.poison.filter(|(index, _)| *index == death.index).map_or(0, |(_, n)| n);
+            self.poison = Some((death.index, before + 1));
+        }
+        self.deaths.push(death.at);
+        let within = Duration::from_secs_f64(settings.restarts_within_s);
+        self.memory.extend(death.is_memory.then_some(death.at));
+        for deaths in [&mut self.deaths, &mut self.memory] {
+            deaths.retain(|at| death.at.saturating_duration_since(*at) <= within);
+        }
+        let may = match settings.restart {
+            Restart::Always => true,
+            Restart::Limited => self.deaths.len() <= settings.restarts as usize,
+            Restart::Never => false,
+        };
+        if !may || self.is_poisoned() || self.memory.len() >= POISON as usize {
+            return Verdict::GiveUp;
+        }
+        let longest = if death.is_own { LONGEST_PAUSE } else { LONGEST_PAUSE_AFTER_KILL };
+        Verdict::Again(match self.without_progress {
+            0 => Duration::ZERO,
+            n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(longest),
+        })
+    }
+
+    /// Whether one frame has killed it as often as is allowed.
+    pub(crate) fn is_poisoned(&self) -> bool {
+        self.n_own_deaths() >= POISON
+    }
+
+    /// Deaths of its own on the frame that killed it last.
+    pub(crate) fn n_own_deaths(&self) -> u32 {
+        self.poison.map_or(0, |(_, n)| n)
+    }
+
+    /// Deaths in a row without anything done between them.
+    pub(crate) fn n_without_progress(&self) -> u32 {
+        self.without_progress
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn death(at_s: u64, is_own: bool, had_progress: bool, index: u64) -> (Death, StageSettings) {
+        let at = Instant::now() + Duration::from_secs(at_s);
+        (Death { at, is_own, is_memory: false, had_progress, index }, StageSettings::default())
+    }
+
+    fn judge(history: &mut History, (death, settings): (Death, StageSettings)) -> Verdict {
+        history.judge(&death, &settings)
+    }
+
+    #[test]
+    fn somebody_elses_kills_are_forgiven_without_end_and_without_pause() {
+        let mut history = History::default();
+        for k in 0..1000 {
+            assert_eq!(judge(&mut history, death(k, false, true, 7)), Verdict::Again(Duration::ZERO));
+        }
+    }
+
+    #[test]
+    fn the_third_death_of_its_own_on_one_frame_is_the_last() {
+        let mut history = History::default();
+        assert!(matches!(judge(&mut history, death(0, true, true, 7)), Verdict::Again(_)));
+        assert!(matches!(judge(&mut history, death(1, true, false, 7)), Verdict::Again(_)));
+        // A kill from outside in between changes nothing.
+        assert!(matches!(judge(&mut history, death(2, false, false, 7)), Verdict::Again(_)));
+        assert_eq!(judge(&mut history, death(3, true, false, 7)), Verdict::GiveUp);
+        let mut other = History::default();
+        for index in 0..50 {
+            assert_ne!(judge(&mut other, death(index, true, true, index)), Verdict::GiveUp);
+        }
+    }
+
+    #[test]
+    fn pauses_grow_only_without_progress() {
+        let mut history = History::default();
+        let pauses: Vec<u128> = (0..12)
+            .map(|k| match judge(&mut history, death(k, true, false, k)) {
+                Verdict::Again(pause) => pause.as_millis(),
+                Verdict::GiveUp => 0,
+            })
+            .collect();
+        assert_eq!(pauses[..4], [20, 40, 80, 160]);
+        assert_eq!(pauses[11], 2000);
+        let after_kill = judge(&mut history, death(19, false, false, 0));
+        assert_eq!(after_kill, Verdict::Again(LONGEST_PAUSE_AFTER_KILL));
+        assert_eq!(judge(&mut history, death(20, false, true, 0)), Verdict::Again(Duration::ZERO));
+    }
+
+    #[test]
+    fn the_third_death_from_the_memory_limit_is_the_last_on_whatever_frame() {
+        let mut history = History::default();
+        let verdicts = [0, 1, 100, 101, 102].map(|s| {
+            let (death, settings) = death(s, true, true, s);
+            history.judge(&Death { is_memory: true, ..death }, &settings) == Verdict::GiveUp
+        });
+        assert_eq!(verdicts, [false, false, false, false, true]);
+    }
+
+    #[test]
+    fn policies_limit_restarts() {
+        let mut history = History::default();
+        let (first, settings) = death(0, false, true, 0);
+        let never = StageSettings { restart: Restart::Never, ..settings.clone() };
+        assert_eq!(history.judge(&first, &never), Verdict::GiveUp);
+        let limited =
+            StageSettings { restart: Restart::Limited, restarts: 2, restarts_within_s: 10.0, ..settings };
+        let mut history = History::default();
+        let verdicts: Vec<bool> = [0, 1, 20, 21, 22]
+            .iter()
+            .map(|&s| history.judge(&death(s, false, true, 0).0, &limited) == Verdict::GiveUp)
+            .collect();
+        assert_eq!(verdicts, [false, false, false, false, true]);
+    }
+}

@@ -1,0 +1,167 @@
+//! The map of an earlier run, copied into the folder of a run that starts in it.
+//!
+//! Copied, not linked: the earlier run stays as it is whatever becomes of this one.
+
+use crate::failure::SupervisorError;
+use crate::plan::directory;
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use std::path::Path;
+use std::time::Duration;
+use tessera_geometry::Camera;
+use tessera_journal::{Follower, Journal, Store, fingerprint, lock_file};
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, MapRecord, TrackerState};
+use tessera_stage::{ALIGN_JOURNAL, MapIdentity, MappedKeyframes, RunFile, RunFiles, store_slot};
+use tessera_transport::registered_runs;
+
+/// An earlier run whose map can be used by a run with this camera and these settings.
+pub(crate) struct SavedMap {
+    files: RunFiles,
+    keyframes: MappedKeyframes,
+    record: MapRecord,
+}
+
+impl SavedMap {
+    /// Reads the map that `settings` name; `None` where they name none.
+    ///
+    /// # Errors
+    /// Where there is no map in that folder, its run is going on, or its surfaces are of another
+    /// camera or grid.
+    pub(crate) fn open(camera: &Camera, settings: &Settings) -> Result<Option<Self>, SupervisorError> {
+        let folder = Path::new(&settings.run.map);
+        if settings.run.map.is_empty() {
+            return Ok(None);
+        }
+        let refuse = |reason: String| SupervisorError::Map { dir: folder.into(), reason };
+        if !settings.mapping.relocalise.enabled {
+            return Err(refuse("needs mapping.relocalise.enabled = true, it is false".into()));
+        }
+        let files = RunFiles::new(folder);
+        if !files.run_file().is_file() {
+            return Err(refuse("is no folder of a run: it has no run.json".into()));
+        }
+        let run = RunFile::read(&files)?;
+        refuse_if_going_on(&files, &run).map_err(&refuse)?;
+        let text =
+            std::fs::read_to_string(files.config()).map_err(|e| directory("read", &files.config(), &e))?;
+        let old = Settings::from_toml(&text, &files.config().display().to_string())
+            .map_err(|e| refuse(e.to_string()))?;
+        check_alike((&run.camera, &old), (camera, settings)).map_err(&refuse)?;
+        let grid = run.layout(&old).grid;
+        let mut keyframes = MappedKeyframes::open(&files.store(), grid.len())
+            .map_err(|e| directory("map", &files.store(), &e))?;
+        let mut state = TrackerState::default();
+        let journal = files.align_journal();
+        let unusable = |e: &dyn std::fmt::Display| directory("read", &journal, e);
+        let mut records = Follower::<AlignRecord>::open(&journal, ALIGN_JOURNAL).map_err(|e| unusable(&e))?;
+        while let Some(record) = records.next().map_err(|e| unusable(&e))? {
+            keyframes.take(&record)?;
+            state.apply(&record);
+        }
+        let torn = records.bytes_left().map_err(|e| unusable(&e))?;
+        if torn > 0 {
+            return Err(refuse(format!(
+                "is damaged: {torn} bytes at the end of align.journal are no records; put it right with: tessera resume {}",
+                folder.display()
+            )));
+        }
+        if state.keyframes.is_empty() {
+            return Err(refuse("has no keyframe yet".into()));
+        }
+        let start = settings.run.start().map_err(&refuse)?;
+        let record = MapRecord { keyframes: state.keyframes, start };
+        Ok(Some(Self { files, keyframes, record }))
+    }
+
+    /// Copies the surfaces into an empty store and makes the map the first record of a journal.
+    ///
+    /// # Errors
+    /// Where something cannot be written, or the map is not the one `expected`.
+    pub(crate) fn plant(
+        mut self,
+        store: &mut Store,
+        journal: &mut Journal<AlignRecord>,
+        expected: Option<MapIdentity>,
+    ) -> Result<MapIdentity, SupervisorError> {
+        let wrong = |e: &dyn std::fmt::Display| directory("copy the map of", &self.files.dir, e);
+        for keyframe in &mut self.record.keyframes {
+            let slot = store.append(self.keyframes.bytes(keyframe.id), false).map_err(|e| wrong(&e))?;
+            if slot.crc != keyframe.slot.crc {
+                return Err(wrong(&format!("keyframe {} changed while it was read", keyframe.id)));
+            }
+            keyframe.slot = store_slot(&slot);
+        }
+        let n_keyframes = self.record.keyframes.len() as u32;
+        let record = AlignRecord::Map(Box::new(self.record));
+        let identity = MapIdentity { n_keyframes, crc: fingerprint(&record).map_err(|e| wrong(&e))? };
+        if let Some(expected) = expected.filter(|expected| *expected != identity) {
+            return Err(SupervisorError::Map {
+                dir: self.files.dir,
+                reason: format!(
+                    "has changed since this run began in it: {n_keyframes} keyframes with checksum {:08x}, expected {} with {:08x}",
+                    identity.crc, expected.n_keyframes, expected.crc
+                ),
+            });
+        }
+        store.sync().map_err(|e| wrong(&e))?;
+        journal.append(&record, true).map_err(|e| wrong(&e))?;
+        tracing::info!("starts in the map of {}: {n_keyframes} keyframes", self.files.dir.display());
+        Ok(identity)
+    }
+}
+
+/// Lets the folder of a finished run and that of the map it started in change places, in one step:
+/// the map's folder then holds the extended map, the run's folder the map as it was.
+///
+/// # Errors
+/// Where the run of the map's folder is going on, or the folders lie on different file systems.
+pub fn update_map(map: &Path, run_dir: &Path) -> Result<(), SupervisorError> {
+    let files = RunFiles::new(map);
+    let run = RunFile::read(&files)?;
+    refuse_if_going_on(&files, &run).map_err(|reason| SupervisorError::Map { dir: map.into(), reason })?;
+    renameat_with(CWD, map, CWD, run_dir, RenameFlags::EXCHANGE)
+        .map_err(|e| directory("exchange with the map's folder", run_dir, &e))
+}
+
+/// A run that is going on still changes its map.
+fn refuse_if_going_on(files: &RunFiles, run: &RunFile) -> Result<(), String> {
+    let same = |other: &Path| match (std::fs::canonicalize(other), std::fs::canonicalize(&files.dir)) {
+        (Ok(other), Ok(ours)) => other == ours,
+        _ => false,
+    };
+    let alive =
+        registered_runs().unwrap_or_default().into_iter().find(|r| r.is_alive && same(&r.entry.run_dir));
+    if let Some(alive) = alive {
+        return Err(format!(
+            "belongs to a run that is going on: {} (pid {}); wait for its end or stop it",
+            alive.entry.name, alive.entry.pid
+        ));
+    }
+    // Another user's runs are not in the registry: their writers' locks tell.
+    let path = files.align_journal();
+    let Ok(file) = std::fs::File::open(&path) else { return Ok(()) };
+    lock_file(&file, &path, Duration::ZERO)
+        .map_err(|e| format!("belongs to a run that is going on, {}: {e}", run.name))
+}
+
+/// Surfaces of one map have one grid and are matched with one camera.
+fn check_alike(
+    (old_camera, old): (&Camera, &Settings),
+    (camera, settings): (&Camera, &Settings),
+) -> Result<(), String> {
+    let words = |camera: &Camera| {
+        let Camera { width, height, fx, fy, cx, cy, distortion, readout_s, depth_offset_m, .. } = camera;
+        format!(
+            "{width}x{height} fx {fx} fy {fy} cx {cx} cy {cy} distortion {distortion:?} readout {readout_s} s depth offset {depth_offset_m} m"
+        )
+    };
+    let grid =
+        |s: &Settings| format!("surface.step {} and cell_sample {:?}", s.surface.step, s.surface.cell_sample);
+    let pairs = [("camera", words(old_camera), words(camera)), ("grid", grid(old), grid(settings))];
+    for (what, found, expected) in pairs {
+        if found != expected {
+            return Err(format!("was made with another {what}: {found}, this run has {expected}"));
+        }
+    }
+    Ok(())
+}

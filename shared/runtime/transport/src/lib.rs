@@ -1,0 +1,34 @@
+//! The one crate that knows iceoryx2: which services there are, how to open them, how to wait,
+//! and how to clean up after the dead.
+//!
+//! Bulk data is written once, in place, into shared memory by its producer ([`Loan`]) and read in
+//! place by its consumer ([`Received`]). Every data service overflows rather than blocks: the
+//! window of the flow is what keeps anything from being lost, never a blocked send.
+#![deny(unsafe_code)]
+
+mod cleanup;
+mod error;
+mod identity;
+mod layout;
+mod link;
+mod messages;
+mod nodes;
+mod patience;
+mod ports;
+mod registry;
+mod slices;
+mod space;
+mod wake;
+mod wire;
+
+pub use cleanup::{Cleaned, remove_everything};
+pub use error::TransportError;
+pub use identity::RunIdentity;
+pub use layout::{Layout, Service};
+pub use link::{CameraServices, HeldServices, Link};
+pub use messages::{Publisher, Subscriber};
+pub use nodes::{LivingNode, living_nodes};
+pub use registry::{Registered, RunClaim, RunEntry, check_name, registered_runs};
+pub use slices::{Loan, Received, SlicePublisher, SliceSubscriber};
+pub use space::{check_space, shared_memory_in_use};
+pub use wake::{Listener, Notifier};

@@ -1,0 +1,42 @@
+//! The keyframes of a run, fused along its final trajectory.
+
+use crate::ExportFiles;
+use tessera_fusion::{FusionSettings, Mesh, View, Volume};
+use tessera_geometry::{Twist, Vector6};
+use tessera_outputs::ToolError;
+use tessera_outputs::{self as outputs, Replay};
+use tessera_slam::KeyframeSurfaces;
+use tessera_stage::{RunFile, RunFiles};
+use tessera_surface::SurfaceView;
+
+/// Fuses all keyframes, those of a map that the run started in among them.
+pub(crate) fn fuse(files: &RunFiles, replay: &Replay, wanted: &ExportFiles) -> Result<Mesh, ToolError> {
+    let settings = outputs::read_settings(files)?;
+    let run = RunFile::read(files)?;
+    let mut volume = Volume::new(&FusionSettings {
+        voxel_m: 1e-3 * wanted.voxel_mm,
+        max_depth_m: wanted.max_depth_m,
+        max_bytes: wanted.memory_mb as usize * 1_000_000,
+        ..FusionSettings::default()
+    });
+    let Some(surfaces) = outputs::map_keyframes(files, &run, replay, &settings)? else {
+        return Ok(Mesh::default());
+    };
+    let grid = run.layout(&settings).grid;
+    let warp = outputs::refined_warp(&run, replay, &settings);
+    let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
+    for (keyframe, world_from_camera) in replay.keyframes.iter().zip(replay.keyframe_poses()) {
+        let stored = surfaces.vertices(keyframe.id);
+        let moved = warp.as_ref().map(|warp| warp.apply(stored));
+        let view = View {
+            camera,
+            surface: SurfaceView { grid, vertices: moved.as_deref().unwrap_or(stored) },
+            world_from_camera,
+            velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),
+        };
+        volume
+            .integrate(&view)
+            .map_err(|error| ToolError::Arguments(format!("{error}: --voxel-mm, --memory-mb")))?;
+    }
+    Ok(volume.mesh())
+}

@@ -1,0 +1,179 @@
+//! One sequence through all columns at once: each frame is read one time.
+
+use super::columns::{Column, columns};
+use super::peers::Peers;
+use super::table::{Cell, Row, Spread, Whole};
+use rayon::prelude::*;
+use tessera_evaluation::{Evaluation, EvaluationOptions, Trajectory};
+use tessera_offline::{Method, RawFrame, Records, Run};
+use tessera_outputs::ToolError;
+use tessera_settings::Settings;
+use tessera_sources::Source;
+
+/// Frames decoded at a time.
+const BATCH: u64 = 8;
+
+/// Which settings an ablation starts from.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Preset or file of the columns.
+    pub columns_base: String,
+    /// Preset or file of the whole system.
+    pub whole_base: String,
+    /// `key=value`, over both bases and below the columns' own.
+    pub overrides: Vec<String>,
+    /// Sampling seeds, at least 1.
+    pub seeds: u64,
+}
+
+/// What one seed gave on one sequence.
+struct Sample {
+    columns: Vec<Errors>,
+    whole: Errors,
+    whole_online: Errors,
+}
+
+struct Errors {
+    ate_m: f64,
+    rpe_m_per_s: f64,
+    frames_untracked: usize,
+}
+
+impl Plan {
+    /// Settings of the columns, in order, and of the whole system last.
+    ///
+    /// # Errors
+    /// A base or an override that cannot be.
+    pub fn settings(&self) -> Result<Vec<Settings>, ToolError> {
+        let mut all = columns()
+            .iter()
+            .map(|column| column.settings(&self.columns_base, &self.overrides))
+            .collect::<Result<Vec<_>, _>>()?;
+        all.push(Settings::load(Some(&self.whole_base), &self.overrides)?);
+        Ok(all)
+    }
+}
+
+/// Runs all columns and the whole system over a source with ground truth. `peers`: whom to compare
+/// with, where all frames take part. `progress` hears of the frames that all columns have done.
+///
+/// # Errors
+/// Names the sequence: no ground truth, a frame that cannot be read, too short for the RPE.
+pub fn measure(
+    name: &str,
+    source: &dyn Source,
+    plan: &Plan,
+    peers: Option<&Peers>,
+    progress: &mut dyn FnMut(u64),
+) -> Result<Row, ToolError> {
+    let truth = ground_truth(name, source)?;
+    let n_frames = source
+        .n_frames()
+        .ok_or_else(|| ToolError::Input(format!("{name} has no end, expected --frames N")))?;
+    let n_columns = columns().len();
+    let mut samples = Vec::new();
+    for seed in 0..plan.seeds {
+        let mut runs = plan
+            .settings()?
+            .into_iter()
+            .map(|mut settings| {
+                settings.registration.seed += seed;
+                let Settings { surface, registration, mapping, .. } = settings;
+                Run::new(source.camera(), &Method { surface, registration, mapping })
+                    .map_err(|error| ToolError::Arguments(error.to_string()))
+            })
+            .collect::<Result<Vec<Run>, _>>()?;
+        let mut next = 0;
+        while next < n_frames {
+            let end = n_frames.min(next + BATCH);
+            let frames = read(source, next..end)?;
+            runs.par_iter_mut().for_each(|run| frames.iter().for_each(|frame| run.push(frame)));
+            progress(end - next);
+            next = end;
+        }
+        let whole = runs.remove(n_columns);
+        samples.push(sample(name, truth, runs, whole)?);
+    }
+    Ok(row(name, n_frames, &samples, peers))
+}
+
+/// The ground truth that every sequence here must have.
+///
+/// # Errors
+/// Names the sequence.
+pub fn ground_truth<'a>(name: &str, source: &'a dyn Source) -> Result<&'a Trajectory, ToolError> {
+    source.ground_truth().ok_or_else(|| {
+        ToolError::Input(format!("{name} has no ground truth, expected a groundtruth.txt beside depth.txt"))
+    })
+}
+
+fn read(source: &dyn Source, indices: std::ops::Range<u64>) -> Result<Vec<RawFrame>, ToolError> {
+    indices.into_par_iter().map(|index| Ok(RawFrame::read(source, index)?)).collect()
+}
+
+fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, whole: Run) -> Result<Sample, ToolError> {
+    let columns = runs
+        .into_iter()
+        .zip(columns())
+        .map(|(run, Column { name: column, .. })| {
+            let records = run.stop();
+            errors(&format!("{name}, {column}"), &records, &records.online(), truth)
+        })
+        .collect::<Result<_, _>>()?;
+    let records = whole.finish();
+    Ok(Sample {
+        columns,
+        whole_online: errors(name, &records, &records.online(), truth)?,
+        whole: errors(name, &records, &records.last(), truth)?,
+    })
+}
+
+fn errors(
+    name: &str,
+    records: &Records,
+    estimate: &Trajectory,
+    truth: &Trajectory,
+) -> Result<Errors, ToolError> {
+    let evaluation = tessera_evaluation::evaluate(estimate, truth, &EvaluationOptions::default())
+        .map_err(|error| ToolError::Input(format!("{name}: {error}")))?;
+    let Evaluation { ate_rmse_m, rpe_translation_rmse_m_per_s, .. } = evaluation;
+    let rpe_m_per_s = rpe_translation_rmse_m_per_s.ok_or_else(|| {
+        let seconds = match (estimate.stamps_nanos.first(), estimate.stamps_nanos.last()) {
+            (Some(first), Some(last)) => (last - first) as f64 * 1e-9,
+            _ => 0.0,
+        };
+        ToolError::Input(format!(
+            "{name}: {} frames over {seconds:.2} s, expected poses one second apart that have ground truth",
+            estimate.len()
+        ))
+    })?;
+    Ok(Errors { ate_m: ate_rmse_m, rpe_m_per_s, frames_untracked: records.n_untracked() })
+}
+
+fn row(name: &str, frames: u64, samples: &[Sample], peers: Option<&Peers>) -> Row {
+    let spread = |value: &dyn Fn(&Sample) -> f64| {
+        // There is at least one seed.
+        Spread::of(samples.iter().map(value)).unwrap_or(Spread {
+            median: f64::NAN,
+            least: f64::NAN,
+            most: f64::NAN,
+        })
+    };
+    let most = |value: &dyn Fn(&Sample) -> usize| samples.iter().map(value).max().unwrap_or(0);
+    let n_columns = samples.first().map_or(0, |s| s.columns.len());
+    let cells = (0..n_columns).map(|column| Cell {
+        rpe_m_per_s: spread(&|s| s.columns[column].rpe_m_per_s),
+        frames_untracked: most(&|s| s.columns[column].frames_untracked),
+    });
+    Row {
+        sequence: name.to_owned(),
+        frames,
+        cells: cells.collect(),
+        whole: Whole {
+            ate_m: spread(&|s| s.whole.ate_m),
+            rpe_online_m_per_s: spread(&|s| s.whole_online.rpe_m_per_s),
+            frames_untracked: most(&|s| s.whole.frames_untracked),
+        },
+        peers: peers.map_or(Vec::new(), |peers| peers.of(name)),
+    }
+}

@@ -1,0 +1,15 @@
+//! The paper's Table I on any sequences, and the whole system beside its peers.
+
+mod columns;
+mod markdown;
+mod measure;
+mod peers;
+mod plot;
+mod table;
+
+pub use columns::columns;
+pub use markdown::markdown;
+pub use measure::{Plan, ground_truth, measure};
+pub use peers::Peers;
+pub use plot::svg;
+pub use table::Tables;

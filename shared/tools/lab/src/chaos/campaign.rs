@@ -1,0 +1,221 @@
+//! Run after run under faults, until there were enough of them.
+
+use super::disturb::{Disturbance, Disturber};
+use super::plan_file;
+use super::recovery::{Sign, events};
+use super::report::Report;
+use super::schedule::{FaultKind, Random, Schedule, Target};
+use super::trial::{Pipeline, Trial};
+use super::verdict::{Judge, judge};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tessera_outputs::ToolError;
+use tessera_stage::RunFiles;
+use tessera_transport::registered_runs;
+
+/// Planned faults of each kind in one run.
+const PLANNED_EACH: u64 = 5;
+
+/// What is run, and under which faults.
+#[derive(Clone, Debug)]
+pub struct Campaign {
+    /// A folder, a recording or a simulated world; `room` where absent.
+    pub source: Option<String>,
+    /// Faults in all, over as many runs as it takes.
+    pub kills: u64,
+    /// Seed of the schedule.
+    pub seed: u64,
+    /// Mean time between two faults, milliseconds.
+    pub interval_ms: u64,
+    /// A file with exactly these faults, for one run.
+    pub plan: Option<PathBuf>,
+    /// A camera file or the name of a built-in camera.
+    pub camera: Option<String>,
+    /// A preset or a settings file.
+    pub config: Option<String>,
+    /// `KEY=VALUE` settings.
+    pub overrides: Vec<String>,
+    /// Frames of each run at most.
+    pub frames: Option<u64>,
+    /// Whether the runs are live.
+    pub live: bool,
+    /// Folder for the runs; a temporary one where absent.
+    pub out: Option<PathBuf>,
+    /// Longest time for one run, seconds.
+    pub patience_s: u64,
+}
+
+/// How far a campaign is: the number of the run that begins, and the faults so far.
+pub type OnRun<'a> = &'a mut dyn FnMut(u64, u64);
+
+/// Runs the source undisturbed, then under faults, and compares.
+///
+/// # Errors
+/// Where a run cannot be started, or the undisturbed one fails; a broken promise is in the report.
+pub fn campaign(
+    arguments: &Campaign,
+    targets: &[Target],
+    kinds: &[FaultKind],
+    on_run: OnRun<'_>,
+) -> Result<Report, ToolError> {
+    let plan = arguments.plan.as_ref().map(|path| {
+        let wrong = |problem: String| ToolError::Arguments(format!("{}: {problem}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+        plan_file::parse(&text).map_err(wrong)
+    });
+    let plan = plan.transpose()?;
+    let pipeline = pipeline(arguments)?;
+    let id = std::process::id();
+    let base = match &arguments.out {
+        Some(out) => std::path::absolute(out).map_err(|error| ToolError::write(out, error))?,
+        None => std::env::temp_dir().join(format!("tessera-chaos-{id}")),
+    };
+    std::fs::create_dir_all(&base).map_err(|error| ToolError::write(&base, error))?;
+    let patience = Duration::from_secs(arguments.patience_s);
+    let mut reference =
+        Trial::new(&pipeline, format!("chaos-{id}-0"), base.join("undisturbed"), String::new());
+    let quiet = Schedule::new(0, targets, &[], 1);
+    let undisturbed = Disturber { schedule: quiet, most: 0, patience }.run(&mut reference, Random::new(0))?;
+    if !undisturbed.has_finished {
+        return Err(ToolError::Stage(format!("the undisturbed run failed: {}", reference.errors())));
+    }
+    let n_frames = reference.count_frames()?.n_frames;
+    let mut report = Report::new(pipeline.arguments[0].clone(), arguments.seed, !arguments.live);
+    let enough = plan.as_ref().map_or(arguments.kills, |(_, n)| *n);
+    let mut number = 0;
+    while report.n_faults() < enough && report.broken().is_empty() {
+        number += 1;
+        on_run(number, report.n_faults());
+        let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(number);
+        let mut random = Random::new(seed ^ 0x5eed);
+        let (kill_plan, most) = match &plan {
+            Some((words, _)) => (words.clone(), 0),
+            None => (planned(kinds, n_frames, &mut random), enough - report.n_faults()),
+        };
+        let mut trial = Trial::new(
+            &pipeline,
+            format!("chaos-{id}-{number}"),
+            base.join(format!("run-{number}")),
+            kill_plan,
+        );
+        let schedule = Schedule::new(seed, targets, kinds, arguments.interval_ms);
+        let disturbance = Disturber { schedule, most, patience }.run(&mut trial, random)?;
+        let judge_by = Judge { number, reference: &reference, is_live: arguments.live };
+        report.add(judge(&judge_by, &trial, &disturbance)?);
+        if !report.broken().is_empty() {
+            report.keep(&trial.dir);
+            break;
+        }
+        if let Some((_, n)) = &plan {
+            let struck = report.n_faults();
+            trial.remove();
+            if struck < *n {
+                clear(&reference, &base);
+                return Err(ToolError::Arguments(format!(
+                    "{struck} of {n} planned faults struck; the others name a point that no frame passed"
+                )));
+            }
+            break;
+        }
+        if report.n_faults_of_last_run() == 0 {
+            return Err(ToolError::Stage(
+                "a run was over before a fault struck; expected a longer run or a shorter --interval-ms"
+                    .into(),
+            ));
+        }
+        trial.remove();
+    }
+    if report.broken().is_empty() {
+        clear(&reference, &base);
+    }
+    Ok(report)
+}
+
+/// Nothing is left to look at.
+fn clear(reference: &Trial, base: &Path) {
+    reference.remove();
+    // Only where it is empty: the folder may be the user's.
+    let _ = std::fs::remove_dir(base);
+}
+
+/// What comes behind `tessera run`.
+fn pipeline(arguments: &Campaign) -> Result<Pipeline, ToolError> {
+    let mut words = vec![arguments.source.clone().unwrap_or_else(|| "room".to_owned())];
+    let options = [
+        ("--camera", arguments.camera.clone()),
+        ("--config", arguments.config.clone()),
+        ("--frames", arguments.frames.map(|n| n.to_string())),
+    ];
+    for (name, value) in options {
+        words.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
+    }
+    for setting in &arguments.overrides {
+        words.extend(["--set".to_owned(), setting.clone()]);
+    }
+    if arguments.live {
+        words.push("--live".to_owned());
+    }
+    let executable = std::env::current_exe()
+        .map_err(|error| ToolError::Stage(format!("cannot find the own program: {error}")))?;
+    Ok(Pipeline { executable, arguments: words })
+}
+
+/// Messages to lose and to corrupt, at frames drawn from the seed.
+fn planned(kinds: &[FaultKind], n_frames: u64, random: &mut Random) -> String {
+    let mut words = Vec::new();
+    for kind in kinds.iter().filter(|kind| kind.is_planned()) {
+        for _ in 0..PLANNED_EACH {
+            let place = if random.below(2) == 0 { "sensor=read" } else { "reconstruct=computed" };
+            words.push(format!("{place}:{}:{}+", random.below(n_frames), kind.name()));
+        }
+    }
+    words.join(";")
+}
+
+/// Disturbs a run that is going on, until there were enough faults or it is over.
+///
+/// # Errors
+/// Where there is no such run, or a fault was asked for that needs a run of our own.
+pub fn attach(
+    arguments: &Campaign,
+    name: &str,
+    targets: &[Target],
+    kinds: &[FaultKind],
+) -> Result<Report, ToolError> {
+    let needs_own = kinds.iter().any(|kind| kind.is_planned() || *kind == FaultKind::Flip)
+        || targets.iter().any(|target| !matches!(target, Target::Stage(_)));
+    if needs_own {
+        return Err(ToolError::Arguments(
+            "--attach cannot drop, corrupt or flip, nor strike supervisor or group: expected kill, stop, slow, segv, abort, memory or full, and stages".into(),
+        ));
+    }
+    let runs = registered_runs()?;
+    let Some(run) = runs.into_iter().find(|run| run.is_alive && run.entry.name == name) else {
+        return Err(ToolError::Arguments(format!("no run {name:?} is going on; see tessera status")));
+    };
+    let schedule = Schedule::new(arguments.seed, targets, kinds, arguments.interval_ms);
+    let patience = Duration::from_secs(arguments.patience_s);
+    let mut disturber = Disturber { schedule, most: arguments.kills, patience };
+    let disturbance = disturber.disturb_running(run.entry.pid, Random::new(arguments.seed));
+    let log = std::fs::read_to_string(RunFiles::new(&run.entry.run_dir).log()).unwrap_or_default();
+    let mut report = Report::new(name.to_owned(), arguments.seed, false);
+    report.add_faults(1, &disturbance, &log);
+    Ok(report)
+}
+
+/// Faults that kill points carried out, by the run's log.
+pub(super) fn struck(log: &str) -> Vec<super::recovery::Event> {
+    events(log).into_iter().filter(|event| matches!(event.sign, Sign::Struck(_))).collect()
+}
+
+/// Folder and file names in messages.
+pub(super) fn shown(paths: &[PathBuf]) -> String {
+    paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
+}
+
+impl Disturbance {
+    /// Faults from outside.
+    pub(super) fn n_strikes(&self) -> u64 {
+        self.strikes.len() as u64
+    }
+}

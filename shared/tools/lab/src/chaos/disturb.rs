@@ -1,0 +1,214 @@
+//! One run under the faults of a schedule, from its start to its end.
+
+use super::process::{n_open_files, rss_bytes, stage_pid, stage_pids, stages_in};
+use super::recovery::Hit;
+use super::schedule::{FaultKind, Random, Schedule, Strike, Target};
+use super::strike::{Flip, flip, mend, strike};
+use super::trial::Trial;
+use std::process::Child;
+use std::time::{Duration, Instant};
+use tessera_messages::Stage;
+use tessera_outputs::ToolError;
+use tessera_stage::{RunFiles, monotonic_nanos};
+
+/// Time between two looks whether a run is over.
+const LOOK: Duration = Duration::from_millis(5);
+/// How long stages may live on without their supervisor: they notice within a second.
+const ORPHANS: Duration = Duration::from_millis(1500);
+/// Deaths that count as a stage's own, for one stage in one run: a third on one frame would
+/// rightly end the run.
+const OWN_DEATHS: usize = 2;
+
+/// A fault that was carried out.
+#[derive(Clone, Debug)]
+pub(super) struct Struck {
+    pub(super) target: Target,
+    pub(super) kind: FaultKind,
+    pub(super) at_nanos: u64,
+    /// The stages that it should end.
+    pub(super) hits: Vec<Hit>,
+}
+
+/// What the supervisor looked like after a fault.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    /// Its process: a resumed run has another one.
+    pub(super) pid: u32,
+    /// Faults before it.
+    pub(super) n_strikes: u64,
+    pub(super) rss_bytes: u64,
+    pub(super) n_open_files: u64,
+}
+
+/// What was done to a run and how it ended.
+#[derive(Debug, Default)]
+pub(super) struct Disturbance {
+    pub(super) strikes: Vec<Struck>,
+    pub(super) samples: Vec<Sample>,
+    pub(super) has_finished: bool,
+    pub(super) wall_s: f64,
+    /// Damaged files that `resume` refused by name, with nothing written to them.
+    pub(super) n_refused_files: u64,
+    pub(super) problems: Vec<String>,
+}
+
+/// Strikes by a schedule.
+pub(super) struct Disturber {
+    pub(super) schedule: Schedule,
+    /// Faults at most.
+    pub(super) most: u64,
+    /// Longest time for the run.
+    pub(super) patience: Duration,
+}
+
+impl Disturber {
+    /// Starts the run, strikes until it is over, resumes it where its supervisor was struck.
+    pub(super) fn run(&mut self, trial: &mut Trial, mut random: Random) -> Result<Disturbance, ToolError> {
+        let began = Instant::now();
+        let mut done = Disturbance::default();
+        let mut child = trial.start()?;
+        let mut flipped: Option<Flip> = None;
+        loop {
+            let next = (done.n_strikes() < self.most).then(|| self.schedule.next_strike()).flatten();
+            let until = next.as_ref().map_or(self.patience, |strike| strike.after);
+            if let Some(is_success) =
+                wait(&mut child, until.min(self.patience.saturating_sub(began.elapsed())))?
+            {
+                trial.remember();
+                let error = trial.errors();
+                let is_named = |f: &Flip| error.contains(&f.path.display().to_string());
+                match flipped.take().filter(|f| !is_success && is_named(f)) {
+                    // Damage that no prefix can be saved from is told by name; mended, the run goes on.
+                    Some(flip) => {
+                        mend(&flip).map_err(|e| ToolError::write(&flip.path, e))?;
+                        done.n_refused_files += 1;
+                        child = trial.start()?;
+                        continue;
+                    }
+                    None => {
+                        done.has_finished = is_success;
+                        if !is_success {
+                            done.problems.push(format!("the run failed: {}", error.trim()));
+                        }
+                        break;
+                    }
+                }
+            }
+            if began.elapsed() >= self.patience {
+                done.problems.push(format!("the run did not end within {} s", self.patience.as_secs()));
+                end_all(&mut child, trial);
+                break;
+            }
+            let Some(strike) = next else { continue };
+            if matches!(strike.targets[..], [Target::Group | Target::Supervisor]) {
+                flipped = kill_supervisor(&mut child, &strike, trial, &mut random, &mut done)?;
+                child = trial.start()?;
+            } else {
+                strike_stages(child.id(), &strike, &mut random, &mut done);
+            }
+            sample(child.id(), &mut done);
+        }
+        done.wall_s = began.elapsed().as_secs_f64();
+        Ok(done)
+    }
+
+    /// Strikes the stages of a supervisor that somebody else has started.
+    pub(super) fn disturb_running(&mut self, supervisor: u32, mut random: Random) -> Disturbance {
+        let mut done = Disturbance::default();
+        while done.n_strikes() < self.most && rss_bytes(supervisor).is_some() {
+            let Some(strike) = self.schedule.next_strike() else { break };
+            std::thread::sleep(strike.after);
+            strike_stages(supervisor, &strike, &mut random, &mut done);
+        }
+        // The last one gets time to come back.
+        std::thread::sleep(Duration::from_secs(2));
+        done
+    }
+}
+
+/// Waits for the end of a process; answers whether it was a success, or `None` when time is over.
+fn wait(child: &mut Child, at_most: Duration) -> Result<Option<bool>, ToolError> {
+    let deadline = Instant::now() + at_most;
+    loop {
+        let ended = child.try_wait().map_err(|error| ToolError::Stage(error.to_string()))?;
+        if let Some(status) = ended {
+            return Ok(Some(status.success()));
+        }
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Ok(None);
+        }
+        std::thread::sleep(left.min(LOOK));
+    }
+}
+
+fn strike_stages(supervisor: u32, planned: &Strike, random: &mut Random, done: &mut Disturbance) {
+    for &target in &planned.targets {
+        let Target::Stage(stage) = target else { continue };
+        let Some(pid) = stage_pid(supervisor, stage) else { continue };
+        let own = done.strikes.iter().filter(|s| s.target == target && s.kind.is_own_death()).count();
+        let kind =
+            if planned.kind.is_own_death() && own >= OWN_DEATHS { FaultKind::Kill } else { planned.kind };
+        let Some(at_nanos) = strike(pid, kind, random) else { continue };
+        let is_deadly = !matches!(kind, FaultKind::Stop | FaultKind::Slow);
+        let hits = if is_deadly { vec![Hit { at_nanos, stage, pid }] } else { Vec::new() };
+        done.strikes.push(Struck { target, kind, at_nanos, hits });
+    }
+}
+
+/// Kills the supervisor, alone or with all stages, and waits until none of them is left.
+fn kill_supervisor(
+    child: &mut Child,
+    planned: &Strike,
+    trial: &mut Trial,
+    random: &mut Random,
+    done: &mut Disturbance,
+) -> Result<Option<Flip>, ToolError> {
+    trial.remember();
+    let is_group = planned.targets == [Target::Group];
+    let stages = stage_pids(child.id());
+    let at_nanos = monotonic_nanos();
+    let _ = child.kill();
+    let mut victims = stages.clone();
+    if is_group {
+        // The supervisor is gone: nobody starts another one.
+        victims.iter().for_each(|(_, pid)| {
+            let _ = strike(*pid, FaultKind::Kill, random);
+        });
+    } else {
+        victims.clear();
+    }
+    child.wait().map_err(|error| ToolError::Stage(error.to_string()))?;
+    let deadline = Instant::now() + ORPHANS;
+    while !stages_in(&trial.dir).is_empty() && Instant::now() < deadline {
+        std::thread::sleep(LOOK);
+    }
+    let left = stages_in(&trial.dir);
+    if !left.is_empty() {
+        done.problems.push(format!("stages lived on without their supervisor: {left:?}"));
+    }
+    let hits = stages.iter().filter(|(stage, _)| *stage == Stage::Align);
+    let hits = hits.map(|&(stage, pid)| Hit { at_nanos, stage, pid }).collect();
+    done.strikes.push(Struck { target: planned.targets[0], kind: planned.kind, at_nanos, hits });
+    let is_flip = planned.kind == FaultKind::Flip;
+    Ok(is_flip.then(|| flip(&RunFiles::new(&trial.dir), random)).flatten())
+}
+
+/// Looks at the supervisor while its stages live: at its end it gives everything back.
+fn sample(pid: u32, done: &mut Disturbance) {
+    if stage_pids(pid).len() < 3 {
+        return;
+    }
+    if let (Some(rss_bytes), Some(n_open_files)) = (rss_bytes(pid), n_open_files(pid)) {
+        done.samples.push(Sample { pid, n_strikes: done.n_strikes(), rss_bytes, n_open_files });
+    }
+}
+
+/// Ends a run that does not end.
+fn end_all(child: &mut Child, trial: &Trial) {
+    let _ = child.kill();
+    let _ = child.wait();
+    for (_, pid) in stages_in(&trial.dir) {
+        let _ = strike(pid, FaultKind::Kill, &mut Random::new(0));
+    }
+}

@@ -1,0 +1,201 @@
+//! Which fault strikes whom and when: drawn from a seed, so that a schedule can be had again.
+
+use std::time::Duration;
+use tessera_messages::Stage;
+use tessera_numerics::SplitMix64;
+
+/// A kind of fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FaultKind {
+    /// SIGKILL.
+    Kill,
+    /// SIGSTOP, and SIGCONT after a while.
+    Stop,
+    /// Stopped and continued many times in a row.
+    Slow,
+    /// SIGSEGV, as a bug in unsafe code would bring it.
+    Segv,
+    /// SIGABRT.
+    Abort,
+    /// A limit on memory below what is in use.
+    Memory,
+    /// A limit on the size of files: a full disk.
+    Full,
+    /// A message that is not sent.
+    Drop,
+    /// A message full of nonsense.
+    Corrupt,
+    /// All processes killed, and a bit of a journal or of the store flipped before `resume`.
+    Flip,
+}
+
+impl FaultKind {
+    /// All kinds with their names.
+    pub const ALL: [(&'static str, FaultKind); 10] = [
+        ("kill", FaultKind::Kill),
+        ("stop", FaultKind::Stop),
+        ("slow", FaultKind::Slow),
+        ("segv", FaultKind::Segv),
+        ("abort", FaultKind::Abort),
+        ("memory", FaultKind::Memory),
+        ("full", FaultKind::Full),
+        ("drop", FaultKind::Drop),
+        ("corrupt", FaultKind::Corrupt),
+        ("flip", FaultKind::Flip),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
+
+    /// Whether the supervisor takes the death for the stage's own doing; three of them on one
+    /// frame would rightly end the run.
+    pub fn is_own_death(self) -> bool {
+        matches!(self, Self::Segv | Self::Abort | Self::Memory | Self::Full)
+    }
+
+    /// Whether it reaches into a stage and is planned before the run begins.
+    pub fn is_planned(self) -> bool {
+        matches!(self, Self::Drop | Self::Corrupt)
+    }
+}
+
+/// Who is struck.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Target {
+    /// One stage.
+    Stage(Stage),
+    /// The supervisor alone: the stages end by themselves, `resume` goes on.
+    Supervisor,
+    /// Supervisor and stages at once; `resume` goes on.
+    Group,
+}
+
+impl Target {
+    /// The target of that name.
+    pub fn from_name(name: &str) -> Option<Target> {
+        match name {
+            "supervisor" => Some(Target::Supervisor),
+            "group" => Some(Target::Group),
+            stage => Stage::from_name(stage).map(Target::Stage),
+        }
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Target::Stage(stage) => stage.name(),
+            Target::Supervisor => "supervisor",
+            Target::Group => "group",
+        }
+    }
+}
+
+/// One fault to come.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Strike {
+    /// Since the strike before.
+    pub after: Duration,
+    /// One target, or two at once.
+    pub targets: Vec<Target>,
+    /// What strikes them.
+    pub kind: FaultKind,
+}
+
+/// Choices that a seed repeats.
+#[derive(Clone, Debug)]
+pub(super) struct Random(SplitMix64);
+
+impl Random {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(SplitMix64::new(seed))
+    }
+
+    /// A number below `n`.
+    pub(super) fn below(&mut self, n: u64) -> u64 {
+        self.0.next_u64() % n.max(1)
+    }
+
+    fn pick<T: Copy>(&mut self, from: &[T]) -> Option<T> {
+        from.get(self.below(from.len() as u64) as usize).copied()
+    }
+}
+
+/// An endless row of faults.
+#[derive(Clone, Debug)]
+pub(super) struct Schedule {
+    random: Random,
+    targets: Vec<Target>,
+    kinds: Vec<FaultKind>,
+    mean_ms: u64,
+}
+
+impl Schedule {
+    /// Faults of these kinds on these targets, `mean_ms` apart on average. Kinds that are planned
+    /// before a run are left out here.
+    pub(super) fn new(seed: u64, targets: &[Target], kinds: &[FaultKind], mean_ms: u64) -> Self {
+        let kinds = kinds.iter().copied().filter(|kind| !kind.is_planned()).collect();
+        Self { random: Random::new(seed), targets: targets.to_vec(), kinds, mean_ms }
+    }
+
+    /// The next fault; `None` where all kinds are planned ones.
+    pub(super) fn next_strike(&mut self) -> Option<Strike> {
+        let kind = self.random.pick(&self.kinds)?;
+        // One life in eight is cut in its first moments.
+        let after = match self.random.below(8) {
+            0 => self.random.below(50),
+            _ => 20 + self.random.below(2 * self.mean_ms),
+        };
+        let mut targets: Vec<Target> = self.random.pick(&self.targets).into_iter().collect();
+        if kind == FaultKind::Flip {
+            targets = vec![Target::Group];
+        }
+        // One in eight strikes two stages at once.
+        if self.random.below(8) == 0
+            && let Some(second @ Target::Stage(_)) = self.random.pick(&self.targets)
+            && matches!(targets[..], [Target::Stage(first)] if Target::Stage(first) != second)
+        {
+            targets.push(second);
+        }
+        Some(Strike { after: Duration::from_millis(after), targets, kind })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn draw(seed: u64) -> Vec<Strike> {
+        let targets = [Stage::Sensor, Stage::Align, Stage::Optimise].map(Target::Stage);
+        let mut schedule = Schedule::new(seed, &targets, &[FaultKind::Kill, FaultKind::Stop], 200);
+        (0..800).filter_map(|_| schedule.next_strike()).collect()
+    }
+
+    #[test]
+    fn a_seed_gives_one_schedule_and_another_seed_another() {
+        assert_eq!(draw(7), draw(7));
+        assert_ne!(draw(7), draw(8));
+    }
+
+    #[test]
+    fn everybody_is_struck_sometimes_two_at_once() {
+        let strikes = draw(1);
+        for (kind, stage) in [(FaultKind::Kill, Stage::Align), (FaultKind::Stop, Stage::Sensor)] {
+            assert!(strikes.iter().any(|s| s.kind == kind && s.targets == [Target::Stage(stage)]));
+        }
+        let pairs = strikes.iter().filter(|s| s.targets.len() == 2).count();
+        assert!((20..200).contains(&pairs), "{pairs}");
+        assert!(strikes.iter().all(|s| s.targets.len() < 2 || s.targets[0] != s.targets[1]));
+        let mean = strikes.iter().map(|s| s.after.as_millis()).sum::<u128>() / 800;
+        assert!((150..260).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn kinds_that_are_planned_are_not_drawn() {
+        let only = [FaultKind::Drop, FaultKind::Corrupt];
+        assert_eq!(Schedule::new(1, &[Target::Group], &only, 100).next_strike(), None);
+        let mut flips = Schedule::new(1, &[Target::Stage(Stage::Align)], &[FaultKind::Flip], 100);
+        assert_eq!(flips.next_strike().unwrap().targets, [Target::Group]);
+    }
+}

@@ -1,0 +1,123 @@
+//! Alignment alone.
+
+use super::measure::{Meter, Options};
+use super::recording::{Entry, Recorded, from_bytes};
+use super::report::Report;
+use tessera_features::Feature;
+use tessera_geometry::InertialRotation;
+use tessera_journal::fingerprint;
+use tessera_messages::Stage;
+use tessera_outputs::ToolError;
+use tessera_slam::{AlignRecord, AppliedCorrection, Context, FrameSurface, KeyframeSurfaces, Tracker};
+use tessera_surface::{Effort, Grid, SurfaceView, Vertex};
+
+/// Surfaces of keyframes in memory.
+#[derive(Default)]
+pub(super) struct Keyframes(pub(super) Vec<(Vec<Vertex>, Vec<Feature>)>);
+
+impl KeyframeSurfaces for Keyframes {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        self.0.get(keyframe as usize).map_or(&[], |keyframe| keyframe.0.as_slice())
+    }
+
+    fn features(&self, keyframe: u32) -> &[Feature] {
+        self.0.get(keyframe as usize).map_or(&[], |keyframe| keyframe.1.as_slice())
+    }
+}
+
+/// One piece of input.
+enum Input {
+    Surface(Surface),
+    Correction(AppliedCorrection),
+}
+
+struct Surface {
+    index: u64,
+    stamp_nanos: i64,
+    rotation: Option<InertialRotation>,
+    vertices: Vec<Vertex>,
+    features: Vec<Feature>,
+    expected: u32,
+}
+
+impl Surface {
+    fn view(&self, grid: Grid) -> FrameSurface<'_> {
+        FrameSurface {
+            index: self.index,
+            stamp_nanos: self.stamp_nanos,
+            rotation: self.rotation,
+            surface: SurfaceView { grid, vertices: &self.vertices },
+            effort: Effort::Full,
+            features: &self.features,
+        }
+    }
+}
+
+/// What the aligner and the optimiser share, for a recording.
+pub(super) fn context(recorded: &Recorded, meter: &Meter) -> Context {
+    let method = recorded.method();
+    let mut context = Context::new(&recorded.camera, &method.surface, &method.registration, &method.mapping);
+    context.steps = meter.steps();
+    context
+}
+
+/// Aligns each recorded surface.
+pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
+    let mut meter = Meter::new(Stage::Align, options);
+    let grid = context(recorded, &meter).grid;
+    let mut inputs = Vec::new();
+    for entry in &recorded.entries {
+        match entry {
+            Entry::Surface { index, stamp_nanos, rotation, vertices, expected } => {
+                let (vertices, features) = from_bytes(vertices, grid.len())?;
+                let (index, stamp_nanos, rotation) = (*index, *stamp_nanos, *rotation);
+                let expected = *expected;
+                let surface = Surface { index, stamp_nanos, rotation, vertices, features, expected };
+                inputs.push(Input::Surface(surface));
+            }
+            Entry::Correction(applied) => inputs.push(Input::Correction((**applied).clone())),
+            _ => {}
+        }
+    }
+    for _ in 0..options.repeat {
+        pass(&inputs, context(recorded, &meter), &mut meter)?;
+    }
+    Ok(meter.report(options))
+}
+
+/// One pass from an empty map to the last frame.
+fn pass(inputs: &[Input], context: Context, meter: &mut Meter) -> Result<(), ToolError> {
+    let grid = context.grid;
+    let mut tracker = Tracker::new(context);
+    let mut keyframes = Keyframes::default();
+    let mut previous: Option<&Surface> = None;
+    for input in inputs {
+        let surface = match input {
+            Input::Surface(surface) => surface,
+            Input::Correction(applied) => {
+                let before = applied.before_frame;
+                let record = tracker.correction_record(applied.correction.clone(), before);
+                let Some(record) = record else {
+                    return Err(ToolError::Stage(format!(
+                        "the correction before frame {before} answers no request"
+                    )));
+                };
+                tracker.apply(&record);
+                continue;
+            }
+        };
+        let recent: Vec<FrameSurface<'_>> = previous.iter().map(|of| of.view(grid)).collect();
+        let current = surface.view(grid);
+        let record = meter.time(|| tracker.align(&current, &recent, &keyframes));
+        if let Some(keyframe) = &record.new_keyframe {
+            let is_own = keyframe.frame_index == surface.index;
+            let of = if is_own { Some(surface) } else { previous };
+            keyframes.0.extend(of.map(|of| (of.vertices.clone(), of.features.clone())));
+        }
+        let record = AlignRecord::Frame(Box::new(record));
+        meter.check(fingerprint(&record)?, surface.expected, &format!("frame {}", surface.index))?;
+        tracker.apply(&record);
+        previous = Some(surface);
+    }
+    Ok(())
+}

@@ -1,0 +1,53 @@
+//! Optimisation alone.
+
+use super::align::{Keyframes, context};
+use super::measure::{Meter, Options};
+use super::recording::{Entry, Recorded, from_bytes};
+use super::report::Report;
+use tessera_journal::fingerprint;
+use tessera_messages::Stage;
+use tessera_outputs::ToolError;
+use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, OptimiseRecord, Optimiser};
+
+/// Answers each recorded request.
+pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
+    let mut meter = Meter::new(Stage::Optimise, options);
+    for _ in 0..options.repeat {
+        let context = context(recorded, &meter);
+        let grid = context.grid;
+        let (mut optimiser, mut keyframes) = (Optimiser::new(context), Keyframes::default());
+        for entry in &recorded.entries {
+            match entry {
+                Entry::Keyframe(surface) => keyframes.0.push(from_bytes(surface, grid.len())?),
+                Entry::Record(record) => optimiser.apply(record),
+                Entry::Answer(expected) => {
+                    let pending = optimiser.next_request();
+                    let answer = pending.and_then(|request| {
+                        let solve = || optimiser.solve(&request, &keyframes, recorded, &mut || ());
+                        Some((request.request, meter.time(solve)?))
+                    });
+                    let Some((request, correction)) = answer else {
+                        return Err(ToolError::Stage("an answer is recorded where no request is".into()));
+                    };
+                    meter.check(fingerprint(&correction)?, *expected, &format!("correction {request}"))?;
+                    optimiser.apply_own(&OptimiseRecord::Correction(Box::new(correction)));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(meter.report(options))
+}
+
+impl FrameHistory for Recorded {
+    /// The final request comes behind the last frame: no other one looks at them.
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord)) {
+        for entry in &self.entries {
+            if let Entry::Record(record) = entry
+                && let AlignRecord::Frame(frame) = &**record
+            {
+                take(frame);
+            }
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! Runs whole sequences in one process and prints their errors.
+//!
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--camera FILE] [--simulation 'KEY = VALUE'] [key=value]...`
+//!
+//! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
+//! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random, and
+//! `--camera` takes another camera: a folder's frames are as they are, a scene is rendered with it.
+#![forbid(unsafe_code)]
+
+use std::error::Error;
+use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
+use tessera_offline::{Method, RawFrame, Records, Run};
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, LoopRecord};
+use tessera_sources::{SimulationOptions, Source, SourceOptions, SourceSpec};
+use tessera_surface::{Reconstructor, Vertex};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let (mut sequences, mut overrides, mut frames, mut n_seeds) = (Vec::new(), Vec::new(), None, 1);
+    let mut arguments = std::env::args().skip(1);
+    let mut out = None;
+    let (mut every, mut is_reversed, mut hole_share, mut camera) = (1, false, 0.0, None);
+    let mut simulation = SimulationOptions::default();
+    let mut colour_fault = None;
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
+            "--seeds" => n_seeds = arguments.next().ok_or("--seeds N")?.parse::<u64>()?,
+            "--out" => out = arguments.next(),
+            "--every" => every = arguments.next().ok_or("--every N")?.parse::<usize>()?.max(1),
+            "--reverse" => is_reversed = true,
+            "--holes" => hole_share = arguments.next().ok_or("--holes SHARE")?.parse::<f64>()?,
+            "--colour" => colour_fault = arguments.next(),
+            "--camera" => camera = arguments.next(),
+            "--simulation" => {
+                let table = arguments.next().ok_or("--simulation 'key = value'")?;
+                simulation = toml::from_str::<SimulationOptions>(&table)?;
+            }
+            a if a.contains('=') => overrides.push(argument),
+            _ => sequences.push(argument),
+        }
+    }
+    for sequence in &sequences {
+        let options = SourceOptions {
+            frames,
+            camera: camera.clone(),
+            simulation: simulation.clone(),
+            ..SourceOptions::default()
+        };
+        let source = tessera_sources::open(&SourceSpec::parse(sequence), &options)?;
+        let source = source.as_ref();
+        let mut decoded = decode(source)?;
+        let mut truth = source.ground_truth().cloned();
+        if is_reversed {
+            reverse(&mut decoded, truth.as_mut());
+        }
+        let mut decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
+        pierce(&mut decoded, hole_share);
+        spoil_colour(&mut decoded, colour_fault.as_deref())?;
+        reconstruction_alone(source, &decoded, &Settings::load(None, &overrides)?)?;
+        for seed in 0..n_seeds {
+            let mut settings = Settings::load(None, &overrides)?;
+            settings.registration.seed += seed;
+            let method = Method {
+                surface: settings.surface.clone(),
+                registration: settings.registration.clone(),
+                mapping: settings.mapping.clone(),
+            };
+            let started = cpu_ms();
+            let mut run = Run::new(source.camera(), &method)?;
+            for frame in &decoded {
+                run.push(frame);
+            }
+            let tracked = cpu_ms() - started;
+            let colour = run.colour();
+            let records = run.finish();
+            println!("    colour: {colour:?} {:?}", colour.estimate());
+            report(sequence, seed, truth.as_ref(), &records, decoded.len());
+            println!(
+                "    {:.2} ms CPU a frame, {:.2} with the final optimisation",
+                tracked / decoded.len() as f64,
+                (cpu_ms() - started) / decoded.len() as f64
+            );
+            if let Some(out) = &out {
+                let mut file = std::fs::File::create(out)?;
+                let last = records.last();
+                for (stamp, pose) in last.stamps_nanos.iter().zip(&last.poses) {
+                    write_tum_row(&mut file, *stamp, pose)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn decode(source: &dyn Source) -> Result<Vec<RawFrame>, Box<dyn Error>> {
+    use rayon::prelude::*;
+    let read = |index| RawFrame::read(source, index);
+    Ok((0..source.n_frames().unwrap_or(0)).into_par_iter().map(read).collect::<Result<_, _>>()?)
+}
+
+/// Turns time round: the last frame comes first, and the truth goes along.
+fn reverse(frames: &mut [RawFrame], truth: Option<&mut Trajectory>) {
+    let both_ends = |first: Option<i64>, last: Option<i64>| first.unwrap_or(0) + last.unwrap_or(0);
+    let sum = both_ends(frames.first().map(|f| f.stamp_nanos), frames.last().map(|f| f.stamp_nanos));
+    frames.reverse();
+    frames.iter_mut().for_each(|f| f.stamp_nanos = sum - f.stamp_nanos);
+    if let Some(truth) = truth {
+        truth.stamps_nanos.reverse();
+        truth.poses.reverse();
+        truth.stamps_nanos.iter_mut().for_each(|stamp| *stamp = sum - *stamp);
+    }
+}
+
+/// Takes the depth of a share of all pixels away: the same pixels on each run.
+fn pierce(frames: &mut [RawFrame], share: f64) {
+    let limit = (share * 2f64.powi(32)) as u64;
+    // Numerical Recipes' linear congruential generator; its high bits are even enough.
+    let mut state = 1u64;
+    let mut is_hole = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state >> 32 < limit
+    };
+    let depth = frames.iter_mut().flat_map(|frame| &mut frame.depth);
+    depth.for_each(|depth| *depth = if is_hole() { 0 } else { *depth });
+}
+
+/// Plants a fault in all colour images: `off`, `frozen` (the first for all), `late` (of ten frames
+/// before), `foreign` (of frames far away in time), `dark`, or `noise`.
+fn spoil_colour(frames: &mut [RawFrame], fault: Option<&str>) -> Result<(), Box<dyn Error>> {
+    let Some(fault) = fault else { return Ok(()) };
+    let images: Vec<Option<Vec<u8>>> = frames.iter().map(|frame| frame.colour.clone()).collect();
+    let mut state = 1u64;
+    let mut byte = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 56) as u8
+    };
+    for (k, frame) in frames.iter_mut().enumerate() {
+        frame.colour = match fault {
+            "off" => None,
+            "frozen" => images[0].clone(),
+            "late" => images[k.saturating_sub(10)].clone(),
+            "foreign" => images[(k * 37 + images.len() / 2) % images.len()].clone(),
+            "dark" => images[k].as_ref().map(|image| image.iter().map(|b| b / 64).collect()),
+            "noise" => images[k].as_ref().map(|image| image.iter().map(|_| byte()).collect()),
+            other => {
+                return Err(format!(
+                    "--colour is {other}, expected off, frozen, late, foreign, dark or noise"
+                )
+                .into());
+            }
+        };
+    }
+    Ok(())
+}
+
+/// CPU time of this process so far: unlike the wall clock it does not see the machine's load.
+fn cpu_ms() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
+}
+
+fn reconstruction_alone(
+    source: &dyn Source,
+    frames: &[RawFrame],
+    settings: &Settings,
+) -> Result<(), Box<dyn Error>> {
+    let mut reconstructor = Reconstructor::new(source.camera(), &settings.surface)?;
+    let mut out = vec![Vertex::default(); reconstructor.grid().len()];
+    let mut times_ms: Vec<f64> = frames
+        .iter()
+        .map(|frame| {
+            let started = cpu_ms();
+            reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut out);
+            cpu_ms() - started
+        })
+        .collect();
+    times_ms.sort_by(f64::total_cmp);
+    println!("    reconstruction alone: median {:.3} ms", times_ms[times_ms.len() / 2]);
+    Ok(())
+}
+
+fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Records, n: usize) {
+    println!(
+        "{sequence} seed {seed}: {n} frames, {} keyframes, {} corrections, {} untracked",
+        records.n_keyframes(),
+        records.n_corrections(),
+        records.n_untracked()
+    );
+    let n_free = records.frames().filter(|f| f.reason.contains("leave free")).count();
+    println!("    {n_free} frames with a free direction");
+    report_loops(records);
+    let Some(truth) = truth else { return };
+    let line =
+        |name: &str, estimate: &Trajectory| match evaluate(estimate, truth, &EvaluationOptions::default()) {
+            Ok(e) => println!(
+                "    {name:7} ATE {:.5} m  RPE {:.5} m/s  {:.3} deg/s  end {:.4} m  ({} pairs)",
+                e.ate_rmse_m,
+                e.rpe_translation_rmse_m_per_s.unwrap_or(f64::NAN),
+                e.rpe_rotation_rmse_deg_per_s.unwrap_or(f64::NAN),
+                e.end_error_m,
+                e.pairs
+            ),
+            Err(error) => println!("    {name}: {error}"),
+        };
+    line("online", &records.online());
+    line("final", &records.last());
+    if let Some(refined) = records.refined_camera() {
+        line("as was", &records.before_refinement());
+        let [before, after] = refined.residual_sigmas;
+        println!(
+            "    {:?}, moved {:.2} px, {} directions held, residual {before:.4} before, {after:.4} after",
+            refined.camera, refined.moved_px, refined.n_held
+        );
+    }
+}
+
+/// Quantiles of the loop pairs' tests in the last correction.
+fn report_loops(records: &Records) {
+    let last = records.records.iter().rev().find_map(|r| match r {
+        AlignRecord::Correction(applied) => Some(&applied.correction.loops),
+        _ => None,
+    });
+    let Some(loops) = last.filter(|l| !l.is_empty()) else { return };
+    let mut verdicts = std::collections::BTreeMap::new();
+    loops.iter().for_each(|l| *verdicts.entry(format!("{:?}", l.verdict)).or_insert(0) += 1);
+    println!("    {} loop pairs: {verdicts:?}", loops.len());
+    let quantiles = |name: &str, value: fn(&LoopRecord) -> f64| {
+        let mut values: Vec<f64> = loops.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        let at = |q: f64| values[((values.len() - 1) as f64 * q) as usize];
+        println!(
+            "      {name:22} 1 % {:.3}  10 % {:.3}  median {:.3}  90 % {:.3}  99 % {:.3}",
+            at(0.01),
+            at(0.1),
+            at(0.5),
+            at(0.9),
+            at(0.99)
+        );
+    };
+    quantiles("overlap", |l| l.overlap);
+    quantiles("in front", |l| l.in_front);
+    quantiles("inconsistency sigmas", |l| l.inconsistency_sigmas);
+    quantiles("residual sigmas", |l| l.residual_sigmas);
+}

@@ -1,0 +1,332 @@
+//! A whole sequence in one process: the pipeline's steps without the pipeline.
+//!
+//! The same pure steps as the processes, called one after the other, so the same bits come out.
+//! For experiments (`tessera ablate`), examples and tests of the method.
+#![forbid(unsafe_code)]
+
+mod calibrate;
+mod motion;
+mod smooth_surfaces;
+
+pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
+pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
+
+use tessera_evaluation::Trajectory;
+use tessera_features::{Extractor, Feature};
+use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits};
+use tessera_numerics::SettingError;
+use tessera_registration::RegistrationSettings;
+use tessera_slam::{
+    AlignRecord, ColourState, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
+    MappingSettings, OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, State, Tracker,
+};
+use tessera_sources::{FrameBuffers, Source, SourceError};
+use tessera_surface::{Effort, Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex};
+
+/// One frame as the sensor delivers it.
+#[derive(Clone, Debug)]
+pub struct RawFrame {
+    /// Sensor time.
+    pub stamp_nanos: i64,
+    /// The camera's rotation since the first frame, where a gyroscope measured it.
+    pub rotation: Option<InertialRotation>,
+    /// Raw depth, row by row.
+    pub depth: Vec<u16>,
+    /// Red, green, blue, registered to depth.
+    pub colour: Option<Vec<u8>>,
+}
+
+impl RawFrame {
+    /// Reads a frame of a source.
+    ///
+    /// # Errors
+    /// Those of [`Source::read`].
+    pub fn read(source: &dyn Source, index: u64) -> Result<Self, SourceError> {
+        let n_pixels = source.camera().width as usize * source.camera().height as usize;
+        let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+        let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
+        let colour = info.has_colour.then_some(colour);
+        Ok(Self { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour })
+    }
+}
+
+/// The settings of the algorithms.
+#[derive(Clone, Debug, Default)]
+pub struct Method {
+    /// Reconstruction.
+    pub surface: SurfaceSettings,
+    /// Registration.
+    pub registration: RegistrationSettings,
+    /// Tracking and mapping.
+    pub mapping: MappingSettings,
+}
+
+/// Surfaces of keyframes, copied.
+#[derive(Default)]
+struct Keyframes(Vec<Vec<Vertex>>, Vec<Vec<Feature>>);
+
+impl KeyframeSurfaces for Keyframes {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        &self.0[keyframe as usize]
+    }
+
+    fn features(&self, keyframe: u32) -> &[Feature] {
+        self.1.get(keyframe as usize).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// The map that a run leaves, in which another one can start.
+pub struct SavedMap {
+    /// Keyframes as finally corrected, by id.
+    pub keyframes: Vec<KeyframeState>,
+    /// Their surfaces, row by row.
+    pub surfaces: Vec<Vec<Vertex>>,
+}
+
+/// A run in progress: push frames, then finish.
+pub struct Run {
+    reconstructor: Reconstructor,
+    tracker: Tracker,
+    optimiser: Optimiser,
+    keyframes: Keyframes,
+    previous: Option<(u64, i64, Vec<Vertex>, Vec<Feature>)>,
+    extractor: Extractor,
+    correction: Option<Correction>,
+    records: Vec<AlignRecord>,
+}
+
+impl Run {
+    /// A run that has seen nothing.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn new(camera: &Camera, method: &Method) -> Result<Self, SettingError> {
+        method.registration.check()?;
+        method.mapping.check()?;
+        let context = Context::new(camera, &method.surface, &method.registration, &method.mapping);
+        Ok(Self {
+            reconstructor: Reconstructor::new(camera, &method.surface)?,
+            tracker: Tracker::new(context.clone()),
+            optimiser: Optimiser::new(context),
+            keyframes: Keyframes::default(),
+            previous: None,
+            extractor: method.mapping.features.extractor(camera, method.registration.isa),
+            correction: None,
+            records: Vec::new(),
+        })
+    }
+
+    /// A run that starts in the map of an earlier one with the same camera and grid; `start`:
+    /// where its first frame stands in that map, if that is known.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn in_map(
+        camera: &Camera,
+        method: &Method,
+        map: SavedMap,
+        start: Option<Pose>,
+    ) -> Result<Self, SettingError> {
+        let mut run = Self::new(camera, method)?;
+        run.keyframes = Keyframes(map.surfaces, vec![Vec::new(); map.keyframes.len()]);
+        let start = start.as_ref().map(PoseBits::from);
+        run.take(AlignRecord::Map(Box::new(MapRecord { keyframes: map.keyframes, start })));
+        Ok(run)
+    }
+
+    /// Processes the next frame.
+    pub fn push(&mut self, frame: &RawFrame) {
+        let grid = self.reconstructor.grid();
+        let mut vertices = vec![Vertex::default(); grid.len()];
+        self.reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut vertices);
+        let index = self.tracker.next_index();
+        if self.tracker.correction_due(index).is_some() {
+            self.apply_correction(index);
+        }
+        let features = self.extractor.extract(frame.colour.as_deref());
+        let view = |index, stamp_nanos, vertices, features| FrameSurface {
+            features,
+            index,
+            stamp_nanos,
+            rotation: None,
+            surface: SurfaceView { grid, vertices },
+            effort: Effort::Full,
+        };
+        let current = FrameSurface {
+            rotation: frame.rotation,
+            ..view(index, frame.stamp_nanos, vertices.as_slice(), features.as_slice())
+        };
+        let recent: Vec<FrameSurface<'_>> = self
+            .previous
+            .iter()
+            .map(|(index, stamp, vertices, features)| {
+                view(*index, *stamp, vertices.as_slice(), features.as_slice())
+            })
+            .collect();
+        let record = self.tracker.align(&current, &recent, &self.keyframes);
+        if let Some(keyframe) = &record.new_keyframe {
+            let is_current = keyframe.frame_index == index;
+            let source = if is_current { Some(&vertices) } else { self.previous.as_ref().map(|p| &p.2) };
+            self.keyframes.0.extend(source.cloned());
+            let seen = if is_current { Some(&features) } else { self.previous.as_ref().map(|p| &p.3) };
+            self.keyframes.1.extend(seen.cloned());
+        }
+        self.previous = Some((index, frame.stamp_nanos, vertices, features));
+        self.take(AlignRecord::Frame(Box::new(record)));
+        self.solve();
+    }
+
+    /// Ends the sequence with the final optimisation and returns all records.
+    pub fn finish(self) -> Records {
+        self.finish_with_map().0
+    }
+
+    /// As [`Self::finish`], with the map as finally corrected.
+    pub fn finish_with_map(mut self) -> (Records, SavedMap) {
+        let next = self.tracker.next_index();
+        // As in the pipeline, a correction that is not due before the end has no effect: the final
+        // request takes its place.
+        let request = self.tracker.final_request();
+        self.take(AlignRecord::End { n_frames: next, request });
+        self.solve();
+        if request.is_some() {
+            self.apply_correction(next);
+        }
+        let keyframes = self.tracker.state().keyframes.clone();
+        (Records { records: self.records }, SavedMap { keyframes, surfaces: self.keyframes.0 })
+    }
+
+    /// Ends the sequence where it is, without the final optimisation, and returns all records.
+    pub fn stop(self) -> Records {
+        Records { records: self.records }
+    }
+
+    /// What all frames so far say of colour against depth.
+    pub fn colour(&self) -> ColourState {
+        self.tracker.state().colour
+    }
+
+    /// Shape of every surface.
+    pub fn grid(&self) -> Grid {
+        self.reconstructor.grid()
+    }
+
+    /// All records so far.
+    pub fn records(&self) -> &[AlignRecord] {
+        &self.records
+    }
+
+    /// The surface of the last frame, row by row; empty before the first.
+    pub fn last_surface(&self) -> &[Vertex] {
+        self.previous.as_ref().map_or(&[], |(_, _, vertices, _)| vertices)
+    }
+
+    /// Features of the last frame's colour image; none before the first.
+    pub fn last_features(&self) -> &[Feature] {
+        self.previous.as_ref().map_or(&[], |(.., features)| features)
+    }
+
+    /// The correction of the last request that has no effect yet.
+    pub fn correction(&self) -> Option<&Correction> {
+        self.correction.as_ref()
+    }
+
+    fn take(&mut self, record: AlignRecord) {
+        self.tracker.apply(&record);
+        self.optimiser.apply(&record);
+        self.records.push(record);
+    }
+
+    fn solve(&mut self) {
+        if let Some(request) = self.optimiser.next_request()
+            && let Some(correction) =
+                self.optimiser.solve(&request, &self.keyframes, &self.records.as_slice(), &mut || ())
+        {
+            self.optimiser.apply_own(&OptimiseRecord::Correction(Box::new(correction.clone())));
+            self.correction = Some(correction);
+        }
+    }
+
+    fn apply_correction(&mut self, before_frame: u64) {
+        if let Some(correction) = self.correction.take()
+            && let Some(record) = self.tracker.correction_record(correction, before_frame)
+        {
+            self.take(record);
+        }
+    }
+}
+
+/// All records of a run, from which every output follows.
+pub struct Records {
+    /// In order.
+    pub records: Vec<AlignRecord>,
+}
+
+impl Records {
+    /// Poses as first published.
+    pub fn online(&self) -> Trajectory {
+        let mut trajectory = Trajectory::default();
+        for frame in self.frames() {
+            let _ = trajectory.push(frame.stamp_nanos, Pose::from(&frame.world_from_camera));
+        }
+        trajectory
+    }
+
+    /// Every frame on its keyframe as finally corrected, or as solved again by the last correction;
+    /// with the refined camera where there is one.
+    pub fn last(&self) -> Trajectory {
+        self.corrected(true)
+    }
+
+    /// As [`Self::last`], with the camera as it was.
+    pub fn before_refinement(&self) -> Trajectory {
+        self.corrected(false)
+    }
+
+    fn corrected(&self, refined: bool) -> Trajectory {
+        let mut history = PoseHistory::default();
+        self.records.iter().for_each(|record| history.apply(record));
+        if let Some(camera) = self.refined_camera().filter(|_| refined) {
+            history = history.with_refined_camera(camera);
+        }
+        let mut trajectory = Trajectory::default();
+        for frame in self.frames() {
+            let _ = trajectory.push(frame.stamp_nanos, history.final_pose(&frame.into()));
+        }
+        trajectory
+    }
+
+    /// The camera of the final optimisation, where it was asked for and found.
+    pub fn refined_camera(&self) -> Option<&RefinedCamera> {
+        self.records.iter().rev().find_map(|record| match record {
+            AlignRecord::Correction(applied) => match &applied.correction.refinement {
+                Some(Refinement::Refined(refined)) => Some(&**refined),
+                _ => None,
+            },
+            _ => None,
+        })
+    }
+
+    /// Frames in order.
+    pub fn frames(&self) -> impl Iterator<Item = &tessera_slam::FrameRecord> {
+        self.records.iter().filter_map(|record| match record {
+            AlignRecord::Frame(frame) => Some(&**frame),
+            _ => None,
+        })
+    }
+
+    /// Frames whose state is not tracking.
+    pub fn n_untracked(&self) -> usize {
+        self.frames().filter(|f| f.state != State::Tracking).count()
+    }
+
+    /// Keyframes made.
+    pub fn n_keyframes(&self) -> usize {
+        self.frames().filter(|f| f.new_keyframe.is_some()).count()
+    }
+
+    /// Corrections applied, the final one included.
+    pub fn n_corrections(&self) -> usize {
+        self.records.iter().filter(|r| matches!(r, AlignRecord::Correction(_))).count()
+    }
+}

@@ -1,0 +1,47 @@
+//! What tests of the whole method share: simulated frames, and the errors of a run over them.
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use rayon::prelude::*;
+use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
+use tessera_geometry::Pose;
+use tessera_offline::{Method, RawFrame, Records, Run};
+use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
+
+/// A simulated scene.
+pub(crate) fn scene(name: SceneName, options: &SimulationOptions) -> SimulatedSource {
+    SimulatedSource::open(name, None, None, options).unwrap()
+}
+
+/// These frames of a scene, in this order, 1/30 s apart whatever their indices.
+pub(crate) fn frames(source: &SimulatedSource, indices: &[u64]) -> Vec<RawFrame> {
+    let n = (source.camera().width * source.camera().height) as usize;
+    indices
+        .par_iter()
+        .enumerate()
+        .map(|(k, &index)| {
+            let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
+            let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+            source.read(index, &mut buffers).unwrap();
+            RawFrame { stamp_nanos: stamp_nanos(k), rotation: None, depth, colour: Some(colour) }
+        })
+        .collect()
+}
+
+fn stamp_nanos(k: usize) -> i64 {
+    k as i64 * 1_000_000_000 / 30
+}
+
+/// Runs the method over frames.
+pub(crate) fn run(source: &SimulatedSource, method: &Method, frames: &[RawFrame]) -> Records {
+    let mut run = Run::new(source.camera(), method).unwrap();
+    frames.iter().for_each(|frame| run.push(frame));
+    run.finish()
+}
+
+/// Absolute error of an estimate over frames made by [`frames`] from these indices, metres.
+pub(crate) fn ate_m(source: &SimulatedSource, indices: &[u64], estimate: &Trajectory) -> f64 {
+    let all = &source.ground_truth().unwrap().poses;
+    let poses: Vec<Pose> = indices.iter().map(|&i| all[i as usize]).collect();
+    let truth = Trajectory { stamps_nanos: (0..indices.len()).map(stamp_nanos).collect(), poses };
+    evaluate(estimate, &truth, &EvaluationOptions::default()).unwrap().ate_rmse_m
+}

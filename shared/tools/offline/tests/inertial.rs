@@ -1,0 +1,97 @@
+//! What a gyroscope is worth where the surfaces say little, or the camera turns fast.
+
+use rayon::prelude::*;
+use tessera_geometry::{Pose, log, translation_rotation_norms};
+use tessera_offline::{Method, RawFrame, Run};
+use tessera_slam::{FrameRecord, State};
+use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
+
+/// Every `every`th frame of a scene, online, with the true poses in the map's frame.
+fn online(
+    name: SceneName,
+    options: &SimulationOptions,
+    method: &Method,
+    n_frames: u64,
+    every: u64,
+) -> Vec<(FrameRecord, Pose)> {
+    let source = SimulatedSource::open(name, None, None, options).unwrap();
+    let mut run = Run::new(source.camera(), method).unwrap();
+    let indices: Vec<u64> = (0..n_frames).map(|k| k * every).collect();
+    for some in indices.chunks(16) {
+        let frames: Vec<RawFrame> =
+            some.par_iter().map(|&index| RawFrame::read(&source, index).unwrap()).collect();
+        frames.iter().for_each(|frame| run.push(frame));
+    }
+    let truth = &source.ground_truth().unwrap().poses;
+    let records = run.stop();
+    let frames = records.frames().zip(&indices);
+    frames.map(|(f, &index)| (f.clone(), truth[0].inverse() * truth[index as usize])).collect()
+}
+
+fn with_imu(speed: f64) -> SimulationOptions {
+    SimulationOptions { imu: true, speed, ..SimulationOptions::default() }
+}
+
+fn without_rotation() -> Method {
+    let mut method = Method::default();
+    method.mapping.window.inertial_rotation = false;
+    method
+}
+
+fn rotation_errors_rad(frames: &[(FrameRecord, Pose)]) -> Vec<f64> {
+    frames
+        .iter()
+        .map(|(f, truth)| (Pose::from(&f.world_from_camera).inverse() * truth).rotation.angle())
+        .collect()
+}
+
+#[test]
+fn on_a_wall_the_turn_about_its_normal_is_the_gyroscope_s() {
+    // A constant error of 0.009 rad/s would be most of what is left after two seconds.
+    let options = SimulationOptions { imu_bias_sigma_rad_per_s: 0.002, ..with_imu(1.0) };
+    let worst = |method: &Method| {
+        let frames = online(SceneName::Wall, &options, method, 60, 1);
+        let errors = rotation_errors_rad(&frames);
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        (worst, frames)
+    };
+    let (without, _) = worst(&without_rotation());
+    let (with, frames) = worst(&Method::default());
+    assert!(with < 0.3 * without, "{with} rad, {without} rad without");
+    // The covariance says how well the turn is known now.
+    let within = frames.iter().skip(1).filter(|(f, truth)| {
+        let error = log(&(Pose::from(&f.world_from_camera).inverse() * truth)).to_vector();
+        [15, 18, 20].into_iter().zip(3..6).all(|(at, k)| error[k].abs() <= 3.0 * f.covariance[at].sqrt())
+    });
+    assert!(within.count() * 100 >= 95 * 59);
+}
+
+#[test]
+fn a_camera_that_turns_too_fast_for_its_surfaces_is_kept() {
+    // 2.5 frames a second: 12 degrees and more from frame to frame, and nobody looks about.
+    let n_good = |mut method: Method| {
+        method.mapping.window.long_strides = false;
+        let frames = online(SceneName::Room, &with_imu(1.0), &method, 28, 12);
+        let good = frames.iter().filter(|(f, truth)| {
+            let error = Pose::from(&f.world_from_camera).inverse() * truth;
+            let (metres, radians) = translation_rotation_norms(&error);
+            f.state == State::Tracking && metres < 0.03 && radians < 0.02
+        });
+        good.count()
+    };
+    let (with, without) = (n_good(Method::default()), n_good(without_rotation()));
+    assert!(with >= 18 && without < 9, "{with} of 28 frames, {without} without");
+}
+
+#[test]
+fn switched_off_it_changes_no_bit() {
+    let still = SimulationOptions::default();
+    let without_imu = online(SceneName::Room, &still, &Method::default(), 12, 1);
+    let switched_off = online(SceneName::Room, &with_imu(1.0), &without_rotation(), 12, 1);
+    let switched_on = online(SceneName::Room, &with_imu(1.0), &Method::default(), 12, 1);
+    let poses = |frames: &[(FrameRecord, Pose)]| -> Vec<_> {
+        frames.iter().map(|(f, _)| (f.world_from_camera, f.covariance.clone())).collect()
+    };
+    assert_eq!(poses(&without_imu), poses(&switched_off));
+    assert_ne!(poses(&without_imu), poses(&switched_on));
+}

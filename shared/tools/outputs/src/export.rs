@@ -1,0 +1,144 @@
+//! All outputs of a run from its folder: journal, store, camera, configuration, ground truth.
+
+use crate::ToolError;
+use crate::files::write_whole;
+use crate::map::{self, MapInput};
+use crate::replay::Replay;
+use crate::statistics::read_statistics;
+use crate::summary::Summary;
+use crate::{states, trajectories};
+use std::fs;
+use std::path::Path;
+use tessera_calibration::SurfaceWarp;
+use tessera_evaluation::{Trajectory, read_tum, write_tum};
+use tessera_geometry::Camera;
+use tessera_journal::Follower;
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, Context, KeyframeSurfaces};
+use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles};
+
+/// Name of the ground truth in the run directory.
+const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
+/// Name of the refined camera beside the outputs.
+const REFINED_CAMERA_FILE: &str = "camera_refined.toml";
+
+/// Writes every output of the run in `run_folder` into `out_folder` and says what came of it.
+///
+/// # Errors
+/// Names the file that cannot be read or written, and why.
+pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError> {
+    let files = RunFiles::new(run_folder);
+    let settings = read_settings(&files)?;
+    let as_mapped = read_journal(&files)?;
+    let replay = as_mapped.with_refined_camera();
+    let replay = replay.as_ref().unwrap_or(&as_mapped);
+    let groundtruth = read_groundtruth(run_folder)?;
+    let statistics = read_statistics(run_folder)?;
+    fs::create_dir_all(out_folder).map_err(|error| ToolError::write(out_folder, error))?;
+    trajectories::write(replay, out_folder)?;
+    states::write(replay, out_folder)?;
+    write_map(&files, out_folder, replay, &settings)?;
+    let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref());
+    if let Some(refined) = replay.refined() {
+        write_camera(&refined.camera, &settings.run.source, out_folder)?;
+        summary.compare_with(&as_mapped, groundtruth.as_ref());
+    }
+    summary.write(out_folder)?;
+    Ok(summary)
+}
+
+fn input_error(path: &Path, reason: impl std::fmt::Display) -> ToolError {
+    ToolError::Input(format!("{}: {reason}", path.display()))
+}
+
+/// The settings that the run was made with.
+pub fn read_settings(files: &RunFiles) -> Result<Settings, ToolError> {
+    let path = files.config();
+    let text = fs::read_to_string(&path).map_err(|error| {
+        input_error(&path, format!("{error}: expected the folder of a run, which has a config.toml"))
+    })?;
+    Ok(Settings::from_toml(&text, &path.display().to_string())?)
+}
+
+/// The journal of the aligner, folded; nothing where there is none yet.
+pub fn read_journal(files: &RunFiles) -> Result<Replay, ToolError> {
+    let path = files.align_journal();
+    let mut replay = Replay::default();
+    if !path.exists() {
+        // The run ended before its first frame: there is nothing, and that is no error.
+        return Ok(replay);
+    }
+    let mut follower = Follower::<AlignRecord>::open(&path, ALIGN_JOURNAL)?;
+    while let Some(record) = follower.next()? {
+        replay.apply(record);
+    }
+    Ok(replay)
+}
+
+/// Keeps the ground truth in the run folder, so that outputs need nothing from elsewhere.
+pub fn write_groundtruth(run_folder: &Path, truth: Option<&Trajectory>) -> Result<(), ToolError> {
+    let Some(truth) = truth else { return Ok(()) };
+    write_whole(run_folder, GROUNDTRUTH_FILE, |mut writer| {
+        let rows = truth.stamps_nanos.iter().copied().zip(&truth.poses);
+        write_tum(&mut writer, "ground truth of the source\nmetres: timestamp tx ty tz qx qy qz qw", rows)
+    })
+}
+
+/// The ground truth that the run kept, if it had one.
+pub fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, ToolError> {
+    let path = run_folder.join(GROUNDTRUTH_FILE);
+    if !path.exists() {
+        return Ok(None);
+    }
+    Ok(Some(read_tum(&path)?))
+}
+
+/// The refined camera, as `--camera` reads it.
+fn write_camera(camera: &Camera, source: &str, out_folder: &Path) -> Result<(), ToolError> {
+    let text = toml::to_string(camera).map_err(|error| ToolError::Stage(error.to_string()))?;
+    write_whole(out_folder, REFINED_CAMERA_FILE, |writer| {
+        writeln!(writer, "# Refined by the final optimisation of a run of {source}.")?;
+        writer.write_all(text.as_bytes())
+    })
+}
+
+fn write_map(
+    files: &RunFiles,
+    out_folder: &Path,
+    replay: &Replay,
+    settings: &Settings,
+) -> Result<(), ToolError> {
+    let run = RunFile::read(files)?;
+    let step = settings.surface.step as usize;
+    let warp = refined_warp(&run, replay, settings);
+    let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
+    let input = MapInput { camera, step, settings: &settings.output, warp: warp.as_ref() };
+    let keyframes = map_keyframes(files, &run, replay, settings)?;
+    let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
+    map::write(&map::gather(replay, &input, surfaces), out_folder)
+}
+
+/// From the surfaces in the store to those of the refined camera, where there is one.
+pub fn refined_warp(run: &RunFile, replay: &Replay, settings: &Settings) -> Option<SurfaceWarp> {
+    let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping);
+    let refined = replay.refined()?;
+    Some(SurfaceWarp::new(&run.camera, &refined.camera, context.grid, context.offset_px))
+}
+
+/// The surfaces of all keyframes; `None` where there is no keyframe.
+pub fn map_keyframes(
+    files: &RunFiles,
+    run: &RunFile,
+    replay: &Replay,
+    settings: &Settings,
+) -> Result<Option<MappedKeyframes>, ToolError> {
+    if replay.keyframes.is_empty() {
+        return Ok(None);
+    }
+    let n_vertices = run.layout(settings).grid.len();
+    let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
+    for keyframe in &replay.keyframes {
+        mapped.add(keyframe.id, &keyframe.slot)?;
+    }
+    Ok(Some(mapped))
+}

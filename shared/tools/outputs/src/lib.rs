@@ -1,0 +1,34 @@
+//! What a run leaves for its user: pure functions of the run directory, so that they can be
+//! written at any time, also after a crash, and say the same.
+#![forbid(unsafe_code)]
+
+mod accuracy;
+mod error;
+mod export;
+mod files;
+mod machine;
+mod map;
+mod ply;
+mod replay;
+mod states;
+mod statistics;
+mod summary;
+#[cfg(any(test, feature = "test-run"))]
+pub mod test_run;
+mod timeline;
+mod trajectories;
+mod voxels;
+mod words;
+
+pub use error::ToolError;
+pub use export::{
+    export, map_keyframes, read_groundtruth, read_journal, read_settings, refined_warp, write_groundtruth,
+};
+pub use files::write_file;
+pub use machine::Machine;
+pub use ply::{PlyVertex, write_ply};
+pub use replay::Replay;
+pub use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};
+pub use summary::Summary;
+pub use timeline::{END_TO_END, Point, Recorder, Sample, Timeline, read_timeline, write_timeline};
+pub use trajectories::{as_trajectory, final_rows, keyframe_rows};

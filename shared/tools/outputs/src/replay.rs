@@ -1,0 +1,165 @@
+//! The aligner's journal read back: every frame with its final pose, every keyframe, every loop.
+
+use std::collections::BTreeMap;
+use tessera_geometry::Pose;
+use tessera_slam::{
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, MapRecord, PoseHistory,
+    RefinedCamera, Refinement, State,
+};
+
+/// Loops that the optimiser left with less weight than this do not count as closed.
+const LOOP_WEIGHT: f64 = 0.5;
+
+/// A fold over the aligner's journal.
+#[derive(Clone, Debug, Default)]
+pub struct Replay {
+    /// Processed frames in order.
+    pub frames: Vec<FrameRecord>,
+    /// Frames left out in live mode: index and reason.
+    pub skipped: Vec<(u64, String)>,
+    /// Keyframes by id, as they were made.
+    pub keyframes: Vec<KeyframeRecord>,
+    /// Keyframes of the map of earlier runs: the first of `keyframes`.
+    pub n_map_keyframes: usize,
+    /// The first frame that was tracked.
+    pub first_tracked: Option<u64>,
+    /// Poses of keyframes and frames with all corrections.
+    poses: PoseHistory,
+    /// What the final optimisation made of the camera, where it was asked to.
+    pub refinement: Option<Refinement>,
+    /// Corrections that took effect.
+    pub n_corrections: u64,
+    /// Frames in the source, once it is exhausted.
+    pub n_source_frames: Option<u64>,
+    /// Whether a correction took effect after the end of the source.
+    pub is_finally_optimised: bool,
+    /// What the optimiser last said of each loop, by newer and older keyframe.
+    pub loops: BTreeMap<(u32, u32), LoopRecord>,
+}
+
+impl Replay {
+    /// Takes the next record in.
+    pub fn apply(&mut self, record: AlignRecord) {
+        self.poses.apply(&record);
+        match record {
+            AlignRecord::Map(map) => self.add_map(*map),
+            AlignRecord::Frame(mut frame) => {
+                if frame.state == State::Tracking {
+                    self.first_tracked.get_or_insert(frame.index);
+                }
+                if let Some(keyframe) = frame.new_keyframe.take() {
+                    self.keyframes.push(keyframe);
+                }
+                // The tracker's own memory is of no use here, and large.
+                frame.blocks = Vec::new();
+                self.frames.push(*frame);
+            }
+            AlignRecord::Skipped(index, reason) => self.skipped.push((index, reason)),
+            AlignRecord::Correction(applied) => self.correct(&applied.correction),
+            AlignRecord::End { n_frames, .. } => self.n_source_frames = Some(n_frames),
+        }
+    }
+
+    fn add_map(&mut self, map: MapRecord) {
+        self.n_map_keyframes = map.keyframes.len();
+        for keyframe in map.keyframes {
+            // What place it is matters to the tracker alone.
+            let KeyframeState { id, frame_index, stamp_nanos, world_from_camera, velocity, slot, .. } =
+                keyframe;
+            let (edges, place) = (Vec::new(), Vec::new());
+            self.keyframes.push(KeyframeRecord {
+                id,
+                frame_index,
+                stamp_nanos,
+                world_from_camera,
+                velocity,
+                slot,
+                edges,
+                place,
+                retires: Vec::new(),
+            });
+        }
+    }
+
+    fn correct(&mut self, correction: &Correction) {
+        // The answer to a request that was left out corrects nothing.
+        if !correction.keyframes.is_empty() {
+            self.n_corrections += 1;
+            self.is_finally_optimised |= self.n_source_frames.is_some();
+        }
+        self.refinement.clone_from(&correction.refinement);
+        for pair in &correction.loops {
+            self.loops.insert((pair.newer, pair.older), *pair);
+        }
+    }
+
+    /// The refined camera, where there is one.
+    pub fn refined(&self) -> Option<&RefinedCamera> {
+        match &self.refinement {
+            Some(Refinement::Refined(refined)) => Some(refined),
+            _ => None,
+        }
+    }
+
+    /// The same run as the refined camera saw it; `None` where no camera was refined.
+    pub fn with_refined_camera(&self) -> Option<Self> {
+        let poses = self.poses.with_refined_camera(self.refined()?);
+        Some(Self { poses, ..self.clone() })
+    }
+
+    /// Corrected `world_from_camera` of each keyframe, by id.
+    pub fn keyframe_poses(&self) -> impl Iterator<Item = Pose> + '_ {
+        self.poses.keyframe_poses()
+    }
+
+    /// Final `world_from_camera` of a frame.
+    pub fn final_pose(&self, frame: &FrameRecord) -> Pose {
+        self.poses.final_pose(&frame.into())
+    }
+
+    /// Loops between keyframes that the optimiser kept.
+    pub fn n_loops_closed(&self) -> u64 {
+        let weight = |newer, older| self.loops.get(&(newer, older)).map_or(1.0, |pair| pair.weight);
+        let loops = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
+        loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
+    }
+
+    /// Frames by the effort they got, from the full one down.
+    pub fn n_at_effort(&self) -> [u64; 4] {
+        let mut counts = [0; 4];
+        self.frames.iter().for_each(|frame| counts[frame.effort.rung()] += 1);
+        counts
+    }
+
+    /// Frames whose pose cannot be trusted.
+    pub fn n_untracked(&self) -> u64 {
+        self.frames.iter().filter(|frame| frame.state != State::Tracking).count() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_run;
+
+    #[test]
+    fn frames_follow_their_corrected_keyframe() {
+        let mut replay = Replay::default();
+        test_run::records().into_iter().for_each(|record| replay.apply(record));
+        assert_eq!((replay.frames.len(), replay.keyframes.len(), replay.n_corrections), (6, 3, 1));
+        // The correction moves keyframe 1 by 1 m along x; keyframe 2, made later, moves with it.
+        let x: Vec<f64> = replay.frames.iter().map(|f| replay.final_pose(f).translation.x).collect();
+        assert_eq!(x, [0.0, 0.1, 1.2, 1.3, 1.4, 7.0]);
+    }
+
+    #[test]
+    fn counts_say_what_happened() {
+        let mut replay = Replay::default();
+        test_run::records().into_iter().for_each(|record| replay.apply(record));
+        assert_eq!(replay.n_loops_closed(), 1);
+        assert_eq!(replay.n_untracked(), 1);
+        assert_eq!(replay.skipped, [(6, "newer frames had come".to_owned())]);
+        assert_eq!(replay.n_source_frames, Some(7));
+        assert!(!replay.is_finally_optimised);
+    }
+}

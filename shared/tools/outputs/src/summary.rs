@@ -1,0 +1,240 @@
+//! `summary.json`.
+
+use crate::ToolError;
+use crate::accuracy::{Accuracy, accuracy};
+use crate::files::write_whole;
+use crate::replay::Replay;
+use crate::statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
+use crate::trajectories::{Rows, final_rows, online_rows};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use tessera_evaluation::Trajectory;
+use tessera_geometry::Camera;
+use tessera_settings::Settings;
+use tessera_slam::Refinement;
+
+/// Names of the stages in the order of the flow, as every table of the summary lists them.
+pub(crate) const STAGES: [&str; 4] = ["sensor", "reconstruct", "align", "optimise"];
+
+/// What came of a run. Field names are an interface: scripts read them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Version of the program that wrote it.
+    pub version: &'static str,
+    /// Source, as the user named it.
+    pub source: String,
+    /// How the run ended.
+    pub ended: Ended,
+    /// Whether the optimisation at the end of the run is in the outputs.
+    pub final_optimisation: bool,
+    /// Frames that the sensor sent.
+    pub frames_read: u64,
+    /// Frames with a record.
+    pub frames_processed: u64,
+    /// Frames left out in a live run.
+    pub frames_dropped: u64,
+    /// Frames that ended their stage again and again.
+    pub frames_lost: u64,
+    /// Frames whose pose is a prediction.
+    pub frames_untracked: u64,
+    /// Processed frames by the effort they got, from the full one down; less than full in live
+    /// mode alone.
+    pub frames_at_effort: [u64; 4],
+    /// Keyframes of the map.
+    pub keyframes: u64,
+    /// Of those, in the map of the earlier run that this one started in.
+    pub map_keyframes: u64,
+    /// First tracked frame; in a run that started in a map, the frame that was found there.
+    pub first_tracked: Option<u64>,
+    /// Loop requests that were answered with a correction.
+    pub loops_closed: u64,
+    /// Corrections of all keyframes.
+    pub global_optimisations: u64,
+    /// Restarts by stage.
+    pub restarts: BTreeMap<String, u64>,
+    /// Latency by stage, milliseconds.
+    pub latency_ms: BTreeMap<String, LatencyMs>,
+    /// CPU time by stage, milliseconds a frame.
+    pub cpu_ms_per_frame: BTreeMap<String, f64>,
+    /// Largest resident memory by stage, MB.
+    pub peak_rss_mb: BTreeMap<String, f64>,
+    /// Shared memory of the run, MB.
+    pub shared_memory_mb: f64,
+    /// Duration, seconds.
+    pub wall_s: f64,
+    /// Of `trajectory.txt`; absent without ground truth.
+    #[serde(rename = "final", skip_serializing_if = "Option::is_none")]
+    pub of_final: Option<Accuracy>,
+    /// Of `trajectory_online.txt`; absent without ground truth.
+    #[serde(rename = "online", skip_serializing_if = "Option::is_none")]
+    pub of_online: Option<Accuracy>,
+    /// What became of the camera; absent where the run was not asked to refine it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<RefinementSummary>,
+}
+
+/// What `--refine-camera` did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RefinementSummary {
+    /// The outputs are those of another camera.
+    Refined {
+        camera: Box<Camera>,
+        /// How far the image moved, root mean square pixels.
+        moved_px: f64,
+        /// Combinations of parameters that the motion does not determine.
+        held: u32,
+        /// Root mean square residual of keyframe pairs, standard deviations of depth.
+        residual_sigmas_before: f64,
+        residual_sigmas_after: f64,
+        /// Of the final trajectory with the run's own camera; absent without ground truth.
+        final_before: Option<Accuracy>,
+    },
+    /// The outputs are those of the run's own camera, and why.
+    Kept(String),
+}
+
+impl Summary {
+    /// Puts together what the journal, the supervisor and the ground truth say.
+    pub fn new(
+        settings: &Settings,
+        replay: &Replay,
+        statistics: &RunStatistics,
+        groundtruth: Option<&Trajectory>,
+    ) -> Self {
+        let (processed, dropped) = (replay.frames.len() as u64, replay.skipped.len() as u64);
+        // Until the source has ended, what was sent and not yet processed is not lost but undone.
+        let read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
+        let stage = |name: &str| statistics.stages.get(name).copied().unwrap_or_default();
+        let cpu = |stage: StageStatistics| if processed > 0 { stage.cpu_ms / processed as f64 } else { 0.0 };
+        let mut latency_ms = by_stage(|name| stage(name).latency_ms);
+        latency_ms.insert("end_to_end".to_owned(), statistics.end_to_end_ms);
+        let accuracy = |rows: &Rows| groundtruth.and_then(|truth| accuracy(rows, truth));
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            source: settings.run.source.clone(),
+            ended: statistics.ended,
+            final_optimisation: replay.is_finally_optimised,
+            frames_read: read,
+            frames_processed: processed,
+            frames_dropped: dropped,
+            frames_lost: read - processed - dropped,
+            frames_untracked: replay.n_untracked(),
+            frames_at_effort: replay.n_at_effort(),
+            keyframes: replay.keyframes.len() as u64,
+            map_keyframes: replay.n_map_keyframes as u64,
+            first_tracked: replay.first_tracked,
+            loops_closed: replay.n_loops_closed(),
+            global_optimisations: replay.n_corrections,
+            restarts: by_stage(|name| stage(name).restarts),
+            latency_ms,
+            cpu_ms_per_frame: by_stage(|name| cpu(stage(name))),
+            peak_rss_mb: by_stage(|name| stage(name).peak_rss_mb),
+            shared_memory_mb: statistics.shared_memory_mb,
+            wall_s: statistics.wall_s,
+            of_final: accuracy(&final_rows(replay)),
+            of_online: accuracy(&online_rows(replay)),
+            refinement: settings
+                .mapping
+                .global
+                .refine_camera
+                .then(|| RefinementSummary::new(replay.refinement.as_ref())),
+        }
+    }
+
+    /// Adds the errors of the run as its own camera saw it, beside those of the refined one.
+    pub fn compare_with(&mut self, as_mapped: &Replay, groundtruth: Option<&Trajectory>) {
+        if let Some(RefinementSummary::Refined { final_before, .. }) = &mut self.refinement {
+            *final_before = groundtruth.and_then(|truth| accuracy(&final_rows(as_mapped), truth));
+        }
+    }
+
+    /// Whether the run started in a map and no frame of it was found there.
+    pub fn is_nowhere(&self) -> bool {
+        self.map_keyframes > 0 && self.first_tracked.is_none()
+    }
+
+    /// Writes `summary.json`.
+    pub fn write(&self, folder: &Path) -> Result<(), ToolError> {
+        let json = self.to_json()?;
+        write_whole(folder, "summary.json", |writer| writeln!(writer, "{json}"))
+    }
+
+    /// The summary as JSON.
+    pub fn to_json(&self) -> Result<String, ToolError> {
+        serde_json::to_string_pretty(self).map_err(|error| ToolError::Stage(error.to_string()))
+    }
+}
+
+impl RefinementSummary {
+    fn new(refinement: Option<&Refinement>) -> Self {
+        match refinement {
+            Some(Refinement::Refined(found)) => Self::Refined {
+                camera: Box::new(found.camera.clone()),
+                moved_px: found.moved_px,
+                held: found.n_held,
+                residual_sigmas_before: found.residual_sigmas[0],
+                residual_sigmas_after: found.residual_sigmas[1],
+                final_before: None,
+            },
+            Some(Refinement::Kept(reason)) => Self::Kept(reason.clone()),
+            None => Self::Kept("the run ended without a final optimisation".to_owned()),
+        }
+    }
+}
+
+fn by_stage<T>(value: impl Fn(&str) -> T) -> BTreeMap<String, T> {
+    STAGES.iter().map(|name| ((*name).to_owned(), value(name))).collect()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::test_run;
+    use crate::trajectories::as_trajectory;
+
+    pub(crate) fn summary() -> Summary {
+        let replay = test_run::replay();
+        let truth = as_trajectory(&online_rows(&replay)).unwrap();
+        let stage = StageStatistics { restarts: 1, cpu_ms: 30.0, ..StageStatistics::default() };
+        let statistics = RunStatistics {
+            stages: [("align".to_owned(), stage)].into(),
+            ended: Ended::Interrupted,
+            wall_s: 2.0,
+            ..RunStatistics::default()
+        };
+        Summary::new(&Settings::default(), &replay, &statistics, Some(&truth))
+    }
+
+    #[test]
+    fn the_json_has_the_fields_that_scripts_read() {
+        let json: serde_json::Value = serde_json::from_str(&summary().to_json().unwrap()).unwrap();
+        let numbers = [
+            ("frames_read", 7),
+            ("frames_processed", 6),
+            ("frames_dropped", 1),
+            ("frames_lost", 0),
+            ("frames_untracked", 1),
+            ("keyframes", 3),
+            ("loops_closed", 1),
+            ("global_optimisations", 1),
+        ];
+        for (key, expected) in numbers {
+            assert_eq!(json[key], expected, "{key}");
+        }
+        assert_eq!((&json["map_keyframes"], &json["first_tracked"]), (&0.into(), &0.into()));
+        assert_eq!(json["restarts"]["align"], 1);
+        assert_eq!(json["restarts"]["sensor"], 0);
+        assert_eq!(json["cpu_ms_per_frame"]["align"], 5.0);
+        assert!(json["latency_ms"]["end_to_end"]["p99"].is_number());
+        assert!(json["peak_rss_mb"]["optimise"].is_number());
+        assert!(json["shared_memory_mb"].is_number());
+        assert_eq!(json["final_optimisation"], false);
+        assert_eq!(json["online"]["pairs"], 6);
+        assert!(json["online"]["ate_rmse_m"].as_f64().unwrap() < 1e-9);
+        assert!(json["final"]["ate_rmse_m"].as_f64().unwrap() > 0.1);
+        // Shorter than a second: no RPE, and not a number made up for it.
+        assert!(json["final"]["rpe_translation_rmse_m_per_s"].is_null());
+    }
+}

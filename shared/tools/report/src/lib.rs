@@ -1,0 +1,36 @@
+//! What came of one run or several, as one page of HTML: self-contained, without a script, good
+//! on a screen, on a phone and on paper.
+//!
+//! The page is a pure function of [`Run`]; the folder `run_directory` fills that in.
+#![forbid(unsafe_code)]
+
+mod chart;
+mod compare;
+mod graph;
+mod html;
+mod page;
+mod picture;
+mod run;
+mod run_directory;
+mod sections;
+mod tracks;
+mod work;
+mod worst;
+
+pub use page::page;
+pub use picture::{Image, PictureError, depth_picture, photograph};
+pub use run::{
+    Event, Frame, FrameState, Keyframe, LoopPair, Run, Sample, Setting, Stage, StageSample, Verdict,
+    WorstFrame,
+};
+pub use run_directory::{REPORT_FILE, write};
+
+/// Why a page could not be drawn.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw {what}: {reason}")]
+pub struct ReportError {
+    /// Which plot or picture.
+    pub what: String,
+    /// What the library said.
+    pub reason: String,
+}

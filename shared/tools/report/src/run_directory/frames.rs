@@ -1,0 +1,161 @@
+//! Where frames and keyframes are, seen as people stand: right, forward, up.
+
+use crate::{Frame, FrameState, Keyframe};
+use nalgebra::Vector3;
+use tessera_evaluation::{AteOptions, Trajectory, ate};
+use tessera_geometry::Pose;
+use tessera_outputs::{Replay, as_trajectory, final_rows};
+use tessera_slam::{FrameRecord, State};
+
+/// Ground truth shown before the first and behind the last frame, nanoseconds.
+const MARGIN_NANOS: i64 = 50_000_000;
+
+/// Frames and truth in the axes of the report.
+pub(super) struct Placed {
+    pub(super) frames: Vec<Frame>,
+    pub(super) truth_m: Vec<[f64; 3]>,
+    /// From the map, through the alignment to the truth, to the axes of the report.
+    pub(super) view_from_world: Pose,
+    view: View,
+}
+
+/// Which axes of the world are right, forward and up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct View([(usize, f64); 3]);
+
+impl View {
+    /// Takes for up the axis of the world that the tops of the images point along on average.
+    fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
+        let sum: Vector3<f64> = world_from_cameras.map(|pose| pose.rotation * -Vector3::y()).sum();
+        let up = sum.iamax();
+        let sign = if sum[up] < 0.0 { -1.0 } else { 1.0 };
+        // Right-handed: right x forward = up.
+        Self(match up {
+            0 => [(1, 1.0), (2, sign), (0, sign)],
+            1 => [(0, 1.0), (2, -sign), (1, sign)],
+            _ => [(0, 1.0), (1, sign), (2, sign)],
+        })
+    }
+
+    fn of(&self, point: &Vector3<f64>) -> [f64; 3] {
+        self.0.map(|(axis, sign)| sign * point[axis])
+    }
+}
+
+/// Frames at their final places, with their errors where the truth is known.
+pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
+    let rows = final_rows(replay);
+    let compared = truth.and_then(|truth| {
+        let options = AteOptions::default();
+        ate(&as_trajectory(&rows)?, truth, &options).ok()
+    });
+    let truth_from_world = compared.as_ref().map_or(Pose::identity(), |ate| ate.groundtruth_from_estimate);
+    let poses: Vec<Pose> = rows.iter().map(|(_, pose)| truth_from_world * pose).collect();
+    let view = View::new(poses.iter());
+    let mut errors = vec![None; poses.len()];
+    if let Some(ate) = &compared {
+        for ((_, at), error) in ate.pairs.iter().zip(&ate.errors_m) {
+            errors[*at] = Some(*error);
+        }
+    }
+    let begin = rows.first().map_or(0, |(stamp, _)| *stamp);
+    let end = rows.last().map_or(0, |(stamp, _)| *stamp);
+    let mut frames: Vec<Frame> = replay
+        .frames
+        .iter()
+        .zip(&poses)
+        .zip(errors)
+        .map(|((record, pose), error_m)| Frame {
+            index: record.index,
+            time_s: (record.stamp_nanos - begin) as f64 * 1e-9,
+            state: state(record.state),
+            reason: record.reason.clone(),
+            position_m: view.of(&pose.translation.vector),
+            error_m,
+            std_m: std_m(record),
+        })
+        .collect();
+    add_dropped(&mut frames, &replay.skipped);
+    let is_near = |stamp: i64| (begin - MARGIN_NANOS..=end + MARGIN_NANOS).contains(&stamp);
+    let truth_m = match truth.filter(|_| compared.is_some()) {
+        None => Vec::new(),
+        Some(truth) => {
+            let rows = truth.stamps_nanos.iter().zip(&truth.poses).filter(|(stamp, _)| is_near(**stamp));
+            rows.map(|(_, pose)| view.of(&pose.translation.vector)).collect()
+        }
+    };
+    Placed { frames, truth_m, view_from_world: truth_from_world, view }
+}
+
+fn state(state: State) -> FrameState {
+    match state {
+        State::Tracking => FrameState::Tracking,
+        State::Lost => FrameState::Lost,
+        State::Relocalising => FrameState::Relocalising,
+    }
+}
+
+/// Standard deviation of the position, from the diagonal of the covariance.
+fn std_m(record: &FrameRecord) -> Option<f64> {
+    let variances = [0, 6, 11].map(|place| record.covariance.get(place).copied());
+    let [Some(x), Some(y), Some(z)] = variances else { return None };
+    Some((x + y + z).max(0.0).sqrt()).filter(|std| std.is_finite())
+}
+
+/// Frames that were left out stand at the time and place of the frame before them.
+fn add_dropped(frames: &mut Vec<Frame>, skipped: &[(u64, String)]) {
+    for (index, reason) in skipped {
+        let place = frames.partition_point(|frame| frame.index < *index);
+        let before = place.checked_sub(1).and_then(|place| frames.get(place)).or(frames.first());
+        let (time_s, position_m) = before.map_or((0.0, [0.0; 3]), |frame| (frame.time_s, frame.position_m));
+        let (state, reason) = (FrameState::Dropped, reason.clone());
+        let dropped = Frame { index: *index, time_s, state, reason, position_m, error_m: None, std_m: None };
+        frames.insert(place, dropped);
+    }
+}
+
+/// Keyframes at their final places.
+pub(super) fn keyframes(replay: &Replay, placed: &Placed) -> Vec<Keyframe> {
+    let of = |pose: &Pose| placed.view.of(&(placed.view_from_world * pose).translation.vector);
+    replay
+        .keyframes
+        .iter()
+        .zip(replay.keyframe_poses())
+        .enumerate()
+        .map(|(place, (keyframe, pose))| Keyframe {
+            id: keyframe.id,
+            position_m: of(&pose),
+            is_of_map: place < replay.n_map_keyframes,
+            edges: keyframe.edges.iter().map(|edge| edge.to).collect(),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_outputs::test_run;
+
+    #[test]
+    fn a_camera_s_own_axes_become_right_forward_and_up() {
+        let view = View::new([Pose::identity()].iter());
+        assert_eq!(view.of(&Vector3::new(1.0, 2.0, 3.0)), [1.0, 3.0, -2.0]);
+        // A world with z up, looked at by a camera that looks along its y.
+        let turned = Pose::rotation(Vector3::x() * -std::f64::consts::FRAC_PI_2);
+        assert_eq!(View::new([turned].iter()).of(&Vector3::new(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn every_frame_is_there_with_its_state_and_error() {
+        let replay = test_run::replay();
+        let truth = as_trajectory(&final_rows(&replay)).unwrap();
+        let placed = place(&replay, Some(&truth));
+        assert_eq!(placed.frames.iter().map(|frame| frame.index).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!((placed.frames[4].state, placed.frames[6].state), (FrameState::Lost, FrameState::Dropped));
+        assert!(placed.frames[..6].iter().all(|frame| frame.error_m.unwrap() < 1e-9));
+        assert!((placed.frames[4].std_m.unwrap() - 0.14f64.sqrt() * 0.1).abs() < 1e-9);
+        assert_eq!(placed.truth_m.len(), 6);
+        assert_eq!(keyframes(&replay, &placed)[2].edges, [0, 1]);
+        assert!(place(&replay, None).truth_m.is_empty());
+    }
+}

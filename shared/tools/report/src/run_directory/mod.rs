@@ -1,0 +1,69 @@
+//! `report.html`: what a run directory holds, as a page to look at. Nothing reads it back, and no
+//! result depends on it.
+
+mod events;
+mod facts;
+mod frames;
+mod loops;
+mod pictures;
+mod processes;
+mod settings;
+mod worst;
+
+use crate::Run;
+use std::path::Path;
+use tessera_outputs::ToolError;
+use tessera_outputs::{self as outputs, Summary, write_file};
+use tessera_stage::RunFiles;
+
+/// Name of the report in the run directory.
+pub const REPORT_FILE: &str = "report.html";
+
+/// Writes the report of runs, side by side where they are several, to a file.
+///
+/// # Errors
+/// Names the file of a run that cannot be read, or the report that cannot be written.
+pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
+    let runs: Vec<Run> = run_folders.iter().map(|folder| read(folder)).collect::<Result<_, _>>()?;
+    let page = crate::page(&runs).map_err(|error| ToolError::Stage(error.to_string()))?;
+    write_file(path, |writer| writer.write_all(page.as_bytes()))
+}
+
+/// All that a report tells of a run.
+fn read(run_folder: &Path) -> Result<Run, ToolError> {
+    let files = RunFiles::new(run_folder);
+    let settings = outputs::read_settings(&files)?;
+    let replay = outputs::read_journal(&files)?;
+    let replay = replay.with_refined_camera().unwrap_or(replay);
+    let groundtruth = outputs::read_groundtruth(run_folder)?;
+    let statistics = outputs::read_statistics(run_folder)?;
+    // A run whose supervisor was killed has none.
+    let timeline = outputs::read_timeline(run_folder).unwrap_or_default();
+    let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref());
+    let name = std::path::absolute(run_folder).unwrap_or_else(|_| run_folder.to_owned());
+    let name = name.file_name().map_or_else(|| name.display().to_string(), |n| n.to_string_lossy().into());
+
+    let placed = frames::place(&replay, groundtruth.as_ref());
+    let mut worst = worst::pick(&placed.frames, groundtruth.is_some());
+    let no_pictures = pictures::add(&mut worst, &replay, &settings).err();
+    let (events, n_more_events) = events::read(&files.log());
+    Ok(Run {
+        name,
+        source: summary.source.clone(),
+        ended: summary.how_it_ended().to_owned(),
+        is_alarming: summary.is_alarming(),
+        facts: facts::of(&summary),
+        machine: facts::machine(&summary, &timeline.machine),
+        keyframes: frames::keyframes(&replay, &placed),
+        loops: loops::of(&replay),
+        frames: placed.frames,
+        truth_m: placed.truth_m,
+        stages: processes::stages(&summary, &timeline),
+        samples: processes::samples(&timeline),
+        events,
+        n_more_events,
+        settings: settings::of(&settings),
+        worst,
+        no_pictures,
+    })
+}

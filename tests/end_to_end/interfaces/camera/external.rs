@@ -1,0 +1,350 @@
+//! Frames from a program that is none of ours: nothing it does changes a byte, stops a restart or
+//! goes by without a word.
+
+use crate::common::{Run, process_of, room, signal, wait_for};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
+use tessera_geometry::Camera;
+use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
+use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec};
+use tessera_surface::Grid;
+use tessera_transport::{Layout, Link, SlicePublisher, registered_runs};
+
+const FRAMES: u64 = 40;
+
+/// Tells [`a_camera`] that it is one: `run ring mode camera-file`.
+const CAMERA_VARIABLE: &str = "TESSERA_TEST_CAMERA";
+
+struct Publisher {
+    port: SlicePublisher<CameraFrame, u16>,
+    source: Box<dyn Source>,
+    header: CameraFrame,
+}
+
+impl Publisher {
+    fn send(&mut self, index: u64) {
+        let Camera { width, height, .. } = *self.source.camera();
+        let shape = FrameShape { width, height };
+        let mut loan = self.port.loan(shape.payload_len()).unwrap();
+        let (depth, colour) = shape.split_mut(loan.payload_mut()).unwrap();
+        let info = self.source.read(index % FRAMES, &mut FrameBuffers { depth, colour }).unwrap();
+        let has_colour = info.has_colour.into();
+        // Ten seconds for each round through the room, which takes less.
+        let stamp_nanos = info.stamp_nanos + (index / FRAMES) as i64 * 10_000_000_000;
+        *loan.header_mut() = CameraFrame { index, stamp_nanos, has_colour, ..self.header };
+        loan.send().unwrap();
+    }
+
+    fn end(&mut self, n: u64) {
+        let mut loan = self.port.loan(1).unwrap();
+        *loan.header_mut() = CameraFrame { index: n, kind: 1, ..self.header };
+        loan.send().unwrap();
+    }
+}
+
+fn room_of(camera: &str) -> Box<dyn Source> {
+    let options =
+        SourceOptions { camera: Some(camera.into()), frames: Some(FRAMES), ..SourceOptions::default() };
+    tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap()
+}
+
+fn kill_self() {
+    signal(std::process::id(), "KILL");
+    std::thread::sleep(Duration::from_secs(60));
+}
+
+/// Not a test of its own: the process that other tests start.
+#[test]
+fn a_camera() {
+    let Ok(words) = std::env::var(CAMERA_VARIABLE) else { return };
+    let words: Vec<&str> = words.split(' ').collect();
+    let [name, ring, mode, camera_file] = words[..] else { panic!("{words:?}") };
+    let source = room_of(camera_file);
+    let camera = source.camera().clone();
+    let mut identity = None;
+    wait_for("the run", || {
+        let run = registered_runs().unwrap().into_iter().find(|run| run.entry.name == name);
+        identity = run.filter(|run| run.is_alive).map(|run| run.entry.identity);
+        identity.as_ref().is_some_and(|identity| identity.config_file.exists())
+    });
+    let layout = Layout {
+        frame: FrameShape { width: camera.width, height: camera.height },
+        grid: Grid { width: 1, height: 1, step: 1 },
+        window: 4,
+        recent: 0,
+        ahead: 4,
+        live: false,
+        external: true,
+    };
+    let link = Link::open(&identity.unwrap(), &layout, "camera").unwrap();
+    let flows = link.camera_flow_subscriber().unwrap();
+    let header = CameraFrame {
+        session: std::process::id().into(),
+        width: camera.width,
+        height: camera.height,
+        ring_frames: ring.parse().unwrap(),
+        colour_registered: 1,
+        fx: camera.fx,
+        fy: camera.fy,
+        cx: camera.cx,
+        cy: camera.cy,
+        units_per_metre: camera.units_per_metre,
+        ..CameraFrame::default()
+    };
+    let mut publisher = Publisher { port: link.camera_publisher().unwrap(), source, header };
+    let (kind, at) = mode.split_once('=').unwrap_or((mode, ""));
+    let at: Option<u64> = at.parse().ok();
+    let mut flow = CameraFlow::default();
+    let mut newest = || {
+        flow = flows.newest().unwrap().unwrap_or(flow);
+        flow
+    };
+    match kind {
+        // Keeps everything, sends what is asked for, and may die at a frame.
+        "ring" => {
+            let (mut epoch, mut next) = (0, 0);
+            loop {
+                let flow = newest();
+                if flow.finished == 1 {
+                    return;
+                }
+                if flow.epoch != epoch {
+                    (epoch, next) = (flow.epoch, flow.send_from);
+                }
+                if next < flow.send_below && next <= FRAMES {
+                    if next == FRAMES {
+                        publisher.end(next);
+                    } else {
+                        publisher.send(next);
+                    }
+                    if Some(next) == at {
+                        kill_self();
+                    }
+                    next += 1;
+                } else {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            }
+        }
+        // Says that it keeps frames, and never sends one again.
+        "forgetful" => {
+            for index in 0.. {
+                publisher.send(index);
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        // Sends each frame at its time, and never ends.
+        "endless" => {
+            for index in 0.. {
+                publisher.send(index);
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        // Sends ten frames from `at`, each at its time, and says that it is over.
+        "live" => {
+            let first = at.unwrap_or(0);
+            for index in first..first + 10 {
+                publisher.send(index);
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            while newest().finished == 0 {
+                publisher.end(first + 10);
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        // Frames, and then all that a header can get wrong.
+        "nonsense" => {
+            for index in 0..10 {
+                publisher.send(index);
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            let good = publisher.header;
+            let bad = [
+                CameraFrame { width: 1, ..good },
+                CameraFrame { fx: good.fx + 1.0, ..good },
+                CameraFrame { kind: 99, ..good },
+                CameraFrame { has_colour: 7, ..good },
+            ];
+            for turn in 0.. {
+                publisher.header = bad[turn % bad.len()];
+                let Camera { width, height, .. } = *publisher.source.camera();
+                let len = [1, FrameShape { width, height }.payload_len()][turn % 2];
+                let mut loan = publisher.port.loan(len).unwrap();
+                loan.payload_mut().fill(0x5a5a);
+                *loan.header_mut() = CameraFrame { index: 10 + turn as u64, ..publisher.header };
+                loan.send().unwrap();
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        other => panic!("{other}"),
+    }
+}
+
+/// A camera's program, killed at the end of the test.
+struct Foreign(Child);
+
+impl Foreign {
+    fn start(run: &Run, ring: u32, mode: &str) -> Self {
+        let camera = run.dir.path().join("camera.toml");
+        let child = process_of(module_path!(), "a_camera")
+            .env(CAMERA_VARIABLE, format!("{} {ring} {mode} {}", run.name, camera.display()))
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        Self(child)
+    }
+}
+
+impl Drop for Foreign {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn external() -> Run {
+    room().of(Path::new("external"))
+}
+
+fn words(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn undisturbed() -> Run {
+    let run = room().frames(FRAMES);
+    assert!(run.finish().success());
+    run
+}
+
+fn finished(run: &Run, child: Child, reference: &Run, what: &str) {
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{what}: {}\n{}", words(&output), run.log());
+    run.assert_same_bytes(reference, what);
+    assert_eq!(run.leftovers(), Vec::<PathBuf>::new(), "{what}");
+}
+
+#[test]
+fn a_camera_that_sends_again_loses_nothing_whoever_dies() {
+    let reference = undisturbed();
+    let plans = [
+        "",
+        "sensor=sent:9;sensor=read:20",
+        "reconstruct=received:13",
+        "align=computed:11",
+        "align=acknowledged:17",
+        "sensor=read:21:drop",
+    ];
+    for plan in plans {
+        let run = external().with_env("TESSERA_KILL_PLAN", plan);
+        let child = run.start();
+        let _camera = Foreign::start(&run, 64, "ring");
+        finished(&run, child, &reference, plan);
+        let n_expected = usize::from(!plan.is_empty() && !plan.ends_with("drop"));
+        assert_eq!(run.n_deaths(), n_expected, "{plan}\n{}", run.log());
+    }
+}
+
+#[test]
+fn a_camera_that_dies_and_comes_back_goes_on_where_it_was() {
+    let reference = undisturbed();
+    let run = external();
+    let child = run.start();
+    let mut first = Foreign::start(&run, 64, "ring=15");
+    assert!(!first.0.wait().unwrap().success());
+    let _second = Foreign::start(&run, 64, "ring");
+    finished(&run, child, &reference, "after the camera died");
+}
+
+#[test]
+fn a_camera_that_went_away_ends_the_run_in_words_and_resume_goes_on() {
+    let reference = undisturbed();
+    let run = external().with(&["--set", "run.camera_timeout_s=1.5"]);
+    let child = run.start();
+    let mut first = Foreign::start(&run, 64, "ring=15");
+    assert!(!first.0.wait().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}\n{}", words(&output), run.log());
+    let expected = "the camera sent nothing usable for 1.5 s (run.camera_timeout_s), frame 16 is awaited: \
+                    its program is not there";
+    assert!(words(&output).contains(expected), "{}", words(&output));
+    assert!(words(&output).contains("tessera resume"), "{}", words(&output));
+    assert!(!run.output("trajectory.txt").is_empty());
+    assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
+
+    let resumed = Command::new(env!("CARGO_BIN_EXE_tessera"))
+        .args(["resume", "--quiet"])
+        .arg(run.out())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let _camera = Foreign::start(&run, 64, "ring");
+    finished(&run, resumed, &reference, "after resume");
+}
+
+#[test]
+fn no_camera_is_told_and_leaves_nothing() {
+    let run = external().with(&["--set", "run.camera_timeout_s=0.3"]);
+    let output = run.command().output().unwrap();
+    assert_eq!(output.status.code(), Some(3));
+    assert!(words(&output).contains("no camera came within 0.3 s"), "{}", words(&output));
+    assert!(words(&output).contains(&format!("service 'camera' of the run {}", run.name)));
+    assert!(!run.out().exists() && !registered_runs().unwrap().iter().any(|r| r.entry.name == run.name));
+    let skipping = external().with(&["--skip", "3"]).command().output().unwrap();
+    assert_eq!(skipping.status.code(), Some(2));
+    assert!(words(&skipping).contains("--skip cannot be used with the source external"));
+    let checked = Command::new(env!("CARGO_BIN_EXE_tessera")).args(["check", "external"]).output().unwrap();
+    assert_eq!(checked.status.code(), Some(3));
+    assert!(words(&checked).contains("only `tessera run external` waits for it"), "{}", words(&checked));
+}
+
+#[test]
+fn a_ring_that_is_none_is_told() {
+    let run = external();
+    let child = run.start();
+    let _camera = Foreign::start(&run, 64, "forgetful");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}\n{}", words(&output), run.log());
+    assert!(words(&output).contains("it must keep its last 8 frames"), "{}", words(&output));
+}
+
+#[test]
+fn nonsense_is_refused_in_words() {
+    let run = external().with(&["--set", "run.camera_timeout_s=1.5", "--set", "run.camera=\"\""]);
+    // Without --camera, so that the camera's own numbers count.
+    let mut command = run.command();
+    let arguments: Vec<_> = command.get_args().map(std::ffi::OsStr::to_owned).collect();
+    let at = arguments.iter().position(|argument| argument == "--camera").unwrap();
+    command = Command::new(env!("CARGO_BIN_EXE_tessera"));
+    command.args(&arguments[..at]).args(&arguments[at + 2..]).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let _camera = Foreign::start(&run, 0, "nonsense");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}\n{}", words(&output), run.log());
+    assert!(words(&output).contains("what it sends is refused: frame "), "{}", words(&output));
+    assert!(run.log().contains("of the camera's images, the last: frame "), "{}", run.log());
+    assert!(!run.log().contains("panicked"), "{}", run.log());
+    assert_eq!(run.n_deaths(), 1, "only the sensor, at the end\n{}", run.log());
+}
+
+#[test]
+fn live_counts_what_was_not_taken_and_goes_on_with_another_camera() {
+    let run = external().frames(1_000_000).with_env("TESSERA_KILL_PLAN", "sensor=sent:8+");
+    let child = run.start();
+    let mut first = Foreign::start(&run, 0, "endless");
+    wait_for("the sensor's death", || run.n_deaths() == 1);
+    let before = run.n_processed();
+    wait_for("frames of its successor", || run.n_processed() >= before + 10);
+    signal(first.0.id(), "KILL");
+    let _ = first.0.wait();
+    let _second = Foreign::start(&run, 0, "live=1000000");
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}\n{}", words(&output), run.log());
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let count = |key: &str| summary[key].as_u64().unwrap();
+    let (processed, read) = (count("frames_processed"), count("frames_read"));
+    assert!(processed >= 10, "{summary}");
+    assert_eq!(read, processed + count("frames_dropped") + count("frames_lost"), "{summary}");
+    assert!(run.log().matches("in a new session").count() >= 2, "{}", run.log());
+    assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
+}

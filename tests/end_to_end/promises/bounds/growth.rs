@@ -1,0 +1,109 @@
+//! What grows with a run, and what does not: counted in work and bytes, not in time.
+
+use crate::common::{room, signal};
+use rayon::prelude::*;
+use tessera_offline::{Method, RawFrame, Run};
+use tessera_slam::FrameRecord;
+use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
+
+/// Frames of one round through the simulated room.
+const ROUND: usize = 360;
+const ROUNDS: usize = 4;
+
+/// One round through the room, seen by the small camera of the other tests.
+fn round(camera: &str) -> (SimulatedSource, Vec<RawFrame>) {
+    let options = SimulationOptions::default();
+    let source = SimulatedSource::open(SceneName::Room, Some(camera), None, &options).unwrap();
+    let n_pixels = (source.camera().width * source.camera().height) as usize;
+    let frames = (0..ROUND as u64)
+        .into_par_iter()
+        .map(|index| {
+            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+            let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+            let info = source.read(index, &mut buffers).unwrap();
+            RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour), rotation: None }
+        })
+        .collect();
+    (source, frames)
+}
+
+/// What is counted of a frame.
+type Count = fn(&FrameRecord) -> usize;
+
+/// Mean over frames.
+fn mean(frames: &[&FrameRecord], of: impl Fn(&FrameRecord) -> usize) -> f64 {
+    frames.iter().map(|frame| of(frame) as f64).sum::<f64>() / frames.len() as f64
+}
+
+#[test]
+fn the_work_of_a_frame_is_the_same_early_and_late() {
+    let dir = tempfile::tempdir().unwrap();
+    let camera = dir.path().join("camera.toml");
+    crate::common::write_camera(&camera);
+    let (source, frames) = round(&camera.display().to_string());
+    let mut method = Method::default();
+    method.surface.step = 2;
+    let mut run = Run::new(source.camera(), &method).unwrap();
+    for k in 0..ROUND * ROUNDS {
+        let stamp_nanos = k as i64 * 33_333_333;
+        run.push(&RawFrame { stamp_nanos, ..frames[k % ROUND].clone() });
+    }
+    let records = run.stop();
+    let all: Vec<&FrameRecord> = records.frames().collect();
+    // The first round makes the map; in the second and the last one the same frames are aligned to it.
+    let (early, late) = (&all[ROUND..2 * ROUND], &all[(ROUNDS - 1) * ROUND..]);
+    let counts: [(&str, Count); 2] =
+        [("pairs", |frame| frame.blocks.len()), ("matches", |frame| frame.n_correspondences as usize)];
+    for (what, of) in counts {
+        let (early, late) = (mean(early, of), mean(late, of));
+        // The budget of correspondences bounds it; a map that is known better matches a little more.
+        assert!(early > 0.0 && late < 1.25 * early, "{what}: {early} a frame early, {late} late");
+    }
+    let n_keyframes = |frames: &[&FrameRecord]| frames.iter().filter(|f| f.new_keyframe.is_some()).count();
+    let (first, last) = (n_keyframes(&all[..ROUND]), n_keyframes(late));
+    assert!(last * 2 < first, "{first} keyframes in the first round, {last} in the last");
+}
+
+/// Bytes of a run's journals and store.
+fn on_disk(out: &std::path::Path) -> u64 {
+    ["align.journal", "optimise.journal", "keyframes.store"]
+        .map(|name| std::fs::metadata(out.join(name)).map_or(0, |meta| meta.len()))
+        .iter()
+        .sum()
+}
+
+/// Memory of a process that is no mapped file, bytes.
+fn anonymous(pid: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = status.lines().find(|line| line.starts_with("RssAnon:")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() * 1024
+}
+
+/// Keyframes, bytes on disk, and memory of the aligner and the optimiser when a run has come to a frame.
+fn at_frame(frame: u64) -> (u64, u64, u64) {
+    let plan = format!("align=computed:{frame}:stop");
+    let run = room().frames(frame + 40).with_env("TESSERA_KILL_PLAN", &plan);
+    let mut child = run.start();
+    let align = run.wait_until_stopped("align");
+    let optimise = run.stage_pid("optimise");
+    let memory = anonymous(align) + anonymous(optimise);
+    let disk = on_disk(&run.out());
+    // A surface of the small camera, a header for each.
+    let surface = 80 * 60 * 32;
+    let store = std::fs::metadata(run.out().join("keyframes.store")).unwrap().len();
+    signal(align, "CONT");
+    assert!(child.wait().unwrap().success(), "{}", run.log());
+    (store / surface, disk, memory)
+}
+
+#[test]
+fn a_keyframe_costs_little_memory_and_disk() {
+    let (n_early, disk_early, memory_early) = at_frame(60);
+    let (n_late, disk_late, memory_late) = at_frame(300);
+    let n = n_late - n_early;
+    assert!(n >= 15, "{n_early} keyframes early, {n_late} late");
+    let (disk, memory) = ((disk_late - disk_early) / n, memory_late.saturating_sub(memory_early) / n);
+    // Of a small surface; at 160x120 vertices it is 460 kB more.
+    assert!(disk + 460_800 <= 1_000_000, "{disk} bytes on disk for each keyframe");
+    assert!(memory <= 200_000, "{memory} bytes of memory for each keyframe");
+}

@@ -1,0 +1,125 @@
+//! More frames than can be worked: effort goes down, then frames are left out, and both are told;
+//! it comes back by itself. In lossless mode effort never depends on time.
+
+use crate::common::{Run, room, signal, wait_for, write_images, write_lists};
+use std::process::{Child, Command, Stdio};
+use tessera_journal::Follower;
+use tessera_slam::AlignRecord;
+use tessera_surface::Effort;
+
+/// Processes that burn cores for as long as they are held.
+struct Burners(Vec<Child>);
+
+impl Burners {
+    fn start(n: usize) -> Self {
+        let burn = || {
+            let mut command = Command::new("sh");
+            command.args(["-c", "while :; do :; done"]).stdin(Stdio::null()).spawn().unwrap()
+        };
+        Self((0..n).map(|_| burn()).collect())
+    }
+}
+
+impl Drop for Burners {
+    fn drop(&mut self) {
+        for burner in &mut self.0 {
+            let _ = burner.kill();
+            let _ = burner.wait();
+        }
+    }
+}
+
+/// Different images of the recording; its frames show them in turn.
+const N_IMAGES: u64 = 20;
+
+/// A recording that comes at 500 frames a second, which nothing here can work, and then at 8.
+fn rushed_recording(run: &Run, n_rushed: u64, n_calm: u64) {
+    let folder = run.dir.path().join("recording");
+    write_images(&folder, &run.dir.path().join("camera.toml"), N_IMAGES);
+    let mut seconds = 0.0;
+    let row = |index| {
+        let row = (format!("{seconds:.6}"), index % N_IMAGES);
+        seconds += if index < n_rushed { 0.002 } else { 0.125 };
+        row
+    };
+    write_lists(&folder, (0..n_rushed + n_calm).map(row));
+}
+
+fn efforts(run: &Run) -> Vec<Effort> {
+    let path = run.out().join("align.journal");
+    let mut journal = Follower::<AlignRecord>::open(&path, "align").unwrap();
+    let mut efforts = Vec::new();
+    while let Some(record) = journal.next().unwrap() {
+        if let AlignRecord::Frame(frame) = record {
+            efforts.push(frame.effort);
+        }
+    }
+    efforts
+}
+
+#[test]
+fn effort_goes_down_under_overload_and_comes_back_by_itself() {
+    // More calm frames than a slow machine takes to come back; the run is ended when it has.
+    let (n_rushed, n_calm) = (4000, 4000);
+    let run = room();
+    rushed_recording(&run, n_rushed, n_calm);
+    let folder = run.dir.path().join("recording");
+    let run = run.of(&folder).frames(n_rushed + n_calm).with(&["--live"]);
+    let burners = Burners::start(2);
+    let mut child = run.start();
+    wait_for("the lowest rung", || run.log().contains("effort is lowered to rung 3 of 3"));
+    let look = Command::new(env!("CARGO_BIN_EXE_tessera"))
+        .args(["top", &run.name, "--json", "--interval", "0.3", "--count", "1"])
+        .output()
+        .unwrap();
+    drop(burners);
+    let is_back = |log: &str| log.contains("effort is raised to rung 0 of 3");
+    wait_for("all of the effort", || {
+        run.log().split_once("effort is lowered to rung 3 of 3").is_some_and(|(_, rest)| is_back(rest))
+    });
+    signal(child.id(), "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{}", run.log());
+
+    let line = String::from_utf8(look.stdout).unwrap();
+    let look: serde_json::Value = serde_json::from_str(line.trim()).unwrap();
+    assert!((1..=3).contains(&look["effort"].as_u64().unwrap()), "{look}");
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let count = |key: &str| summary[key].as_u64().unwrap();
+    let n_left_out = count("frames_dropped") + count("frames_lost");
+    assert_eq!(count("frames_processed") + n_left_out, count("frames_read"), "{summary}");
+    assert!(n_left_out > n_rushed / 4, "{summary}");
+    let efforts = efforts(&run);
+    let at = |effort: Effort| efforts.iter().filter(|found| **found == effort).count() as u64;
+    let counts: Vec<u64> =
+        summary["frames_at_effort"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
+    assert_eq!(counts, Effort::ALL.map(at), "the journal says the same");
+    assert_eq!(counts.iter().sum::<u64>(), count("frames_processed"));
+    assert!(counts.iter().all(|n| *n > 0), "every rung was used: {counts:?}");
+    assert!(run.log().contains("effort is lowered to rung 1 of 3"), "{}", run.log());
+}
+
+#[test]
+fn without_the_ladder_effort_stays() {
+    let run = room();
+    rushed_recording(&run, 1000, 0);
+    let folder = run.dir.path().join("recording");
+    let run = run.of(&folder).frames(1000).with(&["--live", "--set", "flow.ladder=false"]);
+    assert!(run.finish().success());
+    assert!(efforts(&run).iter().all(|effort| *effort == Effort::Full));
+    assert!(!run.log().contains("effort is"));
+}
+
+#[test]
+fn in_lossless_mode_effort_never_depends_on_time() {
+    let undisturbed = room();
+    assert!(undisturbed.finish().success());
+    let burners = Burners::start(2);
+    let plan = "align=received:5:slow,received:6:slow,received:7:slow,received:8:slow,received:9:slow;\
+                reconstruct=received:20:slow,received:21:slow";
+    let run = room().with_env("TESSERA_KILL_PLAN", plan);
+    assert!(run.finish().success());
+    drop(burners);
+    assert_eq!(run.log().matches("struck by received").count(), 7, "{}", run.log());
+    assert!(efforts(&run).iter().all(|effort| *effort == Effort::Full));
+    run.assert_same_bytes(&undisturbed, "slow stages beside processes that burn both cores");
+}
