@@ -187,7 +187,7 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
         records.n_corrections(),
         records.n_untracked()
     );
-    let n_free = records.frames().filter(|f| f.reason.contains("leave free")).count();
+    let n_free = records.frames().filter(|f| f.reason.contains("degenerate")).count();
     println!("    {n_free} frames with a free direction");
     report_loops(records);
     let Some(truth) = truth else { return };

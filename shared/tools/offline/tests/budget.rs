@@ -29,7 +29,7 @@ fn a_thinned_map_still_knows_where_the_camera_is() {
         let active: Vec<u32> = state.keyframes.iter().filter(|k| k.is_active()).map(|k| k.id).collect();
         most_active = most_active.max(active.len());
         // Whatever left the working map hangs on something in it.
-        let anchors = state.keyframes.iter().filter_map(|k| k.hangs_on);
+        let anchors = state.keyframes.iter().filter_map(|k| k.anchored_to);
         assert!(anchors.into_iter().all(|id| active.binary_search(&id).is_ok()));
     }
     assert_eq!(most_active, BUDGET as usize);

@@ -32,7 +32,7 @@ fn keyframe(id: u32, frame_index: u64, x: f64, edges: Vec<EdgeRecord>) -> Option
     })
 }
 
-fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>) -> AlignRecord {
+fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecord>) -> AlignRecord {
     let x = index as f64 / 10.0;
     AlignRecord::Frame(Box::new(FrameRecord {
         index,
@@ -42,8 +42,8 @@ fn frame(index: u64, hangs_on: (u32, f64), new_keyframe: Option<KeyframeRecord>)
         reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
         world_from_camera: along_x(x),
         world_from_odom: PoseBits::IDENTITY,
-        keyframe: hangs_on.0,
-        keyframe_from_camera: along_x(hangs_on.1),
+        keyframe: anchored_to.0,
+        keyframe_from_camera: along_x(anchored_to.1),
         covariance: if index == 4 { covariance() } else { Vec::new() },
         n_correspondences: if index == 4 { 12 } else { 0 },
         new_keyframe,

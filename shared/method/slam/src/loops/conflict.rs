@@ -143,7 +143,7 @@ impl Tracker {
             let Some(anchor) = keyframes.get(id as usize) else { continue };
             let new_from_old =
                 Pose::from(&world_from_camera) * Pose::from(&anchor.world_from_camera).inverse();
-            moved.extend(keyframes.iter().filter(|k| k.hangs_on == Some(id)).map(|k| {
+            moved.extend(keyframes.iter().filter(|k| k.anchored_to == Some(id)).map(|k| {
                 let pose = new_from_old * Pose::from(&k.world_from_camera);
                 let pose = compose_normalised(&pose, &Twist::default());
                 KeyframePose { id: k.id, world_from_camera: PoseBits::from(&pose) }

@@ -65,5 +65,5 @@ fn is_degenerate(context: &Context, factor: f64, target_from_query: &Pose, sums:
     let (information, ..) = PairBlock::new(target_from_query, sums).linearise(target_from_query);
     let metric = information / (factor * window.correlation);
     let centroid = degeneracy::centroid(std::iter::once(sums));
-    !degeneracy::free_directions(window, &metric, &centroid).is_empty()
+    !degeneracy::degenerate_directions(window, &metric, &centroid).is_empty()
 }

@@ -41,9 +41,9 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
     let mut views: Vec<View> = state.keyframes.iter().filter(|k| k.is_active()).map(View::of).collect();
     let mut culled = Vec::new();
     for _ in 0..(n_active - budget).min(MOST_AT_A_TIME) {
-        let Some((place, hangs_on)) = least_needed(&views, settings) else { break };
+        let Some((place, anchored_to)) = least_needed(&views, settings) else { break };
         let keyframe = views.remove(place).id;
-        culled.push(RetiredRecord { keyframe, hangs_on });
+        culled.push(RetiredRecord { keyframe, anchored_to });
     }
     culled
 }
@@ -67,7 +67,7 @@ fn least_needed(views: &[View], settings: &MappingSettings) -> Option<(usize, u3
             }
         }
     }
-    best.map(|(_, place, hangs_on)| (place, hangs_on))
+    best.map(|(_, place, anchored_to)| (place, anchored_to))
 }
 
 /// Poses of all keyframes from those of the active ones: the others move along with
@@ -85,7 +85,7 @@ pub(crate) fn with_retired(
             if let Some(pose) = solved_of(keyframe.id) {
                 return *pose;
             }
-            let anchor = keyframe.hangs_on.and_then(|id| keyframes.get(id as usize));
+            let anchor = keyframe.anchored_to.and_then(|id| keyframes.get(id as usize));
             match anchor.and_then(|anchor| Some((anchor, solved_of(anchor.id)?))) {
                 Some((anchor, pose)) => pose * Pose::from(&anchor.world_from_camera).inverse() * old,
                 None => old,
@@ -111,7 +111,7 @@ mod tests {
             edges: Vec::new(),
             covariance: Vec::new(),
             place: vec![1],
-            hangs_on: None,
+            anchored_to: None,
         }
     }
 
@@ -133,19 +133,19 @@ mod tests {
         let mut state = line(&x[1..]);
         assert_eq!(culled(&state, &settings(0)), []);
         assert_eq!(culled(&state, &settings(13)), []);
-        let expected = RetiredRecord { keyframe: 3, hangs_on: 2 };
+        let expected = RetiredRecord { keyframe: 3, anchored_to: 2 };
         assert_eq!(culled(&state, &settings(12)), [expected]);
         assert_eq!(culled(&state, &settings(5)).len(), MOST_AT_A_TIME);
         state = line(&x);
-        assert_eq!(culled(&state, &settings(13)), [RetiredRecord { keyframe: 1, hangs_on: 0 }]);
+        assert_eq!(culled(&state, &settings(13)), [RetiredRecord { keyframe: 1, anchored_to: 0 }]);
     }
 
     #[test]
-    fn what_hangs_on_a_keyframe_goes_where_it_goes() {
+    fn what_anchored_to_a_keyframe_goes_where_it_goes() {
         let mut state = line(&[0.0, 0.1, 0.2, 0.3]);
-        state.retire(&RetiredRecord { keyframe: 1, hangs_on: 2 });
-        state.retire(&RetiredRecord { keyframe: 2, hangs_on: 3 });
-        assert_eq!(state.keyframes[1].hangs_on, Some(3), "its own anchor went");
+        state.retire(&RetiredRecord { keyframe: 1, anchored_to: 2 });
+        state.retire(&RetiredRecord { keyframe: 2, anchored_to: 3 });
+        assert_eq!(state.keyframes[1].anchored_to, Some(3), "its own anchor went");
         let active: Vec<KeyframeState> = state.keyframes.iter().filter(|k| k.is_active()).cloned().collect();
         assert_eq!(active.iter().map(|k| k.id).collect::<Vec<_>>(), [0, 3]);
         let solved = [Pose::identity(), Pose::translation(0.3, 1.0, 0.0)];

@@ -44,7 +44,7 @@ pub struct RetiredRecord {
     /// The keyframe.
     pub keyframe: u32,
     /// The keyframe of the working map that it moves along with from now on.
-    pub hangs_on: u32,
+    pub anchored_to: u32,
 }
 
 /// A connection between two keyframes, made when the newer one was aligned.
@@ -89,12 +89,12 @@ pub struct KeyframeState {
     /// What the place looks like.
     pub place: PlaceCode,
     /// The keyframe that this one moves along with since it left the working map.
-    pub hangs_on: Option<u32>,
+    pub anchored_to: Option<u32>,
 }
 
 impl KeyframeState {
     /// Whether it belongs to the working map: others may be aligned to it.
     pub fn is_active(&self) -> bool {
-        self.hangs_on.is_none()
+        self.anchored_to.is_none()
     }
 }

@@ -76,7 +76,7 @@ mod tests {
             edges: Vec::new(),
             covariance: Vec::new(),
             place: Vec::new(),
-            hangs_on: None,
+            anchored_to: None,
         }
     }
 

@@ -117,7 +117,7 @@ impl TrackerState {
                     .find(|r| r.index == keyframe.frame_index)
                     .map_or(Vec::new(), |r| r.covariance.clone()),
                 place: keyframe.place.clone(),
-                hangs_on: None,
+                anchored_to: None,
             });
             keyframe.retires.iter().for_each(|retired| self.retire(retired));
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
@@ -152,11 +152,11 @@ impl TrackerState {
 
     /// A keyframe leaves the working map, with all that is of use there alone.
     pub(crate) fn retire(&mut self, retired: &RetiredRecord) {
-        for keyframe in self.keyframes.iter_mut().filter(|k| k.hangs_on == Some(retired.keyframe)) {
-            keyframe.hangs_on = Some(retired.hangs_on);
+        for keyframe in self.keyframes.iter_mut().filter(|k| k.anchored_to == Some(retired.keyframe)) {
+            keyframe.anchored_to = Some(retired.anchored_to);
         }
         if let Some(keyframe) = self.keyframes.get_mut(retired.keyframe as usize) {
-            keyframe.hangs_on = Some(retired.hangs_on);
+            keyframe.anchored_to = Some(retired.anchored_to);
             (keyframe.edges, keyframe.covariance, keyframe.place) = Default::default();
         }
     }

@@ -3,7 +3,7 @@
 
 use crate::features::sight::Sight;
 use crate::map::context::Context;
-use crate::tracking::degeneracy::FreeDirection;
+use crate::tracking::degeneracy::DegenerateDirection;
 pub(crate) use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
@@ -30,7 +30,7 @@ pub(crate) struct Alignment {
     /// Information of the pose from all references, at the result, in the blocks' units.
     pub(crate) information: Matrix6,
     /// Degenerate directions of the matches; they are held at the prediction.
-    pub(crate) free: Vec<FreeDirection>,
+    pub(crate) degenerate: Vec<DegenerateDirection>,
     /// As in the prediction.
     pub(crate) rotation_sigma_rad: Option<f64>,
     /// Features that agree with the result, of the reference that has most.
@@ -49,7 +49,7 @@ impl Alignment {
     }
 
     /// Points on the references, less those in front of them, as a share of all.
-    pub(crate) fn fitting(&self) -> f64 {
+    pub(crate) fn support(&self) -> f64 {
         let n_queries: u32 = self.reports.iter().map(|r| r.n_queries).sum();
         let n_in_front: u32 = self.reports.iter().map(|r| r.n_in_front).sum();
         (f64::from(self.n_matches()) - f64::from(n_in_front)) / f64::from(n_queries.max(1))
@@ -100,7 +100,7 @@ impl Aligner {
         context.steps.leave();
         let is_asked =
             intensity == BrightnessUse::WhereFree && context.camera.colour_registered && first.is_solved;
-        if !is_asked || first.free.is_empty() {
+        if !is_asked || first.degenerate.is_empty() {
             return first;
         }
         let second = self.solve(context, samples, references, prediction, true);
@@ -141,7 +141,7 @@ impl Aligner {
             velocity: prediction.velocity,
             blocks: Vec::new(),
             reports: Vec::new(),
-            free: Vec::new(),
+            degenerate: Vec::new(),
         };
         let solved = problem.solve(&mut association, &mut || ());
         let world_from_camera = solved.graph.poses[frame];
@@ -151,14 +151,14 @@ impl Aligner {
             let priors: Matrix6 = solved.graph.priors.iter().map(|p| p.information).sum();
             information = solved.graph.information(frame) + priors;
         }
-        let WindowAssociation { velocity, blocks, reports, free, .. } = association;
+        let WindowAssociation { velocity, blocks, reports, degenerate, .. } = association;
         Alignment {
             world_from_camera,
             velocity,
             blocks,
             reports,
             information,
-            free,
+            degenerate,
             rotation_sigma_rad: prediction.rotation_sigma_rad,
             n_agreeing: 0,
             is_solved: solved.is_solved,

@@ -6,7 +6,7 @@
 use crate::map::map_view::MapView;
 use crate::settings::WindowSettings;
 use crate::tracking::acceptance::AGREEING;
-use crate::tracking::degeneracy::{FreeDirection, Motion};
+use crate::tracking::degeneracy::{DegenerateDirection, Motion};
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, adjoint};
@@ -59,8 +59,8 @@ pub(crate) fn of_world(
             let ad = adjoint(&(a.world_from_camera.inverse() * Pose::from(pose)));
             let mut carried = ad * from_upper_triangle(numbers) * ad.transpose();
             let n_frames = frame_index.saturating_sub(index).max(1) as f64;
-            for free in &a.free {
-                drift(settings, free, a.rotation_sigma_rad, n_frames, &mut carried);
+            for direction in &a.degenerate {
+                drift(settings, direction, a.rotation_sigma_rad, n_frames, &mut carried);
             }
             Some(carried)
         });
@@ -73,16 +73,16 @@ pub(crate) fn of_world(
 /// standard deviation, not its variance, grows in proportion to time.
 fn drift(
     settings: &WindowSettings,
-    free: &FreeDirection,
+    direction: &DegenerateDirection,
     measured_rad: Option<f64>,
     n_frames: f64,
     covariance: &mut Matrix6,
 ) {
-    let per_frame = match free.motion {
+    let per_frame = match direction.motion {
         Motion::Translation => settings.prior_translation_m,
         Motion::Rotation => measured_rad.unwrap_or(settings.prior_rotation_deg.to_radians()),
     };
-    let before = (free.coordinate.dot(&(*covariance * free.coordinate))).max(0.0);
+    let before = (direction.coordinate.dot(&(*covariance * direction.coordinate))).max(0.0);
     let after = before.sqrt() + per_frame * n_frames;
-    *covariance += free.tangent * free.tangent.transpose() * (after * after - before);
+    *covariance += direction.tangent * direction.tangent.transpose() * (after * after - before);
 }

@@ -1,4 +1,4 @@
-//! Directions of a pose that its matches leave free (method T63, T64).
+//! Directions of a pose that its matches do not observe (method T63, T64).
 //!
 //! Translation and rotation are judged apart, in metres and radians, as standard deviations after
 //! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
@@ -18,7 +18,7 @@ pub(crate) enum Motion {
 
 /// A motion of the new frame that the surfaces do not resist.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FreeDirection {
+pub(crate) struct DegenerateDirection {
     pub(crate) motion: Motion,
     /// Unit axis in the frame of the camera.
     pub(crate) axis: Vector3<f64>,
@@ -42,12 +42,12 @@ pub(crate) fn centroid<'a>(sums: impl Iterator<Item = &'a BlockSums>) -> Vector3
     if total[3] > 0.0 { Vector3::new(total[0], total[1], total[2]) / total[3] } else { Vector3::zeros() }
 }
 
-/// The free directions of a pose with this metric information (right tangent, translation first).
-pub(crate) fn free_directions(
+/// The degenerate directions of a pose with this metric information (right tangent, translation first).
+pub(crate) fn degenerate_directions(
     settings: &WindowSettings,
     information: &Matrix6,
     centroid: &Vector3<f64>,
-) -> Vec<FreeDirection> {
+) -> Vec<DegenerateDirection> {
     // rho = rho_c + c x phi: the tangent in terms of the motion of the centroid.
     let mut shift = Matrix6::identity();
     shift.fixed_view_mut::<3, 3>(0, 3).copy_from(&hat(centroid));
@@ -62,7 +62,7 @@ pub(crate) fn free_directions(
     };
     let translation = schur(&tt, &tr, &(rr + floor(limit_rad)));
     let rotation = schur(&rr, &tr.transpose(), &(tt + floor(limit_m)));
-    let mut free = Vec::new();
+    let mut degenerate = Vec::new();
     for (motion, matrix, limit) in
         [(Motion::Translation, translation, limit_m), (Motion::Rotation, rotation, limit_rad)]
     {
@@ -71,42 +71,42 @@ pub(crate) fn free_directions(
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
             let sigma = 1.0 / value.max(1e-12).sqrt();
             if sigma > limit && sigma > settings.free_ratio * best {
-                free.push(direction(motion, eigen.eigenvectors.column(k).into_owned(), sigma, centroid));
+                degenerate.push(direction(motion, eigen.eigenvectors.column(k).into_owned(), sigma, centroid));
             }
         }
     }
-    free
+    degenerate
 }
 
-fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<f64>) -> FreeDirection {
+fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<f64>) -> DegenerateDirection {
     let six = |rho: Vector3<f64>, phi: Vector3<f64>| Vector6::new(rho.x, rho.y, rho.z, phi.x, phi.y, phi.z);
     let (tangent, coordinate) = match motion {
         Motion::Translation => (six(axis, Vector3::zeros()), six(axis, centroid.cross(&axis))),
         Motion::Rotation => (six(centroid.cross(&axis), axis), six(Vector3::zeros(), axis)),
     };
-    FreeDirection { motion, axis, sigma, tangent, coordinate }
+    DegenerateDirection { motion, axis, sigma, tangent, coordinate }
 }
 
-/// Standard deviation at which a free direction is held one thirtieth of a second after the frame
+/// Standard deviation at which a degenerate direction is held one thirtieth of a second after the frame
 /// before, metres or radians. A camera speeds up: it grows with the square of the time.
 const HELD: f64 = 1e-4;
 const HELD_AFTER_S: f64 = 1.0 / 30.0;
 
-/// Information that holds the free directions where they are predicted, metric. `seconds` since the
+/// Information that holds the degenerate directions where they are predicted, metric. `seconds` since the
 /// frame that the prediction goes by; 0 where it is no prediction but a place.
-pub(crate) fn hold(free: &[FreeDirection], seconds: f64) -> Matrix6 {
+pub(crate) fn hold(degenerate: &[DegenerateDirection], seconds: f64) -> Matrix6 {
     let frames = (seconds / HELD_AFTER_S).max(1.0);
     let sigma = HELD * frames * frames;
     let mut held = Matrix6::zeros();
-    for f in free {
+    for f in degenerate {
         held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);
     }
     held
 }
 
-/// The free directions in words, for a record's reason.
-pub(crate) fn describe(free: &[FreeDirection]) -> String {
-    let words: Vec<String> = free
+/// The degenerate directions in words, for a record's reason.
+pub(crate) fn describe(degenerate: &[DegenerateDirection]) -> String {
+    let words: Vec<String> = degenerate
         .iter()
         .map(|f| {
             let [x, y, z] = [f.axis.x, f.axis.y, f.axis.z];
@@ -120,7 +120,7 @@ pub(crate) fn describe(free: &[FreeDirection]) -> String {
             }
         })
         .collect();
-    format!("the surfaces leave free, and the prediction decides: {}", words.join("; "))
+    format!("degenerate, held by the prediction: {}", words.join("; "))
 }
 
 #[cfg(test)]
@@ -149,23 +149,23 @@ mod tests {
         let settings = WindowSettings::default();
         let count = |points: &[(Vector3<f64>, Vector3<f64>)]| {
             let (h, c) = of(points);
-            let free = free_directions(&settings, &h, &c);
-            let translations = free.iter().filter(|f| f.motion == Motion::Translation).count();
-            (translations, free.len() - translations, free)
+            let degenerate = degenerate_directions(&settings, &h, &c);
+            let translations = degenerate.iter().filter(|f| f.motion == Motion::Translation).count();
+            (translations, degenerate.len() - translations, degenerate)
         };
         let mut points = plane(Vector3::z(), Vector3::new(-1.0, -1.0, 3.0));
-        let (t, r, free) = count(&points);
+        let (t, r, degenerate) = count(&points);
         assert_eq!((t, r), (2, 1));
-        for f in &free {
+        for f in &degenerate {
             assert!((f.coordinate.dot(&f.tangent) - 1.0).abs() < 1e-9);
             let expected = if f.motion == Motion::Rotation { 1.0 } else { 0.0 };
             assert!((f.axis.z.abs() - expected).abs() < 1e-6, "{f:?}");
         }
         points = plane(Vector3::x(), Vector3::new(-1.0, -1.0, 1.0));
         points.extend(plane(Vector3::y(), Vector3::new(-1.0, 1.0, 1.0)));
-        let (t, r, free) = count(&points);
+        let (t, r, degenerate) = count(&points);
         assert_eq!((t, r), (1, 0));
-        assert!(free[0].axis.z.abs() > 0.999);
+        assert!(degenerate[0].axis.z.abs() > 0.999);
         points.extend(plane(Vector3::z(), Vector3::new(-1.0, -1.0, 4.0)));
         assert_eq!(count(&points).2.len(), 0);
     }

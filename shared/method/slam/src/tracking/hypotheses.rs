@@ -136,8 +136,8 @@ impl Hypothesis {
         let mut best: Option<(WindowAlignment, String)> = None;
         for guess in (self.guesses)(input, aligner, prediction) {
             let Some((found, numbers)) = self.search.align(input, aligner, &guess) else { continue };
-            let most = best.as_ref().map_or(f64::NEG_INFINITY, |(best, _)| best.alignment.fitting());
-            if found.alignment.fitting() > most
+            let most = best.as_ref().map_or(f64::NEG_INFINITY, |(best, _)| best.alignment.support());
+            if found.alignment.support() > most
                 && self.acceptance.is_met(input, &found.alignment, &first.alignment)
             {
                 best = Some((found, numbers));
@@ -169,11 +169,11 @@ impl Search {
 impl Acceptance {
     fn is_met(self, input: &TrackingInput<'_>, found: &Alignment, first: &Alignment) -> bool {
         match self {
-            Self::MoreSupport => found.fitting() > first.fitting(),
-            Self::WellConditioned => found.free.is_empty(),
+            Self::MoreSupport => found.support() > first.support(),
+            Self::WellConditioned => found.degenerate.is_empty(),
             Self::WithinReach => {
-                found.free.is_empty()
-                    && found.fitting() > 0.0
+                found.degenerate.is_empty()
+                    && found.support() > 0.0
                     && large_displacement::is_within_reach(input, &found.world_from_camera)
             }
         }

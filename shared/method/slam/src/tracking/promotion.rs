@@ -120,7 +120,7 @@ fn candidate(input: &TrackingInput<'_>, keyframe: &KeyframeRecord) -> KeyframeSt
         edges: Vec::new(),
         covariance: state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
         place: Vec::new(),
-        hangs_on: None,
+        anchored_to: None,
     }
 }
 

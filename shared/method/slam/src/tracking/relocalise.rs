@@ -71,7 +71,7 @@ pub(crate) fn relocalise(
             continue;
         };
         // Along a degenerate direction the result is the initial guess: only the last pose is more.
-        if !found.alignment.free.is_empty() && !candidate.is_last_pose {
+        if !found.alignment.degenerate.is_empty() && !candidate.is_last_pose {
             continue;
         }
         let reason = format!("{why_lost}; found by {}: {numbers}", candidate.name);

@@ -1,7 +1,7 @@
 //! Data association of a frame with its window, and what holds its degenerate directions.
 
 use crate::map::context::Context;
-use crate::tracking::degeneracy::{self, FreeDirection};
+use crate::tracking::degeneracy::{self, DegenerateDirection};
 use crate::tracking::prediction::{Prediction, Reference};
 use tessera_geometry::{Pose, Twist, log};
 use tessera_graph::{BlockSums, DataAssociation, Graph, OuterIteration, Pair, PairBlock, Prior};
@@ -28,7 +28,7 @@ pub(crate) struct WindowAssociation<'a, 'b> {
     pub(crate) blocks: Vec<(Pose, BlockSums)>,
     pub(crate) reports: Vec<PairReport>,
     /// Degenerate directions of the tightest matches.
-    pub(crate) free: Vec<FreeDirection>,
+    pub(crate) degenerate: Vec<DegenerateDirection>,
 }
 
 impl WindowAssociation<'_, '_> {
@@ -89,12 +89,12 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         let vertex = self.references.len();
         let centroid = degeneracy::centroid(self.blocks.iter().map(|(_, sums)| sums));
         let metric = solved.information(vertex) / self.factor;
-        self.free = degeneracy::free_directions(&self.context.mapping.window, &metric, &centroid);
-        if self.free.is_empty() {
+        self.degenerate = degeneracy::degenerate_directions(&self.context.mapping.window, &metric, &centroid);
+        if self.degenerate.is_empty() {
             return Vec::new();
         }
         let seconds = self.prediction.previous.map_or(0.0, |(_, seconds)| seconds);
-        let information = degeneracy::hold(&self.free, seconds) * self.factor;
+        let information = degeneracy::hold(&self.degenerate, seconds) * self.factor;
         vec![Prior { vertex, predicted: self.prediction.world_from_camera, information }]
     }
 }
