@@ -16,8 +16,9 @@ impl Gate {
     pub const ANYWHERE: Self = Self { pixel: [0.0; 2], radius_px: f32::INFINITY };
 
     /// Whether a target lies inside; never for a NaN, as a point behind the camera predicts.
-    fn admits(&self, target: &Feature) -> bool {
-        let [row, column] = [target.pixel[0] - self.pixel[0], target.pixel[1] - self.pixel[1]];
+    #[inline(always)]
+    fn admits(&self, pixel: [f32; 2]) -> bool {
+        let [row, column] = [pixel[0] - self.pixel[0], pixel[1] - self.pixel[1]];
         row * row + column * column <= self.radius_px * self.radius_px
     }
 }
@@ -27,13 +28,23 @@ const CELL_PX: f32 = 32.0;
 /// Cells along each side at most.
 const MAX_CELLS: usize = 64;
 
+/// A target as the grid holds it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    pub(crate) descriptor: [u64; 4],
+    pub(crate) pixel: [f32; 2],
+    pub(crate) level: u8,
+    /// Of the feature.
+    pub(crate) index: u32,
+}
+
 /// Targets by cell of the image.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TargetGrid {
     size: [usize; 2],
-    /// Cell `c` holds `targets[starts[c]..starts[c + 1]]`.
+    /// Cell `c` holds `targets[starts[c]..starts[c + 1]]`, row by row, in order of features.
     starts: Vec<u32>,
-    targets: Vec<u32>,
+    targets: Vec<Target>,
 }
 
 impl TargetGrid {
@@ -51,31 +62,34 @@ impl TargetGrid {
         features.iter().for_each(|f| self.starts[cell(f) + 2] += 1);
         (2..self.starts.len()).for_each(|c| self.starts[c] += self.starts[c - 1]);
         self.targets.clear();
-        self.targets.resize(features.len(), 0);
+        self.targets
+            .resize(features.len(), Target { descriptor: [0; 4], pixel: [0.0; 2], level: 0, index: 0 });
         for (i, f) in features.iter().enumerate() {
             let next = &mut self.starts[cell(f) + 1];
-            self.targets[*next as usize] = i as u32;
+            let (descriptor, pixel, level) = (f.descriptor, f.pixel, f.level);
+            self.targets[*next as usize] = Target { descriptor, pixel, level, index: i as u32 };
             *next += 1;
         }
     }
 
-    /// Replaces `inside` by the targets that the gate admits.
-    pub(crate) fn search(&self, gate: &Gate, features: &[Feature], inside: &mut Vec<u32>) {
-        inside.clear();
+    /// The targets that the gate admits.
+    #[inline(always)]
+    pub(crate) fn within(&self, gate: &Gate) -> impl Iterator<Item = &Target> {
+        let gate = *gate;
         let [rows, columns] = [0, 1].map(|k| {
             let first = index(gate.pixel[k] - gate.radius_px, self.size[k]);
-            first..=index(gate.pixel[k] + gate.radius_px, self.size[k])
+            [first, index(gate.pixel[k] + gate.radius_px, self.size[k])]
         });
-        for row in rows {
+        (rows[0]..=rows[1]).flat_map(move |row| {
             let first = row * self.size[1];
-            let [from, to] = [columns.start(), columns.end()];
-            let range = self.starts[first + from] as usize..self.starts[first + to + 1] as usize;
-            let targets = self.targets[range].iter().copied();
-            inside.extend(targets.filter(|&t| gate.admits(&features[t as usize])));
-        }
+            let range =
+                self.starts[first + columns[0]] as usize..self.starts[first + columns[1] + 1] as usize;
+            self.targets[range].iter().filter(move |target| gate.admits(target.pixel))
+        })
     }
 }
 
+#[inline(always)]
 fn index(position: f32, n: usize) -> usize {
     // A cast saturates, NaN becomes 0.
     ((position / CELL_PX) as usize).min(n - 1)

@@ -1,7 +1,7 @@
 //! Data association by descriptor: mutual nearest neighbours with a ratio test.
 
 use crate::feature::Feature;
-use crate::gate::{Gate, TargetGrid};
+use crate::gate::{Gate, Target, TargetGrid};
 use crate::settings::MatchSettings;
 
 /// A query feature and the target feature that it is.
@@ -20,7 +20,7 @@ pub struct Match {
 pub struct MatchWorkspace {
     arch: pulp::Arch,
     grid: TargetGrid,
-    inside: Vec<u32>,
+    inside: Vec<(u32, [f32; 2])>,
     candidates: Candidates,
     distances: Vec<u32>,
     /// Nearest target of each query and nearest query of each target: [`key`].
@@ -111,29 +111,73 @@ impl pulp::WithSimd for Matching<'_> {
         w.second.clear();
         w.of_target.clear();
         w.of_target.resize(targets.len(), u32::MAX);
-        if gates.is_some() {
-            w.grid.fill(targets);
-        } else {
-            w.candidates.fill(0..targets.len() as u32, targets);
-        }
-        for (q, query) in queries.iter().enumerate() {
-            if let Some(gates) = gates {
-                w.grid.search(&gates[q], targets, &mut w.inside);
-                w.candidates.fill(w.inside.iter().copied(), targets);
+        match gates {
+            Some(gates) => {
+                w.grid.fill(targets);
+                queries
+                    .iter()
+                    .zip(gates)
+                    .enumerate()
+                    .for_each(|(q, pair)| w.match_gated(q as u32, pair, settings));
             }
-            w.candidates.measure(query, settings.max_level_difference, &mut w.distances);
-            let nearest = w.candidates.nearest(&w.distances);
-            w.of_query.push(nearest);
-            w.second.push(w.candidates.second(nearest, targets, settings.same_corner_px, &w.distances));
-            w.candidates.offer(q as u32, &w.distances, gates.is_none(), &mut w.of_target);
+            None => {
+                w.candidates.fill(targets);
+                queries
+                    .iter()
+                    .enumerate()
+                    .for_each(|(q, query)| w.match_anywhere(q as u32, query, targets, settings));
+            }
         }
     }
 }
 
-/// The targets that one query is compared with, as columns, so that loops over them vectorise.
+impl MatchWorkspace {
+    /// One query among the few targets that its gate admits.
+    #[inline(always)]
+    fn match_gated(&mut self, q: u32, (query, gate): (&Feature, &Gate), settings: &MatchSettings) {
+        self.inside.clear();
+        let (mut nearest, mut pixel) = (key(REFUSED, 0), [0.0; 2]);
+        for Target { descriptor, pixel: at, level, index } in self.grid.within(gate) {
+            if u32::from(query.level.abs_diff(*level)) > settings.max_level_difference {
+                continue;
+            }
+            let distance = hamming_distance(&query.descriptor, descriptor);
+            self.inside.push((distance, *at));
+            if key(distance, *index) < nearest {
+                (nearest, pixel) = (key(distance, *index), *at);
+            }
+            let best = &mut self.of_target[*index as usize];
+            *best = (*best).min(key(distance, q));
+        }
+        let elsewhere =
+            self.inside.iter().filter(|(_, at)| is_elsewhere(*at, pixel, settings.same_corner_px));
+        self.second.push(elsewhere.fold(REFUSED, |second, (distance, _)| second.min(*distance)));
+        self.of_query.push(nearest);
+    }
+
+    /// One query among all targets.
+    #[inline(always)]
+    fn match_anywhere(&mut self, q: u32, query: &Feature, targets: &[Feature], settings: &MatchSettings) {
+        self.candidates.measure(query, settings.max_level_difference, &mut self.distances);
+        let nearest = self.candidates.nearest(&self.distances);
+        self.of_query.push(nearest);
+        let second = self.candidates.second(nearest, targets, settings.same_corner_px, &self.distances);
+        self.second.push(second);
+        for (best, &distance) in self.of_target.iter_mut().zip(&self.distances) {
+            *best = (*best).min(key(distance, q));
+        }
+    }
+}
+
+/// Whether a pixel is no other level's view of the corner at `corner`.
+#[inline(always)]
+fn is_elsewhere(pixel: [f32; 2], corner: [f32; 2], same_corner_px: f32) -> bool {
+    ((pixel[0] - corner[0]).abs() > same_corner_px) | ((pixel[1] - corner[1]).abs() > same_corner_px)
+}
+
+/// All targets as columns, so that loops over them vectorise.
 #[derive(Clone, Debug, Default)]
 struct Candidates {
-    target: Vec<u32>,
     descriptor: Vec<[u64; 4]>,
     level: Vec<u32>,
     row: Vec<f32>,
@@ -141,27 +185,21 @@ struct Candidates {
 }
 
 impl Candidates {
-    #[inline(always)]
-    fn fill(&mut self, of: impl Iterator<Item = u32>, targets: &[Feature]) {
-        self.target.clear();
+    fn fill(&mut self, targets: &[Feature]) {
         self.descriptor.clear();
+        self.descriptor.extend(targets.iter().map(|target| target.descriptor));
         self.level.clear();
+        self.level.extend(targets.iter().map(|target| u32::from(target.level)));
         self.row.clear();
+        self.row.extend(targets.iter().map(|target| target.pixel[0]));
         self.column.clear();
-        for index in of {
-            let target = &targets[index as usize];
-            self.target.push(index);
-            self.descriptor.push(target.descriptor);
-            self.level.push(target.level.into());
-            self.row.push(target.pixel[0]);
-            self.column.push(target.pixel[1]);
-        }
+        self.column.extend(targets.iter().map(|target| target.pixel[1]));
     }
 
     /// Distances to all candidates.
     #[inline(always)]
     fn measure(&self, query: &Feature, max_level_difference: u32, distances: &mut Vec<u32>) {
-        let n = self.target.len();
+        let n = self.descriptor.len();
         distances.clear();
         distances.resize(n, 0);
         let (descriptor, level, distances) = (&self.descriptor[..n], &self.level[..n], &mut distances[..n]);
@@ -179,7 +217,7 @@ impl Candidates {
     /// Key of the nearest candidate.
     #[inline(always)]
     fn nearest(&self, distances: &[u32]) -> u32 {
-        let keys = self.target.iter().zip(distances).map(|(&target, &distance)| key(distance, target));
+        let keys = (0u32..).zip(distances).map(|(target, &distance)| key(distance, target));
         keys.fold(key(REFUSED, 0), u32::min)
     }
 
@@ -190,26 +228,10 @@ impl Candidates {
         let n = distances.len();
         let (row, column, mut second) = (&self.row[..n], &self.column[..n], REFUSED);
         for i in 0..n {
-            let is_elsewhere = ((row[i] - nearest.pixel[0]).abs() > same_corner_px)
-                | ((column[i] - nearest.pixel[1]).abs() > same_corner_px);
+            let is_elsewhere = is_elsewhere([row[i], column[i]], nearest.pixel, same_corner_px);
             second = second.min(if is_elsewhere { distances[i] } else { REFUSED });
         }
         second
-    }
-
-    /// Lets each candidate keep its nearest query.
-    #[inline(always)]
-    fn offer(&self, query: u32, distances: &[u32], is_all: bool, of_target: &mut [u32]) {
-        if is_all {
-            for (best, &distance) in of_target.iter_mut().zip(distances) {
-                *best = (*best).min(key(distance, query));
-            }
-        } else {
-            for (&target, &distance) in self.target.iter().zip(distances) {
-                let best = &mut of_target[target as usize];
-                *best = (*best).min(key(distance, query));
-            }
-        }
     }
 }
 

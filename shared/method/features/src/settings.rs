@@ -50,7 +50,7 @@ pub struct FeatureSettings {
 
 impl Default for FeatureSettings {
     fn default() -> Self {
-        Self { max_features: 500, levels: 4, threshold: 20, low_threshold: 7, cell_px: 48, sigma_px: 1.0 }
+        Self { max_features: 400, levels: 4, threshold: 20, low_threshold: 7, cell_px: 48, sigma_px: 1.0 }
     }
 }
 

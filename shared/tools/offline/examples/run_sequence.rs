@@ -9,9 +9,10 @@
 
 use std::error::Error;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
+use tessera_geometry::{Matrix6, Pose, adjoint, log};
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, LoopRecord};
+use tessera_slam::{AlignRecord, FrameRecord, LoopRecord};
 use tessera_sources::{SimulationOptions, Source, SourceOptions, SourceSpec};
 use tessera_surface::{Reconstructor, Vertex};
 
@@ -188,7 +189,7 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
         records.n_untracked()
     );
     let n_free = records.frames().filter(|f| f.reason.contains("degenerate")).count();
-    println!("    {n_free} frames with a free direction");
+    println!("    {n_free} frames with a degenerate direction");
     report_loops(records);
     let Some(truth) = truth else { return };
     let line =
@@ -204,6 +205,7 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
             Err(error) => println!("    {name}: {error}"),
         };
     line("online", &records.online());
+    report_certainty(records, truth);
     line("final", &records.last());
     if let Some(refined) = records.refined_camera() {
         line("as was", &records.before_refinement());
@@ -213,6 +215,63 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
             refined.camera, refined.moved_px, refined.n_held
         );
     }
+}
+
+/// How well the stated deviations tell the errors of relative poses over one second: the squared
+/// error of each axis over its stated variance, that of the two frames' covariances together.
+fn report_certainty(records: &Records, truth: &Trajectory) {
+    let tracked: Vec<_> = records.frames().filter(|f| f.covariance.len() == 21).collect();
+    let (mut n, mut n_within, mut normalised, mut translation) = (0, 0, 0.0, 0.0);
+    let (mut error_m, mut sigma_m) = (Vec::new(), Vec::new());
+    for (k, first) in tracked.iter().enumerate() {
+        let due = first.stamp_nanos + 1_000_000_000;
+        let Some(second) = tracked[k..].iter().find(|f| f.stamp_nanos >= due) else { break };
+        let at = |f: &FrameRecord| true_pose(truth, f.stamp_nanos);
+        let (Some(first_true), Some(second_true)) = (at(first), at(second)) else { continue };
+        let [from, to] = [first, second].map(|f| Pose::from(&f.world_from_camera));
+        let relative = from.inverse() * to;
+        let error = log(&(relative.inverse() * first_true.inverse() * second_true)).to_vector();
+        let carry = adjoint(&relative.inverse());
+        let covariance =
+            symmetric(&second.covariance) + carry * symmetric(&first.covariance) * carry.transpose();
+        let squared: Vec<f64> = (0..6).map(|i| error[i] * error[i] / covariance[(i, i)]).collect();
+        n += 1;
+        n_within += usize::from(squared.iter().all(|s| *s <= 9.0));
+        normalised += squared.iter().sum::<f64>() / 6.0;
+        translation += squared[..3].iter().sum::<f64>() / 3.0;
+        error_m.push(error.fixed_rows::<3>(0).norm());
+        sigma_m.push((0..3).map(|i| covariance[(i, i)]).sum::<f64>().sqrt());
+    }
+    error_m.sort_by(f64::total_cmp);
+    sigma_m.sort_by(f64::total_cmp);
+    let middle = |values: &[f64]| values.get(values.len() / 2).copied().unwrap_or(f64::NAN);
+    println!(
+        "    over 1 s: {:.1} % within 3 sigma, mean squared normalised error {:.2} (translation {:.2}), median error {:.4} m, stated {:.4} m",
+        100.0 * n_within as f64 / n as f64,
+        normalised / n as f64,
+        translation / n as f64,
+        middle(&error_m),
+        middle(&sigma_m)
+    );
+}
+
+fn symmetric(triangle: &[f64]) -> Matrix6 {
+    let mut m = Matrix6::zeros();
+    let places = (0..6).flat_map(|r| (r..6).map(move |c| (r, c)));
+    for ((r, c), value) in places.zip(triangle) {
+        m[(r, c)] = *value;
+        m[(c, r)] = *value;
+    }
+    m
+}
+
+/// The true pose at a time, between its two neighbours.
+fn true_pose(truth: &Trajectory, stamp_nanos: i64) -> Option<Pose> {
+    let after = truth.stamps_nanos.partition_point(|stamp| *stamp < stamp_nanos);
+    let before = after.checked_sub(1)?;
+    let (t0, t1) = (truth.stamps_nanos[before], *truth.stamps_nanos.get(after)?);
+    let share = (stamp_nanos - t0) as f64 / (t1 - t0) as f64;
+    (t1 - t0 < 100_000_000).then(|| truth.poses[before].lerp_slerp(&truth.poses[after], share))
 }
 
 /// Quantiles of the loop pairs' tests in the last correction.

@@ -71,6 +71,11 @@ pub fn estimate_pose(
     arch.dispatch(Estimation { correspondences, guesses, seed, settings, w: workspace })
 }
 
+/// Inliers of a guess, and their share, from which on nothing else is looked for: what else agrees
+/// on a motion of its own is a moving object.
+const SURE_INLIERS: usize = 30;
+const SURE_SHARE: f64 = 0.4;
+
 struct Estimation<'a> {
     correspondences: &'a [Correspondence],
     guesses: &'a [Pose],
@@ -91,7 +96,7 @@ impl pulp::WithSimd for Estimation<'_> {
         for (index, guess) in guesses.iter().enumerate() {
             search.consider(guess, Some(index));
         }
-        let n_iterations = search.sample(seed);
+        let n_iterations = if search.is_guess_sure() { 0 } else { search.sample(seed) };
         let Best { pose, score, guess } = search.best;
         if score.n_inliers < 3 {
             return None;
@@ -116,6 +121,13 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Whether a guess holds for so many that no sample needs to be drawn.
+    fn is_guess_sure(&self) -> bool {
+        let Best { score, guess, .. } = &self.best;
+        let least = (SURE_SHARE * self.w.pools.n_usable() as f64) as usize;
+        guess.is_some() && score.n_inliers >= SURE_INLIERS.max(least)
+    }
+
     /// Keeps a hypothesis that beats the best one, and its local optimum where that is better still
     /// (LO-RANSAC, Chum, Matas and Kittler 2003).
     #[inline(always)]

@@ -13,7 +13,7 @@ use crate::tracking::window_alignment::{WindowAlignment, reference};
 
 /// Frames that are all audited at first, and the distance of those audited from then on.
 const ALL_UNTIL: u32 = 40;
-const EVERY: u64 = 4;
+const EVERY: u64 = 8;
 /// Outer iterations: the start is at a solution, or not far from one.
 const OUTER_ITERATIONS: u32 = 3;
 

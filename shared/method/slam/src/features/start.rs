@@ -15,6 +15,8 @@ const MOST_ASKED: usize = 2;
 const N_SAMPLES: usize = 300;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
+/// Outer iterations from there: the start is at a solution, or not far from one.
+const OUTER_ITERATIONS: u32 = 3;
 /// Part of the last change of velocity that is expected to go on.
 const AHEAD: f64 = 0.5;
 
@@ -38,7 +40,7 @@ pub(crate) fn guess_from_features(
         world_from_camera,
         is_known: true,
         first_distance_m: window.min_first_distance_m,
-        outer_iterations: window.outer_iterations,
+        outer_iterations: OUTER_ITERATIONS,
         ..*prediction
     };
     if let Some((previous, seconds)) = prediction.previous {

@@ -1,15 +1,18 @@
 //! Covariance of a frame's pose in the world (method 9.3).
 //!
-//! The covariance of the window, carried over to the frame, plus that of the alignment. The errors of
-//! the window's members are correlated, so the most certain of them counts, once.
+//! The covariance of the window, carried over to the frame, plus that of the alignment, plus what all
+//! matches err by together ([`systematic`]). The errors of the window's members are correlated, so
+//! the most certain of them counts, once.
 
+use crate::features::colour_model::ColourState;
 use crate::map::map_view::MapView;
 use crate::settings::WindowSettings;
 use crate::tracking::acceptance::AGREEING;
-use crate::tracking::degeneracy::{DegenerateDirection, Motion};
+use crate::tracking::alignment::Alignment;
+use crate::tracking::degeneracy::{DegenerateDirection, Motion, centroid};
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
-use tessera_geometry::{Matrix6, Pose, adjoint};
+use tessera_geometry::{Matrix6, Pose, Vector6, adjoint};
 
 /// 21 numbers, row by row.
 pub(crate) fn upper_triangle(m: &Matrix6) -> Vec<f64> {
@@ -37,6 +40,7 @@ pub(crate) fn of_world(
     map: &MapView<'_>,
     aligned: &WindowAlignment,
     own: &Matrix6,
+    focal_px: f64,
     frame_index: u64,
 ) -> Matrix6 {
     let a = &aligned.alignment;
@@ -65,8 +69,30 @@ pub(crate) fn of_world(
             Some(carried)
         });
     let best = inherited.min_by(|x, y| x.trace().total_cmp(&y.trace()));
-    let sum = best.unwrap_or_else(Matrix6::zeros) + own;
+    let sum = best.unwrap_or_else(Matrix6::zeros) + own + systematic(&map.state().colour, focal_px, a);
     (sum + sum.transpose()) * 0.5
+}
+
+/// Residual of features that match as well as they can, pixels.
+const MATCHING_PX: f64 = 1.0;
+/// Factor from the median disagreement of colour with depth to a standard deviation.
+const OF_MEDIAN: f64 = 1.5;
+
+/// Covariance of what no number of matches averages out: errors of the calibration and of the stamps.
+///
+/// Both show where colour disagrees with depth. The residual of features against the surfaces beyond
+/// that of matching is an angle `d`: it turns the camera by `d` and moves it by `d` times the
+/// distance of what it sees. A lag between the images is an error of a stamp: it moves the camera by
+/// its velocity times the lag. Without colour nothing is known of either, and nothing is added.
+fn systematic(colour: &ColourState, focal_px: f64, a: &Alignment) -> Matrix6 {
+    if colour.n_frames == 0 {
+        return Matrix6::zeros();
+    }
+    let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / focal_px;
+    let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
+    let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
+    let late = a.velocity.to_vector() * colour.model.lag_s;
+    Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r)) + late * late.transpose()
 }
 
 /// A direction that only the prediction holds drifts with an unknown, steady velocity: its

@@ -24,7 +24,9 @@ pub(crate) fn frame_record(
     let own = metric_covariance(&a.information, aligner.metric_factor(input.context));
     let covariance = own.map_or(Vec::new(), |own| {
         let window = &input.context.mapping.window;
-        upper_triangle(&covariance::of_world(window, &input.map, aligned, &own, input.frame.index))
+        let camera = &input.context.camera;
+        let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs());
+        upper_triangle(&covariance::of_world(window, &input.map, aligned, &own, focal_px, input.frame.index))
     });
     FrameRecord {
         state: aligned.state,
@@ -100,7 +102,8 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
 /// The alignment's reason and its degenerate directions.
 fn reason(aligned: &WindowAlignment) -> String {
     let degenerate = &aligned.alignment.degenerate;
-    let parts = [aligned.reason.clone(), if degenerate.is_empty() { String::new() } else { describe(degenerate) }];
+    let parts =
+        [aligned.reason.clone(), if degenerate.is_empty() { String::new() } else { describe(degenerate) }];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
