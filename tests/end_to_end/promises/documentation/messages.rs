@@ -277,7 +277,7 @@ fn of_going_on(told: &mut Told) {
 
 fn of_frames(told: &mut Told) {
     let states = |run: &Run| String::from_utf8(run.output("states.csv")).unwrap();
-    let run = room().frames(12).of(Path::new("wall")).with(&["--set", "mapping.window.free_ratio=2"]);
+    let run = room().frames(12).of(Path::new("wall"));
     assert!(run.finish().success());
     told.add("a wall", states(&run));
     let recording = Recording::new();
