@@ -34,7 +34,7 @@ fn offline(settings: &Settings) -> Vec<AlignRecord> {
 }
 
 /// Settings under which a short walk has loops and corrections before its end.
-const EARLY_LOOPS: [&str; 14] = [
+const EARLY_LOOPS: [&str; 10] = [
     "--set",
     "mapping.keyframe.translation_m=0.02",
     "--set",
