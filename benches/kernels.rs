@@ -85,7 +85,7 @@ impl PairOfFrames {
         let mut queries = Queries::default();
         queries.fill(&samples(&method, grid, &surfaces[1]), &shutter);
         let camera = GridCamera::new(&data.camera, grid, offset_px);
-        let matcher = Matcher::new(camera, DepthNoise::new(method.surface.noise), &method.registration);
+        let matcher = Matcher::new(camera, DepthNoise::default(), &method.registration);
         Self { method, grid, surfaces, shutter, queries, matcher }
     }
 }

@@ -79,7 +79,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
     FrameRecord {
         index,
         stamp_nanos,
-        effort: tessera_surface::Effort::Full,
+        workload: tessera_surface::WorkloadLevel::Full,
         state: State::Tracking,
         reason: String::new(),
         world_from_camera,

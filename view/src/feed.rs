@@ -23,7 +23,7 @@ const ALIVE: Duration = Duration::from_millis(500);
 /// Records between two updates of the trajectory while much is to be read.
 const BATCH: usize = 10;
 
-/// Feeds until the run is over and everything of it was shown, or somebody ends it.
+/// Feeds until the run is over and everything of it was shown, or until it is ended.
 pub(crate) fn feed(
     run: &Run,
     arguments: &Arguments,
@@ -70,7 +70,7 @@ pub(crate) fn feed(
     feed.track.log_final(recording, feed.map.poses())
 }
 
-/// Journal and store, once they are there; `None` where somebody ends it before.
+/// Journal and store, once they are there; `None` where it is ended before.
 fn open(
     run: &Run,
     is_stopped: &AtomicBool,

@@ -1,7 +1,7 @@
 //! `tessera-view`: a run in Rerun, live or into a file.
 //!
 //! One more reader: of the run directory, of the recording, and of the poses that a run publishes
-//! to whoever looks. It subscribes to no frames and no surfaces, and writes nothing of the run's.
+//! for any viewer. It subscribes to no frames and no surfaces, and writes nothing of the run's.
 #![forbid(unsafe_code)]
 
 mod arguments;

@@ -7,7 +7,7 @@ use tessera_journal::{Follower, Journal, Store};
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker};
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageError, StateAt,
+    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt,
     journal_slot, slots, store_slot,
 };
 use tessera_surface::Vertex;
@@ -30,7 +30,7 @@ pub(crate) struct DurableState {
 
 impl DurableState {
     /// Reads the state back from the run directory; locks the journal and the store.
-    pub(crate) fn open(context: &Context) -> Result<Self, StageError> {
+    pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let files = &context.files;
         let store_path = files.store();
         let mut store = Store::open(&store_path, PATIENCE)?;
@@ -90,7 +90,7 @@ impl DurableState {
 
     /// Writes a checkpoint for a successor, where the journals have grown enough since the last
     /// one; to be called behind everything that others wait for.
-    pub(crate) fn checkpoint_if_due(&mut self, context: &Context, index: u64) {
+    pub(crate) fn checkpoint_if_due(&mut self, context: &StageContext, index: u64) {
         let marks = Marks { align: self.journal.mark(), optimise: self.corrections.mark() };
         let bytes = marks.len_bytes();
         // A correction that is pending lies before the mark of the corrections.

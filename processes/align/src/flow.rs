@@ -1,7 +1,7 @@
-//! When frames are acknowledged and when they are asked for again: pure, so that it is tested.
+//! Flow control: acknowledging frames and asking for them again. Pure, so that it is tested.
 
 use tessera_messages::Flow;
-use tessera_surface::Effort;
+use tessera_surface::WorkloadLevel;
 
 /// How long a hole in the indices may last before what is missing is asked for again: two
 /// publishers, a dying one and its successor, may interleave.
@@ -65,8 +65,8 @@ impl FlowControl {
     }
 
     /// How much work new frames get.
-    pub(crate) fn set_effort(&mut self, effort: Effort) {
-        self.flow.effort = effort.rung() as u64;
+    pub(crate) fn set_workload(&mut self, workload: WorkloadLevel) {
+        self.flow.workload = workload.level() as u64;
     }
 
     /// The end is journaled.

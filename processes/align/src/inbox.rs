@@ -39,7 +39,7 @@ impl Surface {
             rotation: self.header.rotation.read(self.header.index).unwrap_or(None),
             surface: SurfaceView { grid, vertices: self.vertices() },
             features: &self.features,
-            effort: self.header.effort(),
+            workload: self.header.workload(),
         }
     }
 }

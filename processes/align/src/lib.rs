@@ -10,8 +10,8 @@ mod durable_state;
 mod flow;
 mod inbox;
 mod journal_fold;
-mod ladder;
 mod live;
+mod load_shedding;
 mod lossless;
 mod ports;
 mod publish;
@@ -21,7 +21,7 @@ use durable_state::DurableState;
 use ports::Ports;
 use std::process::ExitCode;
 use tessera_messages::Stage;
-use tessera_stage::{Checkpoint, Context, Outcome, StageArgs, StageError, stage_main};
+use tessera_stage::{Checkpoint, Outcome, StageArgs, StageContext, StageError, stage_main};
 
 /// Runs the stage as a process.
 pub fn main(args: &StageArgs) -> ExitCode {
@@ -41,7 +41,7 @@ enum Pause {
 /// # Errors
 /// Where the run directory, the settings or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
-    let context = Context::open(Stage::Align, args)?;
+    let context = StageContext::open(Stage::Align, args)?;
     // The journal first: it is what says where to go on.
     let mut state = DurableState::open(&context)?;
     let link = context.link(Stage::Align)?;

@@ -3,27 +3,29 @@
 use crate::Pause;
 use crate::correction::{apply_oldest_correction, finish};
 use crate::durable_state::DurableState;
-use crate::ladder::{Ladder, Pace};
+use crate::load_shedding::{LoadShedding, Pace};
 use crate::ports::Ports;
 use crate::step::{Acknowledge, MissingSurface, Policy, process_frame};
 use tessera_messages::WaitingOn;
-use tessera_stage::{Context, Outcome, StageError};
-use tessera_surface::Effort;
+use tessera_stage::{Outcome, StageContext, StageError};
+use tessera_surface::WorkloadLevel;
 
 const POLICY: Policy =
     Policy { skips_poison: true, missing_surface: MissingSurface::Postpone, acknowledge: Acknowledge::Frame };
 
 /// Runs until the run is finished, the stage is told to stop, or the state is to be read back.
 pub(crate) fn run(
-    context: &Context,
+    context: &StageContext,
     state: &mut DurableState,
     ports: &mut Ports,
 ) -> Result<Pause, StageError> {
     let forget_every = context.settings.run.forget_every;
     let mut n_done = 0;
-    let mut ladder = Ladder::begin(state.fold.last_frame.as_ref().map_or(Effort::Full, |frame| frame.effort));
+    let mut shedding = LoadShedding::begin(
+        state.fold.last_frame.as_ref().map_or(WorkloadLevel::Full, |frame| frame.workload),
+    );
     ports.begin_epoch(state.fold.tracker.next_index())?;
-    set_effort(&ladder, ports)?;
+    set_workload(&shedding, ports)?;
     // Before its first frame it waits for others to start.
     let mut has_waited = true;
     ports.notify_optimiser();
@@ -50,10 +52,10 @@ pub(crate) fn run(
             continue;
         };
         let pace = Pace { n_left_out: index - next, has_waited: std::mem::take(&mut has_waited) };
-        let before = ladder.effort();
-        if context.settings.flow.ladder && ladder.note(&pace) {
-            log_effort(before, ladder.effort(), index);
-            set_effort(&ladder, ports)?;
+        let before = shedding.workload();
+        if context.settings.flow.load_shedding && shedding.note(&pace) {
+            log_workload(before, shedding.workload(), index);
+            set_workload(&shedding, ports)?;
         }
         process_frame(context, &POLICY, state, ports, index)?;
         state.checkpoint_if_due(context, index);
@@ -64,18 +66,18 @@ pub(crate) fn run(
     }
 }
 
-/// Publishes the effort of the frames from now on, in the flow and in the pulse.
-fn set_effort(ladder: &Ladder, ports: &mut Ports) -> Result<(), StageError> {
-    ports.control.set_effort(ladder.effort());
-    ports.pulse.beat.effort = ladder.effort().rung() as u64;
+/// Publishes the workload of the frames from now on, in the flow and in the pulse.
+fn set_workload(shedding: &LoadShedding, ports: &mut Ports) -> Result<(), StageError> {
+    ports.control.set_workload(shedding.workload());
+    ports.pulse.beat.workload = shedding.workload().level() as u64;
     ports.notify_sensor()
 }
 
-fn log_effort(before: Effort, now: Effort, frame: u64) {
-    let (rung, last) = (now.rung(), Effort::Least.rung());
+fn log_workload(before: WorkloadLevel, now: WorkloadLevel, frame: u64) {
+    let (level, last) = (now.level(), WorkloadLevel::Least.level());
     if now > before {
-        tracing::warn!(frame, "effort is lowered to rung {rung} of {last}: {}", now.describe());
+        tracing::warn!(frame, "workload is lowered to level {level} of {last}: {}", now.describe());
     } else {
-        tracing::info!(frame, "effort is raised to rung {rung} of {last}: {}", now.describe());
+        tracing::info!(frame, "workload is raised to level {level} of {last}: {}", now.describe());
     }
 }

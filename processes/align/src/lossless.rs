@@ -7,7 +7,7 @@ use crate::inbox::Seen;
 use crate::ports::Ports;
 use crate::step::{Acknowledge, MissingSurface, Policy, process_frame};
 use tessera_messages::WaitingOn;
-use tessera_stage::{Context, Outcome, StageError, monotonic_nanos};
+use tessera_stage::{Outcome, StageContext, StageError, monotonic_nanos};
 
 /// How long a restarted aligner waits for the history: an idle writer gives it within 10 ms.
 const HISTORY_NANOS: u64 = 30_000_000;
@@ -20,7 +20,7 @@ const POLICY: Policy = Policy {
 
 /// Runs until the run is finished, the stage is told to stop, or the state is to be read back.
 pub(crate) fn run(
-    context: &Context,
+    context: &StageContext,
     state: &mut DurableState,
     ports: &mut Ports,
 ) -> Result<Pause, StageError> {
@@ -68,7 +68,7 @@ pub(crate) fn run(
 /// need be read and computed again. Answers the epoch to go on in, and what was received; `None`
 /// where recent surfaces stay away.
 fn await_history(
-    context: &Context,
+    context: &StageContext,
     ports: &mut Ports,
     first: u64,
     next: u64,
@@ -94,7 +94,7 @@ fn await_history(
 
 /// Whether the next surface and all recent ones are here; asks for what is missing.
 fn receive(
-    context: &Context,
+    context: &StageContext,
     state: &DurableState,
     ports: &mut Ports,
     next: u64,

@@ -5,7 +5,7 @@ use crate::flow::FlowControl;
 use crate::inbox::Inbox;
 use crate::publish::pose_message;
 use tessera_messages::{Flow, PoseMessage, Stage, StepTimes, WaitingOn};
-use tessera_stage::{Context, IDLE, Pulse, StageError, monotonic_nanos};
+use tessera_stage::{IDLE, Pulse, StageContext, StageError, monotonic_nanos};
 use tessera_transport::{Link, Listener, Notifier, Publisher};
 
 /// All connections of the aligner.
@@ -23,7 +23,7 @@ pub(crate) struct Ports {
 }
 
 impl Ports {
-    pub(crate) fn open(link: &Link, context: &Context) -> Result<Self, StageError> {
+    pub(crate) fn open(link: &Link, context: &StageContext) -> Result<Self, StageError> {
         Ok(Self {
             listener: link.listener(Stage::Align)?,
             inbox: Inbox::open(link, context.run.n_frames)?,

@@ -7,7 +7,7 @@ use crate::ports::Ports;
 use tessera_messages::{Kind, Phase};
 use tessera_numerics::Step;
 use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, KeyframeSurfaces};
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// Treatment of a frame by the kind of run.
 #[derive(Debug)]
@@ -40,7 +40,7 @@ pub(crate) enum Acknowledge {
 
 /// Processes the surface of frame `index`; the frames left out before it get a record each.
 pub(crate) fn process_frame(
-    context: &Context,
+    context: &StageContext,
     policy: &Policy,
     state: &mut DurableState,
     ports: &mut Ports,
@@ -123,7 +123,7 @@ fn skip_frames(
 
 /// The pure step: a surface in shared memory to a record.
 fn align(
-    context: &Context,
+    context: &StageContext,
     state: &mut DurableState,
     ports: &Ports,
     index: u64,
@@ -181,7 +181,12 @@ fn acknowledge(policy: &Policy, state: &DurableState, ports: &mut Ports) -> Resu
 }
 
 /// Logs the addresses of the frame's surface, the recent ones and the last keyframe's, in tests.
-fn log_addresses(context: &Context, state: &DurableState, surface: &Surface, recent: &[FrameSurface<'_>]) {
+fn log_addresses(
+    context: &StageContext,
+    state: &DurableState,
+    surface: &Surface,
+    recent: &[FrameSurface<'_>],
+) {
     let (probe, index) = (context.probe, surface.header.index);
     probe.log_place("the surface", index, surface.vertices());
     recent.iter().for_each(|r| probe.log_place("a recent surface", index, r.surface.vertices));

@@ -5,7 +5,7 @@ use tessera_journal::{Follower, Journal};
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, OptimiseRecord, Optimiser, OptimiserState, RequestRecord};
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, Context, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageError, StateAt,
+    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt,
 };
 
 /// How long a predecessor may take to die before its lock is an error.
@@ -23,7 +23,7 @@ pub(crate) struct DurableState {
 
 impl DurableState {
     /// Reads the state back from the run directory; locks the journal.
-    pub(crate) fn open(context: &Context) -> Result<Self, StageError> {
+    pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let (files, flow) = (&context.files, &context.settings.flow);
         let mut checkpoint =
             Checkpoint::new(&files.optimise_checkpoint(), OPTIMISE_JOURNAL, flow.checkpoint_kb);

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use tessera_messages::{Phase, Stage, WaitingOn};
 use tessera_slam::{Correction, LoopVerdict, OptimiseRecord};
 use tessera_stage::{
-    Checkpoint, Context, IDLE, Outcome, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
+    Checkpoint, IDLE, Outcome, Pulse, StageArgs, StageContext, StageError, monotonic_nanos, stage_main,
 };
 
 /// Runs the stage as a process.
@@ -56,7 +56,7 @@ fn log_loops(correction: &Correction) {
 /// # Errors
 /// Where the run directory, the settings or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
-    let context = Context::open(Stage::Optimise, args)?;
+    let context = StageContext::open(Stage::Optimise, args)?;
     let mut state = DurableState::open(&context)?;
     let link = context.link(Stage::Optimise)?;
     let listener = link.listener(Stage::Optimise)?;

@@ -1,9 +1,9 @@
-//! Which frame comes next: each in order, or in live mode the newest.
+//! Choice of the next frame: each in order, or in live mode the newest.
 
 use std::collections::BTreeSet;
 use tessera_messages::{Flow, FrameHeader, FrameShape, Kind, Refusal};
-use tessera_stage::{Context, Pulse, StageError};
-use tessera_surface::Effort;
+use tessera_stage::{Pulse, StageContext, StageError};
+use tessera_surface::WorkloadLevel;
 use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
 
 /// A checked frame: a copy of its header, what it stands for, and the frame in place.
@@ -20,8 +20,8 @@ pub(crate) struct Feed {
     /// Frames of the source, where known.
     n_frames: Option<u64>,
     is_live: bool,
-    /// Whether effort may be lowered: in live mode alone.
-    has_ladder: bool,
+    /// Whether workload may be lowered: in live mode alone.
+    sheds_load: bool,
     /// The frame received last, to count what is missing (live mode).
     last_index: Option<u64>,
     /// Frames left out before the next one, by the sensor or here.
@@ -31,7 +31,7 @@ pub(crate) struct Feed {
 }
 
 impl Feed {
-    pub(crate) fn open(link: &Link, context: &Context) -> Result<Self, StageError> {
+    pub(crate) fn open(link: &Link, context: &StageContext) -> Result<Self, StageError> {
         Ok(Self {
             frames: link.frame_subscriber()?,
             flow: link.flow_subscriber()?,
@@ -40,7 +40,7 @@ impl Feed {
             window: link.layout().window.into(),
             n_frames: context.run.n_frames,
             is_live: context.settings.run.live,
-            has_ladder: context.settings.run.live && context.settings.flow.ladder,
+            sheds_load: context.settings.run.live && context.settings.flow.load_shedding,
             last_index: None,
             dropped: 0,
             poison: context.poison.clone(),
@@ -58,8 +58,8 @@ impl Feed {
     }
 
     /// How much work the aligner wants put into a frame.
-    pub(crate) fn effort(&self) -> Effort {
-        self.newest_flow.filter(|_| self.has_ladder).map_or(Effort::Full, |flow| flow.effort())
+    pub(crate) fn workload(&self) -> WorkloadLevel {
+        self.newest_flow.filter(|_| self.sheds_load).map_or(WorkloadLevel::Full, |flow| flow.workload())
     }
 
     /// The next frame worth working on; bad ones are counted and left out.

@@ -13,9 +13,9 @@ use tessera_messages::{
 };
 use tessera_numerics::Step;
 use tessera_stage::{
-    Context, Delivery, IDLE, Outcome, Probe, Pulse, StageArgs, StageError, monotonic_nanos, stage_main,
+    Delivery, IDLE, Outcome, Probe, Pulse, StageArgs, StageContext, StageError, monotonic_nanos, stage_main,
 };
-use tessera_surface::{Effort, Reconstructor, Vertex};
+use tessera_surface::{Reconstructor, Vertex, WorkloadLevel};
 use tessera_transport::{Loan, Received};
 
 /// Runs the stage as a process.
@@ -28,7 +28,7 @@ pub fn main(args: &StageArgs) -> ExitCode {
 /// # Errors
 /// Where the run directory, the settings or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
-    let context = Context::open(Stage::Reconstruct, args)?;
+    let context = StageContext::open(Stage::Reconstruct, args)?;
     let mut reconstructor = Reconstructor::new(&context.run.camera, &context.settings.surface)
         .map_err(|e| StageError::Settings(e.to_string()))?;
     reconstructor.steps = context.stopwatch.steps();
@@ -72,11 +72,12 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let n_vertices = context.layout.grid.len();
         let mut loan = surfaces.loan(n_vertices + vertices_of_features(features.len()))?;
         write_features(&mut loan.payload_mut()[n_vertices..], &features);
-        let effort = feed.effort();
-        let reconstructor = if effort == Effort::Least { &mut unfiltered } else { &mut reconstructor };
+        let workload = feed.workload();
+        let reconstructor =
+            if workload == WorkloadLevel::Least { &mut unfiltered } else { &mut reconstructor };
         *loan.header_mut() = SurfaceHeader {
             n_features: features.len() as u32,
-            ..surface_header(&header, reconstructor, effort, began)
+            ..surface_header(&header, reconstructor, workload, began)
         };
         if kind == Kind::Frame
             && let Err(refusal) = fill(&mut loan, &header, &frame, reconstructor, &feed, context.probe)
@@ -106,10 +107,10 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     }
 }
 
-/// What makes surfaces at the least effort.
-fn unfiltered(context: &Context) -> Result<Reconstructor, StageError> {
+/// What makes surfaces at the least workload.
+fn unfiltered(context: &StageContext) -> Result<Reconstructor, StageError> {
     let mut settings = context.settings.surface.clone();
-    settings.filter_rings = Effort::Least.filter_rings(settings.filter_rings);
+    settings.filter_rings = WorkloadLevel::Least.filter_rings(settings.filter_rings);
     let mut reconstructor = Reconstructor::new(&context.run.camera, &settings)
         .map_err(|e| StageError::Settings(e.to_string()))?;
     reconstructor.steps = context.stopwatch.steps();
@@ -119,7 +120,7 @@ fn unfiltered(context: &Context) -> Result<Reconstructor, StageError> {
 fn surface_header(
     frame: &FrameHeader,
     reconstructor: &Reconstructor,
-    effort: Effort,
+    workload: WorkloadLevel,
     began: u64,
 ) -> SurfaceHeader {
     let grid = reconstructor.grid();
@@ -134,7 +135,7 @@ fn surface_header(
         height: grid.height as u32,
         step: grid.step as u32,
         kind: frame.kind,
-        effort: effort.rung() as u32,
+        workload: workload.level() as u32,
         rotation: frame.rotation,
         times,
         ..SurfaceHeader::default()

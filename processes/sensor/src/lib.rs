@@ -14,7 +14,7 @@ mod source;
 use sending::{Pace, Supply, send_frames};
 use std::process::ExitCode;
 use tessera_messages::{Flow, FrameHeader, Stage};
-use tessera_stage::{Context, Outcome, Pulse, StageArgs, StageError, stage_main};
+use tessera_stage::{Outcome, Pulse, StageArgs, StageContext, StageError, stage_main};
 use tessera_transport::{Listener, Notifier, SlicePublisher, Subscriber};
 
 /// Runs the stage as a process.
@@ -36,7 +36,7 @@ struct Ports {
 /// # Errors
 /// Where the source, the run directory or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
-    let context = Context::open(Stage::Sensor, args)?;
+    let context = StageContext::open(Stage::Sensor, args)?;
     let source = if context.settings.is_external() { None } else { Some(source::open(&context)?) };
     let link = context.link(Stage::Sensor)?;
     let mut ports = Ports {

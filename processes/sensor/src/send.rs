@@ -4,11 +4,11 @@ use crate::Ports;
 use crate::frame::{PreparedFrame, is_delivered};
 use tessera_messages::{Flow, Phase};
 use tessera_numerics::Step;
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// Sends a frame and counts it; `due_nanos`: when it was to be sent, 0 without a clock.
 pub(crate) fn send(
-    context: &Context,
+    context: &StageContext,
     mut frame: PreparedFrame,
     flow: &Flow,
     due_nanos: u64,

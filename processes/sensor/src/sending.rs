@@ -4,7 +4,7 @@ use crate::Ports;
 use crate::frame::{PreparedFrame, blank_frame};
 use crate::send::send;
 use tessera_messages::{Flow, Kind, WaitingOn};
-use tessera_stage::{Context, IDLE, Outcome, StageError, monotonic_nanos};
+use tessera_stage::{IDLE, Outcome, StageContext, StageError, monotonic_nanos};
 
 /// Time between two sendings of the end in live mode, where it is not asked for again.
 const END_INTERVAL_NANOS: u64 = 50_000_000;
@@ -35,7 +35,7 @@ pub(crate) enum Supplied {
 /// Where frames come from: a source that is read, or a camera's own program.
 pub(crate) trait Supply {
     /// Begins at the first frame that the aligner does not have; called with each new epoch.
-    fn begin_epoch(&mut self, context: &Context, first_missing: u64) -> Result<(), StageError>;
+    fn begin_epoch(&mut self, context: &StageContext, first_missing: u64) -> Result<(), StageError>;
 
     /// The next frame that may be sent now. It may block for as long as reading frames takes.
     fn next(&mut self, turn: &mut Turn<'_>) -> Result<Supplied, StageError>;
@@ -48,7 +48,7 @@ pub(crate) trait Supply {
 
 /// What a supply needs to know of the loop, and what it counts.
 pub(crate) struct Turn<'a> {
-    pub(crate) context: &'a Context,
+    pub(crate) context: &'a StageContext,
     pub(crate) ports: &'a mut Ports,
     pub(crate) flow: Flow,
     /// Frames below this index may be sent now.
@@ -84,7 +84,7 @@ impl Turn<'_> {
 /// Sends what the supply gives until the run is finished or the stage is told to stop; a new epoch
 /// of the aligner begins again at the first frame that it does not have.
 pub(crate) fn send_frames(
-    context: &Context,
+    context: &StageContext,
     ports: &mut Ports,
     pace: Pace,
     supply: &mut dyn Supply,
@@ -170,7 +170,7 @@ impl SentEnd {
 
     fn send(
         &mut self,
-        context: &Context,
+        context: &StageContext,
         pace: Pace,
         mut frame: PreparedFrame,
         flow: &Flow,

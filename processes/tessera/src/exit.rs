@@ -110,7 +110,7 @@ fn of_tool(error: &ToolError) -> Exit {
 
 fn of_supervisor(error: &SupervisorError) -> Exit {
     match error {
-        // A name or folder that cannot be used was given by somebody.
+        // A name or folder that cannot be used came from the command line.
         SupervisorError::RunExists { .. }
         | SupervisorError::Leftover { .. }
         | SupervisorError::Map { .. }

@@ -34,7 +34,7 @@ pub(crate) fn launch(
     let mut recorder =
         plan.settings.output.report.then(|| Recorder::new(recorded.unwrap_or_default(), before.wall_s));
     let write_timeline = |recorder: &Recorder| {
-        // The run is no worse without it.
+        // Best effort; failure is ignored.
         let _ = tessera_outputs::write_timeline(&plan.run_dir, &recorder.timeline());
     };
     let mut view = ProgressView::new(speech.quiet);

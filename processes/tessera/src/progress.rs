@@ -1,4 +1,4 @@
-//! What a run says while it goes on: one bar on a terminal, plain lines elsewhere.
+//! Progress of a run: one bar on a terminal, plain lines elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};

@@ -1,4 +1,4 @@
-//! Where runs lie: `runs/NAME` below the current folder, or wherever `--out` said.
+//! Folder of a run: `runs/NAME` below the current folder, or that of `--out`.
 
 use crate::exit::CommandError;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! What people read: an error told once, text of at most 80 columns for the rest.
+//! Output on the terminal: each error once, text of at most 80 columns for the rest.
 
 mod colour;
 mod fit;

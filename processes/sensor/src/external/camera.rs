@@ -1,7 +1,7 @@
 //! The services of a camera's own program; each image is checked before it is used.
 
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind};
-use tessera_stage::{Context, Pulse, StageError, monotonic_nanos};
+use tessera_stage::{Pulse, StageContext, StageError, monotonic_nanos};
 use tessera_transport::{Link, Publisher, Received, SliceSubscriber};
 
 /// Time between two lines of the log about what is refused.
@@ -37,7 +37,7 @@ struct Refused {
 }
 
 impl Camera {
-    pub(super) fn open(context: &Context, link: &Link) -> Result<Self, StageError> {
+    pub(super) fn open(context: &StageContext, link: &Link) -> Result<Self, StageError> {
         let run = &context.settings.run;
         Ok(Self {
             images: link.camera_subscriber()?,

@@ -4,7 +4,7 @@ use super::camera::{Camera, Image};
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
 use tessera_messages::{CameraFlow, Kind, WaitingOn};
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// How long a hole in the indices may last before what is missing is asked for again.
 const GRACE_NANOS: u64 = 100_000_000;
@@ -96,7 +96,7 @@ impl InOrder {
 }
 
 impl Supply for InOrder {
-    fn begin_epoch(&mut self, _: &Context, first_missing: u64) -> Result<(), StageError> {
+    fn begin_epoch(&mut self, _: &StageContext, first_missing: u64) -> Result<(), StageError> {
         self.request = Request::new(first_missing);
         Ok(())
     }

@@ -15,11 +15,11 @@ use camera::{Camera, Image};
 use in_order::InOrder;
 use newest::Newest;
 use tessera_messages::Kind;
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 use tessera_transport::Link;
 
 /// The images of the camera's own program: each in order, or the newest.
-pub(crate) fn supply(context: &Context, link: &Link) -> Result<Box<dyn Supply>, StageError> {
+pub(crate) fn supply(context: &StageContext, link: &Link) -> Result<Box<dyn Supply>, StageError> {
     let camera = Camera::open(context, link)?;
     Ok(if context.settings.run.live {
         Box::new(Newest::new(camera))
@@ -29,12 +29,17 @@ pub(crate) fn supply(context: &Context, link: &Link) -> Result<Box<dyn Supply>, 
 }
 
 /// Frames to take at most.
-fn most_frames(context: &Context) -> Option<u64> {
+fn most_frames(context: &StageContext) -> Option<u64> {
     Some(context.settings.run.frames).filter(|frames| *frames > 0)
 }
 
 /// The frame as the pipeline has it: the one copy on the way.
-fn copy(image: &Image, index: u64, ports: &Ports, context: &Context) -> Result<PreparedFrame, StageError> {
+fn copy(
+    image: &Image,
+    index: u64,
+    ports: &Ports,
+    context: &StageContext,
+) -> Result<PreparedFrame, StageError> {
     let mut frame = blank_frame(index, Kind::Frame, context.layout.frame, &ports.frames)?;
     let header = frame.loan.header_mut();
     let began = header.times.read_began;

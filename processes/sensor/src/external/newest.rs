@@ -5,7 +5,7 @@ use super::session::Session;
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
 use tessera_messages::{CameraFlow, Kind, WaitingOn};
-use tessera_stage::{Context, StageError};
+use tessera_stage::{StageContext, StageError};
 
 /// The camera's newest image.
 pub(super) struct Newest {
@@ -31,7 +31,7 @@ impl Newest {
 }
 
 impl Supply for Newest {
-    fn begin_epoch(&mut self, context: &Context, first_missing: u64) -> Result<(), StageError> {
+    fn begin_epoch(&mut self, context: &StageContext, first_missing: u64) -> Result<(), StageError> {
         self.position.get_or_insert_with(|| Position {
             next: first_missing,
             session: Session::read(context),

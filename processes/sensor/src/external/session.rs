@@ -1,9 +1,9 @@
-//! How the images of one start of the camera's program are counted as frames of the run.
+//! Session of a camera's program: its images counted as frames of the run.
 
 use serde::{Deserialize, Serialize};
 use tessera_journal::{Durability, write_atomically};
 use tessera_messages::CameraFrame;
-use tessera_stage::{Context, StageError};
+use tessera_stage::{StageContext, StageError};
 
 /// Kept in the run directory: a restarted sensor counts what came while it was dead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,13 +18,13 @@ pub(super) struct Session {
 
 impl Session {
     /// The session of an earlier life of the sensor.
-    pub(super) fn read(context: &Context) -> Option<Self> {
+    pub(super) fn read(context: &StageContext) -> Option<Self> {
         let text = std::fs::read_to_string(context.files.camera_session()).ok()?;
         serde_json::from_str(&text).ok()
     }
 
     /// A new session: its image is the run's next frame.
-    pub(super) fn begin(context: &Context, header: &CameraFrame, next: u64) -> Result<Self, StageError> {
+    pub(super) fn begin(context: &StageContext, header: &CameraFrame, next: u64) -> Result<Self, StageError> {
         let session = Self { session: header.session, image: header.index, frame: next };
         let path = context.files.camera_session();
         let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };

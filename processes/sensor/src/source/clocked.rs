@@ -5,7 +5,7 @@ use super::live_clock::LiveClock;
 use crate::frame::PreparedFrame;
 use crate::sending::{Supplied, Supply, Turn};
 use std::collections::VecDeque;
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// Lead of a frame's reading over its due time, in units of the slowest recent reading.
 const READ_AHEAD: u64 = 2;
@@ -31,7 +31,7 @@ impl<'a> Clocked<'a> {
 }
 
 impl Supply for Clocked<'_> {
-    fn begin_epoch(&mut self, context: &Context, first_missing: u64) -> Result<(), StageError> {
+    fn begin_epoch(&mut self, context: &StageContext, first_missing: u64) -> Result<(), StageError> {
         if self.position.is_none() {
             self.position = Some((LiveClock::read_or_begin(context, first_missing)?, first_missing));
         }

@@ -4,7 +4,7 @@ use crate::frame::{PreparedFrame, blank_frame};
 use rayon::prelude::*;
 use tessera_messages::{FrameHeader, FrameShape, Kind};
 use tessera_sources::{FrameBuffers, FrameInfo, Source};
-use tessera_stage::{Context, Pulse, StageError, monotonic_nanos};
+use tessera_stage::{Pulse, StageContext, StageError, monotonic_nanos};
 use tessera_transport::{SlicePublisher, TransportError};
 
 /// The source as the sensor uses it.
@@ -21,7 +21,7 @@ pub(super) struct Frames<'a> {
 const PRELOAD_BATCH: u64 = 16;
 
 impl<'a> Frames<'a> {
-    pub(super) fn new(source: &'a dyn Source, context: &Context) -> Self {
+    pub(super) fn new(source: &'a dyn Source, context: &StageContext) -> Self {
         let n_frames = context.run.n_frames.or(source.n_frames()).unwrap_or(u64::MAX);
         Self { source, shape: context.layout.frame, n_frames, preloaded: Vec::new() }
     }

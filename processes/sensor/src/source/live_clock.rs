@@ -3,7 +3,7 @@
 use super::frames::Frames;
 use serde::{Deserialize, Serialize};
 use tessera_journal::{Durability, write_atomically};
-use tessera_stage::{Context, StageError, monotonic_nanos};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// When the first frame was due; kept in the run directory, so that the camera's time goes on while
 /// the sensor is dead.
@@ -17,7 +17,7 @@ pub(super) struct LiveClock {
 
 impl LiveClock {
     /// The clock of an earlier life of the sensor, or one that begins now.
-    pub(super) fn read_or_begin(context: &Context, first_index: u64) -> Result<Self, StageError> {
+    pub(super) fn read_or_begin(context: &StageContext, first_index: u64) -> Result<Self, StageError> {
         let path = context.files.live_clock();
         if let Ok(text) = std::fs::read_to_string(&path)
             && let Ok(clock) = serde_json::from_str(&text)

@@ -11,11 +11,11 @@ use clocked::Clocked;
 use frames::Frames;
 use read_ahead::ReadAhead;
 use tessera_sources::Source;
-use tessera_stage::{Context, StageError};
+use tessera_stage::{StageContext, StageError};
 
 /// The source's frames, read ahead of the window or at their own times.
 pub(crate) fn supply<'a>(
-    context: &Context,
+    context: &StageContext,
     source: &'a dyn Source,
     ports: &mut Ports,
 ) -> Box<dyn Supply + 'a> {
@@ -31,7 +31,7 @@ pub(crate) fn supply<'a>(
 }
 
 /// Opens the source that the settings name, as it was when the run began.
-pub(crate) fn open(context: &Context) -> Result<Box<dyn Source>, StageError> {
+pub(crate) fn open(context: &StageContext) -> Result<Box<dyn Source>, StageError> {
     let (spec, options) = context.settings.source();
     let source = tessera_sources::open(&spec, &options).map_err(|e| StageError::Input(e.to_string()))?;
     if *source.camera() != context.run.camera {

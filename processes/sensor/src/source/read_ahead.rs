@@ -5,7 +5,7 @@ use crate::frame::PreparedFrame;
 use crate::sending::{Supplied, Supply, Turn};
 use std::collections::VecDeque;
 use tessera_messages::WaitingOn;
-use tessera_stage::{Context, StageError};
+use tessera_stage::{StageContext, StageError};
 
 /// Frames in shared memory that wait for the window.
 pub(super) struct ReadAhead<'a> {
@@ -44,7 +44,7 @@ impl<'a> ReadAhead<'a> {
 }
 
 impl Supply for ReadAhead<'_> {
-    fn begin_epoch(&mut self, _: &Context, first_missing: u64) -> Result<(), StageError> {
+    fn begin_epoch(&mut self, _: &StageContext, first_missing: u64) -> Result<(), StageError> {
         self.ready.clear();
         self.next = first_missing;
         self.unreadable = None;

@@ -68,8 +68,8 @@ pub(crate) struct RunArguments {
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,
-    /// Prepare and hold the run, or go on with the one of that name, for stages that somebody
-    /// else starts: systemd, or `tessera stage`
+    /// Prepare and hold the run, or go on with the one of that name, for stages that are
+    /// started from outside: by systemd, or `tessera stage`
     #[arg(long, requires = "name")]
     pub(crate) hold: bool,
     /// Go on where the source looks wrong

@@ -1,4 +1,4 @@
-//! Which topics of a recording are read.
+//! Topics of a recording.
 
 use clap::Args;
 

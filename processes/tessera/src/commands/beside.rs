@@ -1,4 +1,4 @@
-//! What goes on beside a run where it was asked for: a trace, and figures for Prometheus.
+//! Optional work beside a run: a trace, and metrics for Prometheus.
 
 use crate::arguments::RunArguments;
 use crate::commands::metrics::{MetricsServer, listen};
@@ -23,7 +23,7 @@ pub(super) fn with_company(
         let Some((listener, bound)) = &listener else { return };
         match MetricsServer::start(&plan.executable, &plan.run_dir, listener) {
             Ok(started) => server = Some(started),
-            // The run is no worse without.
+            // Best effort; failure is ignored.
             Err(error) => return say_error(&format!("no metrics: {error}")),
         }
         if !arguments.speech.quiet && !arguments.speech.json {

@@ -60,12 +60,12 @@ pub(super) fn start(arguments: &RunArguments, settings: &Settings, name: &str) -
         };
         eprintln!("the camera is there: {width}x{height} px, {mode}");
     }
-    // `run.frames` is a limit; how many there are nobody knows.
+    // `run.frames` is a limit; how many there are is unknown.
     let plan = new_plan(arguments, &settings, name, first.camera, None)?;
     with_company(&plan, arguments, |when_seen| launch(&plan, Some(claim), None, arguments.speech, when_seen))
 }
 
-/// The first image that can be used; `None` where somebody wants an end.
+/// The first image that can be used; `None` where the run is interrupted.
 fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<Option<First>, CommandError> {
     let stage = |error: std::io::Error| CommandError::stage(format!("cannot listen to signals: {error}"));
     let lifeline = Lifeline::hold(false).map_err(stage)?;
@@ -141,7 +141,7 @@ fn camera_layout(settings: &Settings) -> Layout {
         grid: Grid { width: 0, height: 0, step: 1 },
         window: settings.flow.window,
         recent: 0,
-        ahead: settings.flow.ahead,
+        ahead: settings.flow.window,
         live: settings.run.live,
         external: true,
     }

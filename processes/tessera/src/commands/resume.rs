@@ -16,7 +16,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> 
     resume_in(&run_folder::find(&arguments.run)?, arguments.speech, false)
 }
 
-/// Goes on with the run of a folder; with `hold` somebody else starts the stages.
+/// Goes on with the run of a folder; with `hold` the stages are started from outside.
 pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Exit, CommandError> {
     let files = RunFiles::new(run_dir);
     let run = RunFile::read(&files)?;

@@ -73,7 +73,7 @@ fn under_a_free_name(
     for number in 1..=MOST_NAMES {
         let name = format!("{label}-{number}");
         match start(&name) {
-            // Somebody has that name already: the next one, unless the folder was asked for.
+            // The name is in use: the next one, unless the folder was asked for.
             Err(LaunchError::Supervisor(SupervisorError::RunExists { .. })) if arguments.out.is_none() => {}
             Err(LaunchError::Supervisor(SupervisorError::Transport(TransportError::NameInUse {
                 ..

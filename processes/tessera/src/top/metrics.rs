@@ -32,7 +32,7 @@ pub(crate) fn metrics(snapshot: &Snapshot) -> String {
     let gauges = [
         ("keyframes", "In the map.", snapshot.keyframes),
         ("loops", "In the map.", snapshot.loops),
-        ("effort_rungs", "Below full effort, in live mode.", snapshot.effort),
+        ("workload_level", "Workload level of new frames, 0 full to 3 least.", snapshot.workload),
     ];
     for (name, meaning, value) in gauges {
         let _ = writeln!(text, "# HELP tessera_{name} {meaning}\n# TYPE tessera_{name} gauge");

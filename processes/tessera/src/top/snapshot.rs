@@ -1,4 +1,4 @@
-//! What can be seen of a run at one time.
+//! State of a run at one time.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -52,8 +52,8 @@ pub(crate) struct Snapshot {
     pub(crate) at_s: f64,
     pub(crate) keyframes: u64,
     pub(crate) loops: u64,
-    /// Rungs below full effort that new frames get (live mode).
-    pub(crate) effort: u64,
+    /// Workload level of new frames, 0 (full) to 3 (live mode).
+    pub(crate) workload: u64,
     pub(crate) pose: Option<LastPose>,
     pub(crate) stages: Vec<StageLine>,
 }

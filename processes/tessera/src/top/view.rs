@@ -40,12 +40,12 @@ pub(crate) fn draw(frame: &mut Frame<'_>, snapshot: &Snapshot) {
         Constraint::Min(0),
     ])
     .split(frame.area());
-    let effort = match snapshot.effort {
+    let workload = match snapshot.workload {
         0 => String::new(),
-        rung => format!(", effort -{rung}"),
+        level => format!(", workload -{level}"),
     };
     let title = format!(
-        "{}: {} keyframes, {} loops{effort}   (q ends the view, not the run)",
+        "{}: {} keyframes, {} loops{workload}   (q ends the view, not the run)",
         snapshot.name, snapshot.keyframes, snapshot.loops
     );
     frame.render_widget(Paragraph::new(title), areas[0]);
@@ -140,7 +140,7 @@ mod tests {
             name: "room-1".into(),
             keyframes: 17,
             loops: 6,
-            effort: 2,
+            workload: 2,
             pose: Some(LastPose {
                 frame: 122,
                 state: "tracking",
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn everything_stands_on_a_wide_screen() {
         let lines = lines(120);
-        assert!(lines[0].starts_with("room-1: 17 keyframes, 6 loops, effort -2 "), "{lines:?}");
+        assert!(lines[0].starts_with("room-1: 17 keyframes, 6 loops, workload -2 "), "{lines:?}");
         assert_eq!(words(&lines[2]), COLUMNS.map(|(title, _)| title).join(" "));
         assert_eq!(words(&lines[3]), "align 4711 waiting: surfaces 123 29.9 3 1.25 7.50 31.12 41.2 25.3 5 2");
         assert_eq!(lines[5], "frame 122: tracking, at 1.000 -2.000 0.500 m, 2.50 ms after the frame");

@@ -109,7 +109,7 @@ impl Watcher {
             at_s: (now - self.began).as_secs_f64(),
             keyframes: align.keyframes,
             loops: align.loops,
-            effort: align.effort,
+            workload: align.workload,
             pose: self.pose.as_ref().map(last_pose),
             stages: stages.to_vec(),
         }

@@ -1,4 +1,4 @@
-//! Which estimate belongs to which ground truth: pairs of nearest time.
+//! Association of estimates with ground truth: pairs of nearest time.
 
 /// Pairs `(groundtruth, estimate)` of indices as `associate.py` makes them: greedy, the nearest
 /// times first, each used once, differences strictly below `max_difference_s`.

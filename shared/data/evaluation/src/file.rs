@@ -65,7 +65,7 @@ pub enum TrajectoryError {
         /// Columns found.
         found: usize,
     },
-    /// The first column is no time.
+    /// The first column is not a time.
     #[error(transparent)]
     Stamp(#[from] StampError),
     /// A column is not a finite number.

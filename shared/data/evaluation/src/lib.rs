@@ -1,4 +1,4 @@
-//! How far an estimated trajectory is from the truth, by the definitions that everybody quotes.
+//! Errors of an estimated trajectory: ATE and RPE by the definitions in common use.
 //!
 //! Files in the TUM form (`timestamp tx ty tz qx qy qz qw`), association by time, rigid alignment,
 //! the absolute trajectory error (ATE) of `evaluate_ate.py` and of evo, and the relative pose

@@ -17,7 +17,7 @@ const TEXTS: [&str; 4] = [
 /// A built-in camera by name, or a camera file.
 ///
 /// # Errors
-/// No such name or file, or a file that is no camera.
+/// No such name or file, or a file that is not a camera.
 pub fn named_camera(name_or_file: &str) -> Result<Camera, SourceError> {
     if let Some(at) = CAMERA_NAMES.iter().position(|name| *name == name_or_file) {
         return parse_camera(TEXTS[at], name_or_file);

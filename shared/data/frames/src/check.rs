@@ -1,4 +1,4 @@
-//! What can be said about a source before it is run, and when it must not be.
+//! Check of a source before it is run.
 
 use crate::{FrameBuffers, Pairing, Source, SourceError};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! What can be wrong with a source. Each message names the place, what was found and expected.
+//! Errors of a source. Each message names the place, what was found and expected.
 
 use std::io;
 use std::path::PathBuf;
@@ -152,7 +152,7 @@ pub enum ListError {
         /// The line.
         found: String,
     },
-    /// The first word is no time.
+    /// The first word is not a time.
     #[error(transparent)]
     Stamp(#[from] StampError),
     /// A time comes twice.
@@ -175,7 +175,7 @@ pub enum ListError {
         /// The line.
         found: String,
     },
-    /// A word of `imu.txt` is no number.
+    /// A word of `imu.txt` is not a number.
     #[error("found '{found}', expected a finite number")]
     ImuNumber {
         /// The word.

@@ -1,4 +1,4 @@
-//! What a source of frames is, for all who read frames and all who provide them.
+//! Sources of frames: the trait, for all who read frames and all who provide them.
 //!
 //! Everything stands behind one trait, [`Source`]: frames are numbered from 0, each can be read
 //! again at any time and by several threads at once, and reading an index twice gives the same

@@ -1,4 +1,4 @@
-//! Which colour image belongs to which depth image.
+//! Pairing of colour images with depth images.
 
 use crate::Pairing;
 

@@ -1,4 +1,4 @@
-//! Where the images stand, and reading them again.
+//! Index of the images in a recording, and reading them again.
 
 use crate::error::RecordingError;
 use crate::file::{Channels, McapFile, Place, message};

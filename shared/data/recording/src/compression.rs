@@ -1,4 +1,4 @@
-//! What chunks are compressed with: zstd and lz4, as streams.
+//! Decompression of chunks: zstd and lz4, as streams.
 
 use lz4_flex::frame::FrameDecoder as Lz4;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};

@@ -1,4 +1,4 @@
-//! What can be wrong with an MCAP recording.
+//! Errors of an MCAP recording.
 
 use crate::rational::LensFit;
 use std::io;

@@ -27,7 +27,7 @@ pub struct LensFit {
 
 impl RationalLens {
     /// The five coefficients with the least squares over the image of `camera`, whose own
-    /// distortion is not looked at. `None`: the lens folds the image over, or is no lens.
+    /// distortion is not looked at. `None`: the lens folds the image over, or its numbers are not those of a lens.
     ///
     /// The tangential coefficients are the same in both, so that this is linear in `k1 k2 k3`.
     pub(super) fn fit(&self, camera: &Camera) -> Option<LensFit> {

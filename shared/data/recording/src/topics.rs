@@ -1,4 +1,4 @@
-//! Which topics have depth, colour and the camera: by type and name, or as given.
+//! Choice of the topics of depth, colour and camera: by type and name, or as given.
 
 use crate::error::RecordingError;
 use crate::file::{Channel, Channels};

@@ -1,4 +1,4 @@
-//! How a Kinect measures depth: in disparity, blurred, rounded, and with holes.
+//! Depth measurement of a Kinect: in disparity, blurred, rounded, and with holes.
 //!
 //! Errors are drawn in fields that are smooth over a few pixels, as those of block matching are,
 //! so that averaging neighbours does not make them go away; rounding to 1/8 px comes last.

@@ -1,4 +1,4 @@
-//! What surfaces look like: a colour, a pattern, and a grain that is never the same twice.
+//! Appearance of surfaces: a colour, a pattern, and a grain that does not repeat.
 
 use crate::random;
 

@@ -1,4 +1,4 @@
-//! What can be set about a simulated scene.
+//! Settings of a simulated scene.
 
 use serde::{Deserialize, Serialize};
 use tessera_frames::SourceError;
@@ -18,26 +18,31 @@ pub struct SimulationOptions {
     /// 1/16 px: half of one step, as Khoshelham and Elberink measured (Sensors 2012). Together
     /// with the rounding this gives the axial noise of Nguyen et al. and of eq. 5 (method 1.4): 7 mm at
     /// 2 m, 16 mm at 3 m.
+    #[serde(skip)]
     pub disparity_sigma_px: f64,
-    /// Standard deviation by which a pixel looks beside itself, pixels along each axis.
+    /// Standard deviation of the lateral pixel noise, pixels along each axis.
+    #[serde(skip)]
     pub lateral_sigma_px: f64,
     /// Lens distortion `k1 k2 p1 p2 k3` of depth and colour; absent: the camera's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip)]
     pub distortion: Option<[f64; 5]>,
     /// Rolling shutter, seconds from the first row to the last; absent: the camera's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub readout_s: Option<f64>,
     /// How much older the colour image is than the depth image, seconds.
+    #[serde(skip)]
     pub colour_lag_s: f64,
     /// Whether a person walks about in front of the camera.
     pub person: bool,
-    /// How many times faster than by default the camera goes its way.
+    /// Speed of the camera along its path, times the default.
     pub speed: f64,
     /// Whether the camera carries a gyroscope.
     pub imu: bool,
     /// White noise of the gyroscope, radians per second per root hertz.
+    #[serde(skip)]
     pub imu_noise_rad_per_s_sqrt_hz: f64,
     /// Standard deviation of the gyroscope's constant error, radians per second.
+    #[serde(skip)]
     pub imu_bias_sigma_rad_per_s: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Scenes as sources: same bytes whoever renders them, right depth, holes where they belong.
+//! Scenes as sources: same bytes for any number of threads, right depth, holes where they belong.
 
 use super::*;
 use nalgebra::Point3;

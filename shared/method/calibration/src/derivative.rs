@@ -1,4 +1,4 @@
-//! How a measured point moves when the camera's parameters change.
+//! Derivative of a measured point by the camera's parameters.
 
 use crate::parameters::N_PARAMETERS;
 use nalgebra::{Point3, SMatrix, Vector3};

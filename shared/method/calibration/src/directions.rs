@@ -1,4 +1,4 @@
-//! Which combinations of parameters the motion determines, and how well.
+//! Observable combinations of parameters under the motion, with their standard deviations.
 
 use crate::parameters::{N_PARAMETERS, Parameters};
 use crate::system::{CameraMatrix, Reduced};

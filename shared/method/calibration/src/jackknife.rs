@@ -1,4 +1,4 @@
-//! How well the camera is known, as the keyframes themselves show it.
+//! Standard deviations of the camera's parameters by a jackknife over keyframes.
 
 use crate::parameters::Parameters;
 use crate::residuals::PairSums;

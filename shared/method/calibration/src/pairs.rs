@@ -1,4 +1,4 @@
-//! Which keyframes are compared: such as see the same from afar.
+//! Selection of keyframe pairs: those that see the same from far apart.
 
 use tessera_geometry::{Pose, log};
 

@@ -1,4 +1,4 @@
-//! What is to be solved.
+//! Input of a calibration.
 
 use crate::parameters::Parameter;
 use tessera_geometry::{Camera, DepthNoise, Pose, Twist};

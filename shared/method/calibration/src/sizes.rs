@@ -1,4 +1,5 @@
-//! How much of each parameter moves the image by one pixel: what makes unlike units comparable.
+//! Scale of each parameter: the change that moves the image by one pixel, which makes unlike units
+//! comparable.
 
 use crate::derivative::ray_derivative;
 use crate::parameters::{N_PARAMETERS, Parameters};

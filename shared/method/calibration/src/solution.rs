@@ -1,4 +1,4 @@
-//! What came out, and why nothing did.
+//! Result of a calibration, and its errors.
 
 use crate::directions::Directions;
 use crate::parameters::{Parameter, Parameters};
@@ -67,7 +67,7 @@ pub enum CalibrationError {
     /// The poses' system has no solution.
     #[error("the pairs of keyframes do not determine their poses")]
     Undetermined,
-    /// The solution is no camera.
+    /// The solution is not a camera.
     #[error("the solution is no camera: {0}")]
     Camera(#[from] CameraError),
     /// The lens would map two rays to one pixel.

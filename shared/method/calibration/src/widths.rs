@@ -1,4 +1,4 @@
-//! What is known of a camera before a frame is seen: how far it may be from where it starts.
+//! Prior of the camera's parameters: standard deviations about the initial camera.
 
 use crate::parameters::{Parameter, Parameters};
 use crate::system::CameraMatrix;

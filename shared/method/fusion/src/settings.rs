@@ -1,4 +1,4 @@
-//! What can be chosen about a fused map.
+//! Settings of fusion.
 
 /// How a map is fused.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! How far a camera has turned, as a gyroscope says.
+//! Rotation of the camera, integrated from a gyroscope.
 
 use crate::pose::rotation_log;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};

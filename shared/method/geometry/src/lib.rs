@@ -21,7 +21,7 @@ mod shutter;
 
 pub use camera::{Camera, CameraError};
 pub use inertial::{InertialRotation, RelativeRotation};
-pub use noise::{DepthNoise, NoiseModel};
+pub use noise::DepthNoise;
 pub use pose::{
     Matrix6, Pose, PoseBits, Twist, Vector6, adjoint, compose_normalised, exp, hat, log, rotation_exp,
     rotation_log, translation_rotation_norms,

@@ -1,19 +1,7 @@
-//! How far a depth measurement is off, as a function of depth (eq. 5; method 1.4).
+//! Standard deviation of a depth measurement as a function of depth (eq. 5; method 1.4).
 
-use serde::{Deserialize, Serialize};
-
-/// Which formula gives the standard deviation of a depth measurement.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum NoiseModel {
-    /// `0.00263 z^2 - 0.00519 z + 0.00755` (Holz and Behnke 2015, eq. 5): never below 4.99 mm.
-    #[default]
-    Paper,
-    /// `0.0012 + 0.0019 (z - 0.4)^2` (Nguyen, Izadi and Lovell 2012, axial noise).
-    Nguyen,
-}
-
-/// The standard deviation of depth for one noise model: a quadratic in depth, whichever it is.
+/// Standard deviation of a depth measurement, a quadratic in depth (Holz and Behnke 2015, eq. 5):
+/// `0.00263 z^2 - 0.00519 z + 0.00755` metres, never below 4.99 mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthNoise {
     quadratic: f32,
@@ -22,15 +10,6 @@ pub struct DepthNoise {
 }
 
 impl DepthNoise {
-    /// The formula of a model.
-    pub const fn new(model: NoiseModel) -> Self {
-        match model {
-            NoiseModel::Paper => Self { quadratic: 0.00263, linear: -0.00519, constant: 0.00755 },
-            // 0.0012 + 0.0019 (z - 0.4)^2, multiplied out.
-            NoiseModel::Nguyen => Self { quadratic: 0.0019, linear: -0.00152, constant: 0.001504 },
-        }
-    }
-
     /// Standard deviation in metres of a measurement at `depth_m` metres.
     #[inline(always)]
     pub fn sigma_m(&self, depth_m: f32) -> f32 {
@@ -40,7 +19,7 @@ impl DepthNoise {
 
 impl Default for DepthNoise {
     fn default() -> Self {
-        Self::new(NoiseModel::default())
+        Self { quadratic: 0.00263, linear: -0.00519, constant: 0.00755 }
     }
 }
 
@@ -63,12 +42,10 @@ mod tests {
             (6.0, 71.1),
             (8.0, 134.3),
         ];
-        let noise = DepthNoise::new(NoiseModel::Paper);
+        let noise = DepthNoise::default();
         for (depth_m, sigma_mm) in table {
             assert!((noise.sigma_m(depth_m) * 1e3 - sigma_mm).abs() < 0.1, "at {depth_m} m");
         }
-        let nguyen = DepthNoise::new(NoiseModel::Nguyen);
-        assert!((nguyen.sigma_m(2.0) * 1e3 - 6.064).abs() < 1e-2);
         let mut depth_m = 0.3;
         while depth_m < 10.0 {
             assert!(noise.sigma_m(depth_m) > 0.0);

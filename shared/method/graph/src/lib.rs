@@ -20,7 +20,7 @@ mod statistics;
 
 pub use block::{BlockSums, PairBlock};
 pub use graph::{Graph, InnerReport, Pair, Prior, Solver};
-pub use multi_edge::{DataAssociation, MultiEdge, OuterIteration, Schedule, Solved};
+pub use multi_edge::{DataAssociation, INNER_ITERATIONS, MultiEdge, OuterIteration, Schedule, Solved};
 pub use robust::{GemanMcClure, RobustReport, disagreement_sigmas, optimise as optimise_robustly};
 pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
 pub use tessera_numerics::NotPositiveDefinite;

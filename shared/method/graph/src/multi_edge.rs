@@ -56,6 +56,9 @@ impl<F: FnMut(&[Pose], OuterIteration) -> Vec<Pair>> DataAssociation for F {
     }
 }
 
+/// Most Levenberg-Marquardt steps for one set of correspondences (method 5.2): the paper's number.
+pub const INNER_ITERATIONS: u32 = 10;
+
 /// The limits of the outer iterations, and when to stop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {

@@ -1,4 +1,4 @@
-//! How certain a pose is: covariance (eq. 14) and entropy (eq. 15) from the information matrix
+//! Uncertainty of a pose: covariance (eq. 14) and entropy (eq. 15) from the information matrix
 //! (method 9.2-9.4).
 
 use tessera_geometry::Matrix6;

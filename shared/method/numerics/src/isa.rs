@@ -1,4 +1,4 @@
-//! Which vector instructions are used.
+//! Selection of vector instructions.
 
 use serde::{Deserialize, Serialize};
 

@@ -53,7 +53,7 @@ pub fn in_pool<R: Send>(progress: &mut dyn FnMut(), work: impl FnOnce(&mut dyn F
     let mut result = None;
     rayon::in_place_scope(|scope| {
         scope.spawn(|_| {
-            // Nobody hears of it once the caller has gone.
+            // The caller may be gone; the error is then dropped.
             let mut tell = move || {
                 let _: Result<(), mpsc::SendError<()>> = sender.send(());
             };

@@ -1,4 +1,4 @@
-//! The named steps of the work on one frame or request, and whoever hears when one begins.
+//! Profiling hooks: the named steps of the work on one frame or request, and an optional observer.
 //!
 //! The method says which step it is in and knows no clock: an observer that a stage gives it may
 //! look at one. No result depends on an observer, and without one an announcement is one branch.
@@ -114,7 +114,7 @@ pub trait Observer: Send + Sync {
     fn enters(&self, step: Option<Step>);
 }
 
-/// Where a piece of work says which step it is in; nobody listens by default.
+/// Reports the current step to an observer; none by default.
 #[derive(Clone, Default)]
 pub struct Steps(Option<Arc<dyn Observer>>);
 

@@ -5,7 +5,7 @@
 
 use std::error::Error;
 use tessera_geometry::{DepthNoise, Pose, Twist, translation_rotation_norms};
-use tessera_graph::{Graph, Pair, PairBlock};
+use tessera_graph::{Graph, INNER_ITERATIONS, Pair, PairBlock};
 use tessera_registration::{
     GridCamera, MatchLimits, Matcher, Queries, RegistrationSettings, Sampler, Selection, ShutterTable, Target,
 };
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             priors: Vec::new(),
             isa: settings.isa,
         };
-        graph.optimise(settings.inner_iterations, &mut || ())?;
+        graph.optimise(INNER_ITERATIONS, &mut || ())?;
         target_from_query = graph.poses[1];
         println!(
             "{} of {} queries matched, median residual {:.2} standard deviations",

@@ -14,44 +14,6 @@ pub enum SearchMethod {
     Exact,
 }
 
-/// How correspondences are found and rejected (method 10).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SearchSettings {
-    /// How a query's partner is found.
-    pub method: SearchMethod,
-    /// Cells between the neighbours that a descent compares first, in the first outer iteration:
-    /// 1, 2, 4 or 8; from coarse to fine.
-    pub first_stride: u32,
-    /// Steps of the descent to the nearest vertex in the first outer iteration, grid cells.
-    pub first_reach: u32,
-    /// Steps of the descent in the last outer iteration, grid cells.
-    pub last_reach: u32,
-    /// Least cosine between normals in the first outer iteration.
-    pub first_normal_cosine: f32,
-    /// Least cosine between normals in the last outer iteration.
-    pub last_normal_cosine: f32,
-    /// Whether a target vertex serves only its nearest query.
-    pub one_to_one: bool,
-    /// Distances beyond this factor of the median are rejected; 0 switches it off.
-    pub median_factor: f32,
-}
-
-impl Default for SearchSettings {
-    fn default() -> Self {
-        Self {
-            method: SearchMethod::Projective,
-            first_stride: 1,
-            first_reach: 4,
-            last_reach: 2,
-            first_normal_cosine: 0.707,
-            last_normal_cosine: 0.866,
-            one_to_one: true,
-            median_factor: 3.0,
-        }
-    }
-}
-
 /// When brightness is a residual beside geometry (method 12.1). Never where the camera's colours are
 /// not registered to its depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,14 +64,10 @@ pub struct RegistrationSettings {
     pub uniform_samples: u32,
     /// Query points drawn uniformly over normal directions.
     pub normal_space_samples: u32,
-    /// Points beyond this depth are not sampled, metres.
-    pub max_sample_depth_m: f32,
     /// Seed of the samples, mixed with the frame's index.
     pub seed: u64,
-    /// Most inner iterations for one set of correspondences.
-    pub inner_iterations: u32,
-    /// Search and rejection.
-    pub search: SearchSettings,
+    /// Search for a query's partner.
+    pub search: SearchMethod,
     /// Weights.
     pub weight: WeightSettings,
     /// Vector instructions; `run.isa` sets them for all algorithms.
@@ -122,10 +80,8 @@ impl Default for RegistrationSettings {
         Self {
             uniform_samples: 800,
             normal_space_samples: 1200,
-            max_sample_depth_m: 5.0,
             seed: 0,
-            inner_iterations: 10,
-            search: SearchSettings::default(),
+            search: SearchMethod::Projective,
             weight: WeightSettings::default(),
             isa: Isa::Auto,
         }
@@ -140,21 +96,6 @@ impl RegistrationSettings {
     pub fn check(&self) -> Result<(), SettingError> {
         check_range("uniform_samples", self.uniform_samples.into(), 0.0, 1e6)?;
         check_range("normal_space_samples", self.normal_space_samples.into(), 0.0, 1e6)?;
-        check_range("max_sample_depth_m", self.max_sample_depth_m.into(), 0.5, 50.0)?;
-        check_range("inner_iterations", self.inner_iterations.into(), 1.0, 100.0)?;
-        let s = &self.search;
-        if !matches!(s.first_stride, 1 | 2 | 4 | 8) {
-            return Err(SettingError {
-                key: "search.first_stride",
-                found: s.first_stride.to_string(),
-                rule: "1, 2, 4 or 8".into(),
-            });
-        }
-        check_range("search.first_reach", s.first_reach.into(), 0.0, 20.0)?;
-        check_range("search.last_reach", s.last_reach.into(), 0.0, 20.0)?;
-        check_range("search.first_normal_cosine", s.first_normal_cosine.into(), -1.0, 1.0)?;
-        check_range("search.last_normal_cosine", s.last_normal_cosine.into(), -1.0, 1.0)?;
-        check_range("search.median_factor", s.median_factor.into(), 0.0, 1e3)?;
         let w = &self.weight;
         check_range("weight.covariance_epsilon", w.covariance_epsilon.into(), 1e-6, 1.0)?;
         check_range("weight.robust_sigmas", w.robust_sigmas.into(), 0.0, 1e3)?;

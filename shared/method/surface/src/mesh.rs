@@ -1,8 +1,12 @@
-//! Which neighbours of the grid are joined by an edge, and which four make a quad (eq. 1-4; method 1.2-1.5).
+//! Edges between neighbours of the grid, and quads of four of them (eq. 1-4; method 1.2-1.5).
 
-use crate::planes::{Layout, Mesh, Run, Workspace};
-use crate::settings::{EdgeRule, LengthRule, SurfaceSettings};
+use crate::planes::{Layout, QuadMesh, Run, Workspace};
+use crate::settings::{EdgeRule, SurfaceSettings};
 use tessera_geometry::DepthNoise;
+
+/// Angle between an edge and the line of sight below which the edge is shadowed (eq. 1), degrees: the
+/// paper's value.
+const EDGE_ANGLE_DEG: f32 = 12.5;
 
 /// The edge test of eq. 1, with its constants worked out.
 #[derive(Clone, Copy, Debug)]
@@ -16,17 +20,14 @@ pub(crate) struct EdgeTest {
 
 impl EdgeTest {
     pub(crate) fn new(settings: &SurfaceSettings) -> Self {
-        let cosine = libm::cosf(settings.edge_angle_deg.to_radians());
+        let cosine = libm::cosf(EDGE_ANGLE_DEG.to_radians());
         let n = settings.step as f32;
-        let growth = match settings.length_rule {
-            LengthRule::Linear => n,
-            LengthRule::Quadratic => n * n,
-        };
         Self {
             cos_sq: cosine * cosine,
-            tolerance_factor: 2.0 * growth,
+            // Eq. 4, read as linear in the step.
+            tolerance_factor: 2.0 * n,
             is_or: settings.edge_rule == EdgeRule::Or,
-            noise: DepthNoise::new(settings.noise),
+            noise: DepthNoise::default(),
         }
     }
 
@@ -66,7 +67,7 @@ pub(crate) fn build(test: EdgeTest, w: &mut Workspace) {
         edge_row(test, here, w.points.run(start + stride, n), &mut w.mesh.down[out.clone()]);
         edge_row(test, here, w.points.run(start + stride + 1, n), &mut w.mesh.diagonal[out]);
     }
-    let Mesh { right, down, quad, n_quads, .. } = &mut w.mesh;
+    let QuadMesh { right, down, quad, n_quads, .. } = &mut w.mesh;
     for row in 0..grid.height {
         let start = w.layout.row(row);
         quad_row(

@@ -2,6 +2,10 @@
 
 use crate::planes::{Layout, Run, Workspace};
 
+/// Least cosine between a normal and the line of sight, 81 degrees: beyond it noise flips normals
+/// (method T16), so the vertex is dropped.
+const MIN_VIEW_COSINE: f32 = 0.15;
+
 /// Which points the normals are taken from.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum From {
@@ -14,7 +18,7 @@ pub(crate) enum From {
 /// The sum of unnormalised cross products weighs faces by area; a quad counts by the cross
 /// product of its diagonals, which is the sum of its two triangles'.
 #[inline(always)]
-pub(crate) fn fill(w: &mut Workspace, from: From, min_view_cosine: f32) {
+pub(crate) fn fill(w: &mut Workspace, from: From) {
     quad_normals(w, from);
     let Layout { grid, stride } = w.layout;
     let n = grid.width;
@@ -27,19 +31,12 @@ pub(crate) fn fill(w: &mut Workspace, from: From, min_view_cosine: f32) {
         let start = w.layout.row(row);
         let quads = [start, start - 1, start - stride, start - stride - 1].map(|at| q.run(at, n));
         let [x, y, z] = normals.run_mut(start, n);
-        normal_row(quads, points.run(start, n), min_view_cosine, x, y, z);
+        normal_row(quads, points.run(start, n), x, y, z);
     }
 }
 
 #[inline(always)]
-fn normal_row(
-    quads: [Run<'_>; 4],
-    p: Run<'_>,
-    min_view_cosine: f32,
-    x: &mut [f32],
-    y: &mut [f32],
-    z: &mut [f32],
-) {
+fn normal_row(quads: [Run<'_>; 4], p: Run<'_>, x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
     let n = x.len();
     let ([here, left, above, corner], p) = (quads.map(|q| q.first(n)), p.first(n));
     let (y, z) = (&mut y[..n], &mut z[..n]);
@@ -49,7 +46,7 @@ fn normal_row(
             here.y[c] + left.y[c] + above.y[c] + corner.y[c],
             here.z[c] + left.z[c] + above.z[c] + corner.z[c],
         ];
-        [x[c], y[c], z[c]] = towards_camera(sum, p.at(c), min_view_cosine);
+        [x[c], y[c], z[c]] = towards_camera(sum, p.at(c), MIN_VIEW_COSINE);
     }
 }
 

@@ -87,7 +87,7 @@ impl<'a> Run<'a> {
 
 /// Edges and quads as factors: 1 where there is one, 0 where there is none.
 #[derive(Clone, Debug)]
-pub(crate) struct Mesh {
+pub(crate) struct QuadMesh {
     pub(crate) right: Vec<f32>,
     pub(crate) down: Vec<f32>,
     pub(crate) diagonal: Vec<f32>,
@@ -107,7 +107,7 @@ pub(crate) struct Workspace {
     pub(crate) intensity: Vec<f32>,
     /// Red, green, blue and the row offset inside the cell; not padded.
     pub(crate) colour_row: Vec<[u8; 4]>,
-    pub(crate) mesh: Mesh,
+    pub(crate) mesh: QuadMesh,
     /// Unit normals; zero where there is none.
     pub(crate) normals: Planes3,
     pub(crate) filtered_points: Planes3,
@@ -138,7 +138,13 @@ impl Workspace {
             points: Planes3::zeros(len),
             intensity: plane(),
             colour_row: vec![[0; 4]; grid.len()],
-            mesh: Mesh { right: plane(), down: plane(), diagonal: plane(), quad: plane(), n_quads: plane() },
+            mesh: QuadMesh {
+                right: plane(),
+                down: plane(),
+                diagonal: plane(),
+                quad: plane(),
+                n_quads: plane(),
+            },
             normals: Planes3::zeros(len),
             filtered_points: Planes3::zeros(len),
             filtered_normals: Planes3::zeros(len),

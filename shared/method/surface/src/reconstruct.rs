@@ -33,7 +33,7 @@ pub struct Reconstructor {
     walk: Option<RingWalk>,
     n_measured: usize,
     arch: pulp::Arch,
-    /// Hears of the steps; nobody by default.
+    /// Observer of the steps; none by default.
     pub steps: Steps,
 }
 
@@ -105,7 +105,7 @@ impl Reconstructor {
         match step {
             Step::Cloud => self.n_measured = self.cloud.fill(depth, colour, w),
             Step::Mesh => mesh::build(self.test, w),
-            Step::Normals => normals::fill(w, From::Raw, self.settings.min_view_cosine),
+            Step::Normals => normals::fill(w, From::Raw),
             Step::Filter => self.filter(),
             Step::Vertices => {
                 let stats = write_vertices(w, self.n_measured, out);
@@ -123,16 +123,14 @@ impl Reconstructor {
         if self.settings.filter_rings == 0 {
             return;
         }
-        for _ in 0..self.settings.filter_passes {
-            self.steps.enter(Step::Filter);
-            filter::pass(&self.settings, w, self.walk.as_mut());
-            if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
-                self.steps.enter(Step::Normals);
-                normals::fill(w, From::Filtered, self.settings.min_view_cosine);
-            }
-            std::mem::swap(&mut w.points, &mut w.filtered_points);
-            std::mem::swap(&mut w.normals, &mut w.filtered_normals);
+        self.steps.enter(Step::Filter);
+        filter::pass(&self.settings, w, self.walk.as_mut());
+        if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
+            self.steps.enter(Step::Normals);
+            normals::fill(w, From::Filtered);
         }
+        std::mem::swap(&mut w.points, &mut w.filtered_points);
+        std::mem::swap(&mut w.normals, &mut w.filtered_normals);
     }
 }
 

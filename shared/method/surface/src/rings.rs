@@ -1,6 +1,6 @@
 //! Neighbours of a vertex along valid mesh edges, up to four rings away (method 2.2).
 
-use crate::planes::{Layout, Mesh};
+use crate::planes::{Layout, QuadMesh};
 
 /// Collects the vertices at graph distance `1..=rings` of one, in order of distance.
 pub(crate) struct RingWalk {
@@ -16,7 +16,13 @@ impl RingWalk {
     }
 
     /// Places in padded planes; `vertex` is one too.
-    pub(crate) fn neighbours(&mut self, mesh: &Mesh, stride: usize, vertex: usize, rings: u32) -> &[usize] {
+    pub(crate) fn neighbours(
+        &mut self,
+        mesh: &QuadMesh,
+        stride: usize,
+        vertex: usize,
+        rings: u32,
+    ) -> &[usize] {
         self.walk = self.walk.wrapping_add(1);
         if self.walk == 0 {
             self.reached.fill(0);

@@ -1,4 +1,4 @@
-//! What can go wrong with a file of the run directory.
+//! Errors of the files of a run directory.
 
 use std::path::{Path, PathBuf};
 

@@ -75,7 +75,7 @@ impl<T: DeserializeOwned> Follower<T> {
         self.mark
     }
 
-    /// Bytes behind the records read so far: of a journal that nobody writes, a torn tail.
+    /// Bytes behind the records read so far: of a journal without a writer, a torn tail.
     ///
     /// # Errors
     /// Where the file cannot be looked at.

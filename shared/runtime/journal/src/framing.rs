@@ -1,4 +1,4 @@
-//! How records lie in a file: a header that names the file, then records, each with its length,
+//! Framing of records in a file: a header that names the file, then records, each with its length,
 //! version and a checksum chained with the record before.
 //!
 //! The chain keeps stale bytes behind a torn tail from coming back to life: they continue

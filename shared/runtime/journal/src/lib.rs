@@ -1,4 +1,4 @@
-//! What lasts on disk: append-only journals of records, and a store of large byte blocks that
+//! Durable files: append-only journals of records, and a store of large byte blocks that
 //! readers map.
 //!
 //! The state of a stage is a fold over its journal, so a journal that is whole up to some record
@@ -9,7 +9,7 @@
 //! * A record is there with all its bytes or not at all; after a crash the longest prefix of
 //!   whole records is what happened.
 //! * One writer: the lock is taken before the file is read and goes away with the process.
-//! * A checkpoint is a short cut through a journal and never more: whoever reads it can do without.
+//! * A checkpoint is a short cut through a journal and never more: its readers can do without it.
 //! * A file that may be mapped (the store) is never shortened.
 #![deny(unsafe_code)]
 

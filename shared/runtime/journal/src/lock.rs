@@ -28,7 +28,7 @@ pub fn lock_file(file: &File, path: &Path, wait: Duration) -> Result<(), Journal
 }
 
 /// Ends the process that holds the lock on a file for good: one that was frozen when its
-/// supervisor died must never write beside its successor. `false` where nobody holds it.
+/// supervisor died must never write beside its successor. `false` where no process holds it.
 ///
 /// # Errors
 /// Where the file cannot be opened or the holder cannot be signalled.

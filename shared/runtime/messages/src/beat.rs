@@ -124,8 +124,8 @@ pub struct Beat {
     pub keyframes: u64,
     /// Loops closed.
     pub loops: u64,
-    /// Rungs below full effort that new frames get (align, live mode).
-    pub effort: u64,
+    /// Workload level of new frames, 0 (full) to 3 (align, live mode).
+    pub workload: u64,
     /// Time from taking up a piece of work to handing on its result.
     pub latency: Latency,
     /// Time from the frame being in shared memory to its published pose (align only).

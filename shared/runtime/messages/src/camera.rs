@@ -1,4 +1,4 @@
-//! What a camera's own program sends, and what it is told: the public interface of `tessera run
+//! Messages from and to a camera's own program: the public interface of `tessera run
 //! external`, for any language that iceoryx2 speaks (`docs/camera.md`).
 
 use crate::frame::{FrameShape, Kind};

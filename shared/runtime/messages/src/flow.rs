@@ -1,8 +1,8 @@
-//! What the alignment tells the sensor: how far it is and what it needs again.
+//! Flow control from the aligner to the sensor: frames acknowledged, and frames needed again.
 
 use crate::message::{Message, Refusal};
 use bytemuck::{Pod, Zeroable};
-use tessera_surface::Effort;
+use tessera_surface::WorkloadLevel;
 
 /// The window's lower end. Published on every change and on every time-out, newest wins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -18,8 +18,8 @@ pub struct Flow {
     pub acknowledged: u64,
     /// 1: the end of the source is journaled, nothing more is needed.
     pub finished: u64,
-    /// How much work new frames get: rungs below full effort, 0 in lossless mode.
-    pub effort: u64,
+    /// Workload level of new frames, 0 (full) to 3; 0 in lossless mode.
+    pub workload: u64,
 }
 
 impl Message for Flow {
@@ -32,20 +32,20 @@ impl Flow {
     /// # Errors
     /// A [`Refusal`] where the acknowledgement lies below what was asked for.
     pub fn validate(&self) -> Result<(), Refusal> {
-        let is_effort = Effort::from_rung(self.effort).is_some();
-        if self.acknowledged < self.resend_from || self.finished > 1 || !is_effort {
+        let is_workload = WorkloadLevel::from_level(self.workload).is_some();
+        if self.acknowledged < self.resend_from || self.finished > 1 || !is_workload {
             return Err(Refusal::Value {
                 index: self.acknowledged,
                 what: "flow",
                 found: format!("{self:?}"),
-                rule: "acknowledged at or above resend_from, finished 0 or 1, effort 0 to 3",
+                rule: "acknowledged at or above resend_from, finished 0 or 1, workload 0 to 3",
             });
         }
         Ok(())
     }
 
     /// How much work new frames get.
-    pub fn effort(&self) -> Effort {
-        Effort::from_rung(self.effort).unwrap_or_default()
+    pub fn workload(&self) -> WorkloadLevel {
+        WorkloadLevel::from_level(self.workload).unwrap_or_default()
     }
 }

@@ -1,4 +1,4 @@
-//! What travels between the processes: plain data with a versioned wire name, and the checks
+//! Messages between the processes: plain data with a versioned wire name, and the checks
 //! that a receiver makes before it believes a word of it.
 //!
 //! Nothing here knows iceoryx2. A layout change means a new version in [`Message::NAME`]: two

@@ -1,4 +1,4 @@
-//! What makes a type a message, and why a message is refused.
+//! The trait of a message, and the errors of a refused one.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -44,7 +44,7 @@ pub enum Refusal {
     Future {
         /// Frame index of the message.
         index: u64,
-        /// First index that nobody can have sent.
+        /// First index that cannot have been sent.
         limit: u64,
     },
     /// A number is not finite or outside its range.

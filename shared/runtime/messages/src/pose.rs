@@ -1,4 +1,4 @@
-//! The published result of one frame, for whoever looks.
+//! The published result of one frame.
 
 use crate::message::{Message, Refusal, StepTimes};
 use bytemuck::{Pod, Zeroable};

@@ -1,4 +1,4 @@
-//! What a gyroscope says of a frame, as plain data.
+//! Rotation of a frame by a gyroscope, as plain data.
 
 use crate::message::Refusal;
 use bytemuck::{Pod, Zeroable};

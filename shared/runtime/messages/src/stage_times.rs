@@ -1,4 +1,4 @@
-//! Where a stage's time goes: the distribution of each phase and of each named step.
+//! Times of a stage: the distribution of each phase and of each named step.
 
 use crate::message::{Message, Refusal};
 use crate::stage::Stage;

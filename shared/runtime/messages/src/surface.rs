@@ -5,7 +5,7 @@ use crate::message::{Message, Refusal, StepTimes};
 use crate::rotation::RotationBits;
 use crate::surface_payload::{MAX_FEATURES, check_features, read_features, vertices_of_features};
 use bytemuck::{Pod, Zeroable};
-use tessera_surface::{Effort, Grid, Vertex};
+use tessera_surface::{Grid, Vertex, WorkloadLevel};
 
 /// Header of a surface; the payload is one [`Vertex`] per grid node, row by row, and behind them the
 /// features of the frame's colour image ([`crate::write_features`]).
@@ -30,8 +30,8 @@ pub struct SurfaceHeader {
     pub kind: u32,
     /// Vertices that may be aligned to.
     pub n_valid: u32,
-    /// How much work the frame gets: rungs below full effort, 0 in lossless mode.
-    pub effort: u32,
+    /// Workload level of the frame, 0 (full) to 3; 0 in lossless mode.
+    pub workload: u32,
     /// Features behind the vertices.
     pub n_features: u32,
     /// Zero.
@@ -79,12 +79,12 @@ impl SurfaceHeader {
         let expected_len = grid.len() + vertices_of_features(n_features);
         Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, expected_len as u64)?;
         self.rotation.read(index)?;
-        let highest = if expected.limit.is_some() { Effort::Full } else { Effort::Least };
-        if self.effort as usize > highest.rung() {
+        let highest = if expected.limit.is_some() { WorkloadLevel::Full } else { WorkloadLevel::Least };
+        if self.workload as usize > highest.level() {
             return Err(Refusal::Value {
                 index,
-                what: "effort",
-                found: self.effort.to_string(),
+                what: "workload",
+                found: self.workload.to_string(),
                 rule: "0 in lossless mode, 0 to 3 in live mode",
             });
         }
@@ -106,8 +106,8 @@ impl SurfaceHeader {
     }
 
     /// How much work the frame gets.
-    pub fn effort(&self) -> Effort {
-        Effort::from_rung(self.effort.into()).unwrap_or_default()
+    pub fn workload(&self) -> WorkloadLevel {
+        WorkloadLevel::from_level(self.workload.into()).unwrap_or_default()
     }
 }
 
@@ -141,11 +141,14 @@ mod tests {
         assert!(text(good, &vertices[..7]).contains("number of vertices is 7, expected 8"));
         assert!(text(SurfaceHeader { index: 5, ..good }, &vertices).contains("not in flight"));
         assert!(text(SurfaceHeader { width: 9, ..good }, &vertices).contains("grid width is 9"));
-        assert!(text(SurfaceHeader { effort: 1, ..good }, &vertices).contains("effort is 1"));
+        assert!(text(SurfaceHeader { workload: 1, ..good }, &vertices).contains("workload is 1"));
         let live = SurfaceExpectation { limit: None, ..expected };
-        let lowered = SurfaceHeader { effort: 3, ..good };
-        assert_eq!((lowered.validate(&live, &vertices), lowered.effort()), (Ok(Kind::Frame), Effort::Least));
-        assert!(SurfaceHeader { effort: 4, ..good }.validate(&live, &vertices).is_err());
+        let lowered = SurfaceHeader { workload: 3, ..good };
+        assert_eq!(
+            (lowered.validate(&live, &vertices), lowered.workload()),
+            (Ok(Kind::Frame), WorkloadLevel::Least)
+        );
+        assert!(SurfaceHeader { workload: 4, ..good }.validate(&live, &vertices).is_err());
         let mut broken = vertices.clone();
         broken[6].normal[1] = f32::NAN;
         assert!(text(good, &broken).contains("finite"));

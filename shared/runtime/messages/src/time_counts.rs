@@ -1,4 +1,4 @@
-//! How often work took how long: a histogram of fixed size that travels in every beat.
+//! Histogram of durations, of fixed size, that travels in every beat.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -1,6 +1,7 @@
 //! `config/default.toml` with what each setting means, taken from the structs' own comments, so
 //! that there is one text to keep.
 
+use crate::experiment;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -101,12 +102,21 @@ fn plain(words: &str) -> String {
 /// The text of all defaults with the comment of each field above it.
 pub(crate) fn with_comments(toml: &str) -> String {
     let Declared { structs, enums } = read_crates();
-    let (mut table, mut text) = ("Settings".to_owned(), String::new());
+    let (mut table, mut text, mut is_experiment) = ("Settings".to_owned(), String::new(), false);
     for line in toml.lines() {
         let mut comment: &[String] = &[];
         let mut words = None;
         if let Some(path) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
             table = "Settings".to_owned();
+            let path = match path.strip_prefix("experiment.") {
+                Some(rest) => {
+                    if !std::mem::replace(&mut is_experiment, true) {
+                        writeln!(text, "{}\n", experiment::COMMENT).unwrap();
+                    }
+                    rest
+                }
+                None => path,
+            };
             for part in path.split('.') {
                 let field = &structs[&table][part];
                 (table, comment) = (field.type_name.clone(), &field.comment);

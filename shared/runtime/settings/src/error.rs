@@ -1,4 +1,4 @@
-//! What can be wrong with settings.
+//! Errors of settings.
 
 /// Why settings were refused; the message names the key, where it stands and what must hold.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -31,6 +31,16 @@ pub enum SettingsError {
         /// The nearest known key, as words; empty where none is near.
         hint: String,
     },
+    /// A key of an earlier version.
+    #[error("{origin}: {key}: {answer}")]
+    Moved {
+        /// File and line, or argument.
+        origin: String,
+        /// Full path of the key.
+        key: String,
+        /// Where it went.
+        answer: String,
+    },
     /// A value of another type.
     #[error("{origin}: `{key}` is {found}, expected {expected}")]
     Type {
@@ -43,18 +53,16 @@ pub enum SettingsError {
         /// The type expected.
         expected: String,
     },
-    /// A word that is none of those allowed.
+    /// A word outside those allowed.
     #[error("configuration: {reason}")]
     Word {
-        /// The deserialiser's words, which name the word, those allowed and the key.
+        /// The deserialiser's message, which names the word, those allowed and the key.
         reason: String,
     },
     /// A value outside its range.
-    #[error("configuration: {part}.{reason}")]
+    #[error("configuration: {reason}")]
     Value {
-        /// The table.
-        part: &'static str,
-        /// `key is value, expected rule`.
+        /// `path.of.key is value, expected rule`.
         reason: String,
     },
     /// `--set` without `=`.

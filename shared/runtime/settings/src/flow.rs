@@ -1,4 +1,4 @@
-//! How frames move between the processes, and what is forced to disk.
+//! Settings of flow control, signs of life and durability.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,24 +20,24 @@ pub enum Fsync {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlowSettings {
-    /// Frames under way at most, W. More needs more shared memory, hardly ever more speed.
+    /// Frames under way at most, W, and as many that the sensor decodes ahead of them on spare threads.
+    /// More needs more shared memory, hardly ever more speed.
     pub window: u32,
-    /// Frames that the sensor decodes ahead of the window, on spare threads.
-    pub ahead: u32,
     /// When what is written is forced to disk.
     pub fsync: Fsync,
-    /// A stage that gives no sign of life for so long is killed and started again, seconds.
+    /// Time without a sign of life after which a stage is killed and started again, seconds.
     pub hang_s: f64,
-    /// A stage that is started again reads about so much of its journal beside its last checkpoint,
-    /// kB; 0: there are no checkpoints, it reads all of it.
+    /// Journal between two checkpoints, kB: what a stage that is started again reads beside the last
+    /// one; 0: no checkpoints, it reads all of its journal.
     pub checkpoint_kb: u32,
-    /// Whether a live run puts less work into each frame before it leaves frames out.
-    pub ladder: bool,
+    /// Load shedding: whether an overloaded live run puts less work into each frame before it leaves
+    /// frames out.
+    pub load_shedding: bool,
 }
 
 impl Default for FlowSettings {
     fn default() -> Self {
-        Self { window: 4, ahead: 4, fsync: Fsync::Never, hang_s: 10.0, checkpoint_kb: 1024, ladder: true }
+        Self { window: 4, fsync: Fsync::Never, hang_s: 10.0, checkpoint_kb: 1024, load_shedding: true }
     }
 }
 
@@ -49,7 +49,6 @@ impl FlowSettings {
     pub fn check(&self) -> Result<(), String> {
         let ranges = [
             ("window", f64::from(self.window), 1.0, 64.0),
-            ("ahead", f64::from(self.ahead), 1.0, 64.0),
             ("hang_s", self.hang_s, 0.5, 1e6),
             ("checkpoint_kb", f64::from(self.checkpoint_kb), 0.0, 1e6),
         ];

@@ -1,10 +1,10 @@
 //! The keys there are, taken from the defaults themselves, and the nearest to a wrong one.
 
-use crate::SettingsError;
+use crate::{SettingsError, moved};
 use toml::de::DeValue;
 use toml::{Table, Value};
 
-/// The word for a value's type.
+/// The name of a value's type, for a message.
 pub(crate) fn type_word(value: &Value) -> &'static str {
     match value {
         Value::String(_) => "text in quotes",
@@ -69,7 +69,10 @@ pub(crate) fn check_keys(
         let path = join(prefix, key.get_ref());
         let at = || origin(key.span().start);
         let Some(expected) = known.get(key.get_ref().as_ref()) else {
-            return Err(SettingsError::UnknownKey { origin: at(), hint: hint(top, &path), key: path });
+            return Err(match moved::first(&path, value.get_ref()) {
+                Some((key, answer)) => SettingsError::Moved { origin: at(), key, answer },
+                None => SettingsError::UnknownKey { origin: at(), hint: hint(top, &path), key: path },
+            });
         };
         match (expected, value.get_ref()) {
             (Value::Table(known), DeValue::Table(given)) => check_keys(known, given, &path, top, origin)?,

@@ -1,5 +1,6 @@
 //! Layers of settings, each over the one before, resolved into one checked [`Settings`].
 
+use crate::experiment::{self, merge};
 use crate::known::check_keys;
 use crate::{PRESETS, Settings, SettingsError, preset};
 use serde::Deserialize;
@@ -8,7 +9,7 @@ use toml::{Table, Value};
 
 /// Settings as they are put together.
 pub struct Layers {
-    /// The defaults as a table: what keys there are, and of what type.
+    /// The defaults as they stand in a file: what keys there are, and of what type.
     known: Table,
     /// What was given so far.
     given: Table,
@@ -25,11 +26,16 @@ impl Layers {
     pub fn new() -> Self {
         let mut known = Settings::default();
         // What has no default is left out of a TOML file; it is known all the same.
-        known.simulation.distortion = Some([0.0; 5]);
         known.simulation.readout_s = Some(0.0);
         // These are plain tables, numbers and words: they always serialise (tested).
         let known = Table::try_from(known).unwrap_or_default();
-        Self { known, given: Table::new() }
+        Self { known: experiment::to_file(known), given: Table::new() }
+    }
+
+    /// Every key that there is, with its default.
+    #[cfg(test)]
+    pub(crate) fn known(&self) -> &Table {
+        &self.known
     }
 
     /// Adds a preset by name, else a file.
@@ -85,8 +91,10 @@ impl Layers {
     /// # Errors
     /// A word or a value that cannot be.
     pub fn resolve(self) -> Result<Settings, SettingsError> {
-        let mut settings = Settings::deserialize(Value::Table(self.given))
-            .map_err(|error| SettingsError::Word { reason: error.to_string().trim().replace('\n', " ") })?;
+        let given = Value::Table(experiment::to_structs(self.given));
+        let mut settings = Settings::deserialize(given).map_err(|error| SettingsError::Word {
+            reason: experiment::renamed_in(&error.to_string().trim().replace('\n', " ")),
+        })?;
         settings.check()?;
         settings.set_isa(settings.run.isa);
         Ok(settings)
@@ -102,17 +110,5 @@ impl Layers {
         let table: Table = toml::from_str(text).map_err(syntax)?;
         merge(&mut self.given, table);
         Ok(())
-    }
-}
-
-/// Puts `over` on top of `under`, table by table.
-fn merge(under: &mut Table, over: Table) {
-    for (key, value) in over {
-        match (under.get_mut(&key), value) {
-            (Some(Value::Table(under)), Value::Table(over)) => merge(under, over),
-            (_, value) => {
-                under.insert(key, value);
-            }
-        }
     }
 }

@@ -3,14 +3,19 @@
 //! A setting has one default, in the struct beside the algorithm that reads it. On top of it come,
 //! in this order, a preset or a file, then `--set key=value`. What results is checked once, here,
 //! and written beside the outputs with every value that was used.
+//!
+//! Keys stand in two groups: those for users, and below `[experiment]` the variants of the method that
+//! the preset `paper`, `tessera ablate` and tests need.
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 mod documented;
 mod error;
+mod experiment;
 mod flow;
 mod known;
 mod layers;
+mod moved;
 mod output;
 mod presets;
 mod run;
@@ -22,7 +27,7 @@ pub use layers::Layers;
 pub use output::OutputSettings;
 pub use presets::{PRESETS, preset};
 pub use run::RunSettings;
-pub use stages::{Restart, StageSettings, StagesSettings};
+pub use stages::{Restart, StageSettings};
 
 use serde::{Deserialize, Serialize};
 use tessera_numerics::Isa;
@@ -30,6 +35,7 @@ use tessera_registration::RegistrationSettings;
 use tessera_slam::MappingSettings;
 use tessera_sources::{SimulationOptions, SourceOptions, SourceSpec};
 use tessera_surface::SurfaceSettings;
+use toml::Table;
 
 /// All settings of a run, one table for each part.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,8 +53,8 @@ pub struct Settings {
     pub mapping: MappingSettings,
     /// How frames move between the processes.
     pub flow: FlowSettings,
-    /// When each process is started again, and how much memory it may use.
-    pub stages: StagesSettings,
+    /// How the processes are supervised.
+    pub stages: StageSettings,
     /// What is written at the end.
     pub output: OutputSettings,
 }
@@ -108,7 +114,8 @@ impl Settings {
     /// # Errors
     /// When a value cannot stand in a TOML file, which [`Self::check`] excludes.
     pub fn to_toml(&self) -> Result<String, SettingsError> {
-        toml::to_string(self).map_err(|error| SettingsError::Write { reason: error.to_string() })
+        let wrong = |error: toml::ser::Error| SettingsError::Write { reason: error.to_string() };
+        toml::to_string(&experiment::to_file(Table::try_from(self).map_err(wrong)?)).map_err(wrong)
     }
 
     /// Checks every range; NaN is outside of each.
@@ -130,7 +137,7 @@ impl Settings {
             ("output", words(self.output.check())),
         ];
         for (part, result) in parts {
-            result.map_err(|reason| SettingsError::Value { part, reason })?;
+            result.map_err(|reason| SettingsError::Value { reason: experiment::renamed(part, &reason) })?;
         }
         Ok(())
     }

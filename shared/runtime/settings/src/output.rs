@@ -1,4 +1,4 @@
-//! What is written at the end.
+//! Settings of the outputs.
 
 use serde::{Deserialize, Serialize};
 use tessera_numerics::{SettingError, check_range};

@@ -1,4 +1,4 @@
-//! What is run.
+//! Settings of a run: its source, and how it is read.
 
 use serde::{Deserialize, Serialize};
 use tessera_geometry::PoseBits;

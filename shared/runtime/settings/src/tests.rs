@@ -10,6 +10,13 @@ fn refusal(text: &str) -> String {
     }
 }
 
+/// Every key that a file may hold.
+fn known_keys() -> Vec<String> {
+    let mut keys = Vec::new();
+    crate::known::leaves(Layers::new().known(), "", &mut keys);
+    keys
+}
+
 #[test]
 fn every_file_in_config_loads() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../config");
@@ -29,8 +36,8 @@ fn every_file_in_config_loads() {
 #[test]
 fn default_toml_lists_every_default() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../config/default.toml");
-    let header = "# Every setting with its default. A file for --config holds what differs, for instance:\n\
-                  # [surface]\n# step = 8\n\n";
+    let header = "# Every setting with its default: those for users, then, below [experiment], variants of the method.\n\
+                  # A file for --config holds what differs, for instance:\n# [surface]\n# step = 8\n\n";
     let defaults = Settings::default().to_toml().unwrap();
     let expected = format!("{header}{}", crate::documented::with_comments(&defaults));
     if std::env::var_os("TESSERA_UPDATE").is_some() {
@@ -69,6 +76,73 @@ fn what_has_no_default_can_be_set() {
     assert_eq!(spec.to_string(), "room");
     assert_eq!((options.camera.as_deref(), options.frames), (Some("icl"), Some(7)));
     assert_eq!(options.simulation, settings.simulation);
+}
+
+#[test]
+fn each_key_of_the_first_version_is_known_or_answered() {
+    let known = known_keys();
+    for key in include_str!("former_keys.txt").lines() {
+        let result = Layers::new().add_override(&format!("{key}=[[]]"));
+        match (known.iter().any(|k| k == key), result) {
+            (true, Err(SettingsError::Type { .. })) => {}
+            (false, Err(SettingsError::Moved { answer, .. })) => match answer.split_once("now ") {
+                Some(("", now)) => {
+                    let now = now.split(',').next().unwrap();
+                    assert!(known.iter().any(|k| k == now), "{key}: now {now}, which is no key");
+                }
+                _ => assert!(answer.starts_with("removed; "), "{key}: {answer}"),
+            },
+            (_, result) => panic!("{key}: {result:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_key_that_moved_says_where_it_went() {
+    assert_eq!(
+        refusal("[surface]\nfilter_passes = 2\n"),
+        "my.toml, line 2: surface.filter_passes: removed; it is 1 now"
+    );
+    assert_eq!(
+        refusal("[surface]\nedge_rule = \"and\"\n"),
+        "my.toml, line 2: surface.edge_rule: now experiment.surface.edge_rule"
+    );
+    assert_eq!(
+        refusal("[registration.search]\nmethod = \"exact\"\n"),
+        "my.toml, line 1: registration.search.method: now experiment.registration.search"
+    );
+    assert_eq!(
+        refusal("[stages.align]\nthreads = 1\n"),
+        "my.toml, line 1: stages.align.threads: now stages.threads, for each stage"
+    );
+}
+
+#[test]
+fn there_are_few_keys_in_two_groups() {
+    let known = known_keys();
+    assert!(known.len() <= 70, "{} keys", known.len());
+    for key in crate::experiment::KEYS {
+        let path = format!("experiment.{key}");
+        assert!(known.contains(&path) && !known.iter().any(|k| k == key), "{key}");
+    }
+    let n_experiment = known.iter().filter(|key| key.starts_with("experiment.")).count();
+    assert_eq!(n_experiment, crate::experiment::KEYS.len());
+}
+
+#[test]
+fn an_experiment_is_read_and_its_errors_have_its_name() {
+    let text =
+        "[experiment.surface]\nedge_rule = \"and\"\n[experiment.mapping.window]\nlong_strides = false\n";
+    let settings = Settings::from_toml(text, "my.toml").unwrap();
+    assert_eq!(settings.surface.edge_rule, tessera_surface::EdgeRule::And);
+    assert!(!settings.mapping.window.long_strides);
+    assert_eq!(Settings::from_toml(&settings.to_toml().unwrap(), "text").unwrap(), settings);
+    assert_eq!(
+        refusal("[experiment.mapping.window]\nouter_iterations = 1\n"),
+        "configuration: experiment.mapping.window.outer_iterations is 1, expected a number from 2 to 100"
+    );
+    let word = refusal("[experiment.surface]\nedge_rule = \"xor\"\n");
+    assert!(word.ends_with("in `experiment.surface.edge_rule`"), "{word}");
 }
 
 #[test]

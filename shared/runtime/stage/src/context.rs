@@ -1,12 +1,11 @@
-//! What a stage has in hand from its first instruction to its last.
+//! Context of a stage: run directory, settings, layout and life line.
 
 use crate::error::StageError;
 use crate::kill_point::KillPoints;
 use crate::lifeline::Lifeline;
 use crate::log::start_log;
-use crate::memory::{limit_memory, stage_settings};
+use crate::memory::limit_memory;
 use crate::names::RunFiles;
-use crate::placement::take_place;
 use crate::probe::Probe;
 use crate::run_file::RunFile;
 use crate::stopwatch::Stopwatch;
@@ -59,7 +58,7 @@ impl Outcome {
 
 /// The run as one stage sees it.
 #[derive(Debug)]
-pub struct Context {
+pub struct StageContext {
     /// Files of the run directory.
     pub files: RunFiles,
     /// What all processes agree on.
@@ -78,11 +77,11 @@ pub struct Context {
     pub probe: Probe,
     /// How long its steps take.
     pub stopwatch: Arc<Stopwatch>,
-    /// Somebody starts this stage, and cleans up after its death.
+    /// Whether a supervisor starts this stage and cleans up after its death.
     is_supervised: bool,
 }
 
-impl Context {
+impl StageContext {
     /// Starts the log and reads what the supervisor wrote.
     ///
     /// # Errors
@@ -99,9 +98,8 @@ impl Context {
         let text = std::fs::read_to_string(&config).map_err(|e| wrong(config.clone(), &e))?;
         let settings = Settings::from_toml(&text, &config.display().to_string())
             .map_err(|e| StageError::Settings(e.to_string()))?;
-        let own = stage_settings(&settings, stage);
-        take_place(own);
-        let megabytes = own.memory_mb;
+        use_threads(settings.stages.threads)?;
+        let megabytes = settings.stages.memory_mb;
         limit_memory(megabytes)
             .map_err(|e| StageError::Settings(format!("cannot limit memory to {megabytes} MB: {e}")))?;
         let layout = run.layout(&settings);
@@ -143,14 +141,14 @@ impl Context {
         self.settings.mapping.features.extractor(&self.run.camera, self.settings.registration.isa)
     }
 
-    /// Joins the run's shared memory; a stage that nobody supervises cleans up after the dead.
+    /// Joins the run's shared memory; a stage without a supervisor cleans up after its predecessors.
     ///
     /// # Errors
     /// Where the run's configuration is gone or no node can be made.
     pub fn link(&self, stage: Stage) -> Result<Link, StageError> {
         let link = Link::open(&self.run.identity, &self.layout, stage.name())?;
         if !self.is_supervised {
-            // Nobody else cleans up after a dead predecessor, whose places this one needs.
+            // No supervisor cleans up after a dead predecessor, whose places this one needs.
             link.clean_dead_nodes();
         }
         Ok(link)
@@ -172,4 +170,13 @@ pub fn stage_main(stage: Stage, run: impl FnOnce() -> Result<Outcome, StageError
             error.exit_code().into()
         }
     }
+}
+
+/// Makes the pool of threads that work on one frame or request; 0: as many as there are cores.
+fn use_threads(threads: u32) -> Result<(), StageError> {
+    if threads == 0 {
+        return Ok(());
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads as usize);
+    pool.build_global().map_err(|e| StageError::Settings(format!("cannot start {threads} threads: {e}")))
 }

@@ -41,7 +41,7 @@ pub const KILL_POINTS: [(&str, &str); 21] = [
 /// What happens at a kill point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
-    /// SIGKILL: somebody else's doing, as far as the supervisor can tell.
+    /// SIGKILL: a kill from outside, as far as the supervisor can see.
     Kill,
     /// A bug: a panic.
     Panic,

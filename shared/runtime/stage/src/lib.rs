@@ -1,4 +1,4 @@
-//! What the four stage processes share: the run directory, the log, the life line to the
+//! Common parts of the four stage processes: the run directory, the log, the life line to the
 //! supervisor, signs of life, and the surfaces of keyframes read in place.
 //!
 //! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
@@ -16,7 +16,6 @@ mod marks;
 mod memory;
 mod names;
 mod notify;
-mod placement;
 mod probe;
 mod pulse;
 mod run_file;
@@ -25,7 +24,7 @@ mod tracer;
 
 pub use checkpoint::Checkpoint;
 pub use clock::{cpu_nanos, monotonic_nanos};
-pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};
+pub use context::{IDLE, Outcome, POISON_VARIABLE, StageArgs, StageContext, stage_main};
 pub use error::StageError;
 pub use keyframes::{MappedKeyframes, journal_slot, slots, store_slot};
 pub use kill_point::{
@@ -34,10 +33,9 @@ pub use kill_point::{
 pub use lifeline::Lifeline;
 pub use log::{last_lines, start_log};
 pub use marks::{Marks, StateAt};
-pub use memory::{ran_out_of_memory, stage_settings};
+pub use memory::ran_out_of_memory;
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use notify::{NOTIFY_VARIABLES, SystemdNotifier};
-pub use placement::PLACED;
 pub use probe::{PROBE_VARIABLE, PROBED, Probe};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};

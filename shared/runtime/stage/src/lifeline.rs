@@ -1,4 +1,4 @@
-//! When to stop: the supervisor is gone or wants an end, or somebody sent a signal.
+//! Stop conditions: the supervisor is gone or has asked for an end, or a signal has come.
 
 use std::io::Read;
 use std::sync::Arc;

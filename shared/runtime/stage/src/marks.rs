@@ -1,4 +1,4 @@
-//! Where in both journals a stage's state stands.
+//! Positions of a stage's state in both journals.
 
 use crate::names::RunFiles;
 use crate::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};

@@ -1,21 +1,8 @@
-//! How much memory a stage may use.
+//! Memory limit of a stage.
 
 use crate::log::tail;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::path::Path;
-use tessera_messages::Stage;
-use tessera_settings::{Settings, StageSettings};
-
-/// The settings of a stage's supervision.
-pub fn stage_settings(settings: &Settings, stage: Stage) -> &StageSettings {
-    let stages = &settings.stages;
-    match stage {
-        Stage::Sensor => &stages.sensor,
-        Stage::Reconstruct => &stages.reconstruct,
-        Stage::Align => &stages.align,
-        Stage::Optimise => &stages.optimise,
-    }
-}
 
 /// Limits the private memory of this process. What does not fit is refused by the kernel, and the
 /// process says so and aborts.

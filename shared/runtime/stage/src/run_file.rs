@@ -85,7 +85,7 @@ impl RunFile {
             },
             window: settings.flow.window,
             recent: RECENT_SURFACES,
-            ahead: settings.flow.ahead,
+            ahead: settings.flow.window,
             live: settings.run.live,
             external: settings.is_external(),
         }

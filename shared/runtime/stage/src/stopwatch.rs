@@ -1,4 +1,4 @@
-//! How long each phase and each named step of a stage's work takes: always on, nearly free.
+//! Durations of each phase and each named step of a stage's work: always on, nearly free.
 //!
 //! The method announces its steps and the stopwatch looks at the clock: some 35 ns each, a
 //! hundred times a frame. A histogram takes in one figure for each step and frame.
@@ -32,7 +32,7 @@ pub struct Stopwatch {
     current: AtomicUsize,
     since: AtomicU64,
     nanos: [AtomicU64; N_STEPS],
-    /// Each span by itself, where somebody wants a trace.
+    /// Each span by itself, for a trace.
     spans: Option<Mutex<Vec<Span>>>,
 }
 

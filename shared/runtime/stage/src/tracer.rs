@@ -1,6 +1,6 @@
-//! What a process did and when, for `tessera run --trace`: a line of JSON for each event.
+//! Trace of a process for `tessera run --trace`: a line of JSON for each event.
 //!
-//! A process writes a file of its own, so nobody waits for anybody, and a killed one leaves what it
+//! A process writes a file of its own, so none waits for another, and a killed one leaves what it
 //! had done. Nothing else is changed by it.
 
 use serde::{Deserialize, Serialize};
@@ -61,7 +61,7 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// The tracer of a stage, where somebody asked for a trace. A trace that cannot be written
+    /// The tracer of a stage, where a trace was asked for. A trace that cannot be written
     /// stops no work: the log says so.
     pub fn from_environment(process: &str) -> Option<Self> {
         let folder = std::env::var_os(TRACE_VARIABLE)?;

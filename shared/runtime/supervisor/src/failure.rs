@@ -76,7 +76,7 @@ pub enum SupervisorError {
         /// Why not.
         reason: String,
     },
-    /// A run directory without a run.json holds records: nobody knows whose.
+    /// A run directory without a run.json holds records of an unknown run.
     #[error("{} holds records of a run but no run.json; give another --out", dir.display())]
     Leftover {
         /// The run directory.

@@ -1,4 +1,4 @@
-//! A run whose stages somebody else starts: systemd, or a person with a debugger.
+//! A run whose stages are started from outside: by systemd, or by hand in a debugger.
 //!
 //! What the supervisor does beside starting stages is done here: the name is taken, the run
 //! directory prepared, all services held so that they outlive any stage, and the end noticed.
@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// How long stages may take to end after the last record.
 const GRACE: Duration = Duration::from_millis(1500);
 
-/// Prepares a run, holds it until its last record is written or somebody wants an end, and
+/// Prepares a run, holds it until its last record is written or the run is interrupted, and
 /// removes its shared memory; `tell` hears of its progress some ten times a second.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Whether the system lets a run have what it needs, asked before anything is made.
+//! Check of the system's limits before anything of a run is made.
 
 use crate::failure::SupervisorError;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};

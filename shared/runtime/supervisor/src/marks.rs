@@ -1,4 +1,4 @@
-//! What happens to the stages, for a trace.
+//! Events of the stages' lives, for a trace.
 
 use crate::plan::Plan;
 use tessera_messages::Stage;

@@ -1,4 +1,4 @@
-//! How far a run is, and what came of it.
+//! Progress and outcome of a run.
 
 use crate::failure::StageFailure;
 use crate::tally::Counters;

@@ -1,4 +1,4 @@
-//! What is to be run, and the run directory that says so to every process.
+//! Plan of a run, and the run directory in which every process finds it.
 
 use crate::failure::SupervisorError;
 use crate::saved_map::SavedMap;
@@ -34,7 +34,7 @@ pub struct Plan {
     pub camera: Camera,
     /// Frames of the source.
     pub n_frames: Option<u64>,
-    /// Somebody else starts the stages.
+    /// The stages are started from outside.
     pub hold: bool,
     /// Go on with the run that is there.
     pub resume: bool,

@@ -1,14 +1,16 @@
-//! Whether and when a dead stage is started again: pure, so that it is tested.
+//! Restart policy of a dead stage: pure, so that it is tested.
 
 use std::time::{Duration, Instant};
 use tessera_settings::{Restart, StageSettings};
 
 /// Deaths of its own on one frame after which a stage is given up.
 const POISON: u32 = 3;
+/// Time within which deaths from the memory limit are counted.
+const MEMORY_WITHIN: Duration = Duration::from_secs(60);
 /// Pause after the first death without progress; doubled with each further one.
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
-/// Longest pause after somebody else's kill, which says nothing about the stage.
+/// Longest pause after a kill from outside, which is no sign of a fault in the stage.
 const LONGEST_PAUSE_AFTER_KILL: Duration = Duration::from_millis(80);
 
 /// How a stage died.
@@ -16,7 +18,7 @@ const LONGEST_PAUSE_AFTER_KILL: Duration = Duration::from_millis(80);
 pub(crate) struct Death {
     /// When.
     pub at: Instant,
-    /// By its own doing (an error, a panic, a bad access, a hang), not by somebody's kill.
+    /// By its own doing (an error, a panic, a bad access, a hang), not by a kill from outside.
     pub is_own: bool,
     /// It wanted more memory than it may use.
     pub is_memory: bool,
@@ -28,7 +30,7 @@ pub(crate) struct Death {
 
 /// What to do about a death.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum RestartDecision {
     /// Start it again after a pause.
     Again(Duration),
     /// Give the run up.
@@ -38,7 +40,6 @@ pub(crate) enum Verdict {
 /// The deaths of one stage.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    deaths: Vec<Instant>,
     without_progress: u32,
     /// The frame of the last deaths of its own, and how many there were on it.
     poison: Option<(u64, u32)>,
@@ -48,28 +49,19 @@ pub(crate) struct History {
 
 impl History {
     /// Takes a death in and decides.
-    pub(crate) fn judge(&mut self, death: &Death, settings: &StageSettings) -> Verdict {
+    pub(crate) fn judge(&mut self, death: &Death, settings: &StageSettings) -> RestartDecision {
         self.without_progress = if death.had_progress { 0 } else { self.without_progress + 1 };
         if death.is_own {
             let before = self.poison.filter(|(index, _)| *index == death.index).map_or(0, |(_, n)| n);
             self.poison = Some((death.index, before + 1));
         }
-        self.deaths.push(death.at);
-        let within = Duration::from_secs_f64(settings.restarts_within_s);
         self.memory.extend(death.is_memory.then_some(death.at));
-        for deaths in [&mut self.deaths, &mut self.memory] {
-            deaths.retain(|at| death.at.saturating_duration_since(*at) <= within);
-        }
-        let may = match settings.restart {
-            Restart::Always => true,
-            Restart::Limited => self.deaths.len() <= settings.restarts as usize,
-            Restart::Never => false,
-        };
-        if !may || self.is_poisoned() || self.memory.len() >= POISON as usize {
-            return Verdict::GiveUp;
+        self.memory.retain(|at| death.at.saturating_duration_since(*at) <= MEMORY_WITHIN);
+        if settings.restart == Restart::Never || self.is_poisoned() || self.memory.len() >= POISON as usize {
+            return RestartDecision::GiveUp;
         }
         let longest = if death.is_own { LONGEST_PAUSE } else { LONGEST_PAUSE_AFTER_KILL };
-        Verdict::Again(match self.without_progress {
+        RestartDecision::Again(match self.without_progress {
             0 => Duration::ZERO,
             n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(longest),
         })
@@ -100,29 +92,29 @@ mod tests {
         (Death { at, is_own, is_memory: false, had_progress, index }, StageSettings::default())
     }
 
-    fn judge(history: &mut History, (death, settings): (Death, StageSettings)) -> Verdict {
+    fn judge(history: &mut History, (death, settings): (Death, StageSettings)) -> RestartDecision {
         history.judge(&death, &settings)
     }
 
     #[test]
-    fn somebody_elses_kills_are_forgiven_without_end_and_without_pause() {
+    fn kills_from_outside_are_forgiven_without_end_and_without_pause() {
         let mut history = History::default();
         for k in 0..1000 {
-            assert_eq!(judge(&mut history, death(k, false, true, 7)), Verdict::Again(Duration::ZERO));
+            assert_eq!(judge(&mut history, death(k, false, true, 7)), RestartDecision::Again(Duration::ZERO));
         }
     }
 
     #[test]
     fn the_third_death_of_its_own_on_one_frame_is_the_last() {
         let mut history = History::default();
-        assert!(matches!(judge(&mut history, death(0, true, true, 7)), Verdict::Again(_)));
-        assert!(matches!(judge(&mut history, death(1, true, false, 7)), Verdict::Again(_)));
+        assert!(matches!(judge(&mut history, death(0, true, true, 7)), RestartDecision::Again(_)));
+        assert!(matches!(judge(&mut history, death(1, true, false, 7)), RestartDecision::Again(_)));
         // A kill from outside in between changes nothing.
-        assert!(matches!(judge(&mut history, death(2, false, false, 7)), Verdict::Again(_)));
-        assert_eq!(judge(&mut history, death(3, true, false, 7)), Verdict::GiveUp);
+        assert!(matches!(judge(&mut history, death(2, false, false, 7)), RestartDecision::Again(_)));
+        assert_eq!(judge(&mut history, death(3, true, false, 7)), RestartDecision::GiveUp);
         let mut other = History::default();
         for index in 0..50 {
-            assert_ne!(judge(&mut other, death(index, true, true, index)), Verdict::GiveUp);
+            assert_ne!(judge(&mut other, death(index, true, true, index)), RestartDecision::GiveUp);
         }
     }
 
@@ -131,15 +123,15 @@ mod tests {
         let mut history = History::default();
         let pauses: Vec<u128> = (0..12)
             .map(|k| match judge(&mut history, death(k, true, false, k)) {
-                Verdict::Again(pause) => pause.as_millis(),
-                Verdict::GiveUp => 0,
+                RestartDecision::Again(pause) => pause.as_millis(),
+                RestartDecision::GiveUp => 0,
             })
             .collect();
         assert_eq!(pauses[..4], [20, 40, 80, 160]);
         assert_eq!(pauses[11], 2000);
         let after_kill = judge(&mut history, death(19, false, false, 0));
-        assert_eq!(after_kill, Verdict::Again(LONGEST_PAUSE_AFTER_KILL));
-        assert_eq!(judge(&mut history, death(20, false, true, 0)), Verdict::Again(Duration::ZERO));
+        assert_eq!(after_kill, RestartDecision::Again(LONGEST_PAUSE_AFTER_KILL));
+        assert_eq!(judge(&mut history, death(20, false, true, 0)), RestartDecision::Again(Duration::ZERO));
     }
 
     #[test]
@@ -147,24 +139,16 @@ mod tests {
         let mut history = History::default();
         let verdicts = [0, 1, 100, 101, 102].map(|s| {
             let (death, settings) = death(s, true, true, s);
-            history.judge(&Death { is_memory: true, ..death }, &settings) == Verdict::GiveUp
+            history.judge(&Death { is_memory: true, ..death }, &settings) == RestartDecision::GiveUp
         });
         assert_eq!(verdicts, [false, false, false, false, true]);
     }
 
     #[test]
-    fn policies_limit_restarts() {
+    fn a_policy_of_no_restarts_is_kept() {
         let mut history = History::default();
         let (first, settings) = death(0, false, true, 0);
-        let never = StageSettings { restart: Restart::Never, ..settings.clone() };
-        assert_eq!(history.judge(&first, &never), Verdict::GiveUp);
-        let limited =
-            StageSettings { restart: Restart::Limited, restarts: 2, restarts_within_s: 10.0, ..settings };
-        let mut history = History::default();
-        let verdicts: Vec<bool> = [0, 1, 20, 21, 22]
-            .iter()
-            .map(|&s| history.judge(&death(s, false, true, 0).0, &limited) == Verdict::GiveUp)
-            .collect();
-        assert_eq!(verdicts, [false, false, false, false, true]);
+        let never = StageSettings { restart: Restart::Never, ..settings };
+        assert_eq!(history.judge(&first, &never), RestartDecision::GiveUp);
     }
 }

@@ -1,4 +1,4 @@
-//! Sleeping until a child ends, somebody wants an end, or some time is over.
+//! Waiting for the end of a child, a signal, or a timeout.
 
 use signal_hook::consts::{SIGCHLD, SIGINT, SIGTERM};
 use std::io::Read;
@@ -34,7 +34,7 @@ impl Signals {
         let _ = self.wake.read(&mut bytes);
     }
 
-    /// Whether somebody wants the run to end.
+    /// Whether a signal has asked for the end of the run.
     pub(crate) fn wants_stop(&self) -> bool {
         self.stop.load(Ordering::Acquire)
     }

@@ -85,7 +85,7 @@ fn kill_points<'a>(plan: &'a Plan, files: &RunFiles, stage: Stage, is_first: boo
 pub(crate) enum Meaning {
     /// Its part is done.
     Finished,
-    /// Somebody told it to stop, or killed it.
+    /// It was stopped or killed from outside.
     Killed,
     /// It failed in a way that trying again cannot cure.
     Unusable,

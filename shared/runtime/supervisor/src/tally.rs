@@ -1,4 +1,4 @@
-//! What a stage has done over all its lives, from its beats.
+//! Totals of a stage over all its lives, from its beats.
 
 use tessera_messages::{Beat, Latency, TimeCounts};
 

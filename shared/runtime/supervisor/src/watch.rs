@@ -64,7 +64,7 @@ pub fn supervise(
         marks: Marks::of(plan),
     };
     let outcome = supervisor.run(tell);
-    // However it ended: nobody is left behind.
+    // However it ended: no process is left behind.
     supervisor.end_all();
     let outcome = outcome?;
     let stages = supervisor.counters();
@@ -83,9 +83,9 @@ struct Supervisor<'a> {
     signals: Signals,
     stages: [Watched; 4],
     shared_memory_bytes: u64,
-    /// Somebody died and left things in shared memory.
+    /// Whether a stage died and left things in shared memory.
     has_dead: bool,
-    /// When a camera's own program was last looked after, whose death nobody else notices.
+    /// When a camera's own program was last looked after: only this notices its death.
     cleaned_at: Instant,
     began: Instant,
     marks: Marks,
@@ -99,7 +99,7 @@ impl Supervisor<'_> {
         loop {
             notifier.alive();
             self.start_due()?;
-            // Only now: a successor finds a free place beside its dead twin, and starts meanwhile.
+            // Clean up only after respawning: each service has a spare slot, so the successor need not wait.
             let is_foreign_due =
                 self.prepared.layout.external && self.cleaned_at.elapsed() >= FOREIGN_INTERVAL;
             if std::mem::take(&mut self.has_dead) || is_foreign_due {

@@ -1,7 +1,7 @@
 //! One stage as the supervisor sees it, and what becomes of it after a death.
 
 use crate::failure::StageFailure;
-use crate::policy::{Death, History, Verdict};
+use crate::policy::{Death, History, RestartDecision};
 use crate::stage_process::{Meaning, describe, is_abort, meaning};
 use crate::tally::Tally;
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::process::{Child, ExitStatus};
 use std::time::Instant;
 use tessera_messages::Stage;
 use tessera_settings::Settings;
-use tessera_stage::{last_lines, ran_out_of_memory, stage_settings};
+use tessera_stage::{last_lines, ran_out_of_memory};
 
 /// One stage as the supervisor sees it.
 pub(crate) struct Watched {
@@ -57,14 +57,13 @@ impl Watched {
         log: &Path,
     ) -> Option<StageFailure> {
         let is_live = settings.run.live;
-        let settings = stage_settings(settings, self.stage);
+        let settings = &settings.stages;
         let is_memory = settings.memory_mb > 0 && is_abort(status) && ran_out_of_memory(log);
         let words = match (self.was_hung, is_memory) {
             (true, _) => format!("no sign of life ({})", describe(status)),
             (false, true) => format!(
-                "{}: it needs more memory than stages.{}.memory_mb = {}",
+                "{}: it needs more memory than stages.memory_mb = {}",
                 describe(status),
-                self.stage,
                 settings.memory_mb
             ),
             (false, false) => describe(status),
@@ -80,7 +79,7 @@ impl Watched {
         self.had_progress = false;
         let verdict = self.history.judge(&death, settings);
         if meaning(status) != Meaning::Unusable
-            && let Verdict::Again(pause) = verdict
+            && let RestartDecision::Again(pause) = verdict
         {
             let last = last_lines(log, self.stage.name(), 1).pop();
             tracing::warn!(

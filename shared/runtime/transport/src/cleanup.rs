@@ -1,4 +1,4 @@
-//! After the dead: what iceoryx2 can clean up, what it cannot, and the end of a run.
+//! Cleanup of resources left by crashed processes, and at the end of a run.
 
 use crate::error::TransportError;
 use crate::identity::RunIdentity;
@@ -34,7 +34,7 @@ pub(crate) fn clean_dead_nodes(config: &Config, identity: &RunIdentity) -> Clean
             cleaned.nodes += 1;
         } else {
             // Killed while it made a service or port: a tag stays in its folder, and iceoryx2
-            // 0.10 then fails for ever. Its process is gone, so nobody else needs these files.
+            // 0.10 then fails for ever. Its process is gone, so these files are needed no more.
             remove_node_files(&identity.root, &id);
             cleaned.forced += 1;
         }

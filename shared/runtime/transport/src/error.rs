@@ -1,4 +1,4 @@
-//! What can go wrong between processes.
+//! Errors of transport.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Where a run's shared memory lives: a private folder and a prefix of its own.
+//! Place of a run's shared memory: a private folder and a prefix of its own.
 
 use crate::cleanup::SHARED_MEMORY;
 use crate::error::TransportError;
@@ -8,7 +8,7 @@ use std::io::Read;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-/// The part of shared memory that belongs to one run and to nobody else.
+/// The part of shared memory that belongs to one run alone.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RunIdentity {
     /// iceoryx2's root: nodes and services. No Tessera process opens a file below it, except
@@ -21,7 +21,7 @@ pub struct RunIdentity {
 }
 
 impl RunIdentity {
-    /// Makes a root that nobody has, and the configuration that every process of the run loads.
+    /// Makes a new root, and the configuration that every process of the run loads.
     ///
     /// # Errors
     /// Where the private folder is not private or cannot be made.
@@ -113,7 +113,7 @@ pub(crate) fn existing_private_folder() -> Result<Option<PathBuf>, TransportErro
     Ok(Some(base))
 }
 
-/// Refuses a folder that somebody else owns, may look into, or has put a link in place of.
+/// Refuses a folder that another user owns or may read, or that is a link.
 fn check_private(path: &Path, uid: u32) -> Result<(), TransportError> {
     let meta = std::fs::symlink_metadata(path).map_err(TransportError::io("look at", path))?;
     let problem = if !meta.is_dir() {

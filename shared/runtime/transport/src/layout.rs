@@ -76,7 +76,7 @@ impl Layout {
         }
     }
 
-    /// Poses: align to whoever looks.
+    /// Poses: align to any viewer.
     pub fn poses(&self) -> Service {
         Service {
             name: "poses",
@@ -107,7 +107,7 @@ impl Layout {
         }
     }
 
-    /// Where the time of each stage goes, to whoever looks.
+    /// Times of the steps of each stage, to any viewer.
     pub fn stage_times(&self) -> Service {
         Service {
             name: "stage_times",

@@ -37,7 +37,7 @@ type EventService = iceoryx2::service::port_factory::event::PortFactory<ipc::Ser
 
 /// All services of a run, kept open by its supervisor.
 ///
-/// A process that is killed while it *creates* a service leaves half of one, which nobody can
+/// A process that is killed while it *creates* a service leaves half of one, which no process can
 /// open or create any more. So the supervisor creates them all before a stage starts.
 #[derive(Debug)]
 pub struct HeldServices {
@@ -108,7 +108,7 @@ impl Link {
                 .signal_handling_mode(SignalHandlingMode::Disabled)
                 .create::<ipc::Service>()
         })?;
-        // Whoever makes the first node closes the door behind it.
+        // The first node of a process closes the folder to other users.
         make_private(identity)?;
         Ok(Self { node, config, identity: identity.clone(), layout: *layout })
     }

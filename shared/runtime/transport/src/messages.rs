@@ -17,7 +17,7 @@ impl<T: Message> Publisher<T> {
     /// Sends a copy.
     ///
     /// # Errors
-    /// Where iceoryx2 cannot; nobody reading is no error.
+    /// Where iceoryx2 cannot; a service without a reader is no error.
     pub fn send(&self, message: T) -> Result<(), TransportError> {
         self.port.send_copy(Wire(message)).map(drop).map_err(|e| TransportError::Message {
             action: "send",

@@ -1,4 +1,4 @@
-//! Who has joined a run.
+//! Nodes of the processes that have joined a run.
 
 use crate::error::TransportError;
 use crate::identity::RunIdentity;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 /// How long opening is tried while dead predecessors are cleaned up.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How long the supervisor may take to clean up before somebody else does: there may be none.
+/// Time that the supervisor has for cleaning up before another process does: there may be none.
 const SUPERVISOR: Duration = Duration::from_millis(250);
 
 /// A name as iceoryx2 takes it.

@@ -1,4 +1,4 @@
-//! Which runs of this user are going on, by name: one small file each, locked while it lives.
+//! Registry of this user's current runs, by name: one small file each, locked while it lives.
 
 use crate::cleanup::remove_everything;
 use crate::error::TransportError;
@@ -90,7 +90,7 @@ impl RunClaim {
 
     fn remove(&self) -> Result<(), TransportError> {
         remove_everything(&self.entry.identity)?;
-        // Removed while locked: whoever opened it meanwhile finds a name without a file.
+        // Removed while locked: a process that opened it meanwhile finds a name without a file.
         match std::fs::remove_file(&self.path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 return Err(TransportError::io("remove", &self.path)(error));
@@ -171,7 +171,7 @@ pub fn registered_runs() -> Result<Vec<Registered>, TransportError> {
         }
         let Ok(file) = File::open(&path) else { continue };
         let Some(entry) = read_entry(&file) else { continue };
-        // A shared lock does not disturb: it is held for an instant and only where nobody holds it.
+        // A shared lock does not disturb: it is held for an instant and only where it is free.
         let is_alive = flock(&file, FlockOperation::NonBlockingLockShared).is_err();
         runs.push(Registered { entry, is_alive });
     }

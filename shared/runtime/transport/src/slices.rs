@@ -68,7 +68,7 @@ impl<H: Message, E: Element> Loan<H, E> {
     /// Hands the message to all readers.
     ///
     /// # Errors
-    /// Where iceoryx2 cannot; nobody reading is no error.
+    /// Where iceoryx2 cannot; a service without a reader is no error.
     pub fn send(self) -> Result<(), TransportError> {
         self.sample.send().map(drop).map_err(|e| TransportError::Message {
             action: "send",

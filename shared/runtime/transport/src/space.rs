@@ -1,4 +1,4 @@
-//! Whether shared memory is large enough, before a full one kills the run.
+//! Check of the space in shared memory, before a full one kills the run.
 //!
 //! Segments are sparse files: they always open, and a write into a full /dev/shm is a SIGBUS.
 

@@ -1,4 +1,4 @@
-//! What other programs read: the fused map as a cloud or a mesh, the trajectory in others' forms.
+//! Export for other programs: the fused map as a cloud or a mesh, the trajectory in their formats.
 #![forbid(unsafe_code)]
 
 mod fuse;

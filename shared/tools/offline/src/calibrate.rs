@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Parameter, Problem};
 use tessera_geometry::{Camera, Pose, Twist, Vector6};
 use tessera_numerics::SettingError;
-use tessera_slam::{AlignRecord, Context, State};
+use tessera_slam::{AlignRecord, Context, GlobalSettings, State};
 
 /// The camera stays when a pass moves the image by less than this share of its standard deviation,
 const CONVERGED_SHARE: f64 = 0.5;
@@ -171,8 +171,8 @@ fn solve<E>(
     let poses: Vec<Pose> = keyframes.iter().map(|k| k.world_from_camera).collect();
     let global = &method.mapping.global;
     let limits = PairLimits {
-        distance_m: global.radius_m,
-        angle_rad: global.angle_deg.to_radians(),
+        distance_m: GlobalSettings::RADIUS_M,
+        angle_rad: GlobalSettings::ANGLE_DEG.to_radians(),
         neighbours: options.neighbours as usize,
     };
     let refused = refused_pairs(records);
@@ -189,7 +189,7 @@ fn solve<E>(
             keyframes: &keyframes,
             pairs: &pairs,
             queries_per_pair: options.queries_per_pair,
-            first_distance_m: global.first_distance_m,
+            first_distance_m: GlobalSettings::FIRST_DISTANCE_M,
             min_overlap: global.min_overlap,
             start_px: options.start_px,
             fixed: &options.fixed,

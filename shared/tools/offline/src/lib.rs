@@ -21,7 +21,7 @@ use tessera_slam::{
     MappingSettings, OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, State, Tracker,
 };
 use tessera_sources::{FrameBuffers, Source, SourceError};
-use tessera_surface::{Effort, Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex};
+use tessera_surface::{Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex, WorkloadLevel};
 
 /// One frame as the sensor delivers it.
 #[derive(Clone, Debug)]
@@ -150,7 +150,7 @@ impl Run {
             stamp_nanos,
             rotation: None,
             surface: SurfaceView { grid, vertices },
-            effort: Effort::Full,
+            workload: WorkloadLevel::Full,
         };
         let current = FrameSurface {
             rotation: frame.rotation,

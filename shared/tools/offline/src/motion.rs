@@ -1,4 +1,4 @@
-//! How a frame moved while it was exposed, from the final poses around it.
+//! Motion of a frame during its exposure, from the final poses around it.
 
 use nalgebra::DMatrix;
 use tessera_geometry::{Pose, Twist, Vector6, log};

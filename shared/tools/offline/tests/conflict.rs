@@ -16,7 +16,6 @@ fn go_round(extended_window: bool) -> (Records, Vec<u64>) {
     method.mapping.window.size = 3;
     method.mapping.window.match_budget = 300;
     method.mapping.loops.min_frames = 80;
-    method.mapping.loops.min_seconds = 1.0;
     method.mapping.loops.conflict_translation_m = 0.0005;
     method.mapping.loops.conflict_rotation_deg = 0.1;
     method.mapping.loops.min_similarity = 1.0;

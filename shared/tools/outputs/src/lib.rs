@@ -1,4 +1,4 @@
-//! What a run leaves for its user: pure functions of the run directory, so that they can be
+//! Outputs of a run: pure functions of the run directory, so that they can be
 //! written at any time, also after a crash, and say the same.
 #![forbid(unsafe_code)]
 

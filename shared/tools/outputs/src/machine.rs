@@ -1,4 +1,4 @@
-//! What machine a run was made on: measured times mean nothing without it.
+//! Description of the machine of a run: measured times mean nothing without it.
 
 use serde::{Deserialize, Serialize};
 use std::fs;

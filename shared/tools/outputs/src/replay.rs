@@ -124,10 +124,10 @@ impl Replay {
         loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
     }
 
-    /// Frames by the effort they got, from the full one down.
-    pub fn n_at_effort(&self) -> [u64; 4] {
+    /// Frames by the workload they got, from the full one down.
+    pub fn n_at_workload(&self) -> [u64; 4] {
         let mut counts = [0; 4];
-        self.frames.iter().for_each(|frame| counts[frame.effort.rung()] += 1);
+        self.frames.iter().for_each(|frame| counts[frame.workload.level()] += 1);
         counts
     }
 

@@ -1,4 +1,4 @@
-//! What the supervisor saw of the processes, as it is kept in the run directory.
+//! Statistics of the processes by the supervisor, kept in the run directory.
 
 use crate::ToolError;
 use crate::files::write_whole;
@@ -16,7 +16,7 @@ pub(crate) const STATISTICS_FILE: &str = "statistics.json";
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ended {
-    /// It did not, or nobody was left to say so.
+    /// It did not, or its supervisor was gone.
     #[default]
     Unfinished,
     /// The source was exhausted and all was done.

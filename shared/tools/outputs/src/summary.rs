@@ -38,9 +38,9 @@ pub struct Summary {
     pub frames_lost: u64,
     /// Frames whose pose is a prediction.
     pub frames_untracked: u64,
-    /// Processed frames by the effort they got, from the full one down; less than full in live
+    /// Processed frames by the workload they got, from the full one down; less than full in live
     /// mode alone.
-    pub frames_at_effort: [u64; 4],
+    pub frames_at_workload: [u64; 4],
     /// Keyframes of the map.
     pub keyframes: u64,
     /// Of those, in the map of the earlier run that this one started in.
@@ -121,7 +121,7 @@ impl Summary {
             frames_dropped: dropped,
             frames_lost: read - processed - dropped,
             frames_untracked: replay.n_untracked(),
-            frames_at_effort: replay.n_at_effort(),
+            frames_at_workload: replay.n_at_workload(),
             keyframes: replay.keyframes.len() as u64,
             map_keyframes: replay.n_map_keyframes as u64,
             first_tracked: replay.first_tracked,

@@ -37,7 +37,7 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
     AlignRecord::Frame(Box::new(FrameRecord {
         index,
         stamp_nanos: stamp_nanos(index),
-        effort: tessera_surface::Effort::Full,
+        workload: tessera_surface::WorkloadLevel::Full,
         state: if index == 4 { State::Lost } else { State::Tracking },
         reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
         world_from_camera: along_x(x),

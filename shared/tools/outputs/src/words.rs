@@ -16,12 +16,12 @@ impl Summary {
             text,
             "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} lost"
         );
-        if let [_, fewer, small, least] = self.frames_at_effort
+        if let [_, fewer, small, least] = self.frames_at_workload
             && fewer + small + least > 0
         {
             let _ = writeln!(
                 text,
-                "  effort      lowered in {} frames: {fewer} by 1 rung, {small} by 2, {least} by 3",
+                "  workload    lowered in {} frames: {fewer} by 1 level, {small} by 2, {least} by 3",
                 fewer + small + least
             );
         }

@@ -1,4 +1,4 @@
-//! What came of one run or several, as one page of HTML: self-contained, without a script, good
+//! Report on one run or several, as one page of HTML: self-contained, without a script, good
 //! on a screen, on a phone and on paper.
 //!
 //! The page is a pure function of [`Run`]; the folder `run_directory` fills that in.

@@ -119,7 +119,7 @@ pub struct Sample {
     pub stages: Vec<StageSample>,
 }
 
-/// A line of the log that somebody should read.
+/// A warning or an error of the log.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Event {
     /// Time of day.
@@ -177,7 +177,7 @@ pub struct Run {
     pub loops: Vec<LoopPair>,
     /// Stages in the order of the flow.
     pub stages: Vec<Stage>,
-    /// In the order of time; empty where nobody recorded them.
+    /// In the order of time; empty where they were not recorded.
     pub samples: Vec<Sample>,
     /// Lines of the log, oldest first.
     pub events: Vec<Event>,

@@ -1,4 +1,4 @@
-//! Where the camera went, and how far off it was.
+//! Trajectory of the camera, and its error.
 
 use crate::ReportError;
 use crate::chart::{BLUE, Band, Chart, Form, GREY, Mark, ORANGE, SKY, Series, VERMILION};
@@ -63,7 +63,7 @@ fn marks(run: &Run, at: impl Fn(&Frame) -> Option<(f64, f64)>) -> Vec<Mark> {
         .collect()
 }
 
-/// Error over time, or what the aligner itself thinks where nobody knows the truth.
+/// Error over time, or the aligner's own standard deviations where there is no ground truth.
 pub(crate) fn error(run: &Run) -> Result<String, ReportError> {
     let mut series = Vec::new();
     let millimetres = |value: fn(&Frame) -> Option<f64>| -> Vec<(f64, f64)> {

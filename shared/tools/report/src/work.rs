@@ -1,4 +1,4 @@
-//! What the processes did: latency, restarts, drops, memory.
+//! Work of the processes: latency, restarts, drops, memory.
 
 use crate::ReportError;
 use crate::chart::{Band, CYCLE, Chart, Form, GREY, Series, VERMILION};

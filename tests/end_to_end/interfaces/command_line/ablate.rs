@@ -35,7 +35,7 @@ fn room(dir: &Path, arguments: &[&str]) -> Output {
 #[test]
 fn the_columns_differ_and_the_whole_system_is_tessera_run() {
     let dir = tempfile::tempdir().unwrap();
-    let set = "mapping.window.radius_m=0.25";
+    let set = "mapping.keyframe.translation_m=0.08";
     let output = room(dir.path(), &["--json", "--set", set]);
     let tables: Value = serde_json::from_slice(&output.stdout).unwrap();
     let row = &tables["rows"][0];

@@ -84,7 +84,9 @@ fn wrong_settings_name_key_value_and_rule() {
     assert!(set("surface.step=3").contains("surface.step is 3, expected 1, 2, 4 or 8"));
     assert!(set("surface.max_depth_m=nan").contains("surface.max_depth_m is NaN, expected a number from"));
     assert!(set("surface.step=two").contains("`surface.step` is the text \"two\", expected a whole number"));
-    assert!(set("surface.edge_rule=xor").contains("unknown variant `xor`, expected `or` or `and`"));
+    assert!(
+        set("experiment.surface.edge_rule=xor").contains("unknown variant `xor`, expected `or` or `and`")
+    );
     assert!(set("flow.window").contains("expected key=value"));
     assert!(
         refusal(&["run", "--config", "nowhere.toml"], 2)

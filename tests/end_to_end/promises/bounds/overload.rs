@@ -1,11 +1,11 @@
-//! More frames than can be worked: effort goes down, then frames are left out, and both are told;
-//! it comes back by itself. In lossless mode effort never depends on time.
+//! More frames than can be worked: workload goes down, then frames are left out, and both are told;
+//! it comes back by itself. In lossless mode workload never depends on time.
 
 use crate::common::{Run, room, signal, wait_for, write_images, write_lists};
 use std::process::{Child, Command, Stdio};
 use tessera_journal::Follower;
 use tessera_slam::AlignRecord;
-use tessera_surface::Effort;
+use tessera_surface::WorkloadLevel;
 
 /// Processes that burn cores for as long as they are held.
 struct Burners(Vec<Child>);
@@ -45,20 +45,20 @@ fn rushed_recording(run: &Run, n_rushed: u64, n_calm: u64) {
     write_lists(&folder, (0..n_rushed + n_calm).map(row));
 }
 
-fn efforts(run: &Run) -> Vec<Effort> {
+fn workloads(run: &Run) -> Vec<WorkloadLevel> {
     let path = run.out().join("align.journal");
     let mut journal = Follower::<AlignRecord>::open(&path, "align").unwrap();
-    let mut efforts = Vec::new();
+    let mut workloads = Vec::new();
     while let Some(record) = journal.next().unwrap() {
         if let AlignRecord::Frame(frame) = record {
-            efforts.push(frame.effort);
+            workloads.push(frame.workload);
         }
     }
-    efforts
+    workloads
 }
 
 #[test]
-fn effort_goes_down_under_overload_and_comes_back_by_itself() {
+fn workload_goes_down_under_overload_and_comes_back_by_itself() {
     // More calm frames than a slow machine takes to come back; the run is ended when it has.
     let (n_rushed, n_calm) = (4000, 4000);
     let run = room();
@@ -67,50 +67,50 @@ fn effort_goes_down_under_overload_and_comes_back_by_itself() {
     let run = run.of(&folder).frames(n_rushed + n_calm).with(&["--live"]);
     let burners = Burners::start(2);
     let mut child = run.start();
-    wait_for("the lowest rung", || run.log().contains("effort is lowered to rung 3 of 3"));
+    wait_for("the lowest level", || run.log().contains("workload is lowered to level 3 of 3"));
     let look = Command::new(env!("CARGO_BIN_EXE_tessera"))
         .args(["top", &run.name, "--json", "--interval", "0.3", "--count", "1"])
         .output()
         .unwrap();
     drop(burners);
-    let is_back = |log: &str| log.contains("effort is raised to rung 0 of 3");
-    wait_for("all of the effort", || {
-        run.log().split_once("effort is lowered to rung 3 of 3").is_some_and(|(_, rest)| is_back(rest))
+    let is_back = |log: &str| log.contains("workload is raised to level 0 of 3");
+    wait_for("all of the workload", || {
+        run.log().split_once("workload is lowered to level 3 of 3").is_some_and(|(_, rest)| is_back(rest))
     });
     signal(child.id(), "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130), "{}", run.log());
 
     let line = String::from_utf8(look.stdout).unwrap();
     let look: serde_json::Value = serde_json::from_str(line.trim()).unwrap();
-    assert!((1..=3).contains(&look["effort"].as_u64().unwrap()), "{look}");
+    assert!((1..=3).contains(&look["workload"].as_u64().unwrap()), "{look}");
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let count = |key: &str| summary[key].as_u64().unwrap();
     let n_left_out = count("frames_dropped") + count("frames_lost");
     assert_eq!(count("frames_processed") + n_left_out, count("frames_read"), "{summary}");
     assert!(n_left_out > n_rushed / 4, "{summary}");
-    let efforts = efforts(&run);
-    let at = |effort: Effort| efforts.iter().filter(|found| **found == effort).count() as u64;
+    let workloads = workloads(&run);
+    let at = |workload: WorkloadLevel| workloads.iter().filter(|found| **found == workload).count() as u64;
     let counts: Vec<u64> =
-        summary["frames_at_effort"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
-    assert_eq!(counts, Effort::ALL.map(at), "the journal says the same");
+        summary["frames_at_workload"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
+    assert_eq!(counts, WorkloadLevel::ALL.map(at), "the journal says the same");
     assert_eq!(counts.iter().sum::<u64>(), count("frames_processed"));
-    assert!(counts.iter().all(|n| *n > 0), "every rung was used: {counts:?}");
-    assert!(run.log().contains("effort is lowered to rung 1 of 3"), "{}", run.log());
+    assert!(counts.iter().all(|n| *n > 0), "every level was used: {counts:?}");
+    assert!(run.log().contains("workload is lowered to level 1 of 3"), "{}", run.log());
 }
 
 #[test]
-fn without_the_ladder_effort_stays() {
+fn without_load_shedding_workload_stays() {
     let run = room();
     rushed_recording(&run, 1000, 0);
     let folder = run.dir.path().join("recording");
-    let run = run.of(&folder).frames(1000).with(&["--live", "--set", "flow.ladder=false"]);
+    let run = run.of(&folder).frames(1000).with(&["--live", "--set", "flow.load_shedding=false"]);
     assert!(run.finish().success());
-    assert!(efforts(&run).iter().all(|effort| *effort == Effort::Full));
-    assert!(!run.log().contains("effort is"));
+    assert!(workloads(&run).iter().all(|workload| *workload == WorkloadLevel::Full));
+    assert!(!run.log().contains("workload is"));
 }
 
 #[test]
-fn in_lossless_mode_effort_never_depends_on_time() {
+fn in_lossless_mode_workload_never_depends_on_time() {
     let undisturbed = room();
     assert!(undisturbed.finish().success());
     let burners = Burners::start(2);
@@ -120,6 +120,6 @@ fn in_lossless_mode_effort_never_depends_on_time() {
     assert!(run.finish().success());
     drop(burners);
     assert_eq!(run.log().matches("struck by received").count(), 7, "{}", run.log());
-    assert!(efforts(&run).iter().all(|effort| *effort == Effort::Full));
+    assert!(workloads(&run).iter().all(|workload| *workload == WorkloadLevel::Full));
     run.assert_same_bytes(&undisturbed, "slow stages beside processes that burn both cores");
 }

@@ -34,7 +34,7 @@ fn offline(settings: &Settings) -> Vec<AlignRecord> {
 }
 
 /// Settings under which a short walk has loops and corrections before its end.
-const EARLY_LOOPS: [&str; 14] = [
+const EARLY_LOOPS: [&str; 10] = [
     "--set",
     "mapping.keyframe.translation_m=0.02",
     "--set",
@@ -42,13 +42,9 @@ const EARLY_LOOPS: [&str; 14] = [
     "--set",
     "mapping.loop.min_frames=10",
     "--set",
-    "mapping.loop.min_seconds=0.2",
+    "experiment.mapping.loop.request_interval=3",
     "--set",
-    "mapping.loop.min_keyframes=2",
-    "--set",
-    "mapping.loop.request_interval=3",
-    "--set",
-    "mapping.loop.delay_frames=5",
+    "experiment.mapping.loop.delay_frames=5",
 ];
 
 /// The aligner's records so far, surfaces' places left out.

@@ -124,8 +124,7 @@ fn what_cannot_be_done_is_told() {
 fn a_broken_promise_is_told() {
     let run = room();
     // No restarts: the first kill ends the run.
-    let arguments =
-        ["--frames", "300", "--kills", "1", "--stages", "align", "--set", "stages.align.restart=never"];
+    let arguments = ["--frames", "300", "--kills", "1", "--stages", "align", "--set", "stages.restart=never"];
     let output = chaos(run.dir.path(), &arguments);
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(4), "{text}");

@@ -2,24 +2,14 @@
 
 use tessera_surface::{SurfaceView, Vertex};
 
-/// How far a descent goes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
-    /// Steps, at least one.
-    pub(crate) steps: u32,
-    /// Cells between neighbours in the first step: a power of two, halved when the middle is
-    /// nearest, from coarse to fine.
-    pub(crate) stride: usize,
-}
-
 /// The valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
-/// then around that one, until the middle is nearest at stride 1 or the steps are used up. Near the
-/// solution this reads nine vertices, whatever the reach.
+/// then around that one, until the middle is nearest or `reach` steps are used up, of which there is at
+/// least one. Near the solution this reads nine vertices, whatever the reach.
 #[inline(always)]
 pub(crate) fn nearest(
     surface: &SurfaceView<'_>,
     (row, column): (usize, usize),
-    reach: Reach,
+    reach: u32,
     q: [f32; 3],
 ) -> Option<usize> {
     let (width, height) = (surface.grid.width, surface.grid.height);
@@ -32,42 +22,33 @@ pub(crate) fn nearest(
         best
     };
     let mut middle = (row, column);
-    let mut stride = reach.stride;
-    let mut now = around(middle, stride, (width, height), &mut look);
-    for _ in 1..reach.steps.max(1) {
+    let mut now = around(middle, (width, height), &mut look);
+    for _ in 1..reach.max(1) {
         let vertex = now as u32 as usize;
-        // Nothing valid here, or a distance that is no number.
+        // Nothing valid here, or a distance that is not a number.
         if !is_found(now) {
             return None;
         }
         let next = (vertex / width, vertex % width);
         if next == middle {
-            if stride == 1 {
-                break;
-            }
-            stride /= 2;
-            now = around(middle, stride, (width, height), &mut look);
-        } else if stride > 1 {
-            middle = next;
-            now = around(middle, stride, (width, height), &mut look);
-        } else {
-            // One cell on: only the row and the column that came into view are new.
-            let columns = [next.1.saturating_sub(1), next.1, (next.1 + 1).min(width - 1)];
-            let rows = [next.0.saturating_sub(1), next.0, (next.0 + 1).min(height - 1)];
-            if next.0 != middle.0 {
-                let row = if next.0 > middle.0 { rows[2] } else { rows[0] };
-                for column in columns {
-                    now = look(row, column);
-                }
-            }
-            if next.1 != middle.1 {
-                let column = if next.1 > middle.1 { columns[2] } else { columns[0] };
-                for row in rows {
-                    now = look(row, column);
-                }
-            }
-            middle = next;
+            break;
         }
+        // One cell on: only the row and the column that came into view are new.
+        let columns = [next.1.saturating_sub(1), next.1, (next.1 + 1).min(width - 1)];
+        let rows = [next.0.saturating_sub(1), next.0, (next.0 + 1).min(height - 1)];
+        if next.0 != middle.0 {
+            let row = if next.0 > middle.0 { rows[2] } else { rows[0] };
+            for column in columns {
+                now = look(row, column);
+            }
+        }
+        if next.1 != middle.1 {
+            let column = if next.1 > middle.1 { columns[2] } else { columns[0] };
+            for row in rows {
+                now = look(row, column);
+            }
+        }
+        middle = next;
     }
     is_found(now).then_some(now as u32 as usize)
 }
@@ -90,12 +71,11 @@ pub(crate) fn read_ahead(surface: &SurfaceView<'_>, cells: impl Iterator<Item = 
 #[inline(always)]
 fn around(
     middle: (usize, usize),
-    stride: usize,
     (width, height): (usize, usize),
     look: &mut impl FnMut(usize, usize) -> u64,
 ) -> u64 {
-    let columns = [middle.1.saturating_sub(stride), middle.1, (middle.1 + stride).min(width - 1)];
-    let rows = [middle.0.saturating_sub(stride), middle.0, (middle.0 + stride).min(height - 1)];
+    let columns = [middle.1.saturating_sub(1), middle.1, (middle.1 + 1).min(width - 1)];
+    let rows = [middle.0.saturating_sub(1), middle.0, (middle.0 + 1).min(height - 1)];
     let mut best = u64::MAX;
     for row in rows {
         for column in columns {

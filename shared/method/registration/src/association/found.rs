@@ -1,4 +1,4 @@
-//! What a search found, query by query, in columns.
+//! Result of a search, query by query, in columns.
 
 use crate::association::columns::Columns3;
 use tessera_surface::Vertex;

@@ -1,7 +1,11 @@
 //! The limits of data association in one outer iteration (method 5.1, 10.3).
 
-use crate::association::descent::Reach;
-use crate::settings::SearchSettings;
+/// Steps of the descent in the first and in the last outer iteration, grid cells: far while the pose is
+/// coarse.
+const REACH: [f32; 2] = [4.0, 2.0];
+/// Least cosine between the normals of a match in the first and in the last outer iteration: 45 and 30
+/// degrees.
+const NORMAL_COSINE: [f32; 2] = [0.707, 0.866];
 
 /// Limits of one outer iteration.
 #[derive(Clone, Copy, Debug)]
@@ -34,18 +38,15 @@ impl MatchLimits {
 
     /// What they say for one grid (method 5.1): distances from `tau_0` to `2 eps_d(z)`, reach and
     /// cosine from their first to their last value.
-    pub(crate) fn at(&self, search: &SearchSettings, grid_step: usize) -> IterationLimits {
-        let blend = |first: f32, last: f32| first + (last - first) * self.tightness;
+    pub(crate) fn at(&self, grid_step: usize) -> IterationLimits {
+        let blend = |[first, last]: [f32; 2]| first + (last - first) * self.tightness;
         IterationLimits {
-            reach: Reach {
-                steps: (blend(search.first_reach as f32, search.last_reach as f32) + 0.5) as u32,
-                stride: if self.tightness > 0.0 { 1 } else { search.first_stride as usize },
-            },
+            reach: (blend(REACH) + 0.5) as u32,
             kept: Limits {
-                distance_m: blend(self.first_distance_m, 0.0),
+                distance_m: blend([self.first_distance_m, 0.0]),
                 // 2 eps_d(z) = 2 * 2 n sigma(z), by eq. 4.
-                distance_sigmas: blend(0.0, 4.0 * grid_step as f32),
-                cosine: blend(search.first_normal_cosine, search.last_normal_cosine),
+                distance_sigmas: blend([0.0, 4.0 * grid_step as f32]),
+                cosine: blend(NORMAL_COSINE),
                 pose_variance: self.pose_sigma_m * self.pose_sigma_m,
             },
             // A floor keeps perfect data from rejecting everything but the median itself.
@@ -57,7 +58,8 @@ impl MatchLimits {
 /// The limits of one outer iteration for one grid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct IterationLimits {
-    pub(crate) reach: Reach,
+    /// Steps of the descent at most, grid cells.
+    pub(crate) reach: u32,
     pub(crate) kept: Limits,
     /// Least median residual that outliers are measured by, standard deviations.
     pub(crate) least_median: f32,

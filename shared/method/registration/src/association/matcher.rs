@@ -41,7 +41,7 @@ pub struct Matcher {
     rejection: Rejection,
     has_colour: bool,
     arch: pulp::Arch,
-    /// Hears of the steps; nobody by default.
+    /// Observer of the steps; none by default.
     pub steps: Steps,
 }
 
@@ -94,7 +94,7 @@ impl Matcher {
         self.found.reset(self.chosen.len());
         self.locate(target, &motion);
         let is_photometric = limits.intensity && self.has_colour;
-        let limits = limits.at(&self.settings.search, self.camera.grid.step);
+        let limits = limits.at(self.camera.grid.step);
         let n_in_view = match target.tree {
             Some(tree) => {
                 let noise = self.noise;
@@ -128,11 +128,8 @@ impl Matcher {
             noise: self.noise,
             limits: limits.kept,
         });
-        if self.settings.search.one_to_one {
-            self.rejection.keep_one_to_one(&mut self.found);
-        }
-        let factor = self.settings.search.median_factor;
-        let median_residual_sigmas = self.rejection.by_median(&mut self.found, factor, limits.least_median);
+        self.rejection.keep_one_to_one(&mut self.found);
+        let median_residual_sigmas = self.rejection.by_median(&mut self.found, limits.least_median);
         let photometric = if is_photometric { self.photometric(target) } else { Photometric::default() };
         let reference_sigma_m = self.noise.sigma_m(REFERENCE_DEPTH_M);
         rejection::weigh(&mut self.found, &self.settings.weight, reference_sigma_m);

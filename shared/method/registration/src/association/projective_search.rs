@@ -1,4 +1,4 @@
-//! Where queries fall in the target's grid, many at once.
+//! Projection of queries into the target's grid, many at once.
 
 use crate::association::columns::Columns3;
 use crate::association::projection::GridCamera;

@@ -9,6 +9,9 @@ use std::array::from_fn;
 use tessera_geometry::DepthNoise;
 use tessera_numerics::lanes::{LANES, Lanes, Real, dot, rotate, sub};
 
+/// Factor of the median residual beyond which a correspondence is an outlier (method 10.3).
+const MEDIAN_FACTOR: f32 = 3.0;
+
 /// Turns what was found into residuals and weights, eight places at a time.
 pub(crate) struct Reject<'a> {
     pub(crate) found: &'a mut Found,
@@ -112,9 +115,8 @@ impl Rejection {
         }
     }
 
-    /// The median residual, after rejecting all that exceed `factor` times it or `least`; a factor
-    /// of 0 rejects nothing.
-    pub(crate) fn by_median(&mut self, found: &mut Found, factor: f32, least: f32) -> f32 {
+    /// The median residual, after rejecting all that exceed three times it or three times `least`.
+    pub(crate) fn by_median(&mut self, found: &mut Found, least: f32) -> f32 {
         self.residuals.clear();
         self.residuals.extend(found.sigmas.iter().zip(&found.weight).filter(|f| *f.1 > 0.0).map(|f| f.0));
         if self.residuals.is_empty() {
@@ -123,11 +125,9 @@ impl Rejection {
         let middle = self.residuals.len() / 2;
         let (_, median, _) = self.residuals.select_nth_unstable_by(middle, f32::total_cmp);
         let median = *median;
-        if factor > 0.0 {
-            let limit = factor * median.max(least);
-            for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
-                *weight = if *sigmas <= limit { *weight } else { 0.0 };
-            }
+        let limit = MEDIAN_FACTOR * median.max(least);
+        for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
+            *weight = if *sigmas <= limit { *weight } else { 0.0 };
         }
         median
     }

@@ -1,4 +1,4 @@
-//! Which vertices of a surface may be drawn, and those of each bin of normal space.
+//! Candidate vertices for sampling, and those of each bin of normal space.
 
 use std::ops::Range;
 use tessera_surface::Vertex;

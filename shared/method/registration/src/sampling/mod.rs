@@ -20,6 +20,9 @@ pub struct Sample {
     pub grid_row: u16,
 }
 
+/// Depth beyond which no point is sampled, metres: noise grows with the square of the depth.
+const MAX_SAMPLE_DEPTH_M: f32 = 5.0;
+
 /// Draws samples; holds its buffers.
 #[derive(Debug, Default)]
 pub struct Sampler {
@@ -53,7 +56,7 @@ impl Sampler {
         settings: &RegistrationSettings,
     ) -> &[u32] {
         let mut random = SplitMix64::for_frame(settings.seed, index);
-        self.candidates.find(surface.vertices, settings.max_sample_depth_m);
+        self.candidates.find(surface.vertices, MAX_SAMPLE_DEPTH_M);
         let candidates = self.candidates.in_raster_order();
         for drawn in [&mut self.over_image, &mut self.over_normals] {
             drawn.clear();

@@ -8,7 +8,7 @@ use crate::tracking::tracker::Tracker;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised, translation_rotation_norms};
-use tessera_graph::{Graph, Pair, PairBlock};
+use tessera_graph::{Graph, INNER_ITERATIONS, Pair, PairBlock};
 use tessera_registration::Sample;
 
 impl Tracker {
@@ -22,9 +22,11 @@ impl Tracker {
     ) -> Option<(f64, f64)> {
         let settings = &self.context.mapping.loops;
         let is_old = |member: &Member| match member {
-            Member::Keyframe(id) => self.state.keyframes.get(*id as usize).is_some_and(|k| {
-                detection::is_loop(settings, &self.state, k, frame.index, frame.stamp_nanos)
-            }),
+            Member::Keyframe(id) => self
+                .state
+                .keyframes
+                .get(*id as usize)
+                .is_some_and(|k| detection::is_loop(settings, &self.state, k, frame.index)),
             Member::Recent(_) => false,
         };
         let n_old = attempt.members.iter().filter(|m| is_old(m)).count();
@@ -41,7 +43,7 @@ impl Tracker {
                 graph.pairs.push(Pair::new(0, target, PairBlock::new(origin, sums)));
             }
         }
-        graph.optimise(self.context.registration.inner_iterations, &mut || ()).ok()?;
+        graph.optimise(INNER_ITERATIONS, &mut || ()).ok()?;
         Some(translation_rotation_norms(&(graph.poses[0].inverse() * with)))
     }
 

@@ -13,11 +13,11 @@ const FAR_GAP: usize = 10;
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
 /// picks neighbours in time). `sessions`: the run that made each; where another run goes on,
 /// consecutive keyframes may be anywhere.
-pub fn pairs(poses: &[Pose], sessions: &[u32], settings: &GlobalSettings) -> Vec<(usize, usize)> {
+pub fn pairs(poses: &[Pose], sessions: &[u32]) -> Vec<(usize, usize)> {
     let axes: Vec<Vector3<f64>> = poses.iter().map(optical_axis).collect();
     let of_each = (0..poses.len()).into_par_iter().with_min_len(16);
     let mut found: Vec<(usize, usize)> =
-        of_each.flat_map_iter(|i| of_one(i, poses, &axes, sessions, settings)).collect();
+        of_each.flat_map_iter(|i| of_one(i, poses, &axes, sessions)).collect();
     // By target first: its surface then stays in the cache for all its pairs.
     found.sort_unstable_by_key(|&(newer, older)| (older, newer));
     found.dedup();
@@ -25,15 +25,10 @@ pub fn pairs(poses: &[Pose], sessions: &[u32], settings: &GlobalSettings) -> Vec
 }
 
 /// The pairs that one keyframe asks for.
-fn of_one(
-    i: usize,
-    poses: &[Pose],
-    axes: &[Vector3<f64>],
-    sessions: &[u32],
-    settings: &GlobalSettings,
-) -> Vec<(usize, usize)> {
-    let limits = ViewLimits { radius_m: settings.radius_m, angle_rad: settings.angle_deg.to_radians() };
-    let half = (settings.neighbours as usize).div_ceil(2);
+fn of_one(i: usize, poses: &[Pose], axes: &[Vector3<f64>], sessions: &[u32]) -> Vec<(usize, usize)> {
+    let limits =
+        ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
+    let half = GlobalSettings::NEIGHBOURS.div_ceil(2);
     let others = (0..poses.len()).filter(|&j| j != i).map(|j| (j, poses[j].translation.vector));
     let near = limits.nearest(&poses[i].translation.vector, &axes[i], others, |j| axes[j]);
     let nearest = near.iter().take(half);

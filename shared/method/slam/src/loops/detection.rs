@@ -5,41 +5,36 @@ use crate::map::records::RequestRecord;
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::settings::LoopSettings;
 
+/// Frames by which each keyframe delays the effect of a request: its share of the optimisation.
+const DELAY_PER_KEYFRAME: f64 = 0.5;
+
 /// A place along the trajectory, in time and in the graph.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TrackPoint {
     /// The run.
     session: u32,
     frame_index: u64,
-    stamp_nanos: i64,
     /// The keyframe, or the last one before it.
     keyframe: u32,
 }
 
 impl TrackPoint {
     pub(crate) fn of_keyframe(keyframe: &KeyframeState) -> Self {
-        Self {
-            session: keyframe.session,
-            frame_index: keyframe.frame_index,
-            stamp_nanos: keyframe.stamp_nanos,
-            keyframe: keyframe.id,
-        }
+        Self { session: keyframe.session, frame_index: keyframe.frame_index, keyframe: keyframe.id }
     }
 
     /// A frame of this run that comes after all keyframes.
-    pub(crate) fn of_frame(map: &MapView<'_>, index: u64, stamp_nanos: i64) -> Self {
+    pub(crate) fn of_frame(map: &MapView<'_>, index: u64) -> Self {
         let keyframe = (map.n_keyframes() as u32).saturating_sub(1);
-        Self { session: map.state().session, frame_index: index, stamp_nanos, keyframe }
+        Self { session: map.state().session, frame_index: index, keyframe }
     }
 }
 
-/// Whether a pair of these closes a loop: acquired long after each other in frames, time and graph,
+/// Whether a pair of these closes a loop: acquired long after each other in frames and in the graph,
 /// or by different runs.
 pub(crate) fn closes_loop(settings: &LoopSettings, newer: &TrackPoint, older: &TrackPoint) -> bool {
-    let seconds = newer.stamp_nanos.saturating_sub(older.stamp_nanos) as f64 * 1e-9;
     newer.session != older.session
         || (newer.frame_index.saturating_sub(older.frame_index) > settings.min_frames
-            && seconds > settings.min_seconds
             && newer.keyframe.saturating_sub(older.keyframe) > settings.min_keyframes)
 }
 
@@ -49,9 +44,8 @@ pub(crate) fn is_loop<'a>(
     map: impl Into<MapView<'a>>,
     keyframe: &KeyframeState,
     index: u64,
-    stamp_nanos: i64,
 ) -> bool {
-    let frame = TrackPoint::of_frame(&map.into(), index, stamp_nanos);
+    let frame = TrackPoint::of_frame(&map.into(), index);
     closes_loop(settings, &frame, &TrackPoint::of_keyframe(keyframe))
 }
 
@@ -73,7 +67,7 @@ pub(crate) fn request(
     }
     let n_retired = state.keyframes.iter().filter(|k| !k.is_active()).count() as u32;
     let n_active = n_keyframes.saturating_sub(n_retired);
-    let delay = f64::from(settings.delay_frames) + f64::from(n_active) * settings.delay_per_keyframe;
+    let delay = f64::from(settings.delay_frames) + f64::from(n_active) * DELAY_PER_KEYFRAME;
     Some(RequestRecord {
         request: state.n_requests,
         n_keyframes,
@@ -88,20 +82,18 @@ mod tests {
     use crate::loops::test_wall::keyframe;
 
     #[test]
-    fn a_loop_is_far_in_frames_time_and_graph_or_of_another_run() {
-        let settings =
-            LoopSettings { min_frames: 20, min_seconds: 2.5, min_keyframes: 3, ..LoopSettings::default() };
+    fn a_loop_is_far_in_frames_and_graph_or_of_another_run() {
+        let settings = LoopSettings { min_frames: 20, min_keyframes: 3, ..LoopSettings::default() };
         let keyframes: Vec<KeyframeState> = (0..8).map(|id| keyframe(id, 1, 0.0)).collect();
-        // Ten frames and a second from keyframe to keyframe: more than three of them are needed.
+        // Ten frames from keyframe to keyframe: more than three of them are needed.
         let [newest, older, near] = [7, 3, 4].map(|id| TrackPoint::of_keyframe(&keyframes[id]));
         assert!(closes_loop(&settings, &newest, &older) && !closes_loop(&settings, &newest, &near));
-        let slow = LoopSettings { min_seconds: 4.0, ..settings.clone() };
         let sparse = LoopSettings { min_frames: 40, ..settings.clone() };
-        assert!(!closes_loop(&slow, &newest, &older) && !closes_loop(&sparse, &newest, &older));
+        assert!(!closes_loop(&sparse, &newest, &older));
         assert!(closes_loop(&settings, &newest, &TrackPoint::of_keyframe(&keyframe(6, 0, 0.0))));
         // A frame stands where the last keyframe does in the graph.
         let state = TrackerState { keyframes: keyframes.clone(), session: 1, ..TrackerState::default() };
-        assert!(is_loop(&settings, &state, &keyframes[3], 75, 7_500_000_000));
-        assert!(!is_loop(&settings, &state, &keyframes[4], 75, 7_500_000_000));
+        assert!(is_loop(&settings, &state, &keyframes[3], 75));
+        assert!(!is_loop(&settings, &state, &keyframes[4], 75));
     }
 }

@@ -4,13 +4,14 @@
 use crate::loops::keyframe_pair::PairSearch;
 use crate::loops::matchable::Matchable;
 use crate::map::state::KeyframeState;
+use crate::settings::GlobalSettings;
 use crate::tracking::input::Surfaces;
 use crate::tracking::tracker::Tracker;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
-use tessera_graph::{MultiEdge, OuterIteration, Pair, Schedule};
+use tessera_graph::{INNER_ITERATIONS, MultiEdge, OuterIteration, Pair, Schedule};
 use tessera_registration::{MatchLimits, Queries, Sample, Sampler};
 
 /// Outer iterations, from wide limits to the tightest.
@@ -19,14 +20,14 @@ const OUTER_ITERATIONS: u32 = 3;
 const MOST_BORDER: usize = 12;
 
 /// A keyframe of the extended window.
-pub(crate) struct Vertex<'a> {
+pub(crate) struct WindowPose<'a> {
     pub(crate) id: u32,
     session: u32,
     pub(crate) is_fixed: bool,
     matchable: Matchable<'a>,
 }
 
-impl Vertex<'_> {
+impl WindowPose<'_> {
     /// Whether it is the next keyframe after another in the same run.
     fn follows(&self, older: &Self) -> bool {
         self.id == older.id + 1 && self.session == older.session
@@ -40,7 +41,7 @@ impl Tracker {
         &'a self,
         attempt: &WindowAlignment,
         surfaces: &Surfaces<'a>,
-    ) -> Vec<Vertex<'a>> {
+    ) -> Vec<WindowPose<'a>> {
         let keyframes = &self.state.keyframes;
         let window: BTreeSet<u32> = attempt
             .members
@@ -74,7 +75,7 @@ impl Tracker {
             .map(|(id, is_fixed)| {
                 let keyframe = &keyframes[id as usize];
                 let matchable = Matchable::new(&self.context, &mut sampler, keyframe, surfaces.keyframes);
-                Vertex { id, session: keyframe.session, is_fixed, matchable }
+                WindowPose { id, session: keyframe.session, is_fixed, matchable }
             })
             .collect()
     }
@@ -84,13 +85,13 @@ impl Tracker {
         &self,
         samples: &[Sample],
         attempt: &WindowAlignment,
-        vertices: &[Vertex<'_>],
+        vertices: &[WindowPose<'_>],
     ) -> Option<Vec<Pose>> {
-        let pose_of = |v: &Vertex<'_>| Pose::from(&self.state.keyframes[v.id as usize].world_from_camera);
+        let pose_of = |v: &WindowPose<'_>| Pose::from(&self.state.keyframes[v.id as usize].world_from_camera);
         let mut queries = Queries::default();
         queries.fill(samples, &self.context.shutter(&attempt.alignment.velocity));
         let mut matcher = self.context.matcher();
-        let first_distance_m = self.context.mapping.global.first_distance_m;
+        let first_distance_m = GlobalSettings::FIRST_DISTANCE_M;
         let mut associate = |poses: &[Pose], iteration: OuterIteration| -> Vec<Pair> {
             let limits = MatchLimits::new(first_distance_m, iteration.tightness);
             let searches = searches(vertices, &queries, limits);
@@ -101,7 +102,7 @@ impl Tracker {
             poses: vertices.iter().map(pose_of).chain([attempt.alignment.world_from_camera]).collect(),
             is_fixed: vertices.iter().map(|v| v.is_fixed).chain([false]).collect(),
             priors: Vec::new(),
-            schedule: Schedule::shrinking(OUTER_ITERATIONS, self.context.registration.inner_iterations),
+            schedule: Schedule::shrinking(OUTER_ITERATIONS, INNER_ITERATIONS),
             kernel: None,
             isa: self.context.registration.isa,
         };
@@ -113,7 +114,7 @@ impl Tracker {
 /// The pairs of an extended window: the frame, whose samples are `queries`, with each free keyframe,
 /// and all pairs of keyframes that are not both fixed. The surface searched is the older one.
 fn searches<'a>(
-    vertices: &'a [Vertex<'_>],
+    vertices: &'a [WindowPose<'_>],
     queries: &'a Queries,
     limits: MatchLimits,
 ) -> Vec<PairSearch<'a>> {

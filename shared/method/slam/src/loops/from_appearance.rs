@@ -9,6 +9,7 @@ use crate::loops::verification::{self, Tested};
 use crate::map::context::Context;
 use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
+use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock, Schedule};
 use tessera_numerics::parallel::map_in_parts;
@@ -53,7 +54,7 @@ pub(crate) fn pairs(
         |matcher, &query| {
             let target = most_alike(context, keyframes, query)?;
             let (newer, older) = (&matchable[query], &matchable[target]);
-            let (at, block) = from_scratch(context, matcher, newer, older);
+            let (at, block) = from_scratch(matcher, newer, older);
             let settings = &context.mapping.global;
             let tested = verification::test(settings, matcher, newer, older, &at);
             // No pose speaks for this pair: it must overlap well in both directions.
@@ -66,16 +67,11 @@ pub(crate) fn pairs(
 }
 
 /// `older_from_newer` from no initial guess, and the tightest matches there.
-fn from_scratch(
-    context: &Context,
-    matcher: &mut Matcher,
-    newer: &Matchable<'_>,
-    older: &Matchable<'_>,
-) -> (Pose, PairBlock) {
+fn from_scratch(matcher: &mut Matcher, newer: &Matchable<'_>, older: &Matchable<'_>) -> (Pose, PairBlock) {
     let alignment = PairAlignment {
         query: newer,
         target: older,
-        n_queries: context.mapping.global.queries_per_pair as usize,
+        n_queries: GlobalSettings::QUERIES_PER_PAIR,
         limits: &|tightness| MatchLimits::new(FIRST_DISTANCE_M, tightness),
     };
     let schedule = Schedule::shrinking(ITERATIONS, 0).tightness;

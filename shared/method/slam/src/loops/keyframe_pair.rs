@@ -3,6 +3,7 @@
 
 use crate::features::sight::WeightedPair;
 use crate::map::context::Context;
+use crate::settings::GlobalSettings;
 use crate::tracking::degeneracy;
 use tessera_geometry::Pose;
 use tessera_graph::{BlockSums, Pair, PairBlock};
@@ -36,7 +37,7 @@ impl PairSearch<'_> {
         let settings = &context.mapping.global;
         let target_from_query = poses[self.target].inverse() * poses[self.query];
         // Each pair takes another choice of the samples.
-        let selection = Selection { count: settings.queries_per_pair as usize, shift: self.target };
+        let selection = Selection { count: GlobalSettings::QUERIES_PER_PAIR, shift: self.target };
         let factor = matcher.metric_factor();
         let mut find = |intensity: bool| {
             let limits = MatchLimits { intensity, ..self.limits };

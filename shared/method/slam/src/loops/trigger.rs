@@ -17,10 +17,9 @@ pub(crate) fn with_request(
     let settings = &input.context.mapping.loops;
     let frame = input.frame;
     let sees_loop = aligned.members.iter().any(|m| match m {
-        Member::Keyframe(id) => input
-            .map
-            .keyframe(*id)
-            .is_some_and(|k| detection::is_loop(settings, input.map, k, frame.index, frame.stamp_nanos)),
+        Member::Keyframe(id) => {
+            input.map.keyframe(*id).is_some_and(|k| detection::is_loop(settings, input.map, k, frame.index))
+        }
         Member::Recent(_) => false,
     });
     let is_similar = || record.new_keyframe.as_ref().is_some_and(|k| is_similar_to_old(input, k));
@@ -36,10 +35,9 @@ pub(crate) fn with_request(
 /// optimiser verifies it.
 fn is_similar_to_old(input: &TrackingInput<'_>, keyframe: &KeyframeRecord) -> bool {
     let settings = &input.context.mapping.loops;
-    let (index, stamp_nanos) = (keyframe.frame_index, keyframe.stamp_nanos);
     input.map.keyframes().any(|older| {
         older.is_active()
-            && detection::is_loop(settings, input.map, older, index, stamp_nanos)
+            && detection::is_loop(settings, input.map, older, keyframe.frame_index)
             && similarity(&keyframe.place, &older.place) >= settings.min_similarity
     })
 }

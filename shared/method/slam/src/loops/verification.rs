@@ -52,7 +52,7 @@ pub(crate) fn test(
     older: &Matchable<'_>,
     older_from_newer: &Pose,
 ) -> Tested {
-    let limits = |tightness: f32| MatchLimits::drifted(settings.first_distance_m, tightness);
+    let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
     let alignment = PairAlignment { query: newer, target: older, n_queries: N_QUERIES, limits: &limits };
     let forward = alignment.solve(matcher, older_from_newer, &FORWARD);
     let newer_from_older = forward.target_from_query.inverse();
@@ -68,9 +68,9 @@ pub(crate) fn test(
     let inconsistency_sigmas = disagreement(&forward, &backward).max(disagreement(&backward, &forward));
     let verdict = if !(overlap >= settings.min_overlap * 0.5) {
         LoopVerdict::LittleOverlap
-    } else if !(in_front <= settings.max_in_front) {
+    } else if !(in_front <= GlobalSettings::MAX_IN_FRONT) {
         LoopVerdict::FreeSpaceViolated
-    } else if !(inconsistency_sigmas <= settings.max_inconsistency_sigmas) {
+    } else if !(inconsistency_sigmas <= GlobalSettings::MAX_INCONSISTENCY_SIGMAS) {
         LoopVerdict::Inconsistent
     } else {
         LoopVerdict::Accepted

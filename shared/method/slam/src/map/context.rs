@@ -48,7 +48,7 @@ impl Context {
         };
         let offset_px = match surface.cell_sample {
             CellSample::Mean => (f64::from(surface.step) - 1.0) / 2.0,
-            CellSample::Corner | CellSample::Nearest => 0.0,
+            CellSample::Corner => 0.0,
         };
         Self {
             camera: camera.clone(),
@@ -56,7 +56,7 @@ impl Context {
             registration: registration.clone(),
             mapping: mapping.clone(),
             steps: Steps::default(),
-            noise: DepthNoise::new(surface.noise),
+            noise: DepthNoise::default(),
             offset_px,
             colour: ColourModel::default(),
             feature_weight: 0.0,
@@ -84,7 +84,7 @@ impl Context {
 
     /// The tree of a surface, where the exact search is asked for.
     pub(crate) fn tree(&self, surface: &SurfaceView<'_>, shutter: &ShutterTable) -> Option<KdTree> {
-        match self.registration.search.method {
+        match self.registration.search {
             SearchMethod::Exact => Some(KdTree::new(surface, shutter)),
             SearchMethod::Projective => None,
         }

@@ -1,4 +1,4 @@
-//! What a correction does to poses: the one fold that gives final poses (method 8.4).
+//! Effect of corrections on poses: the one fold that gives final poses (method 8.4).
 //!
 //! A correction names keyframes `0..=last`. They take their corrected poses; every pose that was
 //! estimated after the request moves rigidly with the last of them. The tracker's state uses these

@@ -12,7 +12,7 @@ pub use crate::map::keyframe::{
 };
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, PoseBits};
-use tessera_surface::Effort;
+use tessera_surface::WorkloadLevel;
 
 /// Whether a frame's pose can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,7 +35,7 @@ pub struct FrameRecord {
     /// Sensor time.
     pub stamp_nanos: i64,
     /// How much work it got; less than full in live mode alone.
-    pub effort: Effort,
+    pub workload: WorkloadLevel,
     /// Whether the pose can be trusted.
     pub state: State,
     /// Why, in words and numbers; empty while tracking normally.

@@ -12,6 +12,7 @@ use crate::loops::verification::{self, KnownLoops, Tested};
 use crate::map::context::Context;
 use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
+use crate::settings::GlobalSettings;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_geometry::Pose;
@@ -39,7 +40,7 @@ pub(crate) struct KeyframeAssociation<'a> {
 type SeenPairs = BTreeMap<(u32, u32), Option<Arc<FeaturePair>>>;
 
 /// A pair with the tests that it had to pass, if it closes a loop.
-struct Found {
+struct SearchedPair {
     pair: Pair,
     tested: Option<Tested>,
     seen: Option<Arc<FeaturePair>>,
@@ -56,11 +57,10 @@ impl<'a> KeyframeAssociation<'a> {
         Self { context, keyframes, matchable, known, seen, tests, rejected }
     }
 
-    fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<Found> {
-        let settings = &self.context.mapping.global;
+    fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
         let sessions: Vec<u32> = self.keyframes.iter().map(|k| k.session).collect();
         map_in_parts(
-            &covisibility::pairs(poses, &sessions, settings),
+            &covisibility::pairs(poses, &sessions),
             || self.context.matcher(),
             |matcher, &(query, target)| self.search_one(matcher, poses, (query, target), tightness),
             progress,
@@ -73,7 +73,7 @@ impl<'a> KeyframeAssociation<'a> {
         poses: &[Pose],
         (query, target): (usize, usize),
         tightness: f32,
-    ) -> Found {
+    ) -> SearchedPair {
         let settings = &self.context.mapping.global;
         let [newer, older] = [query, target].map(|k| &self.keyframes[k]);
         let is_loop = detection::closes_loop(
@@ -106,12 +106,12 @@ impl<'a> KeyframeAssociation<'a> {
             queries: &queries.queries,
             surface: surface.target(),
             is_consecutive: query == target + 1 && newer.session == older.session,
-            limits: limits(settings.first_distance_m, tightness),
+            limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
             features: seen
                 .clone()
                 .map(|found| WeightedPair::new(found, weight, &(poses[target].inverse() * poses[query]))),
         };
-        Found { pair: Pair { is_loop, ..search.find(self.context, matcher, poses) }, tested, seen }
+        SearchedPair { pair: Pair { is_loop, ..search.find(self.context, matcher, poses) }, tested, seen }
     }
 
     /// Features that two keyframes share, looked for once near where their poses predict them.
@@ -195,7 +195,7 @@ impl DataAssociation for KeyframeAssociation<'_> {
         self.rejected.clear();
         self.tests.clear();
         let mut pairs = Vec::new();
-        for Found { pair, tested, .. } in found {
+        for SearchedPair { pair, tested, .. } in found {
             let is_good = tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
             if pair.weight > 0.0 && is_good {
                 pairs.push(pair);

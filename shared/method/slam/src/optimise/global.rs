@@ -9,8 +9,9 @@ use crate::map::state::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::KeyframeAssociation;
 use crate::optimise::sample_cache::Drawn;
+use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
-use tessera_graph::{GemanMcClure, MultiEdge, Schedule};
+use tessera_graph::{GemanMcClure, INNER_ITERATIONS, MultiEdge, Schedule};
 use tessera_numerics::Step;
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::{Sampler, gather};
@@ -43,9 +44,9 @@ pub(crate) fn solve(
         poses: keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect(),
         is_fixed: (0..keyframes.len()).map(|place| place == 0).collect(),
         priors: Vec::new(),
-        schedule: Schedule::shrinking(outer_iterations, context.registration.inner_iterations),
+        schedule: Schedule::shrinking(outer_iterations, INNER_ITERATIONS),
         kernel: Some(GemanMcClure {
-            limit_sigmas: context.mapping.global.loop_residual_sigmas,
+            limit_sigmas: GlobalSettings::LOOP_RESIDUAL_SIGMAS,
             metric_factor: context.matcher().metric_factor(),
         }),
         isa: context.registration.isa,

@@ -1,4 +1,4 @@
-//! Frames that were lost, between those that were not.
+//! Interpolates untracked frames between tracked neighbours.
 
 use crate::map::records::{FrameRecord, State};
 use std::collections::BTreeMap;

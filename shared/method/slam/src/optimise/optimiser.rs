@@ -15,6 +15,7 @@ use crate::optimise::global::{self, Solution};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::sample_cache::Drawn;
+use crate::settings::GlobalSettings;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -141,7 +142,8 @@ impl Optimiser {
         let (_, keyframes, colour) = self.pending.iter().find(|(r, ..)| r.request == request.request)?;
         let context = self.context.with_colour(colour);
         let settings = &self.context.mapping.global;
-        let iterations = if request.is_final { settings.final_iterations } else { settings.outer_iterations };
+        let iterations =
+            if request.is_final { settings.final_iterations } else { GlobalSettings::OUTER_ITERATIONS };
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
         let solution =
             global::solve(&context, &active, surfaces, &self.drawn, self.known.clone(), iterations, progress);

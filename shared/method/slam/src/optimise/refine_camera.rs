@@ -5,6 +5,7 @@ use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::global::Solution;
+use crate::settings::GlobalSettings;
 use std::collections::BTreeSet;
 use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Problem, calibrate};
 use tessera_geometry::{Twist, Vector6};
@@ -19,7 +20,7 @@ const START_PX: f64 = 8.0;
 /// Solves for the camera together with the poses of all keyframes, from the optimised poses on.
 ///
 /// # Errors
-/// Too little overlap, or a solution that is no camera.
+/// Too little overlap, or a solution that is not a camera.
 pub(crate) fn refine_camera(
     context: &Context,
     keyframes: &[KeyframeState],
@@ -29,9 +30,9 @@ pub(crate) fn refine_camera(
 ) -> Result<Calibration, CalibrationError> {
     let global = &context.mapping.global;
     let limits = PairLimits {
-        distance_m: global.radius_m,
-        angle_rad: global.angle_deg.to_radians(),
-        neighbours: (global.neighbours as usize).max(NEIGHBOURS),
+        distance_m: GlobalSettings::RADIUS_M,
+        angle_rad: GlobalSettings::ANGLE_DEG.to_radians(),
+        neighbours: GlobalSettings::NEIGHBOURS.max(NEIGHBOURS),
     };
     let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
     let refused: BTreeSet<(u32, u32)> = solution
@@ -63,7 +64,7 @@ pub(crate) fn refine_camera(
             keyframes: &keyframes,
             pairs: &pairs,
             queries_per_pair: QUERIES_PER_PAIR,
-            first_distance_m: global.first_distance_m,
+            first_distance_m: GlobalSettings::FIRST_DISTANCE_M,
             min_overlap: global.min_overlap,
             start_px: START_PX,
             fixed: &[],

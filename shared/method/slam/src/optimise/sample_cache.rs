@@ -1,4 +1,4 @@
-//! Which vertices of each keyframe are its samples, known from one optimisation to the next.
+//! Cache of the sampled vertices of each keyframe, from one optimisation to the next.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -16,9 +16,10 @@ pub struct KeyframeSettings {
     /// Ratio of entropies below which a keyframe is made (eq. 15); 0 switches the test off.
     pub entropy_ratio: f64,
     /// Frames after a keyframe before the entropy tests may trigger.
+    #[serde(skip)]
     pub min_frames: u32,
-    /// Keyframes of the working map at most; 0: no limit. Those beyond it move along with their
-    /// neighbours; nothing is aligned to them any more, and frames are not solved again at the end.
+    /// Keyframes of the working map at most; 0: no limit. Those beyond it are culled: nothing is
+    /// aligned to them any more, and frames are not solved again at the end.
     pub budget: u32,
 }
 

@@ -7,21 +7,28 @@ use tessera_numerics::{SettingError, check_range};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RelocaliseSettings {
-    /// Whether a lost frame's place is looked for at all.
+    /// Whether a lost camera is searched in the map.
     pub enabled: bool,
     /// Keyframes that look most like the frame and are tried.
+    #[serde(skip)]
     pub n_recognised: u32,
     /// Turned and shifted views that are tried in each frame.
+    #[serde(skip)]
     pub n_turned: u32,
     /// Least share of the frame that the best reference sees.
+    #[serde(skip)]
     pub min_in_view: f64,
     /// Least share of that part that has a match.
+    #[serde(skip)]
     pub min_matched: f64,
     /// Largest share of that part that floats in front of what the reference saw.
+    #[serde(skip)]
     pub max_in_front: f64,
     /// Largest median normal residual, standard deviations of depth.
+    #[serde(skip)]
     pub max_residual_sigmas: f64,
     /// Frames in a row that must pass after a place was found before the map may change again.
+    #[serde(skip)]
     pub confirm_frames: u32,
 }
 

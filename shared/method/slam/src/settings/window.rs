@@ -9,52 +9,70 @@ use tessera_numerics::{SettingError, check_range};
 pub struct WindowSettings {
     /// Fixed reference poses `w`, 1 to 10.
     pub size: u32,
-    /// Keyframes farther away take no part, metres.
+    /// Largest distance of a window keyframe from the predicted camera centre, metres.
+    #[serde(skip)]
     pub radius_m: f64,
-    /// Keyframes looking elsewhere take no part, degrees between optical axes.
+    /// Largest angle between the optical axes of a window keyframe and of the predicted camera, degrees.
+    #[serde(skip)]
     pub angle_deg: f64,
     /// Correspondences sought per frame, split evenly over the window.
+    #[serde(skip)]
     pub match_budget: u32,
     /// Share of the correspondences sought in all but the last outer iteration.
+    #[serde(skip)]
     pub early_share: f64,
     /// Outer iterations while tracking.
     pub outer_iterations: u32,
     /// Outer iterations of the second attempt, after a failure.
+    #[serde(skip)]
     pub retry_iterations: u32,
-    /// Bounds of the first distance limit while tracking, metres.
+    /// Lower bound of the first distance limit while tracking, metres.
     pub min_first_distance_m: f64,
     /// Upper bound of the first distance limit while tracking, metres.
     pub max_first_distance_m: f64,
-    /// An outer iteration that moves less than this is the last but one, metres (and radians).
+    /// Pose change below which the schedule skips to its last, tightest step, metres (and radians).
+    #[serde(skip)]
     pub converged_step: f64,
     /// Standard deviation of the constant velocity prediction, metres per frame.
+    #[serde(skip)]
     pub prior_translation_m: f64,
     /// Standard deviation of the constant velocity prediction, degrees per frame.
+    #[serde(skip)]
     pub prior_rotation_deg: f64,
     /// Whether the rotation of the prediction is the gyroscope's where the source has one.
+    #[serde(skip)]
     pub inertial_rotation: bool,
     /// Standard deviation that the last pose's rotation adds to the gyroscope's, degrees.
+    #[serde(skip)]
     pub inertial_floor_deg: f64,
-    /// Whether shifts and turns about the last pose are tried where the other attempts fail.
+    /// Whether large-displacement hypotheses are tried where the other attempts fail.
     pub long_strides: bool,
     /// Least share of queries with a match.
+    #[serde(skip)]
     pub min_match_share: f64,
     /// Largest median normal residual, standard deviations of depth.
+    #[serde(skip)]
     pub max_residual_sigmas: f64,
     /// Least share with a match of what the best reference sees of the frame.
+    #[serde(skip)]
     pub min_matched: f64,
     /// Largest share of that in front of what the reference saw.
+    #[serde(skip)]
     pub max_in_front: f64,
     /// A translation is free when its matches claim a larger standard deviation, metres, and it
     /// is `free_ratio` times that of the best known translation.
+    #[serde(skip)]
     pub free_translation_m: f64,
     /// A rotation is free when its matches claim a larger standard deviation, degrees, and it is
     /// `free_ratio` times that of the best known rotation.
+    #[serde(skip)]
     pub free_rotation_deg: f64,
     /// See `free_translation_m`.
+    #[serde(skip)]
     pub free_ratio: f64,
     /// Factor of the covariance that independent, unfiltered correspondences would have. Below
     /// one: the filter takes more noise away than correlation brings back.
+    #[serde(skip)]
     pub correlation: f64,
 }
 

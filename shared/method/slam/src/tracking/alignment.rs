@@ -8,7 +8,7 @@ pub(crate) use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
-use tessera_graph::{BlockSums, MultiEdge, Prior, Schedule};
+use tessera_graph::{BlockSums, INNER_ITERATIONS, MultiEdge, Prior, Schedule};
 use tessera_numerics::Step;
 use tessera_registration::{
     BrightnessUse, MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
@@ -210,7 +210,7 @@ fn window_problem(
         schedule: Schedule {
             converged_step: context.mapping.window.converged_step,
             held_iterations: HELD_ITERATIONS,
-            ..Schedule::shrinking(n_outer, context.registration.inner_iterations)
+            ..Schedule::shrinking(n_outer, INNER_ITERATIONS)
         },
         kernel: None,
         isa: context.registration.isa,

@@ -79,7 +79,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
     FrameRecord {
         index: frame.index,
         stamp_nanos: frame.stamp_nanos,
-        effort: frame.effort,
+        workload: frame.workload,
         state: State::Lost,
         reason: String::new(),
         world_from_camera: PoseBits::from(world_from_camera),

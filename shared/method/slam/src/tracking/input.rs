@@ -7,7 +7,7 @@ use crate::map::surfaces::KeyframeSurfaces;
 use tessera_features::Feature;
 use tessera_geometry::InertialRotation;
 use tessera_registration::Sample;
-use tessera_surface::{Effort, SurfaceView};
+use tessera_surface::{SurfaceView, WorkloadLevel};
 
 /// One frame: its identity, its surface, and what else was measured with it.
 #[derive(Clone, Copy, Debug)]
@@ -21,15 +21,15 @@ pub struct FrameSurface<'a> {
     /// The surface, read in place.
     pub surface: SurfaceView<'a>,
     /// How much work it gets; the same in each replay.
-    pub effort: Effort,
+    pub workload: WorkloadLevel,
     /// Features of its colour image; none where there is no colour.
     pub features: &'a [Feature],
 }
 
 impl<'a> FrameSurface<'a> {
-    /// A frame at full effort of which only the surface was measured.
+    /// A frame at full workload of which only the surface was measured.
     pub fn new(index: u64, stamp_nanos: i64, surface: SurfaceView<'a>) -> Self {
-        Self { index, stamp_nanos, rotation: None, surface, effort: Effort::Full, features: &[] }
+        Self { index, stamp_nanos, rotation: None, surface, workload: WorkloadLevel::Full, features: &[] }
     }
 }
 

@@ -132,12 +132,9 @@ fn edges(input: &TrackingInput<'_>, aligned: &WindowAlignment) -> Vec<EdgeRecord
         _ => None,
     });
     let settings = &input.context.mapping.loops;
-    let (index, stamp_nanos) = (input.frame.index, input.frame.stamp_nanos);
+    let index = input.frame.index;
     let mut edges: Vec<EdgeRecord> = older
-        .map(|k| EdgeRecord {
-            to: k.id,
-            is_loop: detection::is_loop(settings, input.map, k, index, stamp_nanos),
-        })
+        .map(|k| EdgeRecord { to: k.id, is_loop: detection::is_loop(settings, input.map, k, index) })
         .collect();
     edges.sort_by_key(|e| e.to);
     edges

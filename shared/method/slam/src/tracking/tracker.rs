@@ -117,7 +117,7 @@ impl Tracker {
         recent: &[FrameSurface<'_>],
         keyframes: &dyn KeyframeSurfaces,
     ) -> FrameRecord {
-        let context = &self.workload.at(frame.effort).with_colour(&self.state.colour);
+        let context = &self.workload.at(frame.workload).with_colour(&self.state.colour);
         context.steps.enter(Step::Sampling);
         self.sampler.draw(&frame.surface, frame.index, &context.registration, &mut self.samples);
         let input = TrackingInput {

@@ -1,29 +1,29 @@
 //! Load shedding: the settings of the method at each workload level.
 
 use crate::map::context::Context;
-use tessera_surface::Effort;
+use tessera_surface::WorkloadLevel;
 
 /// One immutable context for each level, from the full one down.
 #[derive(Debug)]
-pub(crate) struct Workload([Context; Effort::ALL.len()]);
+pub(crate) struct Workload([Context; WorkloadLevel::ALL.len()]);
 
 impl Workload {
-    /// The levels of a context at full effort.
+    /// The levels of a context at full workload.
     pub(crate) fn new(full: &Context) -> Self {
-        Self(Effort::ALL.map(|effort| {
+        Self(WorkloadLevel::ALL.map(|workload| {
             let mut context = full.clone();
             let registration = &mut context.registration;
-            registration.uniform_samples = effort.points(registration.uniform_samples);
-            registration.normal_space_samples = effort.points(registration.normal_space_samples);
+            registration.uniform_samples = workload.points(registration.uniform_samples);
+            registration.normal_space_samples = workload.points(registration.normal_space_samples);
             let window = &mut context.mapping.window;
-            window.match_budget = effort.points(window.match_budget);
-            window.size = effort.window(window.size);
+            window.match_budget = workload.points(window.match_budget);
+            window.size = workload.window(window.size);
             context
         }))
     }
 
-    /// The settings of a frame with that effort.
-    pub(crate) fn at(&self, effort: Effort) -> &Context {
-        &self.0[effort.rung()]
+    /// The settings of a frame with that workload.
+    pub(crate) fn at(&self, workload: WorkloadLevel) -> &Context {
+        &self.0[workload.level()]
     }
 }

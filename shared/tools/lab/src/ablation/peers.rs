@@ -1,4 +1,4 @@
-//! What other systems reach, by sequence, each value with its source.
+//! Results of other systems, by sequence, each value with its source.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

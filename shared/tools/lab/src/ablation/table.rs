@@ -1,4 +1,4 @@
-//! What an ablation found, as data: the rows, their errors, and the average improvement.
+//! Results of an ablation, as data: the rows, their errors, and the average improvement.
 
 use super::columns::{Column, Group, REFERENCE};
 use super::peers::PeerResult;

@@ -112,7 +112,7 @@ impl Disturber {
         Ok(done)
     }
 
-    /// Strikes the stages of a supervisor that somebody else has started.
+    /// Disturbs the stages of a supervisor that was started elsewhere.
     pub(super) fn disturb_running(&mut self, supervisor: u32, mut random: Random) -> Disturbance {
         let mut done = Disturbance::default();
         while done.n_strikes() < self.most && rss_bytes(supervisor).is_some() {
@@ -171,7 +171,7 @@ fn kill_supervisor(
     let _ = child.kill();
     let mut victims = stages.clone();
     if is_group {
-        // The supervisor is gone: nobody starts another one.
+        // The supervisor is gone, and no other is started.
         victims.iter().for_each(|(_, pid)| {
             let _ = strike(*pid, FaultKind::Kill, random);
         });

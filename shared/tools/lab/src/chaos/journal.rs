@@ -1,4 +1,4 @@
-//! What the journal of a run says of its frames, read back for the count.
+//! Frames in the journal of a run, read back for the count.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What a run has left where nothing should be.
+//! Leftovers of a run in shared memory.
 
 use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;

@@ -16,7 +16,7 @@ pub(super) fn stage_pids(supervisor: u32) -> Vec<(Stage, u32)> {
     })
 }
 
-/// All stages that work in a run directory, whoever started them.
+/// All stages that work in a run directory, of any parent.
 pub(super) fn stages_in(run_dir: &Path) -> Vec<(Stage, u32)> {
     let dir = run_dir.display().to_string();
     pids_where(|_, words| stage_of(words).filter(|_| words.iter().any(|word| *word == dir)))

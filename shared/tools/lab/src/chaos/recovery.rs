@@ -1,4 +1,4 @@
-//! How long a stage was away: from the signal to its successor's first new output, by the stamps
+//! Recovery time of a stage: from the signal to its successor's first new output, by the stamps
 //! of the monotonic clock in the run's log.
 
 use tessera_messages::Stage;
@@ -28,7 +28,7 @@ pub(super) struct Event {
     pub(super) sign: Sign,
 }
 
-/// A death that somebody caused.
+/// A death that was caused on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Hit {
     /// When, monotonic clock, nanoseconds.

@@ -1,4 +1,4 @@
-//! What came of a campaign: a table for people, JSON lines for scripts.
+//! Report of a campaign: a table for people, JSON lines for scripts.
 
 use super::disturb::Disturbance;
 use super::verdict::faults;

@@ -1,4 +1,4 @@
-//! Which fault strikes whom and when: drawn from a seed, so that a schedule can be had again.
+//! Schedule of faults: drawn from a seed, so that it can be repeated.
 
 use std::time::Duration;
 use tessera_messages::Stage;

@@ -47,7 +47,7 @@ impl Trial {
         } else {
             command.args(["run", "--quiet", "--name", &self.name, "--out"]).arg(&self.dir);
             command.args(&self.pipeline.arguments);
-            // Nobody reads it, and its growing timeline would pass for a leak.
+            // It has no reader, and its growing timeline would pass for a leak.
             command.args(["--set", "output.report=false"]);
         }
         let errors =

@@ -1,4 +1,4 @@
-//! Whether a run kept the promise.
+//! Verdict on a run under faults.
 
 use super::campaign::{shown, struck};
 use super::disturb::{Disturbance, Sample};

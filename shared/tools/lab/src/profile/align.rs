@@ -9,7 +9,7 @@ use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
 use tessera_slam::{AlignRecord, AppliedCorrection, Context, FrameSurface, KeyframeSurfaces, Tracker};
-use tessera_surface::{Effort, Grid, SurfaceView, Vertex};
+use tessera_surface::{Grid, SurfaceView, Vertex, WorkloadLevel};
 
 /// Surfaces of keyframes in memory.
 #[derive(Default)]
@@ -47,7 +47,7 @@ impl Surface {
             stamp_nanos: self.stamp_nanos,
             rotation: self.rotation,
             surface: SurfaceView { grid, vertices: &self.vertices },
-            effort: Effort::Full,
+            workload: WorkloadLevel::Full,
             features: &self.features,
         }
     }

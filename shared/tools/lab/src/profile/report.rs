@@ -1,4 +1,4 @@
-//! What a profile says.
+//! Report of a profile.
 
 use serde::Serialize;
 use std::fmt::Write;

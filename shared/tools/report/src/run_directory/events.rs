@@ -1,4 +1,4 @@
-//! Lines of the log that somebody should read.
+//! Warnings and errors of the log.
 
 use crate::Event;
 use std::collections::VecDeque;

@@ -1,4 +1,4 @@
-//! Where frames and keyframes are, seen as people stand: right, forward, up.
+//! Positions of frames and keyframes in the axes of the report: right, forward, up.
 
 use crate::{Frame, FrameState, Keyframe};
 use nalgebra::Vector3;

@@ -1,4 +1,4 @@
-//! What the processes did, from the summary and the timeline.
+//! Work of the processes, from the summary and the timeline.
 
 use crate::{Sample, Stage, StageSample};
 use tessera_messages::TimeCounts;

@@ -1,4 +1,4 @@
-//! Which frames are worth looking at.
+//! Selection of the worst frames.
 
 use crate::{Frame, FrameState, WorstFrame};
 

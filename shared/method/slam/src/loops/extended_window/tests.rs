@@ -4,9 +4,9 @@ use crate::map::context::Context;
 use tessera_registration::BrightnessUse;
 
 /// The keyframes of these ids and sessions, the first one fixed, each 1 cm beside the one before.
-fn vertices<'a>(context: &Context, keyframes: &[KeyframeState], walls: &'a Walls) -> Vec<Vertex<'a>> {
+fn vertices<'a>(context: &Context, keyframes: &[KeyframeState], walls: &'a Walls) -> Vec<WindowPose<'a>> {
     let mut sampler = Sampler::default();
-    let vertex = |k: &KeyframeState| Vertex {
+    let vertex = |k: &KeyframeState| WindowPose {
         id: k.id,
         session: k.session,
         is_fixed: k.id < 2,
