@@ -76,12 +76,23 @@ fn backwards_and_two_and_a_half_times_as_fast_gives_the_same_room() {
 }
 
 #[test]
+fn features_hold_what_a_wall_leaves_free() {
+    let source = scene(SceneName::Wall, &SimulationOptions::default());
+    let indices: Vec<u64> = (0..60).collect();
+    let records = run(&source, &Method::default(), &frames(&source, &indices));
+    assert_eq!(records.n_untracked(), 0);
+    let error_m = ate_m(&source, &indices, &records.online());
+    assert!(error_m < 0.005, "ATE {error_m} m");
+}
+
+#[test]
 fn brightness_holds_what_a_wall_leaves_free() {
     let source = scene(SceneName::Wall, &SimulationOptions::default());
     let indices: Vec<u64> = (0..60).collect();
     let frames = frames(&source, &indices);
     let error_m = |brightness| {
         let mut method = Method::default();
+        method.mapping.features.enabled = false;
         method.registration.weight.brightness = brightness;
         let records = run(&source, &method, &frames);
         assert_eq!(records.n_untracked(), 0);

@@ -61,7 +61,8 @@ fn the_work_of_a_frame_is_the_same_early_and_late() {
     }
     let n_keyframes = |frames: &[&FrameRecord]| frames.iter().filter(|f| f.new_keyframe.is_some()).count();
     let (first, last) = (n_keyframes(&all[..ROUND]), n_keyframes(late));
-    assert!(last * 2 < first, "{first} keyframes in the first round, {last} in the last");
+    // The same way asks for the same keyframes again, and not for more.
+    assert!(last <= first + first / 10, "{first} keyframes in the first round, {last} in the last");
 }
 
 /// Bytes of a run's journals and store.

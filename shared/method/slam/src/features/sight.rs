@@ -61,13 +61,21 @@ impl Sight {
         }
     }
 
-    /// Takes a frame's features in.
-    pub(crate) fn begin(&mut self, context: &Context, frame: &FrameSurface<'_>, velocity: &Twist) {
+    /// Takes a frame's features in. Those of a frozen stream are left out: no camera measures the same
+    /// image twice, bit by bit, and its matches would hold the camera still.
+    pub(crate) fn begin(
+        &mut self,
+        context: &Context,
+        frame: &FrameSurface<'_>,
+        recent: &[FrameSurface<'_>],
+        velocity: &Twist,
+    ) {
+        let is_frozen = recent.iter().any(|r| r.index < frame.index && r.features == frame.features);
         self.index = frame.index;
         self.velocity = *velocity;
         self.pairs.clear();
         self.features.clear();
-        if context.mapping.features.enabled {
+        if context.mapping.features.enabled && !is_frozen {
             self.features.extend_from_slice(frame.features);
         }
         self.observations = lift(context, &self.features, &frame.surface, velocity).into();

@@ -129,7 +129,7 @@ impl Tracker {
             surfaces: Surfaces { recent, keyframes },
         };
         let prediction = predict(&input);
-        self.aligner.sight.begin(context, frame, &prediction.velocity);
+        self.aligner.sight.begin(context, frame, recent, &prediction.velocity);
         let record = if input.samples.len() < MIN_SAMPLES {
             sparse_record(&input, &prediction)
         } else if self.state.keyframes.is_empty() {
