@@ -30,7 +30,8 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
         external::check_arguments(&settings)?;
         return under_a_name(arguments, &settings, |name| external::start(arguments, &settings, name));
     }
-    let (spec, options) = settings.source();
+    let (spec, mut options) = settings.source();
+    options.fps = arguments.topics.fps;
     let source = tessera_sources::open(&spec, &options)?;
     for warning in source.warnings() {
         say_error(&format!("warning: {spec}: {warning}"));
@@ -188,6 +189,7 @@ pub(super) fn new_plan(
         settings: settings.clone(),
         camera,
         n_frames,
+        fps: arguments.topics.fps,
         hold: arguments.hold,
         resume: false,
         executable: std::env::current_exe()

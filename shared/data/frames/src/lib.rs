@@ -12,6 +12,7 @@ mod error;
 pub mod imu;
 pub mod pairing;
 mod source;
+mod warp;
 
 pub use cameras::{CAMERA_NAMES, load_camera, named_camera};
 pub use check::{
@@ -21,3 +22,4 @@ pub use check::{
 pub use error::{ImageError, ListError, SourceError};
 pub use imu::Gyroscope;
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
+pub use warp::ColourWarp;

@@ -14,6 +14,7 @@ mod layers;
 mod output;
 mod presets;
 mod run;
+mod source;
 mod stages;
 
 pub use error::SettingsError;
@@ -22,6 +23,7 @@ pub use layers::Layers;
 pub use output::OutputSettings;
 pub use presets::{PRESETS, preset};
 pub use run::RunSettings;
+pub use source::SourceSettings;
 pub use stages::{Restart, StageSettings, StagesSettings};
 
 use serde::{Deserialize, Serialize};
@@ -37,6 +39,8 @@ use tessera_surface::SurfaceSettings;
 pub struct Settings {
     /// What is run: the source and how it is read.
     pub run: RunSettings,
+    /// What a source may have wrong before the run refuses it.
+    pub source: SourceSettings,
     /// What the simulated worlds look like; folders have no use for it.
     pub simulation: SimulationOptions,
     /// From a depth image to a surface.
@@ -88,6 +92,7 @@ impl Settings {
             color_topic: (!run.color_topic.is_empty()).then(|| run.color_topic.clone()),
             skip: run.skip,
             frames: (run.frames > 0).then_some(run.frames),
+            fps: None,
             simulation: self.simulation.clone(),
         };
         (SourceSpec::parse(&run.source), options)
@@ -121,6 +126,7 @@ impl Settings {
         }
         let parts = [
             ("run", words(self.run.check())),
+            ("source", words(self.source.check())),
             ("simulation", words(self.simulation.check())),
             ("surface", words(self.surface.check())),
             ("registration", words(self.registration.check())),

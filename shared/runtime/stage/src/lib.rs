@@ -4,6 +4,7 @@
 //! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
 #![forbid(unsafe_code)]
 
+mod broken;
 mod checkpoint;
 mod clock;
 mod context;
@@ -23,6 +24,7 @@ mod run_file;
 mod stopwatch;
 mod tracer;
 
+pub use broken::BrokenFrames;
 pub use checkpoint::Checkpoint;
 pub use clock::{cpu_nanos, monotonic_nanos};
 pub use context::{Context, IDLE, Outcome, POISON_VARIABLE, StageArgs, stage_main};

@@ -34,6 +34,8 @@ pub struct Plan {
     pub camera: Camera,
     /// Frames of the source.
     pub n_frames: Option<u64>,
+    /// Frames a second of images without times, where `--fps` was given.
+    pub fps: Option<f64>,
     /// Somebody else starts the stages.
     pub hold: bool,
     /// Go on with the run that is there.
@@ -79,6 +81,7 @@ impl Plan {
             identity: claim.entry.identity.clone(),
             camera: self.camera.clone(),
             n_frames: self.n_frames,
+            fps: self.fps,
             map: expected,
         };
         let layout = run.layout(&self.settings);

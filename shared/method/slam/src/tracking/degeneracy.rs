@@ -71,7 +71,12 @@ pub(crate) fn degenerate_directions(
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
             let sigma = 1.0 / value.max(1e-12).sqrt();
             if sigma > limit && sigma > settings.free_ratio * best {
-                degenerate.push(direction(motion, eigen.eigenvectors.column(k).into_owned(), sigma, centroid));
+                degenerate.push(direction(
+                    motion,
+                    eigen.eigenvectors.column(k).into_owned(),
+                    sigma,
+                    centroid,
+                ));
             }
         }
     }

@@ -100,7 +100,8 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
 /// The alignment's reason and its degenerate directions.
 fn reason(aligned: &WindowAlignment) -> String {
     let degenerate = &aligned.alignment.degenerate;
-    let parts = [aligned.reason.clone(), if degenerate.is_empty() { String::new() } else { describe(degenerate) }];
+    let parts =
+        [aligned.reason.clone(), if degenerate.is_empty() { String::new() } else { describe(degenerate) }];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
