@@ -42,6 +42,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         camera: run.camera,
         n_frames: run.n_frames,
         fps: run.fps,
+        doubts: run.doubts,
         hold,
         resume: true,
         executable: std::env::current_exe()

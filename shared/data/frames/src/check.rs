@@ -126,6 +126,7 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
         warnings: Vec::new(),
     };
     report.warnings = source.warnings().to_vec();
+    report.warnings.extend_from_slice(source.doubts());
     report.warnings.append(&mut broken);
     report.warnings.extend(warnings(&report));
     Ok(report)
@@ -238,6 +239,32 @@ pub fn refuse_impossible_depth(
     Err(DepthUnitsError { median_m, units_per_metre: camera.units_per_metre, hint })
 }
 
+/// Depths that rooms seen by a depth camera have in the median, metres; outside the units are doubtful.
+const USUAL_M: std::ops::RangeInclusive<f64> = 0.45..=4.5;
+/// Depth units of cameras and data sets, a metre.
+const USUAL_UNITS: [f64; 4] = [1000.0, 5000.0, 10_000.0, 256.0];
+/// What the median is in most recordings, metres.
+const TYPICAL_M: f64 = 1.5;
+
+/// What speaks against the depth units: a median that is possible and unusual, with the usual units
+/// that would bring it nearest to 1.5 m. Says nothing of table-top scans and halls that are just
+/// that: it is a doubt, not a proof.
+pub fn doubt_units(depth: &DepthSummary, camera: &Camera) -> Option<String> {
+    let median_m =
+        depth.median_m.filter(|median| !USUAL_M.contains(median) && POSSIBLE_M.contains(median))?;
+    let units = camera.units_per_metre;
+    let raw = median_m * units;
+    let off = |units: f64| (raw / units / TYPICAL_M).max(TYPICAL_M * units / raw);
+    let likely = USUAL_UNITS.into_iter().min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
+    let hint = match (likely - units).abs() < 0.1 * units {
+        true => String::new(),
+        false => format!("; units_per_metre = {likely} would make it {:.2} m", raw / likely),
+    };
+    Some(format!(
+        "median depth is {median_m:.2} m with units_per_metre = {units}, unusual for a depth camera{hint}"
+    ))
+}
+
 fn median(histogram: &[u64], n: u64) -> Option<usize> {
     let mut below = 0;
     histogram.iter().position(|count| {
@@ -282,12 +309,8 @@ fn warnings(report: &CheckReport) -> Vec<String> {
                 !POSSIBLE_M.contains(&median_m),
                 format!("median depth is {median_m:.3} m: no room is like that, the depth units look wrong"),
             );
-            warn(
-                (8.0..=15.0).contains(&median_m) || (0.1..0.3).contains(&median_m),
-                format!(
-                    "median depth is {median_m:.3} m, unusual for a depth camera: are the depth units right?"
-                ),
-            );
+            let doubt = doubt_units(depth, camera);
+            warn(doubt.is_some(), doubt.unwrap_or_default());
             for frame in &depth.empty_frames {
                 warn(true, format!("frame {frame} has no depth in any pixel"));
             }
@@ -415,6 +438,26 @@ mod tests {
         let source = flat(500, 10_000.0);
         let depth = summarise_depth(&source, 3).unwrap();
         assert!(refuse_impossible_depth(&depth, source.camera(), false).is_err());
+    }
+
+    #[test]
+    fn units_that_are_five_times_off_are_doubted_with_the_likely_ones() {
+        let doubt = |raw, units| {
+            let source = flat(raw, units);
+            doubt_units(&summarise_depth(&source, 3).unwrap(), source.camera())
+        };
+        assert_eq!((doubt(1858, 1000.0), doubt(5630, 5000.0), doubt(943, 1000.0)), (None, None, None));
+        let kitchen = doubt(1858, 5000.0).unwrap();
+        assert!(
+            kitchen.contains("0.37 m with units_per_metre = 5000") && kitchen.contains("1000 would"),
+            "{kitchen}"
+        );
+        let tum = doubt(5630, 1000.0).unwrap();
+        assert!(
+            tum.contains("5.63 m") && tum.contains("units_per_metre = 5000 would make it 1.13 m"),
+            "{tum}"
+        );
+        assert!(doubt(17_900, 2000.0).unwrap().contains("units_per_metre = 10000 would"));
     }
 
     #[test]

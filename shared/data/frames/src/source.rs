@@ -111,6 +111,11 @@ pub trait Source: Send + Sync {
         Ok(())
     }
 
+    /// What speaks against the camera that is used, in sentences.
+    fn doubts(&self) -> &[String] {
+        &[]
+    }
+
     /// What was recognised and chosen: names and values, as `("layout", "7-Scenes")`.
     fn description(&self) -> Vec<(&'static str, String)> {
         Vec::new()

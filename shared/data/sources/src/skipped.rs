@@ -60,6 +60,10 @@ impl Source for SkippedSource {
         self.source.inspect(self.inner(index))
     }
 
+    fn doubts(&self) -> &[String] {
+        self.source.doubts()
+    }
+
     fn description(&self) -> Vec<(&'static str, String)> {
         self.source.description()
     }

@@ -34,7 +34,7 @@ pub use kill_point::{
     Delivery, KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints, MESSAGE_POINTS, STRUCK, fault_names,
 };
 pub use lifeline::Lifeline;
-pub use log::{last_lines, start_log};
+pub use log::{last_lines, log_line, start_log};
 pub use marks::{Marks, StateAt};
 pub use memory::{ran_out_of_memory, stage_settings};
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};

@@ -36,6 +36,8 @@ pub struct Plan {
     pub n_frames: Option<u64>,
     /// Frames a second of images without times, where `--fps` was given.
     pub fps: Option<f64>,
+    /// What looks wrong with the source.
+    pub doubts: Vec<String>,
     /// Somebody else starts the stages.
     pub hold: bool,
     /// Go on with the run that is there.
@@ -82,6 +84,7 @@ impl Plan {
             camera: self.camera.clone(),
             n_frames: self.n_frames,
             fps: self.fps,
+            doubts: self.doubts.clone(),
             map: expected,
         };
         let layout = run.layout(&self.settings);

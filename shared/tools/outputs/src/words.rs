@@ -3,6 +3,7 @@
 use crate::accuracy::Accuracy;
 use crate::statistics::Ended;
 use crate::summary::{RefinementSummary, STAGES, Summary};
+use crate::verdict::Grade;
 use std::fmt::Write;
 
 impl Summary {
@@ -14,7 +15,7 @@ impl Summary {
         let Self { frames_read, frames_processed, frames_dropped, frames_lost, frames_untracked, .. } = self;
         let _ = writeln!(
             text,
-            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} lost"
+            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} missing"
         );
         if let [_, fewer, small, least] = self.frames_at_effort
             && fewer + small + least > 0
@@ -25,10 +26,10 @@ impl Summary {
                 fewer + small + least
             );
         }
-        let Self { keyframes, loops_closed, global_optimisations, .. } = self;
+        let Self { keyframes, loops_closed, loops_rejected, global_optimisations, .. } = self;
         let _ = writeln!(
             text,
-            "  map         {keyframes} keyframes, {loops_closed} loops closed, {global_optimisations} global optimisations"
+            "  map         {keyframes} keyframes, {loops_closed} loops closed, {loops_rejected} rejected, {global_optimisations} global optimisations"
         );
         match (self.map_keyframes, self.first_tracked) {
             (0, _) => {}
@@ -64,6 +65,7 @@ impl Summary {
         if let Some(refinement) = &self.refinement {
             text.push_str(&refinement.for_people());
         }
+        text.push_str(&self.verdict.for_people());
         text
     }
 
@@ -79,7 +81,7 @@ impl Summary {
 
     /// Whether the end of the run is a reason to worry.
     pub fn is_alarming(&self) -> bool {
-        self.ended != Ended::Finished || self.frames_lost > 0 || self.is_nowhere()
+        self.verdict.grade != Grade::Good
     }
 
     fn headline(&self) -> String {

@@ -38,9 +38,10 @@ impl ColourImages {
             std::fs::read(folder.join(&entry.file)).ok().and_then(|bytes| decode::size(&bytes).ok())
         };
         let used = |words: &str, warp| Self { is_used: true, words: words.to_owned(), warning: None, warp };
-        let size = images.iter().take(MOST_TRIED).find_map(size_of);
+        let sizes: Vec<(u32, u32)> = images.iter().take(MOST_TRIED).filter_map(size_of).collect();
         let depth_size = (depth.width, depth.height);
-        let Some(size) = size.filter(|size| *size != depth_size) else {
+        // One odd image among those of the size of depth is a frame's problem.
+        let Some(size) = sizes.first().copied().filter(|_| !sizes.contains(&depth_size)) else {
             return used("registered to depth", None);
         };
         let (width, height) = size;

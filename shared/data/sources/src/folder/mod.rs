@@ -38,6 +38,7 @@ pub struct FolderSource {
     pairing: Pairing,
     description: Vec<(&'static str, String)>,
     warnings: Vec<String>,
+    doubts: Vec<String>,
 }
 
 impl FolderSource {
@@ -106,6 +107,7 @@ impl FolderSource {
             pairing,
             description,
             warnings,
+            doubts: found.doubts,
         })
     }
 
@@ -194,6 +196,10 @@ impl Source for FolderSource {
 
     fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    fn doubts(&self) -> &[String] {
+        &self.doubts
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {

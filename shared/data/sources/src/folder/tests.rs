@@ -251,6 +251,14 @@ fn the_camera_of_a_raw_download_is_that_of_its_name() {
     fs::write(folder.path().join("depth.txt"), head).unwrap();
     let source = FolderSource::open(folder.path(), None, None).unwrap();
     assert_eq!(source.camera(), &tessera_frames::named_camera("freiburg1").unwrap());
+    assert_eq!(source.doubts().len(), 0);
+    fs::write(folder.path().join("camera.toml"), CAMERA).unwrap();
+    let doubted = FolderSource::open(folder.path(), None, None).unwrap();
+    assert!(
+        doubted.doubts()[0].contains("fx = 20, units_per_metre = 1000; that of freiburg1"),
+        "{:?}",
+        doubted.doubts()
+    );
     let (_, words) = &source.description()[1];
     assert!(words.contains("freiburg1, from the head of depth.txt"), "{words}");
 }

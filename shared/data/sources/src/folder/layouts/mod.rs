@@ -101,6 +101,8 @@ pub(super) struct Found {
     /// Further facts, for people.
     pub(super) notes: Vec<(&'static str, String)>,
     pub(super) warnings: Vec<String>,
+    /// What speaks against the camera.
+    pub(super) doubts: Vec<String>,
 }
 
 impl Found {
@@ -121,6 +123,7 @@ impl Found {
             ground_truth: None,
             notes: Vec::new(),
             warnings: Vec::new(),
+            doubts: Vec::new(),
         }
     }
 }

@@ -15,6 +15,8 @@ pub(super) const NAME: &str = "TUM RGB-D (depth.txt, rgb.txt)";
 
 /// Cameras of the benchmark: built in under these names.
 const CAMERAS: [&str; 3] = ["freiburg1", "freiburg2", "freiburg3"];
+/// Relative difference of focal lengths or units that makes another camera of it.
+const MOST_OFF: f64 = 0.08;
 /// Lines of a list that are looked through for its origin.
 const HEAD_LINES: usize = 5;
 
@@ -29,7 +31,8 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
     let camera = asked.camera(folder, || camera_by_name(folder))?;
     let truth = folder.join("groundtruth.txt");
     let ground_truth = if truth.exists() { Some(read_tum(&truth)?) } else { None };
-    Ok(Found { ground_truth, warnings, ..Found::new(NAME, camera, depth, colour) })
+    let doubts = doubt(folder, &camera.0)?.into_iter().collect();
+    Ok(Found { ground_truth, warnings, doubts, ..Found::new(NAME, camera, depth, colour) })
 }
 
 /// A recording may be of depth alone: without `rgb.txt`, or with one that names nothing.
@@ -64,6 +67,19 @@ pub(super) fn camera_by_name(folder: &Path) -> Result<Option<(Camera, String)>, 
         }
     }
     Ok(None)
+}
+
+/// Whether the camera used is another one than the recording's name says.
+fn doubt(folder: &Path, used: &Camera) -> Result<Option<String>, SourceError> {
+    let Some((named, from)) = camera_by_name(folder)? else { return Ok(None) };
+    let is_off = |used: f64, named: f64| (used / named - 1.0).abs() > MOST_OFF;
+    let (focal, units) = (is_off(used.fx, named.fx), is_off(used.units_per_metre, named.units_per_metre));
+    Ok((focal || units).then(|| {
+        format!(
+            "the camera has fx = {}, units_per_metre = {}; that of {from} has fx = {}, units_per_metre = {}",
+            used.fx, used.units_per_metre, named.fx, named.units_per_metre
+        )
+    }))
 }
 
 /// The comments at the head of a list.
