@@ -242,7 +242,7 @@ mod tests {
             let at =
                 |scale: f64| Pose::translation(scale * (k as f64 * 0.2).sin(), scale * k as f64 / 40.0, 0.0);
             let mut frame = model.clone();
-            (frame.index, frame.stamp_nanos) = (k as u64, k * 33_000_000);
+            (frame.index, frame.stamp_nanos) = (100 + k as u64, k * 33_000_000);
             frame.keyframe_from_camera = (&at(0.2)).into();
             frame.world_from_camera = (&at(0.2)).into();
             replay.frames.push(frame);

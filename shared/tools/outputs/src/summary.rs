@@ -19,9 +19,6 @@ use tessera_slam::Refinement;
 /// Names of the stages in the order of the flow, as every table of the summary lists them.
 pub(crate) const STAGES: [&str; 4] = ["sensor", "reconstruct", "align", "optimise"];
 
-/// Index of the first and last frame of a span.
-pub type FrameSpan = [u64; 2];
-
 /// What came of a run. Field names are an interface: scripts read them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -46,7 +43,7 @@ pub struct Summary {
     /// Frames whose pose is a prediction.
     pub frames_untracked: u64,
     /// Where they are: first and last frame of each span.
-    pub untracked: Vec<FrameSpan>,
+    pub untracked: Vec<[u64; 2]>,
     /// Frames with a missing or broken image, which went on without it.
     pub frames_broken: u64,
     /// Processed frames by the effort they got, from the full one down; less than full in live

@@ -7,7 +7,8 @@ use crate::verdict::Grade;
 use std::fmt::Write;
 
 impl Summary {
-    /// The summary as lines of at most 80 columns, unless a name or a number is uncommonly long.
+    /// The summary as lines of at most 80 columns, unless a name or a number is uncommonly long, and
+    /// behind it the verdict in sentences.
     pub fn for_people(&self) -> String {
         let mut text = String::new();
         // Writing to a String cannot fail, here and below.
@@ -159,11 +160,14 @@ mod tests {
             pairs: 360,
         };
         let accuracy = format!("  final       {}", accuracy.for_people());
-        for line in text.lines().chain([accuracy.as_str()]) {
+        // The terminal breaks the sentences of the verdict, which name files and numbers.
+        let (table, verdict) = text.split_once("  verdict     doubtful\n").unwrap();
+        assert!(verdict.contains("try: tessera resume"), "{verdict}");
+        for line in table.lines().chain([accuracy.as_str()]) {
             assert!(line.len() <= 80, "{line}");
         }
         assert!(text.starts_with("room: interrupted, without the final optimisation\n"), "{text}");
-        assert!(text.contains("6 of 7 processed, 1 not tracked, 1 dropped, 0 lost"), "{text}");
+        assert!(text.contains("6 of 7 processed, 1 not tracked, 1 dropped, 0 missing"), "{text}");
         assert!(text.contains("restarts    1"), "{text}");
     }
 }

@@ -42,7 +42,12 @@ impl ColourImages {
         let depth_size = (depth.width, depth.height);
         // One odd image among those of the size of depth is a frame's problem.
         let Some(size) = sizes.first().copied().filter(|_| !sizes.contains(&depth_size)) else {
-            return used("registered to depth", None);
+            let words = if depth.colour_registered {
+                "registered to depth"
+            } else {
+                "of the size of depth, not registered"
+            };
+            return used(words, None);
         };
         let (width, height) = size;
         let warp = colour.and_then(|colour| {
