@@ -7,6 +7,7 @@ import ctypes
 import json
 import os
 import pathlib
+import struct
 import time
 
 import iceoryx2 as iox2
@@ -106,6 +107,19 @@ class Link:
                 time.sleep(0.05)
 
 
+def pixels(name, values, kind, n_values):
+    """The bytes of an image, checked: `kind` is H for 16-bit and B for 8-bit values."""
+    view = memoryview(values)
+    # Plain bytes may hold either; an array says what it holds.
+    if view.format not in (kind, "<" + kind) and not isinstance(values, (bytes, bytearray)):
+        expected = {"H": "uint16", "B": "uint8"}[kind]
+        raise TypeError(f"{name} holds values of format '{view.format}', expected {expected}")
+    expected = n_values * struct.calcsize(kind)
+    if view.nbytes != expected:
+        raise ValueError(f"{name} has {view.nbytes} bytes, expected {expected}")
+    return view.tobytes()
+
+
 class Camera:
     """Sends images to `tessera run external`. `calibration` is a dict of CameraFrame's numbers.
 
@@ -142,7 +156,13 @@ class Camera:
         return self.flow
 
     def send(self, index, stamp_nanos, depth, colour=None):
-        """Sends depth (bytes of 16-bit values) and colour (bytes red, green, blue), row by row."""
+        """Sends depth (16-bit values) and colour (bytes red, green, blue), row by row.
+
+        Both are bytes or anything with the buffer protocol, such as numpy arrays of uint16 and uint8.
+        """
+        n_pixels = self.size[0] * self.size[1]
+        depth = pixels("depth", depth, "H", n_pixels)
+        colour = None if colour is None else pixels("colour", colour, "B", 3 * n_pixels)
         header = self.header
         header.index, header.stamp_nanos, header.kind = index, stamp_nanos, 0
         header.has_colour = int(colour is not None)

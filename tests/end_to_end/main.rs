@@ -69,6 +69,7 @@ mod interfaces {
     }
     /// Recordings and all other bytes from outside.
     mod files {
+        mod bags;
         mod fetch_tum;
         mod fuzz_corpus;
         mod recordings;

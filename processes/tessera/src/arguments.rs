@@ -41,6 +41,8 @@ Exit codes:
   3    unusable input
   4    a stage failed, or an output could not be written
   5    the camera was never found in the map given by --map; the map has not grown
+  6    with --strict: the verdict on the run is doubtful
+  7    with --strict: the verdict on the run is failed
   130  interrupted; the outputs of what was processed are written";
 
 /// The whole command line.
@@ -159,7 +161,7 @@ pub(crate) struct StageArguments {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  tessera check FOLDER\n  tessera check FOLDER --camera freiburg1 --json")]
 pub(crate) struct CheckArguments {
-    /// A folder in the TUM layout, FILE.mcap, or a simulated world
+    /// A recording (folder of images, bag of ROS 2, FILE.mcap), or a simulated world
     pub(crate) source: String,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
     #[arg(long, value_name = "CAMERA")]

@@ -24,6 +24,10 @@ pub(crate) enum Exit {
     Stage = 4,
     /// The camera was never found in the map that the run started in.
     NotInMap = 5,
+    /// With `--strict`: the verdict is doubtful.
+    Doubtful = 6,
+    /// With `--strict`: the verdict is failed.
+    Useless = 7,
     /// Ended by Ctrl-C or SIGTERM.
     Interrupted = 130,
 }

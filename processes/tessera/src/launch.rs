@@ -1,7 +1,7 @@
 //! A run from its first process to its last output, whether fresh or resumed.
 
 use crate::arguments::Speech;
-use crate::commands::say_summary;
+use crate::commands::{exit_of, say_summary};
 use crate::exit::{CommandError, Exit};
 use crate::progress::ProgressView;
 use crate::terminal::{say, say_error};
@@ -10,6 +10,7 @@ use tessera_evaluation::Trajectory;
 use tessera_messages::Stage;
 use tessera_outputs::{Ended, Recorder, RunStatistics, ToolError};
 use tessera_report::REPORT_FILE;
+use tessera_stage::log_line;
 use tessera_supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, hold, supervise};
 use tessera_transport::RunClaim;
 
@@ -111,12 +112,13 @@ fn conclude(
     }
     let summary = written?;
     say_summary(&summary, &plan.run_dir, speech)?;
+    log_line(summary.is_alarming(), &summary.verdict.in_one_line());
     if ended != Ended::Interrupted {
         if summary.is_nowhere() {
             say_error(&format!("no frame was found in the map of {}", plan.settings.run.map));
             return Ok(Exit::NotInMap);
         }
-        return Ok(Exit::Done);
+        return Ok(exit_of(&summary, speech));
     }
     if !speech.quiet && !speech.json {
         say(&format!("go on with: {}", resume_command(plan)));

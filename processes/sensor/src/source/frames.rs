@@ -1,9 +1,10 @@
 //! Frames of a source, decoded in place in shared memory, several at a time.
 
+use super::broken::Broken;
 use crate::frame::{PreparedFrame, blank_frame};
 use rayon::prelude::*;
 use tessera_messages::{FrameHeader, FrameShape, Kind};
-use tessera_sources::{FrameBuffers, FrameInfo, Source};
+use tessera_sources::{FrameBuffers, FrameInfo, Source, SourceError};
 use tessera_stage::{Pulse, StageContext, StageError, monotonic_nanos};
 use tessera_transport::{SlicePublisher, TransportError};
 
@@ -15,6 +16,7 @@ pub(super) struct Frames<'a> {
     pub(super) n_frames: u64,
     /// Frames decoded before the first was sent (`--preload`), by index.
     preloaded: Vec<(FrameInfo, Vec<u16>)>,
+    broken: Broken,
 }
 
 /// Frames decoded between two signs of life while preloading.
@@ -23,7 +25,8 @@ const PRELOAD_BATCH: u64 = 16;
 impl<'a> Frames<'a> {
     pub(super) fn new(source: &'a dyn Source, context: &StageContext) -> Self {
         let n_frames = context.run.n_frames.or(source.n_frames()).unwrap_or(u64::MAX);
-        Self { source, shape: context.layout.frame, n_frames, preloaded: Vec::new() }
+        let broken = Broken::new(context, n_frames);
+        Self { source, shape: context.layout.frame, n_frames, preloaded: Vec::new(), broken }
     }
 
     /// Decodes every frame into memory, so that what follows is as fast as the other stages.
@@ -109,8 +112,15 @@ impl<'a> Frames<'a> {
         let Some((depth, colour)) = self.shape.split_mut(payload) else {
             return Err(StageError::Inconsistent(format!("frame {index}: a loan is too short")));
         };
-        self.source
-            .read(index, &mut FrameBuffers { depth, colour })
-            .map_err(|e| StageError::Input(e.to_string()))
+        let mut buffers = FrameBuffers { depth, colour };
+        let input = |error: SourceError| StageError::Input(error.to_string());
+        if !self.broken.is_borne() {
+            return self.source.read(index, &mut buffers).map_err(input);
+        }
+        let (info, problem) = self.source.read_what_is_there(index, &mut buffers).map_err(input)?;
+        if let Some(problem) = problem {
+            self.broken.note(index, &problem.to_string())?;
+        }
+        Ok(info)
     }
 }

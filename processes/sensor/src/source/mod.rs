@@ -1,5 +1,6 @@
 //! Frames of a source that can be read at any index: a folder, a recording, the simulation.
 
+mod broken;
 mod clocked;
 mod frames;
 mod live_clock;
@@ -32,7 +33,8 @@ pub(crate) fn supply<'a>(
 
 /// Opens the source that the settings name, as it was when the run began.
 pub(crate) fn open(context: &StageContext) -> Result<Box<dyn Source>, StageError> {
-    let (spec, options) = context.settings.source();
+    let (spec, mut options) = context.settings.source();
+    options.fps = context.run.fps;
     let source = tessera_sources::open(&spec, &options).map_err(|e| StageError::Input(e.to_string()))?;
     if *source.camera() != context.run.camera {
         return Err(StageError::Input(format!(

@@ -18,14 +18,15 @@ pose error over one second, both by the definitions of the TUM scripts. Further
 figures stand beside the standard ones, never instead.
 
 Examples:
+  tessera evaluate room-1
   tessera evaluate runs/room-1/trajectory.txt runs/room-1/groundtruth.txt
   tessera evaluate estimate.txt groundtruth.txt --json
   tessera evaluate estimate.txt groundtruth.txt --time-offset auto --scale")]
 pub(crate) struct EvaluateArguments {
-    /// The estimated trajectory: lines of `timestamp tx ty tz qx qy qz qw`
+    /// The estimated trajectory, lines of `timestamp tx ty tz qx qy qz qw`; or the name or folder of a run
     pub(crate) estimate: PathBuf,
-    /// The true trajectory, in the same form
-    pub(crate) groundtruth: PathBuf,
+    /// The true trajectory, in the same form [default: that of the run]
+    pub(crate) groundtruth: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,

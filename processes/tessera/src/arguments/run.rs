@@ -15,16 +15,16 @@ Examples:
   tessera run                              the simulated room
   tessera run room --frames 100            its first 100 frames
   tessera run room --person --readout 0.03 with a person and a rolling shutter
-  tessera run FOLDER --out results         a recording in the TUM layout
+  tessera run FOLDER --out results         a recording
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
   tessera run FOLDER --map runs/room-1     in the map of an earlier run
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A folder in the TUM layout, FILE.mcap, a simulated world (room, corridor, wall, house), or external: a
-    /// camera's own program sends the frames [default: room]
+    /// A recording (folder of images, bag of ROS 2, FILE.mcap), a simulated world (room, corridor, wall,
+    /// house), or external: a camera's own program sends the frames [default: room]
     pub(crate) source: Option<String>,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the recording's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     #[command(flatten)]
@@ -106,6 +106,9 @@ pub(crate) struct Speech {
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    /// Exit with 6 where the verdict on the run is doubtful, with 7 where it is failed
+    #[arg(long)]
+    pub(crate) strict: bool,
 }
 
 fn isa(word: &str) -> Result<Isa, String> {

@@ -16,6 +16,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> Result<Exit, CommandError> {
         camera: arguments.camera.clone(),
         depth_topic: arguments.topics.depth_topic.clone(),
         color_topic: arguments.topics.color_topic.clone(),
+        fps: arguments.topics.fps,
         ..SourceOptions::default()
     };
     let source = tessera_sources::open(&spec, &options)?;
@@ -38,6 +39,10 @@ fn for_people(source: &str, report: &CheckReport) -> String {
         0 => "none".to_owned(),
         n => format!("{n} poses over {:.1} % of the frames", 100.0 * report.ground_truth_share),
     };
+    for (name, value) in &report.description {
+        // Writing to a String cannot fail, here and below.
+        let _ = writeln!(text, "  {name:<16} {value}");
+    }
     let lines = [
         ("frames", format!("{frames} in {:.1} s", report.duration_s)),
         ("images", format!("{}x{} px", camera.width, camera.height)),
@@ -60,7 +65,6 @@ fn for_people(source: &str, report: &CheckReport) -> String {
         ("ground truth", truth),
     ];
     for (name, value) in lines {
-        // Writing to a String cannot fail.
         let _ = writeln!(text, "  {name:<16} {value}");
     }
     for warning in &report.warnings {

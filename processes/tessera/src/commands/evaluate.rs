@@ -2,20 +2,23 @@
 
 use crate::arguments::EvaluateArguments;
 use crate::exit::{CommandError, Exit};
+use crate::run_folder;
 use crate::terminal::{say, say_to_people};
 use std::fmt::Write;
+use std::path::PathBuf;
 use tessera_evaluation::{Evaluation, EvaluationOptions, Statistics, read_tum};
 use tessera_outputs::ToolError;
 
 /// Prints the errors of an estimate.
 pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandError> {
-    let estimate = read_tum(&arguments.estimate)?;
-    let groundtruth = read_tum(&arguments.groundtruth)?;
+    let (estimate_file, groundtruth_file) = files(arguments)?;
+    let estimate = read_tum(&estimate_file)?;
+    let groundtruth = read_tum(&groundtruth_file)?;
     let options = EvaluationOptions { time_offset: arguments.time_offset.is_some(), scale: arguments.scale };
     let evaluation = tessera_evaluation::evaluate(&estimate, &groundtruth, &options).map_err(|source| {
         ToolError::Evaluation {
-            estimate: arguments.estimate.display().to_string(),
-            groundtruth: arguments.groundtruth.display().to_string(),
+            estimate: estimate_file.display().to_string(),
+            groundtruth: groundtruth_file.display().to_string(),
             source,
         }
     })?;
@@ -26,6 +29,35 @@ pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandErr
         say_to_people(&for_people(&evaluation, &options));
     }
     Ok(Exit::Done)
+}
+
+/// The two trajectories: two files, or those of a run by its name.
+fn files(arguments: &EvaluateArguments) -> Result<(PathBuf, PathBuf), CommandError> {
+    let EvaluateArguments { estimate, groundtruth, .. } = arguments;
+    if estimate.is_file()
+        && let Some(groundtruth) = groundtruth
+    {
+        return Ok((estimate.clone(), groundtruth.clone()));
+    }
+    if estimate.is_file() {
+        let message = format!("{}: expected a second file, the ground truth", estimate.display());
+        return Err(CommandError::arguments(message));
+    }
+    let folder = match run_folder::find(&estimate.to_string_lossy()) {
+        Ok(folder) => folder,
+        // Two files were meant: the error is that of the first.
+        Err(_) if groundtruth.is_some() => {
+            return Ok((estimate.clone(), groundtruth.clone().unwrap_or_default()));
+        }
+        Err(error) => return Err(error),
+    };
+    let own = folder.join("groundtruth.txt");
+    let groundtruth = groundtruth.clone().unwrap_or(own);
+    if !groundtruth.is_file() {
+        let message = format!("{}: the run has no ground truth; give a file of it", folder.display());
+        return Err(CommandError::input(message));
+    }
+    Ok((folder.join("trajectory.txt"), groundtruth))
 }
 
 /// The evaluation as a few lines that fit 80 columns.

@@ -5,7 +5,7 @@ use crate::exit::{CommandError, Exit};
 use crate::run_folder;
 use crate::terminal::{say, say_to_people};
 use std::path::Path;
-use tessera_outputs::Summary;
+use tessera_outputs::{Grade, Summary};
 
 /// Writes all outputs of a run.
 pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> {
@@ -22,7 +22,16 @@ pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> 
     let out_folder = arguments.out.as_deref().unwrap_or(&run_folder);
     let summary = tessera_outputs::export(&run_folder, out_folder)?;
     say_summary(&summary, out_folder, arguments.speech)?;
-    Ok(Exit::Done)
+    Ok(exit_of(&summary, arguments.speech))
+}
+
+/// With `--strict` the verdict, else that all was done.
+pub(crate) fn exit_of(summary: &Summary, speech: Speech) -> Exit {
+    match summary.verdict.grade {
+        Grade::Doubtful if speech.strict => Exit::Doubtful,
+        Grade::Failed if speech.strict => Exit::Useless,
+        _ => Exit::Done,
+    }
 }
 
 /// Prints a summary in the form asked for.

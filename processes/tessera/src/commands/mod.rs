@@ -28,7 +28,7 @@ pub(crate) use check::check;
 pub(crate) use clean::clean;
 pub(crate) use completions::completions;
 pub(crate) use evaluate::evaluate;
-pub(crate) use export::{export, say_summary};
+pub(crate) use export::{exit_of, export, say_summary};
 pub(crate) use profile::profile;
 pub(crate) use record::record;
 pub(crate) use report::report;

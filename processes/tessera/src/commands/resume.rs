@@ -27,7 +27,8 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
     // The same bits on every set: a run that began on another kind of machine goes on with this
     // one's.
     settings.set_isa(settings.run.isa.resolve().unwrap_or(Isa::of_machine()));
-    let (spec, options) = settings.source();
+    let (spec, mut options) = settings.source();
+    options.fps = run.fps;
     // Opened here too, so that a source that went away is told before anything starts.
     let source = match spec {
         // The sensor waits for it.
@@ -40,6 +41,8 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         settings,
         camera: run.camera,
         n_frames: run.n_frames,
+        fps: run.fps,
+        doubts: run.doubts,
         hold,
         resume: true,
         executable: std::env::current_exe()

@@ -13,7 +13,9 @@ use crate::viewer::Recording;
 use std::path::{Path, PathBuf};
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
-use tessera_sources::{CAMERA_NAMES, Source, SourceSpec, refuse_impossible_depth, summarise_depth};
+use tessera_sources::{
+    CAMERA_NAMES, Source, SourceSpec, doubt_units, refuse_impossible_depth, summarise_depth,
+};
 use tessera_stage::RunFiles;
 use tessera_supervisor::{Plan, SupervisorError, update_map};
 use tessera_transport::{TransportError, check_name};
@@ -30,7 +32,8 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
         external::check_arguments(&settings)?;
         return under_a_name(arguments, &settings, |name| external::start(arguments, &settings, name));
     }
-    let (spec, options) = settings.source();
+    let (spec, mut options) = settings.source();
+    options.fps = arguments.topics.fps;
     let source = tessera_sources::open(&spec, &options)?;
     for warning in source.warnings() {
         say_error(&format!("warning: {spec}: {warning}"));
@@ -38,7 +41,12 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
         .map_err(|error| CommandError::input(format!("{spec}: {error}")))?;
-    under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, name))
+    let units = doubt_units(&depth, source.camera());
+    let doubts: Vec<String> = source.doubts().iter().cloned().chain(units).collect();
+    for doubt in &doubts {
+        say_error(&format!("warning: {spec}: {doubt}"));
+    }
+    under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, &doubts, name))
 }
 
 /// Starts under the name asked for, or under the first fresh one after the source; with a recording
@@ -154,9 +162,11 @@ fn start(
     arguments: &RunArguments,
     settings: &Settings,
     source: &dyn Source,
+    doubts: &[String],
     name: &str,
 ) -> Result<Exit, LaunchError> {
-    let plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
+    let mut plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
+    plan.doubts = doubts.to_vec();
     let exit = with_company(&plan, arguments, |when_seen| {
         launch(&plan, None, source.ground_truth(), arguments.speech, when_seen)
     })?;
@@ -188,6 +198,8 @@ pub(super) fn new_plan(
         settings: settings.clone(),
         camera,
         n_frames,
+        fps: arguments.topics.fps,
+        doubts: Vec::new(),
         hold: arguments.hold,
         resume: false,
         executable: std::env::current_exe()

@@ -7,6 +7,9 @@ use tessera_geometry::Camera;
 /// Depths that a room can have, metres; a median outside means wrong units.
 const POSSIBLE_M: std::ops::RangeInclusive<f64> = 0.1..=15.0;
 
+/// Broken images that are named one by one.
+const MOST_NAMED: usize = 5;
+
 /// Depth over a few frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DepthSummary {
@@ -51,8 +54,12 @@ pub struct Gaps {
 /// What `tessera check` reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CheckReport {
+    /// What was recognised and chosen: layout, streams, topics, camera.
+    pub description: Vec<(&'static str, String)>,
     /// Number of frames; absent for a source without an end.
     pub n_frames: Option<u64>,
+    /// Frames of which an image is missing or broken.
+    pub broken_frames: Vec<u64>,
     /// Intrinsics.
     pub camera: Camera,
     /// Field of view from the first to the last column, degrees.
@@ -81,10 +88,11 @@ pub struct CheckReport {
     pub warnings: Vec<String>,
 }
 
-/// Looks at `n_samples` frames spread over the source, all of its times, and its camera.
+/// Looks at every image of the source from outside, at `n_samples` frames spread over it in full, at
+/// all of its times, and its camera.
 ///
 /// # Errors
-/// A frame that was looked at cannot be read.
+/// The frames cannot be read at all.
 pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceError> {
     let camera = source.camera().clone();
     let n_frames = source.n_frames();
@@ -98,8 +106,11 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
         })
     };
     let middle = (f64::from(camera.height - 1) / 2.0, f64::from(camera.width - 1) / 2.0);
+    let (broken_frames, mut broken) = broken(source, n_frames.unwrap_or(0));
     let mut report = CheckReport {
+        description: source.description(),
         n_frames,
+        broken_frames,
         horizontal_fov_deg: angle_deg(&camera, (middle.0, 0.0), (middle.0, 2.0 * middle.1)),
         vertical_fov_deg: angle_deg(&camera, (0.0, middle.1), (2.0 * middle.0, middle.1)),
         camera,
@@ -114,14 +125,30 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
         ground_truth_share: stamps.iter().filter(inside_truth).count() as f64 / stamps.len().max(1) as f64,
         warnings: Vec::new(),
     };
-    report.warnings = source.warnings().iter().cloned().chain(warnings(&report)).collect();
+    report.warnings = source.warnings().to_vec();
+    report.warnings.extend_from_slice(source.doubts());
+    report.warnings.append(&mut broken);
+    report.warnings.extend(warnings(&report));
     Ok(report)
 }
 
-/// Median depth and share of valid pixels over `n_samples` frames spread over the source.
+/// Frames with an image that is missing or broken, and sentences on the first of them.
+fn broken(source: &dyn Source, n_frames: u64) -> (Vec<u64>, Vec<String>) {
+    let problems: Vec<(u64, SourceError)> =
+        (0..n_frames).filter_map(|index| source.inspect(index).err().map(|error| (index, error))).collect();
+    let mut sentences: Vec<String> =
+        problems.iter().take(MOST_NAMED).map(|(_, error)| error.to_string()).collect();
+    if problems.len() > MOST_NAMED {
+        sentences.push(format!("{} frames in all have an image that is missing or broken", problems.len()));
+    }
+    (problems.into_iter().map(|(index, _)| index).collect(), sentences)
+}
+
+/// Median depth and share of valid pixels over `n_samples` frames spread over the source; those that
+/// cannot be read are passed over.
 ///
 /// # Errors
-/// A frame cannot be read.
+/// None of the frames can be read.
 pub fn summarise_depth(source: &dyn Source, n_samples: u64) -> Result<DepthSummary, SourceError> {
     let camera = source.camera();
     let n_pixels = camera.width as usize * camera.height as usize;
@@ -130,11 +157,18 @@ pub fn summarise_depth(source: &dyn Source, n_samples: u64) -> Result<DepthSumma
     let n_samples = n_samples.min(n_frames);
     let frames: Vec<u64> = (0..n_samples).map(|k| k * n_frames / n_samples).collect();
     let mut seen = Depths::default();
+    let mut first_error = None;
     for &index in &frames {
-        source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
-        seen.add(index, &depth);
+        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        match source.read_what_is_there(index, &mut buffers)? {
+            (_, None | Some(SourceError::Colour(_))) => seen.add(index, &depth),
+            (_, Some(error)) => first_error = first_error.or(Some(error)),
+        }
     }
-    Ok(seen.summary(camera))
+    match first_error {
+        Some(error) if seen.frames.is_empty() => Err(error),
+        _ => Ok(seen.summary(camera)),
+    }
 }
 
 /// The same for one image that is at hand.
@@ -205,6 +239,32 @@ pub fn refuse_impossible_depth(
     Err(DepthUnitsError { median_m, units_per_metre: camera.units_per_metre, hint })
 }
 
+/// Depths that rooms seen by a depth camera have in the median, metres; outside the units are doubtful.
+const USUAL_M: std::ops::RangeInclusive<f64> = 0.45..=4.5;
+/// Depth units of cameras and data sets, a metre.
+const USUAL_UNITS: [f64; 4] = [1000.0, 5000.0, 10_000.0, 256.0];
+/// What the median is in most recordings, metres.
+const TYPICAL_M: f64 = 1.5;
+
+/// What speaks against the depth units: a median that is possible and unusual, with the usual units
+/// that would bring it nearest to 1.5 m. Says nothing of table-top scans and halls that are just
+/// that: it is a doubt, not a proof.
+pub fn doubt_units(depth: &DepthSummary, camera: &Camera) -> Option<String> {
+    let median_m =
+        depth.median_m.filter(|median| !USUAL_M.contains(median) && POSSIBLE_M.contains(median))?;
+    let units = camera.units_per_metre;
+    let raw = median_m * units;
+    let off = |units: f64| (raw / units / TYPICAL_M).max(TYPICAL_M * units / raw);
+    let likely = USUAL_UNITS.into_iter().min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
+    let hint = match (likely - units).abs() < 0.1 * units {
+        true => String::new(),
+        false => format!("; units_per_metre = {likely} would make it {:.2} m", raw / likely),
+    };
+    Some(format!(
+        "median depth is {median_m:.2} m with units_per_metre = {units}, unusual for a depth camera{hint}"
+    ))
+}
+
 fn median(histogram: &[u64], n: u64) -> Option<usize> {
     let mut below = 0;
     histogram.iter().position(|count| {
@@ -249,12 +309,8 @@ fn warnings(report: &CheckReport) -> Vec<String> {
                 !POSSIBLE_M.contains(&median_m),
                 format!("median depth is {median_m:.3} m: no room is like that, the depth units look wrong"),
             );
-            warn(
-                (8.0..=15.0).contains(&median_m) || (0.1..0.3).contains(&median_m),
-                format!(
-                    "median depth is {median_m:.3} m, unusual for a depth camera: are the depth units right?"
-                ),
-            );
+            let doubt = doubt_units(depth, camera);
+            warn(doubt.is_some(), doubt.unwrap_or_default());
             for frame in &depth.empty_frames {
                 warn(true, format!("frame {frame} has no depth in any pixel"));
             }
@@ -277,7 +333,7 @@ fn warnings(report: &CheckReport) -> Vec<String> {
     warn(!(0.8..=1.25).contains(&ratio), format!("fx / fy is {ratio:.2}: pixels are rarely that oblong"));
     let unpaired = report.n_depth - report.n_pairs;
     warn(
-        10 * unpaired > report.n_depth,
+        report.n_colour > 0 && 10 * unpaired > report.n_depth,
         format!("{unpaired} of {} depth images have no colour image within 0.02 s", report.n_depth),
     );
     let gaps = &report.gaps;
@@ -332,7 +388,7 @@ mod tests {
             None
         }
         fn pairing(&self) -> Pairing {
-            Pairing { n_depth: 20, ..Pairing::default() }
+            Pairing { n_depth: 20, n_colour: 3, ..Pairing::default() }
         }
     }
 
@@ -382,6 +438,26 @@ mod tests {
         let source = flat(500, 10_000.0);
         let depth = summarise_depth(&source, 3).unwrap();
         assert!(refuse_impossible_depth(&depth, source.camera(), false).is_err());
+    }
+
+    #[test]
+    fn units_that_are_five_times_off_are_doubted_with_the_likely_ones() {
+        let doubt = |raw, units| {
+            let source = flat(raw, units);
+            doubt_units(&summarise_depth(&source, 3).unwrap(), source.camera())
+        };
+        assert_eq!((doubt(1858, 1000.0), doubt(5630, 5000.0), doubt(943, 1000.0)), (None, None, None));
+        let kitchen = doubt(1858, 5000.0).unwrap();
+        assert!(
+            kitchen.contains("0.37 m with units_per_metre = 5000") && kitchen.contains("1000 would"),
+            "{kitchen}"
+        );
+        let tum = doubt(5630, 1000.0).unwrap();
+        assert!(
+            tum.contains("5.63 m") && tum.contains("units_per_metre = 5000 would make it 1.13 m"),
+            "{tum}"
+        );
+        assert!(doubt(17_900, 2000.0).unwrap().contains("units_per_metre = 10000 would"));
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use crate::ImageError;
 use std::fmt::Display;
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -10,6 +12,10 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Memory that a PNG's own chunks may take, bytes.
 const MOST_BYTES: usize = 512 << 20;
+const JPEG: &[u8] = &[0xff, 0xd8];
+const JPEG_END: &[u8] = &[0xff, 0xd9];
+/// Bytes at the end of a file that hold its end marker.
+const TAIL_BYTES: u64 = 1024;
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
 pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
@@ -29,6 +35,49 @@ pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<()
     Ok(())
 }
 
+/// Columns and rows of a PNG or JPEG, from its head.
+///
+/// # Errors
+/// It is neither, or its head is damaged.
+pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
+    if is_png(bytes) {
+        return Ok(Png::open(bytes)?.reader.info().size());
+    }
+    if !bytes.starts_with(JPEG) {
+        return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
+    }
+    let mut decoder = JpegDecoder::new(ZCursor::new(bytes));
+    decoder.decode_headers().map_err(|error| damaged("JPEG", &error))?;
+    let (columns, rows) = decoder.dimensions().ok_or_else(|| damaged("JPEG", &"no size"))?;
+    Ok((columns as u32, rows as u32))
+}
+
+/// Looks at the first and last bytes of an image file: a whole PNG or JPEG begins and ends with its
+/// marks.
+///
+/// # Errors
+/// The file cannot be read, is no image, or is cut short.
+pub fn inspect(path: &Path) -> Result<(), ImageError> {
+    let mut file = File::open(path).map_err(ImageError::Io)?;
+    let n_bytes = file.metadata().map_err(ImageError::Io)?.len();
+    let mut head = Vec::new();
+    file.by_ref().take(8).read_to_end(&mut head).map_err(ImageError::Io)?;
+    let (format, end): (_, &[u8]) = if is_png(&head) {
+        ("PNG", b"IEND")
+    } else if head.starts_with(JPEG) {
+        ("JPEG", JPEG_END)
+    } else {
+        return Err(ImageError::Format { found: first_bytes(&head), or_jpeg: " or JPEG" });
+    };
+    let mut tail = Vec::new();
+    file.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES))).map_err(ImageError::Io)?;
+    file.take(TAIL_BYTES).read_to_end(&mut tail).map_err(ImageError::Io)?;
+    match tail.windows(end.len()).any(|window| window == end) {
+        true => Ok(()),
+        false => Err(damaged(format, &format!("no end marker in {n_bytes} bytes"))),
+    }
+}
+
 /// Decodes a colour or grey PNG or JPEG of 8 bits as red, green, blue.
 pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
     if is_png(bytes) {
@@ -40,12 +89,12 @@ pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), Imag
         }
         return read_rgb(png.n_channels, rgb, |to| png.read(to));
     }
-    if !bytes.starts_with(&[0xff, 0xd8]) {
+    if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
     }
     // The decoder paints what is missing of a cut file grey and calls it a success.
-    let tail = &bytes[bytes.len().saturating_sub(1024)..];
-    if !tail.windows(2).any(|pair| pair == [0xff, 0xd9]) {
+    let tail = &bytes[bytes.len().saturating_sub(TAIL_BYTES as usize)..];
+    if !tail.windows(2).any(|pair| pair == JPEG_END) {
         let message = format!("no end marker in {} bytes", bytes.len());
         return Err(ImageError::Damaged { format: "JPEG", message });
     }

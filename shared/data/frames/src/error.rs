@@ -8,14 +8,49 @@ use tessera_geometry::CameraError;
 /// Why a source cannot be opened or a frame not read.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
-    /// The source is neither a scene nor a folder.
+    /// The source is neither a scene nor anything that is there.
     #[error(
-        "no source '{}': expected room, corridor, wall, house or a folder with rgb.txt and depth.txt, FILE.mcap, or external", path.display()
+        "no source '{}': expected room, corridor, wall, house or a folder of images, a folder of a ROS 2 bag, FILE.mcap, or external", path.display()
     )]
     NoFolder {
         /// What was given.
         path: PathBuf,
     },
+    /// A folder whose layout is not known.
+    #[error(
+        "{}: no layout that is known; expected one of {expected}; it holds {there_are}{hint}", folder.display()
+    )]
+    NoLayout {
+        /// The folder.
+        folder: PathBuf,
+        /// The layouts that are known.
+        expected: String,
+        /// What lies in the folder.
+        there_are: String,
+        /// Where else to look, as text.
+        hint: String,
+    },
+    /// A recording that is known for what it is and not read.
+    #[error("{} is {what}, which is not read: {remedy}", path.display())]
+    NotRead {
+        /// The file or folder.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+        /// What to do, with the command.
+        remedy: String,
+    },
+    /// A file of a recording is not as its layout says.
+    #[error("{}: {reason}", path.display())]
+    Layout {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was found and what was expected.
+        reason: String,
+    },
+    /// The colour of a frame cannot be used; its depth has been read.
+    #[error(transparent)]
+    Colour(Box<SourceError>),
     /// An MCAP recording cannot be used.
     #[error("{}: {source}", path.display())]
     Recording {
@@ -141,6 +176,13 @@ pub enum SourceError {
         /// Length that fits.
         expected_colour: usize,
     },
+}
+
+impl SourceError {
+    /// Whether it concerns the images of one frame, so that others may be good.
+    pub fn is_of_one_frame(&self) -> bool {
+        matches!(self, Self::Colour(_) | Self::Image { .. } | Self::Recording { .. } | Self::Io { .. })
+    }
 }
 
 /// What is wrong with one line of an image list.

@@ -12,12 +12,14 @@ mod error;
 pub mod imu;
 pub mod pairing;
 mod source;
+mod warp;
 
 pub use cameras::{CAMERA_NAMES, load_camera, named_camera};
 pub use check::{
-    CheckReport, DepthSummary, DepthUnitsError, Gaps, check, refuse_impossible_depth, summarise_depth,
-    summarise_image,
+    CheckReport, DepthSummary, DepthUnitsError, Gaps, check, doubt_units, refuse_impossible_depth,
+    summarise_depth, summarise_image,
 };
 pub use error::{ImageError, ListError, SourceError};
 pub use imu::Gyroscope;
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
+pub use warp::ColourWarp;

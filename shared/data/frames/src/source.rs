@@ -70,8 +70,8 @@ pub trait Source: Send + Sync {
     /// Reads a frame into the caller's slices. The same index always gives the same bytes.
     ///
     /// # Errors
-    /// Names the frame and file, what was found and what was expected. The slices then hold
-    /// anything; the source stays usable.
+    /// Names the frame and file, what was found and what was expected; the source stays usable. The
+    /// slices then hold anything, but for [`SourceError::Colour`], where depth is whole.
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError>;
 
     /// True poses `world_from_camera` at the times of the source, where known.
@@ -79,6 +79,47 @@ pub trait Source: Send + Sync {
 
     /// How depth and colour were paired.
     fn pairing(&self) -> Pairing;
+
+    /// Reads a frame of which an image may be missing or broken: depth that cannot be read is
+    /// empty, colour that cannot be read is left out, and the error says which and why.
+    ///
+    /// # Errors
+    /// What no other frame can cure: an index beyond the end, wrong slices.
+    fn read_what_is_there(
+        &self,
+        index: u64,
+        buffers: &mut FrameBuffers<'_>,
+    ) -> Result<(FrameInfo, Option<SourceError>), SourceError> {
+        let error = match self.read(index, buffers) {
+            Ok(info) => return Ok((info, None)),
+            Err(error) => error,
+        };
+        let stamp_nanos = self.stamp_nanos(index).filter(|_| error.is_of_one_frame());
+        let Some(stamp_nanos) = stamp_nanos else { return Err(error) };
+        if !matches!(error, SourceError::Colour(_)) {
+            buffers.depth.fill(0);
+        }
+        buffers.colour.fill(0);
+        Ok((FrameInfo { stamp_nanos, has_colour: false, rotation: None }, Some(error)))
+    }
+
+    /// Looks whether the images of a frame are there and whole, without decoding them.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    fn inspect(&self, _index: u64) -> Result<(), SourceError> {
+        Ok(())
+    }
+
+    /// What speaks against the camera that is used, in sentences.
+    fn doubts(&self) -> &[String] {
+        &[]
+    }
+
+    /// What was recognised and chosen: names and values, as `("layout", "7-Scenes")`.
+    fn description(&self) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
 
     /// What was found wrong while opening and could be worked around, in sentences.
     fn warnings(&self) -> &[String] {

@@ -11,31 +11,60 @@ use tessera_geometry::Camera;
 /// Units of 16-bit depth in ROS: millimetres (REP 118).
 const UNITS_OF_MILLIMETRES: f64 = 1000.0;
 
+/// A camera as a recording has it.
+#[derive(Clone, Debug)]
+pub(super) struct RecordedCamera {
+    /// With the five coefficients that the camera model has, or without any where `lens` has them.
+    pub(super) camera: Camera,
+    /// A lens that the camera model does not have: images are undistorted as they are read.
+    pub(super) lens: Option<RationalLens>,
+    /// Name of its coordinate frame; empty where it is not known.
+    pub(super) frame: String,
+}
+
 /// Reads the camera that belongs to the depth topic.
-pub(super) fn read(
+pub(super) fn of_depth(
     chunks: &Chunks,
     topics: &Topics,
     camera_at: Option<&Spot>,
     first_depth: &Spot,
-) -> Result<Camera, RecordingError> {
+) -> Result<RecordedCamera, RecordingError> {
     let missing = || RecordingError::NoCamera { topic: topics.depth.clone() };
     let (spot, topic) = camera_at.zip(topics.camera.as_ref()).ok_or_else(missing)?;
-    let message = |problem: MessageError, topic: &str| RecordingError::Message {
-        topic: topic.to_owned(),
-        number: 1,
-        problem,
-    };
-    let data = chunks.read(spot)?;
-    let said = messages::camera(spot.kind, &data).map_err(|problem| message(problem, topic))?;
     let data = chunks.read(first_depth)?;
-    let image =
-        messages::image(first_depth.kind, &data).map_err(|problem| message(problem, &topics.depth))?;
+    let image = messages::image(first_depth.kind, &data).map_err(|problem| first(problem, &topics.depth))?;
     let is_metres = match &image.form {
         ImageForm::Raw { encoding, .. } => encoding == "32FC1",
         ImageForm::File { format } => format.starts_with("32FC1"),
     };
     let units_per_metre = if is_metres { UNITS_OF_METRES } else { UNITS_OF_MILLIMETRES };
-    convert(&said, units_per_metre, topics.depth.contains("rect"), topic)
+    read(chunks, spot, units_per_metre, topics.depth.contains("rect"), topic)
+}
+
+/// Reads the camera of the colour images; its units say nothing.
+pub(super) fn of_colour(
+    chunks: &Chunks,
+    spot: &Spot,
+    images: &str,
+    topic: &str,
+) -> Result<RecordedCamera, RecordingError> {
+    read(chunks, spot, UNITS_OF_MILLIMETRES, images.contains("rect"), topic)
+}
+
+fn first(problem: MessageError, topic: &str) -> RecordingError {
+    RecordingError::Message { topic: topic.to_owned(), number: 1, problem }
+}
+
+fn read(
+    chunks: &Chunks,
+    spot: &Spot,
+    units_per_metre: f64,
+    is_rectified: bool,
+    topic: &str,
+) -> Result<RecordedCamera, RecordingError> {
+    let data = chunks.read(spot)?;
+    let said = messages::camera(spot.kind, &data).map_err(|problem| first(problem, topic))?;
+    convert(&said, units_per_metre, is_rectified, topic)
 }
 
 /// Our camera. The images of a rectified topic have the projection's numbers and no distortion.
@@ -44,7 +73,7 @@ fn convert(
     units_per_metre: f64,
     is_rectified: bool,
     topic: &str,
-) -> Result<Camera, RecordingError> {
+) -> Result<RecordedCamera, RecordingError> {
     let number = |from: &[f64], at: usize| from.get(at).copied().unwrap_or(f64::NAN);
     let has_projection = number(&said.projection, 0) > 0.0;
     let (fx, fy, cx, cy) = if is_rectified && has_projection {
@@ -67,38 +96,38 @@ fn convert(
         depth_offset_m: 0.0,
         colour_registered: true,
     };
-    let wrong = |source| RecordingError::Camera { topic: topic.to_owned(), source };
-    camera.check().map_err(wrong)?;
+    let recorded = |camera: Camera, lens: Option<RationalLens>| {
+        // Images of a colour camera may be larger than those of depth; they are never stored.
+        let small =
+            Camera { width: camera.width.min(1920), height: camera.height.min(1080), ..camera.clone() };
+        let checked = if topic.contains("depth") { &camera } else { &small };
+        checked.check().map_err(|source| RecordingError::Camera { topic: topic.to_owned(), source })?;
+        Ok(RecordedCamera { camera, lens, frame: said.frame.trim_start_matches('/').to_owned() })
+    };
+    let camera = recorded(camera, None)?.camera;
     let is_distorted = said.distortion.iter().any(|&d| d != 0.0);
     if !is_distorted || (is_rectified && has_projection) {
-        return Ok(camera);
+        return recorded(camera, None);
     }
-    let distortion = distortion(said, &camera, topic)?;
-    let camera = Camera { distortion, ..camera };
-    camera.check().map_err(wrong)?;
-    Ok(camera)
-}
-
-/// The coefficients of the lens that a message has with the other numbers of `camera`.
-fn distortion(said: &CameraMessage, camera: &Camera, topic: &str) -> Result<[f64; 5], RecordingError> {
-    let is_known = matches!(said.model.as_str(), "plumb_bob" | "rational_polynomial" | "");
     // A rational polynomial whose denominator is 1 is the plain one.
     let has_more = said.distortion.iter().skip(5).any(|&d| d != 0.0);
-    if !is_known || has_more {
-        let eight = <[f64; 8]>::try_from(said.distortion.as_slice()).ok();
-        let lens = eight.filter(|_| is_known).map(RationalLens);
-        return Err(RecordingError::Distortion {
+    let is_rational = matches!(said.model.as_str(), "rational_polynomial" | "rational");
+    if !(is_rational || matches!(said.model.as_str(), "plumb_bob" | "")) || has_more {
+        let eight = said.distortion.get(..8).and_then(|eight| <[f64; 8]>::try_from(eight).ok());
+        let is_eight = said.distortion.iter().skip(8).all(|&d| d == 0.0);
+        let lens = eight.filter(|_| is_rational && is_eight).map(RationalLens);
+        let lens = lens.filter(|lens| lens.is_usable(&camera)).ok_or_else(|| RecordingError::Distortion {
             topic: topic.to_owned(),
             model: said.model.clone(),
             found: said.distortion.clone(),
-            fit: lens.and_then(|lens| lens.fit(camera)).map(Box::new),
-        });
+        })?;
+        return recorded(camera, Some(lens));
     }
     let mut distortion = [0.0; 5];
     for (to, from) in distortion.iter_mut().zip(&said.distortion) {
         *to = *from;
     }
-    Ok(distortion)
+    recorded(Camera { distortion, ..camera }, None)
 }
 
 #[cfg(test)]
@@ -107,6 +136,7 @@ mod tests {
 
     fn said(model: &str, distortion: &[f64]) -> CameraMessage {
         CameraMessage {
+            frame: "/camera".into(),
             width: 64,
             height: 48,
             model: model.into(),
@@ -119,10 +149,10 @@ mod tests {
     #[test]
     fn a_rectified_image_has_the_projection_and_no_distortion() {
         let said = said("plumb_bob", &[0.1, -0.2, 0.0, 0.0, 0.3]);
-        let raw = convert(&said, 1000.0, false, "t").unwrap();
+        let raw = convert(&said, 1000.0, false, "t").unwrap().camera;
         assert_eq!((raw.fx, raw.fy, raw.cx, raw.cy), (60.0, 61.0, 31.5, 23.5));
         assert_eq!(raw.distortion, [0.1, -0.2, 0.0, 0.0, 0.3]);
-        let rectified = convert(&said, 1000.0, true, "t").unwrap();
+        let rectified = convert(&said, 1000.0, true, "t").unwrap().camera;
         assert_eq!((rectified.fx, rectified.cy, rectified.is_distorted()), (58.0, 23.0, false));
     }
 
@@ -136,14 +166,14 @@ mod tests {
             let words = convert(&said(model, &k), 1e3, false, "t").unwrap_err().to_string();
             assert!(words.contains(model) && words.contains("expected plumb_bob"), "{words}");
         }
-        // A colour camera of an Azure Kinect; five coefficients are not enough for it, and it says so.
+        // A lens of an Azure Kinect is used as it is: the camera has none, and images are undistorted.
         let eight = [0.51, -2.65, 0.0, 0.0, 1.52, 0.39, -2.46, 1.45];
-        let words = convert(&said("rational_polynomial", &eight), 1e3, false, "t").unwrap_err().to_string();
-        assert!(
-            words.contains("with five of its own: the nearest, distortion = [0.")
-                && words.contains(" px at most"),
-            "{words}"
-        );
+        let azure = convert(&said("rational_polynomial", &eight), 1e3, false, "t").unwrap();
+        assert_eq!((azure.camera.is_distorted(), azure.lens), (false, Some(RationalLens(eight))));
+        assert_eq!(azure.frame, "camera");
+        let folding = [0.0, 0.0, 0.0, 0.0, 0.0, -9.0, 0.0, 0.1];
+        let words = convert(&said("rational_polynomial", &folding), 1e3, false, "t").unwrap_err().to_string();
+        assert!(words.contains("do not fold the image"), "{words}");
         let without = CameraMessage { intrinsics: Vec::new(), ..said("", &[]) };
         assert!(convert(&without, 1e3, false, "t").unwrap_err().to_string().contains("fx is NaN"));
     }

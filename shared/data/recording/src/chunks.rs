@@ -16,6 +16,9 @@ const KEPT_BYTES: usize = 64 << 20;
 /// Bytes of a message's record before its data: channel, sequence and two times.
 const MESSAGE_HEAD: u64 = 22;
 
+/// The topic of transforms that stay.
+const STATIC_TRANSFORMS: &str = "/tf_static";
+
 /// A message that matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Spot {
@@ -33,6 +36,12 @@ pub(super) struct Found {
     pub(super) colour: Vec<Spot>,
     /// The first.
     pub(super) camera: Option<Spot>,
+    /// The first of the colour camera.
+    pub(super) colour_camera: Option<Spot>,
+    /// The first of depth to colour.
+    pub(super) extrinsics: Option<Spot>,
+    /// All transforms that stay.
+    pub(super) transforms: Vec<Spot>,
     /// The last record is damaged: what was said of it.
     pub(super) torn: Option<RecordingError>,
 }
@@ -43,6 +52,9 @@ enum Role {
     Depth,
     Colour,
     Camera,
+    ColourCamera,
+    Extrinsics,
+    Transforms,
 }
 
 /// Looks through the file for the times of its images. A damaged last record of a file that was cut
@@ -52,10 +64,13 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
     for (&id, channel) in &channels.by_id {
         let Some(kind) = Kind::of(channel) else { continue };
         let is = |topic: &Option<String>| topic.as_ref() == Some(&channel.topic);
-        let role = match kind.is_image() {
-            true if channel.topic == topics.depth => Role::Depth,
-            true if is(&topics.colour) => Role::Colour,
-            false if is(&topics.camera) => Role::Camera,
+        let role = match kind {
+            kind if kind.is_image() && channel.topic == topics.depth => Role::Depth,
+            kind if kind.is_image() && is(&topics.colour) => Role::Colour,
+            kind if kind.is_camera() && is(&topics.camera) => Role::Camera,
+            kind if kind.is_camera() && is(&topics.colour_camera) => Role::ColourCamera,
+            Kind::RosExtrinsics if is(&topics.extrinsics) => Role::Extrinsics,
+            Kind::RosTransforms if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
         };
         roles.insert(id, (role, kind));
@@ -80,6 +95,9 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
                 all.depth.extend(found.depth);
                 all.colour.extend(found.colour);
                 all.camera = all.camera.or(found.camera);
+                all.colour_camera = all.colour_camera.or(found.colour_camera);
+                all.extrinsics = all.extrinsics.or(found.extrinsics);
+                all.transforms.extend(found.transforms);
             }
             Err(error @ RecordingError::Damaged { .. }) if at + 1 == n && file.cut.is_some() => {
                 all.torn = Some(error);
@@ -128,8 +146,17 @@ impl Looking<'_> {
         let Some(&(role, kind)) = self.roles.get(&header.channel_id) else { return Ok(()) };
         let mut spot = Spot { stamp_nanos: 0, kind, place: self.place, number };
         let (topic, to) = match role {
-            Role::Camera => {
-                self.found.camera.get_or_insert(spot);
+            Role::Camera | Role::ColourCamera | Role::Extrinsics => {
+                let first = match role {
+                    Role::Camera => &mut self.found.camera,
+                    Role::ColourCamera => &mut self.found.colour_camera,
+                    _ => &mut self.found.extrinsics,
+                };
+                first.get_or_insert(spot);
+                return Ok(());
+            }
+            Role::Transforms => {
+                self.found.transforms.push(spot);
                 return Ok(());
             }
             Role::Depth => (&self.topics.depth, &mut self.found.depth),

@@ -1,6 +1,5 @@
 //! Errors of an MCAP recording.
 
-use crate::rational::LensFit;
 use std::io;
 use tessera_frames::ImageError;
 
@@ -66,7 +65,7 @@ pub enum RecordingError {
     },
     /// A camera of a model that is not known here.
     #[error(
-        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE with five of its own{}", fit_words(.fit.as_deref())
+        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5 or rational_polynomial with 8 that do not fold the image; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE"
     )]
     Distortion {
         /// The topic.
@@ -75,8 +74,6 @@ pub enum RecordingError {
         model: String,
         /// Its coefficients.
         found: Vec<f64>,
-        /// What five coefficients make of it, where that is known.
-        fit: Option<Box<LensFit>>,
     },
     /// A camera whose numbers cannot be.
     #[error("{topic}: {source}")]
@@ -102,14 +99,6 @@ pub enum RecordingError {
         /// The topic.
         topic: String,
     },
-}
-
-fn fit_words(fit: Option<&LensFit>) -> String {
-    let Some(LensFit { distortion, worst_px, rms_px }) = fit else { return String::new() };
-    let numbers = distortion.map(|k| format!("{k:.6}")).join(", ");
-    format!(
-        ": the nearest, distortion = [{numbers}], are {rms_px:.2} px off in the mean and {worst_px:.2} px at most"
-    )
 }
 
 /// Why a message cannot be used.

@@ -65,6 +65,9 @@ struct CameraCalibration {
     #[prost(double, repeated, tag = "8")]
     #[serde(rename = "P", default)]
     p: Vec<f64>,
+    #[prost(string, tag = "9")]
+    #[serde(default)]
+    frame_id: String,
 }
 
 fn base64_bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
@@ -118,6 +121,7 @@ pub(super) fn compressed(form: Form, data: &[u8]) -> Result<ImageMessage<'_>, Me
 pub(super) fn camera(form: Form, data: &[u8]) -> Result<CameraMessage, MessageError> {
     let camera: CameraCalibration = decode("foxglove.CameraCalibration", form, data)?;
     Ok(CameraMessage {
+        frame: camera.frame_id,
         width: camera.width,
         height: camera.height,
         model: camera.distortion_model,

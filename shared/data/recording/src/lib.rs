@@ -8,6 +8,7 @@
 
 mod camera;
 mod chunks;
+mod colour;
 mod compression;
 mod content;
 mod error;
@@ -19,12 +20,14 @@ mod rational;
 pub mod ros;
 mod rvl;
 mod topics;
+mod transforms;
 
 use chunks::{Chunks, Found, Spot};
+use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
 use file::{Channels, McapFile};
 use mcap::records::op;
-pub use rational::LensFit;
+use rational::Undistortion;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::SourceError;
@@ -38,7 +41,7 @@ use topics::Topics;
 const UNITS_OF_METRES: f64 = 5000.0;
 
 /// What to take from a recording; what is absent is chosen by name, and the camera read from it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Default)]
 pub struct RecordingOptions<'a> {
     /// A built-in camera or a camera file.
     pub camera: Option<&'a str>,
@@ -46,14 +49,18 @@ pub struct RecordingOptions<'a> {
     pub depth_topic: Option<&'a str>,
     /// Topic of colour.
     pub color_topic: Option<&'a str>,
+    /// Leave colour out.
+    pub is_without_colour: bool,
+    /// The first file of the same recording: topics and cameras are as there.
+    pub first: Option<&'a RecordingSource>,
 }
 
 /// Frames of an MCAP file, in the order of the times of depth.
 pub struct RecordingSource {
     path: PathBuf,
-    camera: Camera,
     chunks: Chunks,
     topics: Topics,
+    cameras: Cameras,
     depth: Vec<Spot>,
     /// All colour images, and for each depth image the place of its own.
     colour: Vec<Spot>,
@@ -62,8 +69,21 @@ pub struct RecordingSource {
     warnings: Vec<String>,
 }
 
+/// How depth and colour are seen.
+#[derive(Clone)]
+struct Cameras {
+    depth: Camera,
+    /// Where the camera is from, for people.
+    from: String,
+    /// A lens that is taken out of depth.
+    lens: Option<Undistortion>,
+    colour: ColourUse,
+    /// What is done with colour, for people.
+    colour_words: String,
+}
+
 impl RecordingSource {
-    /// Opens a recording: finds its topics, its camera and the times of all images.
+    /// Opens a recording: finds its topics, its cameras and the times of all images.
     ///
     /// The camera is `options.camera` if given, else that of the recording. Depth in metres is
     /// counted in the camera's units, or in 5000 a metre where the recording gives the camera.
@@ -83,24 +103,32 @@ impl RecordingSource {
         let file = McapFile::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
             file.cut.iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
-        let (channels, damage) = channels(&file);
-        let (depth_topic, colour_topic) = (options.depth_topic, options.color_topic);
-        let topics = topics::choose(&channels, depth_topic, colour_topic)
-            // Where something is damaged, what is missing may be in there.
-            .map_err(|missing| wrong(damage.unwrap_or(missing)))?;
-        let mut found = chunks::find(&file, &channels, &topics).map_err(wrong)?;
+        let topics = choose_topics(&file, options).map_err(wrong)?;
+        let mut found = chunks::find(&file, &topics.0, &topics.1).map_err(wrong)?;
+        let topics = topics.1;
         if let Some(torn) = found.torn.take() {
             warnings.push(format!("{torn}: read up to there"));
         }
-        let Found { mut depth, mut colour, camera: camera_at, .. } = found;
-        for (spots, topic) in [(&mut depth, Some(&topics.depth)), (&mut colour, topics.colour.as_ref())] {
+        for (spots, topic) in
+            [(&mut found.depth, Some(&topics.depth)), (&mut found.colour, topics.colour.as_ref())]
+        {
             let n_repeated = in_order(spots);
             if let Some(topic) = topic.filter(|_| n_repeated > 0) {
                 warnings.push(format!("{topic}: {n_repeated} messages repeat a time and are left out"));
             }
         }
-        if depth.is_empty() {
+        if found.depth.is_empty() {
             return Err(wrong(RecordingError::Empty { topic: topics.depth.clone() }));
+        }
+        let chunks = Chunks::new(file);
+        let cameras = match options.first {
+            Some(first) => first.cameras.clone(),
+            None => Cameras::read(&chunks, &topics, &found, given.zip(options.camera), &mut warnings)
+                .map_err(wrong)?,
+        };
+        let (mut depth, mut colour) = (found.depth, found.colour);
+        if matches!(cameras.colour, ColourUse::None) {
+            colour.clear();
         }
         let times = |spots: &[Spot]| spots.iter().map(|spot| spot.stamp_nanos).collect::<Vec<i64>>();
         let (mut depth_times, colour_times) = (times(&depth), times(&colour));
@@ -112,13 +140,17 @@ impl RecordingSource {
             partners.truncate(kept);
         }
         let pairing = summarise(&depth_times, &colour_times, &partners);
-        let chunks = Chunks::new(file);
-        let camera = match given {
-            Some(camera) => camera,
-            None => camera::read(&chunks, &topics, camera_at.as_ref(), &depth[0]).map_err(wrong)?,
-        };
-        let path = path.to_owned();
-        Ok(Self { path, camera, chunks, topics, depth, colour, partners, pairing, warnings })
+        Ok(Self {
+            path: path.to_owned(),
+            chunks,
+            topics,
+            cameras,
+            depth,
+            colour,
+            partners,
+            pairing,
+            warnings,
+        })
     }
 
     /// Reads one image, and puts it where it belongs by `decode`.
@@ -135,6 +167,56 @@ impl RecordingSource {
             wrong(RecordingError::Message { topic: topic.to_owned(), number: at + 1, problem })
         })
     }
+}
+
+impl Cameras {
+    /// The cameras of a recording, or the one given for depth.
+    fn read(
+        chunks: &Chunks,
+        topics: &Topics,
+        found: &Found,
+        given: Option<(Camera, &str)>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Self, RecordingError> {
+        let first =
+            found.depth.first().ok_or_else(|| RecordingError::Empty { topic: topics.depth.clone() })?;
+        let recorded = camera::of_depth(chunks, topics, found.camera.as_ref(), first);
+        let (depth, from, lens, recorded) = match given {
+            Some((camera, name)) => (camera, name.to_owned(), None, recorded.ok()),
+            None => {
+                let recorded = recorded?;
+                let camera = recorded.camera.clone();
+                let lens = recorded.lens.map(|lens| Undistortion::new(&lens, &camera));
+                let mut from = topics.camera.clone().unwrap_or_default();
+                if lens.is_some() {
+                    from.push_str(", rational lens taken out of the images");
+                }
+                (camera, from, lens, Some(recorded))
+            }
+        };
+        let seen = colour::Depth { camera: &depth, recorded: recorded.as_ref() };
+        let choice = colour::choose(chunks, topics, found, &seen);
+        warnings.extend(choice.warning);
+        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words })
+    }
+}
+
+/// The channels of the file and those that matter.
+fn choose_topics(
+    file: &McapFile,
+    options: &RecordingOptions<'_>,
+) -> Result<(Channels, Topics), RecordingError> {
+    let (channels, damage) = channels(file);
+    if let Some(first) = options.first {
+        return Ok((channels, first.topics.clone()));
+    }
+    let mut topics = topics::choose(&channels, options.depth_topic, options.color_topic)
+        // Where something is damaged, what is missing may be in there.
+        .map_err(|missing| damage.unwrap_or(missing))?;
+    if options.is_without_colour {
+        topics.colour = None;
+    }
+    Ok((channels, topics))
 }
 
 /// Sorts by time and leaves out what repeats one; answers how many.
@@ -165,7 +247,7 @@ fn channels(file: &McapFile) -> (Channels, Option<RecordingError>) {
 
 impl Source for RecordingSource {
     fn camera(&self) -> &Camera {
-        &self.camera
+        &self.cameras.depth
     }
 
     fn n_frames(&self) -> Option<u64> {
@@ -177,19 +259,28 @@ impl Source for RecordingSource {
     }
 
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
-        buffers.check(&self.camera)?;
+        let Cameras { depth: camera, lens, .. } = &self.cameras;
+        buffers.check(camera)?;
         let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
         let at = at.ok_or(SourceError::NoFrame { frame: index, last: self.depth.len() as u64 - 1 })?;
-        let size = (self.camera.width, self.camera.height);
+        let size = (camera.width, camera.height);
         let spot = &self.depth[at];
-        let units = self.camera.units_per_metre;
-        self.image(&self.topics.depth, at, spot, |image| pixels::depth(image, size, units, buffers.depth))?;
+        self.image(&self.topics.depth, at, spot, |image| {
+            let Some(lens) = lens else {
+                return pixels::depth(image, size, camera.units_per_metre, buffers.depth);
+            };
+            let mut taken = vec![0; buffers.depth.len()];
+            pixels::depth(image, size, camera.units_per_metre, &mut taken)?;
+            lens.apply(1, &taken, buffers.depth);
+            Ok(())
+        })?;
         let partner = self.partners[at];
         match (partner, &self.topics.colour) {
-            (Some(of), Some(topic)) => {
-                let spot = &self.colour[of];
-                self.image(topic, of, spot, |image| pixels::colour(image, size, buffers.colour))?;
-            }
+            (Some(of), Some(topic)) => self
+                .image(topic, of, &self.colour[of], |image| {
+                    self.cameras.colour.read(image, size, lens.as_ref(), buffers.depth, buffers.colour)
+                })
+                .map_err(|error| SourceError::Colour(Box::new(error)))?,
             _ => buffers.colour.fill(0),
         }
         Ok(FrameInfo { stamp_nanos: spot.stamp_nanos, has_colour: partner.is_some(), rotation: None })
@@ -205,6 +296,15 @@ impl Source for RecordingSource {
 
     fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    fn description(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("layout", "MCAP recording".to_owned()),
+            ("depth", self.topics.depth.clone()),
+            ("colour", self.cameras.colour_words.clone()),
+            ("camera", self.cameras.from.clone()),
+        ]
     }
 }
 

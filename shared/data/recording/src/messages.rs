@@ -14,6 +14,10 @@ pub(super) enum Kind {
     RosCompressed,
     /// `sensor_msgs/msg/CameraInfo`.
     RosCamera,
+    /// `tf2_msgs/msg/TFMessage`.
+    RosTransforms,
+    /// `realsense2_camera_msgs/msg/Extrinsics`.
+    RosExtrinsics,
     /// `foxglove.RawImage`.
     FoxgloveImage(Form),
     /// `foxglove.CompressedImage`.
@@ -38,6 +42,8 @@ impl Kind {
                     "sensor_msgs/msg/Image" => Some(Self::RosImage),
                     "sensor_msgs/msg/CompressedImage" => Some(Self::RosCompressed),
                     "sensor_msgs/msg/CameraInfo" => Some(Self::RosCamera),
+                    "tf2_msgs/msg/TFMessage" => Some(Self::RosTransforms),
+                    "realsense2_camera_msgs/msg/Extrinsics" => Some(Self::RosExtrinsics),
                     _ => None,
                 };
             }
@@ -55,7 +61,9 @@ impl Kind {
 
     /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
     pub(super) fn stamp_bytes(self) -> Option<u64> {
-        matches!(self, Self::RosImage | Self::RosCompressed | Self::RosCamera).then_some(ros::STAMP_BYTES)
+        let is_foxglove =
+            matches!(self, Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_));
+        (!is_foxglove).then_some(ros::STAMP_BYTES)
     }
 
     pub(super) fn is_camera(self) -> bool {
@@ -63,7 +71,7 @@ impl Kind {
     }
 
     pub(super) fn is_image(self) -> bool {
-        !self.is_camera()
+        !self.is_camera() && !matches!(self, Self::RosTransforms | Self::RosExtrinsics)
     }
 }
 
@@ -87,6 +95,8 @@ pub(super) enum ImageForm {
 /// A camera as a message has it.
 #[derive(Debug)]
 pub(super) struct CameraMessage {
+    /// Name of its coordinate frame; empty where it is not known.
+    pub(super) frame: String,
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) model: String,
@@ -104,9 +114,7 @@ pub(super) fn image(kind: Kind, data: &[u8]) -> Result<ImageMessage<'_>, Message
         Kind::RosCompressed => ros::compressed(data),
         Kind::FoxgloveImage(form) => foxglove::image(form, data),
         Kind::FoxgloveCompressed(form) => foxglove::compressed(form, data),
-        Kind::RosCamera | Kind::FoxgloveCamera(_) => {
-            Err(MessageError::Kind { kind: "image", reason: "it is a camera".to_owned() })
-        }
+        _ => Err(MessageError::Kind { kind: "image", reason: "it is a camera or a transform".to_owned() }),
     }
 }
 

@@ -1,61 +1,39 @@
-//! A lens of eight coefficients, and the five of the camera model that come nearest to it.
+//! A lens of eight coefficients, taken out of images as they are read.
 
-use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
 use tessera_geometry::Camera;
 
-/// Samples along each side of the image.
-const SIDE: usize = 33;
-/// Steps of the inversion, and how near it must come, as a share of the focal length.
-const MOST_STEPS: usize = 500;
-const NEAR: f64 = 1e-9;
+/// A pixel that no pixel of the image as taken corresponds to.
+const OUTSIDE: u32 = u32::MAX;
+/// Steps along a radius at which the lens is tried.
+const N_RADII: usize = 64;
 
 /// The rational lens of OpenCV, `rational_polynomial` in ROS: `k1 k2 p1 p2 k3 k4 k5 k6`. Radially
 /// it scales by `(1 + k1 r2 + k2 r4 + k3 r6) / (1 + k4 r2 + k5 r4 + k6 r6)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RationalLens(pub(super) [f64; 8]);
 
-/// A lens of five coefficients in place of another.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LensFit {
-    /// `k1 k2 p1 p2 k3`.
-    pub distortion: [f64; 5],
-    /// Largest distance between the two in the image, pixels.
-    pub worst_px: f64,
-    /// Root of the mean square of the distances over the image, pixels.
-    pub rms_px: f64,
-}
-
 impl RationalLens {
-    /// The five coefficients with the least squares over the image of `camera`, whose own
-    /// distortion is not looked at. `None`: the lens folds the image over, or its numbers are not those of a lens.
-    ///
-    /// The tangential coefficients are the same in both, so that this is linear in `k1 k2 k3`.
-    pub(super) fn fit(&self, camera: &Camera) -> Option<LensFit> {
-        let squares = self.squares(camera)?;
-        let largest = squares.iter().copied().fold(0.0, f64::max);
-        // Powers of a share of the image keep the equations well conditioned.
-        let powers = |r2: f64| {
-            let share = r2 / largest;
-            Vector3::new(share, share * share, share * share * share)
+    /// Whether the rays of a pinhole with the camera's other numbers have one pixel each: along
+    /// every radius of the image the distorted radius grows.
+    pub(super) fn is_usable(&self, camera: &Camera) -> bool {
+        let corner = |column: u32, row: u32| {
+            let (x, y) = normalised(camera, column, row);
+            x * x + y * y
         };
-        let (mut a, mut b) = (Matrix3::zeros(), Vector3::zeros());
-        for &r2 in &squares {
-            let row = powers(r2);
-            a += r2 * row * row.transpose();
-            b += r2 * (self.radial(r2) - 1.0) * row;
-        }
-        let solution = a.cholesky()?.solve(&b);
-        let focal = camera.fx.abs().max(camera.fy.abs());
-        let errors = squares.iter().map(|&r2| {
-            let of_five = 1.0 + powers(r2).dot(&solution);
-            focal * r2.sqrt() * (of_five - self.radial(r2)).abs()
+        let (right, bottom) = (camera.width - 1, camera.height - 1);
+        let corners = [corner(0, 0), corner(right, 0), corner(0, bottom), corner(right, bottom)];
+        let largest = corners.into_iter().fold(0.0, f64::max);
+        let radii = (1..=N_RADII).map(|k| {
+            let r2 = largest * (k * k) as f64 / (N_RADII * N_RADII) as f64;
+            r2.sqrt() * self.radial(r2)
         });
-        let (worst_px, sum) = errors.fold((0.0, 0.0), |(worst, sum), e| (f64::max(worst, e), sum + e * e));
-        let [_, _, p1, p2, ..] = self.0;
-        let k = |at: usize| solution[at] / largest.powi(at as i32 + 1);
-        let distortion = [k(0), k(1), p1, p2, k(2)];
-        let is_finite = distortion.iter().all(|k| k.is_finite()) && worst_px.is_finite();
-        is_finite.then(|| LensFit { distortion, worst_px, rms_px: (sum / squares.len() as f64).sqrt() })
+        let mut before = 0.0;
+        radii.into_iter().all(|radius| {
+            let grows = radius > before;
+            before = radius;
+            grows
+        })
     }
 
     fn radial(&self, r2: f64) -> f64 {
@@ -63,43 +41,62 @@ impl RationalLens {
         (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     }
 
-    /// Squares of the distance from the axis of rays through pixels all over the image.
-    fn squares(&self, camera: &Camera) -> Option<Vec<f64>> {
-        let at = |k: usize, side: u32| f64::from(side - 1) * k as f64 / (SIDE - 1) as f64;
-        let pixels = (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| (row, column)));
-        pixels
-            .map(|(row, column)| {
-                let x = (at(column, camera.width) - camera.cx) / camera.fx;
-                let y = (at(row, camera.height) - camera.cy) / camera.fy;
-                self.undistort(x, y).map(|(x, y)| x * x + y * y)
-            })
-            .collect()
+    /// Distorts normalised image coordinates `(x/z, y/z)`.
+    fn distort(&self, x: f64, y: f64) -> (f64, f64) {
+        let [_, _, p1, p2, ..] = self.0;
+        let r2 = x * x + y * y;
+        let radial = self.radial(r2);
+        (
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        )
+    }
+}
+
+fn normalised(camera: &Camera, column: u32, row: u32) -> (f64, f64) {
+    ((f64::from(column) - camera.cx) / camera.fx, (f64::from(row) - camera.cy) / camera.fy)
+}
+
+/// From an image as taken to that of a pinhole with the same focal lengths and principal point.
+#[derive(Clone, Debug)]
+pub(super) struct Undistortion {
+    /// For each pixel of the pinhole the nearest pixel of the image as taken.
+    from: Arc<[u32]>,
+}
+
+impl Undistortion {
+    /// `camera` has the numbers of the image beside the lens.
+    pub(super) fn new(lens: &RationalLens, camera: &Camera) -> Self {
+        let Camera { width, height, .. } = *camera;
+        let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (row, column)));
+        let nearest = pixels.map(|(row, column)| {
+            let (x, y) = normalised(camera, column, row);
+            let (x, y) = lens.distort(x, y);
+            let (column, row) =
+                ((camera.fx * x + camera.cx + 0.5).floor(), (camera.fy * y + camera.cy + 0.5).floor());
+            let is_inside =
+                column >= 0.0 && row >= 0.0 && column < f64::from(width) && row < f64::from(height);
+            if is_inside { row as u32 * width + column as u32 } else { OUTSIDE }
+        });
+        Self { from: nearest.collect() }
     }
 
-    fn undistort(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
-        let [_, _, p1, p2, ..] = self.0;
-        let (mut x, mut y) = (xd, yd);
-        for _ in 0..MOST_STEPS {
-            let r2 = x * x + y * y;
-            let radial = self.radial(r2);
-            if !(radial > 0.0) {
-                return None;
+    /// Takes `n_channels` values a pixel; zeros where the image as taken has nothing.
+    pub(super) fn apply<T: Copy + Default>(&self, n_channels: usize, taken: &[T], to: &mut [T]) {
+        for (pixel, from) in to.chunks_exact_mut(n_channels).zip(self.from.iter()) {
+            let at = *from as usize * n_channels;
+            match taken.get(at..at + n_channels) {
+                Some(values) if *from != OUTSIDE => pixel.copy_from_slice(values),
+                _ => pixel.fill(T::default()),
             }
-            let (tx, ty) =
-                (2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
-            let (ex, ey) = (x * radial + tx - xd, y * radial + ty - yd);
-            if ex.abs() + ey.abs() < NEAR {
-                return Some((x, y));
-            }
-            (x, y) = (x - ex / radial, y - ey / radial);
         }
-        None
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
 
     fn camera() -> Camera {
         Camera {
@@ -118,36 +115,35 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_of_five_coefficients_is_found_again() {
-        let five = [0.26, -0.25, -0.002, 0.003, 0.12];
-        let [k1, k2, p1, p2, k3] = five;
-        let fit = RationalLens([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]).fit(&camera()).unwrap();
-        for (found, expected) in fit.distortion.iter().zip(five) {
-            assert!((found - expected).abs() < 1e-9, "{fit:?}");
+    fn a_lens_of_five_coefficients_is_that_of_the_camera_model() {
+        let [k1, k2, p1, p2, k3] = [0.26, -0.25, -0.002, 0.003, 0.12];
+        let lens = RationalLens([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]);
+        let five = Camera { distortion: [k1, k2, p1, p2, k3], ..camera() };
+        let undistortion = Undistortion::new(&lens, &camera());
+        // Each pixel of the image as taken tells its own number.
+        let taken: Vec<u32> = (0..640 * 576).collect();
+        let mut found = vec![0; taken.len()];
+        undistortion.apply(1, &taken, &mut found);
+        for (row, column) in [(333, 322), (40, 60), (500, 600), (100, 500)] {
+            let ray = camera().ray(f64::from(row), f64::from(column));
+            let (r, c) = five.project(&Vector3::new(ray.x, ray.y, 1.0)).unwrap();
+            let at = found[row as usize * 640 + column as usize];
+            assert!((f64::from(at / 640) - r).abs() <= 0.51 && (f64::from(at % 640) - c).abs() <= 0.51);
         }
-        assert!(fit.worst_px < 1e-8, "{fit:?}");
     }
 
     #[test]
-    fn the_distance_is_that_of_the_pixels() {
-        let lens = RationalLens([0.51, -0.65, 0.001, -0.001, 0.12, 0.39, -0.46, 0.05]);
-        let fit = lens.fit(&camera()).unwrap();
-        let near = Camera { distortion: fit.distortion, ..camera() };
-        let mut worst: f64 = 0.0;
-        for (column, row) in [(0.0, 0.0), (639.0, 0.0), (0.0, 575.0), (639.0, 575.0), (320.0, 0.0)] {
-            let (xd, yd) = ((column - near.cx) / near.fx, (row - near.cy) / near.fy);
-            let (x, y) = lens.undistort(xd, yd).unwrap();
-            let (r, c) = near.project(&Vector3::new(x, y, 1.0)).unwrap();
-            let distance = (r - row).hypot(c - column);
-            assert!(distance <= fit.worst_px * 1.001, "{distance} px at {row} {column}: {fit:?}");
-            worst = worst.max(distance);
-        }
-        assert!(worst > 0.5 * fit.worst_px && fit.rms_px < fit.worst_px, "{worst} px: {fit:?}");
+    fn a_lens_that_folds_the_image_is_not_usable() {
+        assert!(RationalLens([0.51, -2.65, 0.0, 0.0, 1.52, 0.39, -2.46, 1.45]).is_usable(&camera()));
+        assert!(!RationalLens([-3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1]).is_usable(&camera()));
+        assert!(!RationalLens([f64::NAN; 8]).is_usable(&camera()));
     }
 
     #[test]
-    fn what_folds_the_image_has_no_fit() {
-        assert_eq!(RationalLens([-3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1]).fit(&camera()), None);
-        assert_eq!(RationalLens([f64::NAN; 8]).fit(&camera()), None);
+    fn pixels_beyond_the_image_are_empty() {
+        let lens = RationalLens([2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let mut to = vec![7_u16; 640 * 576];
+        Undistortion::new(&lens, &camera()).apply(1, &vec![5; 640 * 576], &mut to);
+        assert_eq!((to[0], to[640 * 333 + 322]), (0, 5));
     }
 }

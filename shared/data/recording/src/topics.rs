@@ -15,6 +15,10 @@ pub(super) struct Topics {
     /// `None`: the recording has no colour.
     pub(super) colour: Option<String>,
     pub(super) camera: Option<String>,
+    /// That of the colour images, where it is another one.
+    pub(super) colour_camera: Option<String>,
+    /// Where the colour camera stands, as a RealSense says it.
+    pub(super) extrinsics: Option<String>,
 }
 
 /// Chooses among the channels of a file.
@@ -54,11 +58,25 @@ pub(super) fn choose(
         None => best("colour", COLOUR_OPTION, &images, is_colour)?,
     };
     let cameras = of(Kind::is_camera);
-    let common = |topic: &str| topic.bytes().zip(depth.bytes()).take_while(|(a, b)| a == b).count();
-    // The nearest name; a camera of colour alone is not that of depth, unless nothing else is there.
-    let camera =
-        cameras.into_iter().rev().max_by_key(|topic| (is_depth(topic) == is_depth(&depth), common(topic)));
-    Ok(Topics { colour, camera: camera.map(str::to_owned), depth })
+    let camera = camera_of(&depth, &cameras);
+    let colour_camera = colour.as_ref().and_then(|colour| camera_of(colour, &cameras));
+    let extrinsics = of(|kind| kind == Kind::RosExtrinsics);
+    let extrinsics = extrinsics.into_iter().find(|topic| topic.ends_with("depth_to_color"));
+    Ok(Topics {
+        colour,
+        colour_camera: colour_camera.filter(|topic| camera.as_ref() != Some(topic)),
+        camera,
+        extrinsics: extrinsics.map(str::to_owned),
+        depth,
+    })
+}
+
+/// The camera of the nearest name; a camera of colour alone is not that of depth, unless nothing
+/// else is there.
+fn camera_of(images: &str, cameras: &[&str]) -> Option<String> {
+    let common = |topic: &str| topic.bytes().zip(images.bytes()).take_while(|(a, b)| a == b).count();
+    let near = |topic: &&&str| (is_depth(topic) == is_depth(images), common(topic));
+    cameras.iter().rev().max_by_key(near).map(|topic| (*topic).to_owned())
 }
 
 fn is_depth(topic: &str) -> bool {

@@ -1,15 +1,19 @@
-//! Opening a source of frames by its name: a folder in the TUM RGB-D layout, an MCAP recording or
-//! a simulated world, all behind the trait [`Source`].
+//! Opening a source of frames by its name: a folder of images in one of several layouts, an MCAP
+//! recording, a bag of ROS 2 or a simulated world, all behind the trait [`Source`].
 //!
-//! To add a source, implement [`Source`] in a file of its own and add a case to [`SourceSpec`].
+//! To add a layout of folders, see `folder/layouts/mod.rs`. To add another source, implement
+//! [`Source`] in a file of its own and add a case to [`open`].
 #![forbid(unsafe_code)]
 
+mod bag;
 mod folder;
+mod joined;
 mod skipped;
 mod spec;
+mod unread;
 
 pub use folder::FolderSource;
-pub use spec::{SourceOptions, SourceSpec, open};
+pub use spec::{COLOUR_NONE, SourceOptions, SourceSpec, open};
 pub use tessera_frames::*;
-pub use tessera_recording::{LensFit, MessageError, RecordingError, RecordingOptions, RecordingSource};
+pub use tessera_recording::{MessageError, RecordingError, RecordingOptions, RecordingSource};
 pub use tessera_simulation::{SceneName, SimulatedSource, SimulationOptions};

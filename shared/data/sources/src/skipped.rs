@@ -55,6 +55,18 @@ impl Source for SkippedSource {
     fn warnings(&self) -> &[String] {
         self.source.warnings()
     }
+
+    fn inspect(&self, index: u64) -> Result<(), SourceError> {
+        self.source.inspect(self.inner(index))
+    }
+
+    fn doubts(&self) -> &[String] {
+        self.source.doubts()
+    }
+
+    fn description(&self) -> Vec<(&'static str, String)> {
+        self.source.description()
+    }
 }
 
 #[cfg(test)]

@@ -2,13 +2,17 @@
 
 use crate::skipped::SkippedSource;
 use crate::{FolderSource, RecordingOptions, RecordingSource, Source, SourceError};
+use crate::{bag, unread};
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tessera_simulation::{SceneName, SimulatedSource, SimulationOptions};
 
 /// Name of the source whose frames a camera's own program sends.
 const EXTERNAL: &str = "external";
+
+/// Topic of colour that stands for: leave colour out.
+pub const COLOUR_NONE: &str = "none";
 
 /// Which source; written into the run directory so that a restarted process opens the same.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,7 +20,7 @@ const EXTERNAL: &str = "external";
 pub enum SourceSpec {
     /// A simulated scene.
     Scene(SceneName),
-    /// A folder in the TUM layout.
+    /// A folder of images or of a bag, or whatever else has that name.
     Folder(PathBuf),
     /// An MCAP file.
     Recording(PathBuf),
@@ -39,9 +43,13 @@ pub struct SourceOptions {
     /// Topic of depth in an MCAP file; without it the one whose name says so.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_topic: Option<String>,
-    /// Topic of colour in an MCAP file; without it the one whose name says so.
+    /// Topic of colour in an MCAP file; without it the one whose name says so. [`COLOUR_NONE`]: colour
+    /// is left out, of folders too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color_topic: Option<String>,
+    /// Frames a second where a folder's images have no times; without it 30.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fps: Option<f64>,
     /// For simulated scenes alone.
     pub simulation: SimulationOptions,
 }
@@ -85,21 +93,44 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
         SourceSpec::Scene(scene) => {
             Box::new(SimulatedSource::open(*scene, camera, frames, &options.simulation)?)
         }
-        SourceSpec::Recording(file) => {
-            let recording = RecordingOptions {
-                camera,
-                depth_topic: options.depth_topic.as_deref(),
-                color_topic: options.color_topic.as_deref(),
-            };
-            Box::new(RecordingSource::open(file, &recording, frames)?)
-        }
+        SourceSpec::Recording(file) => open_file(file, options, frames)?,
         SourceSpec::External => return Err(SourceError::External),
-        SourceSpec::Folder(folder) => Box::new(FolderSource::open(folder, camera, frames)?),
+        SourceSpec::Folder(path) if path.is_file() => open_file(path, options, frames)?,
+        SourceSpec::Folder(folder) => match bag::files(folder)? {
+            Some(files) => bag::open(folder, &files, &recording_options(options), frames)?,
+            None => {
+                let options = SourceOptions { frames, ..options.clone() };
+                Box::new(FolderSource::open_with(folder, &options)?)
+            }
+        },
     };
     Ok(match options.skip {
         0 => source,
         skip => Box::new(SkippedSource::new(source, skip)?),
     })
+}
+
+/// A file: an MCAP file, or for what it is.
+fn open_file(
+    path: &Path,
+    options: &SourceOptions,
+    frames: Option<u64>,
+) -> Result<Box<dyn Source>, SourceError> {
+    match unread::file(path) {
+        Some(error) => Err(error),
+        None => Ok(Box::new(RecordingSource::open(path, &recording_options(options), frames)?)),
+    }
+}
+
+fn recording_options(options: &SourceOptions) -> RecordingOptions<'_> {
+    let colour = options.color_topic.as_deref();
+    RecordingOptions {
+        camera: options.camera.as_deref(),
+        depth_topic: options.depth_topic.as_deref(),
+        color_topic: colour.filter(|topic| *topic != COLOUR_NONE),
+        is_without_colour: colour == Some(COLOUR_NONE),
+        first: None,
+    }
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod moved;
 mod output;
 mod presets;
 mod run;
+mod source;
 mod stages;
 
 pub use error::SettingsError;
@@ -27,6 +28,7 @@ pub use layers::Layers;
 pub use output::OutputSettings;
 pub use presets::{PRESETS, preset};
 pub use run::RunSettings;
+pub use source::SourceSettings;
 pub use stages::{Restart, StageSettings};
 
 use serde::{Deserialize, Serialize};
@@ -43,6 +45,8 @@ use toml::Table;
 pub struct Settings {
     /// What is run: the source and how it is read.
     pub run: RunSettings,
+    /// What a source may have wrong before the run refuses it.
+    pub source: SourceSettings,
     /// What the simulated worlds look like; folders have no use for it.
     pub simulation: SimulationOptions,
     /// From a depth image to a surface.
@@ -94,6 +98,7 @@ impl Settings {
             color_topic: (!run.color_topic.is_empty()).then(|| run.color_topic.clone()),
             skip: run.skip,
             frames: (run.frames > 0).then_some(run.frames),
+            fps: None,
             simulation: self.simulation.clone(),
         };
         (SourceSpec::parse(&run.source), options)
@@ -128,6 +133,7 @@ impl Settings {
         }
         let parts = [
             ("run", words(self.run.check())),
+            ("source", words(self.source.check())),
             ("simulation", words(self.simulation.check())),
             ("surface", words(self.surface.check())),
             ("registration", words(self.registration.check())),

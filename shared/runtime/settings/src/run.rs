@@ -8,14 +8,15 @@ use tessera_numerics::Isa;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RunSettings {
-    /// A folder in the TUM layout, an MCAP file, a simulated world (`room`, `corridor`, `wall`, `house`), or
-    /// `external`: a camera's own program sends the frames.
+    /// A recording (a folder of images, a bag of ROS 2, an MCAP file), a simulated world (`room`, `corridor`,
+    /// `wall`, `house`), or `external`: a camera's own program sends the frames.
     pub source: String,
     /// A camera file or the name of a built-in camera; empty: the source's own.
     pub camera: String,
     /// Topic of depth in an MCAP file; empty: the one whose name says so.
     pub depth_topic: String,
-    /// Topic of colour in an MCAP file; empty: the one whose name says so.
+    /// Topic of colour in an MCAP file; empty: the one whose name says so; `none`: colour is left
+    /// out, of folders too.
     pub color_topic: String,
     /// Frames left out at the beginning.
     pub skip: u64,

@@ -4,6 +4,7 @@
 //! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
 #![forbid(unsafe_code)]
 
+mod broken;
 mod checkpoint;
 mod clock;
 mod context;
@@ -22,6 +23,7 @@ mod run_file;
 mod stopwatch;
 mod tracer;
 
+pub use broken::BrokenFrames;
 pub use checkpoint::Checkpoint;
 pub use clock::{cpu_nanos, monotonic_nanos};
 pub use context::{IDLE, Outcome, POISON_VARIABLE, StageArgs, StageContext, stage_main};
@@ -31,7 +33,7 @@ pub use kill_point::{
     Delivery, KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints, MESSAGE_POINTS, STRUCK, fault_names,
 };
 pub use lifeline::Lifeline;
-pub use log::{last_lines, start_log};
+pub use log::{last_lines, log_line, start_log};
 pub use marks::{Marks, StateAt};
 pub use memory::ran_out_of_memory;
 pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};

@@ -77,6 +77,14 @@ pub fn start_log(path: &Path, process: &'static str) -> std::io::Result<()> {
     Ok(())
 }
 
+/// Writes a line into this process's log: a warning, or what is for the user to know.
+pub fn log_line(is_warning: bool, text: &str) {
+    match is_warning {
+        true => tracing::warn!("{text}"),
+        false => tracing::info!("{text}"),
+    }
+}
+
 /// The last lines of a log that a process wrote, oldest first.
 pub fn last_lines(path: &Path, process: &str, n: usize) -> Vec<String> {
     let text = tail(path, 32 << 10).unwrap_or_default();

@@ -65,6 +65,11 @@ impl RunFiles {
         self.dir.join("camera.session")
     }
 
+    /// Frames of which an image was missing or broken.
+    pub fn broken_frames(&self) -> PathBuf {
+        self.dir.join("broken_frames.txt")
+    }
+
     /// When the first frame of a live run was due.
     pub fn live_clock(&self) -> PathBuf {
         self.dir.join("live.clock")

@@ -27,6 +27,12 @@ pub struct RunFile {
     pub camera: Camera,
     /// Frames that the source will give; `None`: no end in sight.
     pub n_frames: Option<u64>,
+    /// Frames a second that `--fps` gave to images without times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fps: Option<f64>,
+    /// What looked wrong with the source before the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<String>,
     /// The map that it starts in, if any: enough to know it again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<MapIdentity>,

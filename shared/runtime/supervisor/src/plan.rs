@@ -34,6 +34,10 @@ pub struct Plan {
     pub camera: Camera,
     /// Frames of the source.
     pub n_frames: Option<u64>,
+    /// Frames a second of images without times, where `--fps` was given.
+    pub fps: Option<f64>,
+    /// What looks wrong with the source.
+    pub doubts: Vec<String>,
     /// The stages are started from outside.
     pub hold: bool,
     /// Go on with the run that is there.
@@ -79,6 +83,8 @@ impl Plan {
             identity: claim.entry.identity.clone(),
             camera: self.camera.clone(),
             n_frames: self.n_frames,
+            fps: self.fps,
+            doubts: self.doubts.clone(),
             map: expected,
         };
         let layout = run.layout(&self.settings);

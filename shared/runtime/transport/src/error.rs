@@ -45,7 +45,7 @@ pub enum TransportError {
     },
     /// Shared memory is too small.
     #[error(
-        "{path} has {free} bytes free, this run needs {need}; free some, enlarge it, or lower the window with --set flow.window={window}"
+        "{path} has {} MB free, this run needs {} MB ({need} bytes); free some, enlarge it (Docker: --shm-size={}m){}", free / 1_000_000, need.div_ceil(1_000_000), need.div_ceil(1 << 20), lower_window(*.window)
     )]
     Space {
         /// The file system.
@@ -54,8 +54,8 @@ pub enum TransportError {
         free: u64,
         /// Bytes needed.
         need: u64,
-        /// Largest window that fits, or 1.
-        window: u32,
+        /// Largest smaller window that fits, if any does.
+        window: Option<u32>,
     },
     /// iceoryx2 refused, again and again.
     #[error("cannot open {what}: {reason}")]
@@ -75,6 +75,10 @@ pub enum TransportError {
         /// The error of iceoryx2.
         reason: String,
     },
+}
+
+fn lower_window(window: Option<u32>) -> String {
+    window.map_or(String::new(), |window| format!(", or lower the window with --set flow.window={window}"))
 }
 
 impl TransportError {

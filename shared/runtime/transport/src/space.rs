@@ -26,7 +26,7 @@ fn check_free(layout: &Layout, free: u64) -> Result<u64, TransportError> {
         return Ok(need);
     }
     let fits = |window: &u32| Layout { window: *window, ..*layout }.shared_memory_bytes() <= free;
-    let window = (1..layout.window).rev().find(fits).unwrap_or(1);
+    let window = (1..layout.window).rev().find(fits);
     Err(TransportError::Space { path: SHARED_MEMORY.into(), free, need, window })
 }
 
@@ -60,6 +60,11 @@ mod tests {
         assert_eq!(check_free(&layout, need).unwrap(), need);
         let message = check_free(&layout, need - 1).unwrap_err().to_string();
         assert!(message.contains("flow.window=7") && message.contains(&need.to_string()), "{message}");
-        assert!(check_free(&layout, 1000).unwrap_err().to_string().contains("flow.window=1"));
+        assert!(message.contains("Docker: --shm-size="), "{message}");
+        // No advice that does not help.
+        let message = check_free(&layout, 1000).unwrap_err().to_string();
+        assert!(!message.contains("flow.window"), "{message}");
+        let least = Layout { window: 1, ..layout };
+        assert!(!check_free(&least, 1000).unwrap_err().to_string().contains("flow.window"));
     }
 }

@@ -91,7 +91,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut method = method.clone();
             method.registration.seed += seed;
             let mut run = Run::new(camera, &method)?;
-            decoded.iter().for_each(|frame| run.push(frame));
+            decoded.iter().for_each(|frame| drop(run.push(frame)));
             let score = evaluate(&run.finish().last(), truth, &EvaluationOptions::default())?;
             ate_m.push(score.ate_rmse_m);
             rpe_m_per_s.extend(score.rpe_translation_rmse_m_per_s);

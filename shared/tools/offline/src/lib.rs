@@ -5,23 +5,29 @@
 #![forbid(unsafe_code)]
 
 mod calibrate;
+mod camera;
 mod motion;
 mod smooth_surfaces;
 
 pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
+pub use camera::pinhole;
 pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
 
-use tessera_evaluation::Trajectory;
+pub use tessera_evaluation::Trajectory;
 use tessera_features::{Extractor, Feature};
-use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits};
-use tessera_numerics::SettingError;
-use tessera_registration::RegistrationSettings;
+use tessera_geometry::PoseBits;
+pub use tessera_geometry::{Camera, InertialRotation, Pose};
+pub use tessera_numerics::SettingError;
+pub use tessera_registration::RegistrationSettings;
+pub use tessera_slam::{AlignRecord, MappingSettings, State};
 use tessera_slam::{
-    AlignRecord, ColourState, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
-    MappingSettings, OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, State, Tracker,
+    ColourState, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
+    OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, Tracker,
 };
-use tessera_sources::{FrameBuffers, Source, SourceError};
-use tessera_surface::{Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex, WorkloadLevel};
+use tessera_sources::FrameBuffers;
+pub use tessera_sources::{Source, SourceError};
+pub use tessera_surface::SurfaceSettings;
+use tessera_surface::{Grid, Reconstructor, SurfaceView, Vertex, WorkloadLevel};
 
 /// One frame as the sensor delivers it.
 #[derive(Clone, Debug)]
@@ -48,6 +54,19 @@ impl RawFrame {
         let colour = info.has_colour.then_some(colour);
         Ok(Self { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour })
     }
+}
+
+/// What became of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracked {
+    /// Index of the frame, counted from 0.
+    pub index: u64,
+    /// Whether the pose was measured or only predicted.
+    pub state: State,
+    /// Pose in the map's frame as first published; later corrections are in [`Records::last`].
+    pub world_from_camera: Pose,
+    /// 6x6 covariance (upper triangle, row by row, translation first), m and rad; empty where lost.
+    pub covariance: Vec<f64>,
 }
 
 /// The settings of the algorithms.
@@ -134,8 +153,8 @@ impl Run {
         Ok(run)
     }
 
-    /// Processes the next frame.
-    pub fn push(&mut self, frame: &RawFrame) {
+    /// Processes the next frame and says where the camera is.
+    pub fn push(&mut self, frame: &RawFrame) -> Tracked {
         let grid = self.reconstructor.grid();
         let mut vertices = vec![Vertex::default(); grid.len()];
         self.reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut vertices);
@@ -172,8 +191,15 @@ impl Run {
             self.keyframes.1.extend(seen.cloned());
         }
         self.previous = Some((index, frame.stamp_nanos, vertices, features));
+        let tracked = Tracked {
+            index,
+            state: record.state,
+            world_from_camera: Pose::from(&record.world_from_camera),
+            covariance: record.covariance.clone(),
+        };
         self.take(AlignRecord::Frame(Box::new(record)));
         self.solve();
+        tracked
     }
 
     /// Ends the sequence with the final optimisation and returns all records.

@@ -31,7 +31,7 @@ fn try_solve(
 
 fn ate_m(source: &dyn Source, frames: &[RawFrame], camera: &Camera) -> f64 {
     let mut run = Run::new(camera, &Method::default()).unwrap();
-    frames.iter().for_each(|frame| run.push(frame));
+    frames.iter().for_each(|frame| drop(run.push(frame)));
     let truth = source.ground_truth().unwrap();
     evaluate(&run.finish().last(), truth, &EvaluationOptions::default()).unwrap().ate_rmse_m
 }

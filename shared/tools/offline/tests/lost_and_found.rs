@@ -38,7 +38,7 @@ fn run(source: &SimulatedSource, steps: &[Step]) -> Vec<(FrameRecord, Option<Pos
     let numbered: Vec<(usize, Step)> = steps.iter().copied().enumerate().collect();
     for some in numbered.chunks(16) {
         let frames: Vec<RawFrame> = some.par_iter().map(|&(k, step)| frame(source, k, step)).collect();
-        frames.iter().for_each(|frame| run.push(frame));
+        frames.iter().for_each(|frame| drop(run.push(frame)));
     }
     let records = run.finish();
     let truth = &source.ground_truth().unwrap().poses;

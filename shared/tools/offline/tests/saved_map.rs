@@ -19,7 +19,7 @@ fn frame(source: &SimulatedSource, index: u64) -> RawFrame {
 fn push_all(run: &mut Run, source: &SimulatedSource, indices: &[u64]) {
     for some in indices.chunks(16) {
         let frames: Vec<RawFrame> = some.par_iter().map(|&index| frame(source, index)).collect();
-        frames.iter().for_each(|frame| run.push(frame));
+        frames.iter().for_each(|frame| drop(run.push(frame)));
     }
 }
 

@@ -1,6 +1,7 @@
 //! All outputs of a run from its folder: journal, store, camera, configuration, ground truth.
 
 use crate::ToolError;
+use crate::facts::Beside;
 use crate::files::write_whole;
 use crate::map::{self, MapInput};
 use crate::replay::Replay;
@@ -15,7 +16,7 @@ use tessera_geometry::Camera;
 use tessera_journal::Follower;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, Context, KeyframeSurfaces};
-use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles};
+use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, MappedKeyframes, RunFile, RunFiles};
 
 /// Name of the ground truth in the run directory.
 const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
@@ -38,7 +39,8 @@ pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError
     trajectories::write(replay, out_folder)?;
     states::write(replay, out_folder)?;
     write_map(&files, out_folder, replay, &settings)?;
-    let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref());
+    let beside = read_beside(&files);
+    let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if let Some(refined) = replay.refined() {
         write_camera(&refined.camera, &settings.run.source, out_folder)?;
         summary.compare_with(&as_mapped, groundtruth.as_ref());
@@ -73,6 +75,20 @@ pub fn read_journal(files: &RunFiles) -> Result<Replay, ToolError> {
         replay.apply(record);
     }
     Ok(replay)
+}
+
+/// What the run directory has for the verdict beside the journal; nothing where it has none.
+pub fn read_beside(files: &RunFiles) -> Beside {
+    let broken = BrokenFrames::new(files).read();
+    match RunFile::read(files) {
+        Ok(run) => Beside {
+            broken,
+            source_doubts: run.doubts,
+            units_per_metre: run.camera.units_per_metre,
+            focal_px: run.camera.fx,
+        },
+        Err(_) => Beside { broken, ..Beside::default() },
+    }
 }
 
 /// Keeps the ground truth in the run folder, so that outputs need nothing from elsewhere.

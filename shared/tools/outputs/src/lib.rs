@@ -5,6 +5,7 @@
 mod accuracy;
 mod error;
 mod export;
+pub mod facts;
 mod files;
 mod machine;
 mod map;
@@ -17,12 +18,14 @@ mod summary;
 pub mod test_run;
 mod timeline;
 mod trajectories;
+pub mod verdict;
 mod voxels;
 mod words;
 
 pub use error::ToolError;
 pub use export::{
-    export, map_keyframes, read_groundtruth, read_journal, read_settings, refined_warp, write_groundtruth,
+    export, map_keyframes, read_beside, read_groundtruth, read_journal, read_settings, refined_warp,
+    write_groundtruth,
 };
 pub use files::write_file;
 pub use machine::Machine;
@@ -32,3 +35,4 @@ pub use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_sta
 pub use summary::Summary;
 pub use timeline::{END_TO_END, Point, Recorder, Sample, Timeline, read_timeline, write_timeline};
 pub use trajectories::{as_trajectory, final_rows, keyframe_rows};
+pub use verdict::{Grade, Verdict};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_slam::{
-    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, MapRecord, PoseHistory,
-    RefinedCamera, Refinement, State,
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
+    PoseHistory, RefinedCamera, Refinement, State,
 };
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
@@ -117,11 +117,28 @@ impl Replay {
         self.poses.final_pose(&frame.into())
     }
 
-    /// Loops between keyframes that the optimiser kept.
+    /// Loops found: pairs of keyframes that the optimiser judged, and those of the aligner that it had
+    /// no word on.
+    pub fn n_loops_found(&self) -> u64 {
+        (self.loops.len() + self.unjudged_loops().count()) as u64
+    }
+
+    /// Loops closed: verified, and kept by the optimiser.
     pub fn n_loops_closed(&self) -> u64 {
-        let weight = |newer, older| self.loops.get(&(newer, older)).map_or(1.0, |pair| pair.weight);
-        let loops = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
-        loops.filter(|(newer, edge)| edge.is_loop && weight(*newer, edge.to) >= LOOP_WEIGHT).count() as u64
+        let kept = self.loops.values().filter(|pair| is_verified(pair) && !is_rejected(pair));
+        (kept.count() + self.unjudged_loops().count()) as u64
+    }
+
+    /// Loops that were verified and then rejected by the optimiser, for they contradict the others.
+    pub fn n_loops_rejected(&self) -> u64 {
+        self.loops.values().filter(|pair| is_verified(pair) && is_rejected(pair)).count() as u64
+    }
+
+    /// Loops of the aligner, which verified them, that the optimiser did not judge.
+    fn unjudged_loops(&self) -> impl Iterator<Item = (u32, u32)> {
+        let edges = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
+        let loops = edges.filter(|(_, edge)| edge.is_loop).map(|(newer, edge)| (newer, edge.to));
+        loops.filter(|pair| !self.loops.contains_key(pair))
     }
 
     /// Frames by the workload they got, from the full one down.
@@ -135,6 +152,14 @@ impl Replay {
     pub fn n_untracked(&self) -> u64 {
         self.frames.iter().filter(|frame| frame.state != State::Tracking).count() as u64
     }
+}
+
+fn is_verified(pair: &LoopRecord) -> bool {
+    matches!(pair.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted)
+}
+
+fn is_rejected(pair: &LoopRecord) -> bool {
+    pair.verdict == LoopVerdict::Outvoted || pair.weight < LOOP_WEIGHT
 }
 
 #[cfg(test)]
@@ -156,7 +181,7 @@ mod tests {
     fn counts_say_what_happened() {
         let mut replay = Replay::default();
         test_run::records().into_iter().for_each(|record| replay.apply(record));
-        assert_eq!(replay.n_loops_closed(), 1);
+        assert_eq!((replay.n_loops_found(), replay.n_loops_closed(), replay.n_loops_rejected()), (2, 1, 1));
         assert_eq!(replay.n_untracked(), 1);
         assert_eq!(replay.skipped, [(6, "newer frames had come".to_owned())]);
         assert_eq!(replay.n_source_frames, Some(7));

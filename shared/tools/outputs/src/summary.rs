@@ -2,10 +2,12 @@
 
 use crate::ToolError;
 use crate::accuracy::{Accuracy, accuracy};
+use crate::facts::{Beside, Facts};
 use crate::files::write_whole;
 use crate::replay::Replay;
 use crate::statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
 use crate::trajectories::{Rows, final_rows, online_rows};
+use crate::verdict::{Verdict, verdict};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,6 +28,8 @@ pub struct Summary {
     pub source: String,
     /// How the run ended.
     pub ended: Ended,
+    /// Whether the outputs can be relied on, and why not.
+    pub verdict: Verdict,
     /// Whether the optimisation at the end of the run is in the outputs.
     pub final_optimisation: bool,
     /// Frames that the sensor sent.
@@ -38,6 +42,10 @@ pub struct Summary {
     pub frames_lost: u64,
     /// Frames whose pose is a prediction.
     pub frames_untracked: u64,
+    /// Where they are: first and last frame of each span.
+    pub untracked: Vec<[u64; 2]>,
+    /// Frames with a missing or broken image, which went on without it.
+    pub frames_broken: u64,
     /// Processed frames by the workload they got, from the full one down; less than full in live
     /// mode alone.
     pub frames_at_workload: [u64; 4],
@@ -47,8 +55,12 @@ pub struct Summary {
     pub map_keyframes: u64,
     /// First tracked frame; in a run that started in a map, the frame that was found there.
     pub first_tracked: Option<u64>,
-    /// Loop requests that were answered with a correction.
+    /// Pairs of keyframes that would close a loop.
+    pub loops_found: u64,
+    /// Those that were verified and that the optimisation kept.
     pub loops_closed: u64,
+    /// Those that were verified and that the optimisation rejected.
+    pub loops_rejected: u64,
     /// Corrections of all keyframes.
     pub global_optimisations: u64,
     /// Restarts by stage.
@@ -102,7 +114,9 @@ impl Summary {
         replay: &Replay,
         statistics: &RunStatistics,
         groundtruth: Option<&Trajectory>,
+        beside: &Beside,
     ) -> Self {
+        let facts = Facts::new(replay, statistics, groundtruth, beside);
         let (processed, dropped) = (replay.frames.len() as u64, replay.skipped.len() as u64);
         // Until the source has ended, what was sent and not yet processed is not lost but undone.
         let read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
@@ -115,17 +129,22 @@ impl Summary {
             version: env!("CARGO_PKG_VERSION"),
             source: settings.run.source.clone(),
             ended: statistics.ended,
+            verdict: verdict(&facts),
             final_optimisation: replay.is_finally_optimised,
             frames_read: read,
             frames_processed: processed,
             frames_dropped: dropped,
             frames_lost: read - processed - dropped,
             frames_untracked: replay.n_untracked(),
+            untracked: facts.untracked.iter().map(|span| [span.first, span.last]).collect(),
+            frames_broken: facts.broken.len() as u64,
             frames_at_workload: replay.n_at_workload(),
             keyframes: replay.keyframes.len() as u64,
             map_keyframes: replay.n_map_keyframes as u64,
             first_tracked: replay.first_tracked,
+            loops_found: replay.n_loops_found(),
             loops_closed: replay.n_loops_closed(),
+            loops_rejected: replay.n_loops_rejected(),
             global_optimisations: replay.n_corrections,
             restarts: by_stage(|name| stage(name).restarts),
             latency_ms,
@@ -204,7 +223,7 @@ pub(crate) mod tests {
             wall_s: 2.0,
             ..RunStatistics::default()
         };
-        Summary::new(&Settings::default(), &replay, &statistics, Some(&truth))
+        Summary::new(&Settings::default(), &replay, &statistics, Some(&truth), &Beside::default())
     }
 
     #[test]
@@ -223,6 +242,9 @@ pub(crate) mod tests {
         for (key, expected) in numbers {
             assert_eq!(json[key], expected, "{key}");
         }
+        assert_eq!((&json["verdict"]["grade"], &json["untracked"][0][1]), (&"doubtful".into(), &4.into()));
+        let reason = &json["verdict"]["reasons"][0];
+        assert!(reason["found"].as_str().unwrap().contains("not finished") && reason["advice"].is_string());
         assert_eq!((&json["map_keyframes"], &json["first_tracked"]), (&0.into(), &0.into()));
         assert_eq!(json["restarts"]["align"], 1);
         assert_eq!(json["restarts"]["sensor"], 0);

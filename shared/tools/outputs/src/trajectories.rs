@@ -4,8 +4,9 @@ use crate::ToolError;
 use crate::files::write_whole;
 use crate::replay::Replay;
 use std::path::Path;
-use tessera_evaluation::{Trajectory, write_tum};
+use tessera_evaluation::{Trajectory, write_tum, write_tum_row};
 use tessera_geometry::Pose;
+use tessera_slam::State;
 
 /// Stamps and poses, one each row.
 pub(crate) type Rows = Vec<(i64, Pose)>;
@@ -50,7 +51,25 @@ pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
             write_tum(&mut writer, &header, rows.iter().map(|(stamp, pose)| (*stamp, pose)))
         })?;
     }
-    Ok(())
+    write_marked(replay, folder)
+}
+
+/// The final trajectory once more, with a ninth column that says which poses were measured.
+fn write_marked(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
+    write_whole(folder, "trajectory_marked.txt", |writer| {
+        writeln!(
+            writer,
+            "# final pose of every processed frame, and whether it was tracked or only predicted"
+        )?;
+        writeln!(writer, "# {COLUMNS} state")?;
+        for ((stamp, pose), frame) in final_rows(replay).iter().zip(&replay.frames) {
+            let mut row = Vec::new();
+            write_tum_row(&mut row, *stamp, pose)?;
+            let mark = if frame.state == State::Tracking { "tracked" } else { "predicted" };
+            writeln!(writer, "{} {mark}", String::from_utf8_lossy(&row).trim_end())?;
+        }
+        Ok(())
+    })
 }
 
 #[cfg(test)]
@@ -73,5 +92,13 @@ mod tests {
         ));
         assert!(read("trajectory.txt").lines().nth(4).unwrap().contains(" 1.200000000 "));
         assert_eq!(read("keyframes.txt").lines().count(), 5);
+        let (marked, plain) = (read("trajectory_marked.txt"), read("trajectory.txt"));
+        let marks = marked.lines().skip(2).zip(plain.lines().skip(2)).map(|(marked, plain)| {
+            let (row, mark) = marked.rsplit_once(' ').unwrap();
+            assert_eq!(row, plain);
+            mark
+        });
+        let expected = ["tracked", "tracked", "tracked", "tracked", "predicted", "tracked"];
+        assert_eq!(marks.collect::<Vec<_>>(), expected);
     }
 }

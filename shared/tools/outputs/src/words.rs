@@ -3,10 +3,12 @@
 use crate::accuracy::Accuracy;
 use crate::statistics::Ended;
 use crate::summary::{RefinementSummary, STAGES, Summary};
+use crate::verdict::Grade;
 use std::fmt::Write;
 
 impl Summary {
-    /// The summary as lines of at most 80 columns, unless a name or a number is uncommonly long.
+    /// The summary as lines of at most 80 columns, unless a name or a number is uncommonly long, and
+    /// behind it the verdict in sentences.
     pub fn for_people(&self) -> String {
         let mut text = String::new();
         // Writing to a String cannot fail, here and below.
@@ -14,7 +16,7 @@ impl Summary {
         let Self { frames_read, frames_processed, frames_dropped, frames_lost, frames_untracked, .. } = self;
         let _ = writeln!(
             text,
-            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} lost"
+            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} missing"
         );
         if let [_, fewer, small, least] = self.frames_at_workload
             && fewer + small + least > 0
@@ -25,10 +27,10 @@ impl Summary {
                 fewer + small + least
             );
         }
-        let Self { keyframes, loops_closed, global_optimisations, .. } = self;
+        let Self { keyframes, loops_closed, loops_rejected, global_optimisations, .. } = self;
         let _ = writeln!(
             text,
-            "  map         {keyframes} keyframes, {loops_closed} loops closed, {global_optimisations} global optimisations"
+            "  map         {keyframes} keyframes, {loops_closed} loops closed, {loops_rejected} rejected, {global_optimisations} global optimisations"
         );
         match (self.map_keyframes, self.first_tracked) {
             (0, _) => {}
@@ -64,6 +66,7 @@ impl Summary {
         if let Some(refinement) = &self.refinement {
             text.push_str(&refinement.for_people());
         }
+        text.push_str(&self.verdict.for_people());
         text
     }
 
@@ -79,7 +82,7 @@ impl Summary {
 
     /// Whether the end of the run is a reason to worry.
     pub fn is_alarming(&self) -> bool {
-        self.ended != Ended::Finished || self.frames_lost > 0 || self.is_nowhere()
+        self.verdict.grade != Grade::Good
     }
 
     fn headline(&self) -> String {
@@ -157,11 +160,14 @@ mod tests {
             pairs: 360,
         };
         let accuracy = format!("  final       {}", accuracy.for_people());
-        for line in text.lines().chain([accuracy.as_str()]) {
+        // The terminal breaks the sentences of the verdict, which name files and numbers.
+        let (table, verdict) = text.split_once("  verdict     doubtful\n").unwrap();
+        assert!(verdict.contains("try: tessera resume"), "{verdict}");
+        for line in table.lines().chain([accuracy.as_str()]) {
             assert!(line.len() <= 80, "{line}");
         }
         assert!(text.starts_with("room: interrupted, without the final optimisation\n"), "{text}");
-        assert!(text.contains("6 of 7 processed, 1 not tracked, 1 dropped, 0 lost"), "{text}");
+        assert!(text.contains("6 of 7 processed, 1 not tracked, 1 dropped, 0 missing"), "{text}");
         assert!(text.contains("restarts    1"), "{text}");
     }
 }

@@ -22,8 +22,12 @@ pub fn page(runs: &[Run]) -> Result<String, ReportError> {
         let level = if runs.len() > 1 { "h2" } else { "h1" };
         let class = if run.is_alarming { "badge alarm" } else { "badge" };
         let prefix = if runs.len() > 1 { format!("run{place}-") } else { String::new() };
+        let reasons: String =
+            run.reasons.iter().map(|reason| format!("<li>{}</li>", escaped(reason))).collect();
+        let reasons =
+            if reasons.is_empty() { reasons } else { format!("<ul class=\"reasons\">{reasons}</ul>") };
         body.push_str(&format!(
-            "<article><header><{level}>{} <span class=\"{class}\">{}</span></{level}><p>{}</p></header>{}</article>",
+            "<article><header><{level}>{} <span class=\"{class}\">{}</span></{level}><p>{}</p>{reasons}</header>{}</article>",
             escaped(&run.name),
             escaped(&run.ended),
             escaped(&run.source),

@@ -163,6 +163,8 @@ pub struct Run {
     pub ended: String,
     /// Whether that is a reason to worry.
     pub is_alarming: bool,
+    /// Reasons of the verdict, in sentences.
+    pub reasons: Vec<String>,
     /// What and how much: the summary.
     pub facts: Vec<(String, String)>,
     /// Where it was made: the program, the machine.

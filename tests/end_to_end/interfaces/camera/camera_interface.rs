@@ -259,6 +259,38 @@ fn a_program_in_python_is_a_camera_and_another_reads_the_poses() {
     assert_eq!(live.leftovers(), Vec::<PathBuf>::new());
 }
 
+/// A float image is twice as long as a loan: it was copied beyond its end.
+#[test]
+fn python_refuses_images_of_another_length_or_type() {
+    let Some(python) = python() else { return };
+    let program = "
+import array, tessera
+def refusal(*arguments):
+    try:
+        return len(tessera.pixels(*arguments))
+    except (TypeError, ValueError) as error:
+        return error
+print(refusal('depth', bytes(24), 'H', 12))
+print(refusal('depth', array.array('H', range(12)), 'H', 12))
+print(refusal('depth', array.array('f', range(12)), 'H', 12))
+print(refusal('depth', array.array('f', range(6)), 'H', 12))
+print(refusal('depth', bytes(26), 'H', 12))
+print(refusal('colour', bytes(35), 'B', 36))
+";
+    let output = Command::new(python)
+        .args(["-c", program])
+        .env("PYTHONPATH", root().join("examples/python"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    let expected = "24\n24\n\
+        depth holds values of format 'f', expected uint16\n\
+        depth holds values of format 'f', expected uint16\n\
+        depth has 26 bytes, expected 24\n\
+        colour has 35 bytes, expected 36\n";
+    assert_eq!(text, expected);
+}
+
 fn numbers(line: &str) -> Vec<f64> {
     line.split_whitespace().map(|word| word.parse().unwrap()).collect()
 }

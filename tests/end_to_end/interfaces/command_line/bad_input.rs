@@ -78,8 +78,8 @@ impl Recording {
     }
 
     /// The message of a run that must be refused as unusable input.
-    fn refusal(&self) -> String {
-        let output = self.run(&[]);
+    fn refusal(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
         let text = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(3), "{text}");
         assert!(text.starts_with("tessera: ") && text.matches("tessera: ").count() == 1, "{text}");
@@ -105,7 +105,7 @@ fn lists_and_cameras_are_refused_by_file_line_and_key() {
     let check = |name: &str, old: &str, new: &str, parts: &[&str]| {
         let before = std::fs::read_to_string(recording.path(name)).unwrap();
         recording.replace(name, old, new);
-        assert_contains(&recording.refusal(), parts);
+        assert_contains(&recording.refusal(&[]), parts);
         assert!(!recording.path("out").exists(), "a refused run leaves no folder");
         recording.write(name, &before);
     };
@@ -118,41 +118,83 @@ fn lists_and_cameras_are_refused_by_file_line_and_key() {
     check("camera.toml", "fx = 525.0\n", "", &["camera.toml", "missing field `fx`"]);
     check("camera.toml", "fx", "focal = 1.0\nfx", &["camera.toml", "unknown field `focal`"]);
     recording.write("imu.txt", "0.0 0.1 0 0\n0.005 0.1 0 0\n0.005 0.1 0 0\n");
-    assert_contains(&recording.refusal(), &["imu.txt, line 3", "is repeated, expected each once"]);
+    assert_contains(&recording.refusal(&[]), &["imu.txt, line 3", "is repeated, expected each once"]);
     recording.write("imu.txt", "0.0 0.1 0 inf\n");
-    assert_contains(&recording.refusal(), &["imu.txt, line 1", "found 'inf', expected a finite number"]);
+    assert_contains(&recording.refusal(&[]), &["imu.txt, line 1", "found 'inf', expected a finite number"]);
     std::fs::remove_file(recording.path("imu.txt")).unwrap();
     recording.write("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 0 nan 0 0 0 0 1\n");
-    assert_contains(&recording.refusal(), &["groundtruth.txt, line 2", "nan"]);
+    assert_contains(&recording.refusal(&[]), &["groundtruth.txt, line 2", "nan"]);
     std::fs::remove_file(recording.path("groundtruth.txt")).unwrap();
     recording.write("depth.txt", "# nothing\n");
-    assert_contains(&recording.refusal(), &["depth.txt names no images"]);
+    assert_contains(&recording.refusal(&[]), &["depth.txt names no images"]);
     std::fs::remove_file(recording.path("depth.txt")).unwrap();
-    assert_contains(&recording.refusal(), &["depth.txt"]);
+    assert_contains(&recording.refusal(&[]), &["depth.txt"]);
     std::fs::remove_file(recording.path("camera.toml")).unwrap();
     recording.write("depth.txt", "0.0 depth/0.png\n");
-    assert_contains(&recording.refusal(), &["has no camera.toml", "--camera"]);
+    assert_contains(&recording.refusal(&[]), &["has no camera.toml", "--camera"]);
 }
+
+/// Bears no broken image.
+const STRICT: [&str; 2] = ["--set", "source.max_broken_share=0"];
 
 #[test]
 fn images_are_refused_by_frame_and_file() {
     let recording = Recording::new(6);
     let whole = std::fs::read(recording.path("depth/0.png")).unwrap();
-    std::fs::write(recording.path("depth/0.png"), &whole[..whole.len() / 2]).unwrap();
-    assert_contains(&recording.refusal(), &["frame 0", "depth/0.png", "cut short or damaged"]);
+    let spoil = |bytes: &[u8]| {
+        for index in 0..6 {
+            std::fs::write(recording.path(&format!("depth/{index}.png")), bytes).unwrap();
+        }
+    };
+    spoil(&whole[..whole.len() / 2]);
+    assert_contains(&recording.refusal(&[]), &["frame 0", "depth/0.png", "cut short or damaged"]);
     let eight_bit = image::GrayImage::from_pixel(WIDTH, HEIGHT, image::Luma([9]));
     eight_bit.save(recording.path("depth/0.png")).unwrap();
-    assert_contains(&recording.refusal(), &["frame 0", "depth/0.png", "expected"]);
-    std::fs::write(recording.path("depth/0.png"), &whole).unwrap();
+    assert_contains(&recording.refusal(&[]), &["frame 0", "depth/0.png", "expected"]);
+    spoil(&whole);
     image::RgbImage::new(80, 60).save(recording.path("rgb/0.png")).unwrap();
-    assert_contains(&recording.refusal(), &["frame 0", "rgb/0.png", "80x60 px, expected 640x480 px"]);
+    assert_contains(&recording.refusal(&STRICT), &["frame 0", "rgb/0.png", "80x60 px, expected 640x480 px"]);
 }
 
 #[test]
-fn an_image_that_is_damaged_in_the_middle_ends_the_run_and_keeps_what_was_done() {
+fn a_broken_image_costs_itself_and_is_named() {
     let recording = Recording::new(40);
     std::fs::write(recording.path("depth/33.png"), b"no image").unwrap();
-    assert_contains(&recording.refusal(), &["sensor", "frame 33", "depth/33.png"]);
+    std::fs::remove_file(recording.path("rgb/20.png")).unwrap();
+    let output = recording.run(&[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = |name: &str| std::fs::read_to_string(recording.path(name)).unwrap();
+    assert_eq!(recording.states().len(), 40);
+    let broken = read("out/broken_frames.txt");
+    let rows: Vec<&str> = broken.lines().skip(1).collect();
+    assert!(rows[0].starts_with("20 ") && rows[0].contains("rgb/20.png"), "{broken}");
+    assert!(rows[1].starts_with("33 ") && rows[1].contains("depth/33.png"), "{broken}");
+    let summary: serde_json::Value = serde_json::from_str(&read("out/summary.json")).unwrap();
+    assert_eq!((&summary["frames_broken"], &summary["frames_processed"]), (&2.into(), &40.into()));
+    assert_eq!(summary["verdict"]["grade"], "doubtful", "{summary}");
+    assert!(
+        summary["verdict"].to_string().contains("2 of 40 frames have a missing or broken image"),
+        "{summary}"
+    );
+    assert!(read("out/log.txt").contains("verdict doubtful: "));
+    // The third is one too many of 40.
+    std::fs::write(recording.path("depth/7.png"), b"no image").unwrap();
+    std::fs::remove_dir_all(recording.path("out")).unwrap();
+    assert_contains(
+        &recording.refusal(&[]),
+        &["3 of 40 frames have a missing or broken image, expected at most 2"],
+    );
+    // The verdict is an exit code where that is asked for.
+    std::fs::copy(recording.path("depth/6.png"), recording.path("depth/7.png")).unwrap();
+    std::fs::remove_dir_all(recording.path("out")).unwrap();
+    assert_eq!(recording.run(&["--strict"]).status.code(), Some(6));
+}
+
+#[test]
+fn an_image_that_is_damaged_in_the_middle_ends_a_strict_run_and_keeps_what_was_done() {
+    let recording = Recording::new(40);
+    std::fs::write(recording.path("depth/33.png"), b"no image").unwrap();
+    assert_contains(&recording.refusal(&STRICT), &["sensor", "frame 33", "depth/33.png"]);
     // Frames before it may still have been under way; what was recorded is written.
     let states = recording.states();
     assert!(states.len() <= 33, "{states:?}");
@@ -172,7 +214,10 @@ fn an_image_that_is_damaged_in_the_middle_ends_the_run_and_keeps_what_was_done()
 fn wrong_depth_units_are_refused_with_a_hint_unless_forced() {
     let recording = Recording::new(4);
     recording.replace("camera.toml", "5000.0", "50.0");
-    assert_contains(&recording.refusal(), &["the depth units look wrong", "units_per_metre = ", "--force"]);
+    assert_contains(
+        &recording.refusal(&[]),
+        &["the depth units look wrong", "units_per_metre = ", "--force"],
+    );
     let output = recording.run(&["--force"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(recording.states().len(), 4);

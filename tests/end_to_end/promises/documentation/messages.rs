@@ -146,13 +146,25 @@ fn of_recordings(told: &mut Told) {
     told.by(&["check", "no/such/folder"]);
     told.by(&["run", "room", "--camera", "kinect"]);
     check(told, &|r| std::fs::remove_file(r.path("camera.toml")).unwrap());
-    check(told, &|r| std::fs::remove_file(r.path("rgb.txt")).unwrap());
+    check(told, &|r| std::fs::remove_file(r.path("depth.txt")).unwrap());
+    check(told, &|r| {
+        ["depth.txt", "rgb.txt"].iter().for_each(|list| std::fs::remove_file(r.path(list)).unwrap());
+        std::fs::remove_dir_all(r.path("depth")).unwrap();
+    });
+    check(told, &|r| {
+        ["depth.txt", "rgb.txt"].iter().for_each(|list| std::fs::remove_file(r.path(list)).unwrap());
+        std::fs::remove_dir_all(r.path("depth")).unwrap();
+        std::fs::write(r.path("a.bag"), "#ROSBAG V2.0\n").unwrap();
+    });
     check(told, &|r| r.write("depth.txt", "# nothing\n"));
     check(told, &|r| r.write("depth.txt", "1.0 depth/0.png\n1.0 depth/1.png\n"));
     check(told, &|r| r.write("depth.txt", "2.0 depth/0.png\n1.0 depth/1.png\n"));
     check(told, &|r| {
         let whole = std::fs::read(r.path("depth/0.png")).unwrap();
-        std::fs::write(r.path("depth/0.png"), &whole[..whole.len() / 2]).unwrap();
+        for index in 0..N_FRAMES {
+            let path = r.path(&format!("depth/{index}.png"));
+            std::fs::write(path, &whole[..whole.len() / 2]).unwrap();
+        }
     });
     check(told, &|r| r.write("camera.toml", &CAMERA.replace("width = 160", "width = 320")));
     check(told, &|r| r.write("camera.toml", &CAMERA.replace("5000.0", "50.0")));
@@ -185,7 +197,7 @@ fn of_mcap(told: &mut Told) {
     check(told, &[depth("/left/depth"), depth("/right/depth")], &[]);
     check(told, &[depth("/depth")], &["--depth-topic", "/nothing"]);
     check(told, &[depth("/depth")], &[]);
-    check(told, &[depth("/depth"), info("rational_polynomial", &[0.1; 8])], &[]);
+    check(told, &[depth("/depth"), info("equidistant", &[0.1; 4])], &[]);
     check(told, &[image("/depth", 1, "rgb8"), info("plumb_bob", &[])], &[]);
     let found = |told: &mut Told| {
         let output =

@@ -76,13 +76,14 @@ fn export_writes_the_same_bytes_again() {
     let output =
         tessera(&["export", run.out().to_str().unwrap(), "--out", elsewhere.to_str().unwrap(), "--json"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    for name in crate::common::OUTPUTS.iter().chain(&["states.csv", "summary.json"]) {
+    for name in crate::common::OUTPUTS.iter().chain(&["states.csv", "summary.json", "trajectory_marked.txt"])
+    {
         assert!(run.output(name) == std::fs::read(elsewhere.join(name)).unwrap(), "{name} differs");
     }
     let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(printed, summary(&run));
     let n_files = std::fs::read_dir(&elsewhere).unwrap().count();
-    assert_eq!(n_files, 6, "an export leaves its six outputs and nothing else");
+    assert_eq!(n_files, 7, "an export leaves its seven outputs and nothing else");
 }
 
 #[test]

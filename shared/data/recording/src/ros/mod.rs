@@ -7,8 +7,8 @@ mod read;
 mod structs;
 
 pub use definitions::{CLOUD, Definition, PATH, POSE, TRANSFORMS};
-pub(crate) use read::{STAMP_BYTES, camera, compressed, image, stamp_nanos};
+pub(crate) use read::{STAMP_BYTES, camera, compressed, extrinsics, image, stamp_nanos, transforms};
 pub use structs::{
-    CameraInfo, CompressedImage, Header, Image, Path, PointCloud, PointField, PoseMessage, PoseStamped, Time,
-    TransformStamped, Transforms,
+    CameraInfo, CompressedImage, Extrinsics, Header, Image, Path, PointCloud, PointField, PoseMessage,
+    PoseStamped, Time, TransformStamped, Transforms,
 };

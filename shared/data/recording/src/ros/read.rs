@@ -1,6 +1,6 @@
 //! Images, cameras and times read from CDR.
 
-use super::structs::{CameraInfo, CompressedImage, Image, Time};
+use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, PoseMessage, Time, Transforms};
 use crate::error::MessageError;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage};
 use re_cdr::{BigEndian, LittleEndian, from_bytes};
@@ -56,6 +56,7 @@ pub(crate) fn compressed(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> 
 pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
     let info: CameraInfo<'_> = decode("sensor_msgs/msg/CameraInfo", data)?;
     Ok(CameraMessage {
+        frame: info.header.frame_id.into_owned(),
         width: info.width,
         height: info.height,
         model: info.distortion_model.into_owned(),
@@ -63,4 +64,19 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
         intrinsics: info.k.to_vec(),
         projection: info.p.to_vec(),
     })
+}
+
+/// Parent, child and `parent_from_child` of each transform of a message.
+pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, PoseMessage)>, MessageError> {
+    let message: Transforms<'_> = decode("tf2_msgs/msg/TFMessage", data)?;
+    let name = |name: &str| name.trim_start_matches('/').to_owned();
+    let one = |t: &super::structs::TransformStamped<'_>| {
+        (name(&t.header.frame_id), name(&t.child_frame_id), t.transform)
+    };
+    Ok(message.transforms.iter().map(one).collect())
+}
+
+/// Rotation by columns and translation of a RealSense's `depth_to_color`.
+pub(crate) fn extrinsics(data: &[u8]) -> Result<Extrinsics, MessageError> {
+    decode("realsense2_camera_msgs/msg/Extrinsics", data)
 }

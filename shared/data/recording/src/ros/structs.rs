@@ -98,6 +98,15 @@ pub struct CameraInfo<'a> {
     pub p: [f64; 12],
 }
 
+/// `realsense2_camera_msgs/msg/Extrinsics`: from points of one camera to another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Extrinsics {
+    /// Rotation matrix, by columns.
+    pub rotation: [f64; 9],
+    /// Translation, metres.
+    pub translation: [f64; 3],
+}
+
 /// `geometry_msgs/msg/Pose`, and with it `geometry_msgs/msg/Transform`, whose layout is the same.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseMessage {

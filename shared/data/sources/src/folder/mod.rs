@@ -1,19 +1,26 @@
-//! A folder in the TUM RGB-D layout: `rgb.txt`, `depth.txt`, images, `groundtruth.txt` and `imu.txt` if there.
+//! A folder of images: one source for all layouts, which differ in where things lie.
 
+mod colour;
+mod layouts;
 mod list;
 
-use crate::{ImageError, SourceError};
+use crate::{ImageError, SourceError, SourceOptions};
+use colour::ColourImages;
+pub(crate) use layouts::is_known;
+use layouts::{Asked, Found};
 use list::ListEntry;
 use std::path::{Path, PathBuf};
-use tessera_evaluation::{Trajectory, read_tum};
-use tessera_frames::cameras::{load_camera, named_camera};
+use tessera_evaluation::Trajectory;
 use tessera_frames::decode;
 use tessera_frames::imu;
 use tessera_frames::pairing::{pair, summarise};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
 use tessera_geometry::{Camera, InertialRotation};
 
-/// Frames of a folder, in the order of `depth.txt`. Stamps are those of depth.
+/// Confidence of a pixel below which its depth is left out: 0 low, 1 medium, 2 high.
+const LEAST_CONFIDENCE: u8 = 1;
+
+/// Frames of a folder, in the order of its depth images. Stamps are those of depth.
 #[derive(Clone, Debug)]
 pub struct FolderSource {
     folder: PathBuf,
@@ -21,32 +28,57 @@ pub struct FolderSource {
     depth: Vec<ListEntry>,
     /// For each depth image its colour image, if there is one near enough.
     colour: Vec<Option<ListEntry>>,
+    /// How colour comes to the pixels of depth.
+    colour_images: ColourImages,
+    /// For each depth image the confidence of its pixels, where the layout has it.
+    confidence: Vec<PathBuf>,
     ground_truth: Option<Trajectory>,
     /// For each depth image, where there is an `imu.txt`.
     rotations: Vec<InertialRotation>,
     pairing: Pairing,
+    description: Vec<(&'static str, String)>,
+    warnings: Vec<String>,
+    doubts: Vec<String>,
 }
 
 impl FolderSource {
-    /// Opens a folder: reads the lists, the camera and the ground truth, no image yet.
+    /// Opens a folder: recognises its layout, reads the lists, the camera and the ground truth, and
+    /// the head of one colour image.
     ///
-    /// The camera is `camera` (a built-in name or a file) if given, else `camera.toml` inside.
-    /// At most `frames` depth images are used.
+    /// The camera is `camera` (a built-in name or a file) if given, else `camera.toml` inside, else
+    /// what the layout says. At most `frames` depth images are used.
     ///
     /// # Errors
     /// Names the file and line of the first thing that is wrong.
     pub fn open(folder: &Path, camera: Option<&str>, frames: Option<u64>) -> Result<Self, SourceError> {
+        let options = SourceOptions { camera: camera.map(str::to_owned), frames, ..SourceOptions::default() };
+        Self::open_with(folder, &options)
+    }
+
+    /// As [`Self::open`], with a rate for frames without times, and without colour where that is asked for.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with(folder: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
         if !folder.is_dir() {
             return Err(SourceError::NoFolder { path: folder.to_owned() });
         }
-        let mut depth = list::read(&folder.join("depth.txt"))?;
-        let colour = list::read(&folder.join("rgb.txt"))?;
-        let camera = match camera {
-            Some(name) => named_camera(name)?,
-            None => load_own_camera(folder)?,
+        let asked = Asked::new(options)?;
+        let found = layouts::read(folder, &asked)?;
+        Self::new(folder, found, &asked, options.frames)
+    }
+
+    fn new(folder: &Path, found: Found, asked: &Asked, frames: Option<u64>) -> Result<Self, SourceError> {
+        let Found { layout, camera, camera_from, mut depth, colour, colour_camera, .. } = found;
+        let mut warnings = found.warnings;
+        let (colour, colour_images) = match asked.is_without_colour {
+            true => (Vec::new(), ColourImages::without("left out, as asked for")),
+            false => {
+                let images = ColourImages::choose(folder, &colour, &camera, colour_camera.as_ref());
+                warnings.extend(images.warning.clone());
+                (if images.is_used { colour } else { Vec::new() }, images)
+            }
         };
-        let truth_file = folder.join("groundtruth.txt");
-        let ground_truth = if truth_file.exists() { Some(read_tum(&truth_file)?) } else { None };
         let times = |list: &[ListEntry]| list.iter().map(|entry| entry.stamp_nanos).collect::<Vec<i64>>();
         let (mut stamps, colour_stamps) = (times(&depth), times(&colour));
         let mut partners = pair(&stamps, &colour_stamps);
@@ -60,25 +92,64 @@ impl FolderSource {
         let rotations = imu::load(folder)?
             .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
         let colour = partners.iter().map(|partner| partner.map(|at| colour[at].clone())).collect();
-        Ok(Self { folder: folder.to_owned(), camera, depth, colour, ground_truth, rotations, pairing })
+        let mut description = vec![("layout", layout.to_owned()), ("camera", camera_from)];
+        description.push(("colour", colour_images.words.clone()));
+        description.extend(found.notes);
+        Ok(Self {
+            folder: folder.to_owned(),
+            camera,
+            depth,
+            colour,
+            colour_images,
+            confidence: found.confidence,
+            ground_truth: found.ground_truth,
+            rotations,
+            pairing,
+            description,
+            warnings,
+            doubts: found.doubts,
+        })
     }
 
-    fn entry(&self, index: u64) -> Option<(usize, &ListEntry)> {
-        let at = usize::try_from(index).ok()?;
-        Some((at, self.depth.get(at)?))
+    fn entry(&self, index: u64) -> Result<(usize, &ListEntry), SourceError> {
+        let at = usize::try_from(index).ok();
+        at.and_then(|at| Some((at, self.depth.get(at)?)))
+            .ok_or(SourceError::NoFrame { frame: index, last: (self.depth.len() as u64).saturating_sub(1) })
+    }
+
+    /// Reads an image of frame `index` and names it where that fails.
+    fn image(
+        &self,
+        index: u64,
+        file: &Path,
+        read: impl FnOnce(&Path) -> Result<(), ImageError>,
+    ) -> Result<(), SourceError> {
+        let path = self.folder.join(file);
+        read(&path).map_err(|source| SourceError::Image { frame: index, path, source })
+    }
+
+    /// Leaves out depth of low confidence; `scratch` holds three bytes a pixel.
+    fn leave_out_doubtful(
+        &self,
+        index: u64,
+        at: usize,
+        depth_raw: &mut [u16],
+        scratch: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let Some(file) = self.confidence.get(at) else { return Ok(()) };
+        let size = (self.camera.width, self.camera.height);
+        self.image(index, file, |path| decode::colour(&load(path)?, size, scratch))?;
+        for (raw, confidence) in depth_raw.iter_mut().zip(scratch.chunks_exact(3)) {
+            if confidence[0] < LEAST_CONFIDENCE {
+                *raw = 0;
+            }
+        }
+        Ok(())
     }
 }
 
 fn load(path: &Path) -> Result<Vec<u8>, ImageError> {
     std::fs::read(path).map_err(ImageError::Io)
-}
-
-fn load_own_camera(folder: &Path) -> Result<Camera, SourceError> {
-    let file = folder.join("camera.toml");
-    if !file.exists() {
-        return Err(SourceError::NoCamera { folder: folder.to_owned() });
-    }
-    load_camera(&file)
 }
 
 impl Source for FolderSource {
@@ -91,27 +162,21 @@ impl Source for FolderSource {
     }
 
     fn stamp_nanos(&self, index: u64) -> Option<i64> {
-        self.entry(index).map(|(_, entry)| entry.stamp_nanos)
+        self.entry(index).ok().map(|(_, entry)| entry.stamp_nanos)
     }
 
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         buffers.check(&self.camera)?;
-        let (at, depth) = self.entry(index).ok_or(SourceError::NoFrame {
-            frame: index,
-            last: (self.depth.len() as u64).saturating_sub(1),
-        })?;
+        let (at, depth) = self.entry(index)?;
         let size = (self.camera.width, self.camera.height);
-        let located = |entry: &ListEntry| {
-            let path = self.folder.join(&entry.file);
-            (path.clone(), move |source: ImageError| SourceError::Image { frame: index, path, source })
-        };
-        let (path, failed) = located(depth);
-        load(&path).and_then(|bytes| decode::depth(&bytes, size, buffers.depth)).map_err(failed)?;
+        self.image(index, &depth.file, |path| decode::depth(&load(path)?, size, buffers.depth))?;
+        self.leave_out_doubtful(index, at, buffers.depth, buffers.colour)?;
         match &self.colour[at] {
-            Some(colour) => {
-                let (path, failed) = located(colour);
-                load(&path).and_then(|bytes| decode::colour(&bytes, size, buffers.colour)).map_err(failed)?;
-            }
+            Some(colour) => self
+                .image(index, &colour.file, |path| {
+                    self.colour_images.read(&load(path)?, size, buffers.depth, buffers.colour)
+                })
+                .map_err(|error| SourceError::Colour(Box::new(error)))?,
             None => buffers.colour.fill(0),
         }
         Ok(FrameInfo {
@@ -127,6 +192,30 @@ impl Source for FolderSource {
 
     fn pairing(&self) -> Pairing {
         self.pairing
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    fn doubts(&self) -> &[String] {
+        &self.doubts
+    }
+
+    fn inspect(&self, index: u64) -> Result<(), SourceError> {
+        let (at, depth) = self.entry(index)?;
+        self.image(index, &depth.file, decode::inspect)?;
+        if let Some(file) = self.confidence.get(at) {
+            self.image(index, file, decode::inspect)?;
+        }
+        match &self.colour[at] {
+            Some(colour) => self.image(index, &colour.file, decode::inspect),
+            None => Ok(()),
+        }
+    }
+
+    fn description(&self) -> Vec<(&'static str, String)> {
+        self.description.clone()
     }
 }
 

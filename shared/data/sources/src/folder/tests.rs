@@ -94,7 +94,6 @@ fn a_missing_folder_list_or_image_is_named() {
     let message = FolderSource::open(Path::new("no/such"), None, None).unwrap_err().to_string();
     assert!(message.contains("no source 'no/such': expected room, corridor"), "{message}");
     check(|at| fs::remove_file(at.join("depth.txt")).unwrap(), 0, &["depth.txt: ", "No such file"]);
-    check(|at| fs::remove_file(at.join("rgb.txt")).unwrap(), 0, &["rgb.txt: "]);
     check(|at| fs::remove_file(at.join("d1.png")).unwrap(), 1, &["frame 1, ", "d1.png: "]);
 }
 
@@ -126,7 +125,7 @@ fn bad_images_are_named_with_frame_file_found_and_expected() {
     let small = png(&[1; 50], 5, 5, ExtendedColorType::L16);
     check(write("d0.png", small), 0, &["depth image is 5x5 px, expected 20x16 px"]);
     let other_size = png(&[1; 3 * 100], 10, 10, ExtendedColorType::Rgb8);
-    check(write("c0.jpg", other_size), 0, &["c0.jpg: colour image is 10x10 px, expected 20x16 px"]);
+    check(write("c2.png", other_size), 2, &["c2.png: colour image is 10x10 px, expected 20x16 px"]);
     let deep = png(&[1; 6 * N_PIXELS], WIDTH, HEIGHT, ExtendedColorType::Rgb16);
     check(
         write("c0.jpg", deep),
@@ -174,4 +173,92 @@ fn frames_beyond_the_end_and_wrong_slices_are_refused() {
     let message =
         source.read(0, &mut FrameBuffers { depth: &mut [0; 3], colour: &mut [] }).unwrap_err().to_string();
     assert!(message.contains("buffers hold 3 depth and 0 colour values, expected 320 and 960"), "{message}");
+}
+
+#[test]
+fn depth_alone_needs_no_list_of_colour() {
+    for text in [None, Some("# nothing\n")] {
+        let folder = folder();
+        let list = folder.path().join("rgb.txt");
+        match text {
+            None => fs::remove_file(&list).unwrap(),
+            Some(text) => fs::write(&list, text).unwrap(),
+        }
+        let (info, depth, colour) = read(folder.path(), 0).unwrap();
+        assert!(!info.has_colour && depth[1] == 1 && colour.iter().all(|&c| c == 0));
+        let source = FolderSource::open(folder.path(), None, None).unwrap();
+        assert_eq!(source.warnings().len(), usize::from(text.is_some()));
+    }
+}
+
+#[test]
+fn colour_is_left_out_where_that_is_asked_for_or_its_size_is_another() {
+    let folder = folder();
+    let options = SourceOptions { color_topic: Some("none".into()), ..SourceOptions::default() };
+    let source = FolderSource::open_with(folder.path(), &options).unwrap();
+    assert_eq!((source.pairing().n_pairs, source.warnings().len()), (0, 0));
+    for name in ["c0.jpg", "c2.png"] {
+        let other = png(&[1; 3 * 100], 10, 10, ExtendedColorType::Rgb8);
+        fs::write(folder.path().join(name), other).unwrap();
+    }
+    let source = FolderSource::open(folder.path(), None, None).unwrap();
+    let warning = &source.warnings()[0];
+    assert!(
+        warning.contains("colour is 10x10 px, depth 20x16 px") && warning.contains("left out"),
+        "{warning}"
+    );
+    assert!(!read(folder.path(), 0).unwrap().0.has_colour);
+}
+
+#[test]
+fn a_missing_or_broken_image_costs_itself_alone() {
+    let folder = folder();
+    fs::remove_file(folder.path().join("d1.png")).unwrap();
+    fs::write(folder.path().join("c0.jpg"), [0xff, 0xd8]).unwrap();
+    let source = FolderSource::open(folder.path(), None, None).unwrap();
+    let salvaged = |index| {
+        let (mut depth, mut colour) = (vec![9; N_PIXELS], vec![9; 3 * N_PIXELS]);
+        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        let (info, error) = source.read_what_is_there(index, &mut buffers).unwrap();
+        (info, error.map(|error| error.to_string()), depth, colour)
+    };
+    let (info, error, depth, colour) = salvaged(0);
+    assert!(error.unwrap().contains("frame 0, ") && !info.has_colour);
+    assert!(depth[1] == 1 && colour.iter().all(|&c| c == 0), "depth is whole");
+    let (info, error, depth, _) = salvaged(1);
+    assert!(error.unwrap().contains("d1.png: ") && depth.iter().all(|&raw| raw == 0));
+    assert_eq!(info.stamp_nanos, 100_000_000);
+    assert_eq!(salvaged(2).1, None);
+    let report = crate::check(&source, 3).unwrap();
+    assert_eq!(report.broken_frames, [0, 1]);
+    assert!(
+        report.warnings[0].contains("c0.jpg") && report.warnings[1].contains("d1.png"),
+        "{:?}",
+        report.warnings
+    );
+}
+
+#[test]
+fn the_camera_of_a_raw_download_is_that_of_its_name() {
+    let folder = folder();
+    fs::remove_file(folder.path().join("camera.toml")).unwrap();
+    let raw = folder.path().join("rgbd_dataset_freiburg2_desk");
+    fs::create_dir(&raw).unwrap();
+    fs::copy(folder.path().join("depth.txt"), raw.join("depth.txt")).unwrap();
+    let source = FolderSource::open(&raw, None, None).unwrap();
+    assert_eq!(source.camera(), &tessera_frames::named_camera("freiburg2").unwrap());
+    let head = "# depth maps\n# file: 'rgbd_dataset_freiburg1_rpy.bag'\n# timestamp filename\n0.0 d0.png\n";
+    fs::write(folder.path().join("depth.txt"), head).unwrap();
+    let source = FolderSource::open(folder.path(), None, None).unwrap();
+    assert_eq!(source.camera(), &tessera_frames::named_camera("freiburg1").unwrap());
+    assert_eq!(source.doubts().len(), 0);
+    fs::write(folder.path().join("camera.toml"), CAMERA).unwrap();
+    let doubted = FolderSource::open(folder.path(), None, None).unwrap();
+    assert!(
+        doubted.doubts()[0].contains("fx = 20, units_per_metre = 1000; that of freiburg1"),
+        "{:?}",
+        doubted.doubts()
+    );
+    let (_, words) = &source.description()[1];
+    assert!(words.contains("freiburg1, from the head of depth.txt"), "{words}");
 }

@@ -87,7 +87,7 @@ pub fn measure(
         while next < n_frames {
             let end = n_frames.min(next + BATCH);
             let frames = read(source, next..end)?;
-            runs.par_iter_mut().for_each(|run| frames.iter().for_each(|frame| run.push(frame)));
+            runs.par_iter_mut().for_each(|run| frames.iter().for_each(|frame| drop(run.push(frame))));
             progress(end - next);
             next = end;
         }

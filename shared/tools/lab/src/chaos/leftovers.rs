@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 19] = [
+const DOCUMENTED: [&str; 21] = [
     "align.checkpoint",
     "align.journal",
+    "broken_frames.txt",
     "config.toml",
     "groundtruth.txt",
     "keyframes.store",
@@ -23,6 +24,7 @@ const DOCUMENTED: [&str; 19] = [
     "summary.json",
     "timeline.json",
     "trajectory.txt",
+    "trajectory_marked.txt",
     "trajectory_online.txt",
 ];
 

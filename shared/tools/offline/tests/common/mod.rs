@@ -34,7 +34,7 @@ fn stamp_nanos(k: usize) -> i64 {
 /// Runs the method over frames.
 pub(crate) fn run(source: &SimulatedSource, method: &Method, frames: &[RawFrame]) -> Records {
     let mut run = Run::new(source.camera(), method).unwrap();
-    frames.iter().for_each(|frame| run.push(frame));
+    frames.iter().for_each(|frame| drop(run.push(frame)));
     run.finish()
 }
 

@@ -26,7 +26,10 @@ pub(super) fn of(summary: &Summary) -> Vec<(String, String)> {
             summary.first_tracked.map_or("never found in it".into(), |n| format!("found at frame {n}"));
         fact("started in a map", format!("{} keyframes, {found}", summary.map_keyframes));
     }
-    fact("loops closed", summary.loops_closed.to_string());
+    fact(
+        "loops found / closed / rejected",
+        format!("{} / {} / {}", summary.loops_found, summary.loops_closed, summary.loops_rejected),
+    );
     fact("global optimisations", summary.global_optimisations.to_string());
     if summary.wall_s > 0.0 {
         let rate = summary.frames_processed as f64 / summary.wall_s;

@@ -29,11 +29,13 @@ pub(super) fn of(replay: &Replay) -> Vec<LoopPair> {
 
 fn judged(pair: &LoopRecord) -> LoopPair {
     let (verdict, words) = match pair.verdict {
-        LoopVerdict::Accepted => (Verdict::Accepted, "accepted"),
-        LoopVerdict::LittleOverlap => (Verdict::Refused, "refused: little overlap"),
-        LoopVerdict::FreeSpaceViolated => (Verdict::Refused, "refused: floats in space seen to be empty"),
-        LoopVerdict::Inconsistent => (Verdict::Refused, "refused: both directions disagree"),
-        LoopVerdict::Outvoted => (Verdict::Outvoted, "outvoted by the rest of the graph"),
+        LoopVerdict::Accepted => (Verdict::Accepted, "closed"),
+        LoopVerdict::LittleOverlap => (Verdict::Refused, "not verified: little overlap"),
+        LoopVerdict::FreeSpaceViolated => {
+            (Verdict::Refused, "not verified: floats in space seen to be empty")
+        }
+        LoopVerdict::Inconsistent => (Verdict::Refused, "not verified: both directions disagree"),
+        LoopVerdict::Outvoted => (Verdict::Outvoted, "rejected: contradicts the rest of the graph"),
     };
     let numbers = [pair.overlap, pair.in_front, pair.inconsistency_sigmas, pair.residual_sigmas, pair.weight];
     LoopPair { newer: pair.newer, older: pair.older, verdict, words: words.into(), numbers }

@@ -29,6 +29,15 @@ pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
     write_file(path, |writer| writer.write_all(page.as_bytes()))
 }
 
+/// The reasons of the verdict, each with what to try.
+fn reasons(summary: &Summary) -> Vec<String> {
+    let words = |found: &str, advice: &str| match advice.is_empty() {
+        true => found.to_owned(),
+        false => format!("{found}. Try: {advice}"),
+    };
+    summary.verdict.reasons.iter().map(|reason| words(&reason.found, &reason.advice)).collect()
+}
+
 /// All that a report tells of a run.
 fn read(run_folder: &Path) -> Result<Run, ToolError> {
     let files = RunFiles::new(run_folder);
@@ -39,7 +48,8 @@ fn read(run_folder: &Path) -> Result<Run, ToolError> {
     let statistics = outputs::read_statistics(run_folder)?;
     // A run whose supervisor was killed has none.
     let timeline = outputs::read_timeline(run_folder).unwrap_or_default();
-    let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref());
+    let beside = outputs::read_beside(&files);
+    let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref(), &beside);
     let name = std::path::absolute(run_folder).unwrap_or_else(|_| run_folder.to_owned());
     let name = name.file_name().map_or_else(|| name.display().to_string(), |n| n.to_string_lossy().into());
 
@@ -50,8 +60,9 @@ fn read(run_folder: &Path) -> Result<Run, ToolError> {
     Ok(Run {
         name,
         source: summary.source.clone(),
-        ended: summary.how_it_ended().to_owned(),
+        ended: format!("{}: {}", summary.how_it_ended(), summary.verdict.grade),
         is_alarming: summary.is_alarming(),
+        reasons: reasons(&summary),
         facts: facts::of(&summary),
         machine: facts::machine(&summary, &timeline.machine),
         keyframes: frames::keyframes(&replay, &placed),

@@ -1,0 +1,156 @@
+//! How the colour of a recording comes to the pixels of depth: as it is, warped, or not at all.
+
+use crate::camera::{self, RecordedCamera};
+use crate::chunks::{Chunks, Found, Spot};
+use crate::error::{MessageError, RecordingError};
+use crate::messages::{self, ImageForm, ImageMessage};
+use crate::pixels;
+use crate::rational::Undistortion;
+use crate::topics::Topics;
+use crate::transforms;
+use std::sync::Arc;
+use tessera_frames::{ColourWarp, decode};
+use tessera_geometry::Camera;
+
+/// Pixels by which two cameras of the same images may differ.
+const SAME_PX: f64 = 1.0;
+
+/// What is done with the images of the colour topic.
+#[derive(Clone, Debug)]
+pub(super) enum ColourUse {
+    /// Colour is left out, or there is none.
+    None,
+    /// Colour has the pixels of depth as taken.
+    Registered,
+    /// Colour of another camera.
+    Warped {
+        /// The colour camera's own lens, where it is one that the camera model does not have.
+        lens: Option<Undistortion>,
+        warp: Arc<ColourWarp>,
+    },
+}
+
+/// What is done, in words for people, and what is wrong with it.
+pub(super) struct Choice {
+    pub(super) colour: ColourUse,
+    pub(super) words: String,
+    pub(super) warning: Option<String>,
+}
+
+/// The frame of depth and its camera, as they are used.
+pub(super) struct Depth<'a> {
+    pub(super) camera: &'a Camera,
+    /// As recorded; `None` where the recording says nothing of it.
+    pub(super) recorded: Option<&'a RecordedCamera>,
+}
+
+/// Looks at the first colour image, its camera, and where that stands.
+pub(super) fn choose(chunks: &Chunks, topics: &Topics, found: &Found, depth: &Depth<'_>) -> Choice {
+    let choice = |colour, words: String| Choice { colour, words, warning: None };
+    let (Some(topic), Some(first)) = (&topics.colour, found.colour.first()) else {
+        return choice(ColourUse::None, "none".to_owned());
+    };
+    // One that cannot be read is a frame's problem, not that of all.
+    let Ok(size) = size(chunks, first) else {
+        return choice(ColourUse::Registered, format!("{topic}, taken as registered to depth"));
+    };
+    let own = colour_camera(chunks, topics, found);
+    let depth_size = (depth.camera.width, depth.camera.height);
+    if size == depth_size && is_same(depth.recorded, own.as_ref()) {
+        return choice(ColourUse::Registered, format!("{topic}, registered to depth"));
+    }
+    let reason = match warp(chunks, found, depth, own, size) {
+        Ok(warped) => {
+            return choice(
+                warped,
+                format!("{topic}, {}x{} px, warped to depth by both cameras", size.0, size.1),
+            );
+        }
+        Err(reason) => reason,
+    };
+    let warning = format!(
+        "{topic} is {}x{} px, depth {}x{} px, and {reason}: colour is left out; record aligned depth, or the colour \
+         camera's CameraInfo and /tf_static",
+        size.0, size.1, depth_size.0, depth_size.1
+    );
+    Choice { colour: ColourUse::None, words: format!("{topic} left out: {reason}"), warning: Some(warning) }
+}
+
+fn colour_camera(chunks: &Chunks, topics: &Topics, found: &Found) -> Option<RecordedCamera> {
+    let (spot, topic) = found.colour_camera.as_ref().zip(topics.colour_camera.as_ref())?;
+    camera::of_colour(chunks, spot, topics.colour.as_deref()?, topic).ok()
+}
+
+/// Whether images of the same size are of one camera, as far as is known.
+fn is_same(depth: Option<&RecordedCamera>, colour: Option<&RecordedCamera>) -> bool {
+    let (Some(depth), Some(colour)) = (depth, colour) else { return true };
+    let (a, b) = (&depth.camera, &colour.camera);
+    let is_near = |a: f64, b: f64| (a - b).abs() < SAME_PX;
+    depth.frame == colour.frame
+        || (is_near(a.fx, b.fx) && is_near(a.fy, b.fy) && is_near(a.cx, b.cx) && is_near(a.cy, b.cy))
+}
+
+fn warp(
+    chunks: &Chunks,
+    found: &Found,
+    depth: &Depth<'_>,
+    own: Option<RecordedCamera>,
+    size: (u32, u32),
+) -> Result<ColourUse, String> {
+    let RecordedCamera { camera, lens, frame } = own.ok_or("nothing says what the colour camera is")?;
+    if (camera.width, camera.height) != size {
+        return Err(format!("its CameraInfo says {}x{} px", camera.width, camera.height));
+    }
+    let depth_frame = depth.recorded.map_or("", |recorded| recorded.frame.as_str());
+    let colour_from_depth = transforms::colour_from_depth(chunks, found, depth_frame, &frame)
+        .ok_or_else(|| format!("no /tf_static says where '{frame}' is from '{depth_frame}'"))?;
+    let warp = ColourWarp::new(depth.camera, &camera, colour_from_depth)
+        .ok_or("the numbers of its CameraInfo cannot be")?;
+    let lens = lens.map(|lens| Undistortion::new(&lens, &camera));
+    Ok(ColourUse::Warped { lens, warp: Arc::new(warp) })
+}
+
+/// Columns and rows of an image.
+fn size(chunks: &Chunks, spot: &Spot) -> Result<(u32, u32), RecordingError> {
+    let data = chunks.read(spot)?;
+    let wrong = |problem| RecordingError::Message { topic: String::new(), number: 1, problem };
+    let image = messages::image(spot.kind, &data).map_err(wrong)?;
+    match &image.form {
+        ImageForm::Raw { width, height, .. } => Ok((*width, *height)),
+        ImageForm::File { .. } => decode::size(&image.data).map_err(|error| wrong(error.into())),
+    }
+}
+
+impl ColourUse {
+    /// Brings a colour image to the pixels of depth. `depth_lens` was taken out of depth.
+    pub(super) fn read(
+        &self,
+        image: &ImageMessage<'_>,
+        size: (u32, u32),
+        depth_lens: Option<&Undistortion>,
+        depth_raw: &[u16],
+        rgb: &mut [u8],
+    ) -> Result<(), MessageError> {
+        let bytes = |(width, height): (u32, u32)| vec![0; 3 * width as usize * height as usize];
+        match (self, depth_lens) {
+            (Self::None, _) => rgb.fill(0),
+            (Self::Registered, None) => pixels::colour(image, size, rgb)?,
+            (Self::Registered, Some(lens)) => {
+                let mut taken = bytes(size);
+                pixels::colour(image, size, &mut taken)?;
+                lens.apply(3, &taken, rgb);
+            }
+            (Self::Warped { lens, warp }, _) => {
+                let mut taken = bytes(warp.size);
+                pixels::colour(image, warp.size, &mut taken)?;
+                if let Some(lens) = lens {
+                    let mut straight = bytes(warp.size);
+                    lens.apply(3, &taken, &mut straight);
+                    taken = straight;
+                }
+                warp.apply(depth_raw, &taken, rgb);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,85 @@
+//! How the colour images of a folder come to the pixels of depth: as they are, warped, or not at all.
+
+use super::layouts::ColourCamera;
+use super::list::ListEntry;
+use crate::ImageError;
+use std::path::Path;
+use tessera_frames::{ColourWarp, decode};
+use tessera_geometry::Camera;
+
+/// What is done with colour images.
+#[derive(Clone, Debug)]
+pub(super) struct ColourImages {
+    pub(super) is_used: bool,
+    /// What is done, for people.
+    pub(super) words: String,
+    pub(super) warning: Option<String>,
+    warp: Option<ColourWarp>,
+}
+
+impl ColourImages {
+    /// No colour, and why.
+    pub(super) fn without(words: &str) -> Self {
+        Self { is_used: false, words: words.to_owned(), warning: None, warp: None }
+    }
+
+    /// Looks at the first colour image that can be read: one of the size of depth is taken as
+    /// registered, another one needs its own camera.
+    pub(super) fn choose(
+        folder: &Path,
+        images: &[ListEntry],
+        depth: &Camera,
+        colour: Option<&ColourCamera>,
+    ) -> Self {
+        if images.is_empty() {
+            return Self::without("none");
+        }
+        let size_of = |entry: &ListEntry| {
+            std::fs::read(folder.join(&entry.file)).ok().and_then(|bytes| decode::size(&bytes).ok())
+        };
+        let used = |words: &str, warp| Self { is_used: true, words: words.to_owned(), warning: None, warp };
+        let sizes: Vec<(u32, u32)> = images.iter().take(MOST_TRIED).filter_map(size_of).collect();
+        let depth_size = (depth.width, depth.height);
+        // One odd image among those of the size of depth is a frame's problem.
+        let Some(size) = sizes.first().copied().filter(|_| !sizes.contains(&depth_size)) else {
+            let words = if depth.colour_registered {
+                "registered to depth"
+            } else {
+                "of the size of depth, not registered"
+            };
+            return used(words, None);
+        };
+        let (width, height) = size;
+        let warp = colour.and_then(|colour| {
+            let camera = Camera { width, height, ..colour.camera.clone() };
+            ColourWarp::new(depth, &camera, colour.colour_from_depth)
+        });
+        if warp.is_some() {
+            return used(&format!("{width}x{height} px, warped to depth by both cameras"), warp);
+        }
+        let warning = format!(
+            "colour is {width}x{height} px, depth {}x{} px, and nothing says how they belong together: colour is left out",
+            depth_size.0, depth_size.1
+        );
+        let words = format!("left out: {width}x{height} px, not registered to depth");
+        Self { is_used: false, words, warning: Some(warning), warp: None }
+    }
+
+    /// Decodes a colour image to the pixels of depth, `size` columns and rows.
+    pub(super) fn read(
+        &self,
+        bytes: &[u8],
+        size: (u32, u32),
+        depth_raw: &[u16],
+        rgb: &mut [u8],
+    ) -> Result<(), ImageError> {
+        let Some(warp) = &self.warp else { return decode::colour(bytes, size, rgb) };
+        let mut own = vec![0; 3 * warp.size.0 as usize * warp.size.1 as usize];
+        decode::colour(bytes, warp.size, &mut own)?;
+        warp.apply(depth_raw, &own, rgb);
+        Ok(())
+    }
+}
+
+/// Colour images whose size is asked for before giving up.
+const MOST_TRIED: usize = 5;

@@ -1,0 +1,128 @@
+//! Files of a folder by name and number, and small text files.
+
+use super::super::list::ListEntry;
+use crate::SourceError;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+use tessera_frames::decode;
+use tessera_geometry::Camera;
+
+/// Names of all entries, sorted; none where the folder cannot be read.
+pub(super) fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).map(|entries| entries.flatten().collect::<Vec<_>>());
+    let mut names: Vec<String> =
+        entries.unwrap_or_default().iter().map(|entry| entry.file_name().to_string_lossy().into()).collect();
+    names.sort_unstable();
+    names
+}
+
+/// A file whose name holds a number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Numbered {
+    pub(super) number: u64,
+    /// Relative to the folder of the recording.
+    pub(super) file: PathBuf,
+}
+
+/// Files `sub/PREFIX NUMBER SUFFIX` of a folder, by number; a suffix is one of several.
+pub(super) fn numbered(folder: &Path, sub: &str, prefix: &str, suffixes: &[&str]) -> Vec<Numbered> {
+    let number = |name: &str| -> Option<u64> {
+        let rest = name.strip_prefix(prefix)?;
+        suffixes.iter().find_map(|suffix| rest.strip_suffix(suffix)?.parse().ok())
+    };
+    let mut found: Vec<Numbered> = names(&folder.join(sub))
+        .iter()
+        .filter_map(|name| Some(Numbered { number: number(name)?, file: Path::new(sub).join(name) }))
+        .collect();
+    found.sort_by_key(|numbered| numbered.number);
+    found.dedup_by_key(|numbered| numbered.number);
+    found
+}
+
+/// Images at the times that their numbers make at a rate.
+pub(super) fn at_rate(images: &[Numbered], fps: f64) -> Vec<ListEntry> {
+    let entry = |image: &Numbered| ListEntry {
+        stamp_nanos: number_nanos(image.number, fps),
+        file: image.file.clone(),
+    };
+    let mut entries: Vec<ListEntry> = images.iter().map(entry).collect();
+    entries.dedup_by_key(|entry| entry.stamp_nanos);
+    entries
+}
+
+/// Time of frame `number`, nanoseconds.
+pub(super) fn number_nanos(number: u64, fps: f64) -> i64 {
+    (number as f64 / fps * 1e9).round() as i64
+}
+
+/// Refuses a layout without depth.
+pub(super) fn some_depth(
+    depth: Vec<ListEntry>,
+    folder: &Path,
+    expected: &str,
+) -> Result<Vec<ListEntry>, SourceError> {
+    match depth.is_empty() {
+        true => Err(wrong(folder, format!("no depth images, expected {expected}"))),
+        false => Ok(depth),
+    }
+}
+
+/// Something that is not as the layout says.
+pub(super) fn wrong(path: &Path, reason: impl Into<String>) -> SourceError {
+    SourceError::Layout { path: path.to_owned(), reason: reason.into() }
+}
+
+/// Columns and rows of the first of some images that can be read.
+pub(super) fn size_of(folder: &Path, images: &[ListEntry]) -> Result<(u32, u32), SourceError> {
+    let read = |entry: &ListEntry| {
+        std::fs::read(folder.join(&entry.file)).ok().and_then(|bytes| decode::size(&bytes).ok())
+    };
+    let size = images.iter().take(5).find_map(read);
+    size.ok_or_else(|| wrong(folder, "none of the first depth images can be read, expected PNG"))
+}
+
+/// A pinhole without distortion.
+pub(super) fn pinhole(
+    (width, height): (u32, u32),
+    [fx, fy, cx, cy]: [f64; 4],
+    units_per_metre: f64,
+    path: &Path,
+) -> Result<Camera, SourceError> {
+    let camera = Camera {
+        width,
+        height,
+        fx,
+        fy,
+        cx,
+        cy,
+        units_per_metre,
+        distortion: [0.0; 5],
+        readout_s: 0.0,
+        depth_offset_m: 0.0,
+        colour_registered: true,
+    };
+    camera.check().map_err(|source| SourceError::CameraValue { file: path.display().to_string(), source })?;
+    Ok(camera)
+}
+
+/// Reads a text file.
+pub(super) fn text(path: &Path) -> Result<String, SourceError> {
+    let bytes = std::fs::read(path).map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Reads a JSON file.
+pub(super) fn json<T: DeserializeOwned>(path: &Path) -> Result<T, SourceError> {
+    serde_json::from_str(&text(path)?).map_err(|error| wrong(path, error.to_string()))
+}
+
+/// The numbers of a text, which may be separated by commas.
+pub(super) fn numbers(text: &str, path: &Path) -> Result<Vec<f64>, SourceError> {
+    let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
+    words
+        .map(|word| {
+            // `inf` and `nan` are words of C too: poses that are not known.
+            word.parse().map_err(|_| wrong(path, format!("found '{word}', expected a number")))
+        })
+        .collect()
+}

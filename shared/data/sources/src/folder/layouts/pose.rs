@@ -1,0 +1,95 @@
+//! Poses as 4x4 matrices, `world_from_camera`, row by row.
+
+use super::files::{number_nanos, numbers, text, wrong};
+use crate::SourceError;
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use std::path::Path;
+use tessera_evaluation::Trajectory;
+use tessera_geometry::Pose;
+
+/// How far rows of a rotation may be from unit length and right angles: files hold six digits.
+const MOST_SKEW: f64 = 0.01;
+
+/// A pose from 16 numbers; `None`: they are not finite, which says that it is not known.
+///
+/// # Errors
+/// Not 16 numbers, or no rotation.
+pub(super) fn from_matrix(m: &[f64], path: &Path) -> Result<Option<Pose>, SourceError> {
+    if m.len() != 16 {
+        return Err(wrong(path, format!("{} numbers, expected the 16 of a 4x4 matrix", m.len())));
+    }
+    if m.iter().any(|value| !value.is_finite()) {
+        return Ok(None);
+    }
+    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
+    let skew = (rotation * rotation.transpose() - Matrix3::identity()).amax();
+    if !(skew <= MOST_SKEW && rotation.determinant() > 0.0) {
+        return Err(wrong(
+            path,
+            "the upper left 3x3 numbers are no rotation, expected a camera-to-world matrix",
+        ));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Ok(Some(Pose::from_parts(Translation3::new(m[3], m[7], m[11]), rotation)))
+}
+
+/// Collects known poses by time; one that comes out of order is left out.
+#[derive(Default)]
+pub(super) struct Poses(Trajectory);
+
+impl Poses {
+    pub(super) fn push(&mut self, stamp_nanos: i64, pose: Option<Pose>) {
+        if let Some(pose) = pose {
+            // Only stamps that do not rise are refused.
+            let _ = self.0.push(stamp_nanos, pose);
+        }
+    }
+
+    /// The trajectory; `None` where there is not a single pose.
+    pub(super) fn finish(self) -> Option<Trajectory> {
+        (!self.0.is_empty()).then_some(self.0)
+    }
+}
+
+/// One file a frame, `file(number)`, of 16 numbers; a frame without one has no pose.
+pub(super) fn of_files(
+    frame_numbers: impl Iterator<Item = u64>,
+    fps: f64,
+    file: impl Fn(u64) -> std::path::PathBuf,
+) -> Result<Option<Trajectory>, SourceError> {
+    let mut poses = Poses::default();
+    for number in frame_numbers {
+        let path = file(number);
+        if path.is_file() {
+            poses.push(number_nanos(number, fps), from_matrix(&numbers(&text(&path)?, &path)?, &path)?);
+        }
+    }
+    Ok(poses.finish())
+}
+
+/// A file with 16 numbers a line, line `k` for the `k`-th stamp.
+pub(super) fn of_lines(path: &Path, stamps_nanos: &[i64]) -> Result<Option<Trajectory>, SourceError> {
+    let mut poses = Poses::default();
+    let all = text(path)?;
+    let lines = all.lines().filter(|line| !line.trim().is_empty());
+    for (line, stamp) in lines.zip(stamps_nanos) {
+        poses.push(*stamp, from_matrix(&numbers(line, path)?, path)?);
+    }
+    Ok(poses.finish())
+}
+
+/// A `.log` of Redwood and Open3D: blocks of a line with three numbers and four lines of a matrix,
+/// block `k` for the `k`-th stamp.
+pub(super) fn of_log(path: &Path, stamps_nanos: &[i64]) -> Result<Option<Trajectory>, SourceError> {
+    const BLOCK: usize = 3 + 16;
+    let all = numbers(&text(path)?, path)?;
+    if all.len() % BLOCK != 0 {
+        let reason = format!("{} numbers, expected blocks of 3 and 16 (index, then a 4x4 matrix)", all.len());
+        return Err(wrong(path, reason));
+    }
+    let mut poses = Poses::default();
+    for (block, stamp) in all.chunks_exact(BLOCK).zip(stamps_nanos) {
+        poses.push(*stamp, from_matrix(&block[3..], path)?);
+    }
+    Ok(poses.finish())
+}

@@ -1,0 +1,62 @@
+//! Replica as rendered for iMAP and NICE-SLAM: `results/frame000000.jpg`, `results/depth000000.png`,
+//! `traj.txt` with a camera-to-world matrix a line, `cam_params.json` here or in the folder above.
+
+use super::files::{at_rate, json, numbered, pinhole, some_depth, wrong};
+use super::{Asked, Found, pose};
+use crate::SourceError;
+use serde::Deserialize;
+use std::path::Path;
+
+pub(super) const NAME: &str = "Replica (results/, traj.txt)";
+
+const IMAGES: &str = "results";
+const CAMERA: &str = "cam_params.json";
+
+/// `cam_params.json`.
+#[derive(Deserialize)]
+struct CamParams {
+    camera: Params,
+}
+
+/// Size in pixels, intrinsics, units of depth a metre.
+#[derive(Deserialize)]
+struct Params {
+    w: u32,
+    h: u32,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    scale: f64,
+}
+
+pub(super) fn is(folder: &Path) -> bool {
+    folder.join(IMAGES).is_dir() && !numbered(folder, IMAGES, "depth", &[".png"]).is_empty()
+}
+
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+    let (fps, stamps) = asked.rate();
+    let depth = at_rate(&numbered(folder, IMAGES, "depth", &[".png"]), fps);
+    let depth = some_depth(depth, folder, "results/depthNUMBER.png")?;
+    let colour = at_rate(&numbered(folder, IMAGES, "frame", &[".jpg", ".png"]), fps);
+    let camera = asked.camera(folder, || {
+        let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        let above = absolute.parent().unwrap_or(&absolute).join(CAMERA);
+        let Some(file) = [folder.join(CAMERA), above].into_iter().find(|file| file.is_file()) else {
+            return Err(wrong(
+                folder,
+                "no cam_params.json here or in the folder above; put it there, or give --camera FILE",
+            ));
+        };
+        let Params { w, h, fx, fy, cx, cy, scale } = json::<CamParams>(&file)?.camera;
+        Ok(Some((pinhole((w, h), [fx, fy, cx, cy], scale, &file)?, CAMERA.to_owned())))
+    })?;
+    let mut found = Found::new(NAME, camera, depth, colour);
+    let trajectory = folder.join("traj.txt");
+    if trajectory.is_file() {
+        let times: Vec<i64> = found.depth.iter().map(|entry| entry.stamp_nanos).collect();
+        found.ground_truth = pose::of_lines(&trajectory, &times)?;
+    }
+    found.notes.push(("times", stamps));
+    Ok(found)
+}

@@ -1,0 +1,50 @@
+//! ScanNet as its exporter writes it: `depth/0.png` in millimetres, `color/0.jpg`, `pose/0.txt`
+//! (camera to world, `-inf` where it is not known), `intrinsic/intrinsic_depth.txt` and
+//! `intrinsic_color.txt`. Colour is larger than depth and seen from the same place.
+
+use super::files::{at_rate, numbered, numbers, pinhole, size_of, some_depth, text, wrong};
+use super::{Asked, ColourCamera, Found, pose};
+use crate::SourceError;
+use std::path::Path;
+use tessera_geometry::{Camera, Pose};
+
+pub(super) const NAME: &str = "ScanNet (depth/, pose/, intrinsic/)";
+
+const DEPTH_CAMERA: &str = "intrinsic/intrinsic_depth.txt";
+const COLOUR_CAMERA: &str = "intrinsic/intrinsic_color.txt";
+const UNITS_PER_METRE: f64 = 1000.0;
+
+pub(super) fn is(folder: &Path) -> bool {
+    folder.join("depth").is_dir() && folder.join(DEPTH_CAMERA).is_file()
+}
+
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+    let (fps, stamps) = asked.rate();
+    let images = numbered(folder, "depth", "", &[".png"]);
+    let depth = some_depth(at_rate(&images, fps), folder, "depth/NUMBER.png")?;
+    let colour = at_rate(&numbered(folder, "color", "", &[".jpg", ".png"]), fps);
+    let camera = asked.camera(folder, || {
+        let camera = intrinsics(&folder.join(DEPTH_CAMERA), size_of(folder, &depth)?)?;
+        Ok(Some((camera, DEPTH_CAMERA.to_owned())))
+    })?;
+    let file = |number: u64| folder.join(format!("pose/{number}.txt"));
+    let ground_truth = pose::of_files(images.iter().map(|image| image.number), fps, file)?;
+    let mut found = Found { ground_truth, ..Found::new(NAME, camera, depth, colour) };
+    let colour_file = folder.join(COLOUR_CAMERA);
+    if colour_file.is_file() {
+        // Its size is that of the images.
+        let camera = intrinsics(&colour_file, (1296, 968))?;
+        found.colour_camera = Some(ColourCamera { camera, colour_from_depth: Pose::identity() });
+    }
+    found.notes.push(("times", stamps));
+    Ok(found)
+}
+
+/// A camera from a 4x4 matrix whose upper left is the intrinsic matrix.
+fn intrinsics(path: &Path, size: (u32, u32)) -> Result<Camera, SourceError> {
+    let m = numbers(&text(path)?, path)?;
+    if m.len() != 16 {
+        return Err(wrong(path, format!("{} numbers, expected the 16 of a 4x4 matrix", m.len())));
+    }
+    pinhole(size, [m[0], m[5], m[2], m[6]], UNITS_PER_METRE, path)
+}

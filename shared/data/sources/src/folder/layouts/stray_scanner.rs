@@ -1,0 +1,90 @@
+//! Stray Scanner (iPhone): `depth/000000.png` in millimetres, `confidence/000000.png` (0, 1, 2),
+//! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`.
+
+use super::super::list::ListEntry;
+use super::files::{numbered, numbers, pinhole, size_of, some_depth, text, wrong};
+use super::pose::Poses;
+use super::{Asked, Found};
+use crate::SourceError;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tessera_geometry::{Camera, Pose};
+
+pub(super) const NAME: &str = "Stray Scanner (depth/, camera_matrix.csv, odometry.csv)";
+
+/// Columns and rows of the video, which the camera matrix is of.
+const VIDEO: (f64, f64) = (1920.0, 1440.0);
+const UNITS_PER_METRE: f64 = 1000.0;
+
+pub(super) fn is(folder: &Path) -> bool {
+    ["camera_matrix.csv", "odometry.csv"].iter().all(|file| folder.join(file).is_file())
+}
+
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+    let odometry = odometry(&folder.join("odometry.csv"))?;
+    let images = numbered(folder, "depth", "", &[".png"]);
+    let (mut depth, mut confidence, mut poses) = (Vec::new(), Vec::new(), Poses::default());
+    for image in &images {
+        // A frame without a row has no time.
+        let Some((stamp_nanos, pose)) = odometry.get(&image.number).copied() else { continue };
+        if depth.last().is_some_and(|last: &ListEntry| stamp_nanos <= last.stamp_nanos) {
+            continue;
+        }
+        poses.push(stamp_nanos, Some(pose));
+        confidence.push(PathBuf::from("confidence").join(image.file.file_name().unwrap_or_default()));
+        depth.push(ListEntry { stamp_nanos, file: image.file.clone() });
+    }
+    let n_without = images.len() - depth.len();
+    let depth = some_depth(depth, folder, "depth/NUMBER.png with rows in odometry.csv")?;
+    let camera = asked.camera(folder, || {
+        let camera = camera(&folder.join("camera_matrix.csv"), size_of(folder, &depth)?)?;
+        Ok(Some((camera, "camera_matrix.csv, scaled to depth".to_owned())))
+    })?;
+    let mut found = Found::new(NAME, camera, depth, Vec::new());
+    if folder.join("confidence").is_dir() {
+        found.confidence = confidence;
+        found.notes.push(("confidence", "pixels of low confidence are left out".to_owned()));
+    }
+    found.ground_truth = poses.finish();
+    found.notes.push(("ground truth of", "ARKit (odometry.csv): an estimate too".to_owned()));
+    if folder.join("rgb.mp4").is_file() {
+        found.warnings.push("colour is a video (rgb.mp4), which is not read: depth alone".to_owned());
+    }
+    if n_without > 0 {
+        found.warnings.push(format!(
+            "{n_without} depth images have no time of their own in odometry.csv and are left out"
+        ));
+    }
+    Ok(found)
+}
+
+/// Time and pose of each frame: columns `timestamp, frame, x, y, z, qx, qy, qz, qw`, and more.
+fn odometry(path: &Path) -> Result<BTreeMap<u64, (i64, Pose)>, SourceError> {
+    let mut rows = BTreeMap::new();
+    for line in text(path)?.lines().skip(1).filter(|line| !line.trim().is_empty()) {
+        let row = numbers(line, path)?;
+        let bad =
+            || wrong(path, format!("found '{line}', expected: timestamp, frame, x, y, z, qx, qy, qz, qw"));
+        let &[time, frame, x, y, z, qx, qy, qz, qw, ..] = row.as_slice() else { return Err(bad()) };
+        let quaternion = Quaternion::new(qw, qx, qy, qz);
+        let is_pose =
+            row.iter().take(9).all(|value| value.is_finite()) && (0.9..1.1).contains(&quaternion.norm());
+        if !(is_pose && time.abs() < 1e9 && frame >= 0.0) {
+            return Err(bad());
+        }
+        let pose = Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));
+        rows.insert(frame as u64, ((time * 1e9).round() as i64, pose));
+    }
+    Ok(rows)
+}
+
+/// The camera of the video at the size of depth.
+fn camera(path: &Path, size: (u32, u32)) -> Result<Camera, SourceError> {
+    let k = numbers(&text(path)?, path)?;
+    if k.len() != 9 {
+        return Err(wrong(path, format!("{} numbers, expected the 9 of a 3x3 matrix", k.len())));
+    }
+    let (sx, sy) = (f64::from(size.0) / VIDEO.0, f64::from(size.1) / VIDEO.1);
+    pinhole(size, [k[0] * sx, k[4] * sy, k[2] * sx, k[5] * sy], UNITS_PER_METRE, path)
+}

@@ -1,0 +1,103 @@
+//! Several files of one recording as one source, one behind the other.
+
+use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceError};
+use tessera_evaluation::Trajectory;
+use tessera_geometry::Camera;
+
+/// The frames of all files in the order of their times.
+///
+/// A depth image whose colour image stands in the neighbouring file goes without colour.
+pub(crate) struct JoinedSource {
+    parts: Vec<RecordingSource>,
+    /// For each frame the part it is in, and its index there.
+    frames: Vec<(u32, u64)>,
+    pairing: Pairing,
+    warnings: Vec<String>,
+}
+
+impl JoinedSource {
+    /// Begins with the first file.
+    pub(crate) fn new(first: RecordingSource) -> Self {
+        let mut joined =
+            Self { parts: Vec::new(), frames: Vec::new(), pairing: Pairing::default(), warnings: Vec::new() };
+        joined.add(first);
+        joined
+    }
+
+    pub(crate) fn first(&self) -> &RecordingSource {
+        &self.parts[0]
+    }
+
+    /// Adds the next file; frames that are not later than those before are left out.
+    pub(crate) fn add(&mut self, part: RecordingSource) {
+        let last = self.frames.len().checked_sub(1).and_then(|last| self.stamp_nanos(last as u64));
+        let at = self.parts.len() as u32;
+        for index in 0..part.n_frames().unwrap_or(0) {
+            if part.stamp_nanos(index).is_some_and(|stamp| last.is_none_or(|last| stamp > last)) {
+                self.frames.push((at, index));
+            }
+        }
+        let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = part.pairing();
+        self.pairing.n_depth += n_depth;
+        self.pairing.n_colour += n_colour;
+        self.pairing.n_pairs += n_pairs;
+        self.pairing.largest_difference_nanos =
+            self.pairing.largest_difference_nanos.max(largest_difference_nanos);
+        self.warnings.extend(part.warnings().iter().cloned());
+        self.parts.push(part);
+    }
+
+    /// Notes a file that cannot be used.
+    pub(crate) fn leave_out(&mut self, error: &SourceError) {
+        self.warnings.push(format!("{error}: this file is left out"));
+    }
+
+    /// Keeps at most so many frames.
+    pub(crate) fn limit(&mut self, frames: Option<u64>) {
+        let most = frames.and_then(|n| usize::try_from(n).ok()).unwrap_or(usize::MAX);
+        self.frames.truncate(most);
+    }
+
+    fn frame(&self, index: u64) -> Option<(&RecordingSource, u64)> {
+        let (part, at) = self.frames.get(usize::try_from(index).ok()?)?;
+        Some((self.parts.get(*part as usize)?, *at))
+    }
+}
+
+impl Source for JoinedSource {
+    fn camera(&self) -> &Camera {
+        self.first().camera()
+    }
+
+    fn n_frames(&self) -> Option<u64> {
+        Some(self.frames.len() as u64)
+    }
+
+    fn stamp_nanos(&self, index: u64) -> Option<i64> {
+        self.frame(index).and_then(|(part, at)| part.stamp_nanos(at))
+    }
+
+    fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
+        let last = (self.frames.len() as u64).saturating_sub(1);
+        let (part, at) = self.frame(index).ok_or(SourceError::NoFrame { frame: index, last })?;
+        part.read(at, buffers)
+    }
+
+    fn ground_truth(&self) -> Option<&Trajectory> {
+        None
+    }
+
+    fn pairing(&self) -> Pairing {
+        self.pairing
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    fn description(&self) -> Vec<(&'static str, String)> {
+        let mut description = self.first().description();
+        description.push(("files", self.parts.len().to_string()));
+        description
+    }
+}

@@ -1,0 +1,121 @@
+//! Files that are known for what they are and not read, each with what to do about it.
+
+use crate::SourceError;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Bytes that tell a file's kind.
+const HEAD_BYTES: u64 = 64;
+
+/// What a file is: by its first bytes, and by its name where those say too little.
+struct Kind {
+    begins: &'static [u8],
+    /// End of the name; empty: any.
+    ends: &'static str,
+    what: &'static str,
+    remedy: &'static str,
+}
+
+/// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
+const KINDS: [Kind; 9] = [
+    Kind {
+        begins: b"#ROSBAG V",
+        ends: "",
+        what: "a bag of ROS 1 or of librealsense",
+        remedy: "convert it: pip install rosbags; rosbags-convert --src {in} --dst {stem}_ros2 --dst-storage mcap; then run \
+                 the folder {stem}_ros2 (for librealsense: rs-convert -i {in} -p {stem}/ -d, or record by realsense2_camera)",
+    },
+    Kind {
+        begins: b"SQLite format 3\0",
+        ends: "",
+        what: "a bag of ROS 2 in SQLite",
+        remedy: "convert it: mcap convert {in} {stem}.mcap, or its folder: pip install rosbags; rosbags-convert --src FOLDER \
+                 --dst FOLDER_mcap --dst-storage mcap",
+    },
+    Kind {
+        begins: b"PK\x03\x04",
+        ends: ".r3d",
+        what: "a recording of Record3D",
+        remedy: "it is a zip file: unzip {in} -d {stem}, then run the folder {stem}, which says what is next",
+    },
+    Kind {
+        begins: b"PK\x03\x04",
+        ends: "",
+        what: "a zip file",
+        remedy: "unpack it: unzip {in} -d {stem}, then run the folder {stem}",
+    },
+    Kind {
+        begins: b"\x1f\x8b",
+        ends: "",
+        what: "a compressed archive",
+        remedy: "unpack it: tar -xzf {in}, then run the folder",
+    },
+    Kind {
+        begins: b"\x1a\x45\xdf\xa3",
+        ends: "",
+        what: "a Matroska video, as of Azure Kinect",
+        remedy: "convert it to images: python azure_kinect_mkv_reader.py --input {in} --output {stem} (of Open3D's examples), \
+                 then run the folder {stem}",
+    },
+    Kind {
+        begins: b"",
+        ends: ".sens",
+        what: "a recording of ScanNet",
+        remedy: "export it: python reader.py --filename {in} --output_path {stem} --export_depth_images \
+                 --export_color_images --export_poses --export_intrinsics (of ScanNet's SensReader), then run the folder {stem}",
+    },
+    Kind {
+        begins: b"",
+        ends: ".tar",
+        what: "an archive",
+        remedy: "unpack it: tar -xf {in}, then run the folder",
+    },
+    Kind {
+        begins: b"",
+        ends: ".oni",
+        what: "a recording of OpenNI",
+        remedy: "play it into ROS 2 or write its frames as PNG images, then run the folder",
+    },
+];
+
+/// The file for what it is; `None`: not known, or a kind that is read.
+pub(crate) fn file(path: &Path) -> Option<SourceError> {
+    let mut head = Vec::new();
+    File::open(path).ok()?.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
+    let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let kind = KINDS.iter().find(|kind| head.starts_with(kind.begins) && name.ends_with(kind.ends))?;
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let remedy = kind.remedy.replace("{stem}", &stem).replace("{in}", &path.display().to_string());
+    Some(SourceError::NotRead { path: path.to_owned(), what: kind.what, remedy })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_is_named_with_its_command() {
+        let folder = tempfile::tempdir().unwrap();
+        let table: [(&str, &[u8], &str, &str); 8] = [
+            ("a.bag", b"#ROSBAG V2.0\n", "a bag of ROS 1", "rosbags-convert --src"),
+            ("a.db3", b"SQLite format 3\0", "a bag of ROS 2 in SQLite", "mcap convert"),
+            ("a.r3d", b"PK\x03\x04", "Record3D", "unzip"),
+            ("a.zip", b"PK\x03\x04", "a zip file", "unzip"),
+            ("a.tgz", b"\x1f\x8b\x08", "a compressed archive", "tar -xzf"),
+            ("a.mkv", b"\x1a\x45\xdf\xa3", "Azure Kinect", "azure_kinect_mkv_reader.py"),
+            ("a.sens", b"\x04\0\0\0", "ScanNet", "reader.py --filename"),
+            ("a.oni", b"NI10", "OpenNI", "PNG"),
+        ];
+        for (name, head, what, command) in table {
+            let path = folder.path().join(name);
+            std::fs::write(&path, head).unwrap();
+            let message = file(&path).unwrap().to_string();
+            assert!(message.contains(what) && message.contains(command), "{message}");
+            assert!(message.contains("which is not read"), "{message}");
+        }
+        let other = folder.path().join("a.txt");
+        std::fs::write(&other, "words").unwrap();
+        assert!(file(&other).is_none() && file(&folder.path().join("none")).is_none());
+    }
+}

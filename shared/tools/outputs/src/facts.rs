@@ -1,0 +1,254 @@
+//! What a verdict on a run is made of, as plain data.
+
+use crate::replay::Replay;
+use crate::statistics::{Ended, RunStatistics};
+use crate::trajectories::{as_trajectory, final_rows};
+use crate::verdict::UNCERTAIN_M;
+use std::collections::BTreeMap;
+use std::fmt;
+use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
+use tessera_slam::{FrameRecord, State};
+
+/// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
+const POSITION: [usize; 3] = [0, 6, 11];
+/// Poses that a comparison of lengths needs.
+const LEAST_POSES: usize = 20;
+/// A scale tells something where it takes the error down to this share of what it was,
+const TELLING_SHARE: f64 = 0.5;
+/// where what is left is this share of the way gone, root mean square about its middle,
+const LEFT_SHARE: f64 = 0.25;
+/// and where that is at least so long, metres: less may as well be drift.
+const LEAST_SPREAD_M: f64 = 0.1;
+
+/// Frames one after the other, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Index of the first frame.
+    pub first: u64,
+    /// Index of the last frame.
+    pub last: u64,
+    /// Time of the first since the run's first frame, seconds.
+    pub from_s: f64,
+    /// Time of the last, seconds.
+    pub to_s: f64,
+}
+
+impl Span {
+    /// From the first frame to the last, seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.to_s - self.from_s
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.first == self.last {
+            true => write!(f, "frame {} ({:.1} s)", self.first, self.from_s),
+            false => {
+                write!(f, "frames {} to {} ({:.1} to {:.1} s)", self.first, self.last, self.from_s, self.to_s)
+            }
+        }
+    }
+}
+
+/// What the ground truth says of lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// Factor on the estimate that fits best.
+    pub scale: f64,
+    /// Whether the factor explains most of the error.
+    pub is_telling: bool,
+}
+
+/// The facts of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facts {
+    /// How it ended.
+    pub ended: Ended,
+    /// Frames that the source gave.
+    pub n_read: u64,
+    /// Frames with a record.
+    pub n_processed: u64,
+    /// Frames left out in a live run.
+    pub n_dropped: u64,
+    /// Frames that ended their stage again and again.
+    pub n_lost: u64,
+    /// Frames whose pose is a prediction.
+    pub n_untracked: u64,
+    /// Where they are.
+    pub untracked: Vec<Span>,
+    /// Whether the last frame is one of them.
+    pub ends_untracked: bool,
+    /// Tracked frames with a stated deviation of position above the limit.
+    pub n_uncertain: u64,
+    /// The first of them.
+    pub first_uncertain: Option<u64>,
+    /// Largest stated deviation of a position, metres.
+    pub worst_deviation_m: f64,
+    /// Frames with a missing or broken image, and what is wrong.
+    pub broken: BTreeMap<u64, String>,
+    /// Loops that the optimisation kept.
+    pub n_loops_closed: u64,
+    /// Loops that passed verification and that the optimisation rejected.
+    pub n_loops_rejected: u64,
+    /// Started in a map and never found there.
+    pub is_nowhere: bool,
+    /// Lengths against the ground truth, where there is one.
+    pub truth: Option<Truth>,
+    /// Raw depth of a metre.
+    pub units_per_metre: f64,
+    /// Focal length of the camera and of the refined one, pixels.
+    pub refined_focal_px: Option<[f64; 2]>,
+    /// What looked wrong with the source before the run.
+    pub source_doubts: Vec<String>,
+}
+
+/// What lies in the run directory beside the journal.
+#[derive(Clone, Debug, Default)]
+pub struct Beside {
+    /// Frames with a missing or broken image.
+    pub broken: BTreeMap<u64, String>,
+    /// What looked wrong with the source before the run.
+    pub source_doubts: Vec<String>,
+    /// Raw depth of a metre.
+    pub units_per_metre: f64,
+    /// Focal length along x, pixels.
+    pub focal_px: f64,
+}
+
+impl Facts {
+    /// Collects the facts.
+    pub fn new(
+        replay: &Replay,
+        statistics: &RunStatistics,
+        truth: Option<&Trajectory>,
+        beside: &Beside,
+    ) -> Self {
+        let (processed, dropped) = (replay.frames.len() as u64, replay.skipped.len() as u64);
+        let n_read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
+        let untracked = untracked(&replay.frames);
+        let deviations = || {
+            let tracked = replay.frames.iter().filter(|frame| frame.state == State::Tracking);
+            tracked.filter_map(|frame| Some((frame.index, deviation_m(frame)?)))
+        };
+        let refined = replay.refined().map(|refined| [beside.focal_px, refined.camera.fx]);
+        Self {
+            ended: statistics.ended,
+            n_read,
+            n_processed: processed,
+            n_dropped: dropped,
+            n_lost: n_read - processed - dropped,
+            n_untracked: replay.n_untracked(),
+            ends_untracked: replay.frames.last().is_some_and(|frame| frame.state != State::Tracking),
+            untracked,
+            n_uncertain: deviations().filter(|(_, deviation)| *deviation > UNCERTAIN_M).count() as u64,
+            first_uncertain: deviations()
+                .find(|(_, deviation)| *deviation > UNCERTAIN_M)
+                .map(|(index, _)| index),
+            worst_deviation_m: deviations().map(|(_, deviation)| deviation).fold(0.0, f64::max),
+            broken: beside.broken.clone(),
+            n_loops_closed: replay.n_loops_closed(),
+            n_loops_rejected: replay.n_loops_rejected(),
+            is_nowhere: replay.n_map_keyframes > 0 && replay.first_tracked.is_none(),
+            truth: truth.and_then(|truth| lengths(replay, truth)),
+            units_per_metre: beside.units_per_metre,
+            refined_focal_px: refined,
+            source_doubts: beside.source_doubts.clone(),
+        }
+    }
+}
+
+/// Spans of frames that were not tracked.
+pub(crate) fn untracked(frames: &[FrameRecord]) -> Vec<Span> {
+    let first_nanos = frames.first().map_or(0, |frame| frame.stamp_nanos);
+    let mut spans: Vec<Span> = Vec::new();
+    let mut is_open = false;
+    for frame in frames {
+        let is_untracked = frame.state != State::Tracking;
+        let at_s = frame.stamp_nanos.saturating_sub(first_nanos) as f64 * 1e-9;
+        match spans.last_mut().filter(|_| is_open && is_untracked) {
+            Some(span) => (span.last, span.to_s) = (frame.index, at_s),
+            None if is_untracked => {
+                spans.push(Span { first: frame.index, last: frame.index, from_s: at_s, to_s: at_s });
+            }
+            None => {}
+        }
+        is_open = is_untracked;
+    }
+    spans
+}
+
+/// Stated standard deviation of a position along the worst of all directions, from above: the root
+/// of the sum of the three variances, metres.
+fn deviation_m(frame: &FrameRecord) -> Option<f64> {
+    let variances: Option<Vec<f64>> = POSITION.iter().map(|at| frame.covariance.get(*at).copied()).collect();
+    Some(variances?.iter().sum::<f64>().max(0.0).sqrt())
+}
+
+/// The scale of the tracked frames against the truth; `None` where too little can be compared.
+fn lengths(replay: &Replay, truth: &Trajectory) -> Option<Truth> {
+    let rows = final_rows(replay).into_iter().zip(&replay.frames);
+    let tracked = rows.filter(|(_, frame)| frame.state == State::Tracking).map(|(row, _)| row).collect();
+    let options = EvaluationOptions { scale: true, ..EvaluationOptions::default() };
+    let tracked = as_trajectory(&tracked)?;
+    let found = evaluate(&tracked, truth, &options).ok()?;
+    let scaled = found.with_scale.filter(|scaled| found.pairs >= LEAST_POSES && scaled.scale > 0.0)?;
+    let spread_m = scaled.scale * spread_m(&tracked);
+    let is_telling = spread_m > LEAST_SPREAD_M
+        && scaled.ate_rmse_m < TELLING_SHARE * found.ate_rmse_m
+        && scaled.ate_rmse_m < LEFT_SHARE * spread_m;
+    Some(Truth { scale: scaled.scale, is_telling })
+}
+
+/// Root mean square distance of the positions from their middle, metres.
+fn spread_m(trajectory: &Trajectory) -> f64 {
+    let n = trajectory.len().max(1) as f64;
+    let positions = || trajectory.poses.iter().map(|pose| pose.translation.vector);
+    let (mut x, mut y, mut z, mut squares) = (0.0, 0.0, 0.0, 0.0);
+    for position in positions() {
+        (x, y, z) = (x + position.x, y + position.y, z + position.z);
+        squares += position.norm_squared();
+    }
+    (squares / n - (x * x + y * y + z * z) / (n * n)).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_run;
+    use crate::trajectories::online_rows;
+    use tessera_geometry::Pose;
+
+    #[test]
+    fn the_facts_are_those_of_the_journal() {
+        let replay = test_run::replay();
+        let statistics = RunStatistics { ended: Ended::Finished, ..RunStatistics::default() };
+        let facts = Facts::new(&replay, &statistics, None, &Beside::default());
+        assert_eq!((facts.n_read, facts.n_processed, facts.n_dropped, facts.n_lost), (7, 6, 1, 0));
+        assert_eq!((facts.n_untracked, facts.untracked.len(), facts.ends_untracked), (1, 1, false));
+        assert_eq!(facts.untracked[0].to_string(), "frame 4 (0.1 s)");
+        assert_eq!((facts.n_loops_closed, facts.n_loops_rejected), (1, 1));
+        // The one covariance is that of a frame that was not tracked.
+        assert_eq!((facts.n_uncertain, facts.worst_deviation_m), (0, 0.0));
+    }
+
+    #[test]
+    fn lengths_are_compared_over_enough_poses() {
+        let mut replay = test_run::replay();
+        assert_eq!(lengths(&replay, &as_trajectory(&online_rows(&replay)).unwrap()), None);
+        let (model, mut truth) = (replay.frames[1].clone(), Trajectory::default());
+        replay.frames.clear();
+        for k in 0..40_i64 {
+            let at =
+                |scale: f64| Pose::translation(scale * (k as f64 * 0.2).sin(), scale * k as f64 / 40.0, 0.0);
+            let mut frame = model.clone();
+            (frame.index, frame.stamp_nanos) = (100 + k as u64, k * 33_000_000);
+            frame.keyframe_from_camera = (&at(0.2)).into();
+            frame.world_from_camera = (&at(0.2)).into();
+            replay.frames.push(frame);
+            truth.push(k * 33_000_000, at(1.0)).unwrap();
+        }
+        let found = lengths(&replay, &truth).unwrap();
+        assert!((found.scale - 5.0).abs() < 1e-6 && found.is_telling, "{found:?}");
+    }
+}

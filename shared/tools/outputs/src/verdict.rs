@@ -1,0 +1,394 @@
+//! The verdict on a run: good, doubtful or failed, with the reasons and what to try.
+//!
+//! One pure function of plain facts; the summary, the report, the log and `--strict` say the same.
+
+use crate::facts::{Facts, Span};
+use crate::statistics::Ended;
+use serde::Serialize;
+use std::fmt;
+
+/// Spans of untracked frames shorter than this, seconds, are bridged by the prediction.
+const SHORT_SPAN_S: f64 = 0.5;
+/// Share of untracked frames above which a run is doubtful, and above which it failed.
+const UNTRACKED_DOUBTFUL: f64 = 0.02;
+const UNTRACKED_FAILED: f64 = 0.5;
+/// Stated standard deviation of a position above which it is not to be relied on, metres.
+pub(crate) const UNCERTAIN_M: f64 = 0.1;
+/// Share of uncertain frames above which a run is doubtful.
+const UNCERTAIN_DOUBTFUL: f64 = 0.02;
+/// Share of frames that a live run may leave out.
+const DROPPED_DOUBTFUL: f64 = 0.05;
+/// Share of frames with a broken image above which a run is doubtful.
+const BROKEN_DOUBTFUL: f64 = 0.01;
+/// Rejected loops from which on they are a reason, where they outnumber the closed ones.
+const MANY_REJECTED: u64 = 3;
+/// Factor of lengths against the ground truth from which on the units are wrong.
+const WRONG_UNITS: f64 = 2.0;
+/// Depth units of cameras and data sets, a metre.
+const USUAL_UNITS: [f64; 6] = [256.0, 1000.0, 2000.0, 4000.0, 5000.0, 10_000.0];
+/// Relative difference of focal lengths from which on the lens is wrong.
+const WRONG_LENS: f64 = 0.04;
+/// Spans of frames that are listed.
+const MOST_SPANS: usize = 3;
+
+/// Whether a run's outputs can be relied on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grade {
+    /// Nothing speaks against them.
+    #[default]
+    Good,
+    /// Parts of them may be wrong: the reasons say which.
+    Doubtful,
+    /// They are not to be used.
+    Failed,
+}
+
+impl fmt::Display for Grade {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Good => "good",
+            Self::Doubtful => "doubtful",
+            Self::Failed => "failed",
+        })
+    }
+}
+
+/// One thing that was found.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Reason {
+    /// How much it weighs; [`Grade::Good`]: a note.
+    pub grade: Grade,
+    /// What was found, in plain words and numbers.
+    pub found: String,
+    /// What to try; empty for a note.
+    pub advice: String,
+}
+
+/// Grade and reasons, the weightiest first.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Verdict {
+    /// That of the weightiest reason.
+    pub grade: Grade,
+    /// Why; may hold notes where the grade is good.
+    pub reasons: Vec<Reason>,
+}
+
+impl Verdict {
+    /// The verdict as lines: the grade, then each reason with its advice.
+    pub fn for_people(&self) -> String {
+        let mut text = format!("  verdict     {}\n", self.grade);
+        for Reason { found, advice, .. } in &self.reasons {
+            text.push_str(&format!("              {found}\n"));
+            if !advice.is_empty() {
+                text.push_str(&format!("              try: {advice}\n"));
+            }
+        }
+        text
+    }
+
+    /// Grade and reasons in one line, as for a log.
+    pub fn in_one_line(&self) -> String {
+        let found: Vec<&str> = self.reasons.iter().map(|reason| reason.found.as_str()).collect();
+        match found.is_empty() {
+            true => format!("verdict {}", self.grade),
+            false => format!("verdict {}: {}", self.grade, found.join("; ")),
+        }
+    }
+}
+
+/// Judges a run.
+pub fn verdict(facts: &Facts) -> Verdict {
+    let reasons = [
+        ended(facts),
+        units(facts),
+        lens(facts),
+        untracked(facts),
+        uncertain(facts),
+        dropped(facts),
+        broken(facts),
+        rejected_loops(facts),
+    ];
+    let doubts = facts.source_doubts.iter().map(|doubt| {
+        reason(
+            Grade::Doubtful,
+            doubt.clone(),
+            "give the right camera: --camera NAME|FILE (docs/own_camera.md)",
+        )
+    });
+    let mut reasons: Vec<Reason> = reasons.into_iter().flatten().chain(doubts).collect();
+    // Stable: reasons of one grade keep their order.
+    reasons.sort_by_key(|reason| std::cmp::Reverse(reason.grade));
+    Verdict { grade: reasons.first().map_or(Grade::Good, |reason| reason.grade), reasons }
+}
+
+fn reason(grade: Grade, found: String, advice: &str) -> Reason {
+    let advice = if grade == Grade::Good { String::new() } else { advice.to_owned() };
+    Reason { grade, found, advice }
+}
+
+/// Doubtful above a limit, else a note.
+fn above(share: f64, limit: f64) -> Grade {
+    if share > limit { Grade::Doubtful } else { Grade::Good }
+}
+
+fn share(part: u64, whole: u64) -> f64 {
+    part as f64 / whole.max(1) as f64
+}
+
+fn ended(facts: &Facts) -> Option<Reason> {
+    let n = facts.n_processed;
+    let (grade, found, advice) = match facts.ended {
+        _ if n == 0 => (Grade::Failed, "no frame was processed".to_owned(), "tessera check SOURCE"),
+        _ if facts.is_nowhere => (
+            Grade::Failed,
+            "no frame was found in the map".to_owned(),
+            "begin where the map was seen well, or give --at (docs/maps.md)",
+        ),
+        Ended::Failed => (
+            Grade::Failed,
+            format!("a stage failed after {n} of {} frames", facts.n_read),
+            "the last lines of log.txt say why; then tessera resume",
+        ),
+        Ended::Interrupted | Ended::Unfinished => (
+            Grade::Doubtful,
+            format!("the run was not finished: {n} of {} frames", facts.n_read),
+            "tessera resume",
+        ),
+        Ended::Finished => return None,
+    };
+    Some(reason(grade, found, advice))
+}
+
+fn untracked(facts: &Facts) -> Option<Reason> {
+    let (n, of) = (facts.n_untracked, facts.n_processed);
+    if n == 0 {
+        return None;
+    }
+    let is_long = facts.untracked.iter().any(|span| span.duration_s() >= SHORT_SPAN_S);
+    let grade = match share(n, of) {
+        share if share >= UNTRACKED_FAILED => Grade::Failed,
+        share if share > UNTRACKED_DOUBTFUL || is_long || facts.ends_untracked => Grade::Doubtful,
+        _ => Grade::Good,
+    };
+    let to_the_end = if facts.ends_untracked { ", to the end" } else { "" };
+    let found = format!(
+        "{n} of {of} frames not tracked, their poses are predictions: {}{to_the_end}",
+        spans(&facts.untracked)
+    );
+    let advice =
+        "move more slowly or record at a higher rate; keep structure within 4 m in view (docs/tuning.md)";
+    Some(reason(grade, found, advice))
+}
+
+/// The longest spans, in the order of time.
+fn spans(all: &[Span]) -> String {
+    let mut longest: Vec<&Span> = all.iter().collect();
+    longest.sort_by(|a, b| (b.last - b.first).cmp(&(a.last - a.first)).then(a.first.cmp(&b.first)));
+    longest.truncate(MOST_SPANS);
+    longest.sort_by_key(|span| span.first);
+    let mut words: Vec<String> = longest.iter().map(ToString::to_string).collect();
+    if all.len() > MOST_SPANS {
+        words.push(format!("{} more", all.len() - MOST_SPANS));
+    }
+    words.join(", ")
+}
+
+fn uncertain(facts: &Facts) -> Option<Reason> {
+    let (n, of) = (facts.n_uncertain, facts.n_processed);
+    let (first, worst_m) = (facts.first_uncertain?, facts.worst_deviation_m);
+    let grade = above(share(n, of), UNCERTAIN_DOUBTFUL);
+    let found = format!(
+        "{n} of {of} frames are uncertain by more than {UNCERTAIN_M} m, {worst_m:.2} m at worst, from frame {first} on"
+    );
+    let advice = "show the camera more than one wall; a loop back to the start helps (docs/tuning.md)";
+    Some(reason(grade, found, advice))
+}
+
+fn dropped(facts: &Facts) -> Option<Reason> {
+    let (n, lost) = (facts.n_dropped, facts.n_lost);
+    if n + lost == 0 {
+        return None;
+    }
+    let grade = if lost > 0 { Grade::Doubtful } else { above(share(n, facts.n_read), DROPPED_DOUBTFUL) };
+    let found = match lost {
+        0 => format!("{n} of {} frames dropped, newer ones had come", facts.n_read),
+        _ => format!("{n} of {} frames dropped, {lost} lost (they ended their stage)", facts.n_read),
+    };
+    Some(reason(grade, found, "a faster machine, --config fast, or without --live"))
+}
+
+fn broken(facts: &Facts) -> Option<Reason> {
+    let n = facts.broken.len() as u64;
+    let (index, problem) = facts.broken.iter().next()?;
+    let grade = above(share(n, facts.n_read), BROKEN_DOUBTFUL);
+    let found = format!(
+        "{n} of {} frames have a missing or broken image, the first is frame {index}: {problem}",
+        facts.n_read
+    );
+    Some(reason(grade, found, "copy or download the recording again"))
+}
+
+fn rejected_loops(facts: &Facts) -> Option<Reason> {
+    let (closed, rejected) = (facts.n_loops_closed, facts.n_loops_rejected);
+    if rejected == 0 {
+        return None;
+    }
+    let is_many = rejected >= MANY_REJECTED && rejected > closed;
+    let grade = if is_many { Grade::Doubtful } else { Grade::Good };
+    let found = format!("{rejected} verified loops rejected by the optimisation, {closed} closed");
+    Some(reason(grade, found, "tessera report: its table of loops says which places contradict each other"))
+}
+
+fn units(facts: &Facts) -> Option<Reason> {
+    let truth = facts.truth?;
+    let scale = truth.scale;
+    if !(truth.is_telling && (scale > WRONG_UNITS || scale < 1.0 / WRONG_UNITS)) {
+        return None;
+    }
+    let units = facts.units_per_metre;
+    let likely = likely_units(units / scale);
+    let likely = if USUAL_UNITS.contains(&likely) { likely.to_string() } else { format!("about {likely}") };
+    let found = format!(
+        "against the ground truth all lengths are {:.2} times too {}: units_per_metre = {units} is wrong, {likely} is likely",
+        scale.max(1.0 / scale),
+        if scale > 1.0 { "small" } else { "large" },
+    );
+    Some(reason(Grade::Failed, found, "the right units_per_metre in the camera file (docs/own_camera.md)"))
+}
+
+/// The usual units nearest to what was measured.
+fn likely_units(measured: f64) -> f64 {
+    let ratio = |units: f64| (units / measured).max(measured / units);
+    let nearest = USUAL_UNITS.into_iter().min_by(|a, b| ratio(*a).total_cmp(&ratio(*b)));
+    nearest.filter(|units| ratio(*units) < 1.2).unwrap_or(measured.round())
+}
+
+/// What the refinement of the camera says of its focal length.
+fn lens(facts: &Facts) -> Option<Reason> {
+    let [from, to] = facts.refined_focal_px?;
+    let off = (to - from) / from;
+    if !(off.abs() > WRONG_LENS) {
+        return None;
+    }
+    let found = format!(
+        "the frames fit a focal length of {to:.0} px better than the camera's {from:.0} px ({:+.0} %)",
+        100.0 * off
+    );
+    Some(reason(Grade::Doubtful, found, "run again with --camera camera_refined.toml, or tessera calibrate"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::facts::Truth;
+
+    fn good() -> Facts {
+        Facts {
+            ended: Ended::Finished,
+            n_read: 400,
+            n_processed: 400,
+            n_loops_closed: 5,
+            units_per_metre: 1000.0,
+            ..Facts::default()
+        }
+    }
+
+    fn span(first: u64, last: u64) -> Span {
+        Span { first, last, from_s: first as f64 / 30.0, to_s: last as f64 / 30.0 }
+    }
+
+    fn check(facts: &Facts, grade: Grade, words: &[&str]) {
+        let verdict = verdict(facts);
+        assert_eq!(verdict.grade, grade, "{verdict:?}");
+        let text = verdict.for_people();
+        for word in words {
+            assert!(text.contains(word), "{text} lacks {word}");
+        }
+        for reason in &verdict.reasons {
+            assert_eq!(reason.advice.is_empty(), reason.grade == Grade::Good, "{reason:?}");
+        }
+    }
+
+    #[test]
+    fn a_good_run_has_no_reasons_or_notes_alone() {
+        assert_eq!(verdict(&good()), Verdict::default());
+        assert_eq!(verdict(&good()).in_one_line(), "verdict good");
+        let short = Facts { n_untracked: 3, untracked: vec![span(10, 12)], n_loops_rejected: 1, ..good() };
+        check(
+            &short,
+            Grade::Good,
+            &["3 of 400 frames not tracked", "frames 10 to 12 (0.3 to 0.4 s)", "1 verified loops"],
+        );
+    }
+
+    #[test]
+    fn frames_without_a_pose_make_it_doubtful_and_half_of_them_failed() {
+        let lost = Facts { n_untracked: 85, untracked: vec![span(315, 399)], ends_untracked: true, ..good() };
+        check(
+            &lost,
+            Grade::Doubtful,
+            &["verdict     doubtful", "85 of 400", "frames 315 to 399", "to the end", "try:"],
+        );
+        check(
+            &Facts { n_untracked: 200, untracked: vec![span(200, 399)], ..good() },
+            Grade::Failed,
+            &["200 of 400"],
+        );
+        let many: Vec<Span> = (0..5).map(|k| span(20 * k, 20 * k + k)).collect();
+        check(
+            &Facts { n_untracked: 15, untracked: many, ..good() },
+            Grade::Doubtful,
+            &["frames 80 to 84", "2 more"],
+        );
+    }
+
+    #[test]
+    fn deviations_drops_broken_images_and_rejected_loops_are_named() {
+        let uncertain =
+            Facts { n_uncertain: 100, first_uncertain: Some(246), worst_deviation_m: 4.6, ..good() };
+        check(
+            &uncertain,
+            Grade::Doubtful,
+            &["100 of 400 frames are uncertain by more than 0.1 m, 4.60 m", "frame 246"],
+        );
+        check(&Facts { n_dropped: 10, ..good() }, Grade::Good, &["10 of 400 frames dropped"]);
+        check(&Facts { n_dropped: 100, ..good() }, Grade::Doubtful, &["without --live"]);
+        check(&Facts { n_lost: 1, ..good() }, Grade::Doubtful, &["1 lost"]);
+        let broken = |n: u64| (0..n).map(|k| (k, "d.png: gone".to_owned())).collect();
+        check(&Facts { broken: broken(1), ..good() }, Grade::Good, &["1 of 400", "frame 0: d.png: gone"]);
+        check(&Facts { broken: broken(9), ..good() }, Grade::Doubtful, &["again"]);
+        check(
+            &Facts { n_loops_rejected: 9, ..good() },
+            Grade::Doubtful,
+            &["9 verified loops rejected", "5 closed"],
+        );
+    }
+
+    #[test]
+    fn how_a_run_ended_weighs_most() {
+        check(&Facts { n_processed: 0, ..good() }, Grade::Failed, &["no frame was processed"]);
+        check(&Facts { ended: Ended::Failed, ..good() }, Grade::Failed, &["a stage failed after 400 of 400"]);
+        let interrupted = Facts { ended: Ended::Interrupted, n_processed: 9, ..good() };
+        check(&interrupted, Grade::Doubtful, &["not finished: 9 of 400", "tessera resume"]);
+        check(&Facts { is_nowhere: true, ..good() }, Grade::Failed, &["no frame was found in the map"]);
+    }
+
+    #[test]
+    fn wrong_units_and_lenses_are_named_with_the_likely_value() {
+        let against = |scale, is_telling| Facts { truth: Some(Truth { scale, is_telling }), ..good() };
+        check(
+            &against(5.02, true),
+            Grade::Failed,
+            &["5.02 times too small", "units_per_metre = 1000 is wrong, about 199 is"],
+        );
+        check(&against(0.21, true), Grade::Failed, &["4.76 times too large", "5000 is likely"]);
+        check(&against(5.0, false), Grade::Good, &[]);
+        check(&against(1.2, true), Grade::Good, &[]);
+        let refined = |to| Facts { refined_focal_px: Some([500.0, to]), ..good() };
+        check(&refined(560.0), Grade::Doubtful, &["560 px better than the camera's 500 px (+12 %)"]);
+        check(&refined(510.0), Grade::Good, &[]);
+        let doubt = Facts { source_doubts: vec!["median depth is 5.5 m".to_owned()], ..good() };
+        check(&doubt, Grade::Doubtful, &["median depth is 5.5 m", "--camera"]);
+    }
+}
