@@ -207,7 +207,7 @@ mod tests {
         let left = std::fs::read(&claim.path).unwrap();
         let path = claim.path.clone();
         drop(claim);
-        std::fs::create_dir(&root).unwrap();
+        std::fs::create_dir_all(&root).unwrap();
         std::fs::write(&path, left).unwrap();
         assert!(!find().unwrap().is_alive);
         let again = RunClaim::take(&name, dir.path()).unwrap();

@@ -4,7 +4,7 @@ mod common;
 
 use tessera_geometry::{Matrix6, Pose, Vector6, log};
 use tessera_graph::{BlockSums, PairBlock};
-use tessera_offline::{Method, Records};
+use tessera_offline::Records;
 use tessera_slam::{Context, State};
 use tessera_sources::{SceneName, SimulationOptions, Source};
 
@@ -12,14 +12,8 @@ use tessera_sources::{SceneName, SimulationOptions, Source};
 fn run(name: SceneName, n_frames: u64) -> (Records, Vec<Pose>) {
     let source = common::scene(name, &SimulationOptions::default());
     let indices: Vec<u64> = (0..n_frames).collect();
-    let records = common::run(&source, &surfaces_alone(), &common::frames(&source, &indices));
+    let records = common::run(&source, &common::surfaces_alone(), &common::frames(&source, &indices));
     (records, source.ground_truth().unwrap().poses.clone())
-}
-
-fn surfaces_alone() -> Method {
-    let mut method = Method::default();
-    method.mapping.features.enabled = false;
-    method
 }
 
 /// Error in the tangent of the estimate, covariance, and the record's reason, for each frame but
@@ -82,7 +76,7 @@ fn a_room_leaves_nothing_free_and_the_errors_are_as_large_as_expected() {
 fn relative_errors(n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
     let (records, truth) = run(SceneName::Room, n_frames);
     let source = common::scene(SceneName::Room, &SimulationOptions::default());
-    let method = surfaces_alone();
+    let method = common::surfaces_alone();
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
     let factor = context.matcher().metric_factor() * method.mapping.window.correlation;
     let mut keyframes = Vec::new();

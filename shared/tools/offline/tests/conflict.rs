@@ -2,17 +2,17 @@
 
 mod common;
 
-use common::{frames, run, scene};
+use common::{frames, run, scene, surfaces_alone};
 use tessera_geometry::{Pose, translation_rotation_norms};
-use tessera_offline::{Method, Records};
+use tessera_offline::Records;
 use tessera_sources::{SceneName, SimulationOptions, Source};
 
-/// Once round the room and a little on, with so little effort that drift shows, and no correction
+/// Once round the room and a little on, with so few matches that drift shows, and no correction
 /// but what the extended window does.
 fn go_round(extended_window: bool) -> (Records, Vec<u64>) {
     let source = scene(SceneName::Room, &SimulationOptions::default());
     let indices: Vec<u64> = (0..400).step_by(3).map(|k| k % 360).collect();
-    let mut method = Method::default();
+    let mut method = surfaces_alone();
     method.mapping.window.size = 3;
     method.mapping.window.match_budget = 300;
     method.mapping.loops.min_frames = 80;

@@ -1,5 +1,8 @@
 //! What a gyroscope is worth where the surfaces say little, or the camera turns fast.
 
+mod common;
+
+use common::surfaces_alone;
 use rayon::prelude::*;
 use tessera_geometry::{Pose, log, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
@@ -33,7 +36,7 @@ fn with_imu(speed: f64) -> SimulationOptions {
 }
 
 fn without_rotation() -> Method {
-    let mut method = Method::default();
+    let mut method = surfaces_alone();
     method.mapping.window.inertial_rotation = false;
     method
 }
@@ -56,7 +59,7 @@ fn on_a_wall_the_turn_about_its_normal_is_the_gyroscope_s() {
         (worst, frames)
     };
     let (without, _) = worst(&without_rotation());
-    let (with, frames) = worst(&Method::default());
+    let (with, frames) = worst(&surfaces_alone());
     assert!(with < 0.3 * without, "{with} rad, {without} rad without");
     // The covariance says how well the turn is known now.
     let within = frames.iter().skip(1).filter(|(f, truth)| {
@@ -79,16 +82,16 @@ fn a_camera_that_turns_too_fast_for_its_surfaces_is_kept() {
         });
         good.count()
     };
-    let (with, without) = (n_good(Method::default()), n_good(without_rotation()));
+    let (with, without) = (n_good(surfaces_alone()), n_good(without_rotation()));
     assert!(with >= 18 && without < 9, "{with} of 28 frames, {without} without");
 }
 
 #[test]
 fn switched_off_it_changes_no_bit() {
     let still = SimulationOptions::default();
-    let without_imu = online(SceneName::Room, &still, &Method::default(), 12, 1);
+    let without_imu = online(SceneName::Room, &still, &surfaces_alone(), 12, 1);
     let switched_off = online(SceneName::Room, &with_imu(1.0), &without_rotation(), 12, 1);
-    let switched_on = online(SceneName::Room, &with_imu(1.0), &Method::default(), 12, 1);
+    let switched_on = online(SceneName::Room, &with_imu(1.0), &surfaces_alone(), 12, 1);
     let poses = |frames: &[(FrameRecord, Pose)]| -> Vec<_> {
         frames.iter().map(|(f, _)| (f.world_from_camera, f.covariance.clone())).collect()
     };

@@ -67,9 +67,8 @@ impl Context {
     /// The same with what is known of colour.
     pub(crate) fn with_colour(&self, colour: &ColourState) -> Self {
         let settings = &self.mapping.features;
-        let known = ColourModel { lag_s: settings.lag_s, focal_ratio: settings.focal_ratio };
         Self {
-            colour: if settings.correct { colour.model } else { known },
+            colour: if settings.correct { colour.model } else { ColourModel::default() },
             feature_weight: settings.weight * colour.weight(),
             is_colour_trusted: colour.is_trusted(),
             ..self.clone()

@@ -17,15 +17,11 @@ pub struct FeatureUse {
     pub keyframe_weight: f64,
     /// Whether lag and focal ratio of colour are estimated, and corrected once they are certain.
     pub correct: bool,
-    /// Seconds by which colour is newer than the depth of the same stamp, where `correct` is off.
-    pub lag_s: f64,
-    /// Focal length of colour over that of depth, where `correct` is off.
-    pub focal_ratio: f64,
 }
 
 impl Default for FeatureUse {
     fn default() -> Self {
-        Self { enabled: true, weight: 0.1, keyframe_weight: 0.1, correct: true, lag_s: 0.0, focal_ratio: 1.0 }
+        Self { enabled: true, weight: 0.1, keyframe_weight: 0.1, correct: true }
     }
 }
 
@@ -40,8 +36,6 @@ impl FeatureUse {
 
     pub(super) fn check(&self) -> Result<(), SettingError> {
         check_range("features.weight", self.weight, 0.0, 1e3)?;
-        check_range("features.keyframe_weight", self.keyframe_weight, 0.0, 1e3)?;
-        check_range("features.lag_s", self.lag_s, -0.1, 0.1)?;
-        check_range("features.focal_ratio", self.focal_ratio, 0.5, 2.0)
+        check_range("features.keyframe_weight", self.keyframe_weight, 0.0, 1e3)
     }
 }

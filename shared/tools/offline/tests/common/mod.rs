@@ -7,6 +7,13 @@ use tessera_geometry::Pose;
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
 
+/// The method without features: what surfaces alone say.
+pub(crate) fn surfaces_alone() -> Method {
+    let mut method = Method::default();
+    method.mapping.features.enabled = false;
+    method
+}
+
 /// A simulated scene.
 pub(crate) fn scene(name: SceneName, options: &SimulationOptions) -> SimulatedSource {
     SimulatedSource::open(name, None, None, options).unwrap()
