@@ -243,7 +243,7 @@ fn rejected_loops(facts: &Facts) -> Option<Reason> {
 fn units(facts: &Facts) -> Option<Reason> {
     let truth = facts.truth?;
     let scale = truth.scale;
-    if !(truth.is_telling && (scale > WRONG_UNITS || scale < 1.0 / WRONG_UNITS)) {
+    if !truth.is_telling || (1.0 / WRONG_UNITS..=WRONG_UNITS).contains(&scale) {
         return None;
     }
     let units = facts.units_per_metre;
