@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod accuracy;
+mod colour;
 mod error;
 mod export;
 pub mod facts;
@@ -22,6 +23,7 @@ pub mod verdict;
 mod voxels;
 mod words;
 
+pub use colour::ColourSummary;
 pub use error::ToolError;
 pub use export::{
     export, map_keyframes, read_beside, read_groundtruth, read_journal, read_settings, refined_warp,

@@ -2,6 +2,7 @@
 
 use crate::ToolError;
 use crate::accuracy::{Accuracy, accuracy};
+use crate::colour::ColourSummary;
 use crate::facts::{Beside, Facts};
 use crate::files::write_whole;
 use crate::replay::Replay;
@@ -81,6 +82,9 @@ pub struct Summary {
     /// Of `trajectory_online.txt`; absent without ground truth.
     #[serde(rename = "online", skip_serializing_if = "Option::is_none")]
     pub of_online: Option<Accuracy>,
+    /// How colour lies against depth; absent where no features were judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub colour: Option<ColourSummary>,
     /// What became of the camera; absent where the run was not asked to refine it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementSummary>,
@@ -154,6 +158,7 @@ impl Summary {
             wall_s: statistics.wall_s,
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
+            colour: ColourSummary::new(&replay.frames),
             refinement: settings
                 .mapping
                 .global

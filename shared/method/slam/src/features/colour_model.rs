@@ -106,6 +106,13 @@ impl Default for ColourState {
 }
 
 impl ColourState {
+    /// The state as of these records, in order of frames.
+    pub fn of_records<'a>(records: impl IntoIterator<Item = &'a ColourRecord>) -> Self {
+        let mut state = Self::default();
+        records.into_iter().for_each(|record| state.apply(record));
+        state
+    }
+
     /// Takes a frame's record in.
     pub(crate) fn apply(&mut self, record: &ColourRecord) {
         if record.n_pairs < MIN_PAIRS {

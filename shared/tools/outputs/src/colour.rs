@@ -1,0 +1,60 @@
+//! How colour lies against depth, as a run found it.
+
+use serde::Serialize;
+use tessera_slam::{ColourState, FrameRecord};
+
+/// Lag and focal ratio of colour against depth, as estimated at the end of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ColourSummary {
+    /// Seconds by which colour is newer than the depth of the same stamp, with its standard deviation.
+    pub colour_lag_s: [f64; 2],
+    /// Focal length of colour over that of depth, with its standard deviation.
+    pub colour_focal_ratio: [f64; 2],
+    /// What was applied at the end: 0 and 1 until an estimate is certain.
+    pub applied_lag_s: f64,
+    /// As the lag.
+    pub applied_focal_ratio: f64,
+    /// Residual of features against the surfaces after the correction, pixels.
+    pub residual_px: f64,
+}
+
+impl ColourSummary {
+    /// `None` where no frame's features could be judged.
+    pub fn new(frames: &[FrameRecord]) -> Option<Self> {
+        let state = ColourState::of_records(frames.iter().filter_map(|frame| frame.colour.as_ref()));
+        let [lag, [ratio, ratio_sigma]] = state.estimate().filter(|_| state.n_frames > 0)?;
+        Some(Self {
+            colour_lag_s: lag,
+            colour_focal_ratio: [1.0 + ratio, ratio_sigma],
+            applied_lag_s: state.model.lag_s,
+            applied_focal_ratio: state.model.focal_ratio,
+            residual_px: state.residual_px,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_run;
+    use tessera_slam::ColourRecord;
+
+    #[test]
+    fn estimates_come_from_the_records_of_all_frames() {
+        let frame = test_run::replay().frames[0].clone();
+        assert_eq!(ColourSummary::new(std::slice::from_ref(&frame)), None);
+        // A lag of 20 ms and a ratio of 0.9, as normal equations.
+        let colour = ColourRecord {
+            n_pairs: 100,
+            residual_px: 1.0,
+            information: [1e8, 0.0, 1e7],
+            gradient: [2e6, -1e6],
+        };
+        let frames = vec![FrameRecord { colour: Some(colour), ..frame }; 40];
+        let found = ColourSummary::new(&frames).unwrap();
+        assert!((found.colour_lag_s[0] - 0.02).abs() < 1e-9 && found.colour_lag_s[1] < 1e-3);
+        assert!((found.colour_focal_ratio[0] - 0.9).abs() < 1e-9);
+        assert!((found.applied_lag_s - 0.02).abs() < 1e-9);
+        assert!((found.applied_focal_ratio - 0.9).abs() < 1e-9);
+    }
+}
