@@ -256,6 +256,9 @@ pub fn python(name: &str, packages: &[&str]) -> Option<PathBuf> {
     let target = Path::new(env!("CARGO_BIN_EXE_tessera")).parent()?.parent()?;
     let folder = target.join(format!("python-{name}"));
     let (python, done) = (folder.join("bin/python"), folder.join("packages.txt"));
+    // One test installs, others that need the same packages wait for it.
+    let lock = std::fs::File::create(target.join(format!("python-{name}.lock"))).ok()?;
+    lock.lock().ok()?;
     if std::fs::read_to_string(&done).is_ok_and(|there| there == packages.join("\n")) {
         return Some(python);
     }

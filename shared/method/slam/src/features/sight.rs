@@ -62,15 +62,16 @@ impl Sight {
     }
 
     /// Takes a frame's features in. Those of a frozen stream are left out: no camera measures the same
-    /// image twice, bit by bit, and its matches would hold the camera still.
+    /// image twice, bit by bit, and its matches would hold the camera still. `before` is the frame that
+    /// the state names as its last, so that an answer never hangs on what else is still at hand.
     pub(crate) fn begin(
         &mut self,
         context: &Context,
         frame: &FrameSurface<'_>,
-        recent: &[FrameSurface<'_>],
+        before: Option<&FrameSurface<'_>>,
         velocity: &Twist,
     ) {
-        let is_frozen = recent.iter().any(|r| r.index < frame.index && r.features == frame.features);
+        let is_frozen = before.is_some_and(|before| before.features == frame.features);
         self.index = frame.index;
         self.velocity = *velocity;
         self.pairs.clear();

@@ -129,7 +129,8 @@ impl Tracker {
             surfaces: Surfaces { recent, keyframes },
         };
         let prediction = predict(&input);
-        self.aligner.sight.begin(context, frame, recent, &prediction.velocity);
+        let before = self.state.recent.last().and_then(|last| recent.iter().find(|r| r.index == last.index));
+        self.aligner.sight.begin(context, frame, before, &prediction.velocity);
         let record = if input.samples.len() < MIN_SAMPLES {
             sparse_record(&input, &prediction)
         } else if self.state.keyframes.is_empty() {
