@@ -46,7 +46,6 @@ pub(crate) fn match_all(
         first_distance_m: problem.first_distance_m as f32,
         tightness: if iteration == 1 { 0.5 } else { 1.0 },
         pose_sigma_m: 0.0,
-        intensity: false,
     };
     let rule =
         Rule { noise: problem.noise, epsilon: f64::from(problem.registration.weight.covariance_epsilon) };

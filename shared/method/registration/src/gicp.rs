@@ -28,19 +28,6 @@ pub(crate) struct Accumulate<'a> {
     /// Query points in their own frame.
     pub(crate) points: &'a Columns3,
     pub(crate) epsilon: f32,
-    /// The intensity residual beside geometry; information 0: it takes no part.
-    pub(crate) photometric: Photometric,
-}
-
-/// How differences of intensity count (method 12.1).
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Photometric {
-    /// Information of a difference of 1, in the units of the geometric information.
-    pub(crate) information: f32,
-    /// Standard deviation for the robust kernel.
-    pub(crate) sigma: f32,
-    /// Intensity of the target less that of the query, on average over the pair.
-    pub(crate) offset: f32,
 }
 
 impl pulp::WithSimd for Accumulate<'_> {
@@ -48,25 +35,21 @@ impl pulp::WithSimd for Accumulate<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> BlockSums {
-        if self.photometric.information > 0.0 {
-            accumulate::<true>(&self)
-        } else {
-            accumulate::<false>(&self)
-        }
+        accumulate(&self)
     }
 }
 
 type Sums = [Lanes; 73];
 
 #[inline(always)]
-fn accumulate<const IS_PHOTOMETRIC: bool>(it: &Accumulate<'_>) -> BlockSums {
+fn accumulate(it: &Accumulate<'_>) -> BlockSums {
     let n = it.found.weight.iter().filter(|w| **w > 0.0).count() as u32;
     let mut sums = BlockSums { n, ..BlockSums::default() };
     let len = it.found.len();
     for start in (0..len).step_by(CHUNK) {
         let mut lanes = [Lanes::ZERO; 73];
         for at in (start..len.min(start + CHUNK)).step_by(LANES) {
-            add_lanes::<IS_PHOTOMETRIC>(it, at, &mut lanes);
+            add_lanes(it, at, &mut lanes);
         }
         let mut total = lanes.iter().map(|lane| lane.0.iter().map(|&v| f64::from(v)).sum::<f64>());
         for value in sums.q.iter_mut().chain(&mut sums.l).chain(std::iter::once(&mut sums.c)) {
@@ -78,7 +61,7 @@ fn accumulate<const IS_PHOTOMETRIC: bool>(it: &Accumulate<'_>) -> BlockSums {
 
 /// Adds eight places.
 #[inline(always)]
-fn add_lanes<const IS_PHOTOMETRIC: bool>(it: &Accumulate<'_>, at: usize, sums: &mut Sums) {
+fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut Sums) {
     let found = it.found;
     let w = Lanes::load(&found.weight, at);
     let (e, na, nb) = (found.e.load(at), found.na.load(at), found.nb.load(at));
@@ -96,32 +79,15 @@ fn add_lanes<const IS_PHOTOMETRIC: bool>(it: &Accumulate<'_>, at: usize, sums: &
     let minus = quarter / (two_epsilon + half_s * dot(u, u));
     let half = w * Lanes::splat(0.5);
     let entry = |r: usize, c: usize| plus * u[r] * u[c] + minus * d[r] * d[c];
-    let mut omega =
+    let omega =
         [half + entry(0, 0), entry(0, 1), entry(0, 2), half + entry(1, 1), entry(1, 2), half + entry(2, 2)];
     // Omega e, and the term e^T Omega e of eq. 11.
-    let mut oe = [
+    let oe = [
         omega[0] * e[0] + omega[1] * e[1] + omega[2] * e[2],
         omega[1] * e[0] + omega[3] * e[1] + omega[4] * e[2],
         omega[2] * e[0] + omega[4] * e[1] + omega[5] * e[2],
     ];
-    let mut cost = dot(e, oe);
-    if IS_PHOTOMETRIC {
-        // The target's intensity at the query, `I_b - g e`, should be the query's: linear in `e`,
-        // so it fits into the same sums.
-        let g = found.gradient.load(at);
-        let r = Lanes::load(&found.intensity, at) - Lanes::splat(it.photometric.offset) - dot(g, e);
-        let sigma = Lanes::splat(1.0 / it.photometric.sigma);
-        let kernel = Lanes::splat(1.0) + r * r * sigma * sigma;
-        let is_match = w.map(|w| if w > 0.0 { 1.0 } else { 0.0 });
-        let lambda = is_match * Lanes::splat(it.photometric.information) / kernel;
-        for (k, (row, column)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
-            omega[k] = omega[k] + lambda * g[row] * g[column];
-        }
-        for c in 0..3 {
-            oe[c] = oe[c] - lambda * g[c] * r;
-        }
-        cost = cost + lambda * r * r;
-    }
+    let cost = dot(e, oe);
     let mut at = 0;
     for k in 0..4 {
         for m in k..4 {
@@ -156,12 +122,7 @@ mod tests {
         found.weight[0] = 1.0;
         let mut points = Columns3::default();
         points.resize(LANES);
-        accumulate::<false>(&Accumulate {
-            found: &found,
-            points: &points,
-            epsilon,
-            photometric: Photometric::default(),
-        })
+        accumulate(&Accumulate { found: &found, points: &points, epsilon })
     }
 
     #[test]

@@ -14,4 +14,4 @@ pub use association::{
     GridCamera, KdTree, Match, MatchLimits, Matcher, PairReport, Queries, Selection, ShutterTable, Target,
 };
 pub use sampling::{Sample, Sampler, gather};
-pub use settings::{BrightnessUse, RegistrationSettings, SearchMethod, WeightSettings};
+pub use settings::{RegistrationSettings, SearchMethod, WeightSettings};

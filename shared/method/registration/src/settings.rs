@@ -14,20 +14,6 @@ pub enum SearchMethod {
     Exact,
 }
 
-/// When brightness is a residual beside geometry (method 12.1). Never where the camera's colours are
-/// not registered to its depth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum BrightnessUse {
-    /// Never: geometry alone, as in the paper.
-    #[default]
-    Off,
-    /// Where geometry leaves a direction free: a wall, a corridor.
-    WhereFree,
-    /// In each alignment: for cameras whose colour and depth are exposed at the same time.
-    Always,
-}
-
 /// How much a correspondence counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -38,21 +24,11 @@ pub struct WeightSettings {
     pub noise_scaled: bool,
     /// Cauchy kernel on the normal residual, in standard deviations of depth; 0 switches it off.
     pub robust_sigmas: f32,
-    /// When brightness counts too.
-    pub brightness: BrightnessUse,
-    /// Standard deviation of a difference of brightness, 0 to 1.
-    pub brightness_sigma: f32,
 }
 
 impl Default for WeightSettings {
     fn default() -> Self {
-        Self {
-            covariance_epsilon: 1e-4,
-            noise_scaled: true,
-            robust_sigmas: 1.0,
-            brightness: BrightnessUse::Off,
-            brightness_sigma: 0.1,
-        }
+        Self { covariance_epsilon: 1e-4, noise_scaled: true, robust_sigmas: 1.0 }
     }
 }
 
@@ -98,7 +74,6 @@ impl RegistrationSettings {
         check_range("normal_space_samples", self.normal_space_samples.into(), 0.0, 1e6)?;
         let w = &self.weight;
         check_range("weight.covariance_epsilon", w.covariance_epsilon.into(), 1e-6, 1.0)?;
-        check_range("weight.robust_sigmas", w.robust_sigmas.into(), 0.0, 1e3)?;
-        check_range("weight.brightness_sigma", w.brightness_sigma.into(), 0.001, 1.0)
+        check_range("weight.robust_sigmas", w.robust_sigmas.into(), 0.0, 1e3)
     }
 }

@@ -4,7 +4,7 @@ use crate::cell::{CellDepth, CellRule};
 use crate::colour;
 use crate::columns::CellSums;
 use crate::planes::Workspace;
-use crate::settings::{CellBrightness, CellSample, SurfaceSettings};
+use crate::settings::{CellSample, SurfaceSettings};
 use tessera_geometry::{Camera, DepthNoise};
 
 /// Turns pixels into points; knows the camera's rays.
@@ -14,7 +14,6 @@ pub(crate) struct CloudMaker {
     centre_x: Vec<f32>,
     centre_y: Vec<f32>,
     rule: CellRule,
-    brightness: CellBrightness,
     width: usize,
     height: usize,
     step: usize,
@@ -43,7 +42,6 @@ impl CloudMaker {
             centre_x: (0..rows * columns).map(|i| centre(i).x as f32).collect(),
             centre_y: (0..rows * columns).map(|i| centre(i).y as f32).collect(),
             rule: CellRule::new(camera, step, sample, settings.max_depth_m, noise),
-            brightness: settings.cell_brightness,
             width,
             height,
             step,
@@ -53,18 +51,13 @@ impl CloudMaker {
         }
     }
 
-    /// Fills points, brightness and colour; returns the number of cells with a measurement.
+    /// Fills points, intensity and colour; returns the number of cells with a measurement.
     #[inline(always)]
     pub(crate) fn fill(&mut self, depth: &[u16], colour: Option<&[u8]>, w: &mut Workspace) -> usize {
         let mut n_measured = 0;
         for row in 0..w.layout.grid.height {
             n_measured += self.fill_row(row, depth, w);
             colour::middle(row, self.step, self.width, colour, w);
-            if let Some(colour) = colour
-                && self.brightness == CellBrightness::Mean
-            {
-                colour::mean_brightness(row, self.step, self.width, colour, w);
-            }
         }
         n_measured
     }

@@ -1,4 +1,4 @@
-//! Brightness and colour of the cells of one row.
+//! Intensity and colour of the cells of one row.
 
 use crate::planes::Workspace;
 
@@ -49,20 +49,4 @@ fn middle_row<const STEP: usize>(line: &[u8], intensity: &mut [f32], out: &mut [
 fn of_pixel(rgb: &[u8], row_offset: u8) -> (f32, [u8; 4]) {
     let sum = u32::from(rgb[0]) + u32::from(rgb[1]) + u32::from(rgb[2]);
     (sum as f32 * (1.0 / 765.0), [rgb[0], rgb[1], rgb[2], row_offset])
-}
-
-/// Mean brightness of each cell of a row.
-pub(crate) fn mean_brightness(row: usize, step: usize, width: usize, colour: &[u8], w: &mut Workspace) {
-    let (start, n) = (w.layout.row(row), w.layout.grid.width);
-    let sums = &mut w.intensity[start..start + n];
-    sums.fill(0.0);
-    let lines = colour.chunks_exact(3 * width).skip(row * step).take(step);
-    let n_lines = lines.len() as f32;
-    for line in lines {
-        for (sum, cell) in sums.iter_mut().zip(line.chunks(3 * step)) {
-            let bytes = cell.iter().map(|&c| u32::from(c)).sum::<u32>();
-            *sum += bytes as f32 / cell.len() as f32;
-        }
-    }
-    sums.iter_mut().for_each(|sum| *sum *= 1.0 / (255.0 * n_lines));
 }

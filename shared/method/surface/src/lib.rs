@@ -23,6 +23,6 @@ mod vertex;
 mod workload_level;
 
 pub use reconstruct::{Reconstructor, SurfaceStats};
-pub use settings::{BoundaryRule, CellBrightness, CellSample, EdgeRule, NormalsAfterFilter, SurfaceSettings};
+pub use settings::{BoundaryRule, CellSample, EdgeRule, NormalsAfterFilter, SurfaceSettings};
 pub use vertex::{Grid, SurfaceView, Vertex};
 pub use workload_level::WorkloadLevel;

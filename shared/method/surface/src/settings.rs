@@ -25,18 +25,6 @@ pub enum CellSample {
     Mean,
 }
 
-/// Which brightness stands for a cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CellBrightness {
-    /// That of the pixel in the middle: enough for the filter, and the cheapest.
-    #[default]
-    Pixel,
-    /// The mean of all pixels: for the alignment by brightness, which needs gradients that fine
-    /// texture does not disturb.
-    Mean,
-}
-
 /// Treatment of vertices at depth edges by the filter, where rings are one-sided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -69,8 +57,6 @@ pub struct SurfaceSettings {
     pub step: u32,
     /// Choice of a cell's depth.
     pub cell_sample: CellSample,
-    /// Which brightness stands for a cell.
-    pub cell_brightness: CellBrightness,
     /// Largest depth that counts as a measurement, metres.
     pub max_depth_m: f32,
     /// Combination of the two edge tests (eq. 1).
@@ -94,7 +80,6 @@ impl Default for SurfaceSettings {
         Self {
             step: 4,
             cell_sample: CellSample::Mean,
-            cell_brightness: CellBrightness::Pixel,
             max_depth_m: 8.0,
             edge_rule: EdgeRule::Or,
             filter_rings: 1,

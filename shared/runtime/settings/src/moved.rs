@@ -51,11 +51,12 @@ const NICE: &str = "use Nice= in its unit of systemd, or `nice`";
 const FIFO: &str = "use CPUSchedulingPolicy= in its unit of systemd, or `chrt`";
 const LOCK: &str = "stages lock no memory";
 const RESTARTS: &str = "use StartLimitBurst= in its unit of systemd";
+const FEATURES: &str = "features hold what shape leaves open, see mapping.features";
 const WITHIN: &str = "use StartLimitIntervalSec= in its unit of systemd";
 
 /// Keys that are gone, each with what holds now.
 #[rustfmt::skip]
-const REMOVED: [(&str, &str); 92] = [
+const REMOVED: [(&str, &str); 95] = [
     ("simulation.disparity_sigma_px", "it is 0.0625 now"),
     ("simulation.lateral_sigma_px", "it is 0.5 now"),
     ("simulation.colour_lag_s", "it is 0 now"),
@@ -70,6 +71,9 @@ const REMOVED: [(&str, &str); 92] = [
     ("surface.filter_normal", "it is 1 now"),
     ("surface.filter_intensity", "it is 1 now"),
     ("surface.filter_include_self", "it is true now"),
+    ("surface.cell_brightness", FEATURES),
+    ("registration.weight.brightness", FEATURES),
+    ("registration.weight.brightness_sigma", FEATURES),
     ("surface.min_view_cosine", "it is 0.15 now"),
     ("registration.max_sample_depth_m", "it is 5 now"),
     ("registration.inner_iterations", "it is 10 now"),

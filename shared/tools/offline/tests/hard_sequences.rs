@@ -6,7 +6,6 @@ mod common;
 use common::{ate_m, frames, run, scene};
 use tessera_geometry::translation_rotation_norms;
 use tessera_offline::{Method, RawFrame};
-use tessera_registration::BrightnessUse;
 use tessera_sources::{SceneName, SimulationOptions, Source};
 
 /// Takes away 37 % of the pixels, scattered, others in each frame.
@@ -83,22 +82,4 @@ fn features_hold_what_a_wall_leaves_free() {
     assert_eq!(records.n_untracked(), 0);
     let error_m = ate_m(&source, &indices, &records.online());
     assert!(error_m < 0.005, "ATE {error_m} m");
-}
-
-#[test]
-fn brightness_holds_what_a_wall_leaves_free() {
-    let source = scene(SceneName::Wall, &SimulationOptions::default());
-    let indices: Vec<u64> = (0..60).collect();
-    let frames = frames(&source, &indices);
-    let error_m = |brightness| {
-        let mut method = Method::default();
-        method.mapping.features.enabled = false;
-        method.registration.weight.brightness = brightness;
-        let records = run(&source, &method, &frames);
-        assert_eq!(records.n_untracked(), 0);
-        ate_m(&source, &indices, &records.last())
-    };
-    let (without_m, with_m) = (error_m(BrightnessUse::Off), error_m(BrightnessUse::WhereFree));
-    assert!(with_m < 0.005, "ATE {with_m} m");
-    assert!(without_m > 5.0 * with_m, "without brightness the wall is enough: {without_m} m");
 }

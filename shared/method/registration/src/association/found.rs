@@ -27,10 +27,6 @@ pub(crate) struct Found {
     pub(crate) sigmas: Vec<f32>,
     /// Inverse variance of the normal residual; 0 where the place is not a match.
     pub(crate) weight: Vec<f32>,
-    /// Intensity of the target less that of the query.
-    pub(crate) intensity: Vec<f32>,
-    /// Change of the target's intensity along its surface, per metre.
-    pub(crate) gradient: Columns3,
 }
 
 impl Found {
@@ -40,13 +36,13 @@ impl Found {
             column.clear();
             column.resize(n, 0.0);
         }
-        for column in [&mut self.sigmas, &mut self.weight, &mut self.intensity] {
+        for column in [&mut self.sigmas, &mut self.weight] {
             column.resize(n, 0.0);
         }
         for columns in [&mut self.b, &mut self.nb] {
             columns.reset(n);
         }
-        for columns in [&mut self.na, &mut self.e, &mut self.gradient] {
+        for columns in [&mut self.na, &mut self.e] {
             columns.resize(n);
         }
         self.vertex.clear();

@@ -19,14 +19,12 @@ pub struct MatchLimits {
     /// pose is known as well as the surfaces are. While it is not, what stands apart from most
     /// matches is not an outlier: it may be the one thing that shows the error.
     pub pose_sigma_m: f32,
-    /// Whether intensity counts beside geometry.
-    pub intensity: bool,
 }
 
 impl MatchLimits {
-    /// The limits at a point of the schedule, geometry alone.
+    /// The limits at a point of the schedule.
     pub fn new(first_distance_m: f64, tightness: f32) -> Self {
-        Self { first_distance_m: first_distance_m as f32, tightness, pose_sigma_m: 0.0, intensity: false }
+        Self { first_distance_m: first_distance_m as f32, tightness, pose_sigma_m: 0.0 }
     }
 
     /// The limits where drift may have carried the pose away by as much as `first_distance_m`: its

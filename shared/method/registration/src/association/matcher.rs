@@ -3,13 +3,12 @@
 use crate::association::descent;
 use crate::association::found::Found;
 use crate::association::limits::MatchLimits;
-use crate::association::photometric;
 use crate::association::projection::GridCamera;
 use crate::association::projective_search::{Located, SeenBy};
 use crate::association::queries::{Chosen, Queries, Selection, Straighten};
 use crate::association::rejection::{self, Reject, Rejection};
 use crate::association::target::{Target, flat};
-use crate::gicp::{Accumulate, Photometric};
+use crate::gicp::Accumulate;
 use crate::settings::RegistrationSettings;
 use tessera_geometry::{DepthNoise, Pose};
 use tessera_graph::BlockSums;
@@ -39,7 +38,6 @@ pub struct Matcher {
     located: Located,
     pub(crate) found: Found,
     rejection: Rejection,
-    has_colour: bool,
     arch: pulp::Arch,
     /// Observer of the steps; none by default.
     pub steps: Steps,
@@ -62,7 +60,6 @@ impl Matcher {
             located: Located::default(),
             found: Found::default(),
             rejection: Rejection::new(camera.grid.len()),
-            has_colour: camera.has_colour,
             arch: settings.isa.arch(),
             steps: Steps::default(),
         }
@@ -93,7 +90,6 @@ impl Matcher {
         self.arch.dispatch(Straighten { chosen: &mut self.chosen, shutter: queries.shutter() });
         self.found.reset(self.chosen.len());
         self.locate(target, &motion);
-        let is_photometric = limits.intensity && self.has_colour;
         let limits = limits.at(self.camera.grid.step);
         let n_in_view = match target.tree {
             Some(tree) => {
@@ -130,17 +126,12 @@ impl Matcher {
         });
         self.rejection.keep_one_to_one(&mut self.found);
         let median_residual_sigmas = self.rejection.by_median(&mut self.found, limits.least_median);
-        let photometric = if is_photometric { self.photometric(target) } else { Photometric::default() };
         let reference_sigma_m = self.noise.sigma_m(REFERENCE_DEPTH_M);
         rejection::weigh(&mut self.found, &self.settings.weight, reference_sigma_m);
         self.steps.enter(Step::Accumulate);
         let epsilon = self.settings.weight.covariance_epsilon;
-        let sums = self.arch.dispatch(Accumulate {
-            found: &self.found,
-            points: &self.chosen.points,
-            epsilon,
-            photometric,
-        });
+        let accumulate = Accumulate { found: &self.found, points: &self.chosen.points, epsilon };
+        let sums = self.arch.dispatch(accumulate);
         let n_queries = n_queries as u32;
         let n_matches = sums.n;
         (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })
@@ -170,13 +161,6 @@ impl Matcher {
             }
         }
         n_found
-    }
-
-    /// Intensity as a further residual of each match.
-    fn photometric(&mut self, target: &Target<'_>) -> Photometric {
-        let information = self.metric_factor() as f32;
-        let sigma = self.settings.weight.brightness_sigma;
-        photometric::gather(&mut self.found, &self.chosen, target, information, sigma)
     }
 }
 

@@ -8,7 +8,6 @@ mod kd_tree;
 mod limits;
 mod matcher;
 mod matches;
-mod photometric;
 mod projection;
 mod projective_search;
 mod queries;

@@ -8,8 +8,6 @@ use tessera_surface::Grid;
 pub struct GridCamera {
     /// Shape of the grid.
     pub grid: Grid,
-    /// Whether colours belong to the depth of their cell.
-    pub(crate) has_colour: bool,
     fx: f32,
     fy: f32,
     cx: f32,
@@ -34,7 +32,6 @@ impl GridCamera {
             .fold(0.0, f64::max);
         Self {
             grid,
-            has_colour: camera.colour_registered,
             fx: (camera.fx / step) as f32,
             fy: (camera.fy / step) as f32,
             cx: ((camera.cx - offset_px) / step) as f32,

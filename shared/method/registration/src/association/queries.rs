@@ -77,8 +77,6 @@ pub(crate) struct Chosen {
     pub(crate) points: Columns3,
     pub(crate) normals: Columns3,
     rows: Vec<f32>,
-    /// Brightness, 0 to 1.
-    pub(crate) intensities: Vec<f32>,
 }
 
 impl Chosen {
@@ -88,19 +86,16 @@ impl Chosen {
         self.points.resize(n);
         self.normals.resize(n);
         self.rows.resize(n, 0.0);
-        self.intensities.resize(n, 0.0);
         for (k, place) in selection.places(from.len()).enumerate() {
             let sample = &from.samples[place];
             self.points.set(k, sample.point);
             self.normals.set(k, sample.normal);
             self.rows[k] = f32::from(sample.grid_row);
-            self.intensities[k] = sample.intensity;
         }
         let filled = n.next_multiple_of(LANES);
         self.points.resize(filled);
         self.normals.resize(filled);
         self.rows.resize(filled, 0.0);
-        self.intensities.resize(filled, 0.0);
         n
     }
 

@@ -14,8 +14,6 @@ pub struct Sample {
     pub point: [f32; 3],
     /// Unit normal in the camera frame.
     pub normal: [f32; 3],
-    /// Brightness in `[0, 1]`.
-    pub intensity: f32,
     /// Row of the grid.
     pub grid_row: u16,
 }
@@ -102,7 +100,7 @@ pub fn gather(surface: &SurfaceView<'_>, vertices: &[u32], out: &mut Vec<Sample>
     out.extend(vertices.iter().map(|&i| {
         let v = &surface.vertices[i as usize];
         let grid_row = (i as usize / surface.grid.width) as u16;
-        Sample { point: v.position, normal: v.normal, intensity: v.intensity, grid_row }
+        Sample { point: v.position, normal: v.normal, grid_row }
     }));
 }
 

@@ -11,7 +11,6 @@ use tessera_features::{Correspondence, Feature, Observation, PointEstimate};
 use tessera_geometry::{Pose, Twist, compose_normalised, exp};
 use tessera_graph::PairBlock;
 use tessera_numerics::SplitMix64;
-use tessera_registration::BrightnessUse;
 use tessera_surface::{SurfaceView, Vertex};
 
 const DEPTH_M: f64 = 2.0;
@@ -76,7 +75,7 @@ fn observed(context: &Context, truth: &ColourModel, k: u64) -> Vec<Observation> 
 
 /// Pairs of frames with each other: what an estimate finds, applied again and again.
 fn estimate(truth: &ColourModel) -> ColourState {
-    let mut context = context(BrightnessUse::Off);
+    let mut context = context();
     let mut state = ColourState::default();
     for k in 0..120 {
         context = context.with_colour(&state);
@@ -95,7 +94,7 @@ fn estimate(truth: &ColourModel) -> ColourState {
 
 #[test]
 fn a_feature_gets_the_depth_under_it_whatever_lag_and_focal_length() {
-    let mut context = context(BrightnessUse::Off);
+    let mut context = context();
     for truth in [
         ColourModel::default(),
         ColourModel { lag_s: 0.02, focal_ratio: 1.0 },

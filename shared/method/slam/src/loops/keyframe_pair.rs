@@ -4,10 +4,9 @@
 use crate::features::sight::WeightedPair;
 use crate::map::context::Context;
 use crate::settings::GlobalSettings;
-use crate::tracking::degeneracy;
 use tessera_geometry::Pose;
-use tessera_graph::{BlockSums, Pair, PairBlock};
-use tessera_registration::{BrightnessUse, MatchLimits, Matcher, Queries, Selection, Target};
+use tessera_graph::{Pair, PairBlock};
+use tessera_registration::{MatchLimits, Matcher, Queries, Selection, Target};
 
 /// Matches from which on consecutive keyframes count however little they overlap: without them the
 /// trajectory would come apart.
@@ -31,24 +30,14 @@ pub(crate) struct PairSearch<'a> {
 pub(crate) const MIN_FEATURES: u32 = 30;
 
 impl PairSearch<'_> {
-    /// The pair at these poses; weight 0 where it overlaps too little to count. Intensity takes
-    /// part as the settings say: always, or where geometry leaves a degenerate direction.
+    /// The pair at these poses; weight 0 where it overlaps too little to count.
     pub(crate) fn find(&self, context: &Context, matcher: &mut Matcher, poses: &[Pose]) -> Pair {
         let settings = &context.mapping.global;
         let target_from_query = poses[self.target].inverse() * poses[self.query];
         // Each pair takes another choice of the samples.
         let selection = Selection { count: GlobalSettings::QUERIES_PER_PAIR, shift: self.target };
-        let factor = matcher.metric_factor();
-        let mut find = |intensity: bool| {
-            let limits = MatchLimits { intensity, ..self.limits };
-            matcher.match_pair(self.queries, selection, &self.surface, &target_from_query, &limits)
-        };
-        let intensity = context.registration.weight.brightness;
-        let (mut sums, mut report) = find(intensity == BrightnessUse::Always);
-        if intensity == BrightnessUse::WhereFree && is_degenerate(context, factor, &target_from_query, &sums)
-        {
-            (sums, report) = find(true);
-        }
+        let (mut sums, report) =
+            matcher.match_pair(self.queries, selection, &self.surface, &target_from_query, &self.limits);
         let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
         let is_link = self.is_consecutive && report.n_matches >= MIN_CONSECUTIVE_MATCHES;
         let is_seen = self.features.as_ref().is_some_and(|pair| pair.found.sums.n >= MIN_FEATURES);
@@ -58,13 +47,4 @@ impl PairSearch<'_> {
         }
         Pair { weight, ..Pair::new(self.query, self.target, PairBlock::new(&target_from_query, &sums)) }
     }
-}
-
-/// Whether the matches of a pair leave a degenerate direction.
-fn is_degenerate(context: &Context, factor: f64, target_from_query: &Pose, sums: &BlockSums) -> bool {
-    let window = &context.mapping.window;
-    let (information, ..) = PairBlock::new(target_from_query, sums).linearise(target_from_query);
-    let metric = information / (factor * window.correlation);
-    let centroid = degeneracy::centroid(std::iter::once(sums));
-    !degeneracy::degenerate_directions(window, &metric, &centroid).is_empty()
 }

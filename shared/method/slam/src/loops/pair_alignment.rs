@@ -75,12 +75,12 @@ mod tests {
     use super::*;
     use crate::loops::test_wall::{Walls, context, keyframe};
     use tessera_graph::Graph;
-    use tessera_registration::{BrightnessUse, Sampler};
+    use tessera_registration::Sampler;
 
     #[test]
     fn one_loop_does_what_the_iterations_written_out_do() {
         let keyframes = [keyframe(0, 0, 0.0), keyframe(1, 0, 0.03)];
-        let context = context(BrightnessUse::Off);
+        let context = context();
         let walls = Walls::seen_by(&context, &keyframes);
         let mut sampler = Sampler::default();
         let [target, query] = [0, 1].map(|k| Matchable::new(&context, &mut sampler, &keyframes[k], &walls));

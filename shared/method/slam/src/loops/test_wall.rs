@@ -6,13 +6,13 @@ use crate::map::state::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::settings::MappingSettings;
 use tessera_geometry::{Camera, Pose, PoseBits};
-use tessera_registration::{BrightnessUse, RegistrationSettings};
+use tessera_registration::RegistrationSettings;
 use tessera_surface::{Grid, SurfaceSettings, Vertex};
 
 const DEPTH_M: f64 = 2.0;
 
-/// A context in which intensity is used like this.
-pub(crate) fn context(intensity: BrightnessUse) -> Context {
+/// A context of the default settings.
+pub(crate) fn context() -> Context {
     let camera = Camera {
         width: 640,
         height: 480,
@@ -26,9 +26,8 @@ pub(crate) fn context(intensity: BrightnessUse) -> Context {
         depth_offset_m: 0.0,
         colour_registered: true,
     };
-    let mut registration = RegistrationSettings::default();
-    registration.weight.brightness = intensity;
-    Context::new(&camera, &SurfaceSettings::default(), &registration, &MappingSettings::default())
+    let (surface, registration) = (SurfaceSettings::default(), RegistrationSettings::default());
+    Context::new(&camera, &surface, &registration, &MappingSettings::default())
 }
 
 pub(crate) fn keyframe(id: u32, session: u32, x_m: f64) -> KeyframeState {

@@ -11,7 +11,7 @@ use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
 use tessera_graph::{BlockSums, INNER_ITERATIONS, MultiEdge, Prior, Schedule};
 use tessera_numerics::Step;
 use tessera_registration::{
-    BrightnessUse, MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
+    MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
 };
 
 /// Outer iterations that follow once degenerate directions are held at the prediction.
@@ -85,36 +85,14 @@ impl Aligner {
         }
     }
 
-    /// Aligns `samples` to the references; where geometry leaves a degenerate direction, once more
-    /// with the intensity, if the settings say so.
+    /// Aligns `samples` to the references: the window as a multi-edge problem, the references fixed, and
+    /// the frame as the last vertex.
     pub(crate) fn align(
         &mut self,
         context: &Context,
         samples: &[Sample],
         references: &[Reference<'_>],
         prediction: &Prediction,
-    ) -> Alignment {
-        let intensity = context.registration.weight.brightness;
-        let is_always = intensity == BrightnessUse::Always;
-        let first = self.solve(context, samples, references, prediction, is_always);
-        context.steps.leave();
-        let is_asked =
-            intensity == BrightnessUse::WhereFree && context.camera.colour_registered && first.is_solved;
-        if !is_asked || first.degenerate.is_empty() {
-            return first;
-        }
-        let second = self.solve(context, samples, references, prediction, true);
-        if second.is_solved { second } else { first }
-    }
-
-    /// The window as a multi-edge problem: the references fixed, and the frame as the last vertex.
-    fn solve(
-        &mut self,
-        context: &Context,
-        samples: &[Sample],
-        references: &[Reference<'_>],
-        prediction: &Prediction,
-        intensity: bool,
     ) -> Alignment {
         context.steps.enter(Step::Prepare);
         let (independent, factor) = (self.independent_factor(), self.metric_factor(context));
@@ -133,7 +111,6 @@ impl Aligner {
             prediction,
             references,
             targets,
-            intensity,
             factor,
             matcher: &mut self.matcher,
             queries: &mut self.queries,

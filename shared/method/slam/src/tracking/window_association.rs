@@ -15,8 +15,6 @@ pub(crate) struct WindowAssociation<'a, 'b> {
     pub(crate) references: &'a [Reference<'b>],
     /// The references as they are searched.
     pub(crate) targets: Vec<Target<'a>>,
-    /// Whether intensity is a residual beside geometry.
-    pub(crate) intensity: bool,
     /// Makes an inverse information matrix metric.
     pub(crate) factor: f64,
     pub(crate) matcher: &'a mut Matcher,
@@ -58,10 +56,7 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         self.queries.set_shutter(self.shutter);
         self.blocks.clear();
         self.reports.clear();
-        let limits = MatchLimits {
-            intensity: self.intensity,
-            ..MatchLimits::new(self.prediction.first_distance_m, iteration.tightness)
-        };
+        let limits = MatchLimits::new(self.prediction.first_distance_m, iteration.tightness);
         let window = &self.context.mapping.window;
         // While the pose is still far off, fewer matches lead it as well.
         let share = if iteration.tightness < 1.0 { window.early_share } else { 1.0 };
