@@ -1,42 +1,12 @@
 //! Check of a source before it is run.
 
-use crate::{FrameBuffers, Pairing, Source, SourceError};
+use crate::depth_units::{DepthSummary, POSSIBLE_M, doubt_units, summarise_depth};
+use crate::{Pairing, Source, SourceError};
 use serde::Serialize;
 use tessera_geometry::Camera;
 
-/// Depths that a room can have, metres; a median outside means wrong units.
-const POSSIBLE_M: std::ops::RangeInclusive<f64> = 0.1..=15.0;
-
 /// Broken images that are named one by one.
 const MOST_NAMED: usize = 5;
-
-/// Depth over a few frames.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DepthSummary {
-    /// Frames looked at.
-    pub frames: Vec<u64>,
-    /// Frames among them without a single measurement.
-    pub empty_frames: Vec<u64>,
-    /// Median depth in metres; absent where nothing was measured.
-    pub median_m: Option<f64>,
-    /// Share of pixels with a measurement, 0 to 1.
-    pub valid_share: f64,
-}
-
-/// The median depth is one that no room has: the depth units are wrong.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "median depth is {median_m:.3} m with units_per_metre = {units_per_metre}, expected 0.1 to 15 m: the depth units \
-     look wrong{hint}; --force runs it all the same"
-)]
-pub struct DepthUnitsError {
-    /// Median found, metres.
-    pub median_m: f64,
-    /// The camera's units.
-    pub units_per_metre: f64,
-    /// Units that would make sense, as text.
-    pub hint: String,
-}
 
 /// Intervals between frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -144,135 +114,6 @@ fn broken(source: &dyn Source, n_frames: u64) -> (Vec<u64>, Vec<String>) {
     (problems.into_iter().map(|(index, _)| index).collect(), sentences)
 }
 
-/// Median depth and share of valid pixels over `n_samples` frames spread over the source; those that
-/// cannot be read are passed over.
-///
-/// # Errors
-/// None of the frames can be read.
-pub fn summarise_depth(source: &dyn Source, n_samples: u64) -> Result<DepthSummary, SourceError> {
-    let camera = source.camera();
-    let n_pixels = camera.width as usize * camera.height as usize;
-    let (mut depth, mut colour) = (vec![0u16; n_pixels], vec![0u8; 3 * n_pixels]);
-    let n_frames = source.n_frames().unwrap_or(n_samples);
-    let n_samples = n_samples.min(n_frames);
-    let frames: Vec<u64> = (0..n_samples).map(|k| k * n_frames / n_samples).collect();
-    let mut seen = Depths::default();
-    let mut first_error = None;
-    for &index in &frames {
-        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-        match source.read_what_is_there(index, &mut buffers)? {
-            (_, None | Some(SourceError::Colour(_))) => seen.add(index, &depth),
-            (_, Some(error)) => first_error = first_error.or(Some(error)),
-        }
-    }
-    match first_error {
-        Some(error) if seen.frames.is_empty() => Err(error),
-        _ => Ok(seen.summary(camera)),
-    }
-}
-
-/// The same for one image that is at hand.
-pub fn summarise_image(depth_raw: &[u16], camera: &Camera) -> DepthSummary {
-    let mut seen = Depths::default();
-    seen.add(0, depth_raw);
-    seen.summary(camera)
-}
-
-/// Depths of some images, by their raw value.
-struct Depths {
-    histogram: Vec<u64>,
-    frames: Vec<u64>,
-    empty_frames: Vec<u64>,
-    n_seen: usize,
-}
-
-impl Default for Depths {
-    fn default() -> Self {
-        Self { histogram: vec![0; 1 << 16], frames: Vec::new(), empty_frames: Vec::new(), n_seen: 0 }
-    }
-}
-
-impl Depths {
-    fn add(&mut self, index: u64, depth_raw: &[u16]) {
-        let mut is_empty = true;
-        for &raw in depth_raw.iter().filter(|&&raw| raw != 0 && raw != u16::MAX) {
-            self.histogram[usize::from(raw)] += 1;
-            is_empty = false;
-        }
-        if is_empty {
-            self.empty_frames.push(index);
-        }
-        self.frames.push(index);
-        self.n_seen += depth_raw.len();
-    }
-
-    fn summary(self, camera: &Camera) -> DepthSummary {
-        let n_valid: u64 = self.histogram.iter().sum();
-        DepthSummary {
-            median_m: median(&self.histogram, n_valid).map(|raw| raw as f64 / camera.units_per_metre),
-            valid_share: n_valid as f64 / self.n_seen.max(1) as f64,
-            frames: self.frames,
-            empty_frames: self.empty_frames,
-        }
-    }
-}
-
-/// Refuses a source whose median depth lies outside 0.1 to 15 m, unless forced.
-///
-/// # Errors
-/// The median, the units, and units that would make sense.
-pub fn refuse_impossible_depth(
-    depth: &DepthSummary,
-    camera: &Camera,
-    force: bool,
-) -> Result<(), DepthUnitsError> {
-    let Some(median_m) = depth.median_m else { return Ok(()) };
-    if force || POSSIBLE_M.contains(&median_m) {
-        return Ok(());
-    }
-    let raw = median_m * camera.units_per_metre;
-    let better =
-        [1000.0, 5000.0, 10_000.0, 256.0].into_iter().find(|units| (0.4..=8.0).contains(&(raw / units)));
-    let hint = better.map_or(String::new(), |units| {
-        format!(" (units_per_metre = {units} would make it {:.2} m)", raw / units)
-    });
-    Err(DepthUnitsError { median_m, units_per_metre: camera.units_per_metre, hint })
-}
-
-/// Depths that rooms seen by a depth camera have in the median, metres; outside the units are doubtful.
-const USUAL_M: std::ops::RangeInclusive<f64> = 0.45..=4.5;
-/// Depth units of cameras and data sets, a metre.
-const USUAL_UNITS: [f64; 4] = [1000.0, 5000.0, 10_000.0, 256.0];
-/// What the median is in most recordings, metres.
-const TYPICAL_M: f64 = 1.5;
-
-/// What speaks against the depth units: a median that is possible and unusual, with the usual units
-/// that would bring it nearest to 1.5 m. Says nothing of table-top scans and halls that are just
-/// that: it is a doubt, not a proof.
-pub fn doubt_units(depth: &DepthSummary, camera: &Camera) -> Option<String> {
-    let median_m =
-        depth.median_m.filter(|median| !USUAL_M.contains(median) && POSSIBLE_M.contains(median))?;
-    let units = camera.units_per_metre;
-    let raw = median_m * units;
-    let off = |units: f64| (raw / units / TYPICAL_M).max(TYPICAL_M * units / raw);
-    let likely = USUAL_UNITS.into_iter().min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
-    let hint = match (likely - units).abs() < 0.1 * units {
-        true => String::new(),
-        false => format!("; units_per_metre = {likely} would make it {:.2} m", raw / likely),
-    };
-    Some(format!(
-        "median depth is {median_m:.2} m with units_per_metre = {units}, unusual for a depth camera{hint}"
-    ))
-}
-
-fn median(histogram: &[u64], n: u64) -> Option<usize> {
-    let mut below = 0;
-    histogram.iter().position(|count| {
-        below += count;
-        n > 0 && 2 * below >= n
-    })
-}
-
 fn angle_deg(camera: &Camera, from: (f64, f64), to: (f64, f64)) -> f64 {
     let (a, b) = (camera.ray(from.0, from.1), camera.ray(to.0, to.1));
     libm::atan2(a.cross(&b).norm(), a.dot(&b)) * 180.0 / std::f64::consts::PI
@@ -355,13 +196,13 @@ fn warnings(report: &CheckReport) -> Vec<String> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
-    use crate::FrameInfo;
+    use crate::{FrameBuffers, FrameInfo, refuse_impossible_depth};
     use tessera_evaluation::Trajectory;
 
     /// Constant depth in all pixels, one frame every 0.1 s but for a pause.
-    struct Flat {
+    pub(crate) struct Flat {
         camera: Camera,
         raw: u16,
     }
@@ -392,20 +233,8 @@ mod tests {
         }
     }
 
-    fn flat(raw: u16, units_per_metre: f64) -> Flat {
-        let camera = Camera {
-            width: 64,
-            height: 48,
-            fx: 52.5,
-            fy: 52.5,
-            cx: 31.5,
-            cy: 23.5,
-            units_per_metre,
-            distortion: [0.0; 5],
-            readout_s: 0.0,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        };
+    pub(crate) fn flat(raw: u16, units_per_metre: f64) -> Flat {
+        let camera = Camera::pinhole((64, 48), [52.5, 52.5, 31.5, 23.5], units_per_metre);
         Flat { camera, raw }
     }
 
@@ -421,43 +250,6 @@ mod tests {
         let text = report.warnings.join("\n");
         assert!(text.contains("1 gaps between frames, the longest 1.000 s after frame 7"), "{text}");
         assert!(text.contains("20 of 20 depth images have no colour image"), "{text}");
-    }
-
-    #[test]
-    fn wrong_depth_units_are_refused_with_a_hint_unless_forced() {
-        let source = flat(10_000, 100.0);
-        let depth = summarise_depth(&source, 3).unwrap();
-        let message = refuse_impossible_depth(&depth, source.camera(), false).unwrap_err().to_string();
-        assert!(
-            message.contains("median depth is 100.000 m with units_per_metre = 100, expected 0.1 to 15 m"),
-            "{message}"
-        );
-        assert!(message.contains("units_per_metre = 5000 would make it 2.00 m"), "{message}");
-        assert!(message.contains("--force"), "{message}");
-        assert_eq!(refuse_impossible_depth(&depth, source.camera(), true), Ok(()));
-        let source = flat(500, 10_000.0);
-        let depth = summarise_depth(&source, 3).unwrap();
-        assert!(refuse_impossible_depth(&depth, source.camera(), false).is_err());
-    }
-
-    #[test]
-    fn units_that_are_five_times_off_are_doubted_with_the_likely_ones() {
-        let doubt = |raw, units| {
-            let source = flat(raw, units);
-            doubt_units(&summarise_depth(&source, 3).unwrap(), source.camera())
-        };
-        assert_eq!((doubt(1858, 1000.0), doubt(5630, 5000.0), doubt(943, 1000.0)), (None, None, None));
-        let kitchen = doubt(1858, 5000.0).unwrap();
-        assert!(
-            kitchen.contains("0.37 m with units_per_metre = 5000") && kitchen.contains("1000 would"),
-            "{kitchen}"
-        );
-        let tum = doubt(5630, 1000.0).unwrap();
-        assert!(
-            tum.contains("5.63 m") && tum.contains("units_per_metre = 5000 would make it 1.13 m"),
-            "{tum}"
-        );
-        assert!(doubt(17_900, 2000.0).unwrap().contains("units_per_metre = 10000 would"));
     }
 
     #[test]

@@ -8,6 +8,7 @@
 pub mod cameras;
 mod check;
 pub mod decode;
+mod depth_units;
 mod error;
 pub mod imu;
 pub mod pairing;
@@ -15,9 +16,9 @@ mod source;
 mod warp;
 
 pub use cameras::{CAMERA_NAMES, load_camera, named_camera};
-pub use check::{
-    CheckReport, DepthSummary, DepthUnitsError, Gaps, check, doubt_units, refuse_impossible_depth,
-    summarise_depth, summarise_image,
+pub use check::{CheckReport, Gaps, check};
+pub use depth_units::{
+    DepthSummary, DepthUnitsError, doubt_units, refuse_impossible_depth, summarise_depth, summarise_image,
 };
 pub use error::{ImageError, ListError, SourceError};
 pub use imu::Gyroscope;

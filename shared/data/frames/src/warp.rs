@@ -83,19 +83,11 @@ mod tests {
     use nalgebra::{Translation3, UnitQuaternion};
 
     fn camera(width: u32, height: u32, focal: f64) -> Camera {
-        Camera {
-            width,
-            height,
-            fx: focal,
-            fy: focal,
-            cx: f64::from(width - 1) / 2.0,
-            cy: f64::from(height - 1) / 2.0,
-            units_per_metre: 1000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.0,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        }
+        Camera::pinhole(
+            (width, height),
+            [focal, focal, f64::from(width - 1) / 2.0, f64::from(height - 1) / 2.0],
+            1000.0,
+        )
     }
 
     /// Red tells the column of the colour image, green the row.

@@ -83,19 +83,7 @@ fn convert(
         let k = &said.intrinsics;
         (number(k, 0), number(k, 4), number(k, 2), number(k, 5))
     };
-    let camera = Camera {
-        width: said.width,
-        height: said.height,
-        fx,
-        fy,
-        cx,
-        cy,
-        units_per_metre,
-        distortion: [0.0; 5],
-        readout_s: 0.0,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    };
+    let camera = Camera::pinhole((said.width, said.height), [fx, fy, cx, cy], units_per_metre);
     let recorded = |camera: Camera, lens: Option<RationalLens>| {
         // Images of a colour camera may be larger than those of depth; they are never stored.
         let small =

@@ -99,19 +99,7 @@ mod tests {
     use nalgebra::Vector3;
 
     fn camera() -> Camera {
-        Camera {
-            width: 640,
-            height: 576,
-            fx: 504.2,
-            fy: 504.3,
-            cx: 321.7,
-            cy: 332.9,
-            units_per_metre: 1000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.0,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        }
+        Camera::pinhole((640, 576), [504.2, 504.3, 321.7, 332.9], 1000.0)
     }
 
     #[test]

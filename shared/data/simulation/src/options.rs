@@ -110,17 +110,5 @@ impl SimulationOptions {
 
 /// A Kinect without distortion and with a global shutter.
 pub(super) fn default_camera() -> Camera {
-    Camera {
-        width: 640,
-        height: 480,
-        fx: 525.0,
-        fy: 525.0,
-        cx: 319.5,
-        cy: 239.5,
-        units_per_metre: 5000.0,
-        distortion: [0.0; 5],
-        readout_s: 0.0,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    }
+    Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0)
 }

@@ -106,19 +106,7 @@ mod tests {
 
     #[test]
     fn the_pose_s_derivative_is_that_of_the_residual() {
-        let camera = Camera {
-            width: 640,
-            height: 480,
-            fx: 525.0,
-            fy: 525.0,
-            cx: 320.0,
-            cy: 240.0,
-            units_per_metre: 5000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.0,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        };
+        let camera = Camera::pinhole((640, 480), [525.0, 525.0, 320.0, 240.0], 5000.0);
         let pose = exp(&Twist { rho: Vector3::new(0.1, -0.2, 0.05), phi: Vector3::new(0.02, 0.3, -0.1) });
         let a = Vector3::new(0.3, -0.2, 1.7);
         let b = (pose * Point3::from(a)).coords + Vector3::new(1e-4, 2e-4, -3e-4);

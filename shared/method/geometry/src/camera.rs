@@ -76,6 +76,24 @@ fn yes() -> bool {
 }
 
 impl Camera {
+    /// A pinhole without distortion whose rows are exposed at once, `width` x `height` pixels;
+    /// `[fx, fy, cx, cy]` in pixels; raw depth divided by `units_per_metre` is metres.
+    pub fn pinhole((width, height): (u32, u32), [fx, fy, cx, cy]: [f64; 4], units_per_metre: f64) -> Self {
+        Self {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            units_per_metre,
+            distortion: [0.0; 5],
+            readout_s: 0.0,
+            depth_offset_m: 0.0,
+            colour_registered: true,
+        }
+    }
+
     /// Checks every number, NaN included.
     ///
     /// # Errors

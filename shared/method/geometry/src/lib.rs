@@ -18,6 +18,7 @@ mod noise;
 mod pose;
 mod rays;
 mod shutter;
+mod symmetric;
 
 pub use camera::{Camera, CameraError};
 pub use inertial::{InertialRotation, RelativeRotation};
@@ -28,3 +29,4 @@ pub use pose::{
 };
 pub use rays::RayTable;
 pub use shutter::RollingShutter;
+pub use symmetric::{from_upper_triangle, upper_triangle};

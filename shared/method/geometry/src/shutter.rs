@@ -37,19 +37,8 @@ mod tests {
 
     #[test]
     fn the_middle_row_does_not_move_and_no_readout_moves_nothing() {
-        let mut camera = Camera {
-            width: 640,
-            height: 480,
-            fx: 525.0,
-            fy: 525.0,
-            cx: 319.5,
-            cy: 239.5,
-            units_per_metre: 5000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.03,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        };
+        let mut camera =
+            Camera { readout_s: 0.03, ..Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0) };
         let velocity = Twist { rho: Vector3::new(1.0, 0.0, 0.0), phi: Vector3::new(0.0, 2.0, 0.0) };
         let shutter = RollingShutter::new(&camera, &velocity, 1);
         assert!(shutter.stamp_from_row(239.5).translation.vector.norm() < 1e-4);

@@ -10,19 +10,7 @@ use tessera_registration::{
 use tessera_surface::{Reconstructor, SurfaceSettings, SurfaceView, Vertex};
 
 fn camera(readout_s: f64) -> Camera {
-    Camera {
-        width: 640,
-        height: 480,
-        fx: 525.0,
-        fy: 525.0,
-        cx: 319.5,
-        cy: 239.5,
-        units_per_metre: 5000.0,
-        distortion: [0.0; 5],
-        readout_s,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    }
+    Camera { readout_s, ..Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0) }
 }
 
 /// Planes `n . x = d` seen from inside.

@@ -11,19 +11,7 @@ const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 
 fn camera() -> Camera {
-    Camera {
-        width: WIDTH as u32,
-        height: HEIGHT as u32,
-        fx: 525.0,
-        fy: 525.0,
-        cx: 160.0,
-        cy: 120.0,
-        units_per_metre: 5000.0,
-        distortion: [0.0; 5],
-        readout_s: 0.0,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    }
+    Camera::pinhole((WIDTH as u32, HEIGHT as u32), [525.0, 525.0, 160.0, 120.0], 5000.0)
 }
 
 /// Standard normal numbers: the sum of twelve uniform ones, from a fixed sequence.

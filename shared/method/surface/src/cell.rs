@@ -155,19 +155,7 @@ mod tests {
     use super::*;
 
     fn rule(sample: CellSample) -> CellRule {
-        let camera = Camera {
-            width: 16,
-            height: 16,
-            fx: 525.0,
-            fy: 525.0,
-            cx: 8.0,
-            cy: 8.0,
-            units_per_metre: 1000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.0,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        };
+        let camera = Camera::pinhole((16, 16), [525.0, 525.0, 8.0, 8.0], 1000.0);
         CellRule::new(&camera, 4, sample, 8.0, DepthNoise::default())
     }
 

@@ -3,10 +3,10 @@
 //! `cargo run --release -p tessera-offline --example own_frames`
 #![forbid(unsafe_code)]
 
-use tessera_offline::{Method, RawFrame, Run, SettingError, pinhole};
+use tessera_offline::{Camera, Method, RawFrame, Run, SettingError};
 
 fn main() -> Result<(), SettingError> {
-    let camera = pinhole((320, 240), [262.5, 262.5, 159.5, 119.5], 1000.0);
+    let camera = Camera::pinhole((320, 240), [262.5, 262.5, 159.5, 119.5], 1000.0);
     let mut run = Run::new(&camera, &Method::default())?;
     for k in 0..10_i64 {
         // A corner of a room, millimetres, that the camera approaches by 10 mm a frame.

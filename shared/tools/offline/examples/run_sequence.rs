@@ -9,7 +9,7 @@
 
 use std::error::Error;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
-use tessera_geometry::{Matrix6, Pose, adjoint, log};
+use tessera_geometry::{Pose, adjoint, from_upper_triangle, log};
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, FrameRecord, LoopRecord};
@@ -232,8 +232,8 @@ fn report_certainty(records: &Records, truth: &Trajectory) {
         let relative = from.inverse() * to;
         let error = log(&(relative.inverse() * first_true.inverse() * second_true)).to_vector();
         let carry = adjoint(&relative.inverse());
-        let covariance =
-            symmetric(&second.covariance) + carry * symmetric(&first.covariance) * carry.transpose();
+        let covariance = from_upper_triangle(&second.covariance)
+            + carry * from_upper_triangle(&first.covariance) * carry.transpose();
         let squared: Vec<f64> = (0..6).map(|i| error[i] * error[i] / covariance[(i, i)]).collect();
         n += 1;
         n_within += usize::from(squared.iter().all(|s| *s <= 9.0));
@@ -253,16 +253,6 @@ fn report_certainty(records: &Records, truth: &Trajectory) {
         middle(&error_m),
         middle(&sigma_m)
     );
-}
-
-fn symmetric(triangle: &[f64]) -> Matrix6 {
-    let mut m = Matrix6::zeros();
-    let places = (0..6).flat_map(|r| (r..6).map(move |c| (r, c)));
-    for ((r, c), value) in places.zip(triangle) {
-        m[(r, c)] = *value;
-        m[(c, r)] = *value;
-    }
-    m
 }
 
 /// The true pose at a time, between its two neighbours.

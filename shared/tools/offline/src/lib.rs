@@ -5,12 +5,10 @@
 #![forbid(unsafe_code)]
 
 mod calibrate;
-mod camera;
 mod motion;
 mod smooth_surfaces;
 
 pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
-pub use camera::pinhole;
 pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
 
 pub use tessera_evaluation::Trajectory;

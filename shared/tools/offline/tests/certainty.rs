@@ -2,7 +2,7 @@
 
 mod common;
 
-use tessera_geometry::{Matrix6, Pose, Vector6, log};
+use tessera_geometry::{Matrix6, Pose, Vector6, from_upper_triangle, log};
 use tessera_graph::{BlockSums, PairBlock};
 use tessera_offline::Records;
 use tessera_slam::{Context, State};
@@ -28,19 +28,9 @@ fn errors(name: SceneName, n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
             assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
             let estimate = Pose::from(&frame.world_from_camera);
             let error = log(&(estimate.inverse() * truth[0].inverse() * true_pose)).to_vector();
-            (error, symmetric(&frame.covariance), frame.reason.clone())
+            (error, from_upper_triangle(&frame.covariance), frame.reason.clone())
         })
         .collect()
-}
-
-fn symmetric(triangle: &[f64]) -> Matrix6 {
-    let mut m = Matrix6::zeros();
-    let places = (0..6).flat_map(|r| (r..6).map(move |c| (r, c)));
-    for ((r, c), value) in places.zip(triangle) {
-        m[(r, c)] = *value;
-        m[(c, r)] = *value;
-    }
-    m
 }
 
 fn mean_nees(errors: &[(Vector6, Matrix6, String)]) -> f64 {

@@ -119,19 +119,7 @@ pub fn replay() -> Replay {
 
 /// A camera with a rolling shutter of 30 ms.
 pub fn camera() -> Camera {
-    Camera {
-        width: 640,
-        height: 480,
-        fx: 525.0,
-        fy: 525.0,
-        cx: 319.5,
-        cy: 239.5,
-        units_per_metre: 5000.0,
-        distortion: [0.0; 5],
-        readout_s: 0.03,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    }
+    Camera { readout_s: 0.03, ..Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0) }
 }
 
 /// A surface with one vertex of use, in the first row.

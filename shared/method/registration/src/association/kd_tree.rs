@@ -115,19 +115,7 @@ mod tests {
                 ..Vertex::default()
             })
             .collect();
-        let camera = Camera {
-            width: 160,
-            height: 120,
-            fx: 131.0,
-            fy: 131.0,
-            cx: 79.5,
-            cy: 59.5,
-            units_per_metre: 5000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.0,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        };
+        let camera = Camera::pinhole((160, 120), [131.0, 131.0, 79.5, 59.5], 5000.0);
         let shutter = ShutterTable::new(&camera, &Twist::default(), 30, 4, 0.0);
         let tree = KdTree::new(&SurfaceView { grid, vertices: &vertices }, &shutter);
         for _ in 0..300 {

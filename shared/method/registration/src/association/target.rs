@@ -126,19 +126,8 @@ mod tests {
 
     #[test]
     fn the_series_agrees_with_the_exponential() {
-        let camera = Camera {
-            width: 640,
-            height: 480,
-            fx: 525.0,
-            fy: 525.0,
-            cx: 319.5,
-            cy: 239.5,
-            units_per_metre: 5000.0,
-            distortion: [0.0; 5],
-            readout_s: 0.03,
-            depth_offset_m: 0.0,
-            colour_registered: true,
-        };
+        let camera =
+            Camera { readout_s: 0.03, ..Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0) };
         let velocity = Twist { rho: Vector3::new(0.5, -0.3, 0.2), phi: Vector3::new(2.0, -1.5, 1.0) };
         let shutter = ShutterTable::new(&camera, &velocity, 120, 4, 1.5);
         for row in [0.0f32, 17.0, 60.0, 119.0] {

@@ -13,19 +13,7 @@ const DEPTH_M: f64 = 2.0;
 
 /// A context of the default settings.
 pub(crate) fn context() -> Context {
-    let camera = Camera {
-        width: 640,
-        height: 480,
-        fx: 525.0,
-        fy: 525.0,
-        cx: 319.5,
-        cy: 239.5,
-        units_per_metre: 5000.0,
-        distortion: [0.0; 5],
-        readout_s: 0.0,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    };
+    let camera = Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0);
     let (surface, registration) = (SurfaceSettings::default(), RegistrationSettings::default());
     Context::new(&camera, &surface, &registration, &MappingSettings::default())
 }

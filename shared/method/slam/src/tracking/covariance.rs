@@ -12,25 +12,7 @@ use crate::tracking::alignment::Alignment;
 use crate::tracking::degeneracy::{DegenerateDirection, Motion, centroid};
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
-use tessera_geometry::{Matrix6, Pose, Vector6, adjoint};
-
-/// 21 numbers, row by row.
-pub(crate) fn upper_triangle(m: &Matrix6) -> Vec<f64> {
-    (0..6).flat_map(|r| (r..6).map(move |c| (r, c))).map(|(r, c)| m[(r, c)]).collect()
-}
-
-/// The inverse of [`upper_triangle`]; zero for anything but 21 numbers.
-pub(crate) fn from_upper_triangle(numbers: &[f64]) -> Matrix6 {
-    let mut m = Matrix6::zeros();
-    if numbers.len() == 21 {
-        let places = (0..6).flat_map(|r| (r..6).map(move |c| (r, c)));
-        for ((r, c), value) in places.zip(numbers) {
-            m[(r, c)] = *value;
-            m[(c, r)] = *value;
-        }
-    }
-    m
-}
+use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
 
 /// Covariance of the frame's pose in the world, in the tangent of its camera, translation first.
 ///

@@ -2,12 +2,12 @@
 
 use crate::map::records::{BlockRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
 use crate::tracking::alignment::{Aligner, Prediction};
-use crate::tracking::covariance::{self, upper_triangle};
+use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
-use tessera_geometry::{Matrix6, Pose, PoseBits};
+use tessera_geometry::{Matrix6, Pose, PoseBits, upper_triangle};
 use tessera_graph::{PairBlock, entropy_of_covariance, metric_covariance};
 
 /// The keyframe of a frame before the first one.

@@ -83,24 +83,12 @@ pub(super) fn size_of(folder: &Path, images: &[ListEntry]) -> Result<(u32, u32),
 
 /// A pinhole without distortion.
 pub(super) fn pinhole(
-    (width, height): (u32, u32),
-    [fx, fy, cx, cy]: [f64; 4],
+    size: (u32, u32),
+    intrinsics: [f64; 4],
     units_per_metre: f64,
     path: &Path,
 ) -> Result<Camera, SourceError> {
-    let camera = Camera {
-        width,
-        height,
-        fx,
-        fy,
-        cx,
-        cy,
-        units_per_metre,
-        distortion: [0.0; 5],
-        readout_s: 0.0,
-        depth_offset_m: 0.0,
-        colour_registered: true,
-    };
+    let camera = Camera::pinhole(size, intrinsics, units_per_metre);
     camera.check().map_err(|source| SourceError::CameraValue { file: path.display().to_string(), source })?;
     Ok(camera)
 }
