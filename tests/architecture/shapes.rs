@@ -96,11 +96,6 @@ fn functions_of_the_method_are_short_and_take_few_arguments() {
     assert!(large.is_empty(), "more than {MOST_ARGUMENTS} arguments or {MOST_LINES} lines: {large:#?}");
 }
 
-/// Circles of more than two files, of the crate `slam`: features are one of the terms of tracking, and
-/// are matched from poses that tracking predicts.
-const CIRCLES: [&str; 1] =
-    ["features/sight tracking/alignment tracking/prediction tracking/trees tracking/window_association"];
-
 /// The modules of a crate that each of its modules names by `crate::`.
 fn modules(sources: &str) -> BTreeMap<String, BTreeSet<String>> {
     let module = |path: &Path| {
@@ -156,8 +151,7 @@ fn files_of_the_method_form_no_large_circles() {
                 .filter(|other| reached[other].contains(module))
                 .map(String::as_str)
                 .collect();
-            let is_known = CIRCLES.iter().any(|known| circle.iter().all(|one| known.contains(one)));
-            assert!(circle.len() <= 2 || is_known, "{name}: a circle of {circle:?}");
+            assert!(circle.len() <= 2, "{name}: a circle of {circle:?}");
         }
     }
     assert!(n_edges > 100, "{n_edges} uses of other files were found");

@@ -6,8 +6,9 @@
 use crate::features::colour_model::{ColourRecord, Observed};
 use crate::features::sight::Judged;
 use crate::map::records::State;
-use crate::tracking::alignment::{Aligner, Prediction, Reference};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 

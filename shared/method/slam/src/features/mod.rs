@@ -10,3 +10,4 @@ pub(crate) mod sight;
 pub(crate) mod start;
 #[cfg(test)]
 mod tests;
+pub(crate) mod weighted_pair;

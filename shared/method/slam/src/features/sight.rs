@@ -4,9 +4,10 @@ use crate::features::colour_model::{ColourModel, Observed};
 use crate::features::lift::lift;
 use crate::features::matching::{FeaturePair, PairFinder, Reach, Seen};
 use crate::features::residuals;
+use crate::features::weighted_pair::WeightedPair;
 use crate::map::context::Context;
-use crate::tracking::alignment::Reference;
 use crate::tracking::input::FrameSurface;
+use crate::tracking::prediction::Reference;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_features::{Feature, Observation};
@@ -23,8 +24,6 @@ const KEPT: usize = 24;
 const MOST_PAIRS: usize = 5;
 /// Squared normalised error of a feature that agrees with a pose, at most.
 const AGREES_SQ: f64 = 25.0;
-/// Mean squared error at which a pair has its full weight, at most.
-const MEAN_SQ: f64 = 4.0;
 
 /// Observations of one reference, with what they were made from.
 struct Known {
@@ -204,27 +203,4 @@ fn by_surfaces(judged: &Judged<'_>, factor: f64) -> Pose {
     step.map_or(judged.target_from_query, |step| {
         compose_normalised(&judged.target_from_query, &Twist::from_vector(&step))
     })
-}
-
-/// A pair as an alignment takes it: with its weight in the units of the blocks' information.
-#[derive(Clone, Debug)]
-pub(crate) struct WeightedPair {
-    pub(crate) found: Arc<FeaturePair>,
-    pub(crate) weight: f64,
-}
-
-impl WeightedPair {
-    /// `weight`: of metric information in the units of the blocks, where the pair agrees with the start.
-    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64, start: &Pose) -> Self {
-        let cost = found.sums.about(&found.target_from_query, start).c;
-        let mean_sq = cost / f64::from(found.sums.n.max(1));
-        let agreement = (MEAN_SQ / mean_sq.max(MEAN_SQ)).min(1.0);
-        Self { found, weight: weight * agreement }
-    }
-
-    /// Adds the features' residuals to a pair's sums, which are about `target_from_query`.
-    pub(crate) fn add_to(&self, sums: &mut BlockSums, target_from_query: &Pose) {
-        let seen = self.found.sums.about(&self.found.target_from_query, target_from_query);
-        sums.add_scaled(&seen, self.weight);
-    }
 }

@@ -1,8 +1,9 @@
 //! The pose on which features agree, as an initial guess in place of the motion prediction.
 
 use crate::features::matching::Reach;
-use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Prediction;
 use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{every_nth, newest_reference, reference, support};
 use tessera_geometry::{Pose, Twist, Vector6, log};

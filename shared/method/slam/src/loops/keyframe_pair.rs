@@ -1,7 +1,7 @@
 //! The pair builder of the extended window and the global optimisation: one multi-edge between two
 //! views (method 7, 8.1).
 
-use crate::features::sight::WeightedPair;
+use crate::features::weighted_pair::WeightedPair;
 use crate::map::context::Context;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;

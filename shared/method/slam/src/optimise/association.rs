@@ -2,7 +2,7 @@
 //! recognised by appearance.
 
 use crate::features::matching::{FeaturePair, PairFinder, Reach};
-use crate::features::sight::WeightedPair;
+use crate::features::weighted_pair::WeightedPair;
 use crate::loops::covisibility;
 use crate::loops::detection::{self, TrackPoint};
 use crate::loops::from_appearance;

@@ -4,7 +4,7 @@
 use crate::features::sight::Sight;
 use crate::map::context::Context;
 use crate::tracking::degeneracy::DegenerateDirection;
-pub(crate) use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};

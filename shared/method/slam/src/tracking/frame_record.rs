@@ -1,10 +1,11 @@
 //! From an alignment to the record of its frame.
 
 use crate::map::records::{BlockRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
-use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Prediction;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, PoseBits, upper_triangle};

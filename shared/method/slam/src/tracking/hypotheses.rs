@@ -7,9 +7,10 @@
 
 use crate::features::start::guess_from_features;
 use crate::tracking::acceptance;
-use crate::tracking::alignment::{Aligner, Alignment, Prediction};
+use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
+use crate::tracking::prediction::Prediction;
 use crate::tracking::window_alignment::{WindowAlignment, align_coarse_to_fine, align_to_window};
 use crate::tracking::{large_displacement, rotation_hypothesis};
 use tessera_geometry::{Pose, Twist};

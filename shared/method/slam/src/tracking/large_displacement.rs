@@ -5,9 +5,10 @@
 //! grid about the last pose are compared by their support alone, without solving for anything; the
 //! best few become initial guesses.
 
-use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::place;
+use crate::tracking::prediction::Prediction;
 use crate::tracking::window_alignment::{every_nth, newest_reference, support};
 use tessera_geometry::{Pose, Twist, exp, translation_rotation_norms};
 

@@ -3,8 +3,8 @@
 
 use crate::map::records::State;
 use crate::map::state::RecentFrame;
-use crate::tracking::alignment::Prediction;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Prediction;
 use nalgebra::Vector3;
 use tessera_geometry::{
     Pose, RelativeRotation, Twist, Vector6, compose_normalised, exp, translation_rotation_norms,

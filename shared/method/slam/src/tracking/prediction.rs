@@ -1,6 +1,6 @@
 //! What an alignment starts from: the predicted pose of a frame, and the surfaces it is aligned to.
 
-use crate::features::sight::WeightedPair;
+use crate::features::weighted_pair::WeightedPair;
 use tessera_features::Feature;
 use tessera_geometry::{Pose, Twist};
 use tessera_registration::ShutterTable;

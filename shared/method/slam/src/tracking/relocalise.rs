@@ -8,9 +8,10 @@ use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
 use crate::map::records::State;
 use crate::tracking::acceptance;
-use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
+use crate::tracking::prediction::Prediction;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{
     WindowAlignment, align_coarse_to_fine, align_to, nearby_keyframes, reference,

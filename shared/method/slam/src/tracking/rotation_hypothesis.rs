@@ -4,8 +4,9 @@
 //! Alignment converges from a few degrees away and no more. Rotations on a coarse grid are compared
 //! by their support alone, without solving for anything.
 
-use crate::tracking::alignment::{Aligner, Prediction};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Prediction;
 use crate::tracking::window_alignment::{every_nth, newest_reference, support};
 use tessera_geometry::{Pose, Twist, exp};
 

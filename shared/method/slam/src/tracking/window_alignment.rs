@@ -3,8 +3,9 @@
 use crate::loops::view_limits::ViewLimits;
 use crate::map::records::State;
 use crate::tracking::acceptance;
-use crate::tracking::alignment::{Aligner, Alignment, Prediction, Reference};
+use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::window::{self, Member};
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::Sample;

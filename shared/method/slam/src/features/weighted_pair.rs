@@ -1,0 +1,32 @@
+//! Features that two views share, as a term of their alignment.
+
+use crate::features::matching::FeaturePair;
+use std::sync::Arc;
+use tessera_geometry::Pose;
+use tessera_graph::BlockSums;
+
+/// Mean squared error at which a pair has its full weight, at most.
+const MEAN_SQ: f64 = 4.0;
+
+/// A pair as an alignment takes it: with its weight in the units of the blocks' information.
+#[derive(Clone, Debug)]
+pub(crate) struct WeightedPair {
+    pub(crate) found: Arc<FeaturePair>,
+    pub(crate) weight: f64,
+}
+
+impl WeightedPair {
+    /// `weight`: of metric information in the units of the blocks, where the pair agrees with the start.
+    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64, start: &Pose) -> Self {
+        let cost = found.sums.about(&found.target_from_query, start).c;
+        let mean_sq = cost / f64::from(found.sums.n.max(1));
+        let agreement = (MEAN_SQ / mean_sq.max(MEAN_SQ)).min(1.0);
+        Self { found, weight: weight * agreement }
+    }
+
+    /// Adds the features' residuals to a pair's sums, which are about `target_from_query`.
+    pub(crate) fn add_to(&self, sums: &mut BlockSums, target_from_query: &Pose) {
+        let seen = self.found.sums.about(&self.found.target_from_query, target_from_query);
+        sums.add_scaled(&seen, self.weight);
+    }
+}
