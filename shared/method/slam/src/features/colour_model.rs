@@ -26,10 +26,10 @@ impl Default for ColourModel {
 }
 
 impl ColourModel {
-    /// Direction `(x, y, 1)` of a pixel of the colour image.
-    pub(crate) fn ray(&self, camera: &Camera, row: f64, column: f64) -> Vector3<f64> {
-        let (x, y) = ((column - camera.cx) / self.focal_ratio, (row - camera.cy) / self.focal_ratio);
-        camera.ray(y + camera.cy, x + camera.cx)
+    /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
+    /// image, both without distortion.
+    pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
+        [(row - camera.cy) / self.focal_ratio + camera.cy, (column - camera.cx) / self.focal_ratio + camera.cx]
     }
 
     /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the

@@ -54,14 +54,16 @@ impl Lifter<'_> {
     fn observe(&self, feature: &Feature) -> Observation {
         let camera = &self.context.camera;
         let [row, column] = feature.pixel.map(f64::from);
-        let direction = self.context.colour.ray(camera, row, column);
+        let [depth_row, depth_column] = self.context.colour.pixel_of_depth(camera, row, column);
+        let direction = camera.ray(depth_row, depth_column);
         let seconds = self.context.colour.lag_s + camera.row_time_s(row);
         let direction = turned(&direction, self.velocity, seconds);
         let direction = direction / direction.z;
         let origin = moved(&Vector3::zeros(), self.velocity, seconds);
         let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs()) * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
-        let depth = self.meet(&origin, &direction);
+        let beside = self.vertex_at(depth_row, depth_column);
+        let depth = beside.and_then(|(vertex, _)| self.meet(&origin, &direction, vertex.position[2]));
         let ray = [direction.x, direction.y];
         let Some((position_m, slope)) = depth else { return Observation { ray, ray_sigma, point: None } };
         // Seen from the depth camera's own centre, which the ray misses by the motion during the lag.
@@ -73,10 +75,15 @@ impl Lifter<'_> {
         Observation { ray, ray_sigma, point: Some(point) }
     }
 
-    /// Where a ray meets the surface, and the tangent of the angle at which it does.
-    fn meet(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
-        let (first, _) = self.vertex(direction)?;
-        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(first.position[2])))?;
+    /// Where a ray meets the surface, and the tangent of the angle at which it does; `about_m` is about
+    /// the depth there.
+    fn meet(
+        &self,
+        origin: &Vector3<f64>,
+        direction: &Vector3<f64>,
+        about_m: f32,
+    ) -> Option<(Vector3<f64>, f64)> {
+        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(about_m)))?;
         let camera = &self.context.camera;
         let row = (grid_row * self.context.grid.step) as f64 + self.context.offset_px;
         let seconds = camera.row_time_s(row);
@@ -94,10 +101,18 @@ impl Lifter<'_> {
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
     fn vertex(&self, point: &Vector3<f64>) -> Option<(Vertex, usize)> {
-        let (camera, grid) = (&self.context.camera, self.context.grid);
-        let (row, _) = camera.project(point)?;
-        let seconds = -camera.row_time_s(row.clamp(0.0, f64::from(camera.height)));
-        let (row, column) = camera.project(&turned(point, self.velocity, seconds))?;
+        let camera = &self.context.camera;
+        let (mut row, mut column) = camera.project(point)?;
+        if camera.readout_s != 0.0 {
+            let seconds = -camera.row_time_s(row.clamp(0.0, f64::from(camera.height)));
+            (row, column) = camera.project(&turned(point, self.velocity, seconds))?;
+        }
+        self.vertex_at(row, column)
+    }
+
+    /// The vertex of the cell of a pixel of the depth image, and its row.
+    fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
+        let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {
             let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
             (place >= 0.0 && place < n as f64).then_some(place as usize)
