@@ -6,10 +6,14 @@ mod common;
 use common::{Step, scene, step_frame};
 use rayon::prelude::*;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
-use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_geometry::{Pose, PoseBits, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Records, Run, State};
-use tessera_slam::{AlignRecord, FrameRecord};
+use tessera_slam::{
+    AlignRecord, AppliedCorrection, Context, FrameRecord, JoinRecord, KeyframeSurfaces, LoopVerdict,
+    Optimiser, TrackerState,
+};
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_surface::Vertex;
 
 /// Frames of a second: the time after which a submap begins.
 const SECOND: usize = 31;
@@ -23,13 +27,17 @@ fn see(frames: impl Iterator<Item = u64>) -> Vec<Step> {
 }
 
 fn run(source: &SimulatedSource, steps: &[Step]) -> Records {
+    pushed(source, steps).finish()
+}
+
+fn pushed(source: &SimulatedSource, steps: &[Step]) -> Run {
     let mut run = Run::new(source.camera(), &Method::default()).unwrap();
     let numbered: Vec<(usize, Step)> = steps.iter().copied().enumerate().collect();
     for some in numbered.chunks(16) {
         let frames: Vec<RawFrame> = some.par_iter().map(|&(k, step)| step_frame(source, k, step)).collect();
         frames.iter().for_each(|frame| drop(run.push(frame)));
     }
-    run.finish()
+    run
 }
 
 /// Absolute error of the tracked frames for which `is_one` holds, all together, metres.
@@ -141,4 +149,50 @@ fn none_begins_where_the_settings_say_so() {
     assert_eq!((records.submaps().n(), records.n_untracked()), (1, 40));
     let is_plain = |record: &AlignRecord| !matches!(record, AlignRecord::Frame(frame) if frame.submap > 0);
     assert!(records.records.iter().all(is_plain));
+}
+
+struct Surfaces(Vec<Vec<Vertex>>);
+
+impl KeyframeSurfaces for Surfaces {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        &self.0[keyframe as usize]
+    }
+}
+
+/// Two submaps that share nothing, joined by force where the last keyframe of the one and the first of
+/// the other would be the same view.
+#[test]
+fn a_wrong_join_comes_apart_again() {
+    let source = room();
+    let steps = [see(0..40), see((150..210).rev())].concat();
+    let (records, map) = pushed(&source, &steps).finish_with_map();
+    let pose = |id: usize| Pose::from(&map.keyframes[id].world_from_camera);
+    let first = map.keyframes.iter().position(|k| k.submap == 1).unwrap();
+    let kept_from_moved = PoseBits::from(&(pose(first - 1) * pose(first).inverse()));
+
+    let method = Method::default();
+    let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
+    let (mut optimiser, mut state) = (Optimiser::new(context), TrackerState::default());
+    let mut journal: Vec<AlignRecord> = Vec::new();
+    let last_frame = records.frames().last().unwrap().index;
+    for mut record in records.records.into_iter().filter(|r| !matches!(r, AlignRecord::Correction(_))) {
+        if let AlignRecord::Frame(frame) = &mut record
+            && frame.index == last_frame
+        {
+            frame.join = Some(JoinRecord { kept: 0, moved: 1, kept_from_moved });
+        }
+        optimiser.apply(&record);
+        state.apply(&record);
+        journal.push(record);
+    }
+    assert_eq!(state.submaps.n_components(), 1);
+    let request = state.pending.unwrap();
+    let correction =
+        optimiser.solve(&request, &Surfaces(map.surfaces), &journal.as_slice(), &mut || ()).unwrap();
+    let crosses = |newer: u32, older: u32| newer as usize >= first && (older as usize) < first;
+    let across: Vec<_> = correction.loops.iter().filter(|l| crosses(l.newer, l.older)).collect();
+    assert!(!across.is_empty() && across.iter().all(|l| l.verdict != LoopVerdict::Accepted), "{across:?}");
+    let applied = AppliedCorrection { before_frame: last_frame + 1, correction };
+    state.apply(&AlignRecord::Correction(Box::new(applied)));
+    assert_eq!((state.submaps.n_components(), state.n_refuted), (2, 1));
 }

@@ -114,7 +114,7 @@ impl Replay {
 
     /// The component of submaps that a frame is in: frames of one component alone have a common frame.
     pub fn component(&self, frame: &FrameRecord) -> u32 {
-        self.submaps().component(frame.submap)
+        self.poses.component_of_frame(frame)
     }
 
     /// Processed frames of each component, and those of them that were tracked.

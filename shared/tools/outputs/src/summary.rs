@@ -58,8 +58,9 @@ pub struct Summary {
     pub first_tracked: Option<u64>,
     /// Submaps: one, and another for each time that the camera was lost for long.
     pub submaps: u64,
-    /// Of those, the ones joined to another, and the ones with a trajectory of their own.
+    /// Of those, the ones joined to another.
     pub submaps_joined: u64,
+    /// Those with a trajectory of their own.
     pub submaps_apart: u64,
     /// Processed frames that are not in `trajectory.txt` but in the file of a submap.
     pub frames_apart: u64,

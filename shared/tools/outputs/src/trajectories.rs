@@ -114,6 +114,7 @@ fn write_marked(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
 mod tests {
     use super::*;
     use crate::test_run;
+    use tessera_slam::AlignRecord;
 
     #[test]
     fn every_processed_frame_has_its_row() {
@@ -145,11 +146,16 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
         let of = |text: &str| text.lines().filter(|line| !line.starts_with('#')).count();
-        let mut apart = test_run::replay();
-        // Frames 4, which is lost, and 5 are in another submap, which has fewer tracked ones.
-        apart.frames[4..].iter_mut().for_each(|frame| frame.submap = 1);
+        let mut apart = Replay::default();
+        for mut record in test_run::records() {
+            if let AlignRecord::Frame(frame) = &mut record {
+                frame.submap = u32::from(frame.index == 5);
+            }
+            apart.apply(record);
+        }
         write(&apart, dir.path()).unwrap();
-        assert_eq!((of(&read("trajectory.txt")), of(&read("trajectory_submap_1.txt"))), (4, 2));
+        assert_eq!((of(&read("trajectory.txt")), of(&read("trajectory_submap_1.txt"))), (5, 1));
+        assert_eq!((of(&read("keyframes.txt")), apart.main_keyframes().count()), (2, 2));
         assert_eq!((of(&read("trajectory_marked.txt")), of(&read("trajectory_online.txt"))), (6, 6));
         assert!(read("trajectory_marked.txt").lines().last().unwrap().ends_with(" tracked 1"));
         write(&test_run::replay(), dir.path()).unwrap();

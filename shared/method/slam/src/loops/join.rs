@@ -1,4 +1,4 @@
-//! Joining submaps (method 7.1): a place of another submap that the camera sees while it is tracked in
+//! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
 use crate::loops::detection;

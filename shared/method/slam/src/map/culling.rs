@@ -150,6 +150,17 @@ mod tests {
     }
 
     #[test]
+    fn submaps_that_are_apart_are_thinned_each_by_itself() {
+        let x = [0.0, 0.2, 0.201, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4];
+        let mut state = line(&x);
+        let expected = RetiredRecord { keyframe: 2, anchored_to: 1 };
+        assert_eq!(culled(&state, &settings(9)), [expected]);
+        // Keyframe 2 is the origin of another gauge now, in which keyframe 3 is its neighbour.
+        state.keyframes[2..].iter_mut().for_each(|k| k.submap = 1);
+        assert_eq!(culled(&state, &settings(9)), [RetiredRecord { keyframe: 3, anchored_to: 2 }]);
+    }
+
+    #[test]
     fn what_anchored_to_a_keyframe_goes_where_it_goes() {
         let mut state = line(&[0.0, 0.1, 0.2, 0.3]);
         state.retire(&RetiredRecord { keyframe: 1, anchored_to: 2 });

@@ -211,6 +211,12 @@ impl PoseHistory {
         self.keyframes.get(id as usize).map(|(submap, _)| self.submaps.component(*submap))
     }
 
+    /// The component of a frame: that of its reference keyframe, which its final pose follows.
+    pub fn component_of_frame(&self, frame: &FrameRecord) -> u32 {
+        let of_keyframe = self.component_of_keyframe(frame.keyframe);
+        of_keyframe.unwrap_or_else(|| self.submaps.component(frame.submap))
+    }
+
     /// Number of keyframes, those of earlier runs included.
     pub fn n_keyframes(&self) -> usize {
         self.keyframes.len()

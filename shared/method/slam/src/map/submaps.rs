@@ -1,5 +1,5 @@
 //! Submaps: a camera that is lost for long begins another map with its own gauge, which is joined to
-//! the others once the same place is seen from both (method 7.1).
+//! the others once the same place is seen from both (method 12.8).
 //!
 //! A keyframe keeps the submap that it was made in: its chain of odometry. Joined submaps are one
 //! component and have one gauge; what lies in different components has no common frame, so that a

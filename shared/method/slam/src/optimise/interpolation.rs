@@ -1,11 +1,10 @@
 //! Interpolates untracked frames between tracked neighbours.
 
 use crate::map::records::{FrameRecord, State};
-use crate::map::submaps::Submaps;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits, compose_normalised, log};
 
-/// When each frame was taken, whether its pose can be trusted, and the submap that it is in.
+/// When each frame was taken, whether its pose can be trusted, and its reference keyframe.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Timeline {
     frames: Vec<(u64, i64, State, u32)>,
@@ -13,22 +12,22 @@ pub(crate) struct Timeline {
 
 impl Timeline {
     pub(crate) fn add(&mut self, frame: &FrameRecord) {
-        self.frames.push((frame.index, frame.stamp_nanos, frame.state, frame.submap));
+        self.frames.push((frame.index, frame.stamp_nanos, frame.state, frame.keyframe));
     }
 
     /// Poses of the lost frames that have a trusted one before and after: at constant velocity
-    /// from one to the other. Frames at either end of the run, or between submaps that are apart, have no
-    /// such pose.
+    /// from one to the other. Frames at either end of the run, or between keyframes of different
+    /// components, have no such pose.
     pub(crate) fn interpolated(
         &self,
         known: &BTreeMap<u64, Pose>,
-        submaps: &Submaps,
+        component: impl Fn(u32) -> Option<u32>,
     ) -> Vec<(u64, PoseBits)> {
         let mut filled = Vec::new();
-        let mut before: Option<(i64, Pose, u32)> = None;
+        let mut before: Option<(i64, Pose, Option<u32>)> = None;
         let mut waiting: Vec<(u64, i64)> = Vec::new();
-        for &(index, stamp, state, submap) in &self.frames {
-            let component = submaps.component(submap);
+        for &(index, stamp, state, keyframe) in &self.frames {
+            let component = component(keyframe);
             if state == State::Lost {
                 waiting.push((index, stamp));
                 continue;
@@ -62,13 +61,11 @@ mod tests {
         let known =
             BTreeMap::from([(1, Pose::translation(1.0, 0.0, 0.0)), (4, Pose::translation(4.0, 0.0, 0.3))]);
         let mut timeline = Timeline { frames };
-        let mut submaps = Submaps::default();
-        submaps.extend_to(1);
-        let filled = timeline.interpolated(&known, &submaps);
+        let filled = timeline.interpolated(&known, Some);
         assert_eq!(filled.iter().map(|f| f.0).collect::<Vec<_>>(), [2, 3]);
         assert!((filled[0].1.translation_m[0] - 2.0).abs() < 1e-12);
         assert!((filled[1].1.translation_m[2] - 0.2).abs() < 1e-12);
         timeline.frames[4].3 = 1;
-        assert_eq!(timeline.interpolated(&known, &submaps), [], "between submaps");
+        assert_eq!(timeline.interpolated(&known, Some), [], "between submaps");
     }
 }

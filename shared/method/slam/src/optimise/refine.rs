@@ -115,15 +115,18 @@ impl Refiner<'_> {
         known.extend(own.iter().zip(own_poses).map(|(k, pose)| (k.frame_index, *pose)));
         let mut frames: Vec<(u64, PoseBits)> =
             solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();
-        frames.extend(timeline.interpolated(&known, self.submaps));
+        frames.extend(timeline.interpolated(&known, |id| self.component(id)));
         frames.sort_by_key(|f| f.0);
         frames
     }
 
+    fn component(&self, keyframe: u32) -> Option<u32> {
+        self.keyframes.get(keyframe as usize).map(|k| self.submaps.component(k.submap))
+    }
+
     fn solve_chunk(&self, chunk: &[FrameBlocks]) -> Vec<(u64, Pose)> {
         let own = &self.keyframes[self.n_map_keyframes..];
-        let component = |id: u32| self.keyframes.get(id as usize).map(|k| self.submaps.component(k.submap));
-        let in_common = |a: u32, b: u32| component(a) == component(b);
+        let in_common = |a: u32, b: u32| self.component(a) == self.component(b);
         let solve = |frame: &FrameBlocks| {
             let pose = match own.binary_search_by_key(&frame.index, |k| k.frame_index) {
                 Ok(place) => *self.poses.get(self.n_map_keyframes + place)?,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tessera_numerics::{SettingError, check_range};
 
-/// When a lost camera goes on in a map of its own (method 7.1).
+/// When a lost camera goes on in a map of its own (method 12.8).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SubmapSettings {
