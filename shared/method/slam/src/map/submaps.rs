@@ -6,9 +6,7 @@
 //! distance between them means nothing.
 
 use crate::map::keyframe::KeyframeState;
-use crate::map::records::{LoopRecord, LoopVerdict};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// The components of all submaps.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +19,11 @@ impl Submaps {
     /// Number of submaps.
     pub fn n(&self) -> u32 {
         self.components.len() as u32
+    }
+
+    /// So many submaps, each apart.
+    pub(crate) fn apart(n: u32) -> Self {
+        Self { components: (0..n).collect() }
     }
 
     /// The component of a submap.
@@ -51,21 +54,6 @@ impl Submaps {
         for (own, judged) in self.components.iter_mut().zip(&judged.components) {
             *own = *judged;
         }
-    }
-
-    /// The components that are left where submaps hang together by accepted loops, or by keyframes
-    /// that are anchored to those of another submap, alone.
-    pub(crate) fn held_by(&self, loops: &[LoopRecord], keyframes: &[KeyframeState]) -> Self {
-        let mut held = Self { components: (0..self.n()).collect() };
-        let submaps: BTreeMap<u32, u32> = keyframes.iter().map(|k| (k.id, k.submap)).collect();
-        let accepted = loops.iter().filter(|l| l.verdict == LoopVerdict::Accepted && l.weight > 0.0);
-        let anchors = keyframes.iter().filter_map(|k| Some((k.id, k.anchored_to?)));
-        for (a, b) in accepted.map(|l| (l.newer, l.older)).chain(anchors) {
-            if let (Some(a), Some(b)) = (submaps.get(&a), submaps.get(&b)) {
-                held.join(*a, *b);
-            }
-        }
-        held
     }
 
     /// Where keyframes belong, in their order.
@@ -122,22 +110,9 @@ mod tests {
     }
 
     #[test]
-    fn accepted_loops_and_anchors_hold_submaps_together() {
+    fn each_component_has_one_gauge() {
         let made_in = |id: u32, submap: u32| KeyframeState { submap, ..keyframe(id, 0, 0.0) };
-        let mut keyframes = [made_in(0, 0), made_in(1, 1), made_in(2, 2), made_in(3, 3)];
-        keyframes[3].anchored_to = Some(2);
-        let pair = |newer, older, weight, verdict| LoopRecord {
-            newer,
-            older,
-            overlap: 0.5,
-            in_front: 0.0,
-            inconsistency_sigmas: 0.2,
-            residual_sigmas: 0.2,
-            weight,
-            verdict,
-        };
-        let loops = [pair(1, 0, 1.0, LoopVerdict::Accepted), pair(2, 0, 0.0, LoopVerdict::Outvoted)];
-        assert_eq!(submaps(&[0, 0, 0, 0]).held_by(&loops, &keyframes), submaps(&[0, 0, 2, 2]));
+        let keyframes = [made_in(0, 0), made_in(1, 1), made_in(2, 2), made_in(3, 3)];
         let origins = submaps(&[0, 0, 2, 2]).origins(&keyframes);
         assert_eq!(gauges(&origins), [true, false, true, false]);
     }

@@ -9,6 +9,7 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::KeyframeAssociation;
+use crate::optimise::held::held;
 use crate::optimise::sample_cache::Drawn;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
@@ -85,7 +86,7 @@ fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()
     context.steps.leave();
     let loops = association.loop_records(&solved);
     let (outer_iterations, n_rounds) = (solved.outer_iterations, solved.n_rounds);
-    let held = submaps.held_by(&loops, start.keyframes);
+    let held = held(submaps.n(), &loops, start.keyframes);
     let submaps = if solved.is_solved { held } else { submaps.clone() };
     Solution { poses: solved.graph.poses, loops, submaps, outer_iterations, n_rounds }
 }
