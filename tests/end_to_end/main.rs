@@ -23,6 +23,7 @@ mod promises {
         mod random_kills;
         mod resume;
         mod saved_map;
+        mod submaps;
         mod systemd;
     }
     /// A fault stays where it is: in one stage, one frame, one viewer, one foreign program.
@@ -48,6 +49,7 @@ mod promises {
         mod refine_camera;
         mod report;
         mod run_directory;
+        mod submaps;
         mod trace;
     }
     /// The manual tells what is there.

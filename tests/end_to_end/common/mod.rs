@@ -287,6 +287,22 @@ pub fn write_folder(folder: &Path, camera: &Path, n: u64) {
     write_lists(folder, stamps.into_iter().zip(0..).map(|(stamp, image)| (nanos(stamp), image)));
 }
 
+/// Writes frames of the room in any order, 30 a second, as a folder in the TUM layout; `None` is a
+/// covered lens.
+pub fn write_scenario(folder: &Path, camera: &Path, frames: &[Option<u64>]) {
+    let n = frames.iter().flatten().max().map_or(0, |last| last + 1);
+    write_images(folder, camera, n);
+    let (width, height) = (160, 120);
+    let black = |name: String, n_bytes: usize, color| {
+        let bytes = vec![0; n_bytes * width * height];
+        image::save_buffer(folder.join(name), &bytes, width as u32, height as u32, color).unwrap();
+    };
+    black(format!("d{n}.png"), 2, image::ExtendedColorType::L16);
+    black(format!("c{n}.png"), 3, image::ExtendedColorType::Rgb8);
+    let row = |(k, frame): (usize, &Option<u64>)| (format!("{:.6}", k as f64 / 30.0), frame.unwrap_or(n));
+    write_lists(folder, frames.iter().enumerate().map(row));
+}
+
 /// Writes images of the room and the camera; answers their stamps, nanoseconds.
 pub fn write_images(folder: &Path, camera: &Path, n: u64) -> Vec<i64> {
     let options = tessera_sources::SourceOptions {

@@ -19,17 +19,18 @@ pub use loops::covisibility::pairs as neighbour_pairs;
 pub use map::context::Context;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
-    AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, KeyframePose,
-    KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord, RefinedCamera,
-    Refinement, RequestRecord, RetiredRecord, State, StoreSlot,
+    AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, JoinRecord,
+    KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord,
+    RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, State, StoreSlot,
 };
 pub use map::state::TrackerState;
+pub use map::submaps::{Origin, Submaps};
 pub use map::surfaces::KeyframeSurfaces;
 pub use optimise::optimiser::{Optimiser, OptimiserState};
 pub use optimise::refine::FrameHistory;
 pub use settings::{
     FeatureUse, GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings,
-    WindowSettings,
+    SubmapSettings, WindowSettings,
 };
 pub use tracking::input::FrameSurface;
 pub use tracking::tracker::Tracker;

@@ -69,7 +69,7 @@ impl SavedMap {
             return Err(refuse("has no keyframe yet".into()));
         }
         let start = settings.run.start().map_err(&refuse)?;
-        let record = MapRecord { keyframes: state.keyframes, start };
+        let record = MapRecord { keyframes: state.keyframes, submaps: state.submaps, start };
         Ok(Some(Self { files, keyframes, record }))
     }
 

@@ -25,7 +25,7 @@ pub(crate) fn fuse(files: &RunFiles, replay: &Replay, wanted: &ExportFiles) -> R
     let grid = run.layout(&settings).grid;
     let warp = outputs::refined_warp(&run, replay, &settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
-    for (keyframe, world_from_camera) in replay.keyframes.iter().zip(replay.keyframe_poses()) {
+    for (keyframe, world_from_camera) in replay.main_keyframes() {
         let stored = surfaces.vertices(keyframe.id);
         let moved = warp.as_ref().map(|warp| warp.apply(stored));
         let view = View {

@@ -10,7 +10,7 @@
 use std::error::Error;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate, write_tum_row};
 use tessera_geometry::{Pose, adjoint, from_upper_triangle, log};
-use tessera_offline::{Method, RawFrame, Records, Run};
+use tessera_offline::{Method, RawFrame, Records, Run, State};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, FrameRecord, LoopRecord};
 use tessera_sources::{SimulationOptions, Source, SourceOptions, SourceSpec};
@@ -190,6 +190,7 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
     );
     let n_free = records.frames().filter(|f| f.reason.contains("degenerate")).count();
     println!("    {n_free} frames with a degenerate direction");
+    report_submaps(records);
     report_loops(records);
     let Some(truth) = truth else { return };
     let line =
@@ -214,6 +215,22 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
             "    {:?}, moved {:.2} px, {} directions held, residual {before:.4} before, {after:.4} after",
             refined.camera, refined.moved_px, refined.n_held
         );
+    }
+}
+
+/// Submaps with what began and joined them, where there is more than one.
+fn report_submaps(records: &Records) {
+    let submaps = records.submaps();
+    if submaps.n() < 2 {
+        return;
+    }
+    println!("    {} submaps in {} components", submaps.n(), submaps.n_components());
+    for frame in records.frames().filter(|f| f.join.is_some() || f.reason.contains("begins")) {
+        println!("      frame {}: {}", frame.index, frame.reason);
+    }
+    for submap in 0..submaps.n() {
+        let n = records.frames().filter(|f| f.submap == submap && f.state == State::Tracking).count();
+        println!("      submap {submap} of component {}: {n} tracked frames", submaps.component(submap));
     }
 }
 

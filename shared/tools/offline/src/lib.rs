@@ -17,10 +17,10 @@ use tessera_geometry::PoseBits;
 pub use tessera_geometry::{Camera, InertialRotation, Pose};
 pub use tessera_numerics::SettingError;
 pub use tessera_registration::RegistrationSettings;
-pub use tessera_slam::{AlignRecord, MappingSettings, State};
+pub use tessera_slam::{AlignRecord, MappingSettings, State, Submaps};
 use tessera_slam::{
     ColourState, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
-    OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, Tracker,
+    OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, Tracker, TrackerState,
 };
 use tessera_sources::FrameBuffers;
 pub use tessera_sources::{Source, SourceError};
@@ -96,6 +96,8 @@ impl KeyframeSurfaces for Keyframes {
 pub struct SavedMap {
     /// Keyframes as finally corrected, by id.
     pub keyframes: Vec<KeyframeState>,
+    /// Which of its submaps are joined.
+    pub submaps: Submaps,
     /// Their surfaces, row by row.
     pub surfaces: Vec<Vec<Vertex>>,
 }
@@ -147,7 +149,8 @@ impl Run {
         let mut run = Self::new(camera, method)?;
         run.keyframes = Keyframes(map.surfaces, vec![Vec::new(); map.keyframes.len()]);
         let start = start.as_ref().map(PoseBits::from);
-        run.take(AlignRecord::Map(Box::new(MapRecord { keyframes: map.keyframes, start })));
+        let record = MapRecord { keyframes: map.keyframes, submaps: map.submaps, start };
+        run.take(AlignRecord::Map(Box::new(record)));
         Ok(run)
     }
 
@@ -216,8 +219,8 @@ impl Run {
         if request.is_some() {
             self.apply_correction(next);
         }
-        let keyframes = self.tracker.state().keyframes.clone();
-        (Records { records: self.records }, SavedMap { keyframes, surfaces: self.keyframes.0 })
+        let TrackerState { keyframes, submaps, .. } = self.tracker.state().clone();
+        (Records { records: self.records }, SavedMap { keyframes, submaps, surfaces: self.keyframes.0 })
     }
 
     /// Ends the sequence where it is, without the final optimisation, and returns all records.
@@ -318,6 +321,13 @@ impl Records {
             let _ = trajectory.push(frame.stamp_nanos, history.final_pose(&frame.into()));
         }
         trajectory
+    }
+
+    /// The submaps at the end, and which of them are joined.
+    pub fn submaps(&self) -> Submaps {
+        let mut history = PoseHistory::default();
+        self.records.iter().for_each(|record| history.apply(record));
+        history.submaps().clone()
     }
 
     /// The camera of the final optimisation, where it was asked for and found.

@@ -97,6 +97,8 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         workload: tessera_surface::WorkloadLevel::Full,
         state: State::Tracking,
         reason: String::new(),
+        submap: 0,
+        lost_nanos: 0,
         world_from_camera,
         world_from_odom: PoseBits::IDENTITY,
         keyframe: id,
@@ -109,6 +111,8 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         colour: None,
         blocks: Vec::new(),
         moved: Vec::new(),
+        sighting: None,
+        join: None,
         new_keyframe: Some(KeyframeRecord {
             id,
             frame_index: index,

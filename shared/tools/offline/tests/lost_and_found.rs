@@ -1,35 +1,16 @@
 //! A camera that loses its place and finds it again, in the simulated room.
 
+mod common;
+
+use common::{Step, step_frame as frame};
 use rayon::prelude::*;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_slam::{AlignRecord, FrameRecord, State};
-use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
-
-/// One step of a scenario: a frame of the scene, or a covered lens.
-#[derive(Clone, Copy)]
-enum Step {
-    See(u64),
-    Covered,
-}
+use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 
 fn scene(name: SceneName) -> SimulatedSource {
     SimulatedSource::open(name, None, None, &SimulationOptions::default()).unwrap()
-}
-
-/// What the step shows, as the `k`th frame at 30 Hz.
-fn frame(source: &SimulatedSource, k: usize, step: Step) -> RawFrame {
-    let n = (source.camera().width * source.camera().height) as usize;
-    let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
-    if let Step::See(index) = step {
-        source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-    }
-    RawFrame {
-        stamp_nanos: 1_000_000_000 + k as i64 * 33_333_333,
-        rotation: None,
-        depth,
-        colour: Some(colour),
-    }
 }
 
 /// Runs the steps and returns each frame's record with its true pose in the map.

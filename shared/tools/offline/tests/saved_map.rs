@@ -87,7 +87,11 @@ fn starts_all_along_the_path_are_found() {
     let source = scene(SceneName::Room);
     let map = first_part(&source);
     for start in [10, 40, 100, 130] {
-        let map = SavedMap { keyframes: map.keyframes.clone(), surfaces: map.surfaces.clone() };
+        let map = SavedMap {
+            surfaces: map.surfaces.clone(),
+            submaps: map.submaps.clone(),
+            keyframes: map.keyframes.clone(),
+        };
         let mut run = Run::in_map(source.camera(), &Method::default(), map, None).unwrap();
         let indices: Vec<u64> = (start..start + 32).collect();
         push_all(&mut run, &source, &indices);

@@ -2,7 +2,7 @@
 
 use crate::replay::Replay;
 use crate::statistics::{Ended, RunStatistics};
-use crate::trajectories::{as_trajectory, final_rows};
+use crate::trajectories::as_trajectory;
 use crate::verdict::UNCERTAIN_M;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -91,6 +91,10 @@ pub struct Facts {
     pub n_loops_closed: u64,
     /// Loops that passed verification and that the optimisation rejected.
     pub n_loops_rejected: u64,
+    /// Submaps that began.
+    pub n_submaps: u64,
+    /// Processed frames of each submap that is apart from that of `trajectory.txt`.
+    pub apart: BTreeMap<u32, u64>,
     /// Started in a map and never found there.
     pub is_nowhere: bool,
     /// Lengths against the ground truth, where there is one.
@@ -149,6 +153,8 @@ impl Facts {
             broken: beside.broken.clone(),
             n_loops_closed: replay.n_loops_closed(),
             n_loops_rejected: replay.n_loops_rejected(),
+            n_submaps: u64::from(replay.submaps().n()),
+            apart: replay.apart(),
             is_nowhere: replay.n_map_keyframes > 0 && replay.first_tracked.is_none(),
             truth: truth.and_then(|truth| lengths(replay, truth)),
             units_per_metre: beside.units_per_metre,
@@ -187,8 +193,10 @@ fn deviation_m(frame: &FrameRecord) -> Option<f64> {
 
 /// The scale of the tracked frames against the truth; `None` where too little can be compared.
 fn lengths(replay: &Replay, truth: &Trajectory) -> Option<Truth> {
-    let rows = final_rows(replay).into_iter().zip(&replay.frames);
-    let tracked = rows.filter(|(_, frame)| frame.state == State::Tracking).map(|(row, _)| row).collect();
+    let main = replay.main_component();
+    let frames = replay.frames.iter().filter(|frame| replay.component(frame) == main);
+    let tracked = frames.filter(|frame| frame.state == State::Tracking);
+    let tracked = tracked.map(|frame| (frame.stamp_nanos, replay.final_pose(frame))).collect();
     let options = EvaluationOptions { scale: true, ..EvaluationOptions::default() };
     let tracked = as_trajectory(&tracked)?;
     let found = evaluate(&tracked, truth, &options).ok()?;

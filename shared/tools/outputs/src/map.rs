@@ -31,7 +31,7 @@ pub(crate) fn gather<'s>(
     vertices: impl Fn(u32) -> &'s [Vertex],
 ) -> VoxelCloud {
     let mut cloud = VoxelCloud::new(input.settings.map_voxel_m);
-    for (keyframe, world_from_camera) in replay.keyframes.iter().zip(replay.keyframe_poses()) {
+    for (keyframe, world_from_camera) in replay.main_keyframes() {
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(input.camera, &velocity, input.step);
         let stored = vertices(keyframe.id);

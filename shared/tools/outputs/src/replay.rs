@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_slam::{
     AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
-    PoseHistory, RefinedCamera, Refinement, State,
+    PoseHistory, RefinedCamera, Refinement, State, Submaps,
 };
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
@@ -105,6 +105,47 @@ impl Replay {
     pub fn with_refined_camera(&self) -> Option<Self> {
         let poses = self.poses.with_refined_camera(self.refined()?);
         Some(Self { poses, ..self.clone() })
+    }
+
+    /// The submaps, and which of them are joined.
+    pub fn submaps(&self) -> &Submaps {
+        self.poses.submaps()
+    }
+
+    /// The component of submaps that a frame is in: frames of one component alone have a common frame.
+    pub fn component(&self, frame: &FrameRecord) -> u32 {
+        self.poses.component_of_frame(frame)
+    }
+
+    /// Processed frames of each component, and those of them that were tracked.
+    pub(crate) fn n_by_component(&self) -> BTreeMap<u32, (u64, u64)> {
+        let mut counts = BTreeMap::new();
+        for frame in &self.frames {
+            let (n, n_tracked): &mut (u64, u64) = counts.entry(self.component(frame)).or_default();
+            (*n, *n_tracked) = (*n + 1, *n_tracked + u64::from(frame.state == State::Tracking));
+        }
+        counts
+    }
+
+    /// The component with most tracked frames, the older of two: what the outputs are of.
+    pub fn main_component(&self) -> u32 {
+        let counts = self.n_by_component();
+        let most = counts.iter().rev().max_by_key(|(_, (_, n_tracked))| *n_tracked);
+        most.map_or(0, |(component, _)| *component)
+    }
+
+    /// Processed frames of each component but the main one.
+    pub fn apart(&self) -> BTreeMap<u32, u64> {
+        let main = self.main_component();
+        let counts = self.n_by_component().into_iter().filter(|(component, _)| *component != main);
+        counts.map(|(component, (n, _))| (component, n)).collect()
+    }
+
+    /// The keyframes of the main component, each with its corrected `world_from_camera`.
+    pub fn main_keyframes(&self) -> impl Iterator<Item = (&KeyframeRecord, Pose)> {
+        let main = self.main_component();
+        let keyframes = self.keyframes.iter().zip(self.keyframe_poses());
+        keyframes.filter(move |(k, _)| self.poses.component_of_keyframe(k.id) == Some(main))
     }
 
     /// Corrected `world_from_camera` of each keyframe, by id.

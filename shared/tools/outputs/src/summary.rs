@@ -56,6 +56,14 @@ pub struct Summary {
     pub map_keyframes: u64,
     /// First tracked frame; in a run that started in a map, the frame that was found there.
     pub first_tracked: Option<u64>,
+    /// Submaps: one, and another for each time that the camera was lost for long.
+    pub submaps: u64,
+    /// Of those, the ones joined to another.
+    pub submaps_joined: u64,
+    /// Those with a trajectory of their own.
+    pub submaps_apart: u64,
+    /// Processed frames that are not in `trajectory.txt` but in the file of a submap.
+    pub frames_apart: u64,
     /// Pairs of keyframes that would close a loop.
     pub loops_found: u64,
     /// Those that were verified and that the optimisation kept.
@@ -146,6 +154,10 @@ impl Summary {
             keyframes: replay.keyframes.len() as u64,
             map_keyframes: replay.n_map_keyframes as u64,
             first_tracked: replay.first_tracked,
+            submaps: facts.n_submaps,
+            submaps_joined: facts.n_submaps - u64::from(replay.submaps().n_components()),
+            submaps_apart: facts.apart.len() as u64,
+            frames_apart: facts.apart.values().sum(),
             loops_found: replay.n_loops_found(),
             loops_closed: replay.n_loops_closed(),
             loops_rejected: replay.n_loops_rejected(),
@@ -243,6 +255,10 @@ pub(crate) mod tests {
             ("keyframes", 3),
             ("loops_closed", 1),
             ("global_optimisations", 1),
+            ("submaps", 1),
+            ("submaps_joined", 0),
+            ("submaps_apart", 0),
+            ("frames_apart", 0),
         ];
         for (key, expected) in numbers {
             assert_eq!(json[key], expected, "{key}");

@@ -4,7 +4,7 @@ use crate::replay::Replay;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_slam::{
     AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
-    LoopRecord, LoopVerdict, State, StoreSlot,
+    LoopRecord, LoopVerdict, State, StoreSlot, Submaps,
 };
 use tessera_surface::Vertex;
 
@@ -40,6 +40,8 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
         workload: tessera_surface::WorkloadLevel::Full,
         state: if index == 4 { State::Lost } else { State::Tracking },
         reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
+        submap: 0,
+        lost_nanos: 0,
         world_from_camera: along_x(x),
         world_from_odom: PoseBits::IDENTITY,
         keyframe: anchored_to.0,
@@ -54,6 +56,8 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
         colour: None,
         blocks: Vec::new(),
         moved: Vec::new(),
+        sighting: None,
+        join: None,
     }))
 }
 
@@ -92,6 +96,7 @@ pub fn records() -> Vec<AlignRecord> {
         ],
         frames: vec![(5, along_x(7.0))],
         loops: vec![loop_pair(0, 0.9), loop_pair(1, 0.1)],
+        submaps: Submaps::default(),
         outer_iterations: 4,
         n_graduated_rounds: 0,
         refinement: None,

@@ -14,6 +14,8 @@ const UNTRACKED_DOUBTFUL: f64 = 0.02;
 const UNTRACKED_FAILED: f64 = 0.5;
 /// Stated standard deviation of a position above which it is not to be relied on, metres.
 pub(crate) const UNCERTAIN_M: f64 = 0.1;
+/// Share of frames in submaps of their own above which a run is doubtful.
+const APART_DOUBTFUL: f64 = 0.02;
 /// Share of uncertain frames above which a run is doubtful.
 const UNCERTAIN_DOUBTFUL: f64 = 0.02;
 /// Share of frames that a live run may leave out.
@@ -104,6 +106,7 @@ pub fn verdict(facts: &Facts) -> Verdict {
         units(facts),
         lens(facts),
         untracked(facts),
+        apart(facts),
         uncertain(facts),
         dropped(facts),
         broken(facts),
@@ -179,6 +182,26 @@ fn untracked(facts: &Facts) -> Option<Reason> {
     let advice =
         "move more slowly or record at a higher rate; keep structure within 4 m in view (docs/tuning.md)";
     Some(reason(grade, found, advice))
+}
+
+/// Submaps that were never joined to that of `trajectory.txt`.
+fn apart(facts: &Facts) -> Option<Reason> {
+    let n: u64 = facts.apart.values().sum();
+    let (what, verb) = match facts.apart.len() {
+        0 => return None,
+        1 => ("submap", "was"),
+        _ => ("submaps", "were"),
+    };
+    let files: Vec<String> =
+        facts.apart.keys().take(MOST_SPANS).map(|submap| format!("trajectory_submap_{submap}.txt")).collect();
+    let found = format!(
+        "{} {what} {verb} never joined: {n} frames are in files of their own ({}{})",
+        facts.apart.len(),
+        files.join(", "),
+        if facts.apart.len() > MOST_SPANS { ", ..." } else { "" }
+    );
+    let advice = "lead the camera back to a place that it has seen; in one take, without cuts";
+    Some(reason(above(share(n, facts.n_processed), APART_DOUBTFUL), found, advice))
 }
 
 /// The longest spans, in the order of time.
@@ -335,6 +358,13 @@ mod tests {
             Grade::Failed,
             &["200 of 400"],
         );
+        let apart = |n| Facts { n_submaps: 2, apart: [(1, n)].into(), ..good() };
+        check(
+            &apart(150),
+            Grade::Doubtful,
+            &["1 submap was never joined: 150 frames are in files of their own (trajectory_submap_1.txt)"],
+        );
+        check(&apart(5), Grade::Good, &["5 frames are in files"]);
         let many: Vec<Span> = (0..5).map(|k| span(20 * k, 20 * k + k)).collect();
         check(
             &Facts { n_untracked: 15, untracked: many, ..good() },

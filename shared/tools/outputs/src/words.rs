@@ -44,6 +44,13 @@ impl Summary {
                 );
             }
         }
+        if self.submaps > 1 {
+            let Self { submaps, submaps_joined, submaps_apart, frames_apart, .. } = self;
+            let _ = writeln!(
+                text,
+                "  submaps     {submaps}: {submaps_joined} joined, {submaps_apart} apart with {frames_apart} frames"
+            );
+        }
         if self.wall_s > 0.0 {
             let rate = *frames_processed as f64 / self.wall_s;
             let latency = self.latency_ms.get("end_to_end").copied().unwrap_or_default();

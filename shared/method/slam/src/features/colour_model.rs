@@ -29,7 +29,10 @@ impl ColourModel {
     /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
     /// image, both without distortion.
     pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
-        [(row - camera.cy) / self.focal_ratio + camera.cy, (column - camera.cx) / self.focal_ratio + camera.cx]
+        [
+            (row - camera.cy) / self.focal_ratio + camera.cy,
+            (column - camera.cx) / self.focal_ratio + camera.cx,
+        ]
     }
 
     /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the

@@ -11,8 +11,9 @@ const DELAY_PER_KEYFRAME: f64 = 0.5;
 /// A place along the trajectory, in time and in the graph.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TrackPoint {
-    /// The run.
+    /// The run, and its chain of odometry.
     session: u32,
+    submap: u32,
     frame_index: u64,
     /// The keyframe, or the last one before it.
     keyframe: u32,
@@ -20,20 +21,22 @@ pub(crate) struct TrackPoint {
 
 impl TrackPoint {
     pub(crate) fn of_keyframe(keyframe: &KeyframeState) -> Self {
-        Self { session: keyframe.session, frame_index: keyframe.frame_index, keyframe: keyframe.id }
+        let KeyframeState { session, submap, frame_index, id, .. } = *keyframe;
+        Self { session, submap, frame_index, keyframe: id }
     }
 
     /// A frame of this run that comes after all keyframes.
     pub(crate) fn of_frame(map: &MapView<'_>, index: u64) -> Self {
         let keyframe = (map.n_keyframes() as u32).saturating_sub(1);
-        Self { session: map.state().session, frame_index: index, keyframe }
+        Self { session: map.state().session, submap: map.submap(), frame_index: index, keyframe }
     }
 }
 
 /// Whether a pair of these closes a loop: acquired long after each other in frames and in the graph,
-/// or by different runs.
+/// by different runs or in different submaps.
 pub(crate) fn closes_loop(settings: &LoopSettings, newer: &TrackPoint, older: &TrackPoint) -> bool {
     newer.session != older.session
+        || newer.submap != older.submap
         || (newer.frame_index.saturating_sub(older.frame_index) > settings.min_frames
             && newer.keyframe.saturating_sub(older.keyframe) > settings.min_keyframes)
 }

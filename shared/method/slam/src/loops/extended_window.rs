@@ -3,6 +3,7 @@
 
 use crate::loops::keyframe_pair::PairSearch;
 use crate::loops::matchable::Matchable;
+use crate::map::map_view::MapView;
 use crate::map::state::KeyframeState;
 use crate::settings::GlobalSettings;
 use crate::tracking::input::Surfaces;
@@ -23,6 +24,7 @@ const MOST_BORDER: usize = 12;
 pub(crate) struct WindowPose<'a> {
     pub(crate) id: u32,
     session: u32,
+    submap: u32,
     pub(crate) is_fixed: bool,
     matchable: Matchable<'a>,
 }
@@ -30,7 +32,7 @@ pub(crate) struct WindowPose<'a> {
 impl WindowPose<'_> {
     /// Whether it is the next keyframe after another in the same run.
     fn follows(&self, older: &Self) -> bool {
-        self.id == older.id + 1 && self.session == older.session
+        self.id == older.id + 1 && self.session == older.session && self.submap == older.submap
     }
 }
 
@@ -49,12 +51,14 @@ impl Tracker {
             .filter_map(|m| if let Member::Keyframe(id) = m { Some(*id) } else { None })
             .filter(|id| (*id as usize) < keyframes.len())
             .collect();
+        let map = MapView::from(&self.state);
         let mut border: BTreeMap<u32, u32> = BTreeMap::new();
         for keyframe in keyframes {
             let older = keyframe.id.checked_sub(1);
             for to in keyframe.edges.iter().map(|e| e.to).chain(older) {
                 for (inside, outside) in [(keyframe.id, to), (to, keyframe.id)] {
-                    let is_active = keyframes.get(outside as usize).is_some_and(KeyframeState::is_active);
+                    let is_active =
+                        keyframes.get(outside as usize).is_some_and(|k| k.is_active() && map.contains(k));
                     if is_active && window.contains(&inside) && !window.contains(&outside) {
                         *border.entry(outside).or_default() += 1;
                     }
@@ -66,8 +70,9 @@ impl Tracker {
         border.sort_unstable();
         border.truncate(MOST_BORDER);
         let held = if border.is_empty() { window.first().copied() } else { None };
-        // The first keyframe is the map's origin.
-        let mut ids: Vec<(u32, bool)> = window.iter().map(|&id| (id, id == 0 || held == Some(id))).collect();
+        let origin = map.keyframes().next().map(|k| k.id);
+        let mut ids: Vec<(u32, bool)> =
+            window.iter().map(|&id| (id, Some(id) == origin || held == Some(id))).collect();
         ids.extend(border.into_iter().map(|(_, id)| (id, true)));
         ids.sort_unstable();
         let mut sampler = Sampler::default();
@@ -75,7 +80,8 @@ impl Tracker {
             .map(|(id, is_fixed)| {
                 let keyframe = &keyframes[id as usize];
                 let matchable = Matchable::new(&self.context, &mut sampler, keyframe, surfaces.keyframes);
-                WindowPose { id, session: keyframe.session, is_fixed, matchable }
+                let KeyframeState { session, submap, .. } = *keyframe;
+                WindowPose { id, session, submap, is_fixed, matchable }
             })
             .collect()
     }

@@ -9,6 +9,7 @@ use crate::loops::verification::{self, Tested};
 use crate::map::context::Context;
 use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
+use crate::map::submaps::Origin;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock, Schedule};
@@ -20,18 +21,25 @@ const FIRST_DISTANCE_M: f64 = 0.5;
 /// Outer iterations of an alignment from scratch.
 const ITERATIONS: u32 = 6;
 
-/// The keyframe before `newer` that looks most like it and is far enough away to close a loop.
-pub(crate) fn most_alike(context: &Context, keyframes: &[KeyframeState], newer: usize) -> Option<usize> {
+/// The keyframe before `newer` in its component that looks most like it and is far enough away to close
+/// a loop.
+pub(crate) fn most_alike(
+    context: &Context,
+    keyframes: &[KeyframeState],
+    origins: &[Origin],
+    newer: usize,
+) -> Option<usize> {
     let mapping = &context.mapping;
     let (similarity, older) = keyframes[..newer]
         .iter()
         .enumerate()
-        .filter(|(_, older)| {
-            detection::closes_loop(
-                &mapping.loops,
-                &TrackPoint::of_keyframe(&keyframes[newer]),
-                &TrackPoint::of_keyframe(older),
-            )
+        .filter(|(place, older)| {
+            origins[*place].component == origins[newer].component
+                && detection::closes_loop(
+                    &mapping.loops,
+                    &TrackPoint::of_keyframe(&keyframes[newer]),
+                    &TrackPoint::of_keyframe(older),
+                )
         })
         .map(|(place, older)| (similarity(&keyframes[newer].place, &older.place), place))
         // The first among equals.
@@ -43,7 +51,7 @@ pub(crate) fn most_alike(context: &Context, keyframes: &[KeyframeState], newer: 
 /// found: in a graph they pull as far as they must.
 pub(crate) fn pairs(
     context: &Context,
-    keyframes: &[KeyframeState],
+    (keyframes, origins): (&[KeyframeState], &[Origin]),
     matchable: &[Matchable<'_>],
     newer: &[usize],
     progress: &mut dyn FnMut(),
@@ -52,7 +60,7 @@ pub(crate) fn pairs(
         newer,
         || context.matcher(),
         |matcher, &query| {
-            let target = most_alike(context, keyframes, query)?;
+            let target = most_alike(context, keyframes, origins, query)?;
             let (newer, older) = (&matchable[query], &matchable[target]);
             let (at, block) = from_scratch(matcher, newer, older);
             let settings = &context.mapping.global;

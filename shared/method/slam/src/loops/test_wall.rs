@@ -22,6 +22,7 @@ pub(crate) fn keyframe(id: u32, session: u32, x_m: f64) -> KeyframeState {
     KeyframeState {
         id,
         session,
+        submap: 0,
         frame_index: 10 * u64::from(id),
         stamp_nanos: 1_000_000_000 * i64::from(id),
         world_from_camera: PoseBits::from(&Pose::translation(x_m, 0.0, 0.0)),

@@ -14,6 +14,9 @@ pub(crate) fn with_request(
     aligned: &WindowAlignment,
     mut record: FrameRecord,
 ) -> FrameRecord {
+    if record.request.is_some() {
+        return record;
+    }
     let settings = &input.context.mapping.loops;
     let frame = input.frame;
     let sees_loop = aligned.members.iter().any(|m| match m {

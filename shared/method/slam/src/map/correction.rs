@@ -1,6 +1,7 @@
 //! The optimiser's answer to a request.
 
 use crate::map::keyframe::KeyframePose;
+use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, PoseBits};
 
@@ -55,6 +56,8 @@ pub struct Correction {
     pub frames: Vec<(u64, PoseBits)>,
     /// Loop pairs with what their tests found and the weight that the optimiser left them.
     pub loops: Vec<LoopRecord>,
+    /// The submaps of the request, apart where the optimiser refuted what had joined them.
+    pub submaps: Submaps,
     /// Outer iterations done.
     pub outer_iterations: u32,
     /// Rounds of graduated non-convexity over all outer iterations; 0: every loop fitted at once.

@@ -7,6 +7,7 @@
 
 use crate::map::records::RetiredRecord;
 use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::submaps::Submaps;
 use crate::settings::MappingSettings;
 use nalgebra::Vector3;
 use tessera_geometry::Pose;
@@ -20,14 +21,16 @@ const MOST_AT_A_TIME: usize = 2;
 /// Pose of a keyframe of the working map.
 struct View {
     id: u32,
+    component: u32,
     centre: Vector3<f64>,
     axis: Vector3<f64>,
 }
 
 impl View {
-    fn of(keyframe: &KeyframeState) -> Self {
+    fn of(submaps: &Submaps, keyframe: &KeyframeState) -> Self {
         let pose = Pose::from(&keyframe.world_from_camera);
-        Self { id: keyframe.id, centre: pose.translation.vector, axis: pose.rotation * Vector3::z() }
+        let (centre, axis) = (pose.translation.vector, pose.rotation * Vector3::z());
+        Self { id: keyframe.id, component: submaps.component(keyframe.submap), centre, axis }
     }
 }
 
@@ -38,7 +41,8 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
     if budget == 0 || n_active <= budget {
         return Vec::new();
     }
-    let mut views: Vec<View> = state.keyframes.iter().filter(|k| k.is_active()).map(View::of).collect();
+    let active = state.keyframes.iter().filter(|k| k.is_active());
+    let mut views: Vec<View> = active.map(|k| View::of(&state.submaps, k)).collect();
     let mut culled = Vec::new();
     for _ in 0..(n_active - budget).min(MOST_AT_A_TIME) {
         let Some((place, anchored_to)) = least_needed(&views, settings) else { break };
@@ -49,7 +53,7 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
 }
 
 /// Place of the view that has another one nearest to it, and that other one's keyframe; the newest
-/// among equals. The first keyframe is the map's origin and stays.
+/// among equals. The first keyframe of each component is the origin of its gauge and stays.
 fn least_needed(views: &[View], settings: &MappingSettings) -> Option<(usize, u32)> {
     let window = &settings.window;
     let per_square_metre = 1.0 / (window.radius_m * window.radius_m).max(1e-12);
@@ -60,7 +64,11 @@ fn least_needed(views: &[View], settings: &MappingSettings) -> Option<(usize, u3
     let end = views.len().saturating_sub(NEWEST);
     let mut best: Option<(f64, usize, u32)> = None;
     for place in (1..end).rev() {
-        for (other, view) in views.iter().enumerate() {
+        let component = views[place].component;
+        if views[..place].iter().all(|view| view.component != component) {
+            continue;
+        }
+        for (other, view) in views.iter().enumerate().filter(|(_, view)| view.component == component) {
             let distance = apart(&views[place], view);
             if other != place && best.is_none_or(|(least, ..)| distance < least) {
                 best = Some((distance, place, view.id));
@@ -103,6 +111,7 @@ mod tests {
         KeyframeState {
             id,
             session: 0,
+            submap: 0,
             frame_index: u64::from(id),
             stamp_nanos: 0,
             world_from_camera: PoseBits::from(&Pose::translation(x_m, 0.0, 0.0)),
@@ -138,6 +147,17 @@ mod tests {
         assert_eq!(culled(&state, &settings(5)).len(), MOST_AT_A_TIME);
         state = line(&x);
         assert_eq!(culled(&state, &settings(13)), [RetiredRecord { keyframe: 1, anchored_to: 0 }]);
+    }
+
+    #[test]
+    fn submaps_that_are_apart_are_thinned_each_by_itself() {
+        let x = [0.0, 0.2, 0.201, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4];
+        let mut state = line(&x);
+        let expected = RetiredRecord { keyframe: 2, anchored_to: 1 };
+        assert_eq!(culled(&state, &settings(9)), [expected]);
+        // Keyframe 2 is the origin of another gauge now, in which keyframe 3 is its neighbour.
+        state.keyframes[2..].iter_mut().for_each(|k| k.submap = 1);
+        assert_eq!(culled(&state, &settings(9)), [RetiredRecord { keyframe: 3, anchored_to: 2 }]);
     }
 
     #[test]

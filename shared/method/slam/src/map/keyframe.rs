@@ -72,6 +72,8 @@ pub struct KeyframeState {
     pub id: u32,
     /// Which run made it: 0, 1, 2, … in the order in which runs extended the map.
     pub session: u32,
+    /// The submap that it was made in.
+    pub submap: u32,
     /// The frame it was, as that run counts.
     pub frame_index: u64,
     /// Its stamp.

@@ -2,17 +2,19 @@
 
 use crate::map::state::{KeyframeState, TrackerState};
 
-/// The tracker's state, and in front of it a keyframe that this step would make. The state itself
-/// changes only by records.
+/// The tracker's state, and in front of it a keyframe that this step would make, as far as it has one
+/// gauge with a submap: that of the camera, where nothing else is said. The state itself changes only
+/// by records.
 #[derive(Clone, Copy)]
 pub(crate) struct MapView<'a> {
     state: &'a TrackerState,
     candidate: Option<&'a KeyframeState>,
+    submap: u32,
 }
 
 impl<'a> From<&'a TrackerState> for MapView<'a> {
     fn from(state: &'a TrackerState) -> Self {
-        Self { state, candidate: None }
+        Self { state, candidate: None, submap: state.submap }
     }
 }
 
@@ -22,22 +24,44 @@ impl<'a> MapView<'a> {
         Self { candidate: Some(candidate), ..self }
     }
 
+    /// The same map from another submap.
+    pub(crate) fn in_submap(self, submap: u32) -> Self {
+        Self { submap, ..self }
+    }
+
+    /// The submap that it is seen from.
+    pub(crate) fn submap(&self) -> u32 {
+        self.submap
+    }
+
+    /// Whether a keyframe's pose is in the gauge of this view.
+    pub(crate) fn contains(&self, keyframe: &KeyframeState) -> bool {
+        let submaps = &self.state.submaps;
+        submaps.component(keyframe.submap) == submaps.component(self.submap)
+    }
+
     /// What is no keyframe: recent frames, counters, the pending request.
     pub(crate) fn state(&self) -> &'a TrackerState {
         self.state
     }
 
-    /// All keyframes, by id.
-    pub(crate) fn keyframes(&self) -> impl Iterator<Item = &'a KeyframeState> + use<'a> {
-        self.state.keyframes.iter().chain(self.candidate)
+    /// All keyframes of one gauge, by id.
+    pub(crate) fn keyframes(&self) -> impl DoubleEndedIterator<Item = &'a KeyframeState> + use<'a> {
+        let view = *self;
+        self.state.keyframes.iter().chain(self.candidate).filter(move |k| view.contains(k))
     }
 
-    /// Number of keyframes.
+    /// Keyframes of all submaps to which others may be aligned, by id.
+    pub(crate) fn active_anywhere(&self) -> impl Iterator<Item = &'a KeyframeState> + use<'a> {
+        self.state.keyframes.iter().chain(self.candidate).filter(|k| k.is_active())
+    }
+
+    /// Number of keyframes of all submaps: the id of the next one.
     pub(crate) fn n_keyframes(&self) -> usize {
         self.state.keyframes.len() + usize::from(self.candidate.is_some())
     }
 
-    /// A keyframe by its id.
+    /// A keyframe of any submap by its id.
     pub(crate) fn keyframe(&self, id: u32) -> Option<&'a KeyframeState> {
         let candidate = self.candidate.filter(|candidate| candidate.id == id);
         self.state.keyframes.get(id as usize).or(candidate)
@@ -45,7 +69,7 @@ impl<'a> MapView<'a> {
 
     /// The newest keyframe.
     pub(crate) fn last_keyframe(&self) -> Option<&'a KeyframeState> {
-        self.candidate.or(self.state.keyframes.last())
+        self.keyframes().next_back()
     }
 
     /// The newest keyframe, if this run made it.
@@ -68,6 +92,7 @@ mod tests {
         KeyframeState {
             id,
             session,
+            submap: 0,
             frame_index: u64::from(id),
             stamp_nanos: 0,
             world_from_camera: PoseBits::IDENTITY,

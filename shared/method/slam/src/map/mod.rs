@@ -9,4 +9,5 @@ pub(crate) mod map_view;
 pub(crate) mod pose_history;
 pub(crate) mod records;
 pub(crate) mod state;
+pub(crate) mod submaps;
 pub(crate) mod surfaces;

@@ -1,31 +1,45 @@
 //! Effect of corrections on poses: the one fold that gives final poses (method 8.4).
 //!
 //! A correction names keyframes `0..=last`. They take their corrected poses; every pose that was
-//! estimated after the request moves rigidly with the last of them. The tracker's state uses these
+//! estimated after the request moves rigidly with the last of them that its submap has. A join moves
+//! all poses of one component into the gauge of another. The tracker's state uses these
 //! functions for its keyframes and recent frames, and [`PoseHistory`] for a whole run, so the
 //! outputs, the offline runner and the viewer have the poses that the tracker went on with.
 
 use crate::map::correction::{Correction, RefinedCamera};
 use crate::map::keyframe::{KeyframePose, KeyframeRecord, KeyframeState};
-use crate::map::records::{AlignRecord, FrameRecord};
+use crate::map::records::{AlignRecord, FrameRecord, JoinRecord};
+use crate::map::submaps::Submaps;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
 
 /// Storage of keyframe poses `world_from_camera`, indexed by id.
 pub(crate) trait KeyframePoses {
     /// Pose of a keyframe, `None` beyond the last.
     fn pose_mut(&mut self, id: usize) -> Option<&mut PoseBits>;
+
+    /// The submap that a keyframe was made in, `None` beyond the last.
+    fn submap(&self, id: usize) -> Option<u32>;
 }
 
 impl KeyframePoses for [KeyframeState] {
     fn pose_mut(&mut self, id: usize) -> Option<&mut PoseBits> {
         self.get_mut(id).map(|keyframe| &mut keyframe.world_from_camera)
     }
+
+    fn submap(&self, id: usize) -> Option<u32> {
+        self.get(id).map(|keyframe| keyframe.submap)
+    }
 }
 
-impl KeyframePoses for [PoseBits] {
+impl KeyframePoses for [(u32, PoseBits)] {
     fn pose_mut(&mut self, id: usize) -> Option<&mut PoseBits> {
-        self.get_mut(id)
+        self.get_mut(id).map(|(_, pose)| pose)
+    }
+
+    fn submap(&self, id: usize) -> Option<u32> {
+        self.get(id).map(|(submap, _)| *submap)
     }
 }
 
@@ -55,21 +69,54 @@ pub(crate) fn apply_poses<K: KeyframePoses + ?Sized>(keyframes: &mut K, poses: &
     }
 }
 
-/// Applies a correction to the keyframes and returns the motion of everything estimated after the
+/// Motions of what was estimated after a request, by submap; what lies in others does not move.
+pub(crate) type Motions = BTreeMap<u32, RigidMotion>;
+
+/// Applies a correction to the keyframes and returns the motions of everything estimated after the
 /// request; `None` where the correction is empty, as that of a declined request.
 pub(crate) fn apply_correction<K: KeyframePoses + ?Sized>(
     keyframes: &mut K,
     correction: &Correction,
-) -> Option<RigidMotion> {
+) -> Option<Motions> {
     let last = correction.keyframes.last()?;
-    let motion = RigidMotion::between(keyframes.pose_mut(last.id as usize)?, &last.world_from_camera);
+    let mut motions = Motions::new();
+    for KeyframePose { id, world_from_camera } in correction.keyframes.iter().rev() {
+        let submap = keyframes.submap(*id as usize)?;
+        if let Entry::Vacant(vacant) = motions.entry(submap) {
+            let old = keyframes.pose_mut(*id as usize)?;
+            vacant.insert(RigidMotion::between(old, world_from_camera));
+        }
+    }
     let mut id = last.id as usize + 1;
-    while let Some(pose) = keyframes.pose_mut(id) {
-        *pose = motion.of(pose);
+    while let Some(submap) = keyframes.submap(id) {
+        if let (Some(pose), Some(motion)) = (keyframes.pose_mut(id), motions.get(&submap)) {
+            *pose = motion.of(pose);
+        }
         id += 1;
     }
     apply_poses(keyframes, &correction.keyframes);
-    Some(motion)
+    Some(motions)
+}
+
+/// Moves one component's keyframes into the gauge of another, makes one of both, and returns the
+/// motion.
+pub(crate) fn apply_join<K: KeyframePoses + ?Sized>(
+    keyframes: &mut K,
+    submaps: &mut Submaps,
+    join: &JoinRecord,
+) -> RigidMotion {
+    let motion = RigidMotion(Pose::from(&join.kept_from_moved));
+    let mut id = 0;
+    while let Some(submap) = keyframes.submap(id) {
+        if submaps.component(submap) == join.moved
+            && let Some(pose) = keyframes.pose_mut(id)
+        {
+            *pose = motion.of(pose);
+        }
+        id += 1;
+    }
+    submaps.join(join.kept, join.moved);
+    motion
 }
 
 /// Where a frame's pose comes from: the part of its record that its final pose needs.
@@ -100,8 +147,10 @@ impl From<&FrameRecord> for FramePose {
 /// over the aligner's journal.
 #[derive(Clone, Debug, Default)]
 pub struct PoseHistory {
-    /// `world_from_camera` as corrected so far, by id.
-    keyframes: Vec<PoseBits>,
+    /// The submap and `world_from_camera` as corrected so far, by id.
+    keyframes: Vec<(u32, PoseBits)>,
+    /// Which submaps are joined so far.
+    submaps: Submaps,
     /// Which keyframe a frame of this run became.
     keyframe_of_frame: BTreeMap<u64, u32>,
     /// `world_from_camera` of frames that the last correction solved again.
@@ -112,11 +161,18 @@ impl PoseHistory {
     /// Takes the next record in.
     pub fn apply(&mut self, record: &AlignRecord) {
         match record {
-            AlignRecord::Map(map) => self.keyframes.extend(map.keyframes.iter().map(|k| k.world_from_camera)),
+            AlignRecord::Map(map) => {
+                self.keyframes.extend(map.keyframes.iter().map(|k| (k.submap, k.world_from_camera)));
+                self.submaps.clone_from(&map.submaps);
+            }
             AlignRecord::Frame(frame) => {
                 apply_poses(self.keyframes.as_mut_slice(), &frame.moved);
+                self.submaps.extend_to(frame.submap);
                 if let Some(keyframe) = &frame.new_keyframe {
-                    self.add_keyframe(keyframe);
+                    self.add_keyframe(keyframe, frame.submap);
+                }
+                if let Some(join) = &frame.join {
+                    apply_join(self.keyframes.as_mut_slice(), &mut self.submaps, join);
                 }
             }
             AlignRecord::Correction(applied) => self.apply_correction(&applied.correction),
@@ -124,15 +180,16 @@ impl PoseHistory {
         }
     }
 
-    fn add_keyframe(&mut self, keyframe: &KeyframeRecord) {
+    fn add_keyframe(&mut self, keyframe: &KeyframeRecord, submap: u32) {
         self.keyframe_of_frame.insert(keyframe.frame_index, keyframe.id);
-        self.keyframes.push(keyframe.world_from_camera);
+        self.keyframes.push((submap, keyframe.world_from_camera));
     }
 
     /// Frames solved against poses that have moved since are no longer solved.
     fn apply_correction(&mut self, correction: &Correction) {
         if apply_correction(self.keyframes.as_mut_slice(), correction).is_some() {
             self.solved = correction.frames.iter().copied().collect();
+            self.submaps.judge(&correction.submaps);
         }
     }
 
@@ -144,6 +201,22 @@ impl PoseHistory {
         history
     }
 
+    /// The submaps, and which of them are joined.
+    pub fn submaps(&self) -> &Submaps {
+        &self.submaps
+    }
+
+    /// The component of a keyframe: keyframes of one component alone have a common frame.
+    pub fn component_of_keyframe(&self, id: u32) -> Option<u32> {
+        self.keyframes.get(id as usize).map(|(submap, _)| self.submaps.component(*submap))
+    }
+
+    /// The component of a frame: that of its reference keyframe, which its final pose follows.
+    pub fn component_of_frame(&self, frame: &FrameRecord) -> u32 {
+        let of_keyframe = self.component_of_keyframe(frame.keyframe);
+        of_keyframe.unwrap_or_else(|| self.submaps.component(frame.submap))
+    }
+
     /// Number of keyframes, those of earlier runs included.
     pub fn n_keyframes(&self) -> usize {
         self.keyframes.len()
@@ -151,12 +224,12 @@ impl PoseHistory {
 
     /// Corrected `world_from_camera` of a keyframe.
     pub fn keyframe_pose(&self, id: u32) -> Option<Pose> {
-        self.keyframes.get(id as usize).map(Pose::from)
+        self.keyframes.get(id as usize).map(|(_, pose)| Pose::from(pose))
     }
 
     /// Corrected `world_from_camera` of all keyframes, by id.
     pub fn keyframe_poses(&self) -> impl Iterator<Item = Pose> + '_ {
-        self.keyframes.iter().map(Pose::from)
+        self.keyframes.iter().map(|(_, pose)| Pose::from(pose))
     }
 
     /// Final `world_from_camera` of a frame. In this order: as solved again by the last correction;
@@ -192,6 +265,7 @@ mod tests {
             keyframes: keyframes.iter().map(pose).collect(),
             frames: frames.iter().map(|(index, x)| (*index, along_x(*x))).collect(),
             loops: Vec::new(),
+            submaps: Submaps::default(),
             outer_iterations: 1,
             n_graduated_rounds: 0,
             refinement: None,
@@ -201,7 +275,8 @@ mod tests {
     /// Keyframes 0, 1, 2 at 0, 1 and 2 m, made from frames 0, 10 and 20.
     fn history() -> PoseHistory {
         PoseHistory {
-            keyframes: [0.0, 1.0, 2.0].map(along_x).to_vec(),
+            keyframes: [0.0, 1.0, 2.0].map(|x| (0, along_x(x))).to_vec(),
+            submaps: Submaps::default(),
             keyframe_of_frame: [(0, 0), (10, 1), (20, 2)].into(),
             solved: BTreeMap::new(),
         }
@@ -226,6 +301,27 @@ mod tests {
         check(&history, 15, 1, 4.25);
         check(&history, 25, 2, 5.25);
         check(&history, 3, u32::MAX, 9.0);
+    }
+
+    #[test]
+    fn a_submap_moves_with_its_own_keyframes_and_at_a_join() {
+        // Keyframes 0 and 2 are of submap 0, 1 and 3 of submap 1.
+        let mut history = PoseHistory {
+            keyframes: [(0, 0.0), (1, 1.0), (0, 2.0), (1, 3.0)].map(|(s, x)| (s, along_x(x))).to_vec(),
+            ..PoseHistory::default()
+        };
+        history.submaps.extend_to(1);
+        let x = |history: &PoseHistory| -> Vec<f64> {
+            history.keyframe_poses().map(|pose| pose.translation.x).collect()
+        };
+        history.apply_correction(&correction(&[(0, 0.5), (1, 5.0)], &[]));
+        assert_eq!(x(&history), [0.5, 5.0, 2.5, 7.0]);
+        let join = JoinRecord { kept: 0, moved: 1, kept_from_moved: along_x(10.0) };
+        apply_join(history.keyframes.as_mut_slice(), &mut history.submaps, &join);
+        assert_eq!(x(&history), [0.5, 15.0, 2.5, 17.0]);
+        assert_eq!(history.component_of_keyframe(3), Some(0));
+        history.apply_correction(&correction(&[], &[]));
+        assert_eq!(history.submaps.n_components(), 1, "an empty correction judges nothing");
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub use crate::map::correction::{
 pub use crate::map::keyframe::{
     EdgeRecord, KeyframePose, KeyframeRecord, KeyframeState, RetiredRecord, StoreSlot,
 };
+use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, PoseBits};
 use tessera_surface::WorkloadLevel;
@@ -40,6 +41,10 @@ pub struct FrameRecord {
     pub state: State,
     /// Why, in words and numbers; empty while tracking normally.
     pub reason: String,
+    /// The submap in whose gauge the poses are; where it is a new one, it begins with this frame.
+    pub submap: u32,
+    /// Time for which the camera has been lost with usable frames, nanoseconds.
+    pub lost_nanos: i64,
     /// Pose as first published, in the map's frame.
     pub world_from_camera: PoseBits,
     /// What corrections change; `world_from_camera = world_from_odom * odom_from_camera`.
@@ -69,7 +74,12 @@ pub struct FrameRecord {
     /// Keyframes of the window that moved with this frame, because what was seen long ago
     /// contradicted what was seen just now (method 7).
     pub moved: Vec<KeyframePose>,
-    /// A keyframe made at this step: always the previous frame or, for the first frame, this one.
+    /// A place of another submap that the camera is thought to see.
+    pub sighting: Option<SightingRecord>,
+    /// Submaps that are joined behind this frame.
+    pub join: Option<JoinRecord>,
+    /// A keyframe made at this step: always the previous frame or, for the first frame of a submap, this
+    /// one.
     pub new_keyframe: Option<KeyframeRecord>,
     /// An optimisation asked for at this step.
     pub request: Option<RequestRecord>,
@@ -86,6 +96,30 @@ pub struct BlockRecord {
     pub sums: Vec<f64>,
     /// Matches.
     pub n_matches: u32,
+}
+
+/// A keyframe of another submap, seen from the camera's own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SightingRecord {
+    /// Keyframe of the other submap.
+    pub seen: u32,
+    /// Keyframe of the camera's submap.
+    pub own: u32,
+    /// Where the other one sees it.
+    pub seen_from_own: PoseBits,
+    /// Frames that say so, each by the strict tests.
+    pub n_confirmed: u32,
+}
+
+/// Two components that become one: all poses of one of them move into the gauge of the other.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JoinRecord {
+    /// The component whose poses stay.
+    pub kept: u32,
+    /// The component whose poses move.
+    pub moved: u32,
+    /// The motion.
+    pub kept_from_moved: PoseBits,
 }
 
 /// A request to optimise all keyframes made so far.
@@ -106,6 +140,8 @@ pub struct RequestRecord {
 pub struct MapRecord {
     /// All keyframes of the map as finally corrected, by id; slots are those of this run's store.
     pub keyframes: Vec<KeyframeState>,
+    /// Which of its submaps are joined.
+    pub submaps: Submaps,
     /// Where the camera stands in the map at the first frame, where that is known.
     pub start: Option<PoseBits>,
 }

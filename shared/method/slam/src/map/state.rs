@@ -3,8 +3,11 @@
 use crate::features::colour_model::ColourState;
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
-use crate::map::pose_history::{RigidMotion, apply_correction, apply_poses};
-use crate::map::records::{AlignRecord, AppliedCorrection, FrameRecord, MapRecord, RequestRecord, State};
+use crate::map::pose_history::{RigidMotion, apply_correction, apply_join, apply_poses};
+use crate::map::records::{
+    AlignRecord, AppliedCorrection, FrameRecord, JoinRecord, MapRecord, RequestRecord, SightingRecord, State,
+};
+use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, PoseBits};
 
@@ -42,6 +45,14 @@ pub struct TrackerState {
     pub is_placed: bool,
     /// All keyframes, by id.
     pub keyframes: Vec<KeyframeState>,
+    /// The submap in which the camera is.
+    pub submap: u32,
+    /// Which submaps are joined.
+    pub submaps: Submaps,
+    /// A place of another submap that the camera is thought to see.
+    pub sighting: Option<SightingRecord>,
+    /// Corrections that refuted a join.
+    pub n_refuted: u32,
     /// The last two frames, newest last.
     pub recent: Vec<RecentFrame>,
     /// What corrections have moved so far; identity before the first.
@@ -58,6 +69,8 @@ pub struct TrackerState {
     pub n_keyframes_at_request: u32,
     /// Frames lost in a row.
     pub n_lost: u32,
+    /// As in [`FrameRecord::lost_nanos`].
+    pub lost_nanos: i64,
     /// Frames in a row that were found by place recognition and passed the strict tests.
     pub n_confirmed: u32,
     /// What all frames say of colour.
@@ -94,6 +107,8 @@ impl TrackerState {
         // The map is optimised again only once it has grown.
         self.n_keyframes_at_request = self.n_map_keyframes;
         self.keyframes.clone_from(&map.keyframes);
+        self.submaps.clone_from(&map.submaps);
+        self.submap = map.keyframes.last().map_or(0, |k| k.submap);
         self.start = map.start;
     }
 
@@ -101,10 +116,12 @@ impl TrackerState {
         self.next_index = frame.index.saturating_add(1);
         self.frames_since_keyframe = self.frames_since_keyframe.saturating_add(1);
         self.apply_moved(frame);
+        self.enter(frame.submap);
         if let Some(keyframe) = &frame.new_keyframe {
             self.keyframes.push(KeyframeState {
                 id: keyframe.id,
                 session: self.session,
+                submap: frame.submap,
                 frame_index: keyframe.frame_index,
                 stamp_nanos: keyframe.stamp_nanos,
                 world_from_camera: keyframe.world_from_camera,
@@ -131,6 +148,7 @@ impl TrackerState {
         }
         self.is_placed |= frame.state == State::Tracking;
         self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
+        self.lost_nanos = frame.lost_nanos;
         self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
         if self.recent.len() == 2 {
@@ -145,9 +163,39 @@ impl TrackerState {
             covariance: frame.covariance.clone(),
             rotation: frame.rotation,
         });
+        self.sighting = frame.sighting;
+        if let Some(join) = &frame.join {
+            self.apply_join(join);
+        }
         if let Some(request) = &frame.request {
             self.note_request(request);
         }
+    }
+
+    /// The camera is in this submap from now on, which may be a new one.
+    fn enter(&mut self, submap: u32) {
+        self.submaps.extend_to(submap);
+        if self.submaps.component(submap) != self.submaps.component(self.submap) {
+            self.reference_entropy = None;
+        }
+        self.submap = submap;
+    }
+
+    /// Two components become one; where the camera's is the one that moves, `world_from_odom` goes
+    /// along, so that `odom_from_camera` does not jump.
+    fn apply_join(&mut self, join: &JoinRecord) {
+        let is_moved = self.submaps.component(self.submap) == join.moved;
+        let motion = apply_join(self.keyframes.as_mut_slice(), &mut self.submaps, join);
+        if is_moved {
+            self.move_camera(&motion);
+        }
+    }
+
+    fn move_camera(&mut self, motion: &RigidMotion) {
+        for frame in &mut self.recent {
+            frame.world_from_camera = motion.of(&frame.world_from_camera);
+        }
+        self.world_from_odom = Some(motion.of(&self.world_from_odom.unwrap_or(PoseBits::IDENTITY)));
     }
 
     /// A keyframe leaves the working map, with all that is of use there alone.
@@ -181,16 +229,18 @@ impl TrackerState {
         self.n_keyframes_at_request = request.n_keyframes;
     }
 
-    /// Corrected keyframes take their new poses; what is newer moves rigidly with the last of them,
-    /// and so does `world_from_odom`, so that `odom_from_camera` does not jump.
+    /// Corrected keyframes take their new poses; what is newer moves rigidly with the last of them in
+    /// its submap, and so does `world_from_odom`, so that `odom_from_camera` does not jump.
     fn apply_correction(&mut self, applied: &AppliedCorrection) {
         self.pending = None;
-        let Some(motion) = apply_correction(self.keyframes.as_mut_slice(), &applied.correction) else {
+        let Some(motions) = apply_correction(self.keyframes.as_mut_slice(), &applied.correction) else {
             return;
         };
-        for frame in &mut self.recent {
-            frame.world_from_camera = motion.of(&frame.world_from_camera);
+        if let Some(motion) = motions.get(&self.submap) {
+            self.move_camera(motion);
         }
-        self.world_from_odom = Some(motion.of(&self.world_from_odom.unwrap_or(PoseBits::IDENTITY)));
+        let n_before = self.submaps.n_components();
+        self.submaps.judge(&applied.correction.submaps);
+        self.n_refuted += u32::from(self.submaps.n_components() > n_before);
     }
 }

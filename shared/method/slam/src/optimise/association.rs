@@ -12,6 +12,7 @@ use crate::loops::verification::{self, KnownLoops, Tested};
 use crate::map::context::Context;
 use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
+use crate::map::submaps::Origin;
 use crate::settings::GlobalSettings;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use tessera_registration::{MatchLimits, Matcher};
 pub(crate) struct KeyframeAssociation<'a> {
     pub(crate) context: &'a Context,
     pub(crate) keyframes: &'a [KeyframeState],
+    pub(crate) origins: &'a [Origin],
     pub(crate) matchable: Vec<Matchable<'a>>,
     /// Loops that are not tested again.
     pub(crate) known: KnownLoops,
@@ -49,18 +51,17 @@ struct SearchedPair {
 impl<'a> KeyframeAssociation<'a> {
     pub(crate) fn new(
         context: &'a Context,
-        keyframes: &'a [KeyframeState],
+        (keyframes, origins): (&'a [KeyframeState], &'a [Origin]),
         matchable: Vec<Matchable<'a>>,
         known: KnownLoops,
     ) -> Self {
         let (seen, tests, rejected) = (SeenPairs::new(), Vec::new(), Vec::new());
-        Self { context, keyframes, matchable, known, seen, tests, rejected }
+        Self { context, keyframes, origins, matchable, known, seen, tests, rejected }
     }
 
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
-        let sessions: Vec<u32> = self.keyframes.iter().map(|k| k.session).collect();
         map_in_parts(
-            &covisibility::pairs(poses, &sessions),
+            &covisibility::pairs(poses, self.origins),
             || self.context.matcher(),
             |matcher, &(query, target)| self.search_one(matcher, poses, (query, target), tightness),
             progress,
@@ -105,7 +106,7 @@ impl<'a> KeyframeAssociation<'a> {
             target,
             queries: &queries.queries,
             surface: surface.target(),
-            is_consecutive: query == target + 1 && newer.session == older.session,
+            is_consecutive: query == target + 1 && self.origins[query] == self.origins[target],
             limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
             features: seen
                 .clone()
@@ -139,7 +140,7 @@ impl<'a> KeyframeAssociation<'a> {
             (is_closed[pair.query], is_closed[pair.target]) = (true, true);
         }
         let open: Vec<usize> = (0..self.keyframes.len()).filter(|&i| !is_closed[i]).collect();
-        let (context, keyframes) = (self.context, self.keyframes);
+        let (context, keyframes) = (self.context, (self.keyframes, self.origins));
         for (pair, tested) in from_appearance::pairs(context, keyframes, &self.matchable, &open, progress) {
             pairs.push(pair);
             self.tests.push(Some(tested));

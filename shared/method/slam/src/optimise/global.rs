@@ -1,13 +1,15 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
-//! free but the first, and loops are weighed by graduated non-convexity.
+//! free but the first of each component, and loops are weighed by graduated non-convexity.
 
 use crate::loops::matchable::Matchable;
 use crate::loops::verification::KnownLoops;
 use crate::map::context::Context;
 use crate::map::records::LoopRecord;
 use crate::map::state::KeyframeState;
+use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::KeyframeAssociation;
+use crate::optimise::held::held;
 use crate::optimise::sample_cache::Drawn;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
@@ -23,40 +25,70 @@ pub(crate) struct Solution {
     /// Loop pairs of the last outer iteration.
     pub(crate) loops: Vec<LoopRecord>,
     pub(crate) outer_iterations: u32,
+    /// The submaps, apart where no accepted loop holds them together.
+    pub(crate) submaps: Submaps,
     /// Graduated rounds over all outer iterations; 0: every loop fitted at once.
     pub(crate) n_rounds: u32,
 }
 
-/// Solves for all keyframes, the first one fixed. The same bits for any number of threads: each
-/// pair is summed by itself, and pairs are added in order. Pairs in `known` are not tested again.
-/// Without a solution the poses stay as they are: a correction that changes nothing.
-pub(crate) fn solve(
-    context: &Context,
-    keyframes: &[KeyframeState],
-    surfaces: &dyn KeyframeSurfaces,
-    drawn: &Drawn,
-    known: KnownLoops,
-    outer_iterations: u32,
-    progress: &mut dyn FnMut(),
-) -> Solution {
-    let matchable = matchable(context, keyframes, surfaces, drawn, progress);
+/// What an optimisation starts from.
+#[derive(Clone, Copy)]
+pub(crate) struct Start<'a> {
+    pub(crate) context: &'a Context,
+    /// All keyframes, by id.
+    pub(crate) keyframes: &'a [KeyframeState],
+    /// Those that others may be aligned to.
+    pub(crate) active: &'a [KeyframeState],
+    pub(crate) surfaces: &'a dyn KeyframeSurfaces,
+    pub(crate) drawn: &'a Drawn,
+    /// Loops that are not tested again.
+    pub(crate) known: &'a KnownLoops,
+    pub(crate) outer_iterations: u32,
+}
+
+/// Solves for all active keyframes. Where that takes all weight from the loops that hold submaps
+/// together, their join is refuted, and they are solved for again, apart.
+pub(crate) fn solve(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()) -> Solution {
+    let solution = solve_joined(start, submaps, progress);
+    if solution.submaps == *submaps {
+        return solution;
+    }
+    let submaps = &solution.submaps;
+    let apart = solve_joined(start, submaps, progress);
+    // The loops that were refused are part of the answer.
+    let submap_of = |id: u32| start.keyframes.get(id as usize).map_or(0, |k| submaps.component(k.submap));
+    let refused = solution.loops.iter().filter(|l| submap_of(l.newer) != submap_of(l.older));
+    let mut loops: Vec<LoopRecord> = apart.loops.iter().chain(refused).copied().collect();
+    loops.sort_by_key(|l| (l.newer, l.older));
+    Solution { loops, ..apart }
+}
+
+/// Solves for all active keyframes, the first one of each component fixed. The same bits for any
+/// number of threads: each pair is summed by itself, and pairs are added in order. Without a solution
+/// the poses stay as they are: a correction that changes nothing.
+fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()) -> Solution {
+    let Start { context, active: keyframes, known, .. } = *start;
+    let matchable = matchable(context, keyframes, start.surfaces, start.drawn, progress);
+    let origins = submaps.origins(keyframes);
     let problem = MultiEdge {
         poses: keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect(),
-        is_fixed: (0..keyframes.len()).map(|place| place == 0).collect(),
+        is_fixed: gauges(&origins),
         priors: Vec::new(),
-        schedule: Schedule::shrinking(outer_iterations, INNER_ITERATIONS),
+        schedule: Schedule::shrinking(start.outer_iterations, INNER_ITERATIONS),
         kernel: Some(GemanMcClure {
             limit_sigmas: GlobalSettings::LOOP_RESIDUAL_SIGMAS,
             metric_factor: context.matcher().metric_factor(),
         }),
         isa: context.registration.isa,
     };
-    let mut association = KeyframeAssociation::new(context, keyframes, matchable, known);
+    let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
     let solved = problem.solve(&mut association, progress);
     context.steps.leave();
     let loops = association.loop_records(&solved);
     let (outer_iterations, n_rounds) = (solved.outer_iterations, solved.n_rounds);
-    Solution { poses: solved.graph.poses, loops, outer_iterations, n_rounds }
+    let held = held(submaps.n(), &loops, start.keyframes);
+    let submaps = if solved.is_solved { held } else { submaps.clone() };
+    Solution { poses: solved.graph.poses, loops, submaps, outer_iterations, n_rounds }
 }
 
 /// All keyframes with their samples, drawn or known from an earlier optimisation.

@@ -2,6 +2,7 @@
 
 pub(crate) mod association;
 pub(crate) mod global;
+pub(crate) mod held;
 pub(crate) mod interpolation;
 pub(crate) mod optimiser;
 pub(crate) mod refine;

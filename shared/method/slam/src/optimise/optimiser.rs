@@ -10,8 +10,9 @@ use crate::map::records::{
     RequestRecord,
 };
 use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
-use crate::optimise::global::{self, Solution};
+use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::sample_cache::Drawn;
@@ -30,12 +31,20 @@ use tessera_numerics::Step;
 pub struct Optimiser {
     context: Context,
     state: TrackerState,
-    /// Requests with the keyframes and what was known of colour as they were at that record.
-    pending: VecDeque<(RequestRecord, Vec<KeyframeState>, ColourState)>,
+    /// Requests with what they ask for.
+    pending: VecDeque<Pending>,
     n_answered: u64,
     /// Loop pairs that passed their tests in the last correction.
     known: KnownLoops,
     drawn: Drawn,
+}
+
+/// A request with the map as it was at its record.
+struct Pending {
+    request: RequestRecord,
+    keyframes: Vec<KeyframeState>,
+    submaps: Submaps,
+    colour: ColourState,
 }
 
 /// An optimiser between two requests.
@@ -71,7 +80,9 @@ impl Optimiser {
             && request.request >= self.n_answered
         {
             let n = (request.n_keyframes as usize).min(self.state.keyframes.len());
-            self.pending.push_back((request, self.state.keyframes[..n].to_vec(), self.state.colour));
+            let keyframes = self.state.keyframes[..n].to_vec();
+            let (submaps, colour) = (self.state.submaps.clone(), self.state.colour);
+            self.pending.push_back(Pending { request, keyframes, submaps, colour });
         }
     }
 
@@ -79,7 +90,7 @@ impl Optimiser {
     pub fn apply_own(&mut self, record: &OptimiseRecord) {
         let OptimiseRecord::Correction(correction) = record;
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
-        self.pending.retain(|(request, ..)| request.request > correction.request);
+        self.pending.retain(|pending| pending.request.request > correction.request);
         self.known = correction
             .loops
             .iter()
@@ -90,7 +101,7 @@ impl Optimiser {
 
     /// The oldest request without an answer.
     pub fn next_request(&self) -> Option<RequestRecord> {
-        self.pending.front().map(|(request, ..)| *request)
+        self.pending.front().map(|pending| pending.request)
     }
 
     /// Requests answered so far.
@@ -139,17 +150,26 @@ impl Optimiser {
         history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
-        let (_, keyframes, colour) = self.pending.iter().find(|(r, ..)| r.request == request.request)?;
+        let Pending { keyframes, submaps, colour, .. } = self.find(request)?;
         let context = self.context.with_colour(colour);
         let settings = &self.context.mapping.global;
         let iterations =
             if request.is_final { settings.final_iterations } else { GlobalSettings::OUTER_ITERATIONS };
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
-        let solution =
-            global::solve(&context, &active, surfaces, &self.drawn, self.known.clone(), iterations, progress);
+        let start = Start {
+            context: &context,
+            keyframes,
+            active: &active,
+            surfaces,
+            drawn: &self.drawn,
+            known: &self.known,
+            outer_iterations: iterations,
+        };
+        let solution = global::solve(&start, submaps, progress);
         let poses = with_retired(keyframes, &active, &solution.poses);
         self.context.steps.enter(Step::Refine);
-        let frames = if request.is_final { self.refine(&poses, history) } else { Vec::new() };
+        let frames =
+            if request.is_final { self.refine(&poses, &solution.submaps, history) } else { Vec::new() };
         let refinement = (request.is_final && settings.refine_camera)
             .then(|| self.refine_camera(keyframes, &active, (surfaces, history), &solution, progress));
         self.context.steps.leave();
@@ -160,6 +180,7 @@ impl Optimiser {
             frames,
             refinement,
             loops: solution.loops,
+            submaps: solution.submaps,
             outer_iterations: solution.outer_iterations,
             n_graduated_rounds: solution.n_rounds,
         })
@@ -168,7 +189,7 @@ impl Optimiser {
     /// The answer to a pending request that cannot be solved: it corrects nothing. `None` when the
     /// request is not pending.
     pub fn decline(&self, request: &RequestRecord) -> Option<Correction> {
-        let (_, keyframes, _) = self.pending.iter().find(|(r, ..)| r.request == request.request)?;
+        let Pending { keyframes, submaps, .. } = self.find(request)?;
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
@@ -176,9 +197,14 @@ impl Optimiser {
             frames: Vec::new(),
             refinement: None,
             loops: Vec::new(),
+            submaps: submaps.clone(),
             outer_iterations: 0,
             n_graduated_rounds: 0,
         })
+    }
+
+    fn find(&self, request: &RequestRecord) -> Option<&Pending> {
+        self.pending.iter().find(|pending| pending.request.request == request.request)
     }
 
     fn refine_camera(
@@ -197,7 +223,7 @@ impl Optimiser {
                     n_held: found.held.len() as u32,
                     residual_sigmas: found.residual_sigmas.into(),
                     keyframes: by_id(keyframes, &poses),
-                    frames: self.refine(&poses, history),
+                    frames: self.refine(&poses, &solution.submaps, history),
                     camera: found.camera,
                 }))
             }
@@ -205,10 +231,10 @@ impl Optimiser {
         }
     }
 
-    fn refine(&self, poses: &[Pose], history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
+    fn refine(&self, poses: &[Pose], submaps: &Submaps, history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
         let keyframes = &self.state.keyframes;
         let n_map_keyframes = (self.state.n_map_keyframes as usize).min(keyframes.len());
-        Refiner { poses, n_map_keyframes, keyframes }.solve(history)
+        Refiner { poses, n_map_keyframes, keyframes, submaps }.solve(history)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::map::records::{AlignRecord, FrameRecord};
 use crate::map::state::KeyframeState;
+use crate::map::submaps::Submaps;
 use crate::optimise::interpolation::Timeline;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -52,16 +53,23 @@ impl FrameBlocks {
         })
     }
 
-    /// The pose that fits all blocks best, keyframes fixed; `None` when they do not determine it.
-    pub(crate) fn solve(&self, keyframe_poses: &[Pose]) -> Option<Pose> {
+    /// The pose that fits all blocks best, keyframes fixed; `None` when they do not determine it. Only
+    /// blocks with keyframes `in_common` with the reference keyframe count.
+    pub(crate) fn solve(
+        &self,
+        keyframe_poses: &[Pose],
+        in_common: impl Fn(u32, u32) -> bool,
+    ) -> Option<Pose> {
         let start = keyframe_poses.get(self.keyframe as usize)? * Pose::from(&self.keyframe_from_camera);
         let mut graph = Graph::default();
-        for (keyframe, origin, sums) in &self.blocks {
+        let blocks: Vec<_> = self.blocks.iter().filter(|block| in_common(block.0, self.keyframe)).collect();
+        let frame = blocks.len();
+        for (keyframe, origin, sums) in blocks {
             let target = graph.poses.len();
             graph.poses.push(*keyframe_poses.get(*keyframe as usize)?);
             graph.is_fixed.push(true);
             let block = PairBlock::new(&Pose::from(origin), sums);
-            graph.pairs.push(Pair::new(self.blocks.len(), target, block));
+            graph.pairs.push(Pair::new(frame, target, block));
         }
         graph.poses.push(start);
         graph.is_fixed.push(false);
@@ -81,6 +89,8 @@ pub(crate) struct Refiner<'a> {
     pub(crate) n_map_keyframes: usize,
     /// All keyframes, by id.
     pub(crate) keyframes: &'a [KeyframeState],
+    /// Which submaps are joined.
+    pub(crate) submaps: &'a Submaps,
 }
 
 impl Refiner<'_> {
@@ -105,17 +115,22 @@ impl Refiner<'_> {
         known.extend(own.iter().zip(own_poses).map(|(k, pose)| (k.frame_index, *pose)));
         let mut frames: Vec<(u64, PoseBits)> =
             solved.iter().map(|(index, pose)| (*index, PoseBits::from(pose))).collect();
-        frames.extend(timeline.interpolated(&known));
+        frames.extend(timeline.interpolated(&known, |id| self.component(id)));
         frames.sort_by_key(|f| f.0);
         frames
     }
 
+    fn component(&self, keyframe: u32) -> Option<u32> {
+        self.keyframes.get(keyframe as usize).map(|k| self.submaps.component(k.submap))
+    }
+
     fn solve_chunk(&self, chunk: &[FrameBlocks]) -> Vec<(u64, Pose)> {
         let own = &self.keyframes[self.n_map_keyframes..];
+        let in_common = |a: u32, b: u32| self.component(a) == self.component(b);
         let solve = |frame: &FrameBlocks| {
             let pose = match own.binary_search_by_key(&frame.index, |k| k.frame_index) {
                 Ok(place) => *self.poses.get(self.n_map_keyframes + place)?,
-                Err(_) => frame.solve(self.poses)?,
+                Err(_) => frame.solve(self.poses, in_common)?,
             };
             Some((frame.index, pose))
         };

@@ -3,6 +3,7 @@
 use crate::map::context::Context;
 use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
+use crate::map::submaps::Origin;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::global::Solution;
 use crate::settings::GlobalSettings;
@@ -17,7 +18,8 @@ const QUERIES_PER_PAIR: usize = 600;
 /// How far the camera may be off, pixels of image motion.
 const START_PX: f64 = 8.0;
 
-/// Solves for the camera together with the poses of all keyframes, from the optimised poses on.
+/// Solves for the camera together with the poses of all keyframes, from the optimised poses on. Of
+/// submaps that are apart, the component with most keyframes says what the camera is.
 ///
 /// # Errors
 /// Too little overlap, or a solution that is not a camera.
@@ -34,14 +36,17 @@ pub(crate) fn refine_camera(
         angle_rad: GlobalSettings::ANGLE_DEG.to_radians(),
         neighbours: GlobalSettings::NEIGHBOURS.max(NEIGHBOURS),
     };
-    let sessions: Vec<u32> = keyframes.iter().map(|k| k.session).collect();
+    let origins = solution.submaps.origins(keyframes);
+    let main = largest(&origins);
+    let chains = chains(&origins);
     let refused: BTreeSet<(u32, u32)> = solution
         .loops
         .iter()
         .filter(|l| l.verdict != LoopVerdict::Accepted)
         .map(|l| (l.newer, l.older))
         .collect();
-    let mut pairs = tessera_calibration::pairs(&solution.poses, &sessions, &limits);
+    let mut pairs = tessera_calibration::pairs(&solution.poses, &chains, &limits);
+    pairs.retain(|&(query, target)| origins[query].component == main && origins[target].component == main);
     pairs.retain(|&(query, target)| !refused.contains(&(keyframes[query].id, keyframes[target].id)));
     let keyframes: Vec<Keyframe<'_>> = keyframes
         .iter()
@@ -71,4 +76,21 @@ pub(crate) fn refine_camera(
         },
         progress,
     )
+}
+
+/// The component with most keyframes; the older of two.
+fn largest(origins: &[Origin]) -> u32 {
+    let n_in = |component: u32| origins.iter().filter(|o| o.component == component).count();
+    let components: BTreeSet<u32> = origins.iter().map(|o| o.component).collect();
+    components.into_iter().rev().max_by_key(|component| n_in(*component)).unwrap_or(0)
+}
+
+/// A number for each keyframe that is that of the keyframe before it where both are of one run and submap.
+fn chains(origins: &[Origin]) -> Vec<u32> {
+    let mut chain = 0;
+    let number = |place: usize| {
+        chain += u32::from(place > 0 && origins[place] != origins[place - 1]);
+        chain
+    };
+    (0..origins.len()).map(number).collect()
 }

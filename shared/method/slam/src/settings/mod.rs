@@ -5,6 +5,7 @@ mod global;
 mod keyframe;
 mod loops;
 mod relocalise;
+mod submaps;
 mod window;
 
 pub use features::FeatureUse;
@@ -13,6 +14,7 @@ pub use keyframe::KeyframeSettings;
 pub use loops::LoopSettings;
 pub use relocalise::RelocaliseSettings;
 use serde::{Deserialize, Serialize};
+pub use submaps::SubmapSettings;
 use tessera_numerics::SettingError;
 pub use window::WindowSettings;
 
@@ -29,6 +31,8 @@ pub struct MappingSettings {
     pub loops: LoopSettings,
     /// Lost and found.
     pub relocalise: RelocaliseSettings,
+    /// Submaps.
+    pub submaps: SubmapSettings,
     /// Global optimisation.
     pub global: GlobalSettings,
     /// Features.
@@ -45,6 +49,7 @@ impl MappingSettings {
         self.keyframe.check()?;
         self.loops.check()?;
         self.relocalise.check()?;
+        self.submaps.check()?;
         self.global.check()?;
         self.features.check()
     }

@@ -42,11 +42,17 @@ pub(crate) fn frame_record(
     }
 }
 
-/// The record of the first frame with enough points: the map's origin and its first keyframe.
-pub(crate) fn first_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRecord {
+/// The record of the first frame of a submap, from which the map is seen: the origin of its gauge and its
+/// first keyframe.
+pub(crate) fn first_record(
+    input: &TrackingInput<'_>,
+    prediction: &Prediction,
+    reason: String,
+) -> FrameRecord {
     let frame = input.frame;
+    let id = input.map.n_keyframes() as u32;
     let keyframe = KeyframeRecord {
-        id: 0,
+        id,
         frame_index: frame.index,
         stamp_nanos: frame.stamp_nanos,
         world_from_camera: PoseBits::from(&prediction.world_from_camera),
@@ -58,8 +64,8 @@ pub(crate) fn first_record(input: &TrackingInput<'_>, prediction: &Prediction) -
     };
     FrameRecord {
         state: State::Tracking,
-        reason: "the first frame".into(),
-        keyframe: 0,
+        reason,
+        keyframe: id,
         keyframe_from_camera: PoseBits::IDENTITY,
         covariance: upper_triangle(&Matrix6::zeros()),
         new_keyframe: Some(keyframe),
@@ -83,6 +89,8 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         workload: frame.workload,
         state: State::Lost,
         reason: String::new(),
+        submap: input.map.submap(),
+        lost_nanos: 0,
         world_from_camera: PoseBits::from(world_from_camera),
         world_from_odom: input.map.state().world_from_odom.unwrap_or(PoseBits::IDENTITY),
         keyframe: keyframe.map_or(NO_KEYFRAME, |k| k.id),
@@ -95,6 +103,8 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         colour: None,
         blocks: Vec::new(),
         moved: Vec::new(),
+        sighting: None,
+        join: None,
         new_keyframe: None,
         request: None,
     }

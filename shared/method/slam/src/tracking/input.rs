@@ -52,3 +52,10 @@ pub(crate) struct TrackingInput<'a> {
     pub(crate) samples: &'a [Sample],
     pub(crate) surfaces: Surfaces<'a>,
 }
+
+impl TrackingInput<'_> {
+    /// The same with the map as seen from another submap.
+    pub(crate) fn in_submap(&self, submap: u32) -> Self {
+        Self { map: self.map.in_submap(submap), ..*self }
+    }
+}

@@ -53,7 +53,7 @@ fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<Keyfr
         return None;
     }
     Some(KeyframeRecord {
-        id: last_keyframe.id + 1,
+        id: input.map.n_keyframes() as u32,
         frame_index: previous.index,
         stamp_nanos: previous.stamp_nanos,
         world_from_camera: previous.world_from_camera,
@@ -113,6 +113,7 @@ fn candidate(input: &TrackingInput<'_>, keyframe: &KeyframeRecord) -> KeyframeSt
     KeyframeState {
         id: keyframe.id,
         session: state.session,
+        submap: input.map.submap(),
         frame_index: keyframe.frame_index,
         stamp_nanos: keyframe.stamp_nanos,
         world_from_camera: keyframe.world_from_camera,

@@ -7,6 +7,7 @@
 use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
 use crate::map::records::State;
+use crate::map::state::KeyframeState;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -26,13 +27,15 @@ struct Candidate {
     guess: Pose,
     /// The view whose neighbours are the references.
     near: Pose,
+    /// The submap that both poses are in.
+    submap: u32,
     name: String,
     is_last_pose: bool,
 }
 
 impl Candidate {
-    fn at(world_from_camera: Pose, name: String) -> Self {
-        Self { guess: world_from_camera, near: world_from_camera, name, is_last_pose: false }
+    fn at(world_from_camera: Pose, submap: u32, name: String) -> Self {
+        Self { guess: world_from_camera, near: world_from_camera, submap, name, is_last_pose: false }
     }
 }
 
@@ -63,30 +66,65 @@ pub(crate) fn relocalise(
     if !input.context.mapping.relocalise.enabled {
         return Err(why_lost.into());
     }
-    let by_features = seen_candidates(input, aligner);
-    let candidates: Vec<Candidate> = by_features.into_iter().chain(candidates(input, prediction)).collect();
+    let anywhere: Vec<&KeyframeState> = input.map.active_anywhere().collect();
+    let mut candidates = seen_candidates(input, aligner, &anywhere, input.map.state().n_lost as usize);
+    candidates.extend(supposed_candidates(input, &anywhere, prediction));
     let n_candidates = candidates.len();
+    let found = first_that_fits(input, aligner, candidates);
+    let (found, how) =
+        found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
+    Ok(WindowAlignment { state: State::Relocalising, reason: format!("{why_lost}; found by {how}"), ..found })
+}
+
+/// The place of a frame among these keyframes, wherever they are. `turn` goes through all of them.
+pub(crate) fn recognise(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    keyframes: &[&KeyframeState],
+    turn: usize,
+) -> Option<WindowAlignment> {
+    let mut candidates = seen_candidates(input, aligner, keyframes, turn);
+    candidates.extend(similar_keyframes(input, keyframes));
+    first_that_fits(input, aligner, candidates).map(|(found, _)| found)
+}
+
+/// The first candidate that passes, and how it was found.
+fn first_that_fits(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    candidates: Vec<Candidate>,
+) -> Option<(WindowAlignment, String)> {
     for candidate in candidates {
         let guess = place(input, &candidate.guess);
-        let Some((found, numbers)) = align_coarse_to_fine(input, aligner, &guess, &candidate.near) else {
+        let there = input.in_submap(candidate.submap);
+        let Some((found, numbers)) = align_coarse_to_fine(&there, aligner, &guess, &candidate.near) else {
             continue;
         };
         // Along a degenerate direction the result is the initial guess: only the last pose is more.
         if !found.alignment.degenerate.is_empty() && !candidate.is_last_pose {
             continue;
         }
-        let reason = format!("{why_lost}; found by {}: {numbers}", candidate.name);
-        return Ok(WindowAlignment { state: State::Relocalising, reason, ..found });
+        // Of the submaps that are joined there, that of the nearest keyframe.
+        let nearest = found.members.iter().find_map(|member| match member {
+            Member::Keyframe(id) => input.map.keyframe(*id),
+            Member::Recent(_) => None,
+        });
+        let submap = nearest.map_or(candidate.submap, |k| k.submap);
+        return Some((WindowAlignment { submap, ..found }, format!("{}: {numbers}", candidate.name)));
     }
-    Err(format!("{why_lost}; none of {n_candidates} candidate places fits"))
+    None
 }
 
-/// All candidates of this frame, in the order in which they are tried.
-fn candidates(input: &TrackingInput<'_>, prediction: &Prediction) -> Vec<Candidate> {
-    let last = prediction.world_from_camera;
-    let similar = similar_keyframes(input);
-    let most_similar = similar.first().map(|candidate| candidate.guess);
-    let mut candidates = vec![last_pose(input, last)];
+/// Candidates by the last pose and by descriptors, in the order in which they are tried.
+fn supposed_candidates(
+    input: &TrackingInput<'_>,
+    keyframes: &[&KeyframeState],
+    prediction: &Prediction,
+) -> Vec<Candidate> {
+    let last = (prediction.world_from_camera, input.map.submap());
+    let similar = similar_keyframes(input, keyframes);
+    let most_similar = similar.first().map(|candidate| (candidate.guess, candidate.submap));
+    let mut candidates = vec![last_pose(input, last.0)];
     candidates.extend(similar);
     candidates.extend(turned_views_about(input, last, most_similar.unwrap_or(last)));
     candidates
@@ -94,31 +132,37 @@ fn candidates(input: &TrackingInput<'_>, prediction: &Prediction) -> Vec<Candida
 
 /// Where the features of keyframes say that the camera is, the most inliers first: the most similar
 /// keyframes, the newest, and others in turn.
-fn seen_candidates(input: &TrackingInput<'_>, aligner: &mut Aligner) -> Vec<Candidate> {
+fn seen_candidates(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    keyframes: &[&KeyframeState],
+    turn: usize,
+) -> Vec<Candidate> {
     if aligner.sight.n_features() == 0 || !input.context.is_colour_trusted {
         return Vec::new();
     }
     let descriptor = input.ferns.code(&input.frame.surface);
-    let active: Vec<_> = input.map.keyframes().filter(|k| k.is_active()).collect();
     let mut similar: Vec<(f64, u32)> =
-        active.iter().map(|k| (similarity(&descriptor, &k.place), k.id)).collect();
+        keyframes.iter().map(|k| (similarity(&descriptor, &k.place), k.id)).collect();
     similar.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     similar.truncate(input.context.mapping.relocalise.n_recognised as usize);
-    let newest = active.iter().rev().take(N_NEWEST).map(|k| k.id);
-    let in_turn = active.get(N_NEWEST * input.map.state().n_lost as usize % active.len().max(1));
+    let newest = keyframes.iter().rev().take(N_NEWEST).map(|k| k.id);
+    let in_turn = keyframes.get(N_NEWEST * turn % keyframes.len().max(1));
     let mut ids: Vec<u32> =
         similar.iter().map(|(_, id)| *id).chain(newest).chain(in_turn.map(|k| k.id)).collect();
     ids.sort_unstable();
     ids.dedup();
     let mut found: Vec<(usize, Candidate)> = Vec::new();
-    for reference in ids.into_iter().filter_map(|id| reference(input, Member::Keyframe(id))) {
+    for id in ids {
+        let Some(keyframe) = input.map.keyframe(id) else { continue };
+        let Some(reference) = reference(input, Member::Keyframe(id)) else { continue };
         let pose = reference.world_from_camera;
         let Some(pair) = aligner.sight.pair(input.context, &reference, &pose, Reach::ANYWHERE) else {
             continue;
         };
         let n = pair.inliers.len();
-        let name = format!("{n} features of keyframe {}", reference.key.1);
-        found.push((n, Candidate::at(pose * pair.target_from_query, name)));
+        let name = format!("{n} features of keyframe {id}");
+        found.push((n, Candidate::at(pose * pair.target_from_query, keyframe.submap, name)));
     }
     found.sort_by_key(|(n, _)| std::cmp::Reverse(*n));
     found.into_iter().map(|(_, candidate)| candidate).collect()
@@ -130,18 +174,19 @@ fn last_pose(input: &TrackingInput<'_>, last: Pose) -> Candidate {
     let name = if state.is_placed { "the last pose" } else { "the start" };
     // Without a given start the prediction of a run that was never tracked is arbitrary.
     let is_last_pose = state.is_placed || state.start.is_some();
-    Candidate { is_last_pose, ..Candidate::at(last, name.into()) }
+    Candidate { is_last_pose, ..Candidate::at(last, input.map.submap(), name.into()) }
 }
 
 /// Keyframes with the most similar descriptors.
-fn similar_keyframes(input: &TrackingInput<'_>) -> Vec<Candidate> {
+fn similar_keyframes(input: &TrackingInput<'_>, keyframes: &[&KeyframeState]) -> Vec<Candidate> {
     let descriptor = input.ferns.code(&input.frame.surface);
-    let active = input.map.keyframes().filter(|k| k.is_active());
-    let mut similar: Vec<(f64, u32)> = active.map(|k| (similarity(&descriptor, &k.place), k.id)).collect();
+    let mut similar: Vec<(f64, u32)> =
+        keyframes.iter().map(|k| (similarity(&descriptor, &k.place), k.id)).collect();
     similar.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let candidate = |(similarity, id): &(f64, u32)| {
-        let pose = Pose::from(&input.map.keyframe(*id)?.world_from_camera);
-        Some(Candidate::at(pose, format!("recognising keyframe {id} (similarity {similarity:.2})")))
+        let keyframe = input.map.keyframe(*id)?;
+        let name = format!("recognising keyframe {id} (similarity {similarity:.2})");
+        Some(Candidate::at(Pose::from(&keyframe.world_from_camera), keyframe.submap, name))
     };
     similar
         .iter()
@@ -153,16 +198,16 @@ fn similar_keyframes(input: &TrackingInput<'_>) -> Vec<Candidate> {
 /// Views about the last pose and about the most similar keyframe in turn, others in each frame.
 fn turned_views_about(
     input: &TrackingInput<'_>,
-    last: Pose,
-    most_similar: Pose,
+    last: (Pose, u32),
+    most_similar: (Pose, u32),
 ) -> impl Iterator<Item = Candidate> {
     let views = turned_views();
     let n = input.context.mapping.relocalise.n_turned as usize;
     let round = input.map.state().n_lost as usize;
-    let base = if round.is_multiple_of(2) { last } else { most_similar };
+    let (base, submap) = if round.is_multiple_of(2) { last } else { most_similar };
     (0..n).map(move |k| {
         let base_from_camera = views[(round / 2 * n + k) % views.len()];
-        Candidate { guess: base * base_from_camera, ..Candidate::at(base, "a turned view".into()) }
+        Candidate { guess: base * base_from_camera, ..Candidate::at(base, submap, "a turned view".into()) }
     })
 }
 

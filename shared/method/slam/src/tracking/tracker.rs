@@ -2,6 +2,7 @@
 
 use crate::features::audit::colour_record;
 use crate::loops::appearance::Ferns;
+use crate::loops::join::with_sighting;
 use crate::loops::trigger::with_request;
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
@@ -17,7 +18,7 @@ use crate::tracking::prediction::Prediction;
 use crate::tracking::promotion::with_keyframe;
 use crate::tracking::window_alignment::WindowAlignment;
 use crate::tracking::workload::Workload;
-use crate::tracking::{hypotheses, relocalise};
+use crate::tracking::{hypotheses, relocalise, submap};
 use tessera_numerics::Step;
 use tessera_registration::{Sample, Sampler};
 
@@ -135,21 +136,23 @@ impl Tracker {
         let record = if input.samples.len() < MIN_SAMPLES {
             sparse_record(&input, &prediction)
         } else if self.state.keyframes.is_empty() {
-            first_record(&input, &prediction)
+            first_record(&input, &prediction, "the first frame".into())
         } else {
             match locate(&input, &mut self.aligner, &prediction) {
-                Err(reason) => lost_record(&input, &prediction, reason),
+                Err(reason) => submap::lost_or_new(&input, &prediction, reason),
                 Ok(aligned) => {
                     context.steps.enter(Step::Keyframe);
+                    let input = input.in_submap(aligned.submap);
                     let record = frame_record(&input, &self.aligner, &aligned, None);
                     if aligned.state == State::Tracking {
                         let (aligned, record) = with_keyframe(&input, &mut self.aligner, aligned, record);
                         let colour = colour_record(&input, &mut self.aligner, &aligned, &prediction);
                         let record = FrameRecord { colour, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
+                        let record = with_sighting(&input, &mut self.aligner, record);
                         with_request(&input, &aligned, record)
                     } else {
-                        record
+                        FrameRecord { lost_nanos: self.state.lost_nanos, ..record }
                     }
                 }
             }
@@ -183,5 +186,7 @@ fn locate(
 fn sparse_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRecord {
     let n = input.samples.len();
     let reason = format!("{n} usable points, at least {MIN_SAMPLES} are needed");
-    FrameRecord { velocity: prediction.velocity.to_vector().into(), ..lost_record(input, prediction, reason) }
+    let velocity = prediction.velocity.to_vector().into();
+    let lost_nanos = input.map.state().lost_nanos;
+    FrameRecord { velocity, lost_nanos, ..lost_record(input, prediction, reason) }
 }

@@ -25,6 +25,8 @@ pub(crate) struct WindowAlignment {
     pub(crate) alignment: Alignment,
     /// State of the frame if the alignment is accepted.
     pub(crate) state: State,
+    /// The submap whose gauge the pose is in.
+    pub(crate) submap: u32,
     /// Why, where it is not plain tracking.
     pub(crate) reason: String,
 }
@@ -55,7 +57,8 @@ pub(crate) fn align_to(
     if input.context.is_colour_trusted {
         alignment.n_agreeing = aligner.sight.n_agreeing(&references, &alignment.world_from_camera);
     }
-    WindowAlignment { members, alignment, state: State::Tracking, reason: String::new() }
+    let (submap, reason) = (input.map.submap(), String::new());
+    WindowAlignment { members, alignment, state: State::Tracking, submap, reason }
 }
 
 /// Aligns some samples to the two keyframes nearest to the view `near`, then all samples to the

@@ -47,7 +47,8 @@ pub(super) fn of_identity(identity: &RunIdentity, name: &str) -> Vec<(PathBuf, u
 /// Files of a run directory that no documentation names.
 pub(super) fn undocumented(run_dir: &Path) -> Vec<PathBuf> {
     let items = std::fs::read_dir(run_dir).into_iter().flatten().flatten();
-    let unknown = items.filter(|item| !DOCUMENTED.contains(&item.file_name().to_string_lossy().as_ref()));
+    let is_known = |name: &str| DOCUMENTED.contains(&name) || name.starts_with("trajectory_submap_");
+    let unknown = items.filter(|item| !is_known(&item.file_name().to_string_lossy()));
     let mut paths: Vec<PathBuf> = unknown.map(|item| item.path()).collect();
     paths.sort();
     paths

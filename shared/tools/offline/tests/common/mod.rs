@@ -19,6 +19,28 @@ pub(crate) fn scene(name: SceneName, options: &SimulationOptions) -> SimulatedSo
     SimulatedSource::open(name, None, None, options).unwrap()
 }
 
+/// One step of a scenario: a frame of the scene, or a covered lens.
+#[derive(Clone, Copy)]
+pub(crate) enum Step {
+    See(u64),
+    Covered,
+}
+
+/// What the step shows, as the `k`th frame at 30 Hz.
+pub(crate) fn step_frame(source: &SimulatedSource, k: usize, step: Step) -> RawFrame {
+    let n = (source.camera().width * source.camera().height) as usize;
+    let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
+    if let Step::See(index) = step {
+        source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+    }
+    RawFrame {
+        stamp_nanos: 1_000_000_000 + k as i64 * 33_333_333,
+        rotation: None,
+        depth,
+        colour: Some(colour),
+    }
+}
+
 /// These frames of a scene, in this order, 1/30 s apart whatever their indices.
 pub(crate) fn frames(source: &SimulatedSource, indices: &[u64]) -> Vec<RawFrame> {
     let n = (source.camera().width * source.camera().height) as usize;

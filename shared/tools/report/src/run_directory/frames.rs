@@ -44,6 +44,8 @@ impl View {
 
 /// Frames at their final places, with their errors where the truth is known.
 pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
+    let main = replay.main_component();
+    let is_main: Vec<bool> = replay.frames.iter().map(|frame| replay.component(frame) == main).collect();
     let rows = final_rows(replay);
     let compared = truth.and_then(|truth| {
         let options = AteOptions::default();
@@ -58,20 +60,27 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
             errors[*at] = Some(*error);
         }
     }
-    let begin = rows.first().map_or(0, |(stamp, _)| *stamp);
-    let end = rows.last().map_or(0, |(stamp, _)| *stamp);
+    let begin = replay.frames.first().map_or(0, |frame| frame.stamp_nanos);
+    let end = replay.frames.last().map_or(0, |frame| frame.stamp_nanos);
+    // Frames of submaps that are apart stand at the frame of the main one before them.
+    let places: Vec<(usize, bool)> = is_main
+        .iter()
+        .scan(0, |n, is_main| {
+            *n += usize::from(*is_main);
+            Some((n.saturating_sub(1), *is_main))
+        })
+        .collect();
     let mut frames: Vec<Frame> = replay
         .frames
         .iter()
-        .zip(&poses)
-        .zip(errors)
-        .map(|((record, pose), error_m)| Frame {
+        .zip(&places)
+        .map(|(record, (place, is_main))| Frame {
             index: record.index,
             time_s: (record.stamp_nanos - begin) as f64 * 1e-9,
             state: state(record.state),
             reason: record.reason.clone(),
-            position_m: view.of(&pose.translation.vector),
-            error_m,
+            position_m: poses.get(*place).map_or([0.0; 3], |pose| view.of(&pose.translation.vector)),
+            error_m: errors.get(*place).copied().flatten().filter(|_| *is_main),
             std_m: std_m(record),
         })
         .collect();

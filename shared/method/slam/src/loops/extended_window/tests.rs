@@ -8,6 +8,7 @@ fn vertices<'a>(context: &Context, keyframes: &[KeyframeState], walls: &'a Walls
     let vertex = |k: &KeyframeState| WindowPose {
         id: k.id,
         session: k.session,
+        submap: k.submap,
         is_fixed: k.id < 2,
         matchable: Matchable::new(context, &mut sampler, k, walls),
     };

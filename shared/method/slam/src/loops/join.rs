@@ -1,0 +1,162 @@
+//! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
+//! its own, confirmed in several frames and verified like a loop closure.
+
+use crate::loops::detection;
+use crate::loops::matchable::Matchable;
+use crate::loops::verification::{self, Tested};
+use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
+use crate::map::state::KeyframeState;
+use crate::tracking::acceptance;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::motion_model::place;
+use crate::tracking::prediction::Prediction;
+use crate::tracking::relocalise;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes};
+use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
+use tessera_registration::Sampler;
+
+/// Frames from one search to the next: neighbours in time see the same and confirm little.
+const EVERY: u64 = 3;
+/// Largest disagreement of a sighting with the one before it.
+const AGREES_M: f64 = 0.1;
+const AGREES_RAD: f64 = 5.0_f64.to_radians();
+/// After each refuted join, twice as many confirmations are needed for the next, up to so many times.
+const MOST_DOUBLINGS: u32 = 5;
+
+/// The record of a tracked frame with what it sees of other submaps, and with the join and its
+/// optimisation once that is certain.
+pub(crate) fn with_sighting(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: FrameRecord,
+) -> FrameRecord {
+    let state = input.map.state();
+    if state.submaps.n_components() < 2 {
+        return record;
+    }
+    let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
+    let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
+    // A frame with which keyframes appear or move says nothing of those in the state.
+    if record.new_keyframe.is_some() || !record.moved.is_empty() {
+        return FrameRecord { sighting: known, ..record };
+    }
+    let n_needed = input.context.mapping.relocalise.confirm_frames << state.n_refuted.min(MOST_DOUBLINGS);
+    let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed;
+    let sighting = match known {
+        Some(known) if is_certain(&known) => Some(known),
+        _ if !input.frame.index.is_multiple_of(EVERY) => known,
+        Some(known) => confirmed(input, aligner, &record, &known),
+        None => found(input, aligner, &record),
+    };
+    // A pending correction was computed from the keyframes as they are.
+    match sighting.filter(|sighting| is_certain(sighting) && state.pending.is_none()) {
+        Some(certain) => joined(input, &certain, record),
+        None => FrameRecord { sighting, ..record },
+    }
+}
+
+/// A first sighting: the frame's place among the keyframes of all other submaps.
+fn found(input: &TrackingInput<'_>, aligner: &mut Aligner, record: &FrameRecord) -> Option<SightingRecord> {
+    let others: Vec<&KeyframeState> =
+        input.map.active_anywhere().filter(|k| !input.map.contains(k)).collect();
+    let turn = (input.frame.index / EVERY) as usize;
+    let found = relocalise::recognise(input, aligner, &others, turn)?;
+    sighting(input, record, &found, 1)
+}
+
+/// The sighting once more, where the frame says the same.
+fn confirmed(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+    known: &SightingRecord,
+) -> Option<SightingRecord> {
+    let other = input.in_submap(input.map.keyframe(known.seen)?.submap);
+    let expected = other_from_own(input, known)? * Pose::from(&record.world_from_camera);
+    let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.velocity));
+    let guess = Prediction { velocity, ..place(&other, &expected) };
+    let members = nearby_keyframes(&other, &expected, usize::MAX);
+    let found = align_to(&other, aligner, members, other.samples, &guess);
+    acceptance::strict(&input.context.mapping.relocalise, &found.alignment).ok()?;
+    let apart = translation_rotation_norms(&(expected.inverse() * found.alignment.world_from_camera));
+    let agrees = apart.0 <= AGREES_M && apart.1 <= AGREES_RAD && found.alignment.degenerate.is_empty();
+    if agrees { sighting(input, record, &found, known.n_confirmed + 1) } else { None }
+}
+
+/// What an alignment to another submap says of the keyframes of both.
+fn sighting(
+    input: &TrackingInput<'_>,
+    record: &FrameRecord,
+    found: &WindowAlignment,
+    n_confirmed: u32,
+) -> Option<SightingRecord> {
+    let seen = found.members.iter().find_map(|member| match member {
+        Member::Keyframe(id) => input.map.keyframe(*id),
+        Member::Recent(_) => None,
+    })?;
+    let seen_from_camera = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
+    let seen_from_own = seen_from_camera * Pose::from(&record.keyframe_from_camera).inverse();
+    let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
+    Some(SightingRecord { seen: seen.id, own: record.keyframe, seen_from_own, n_confirmed })
+}
+
+/// From the gauge of the camera's submap to that of the other one.
+fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Pose> {
+    let [seen, own] = [sighting.seen, sighting.own].map(|id| input.map.keyframe(id));
+    let [other_from_seen, own_from_own] =
+        [seen?, own?].map(|keyframe| Pose::from(&keyframe.world_from_camera));
+    Some(other_from_seen * Pose::from(&sighting.seen_from_own) * own_from_own.inverse())
+}
+
+/// The record with the join and a request to optimise both submaps together, where the keyframes
+/// themselves agree; without the sighting where they do not.
+fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRecord) -> FrameRecord {
+    let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
+    let Some((tested, join)) = verified else { return record };
+    let settings = &input.context.mapping.loops;
+    let n_keyframes = input.map.n_keyframes() as u32;
+    let request = detection::request(settings, input.map.state(), input.frame.index, n_keyframes, true);
+    let said = format!(
+        "submap {} is joined to {}: {} frames agree, {:.0} % overlap, {:.1} % in front",
+        join.moved,
+        join.kept,
+        sighting.n_confirmed,
+        100.0 * tested.overlap,
+        100.0 * tested.in_front
+    );
+    let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
+    FrameRecord { reason, join: Some(join), request, ..record }
+}
+
+/// The tests of a loop between the camera's keyframe and the nearest one of the other submap; `None`
+/// where they fail.
+fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Tested> {
+    let own = input.map.keyframe(sighting.own)?;
+    let seen = input.map.keyframe(sighting.seen)?;
+    let other_from_camera = other_from_own(input, sighting)? * Pose::from(&own.world_from_camera);
+    let nearest = nearby_keyframes(&input.in_submap(seen.submap), &other_from_camera, 1);
+    let Some(Member::Keyframe(nearest)) = nearest.first() else { return None };
+    let nearest = input.map.keyframe(*nearest)?;
+    let nearest_from_own = Pose::from(&nearest.world_from_camera).inverse() * other_from_camera;
+    let mut sampler = Sampler::default();
+    let [own, nearest] =
+        [own, nearest].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
+    let settings = &input.context.mapping.global;
+    let mut matcher = input.context.matcher();
+    let tested = verification::test(settings, &mut matcher, &own, &nearest, &nearest_from_own);
+    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+    is_good.then_some(tested)
+}
+
+/// The older component keeps its gauge.
+fn join(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<JoinRecord> {
+    let submaps = &input.map.state().submaps;
+    let own = submaps.component(input.map.submap());
+    let other = submaps.component(input.map.keyframe(sighting.seen)?.submap);
+    let other_from_own = other_from_own(input, sighting)?;
+    let motion = if other < own { other_from_own } else { other_from_own.inverse() };
+    let kept_from_moved = PoseBits::from(&compose_normalised(&motion, &Twist::default()));
+    Some(JoinRecord { kept: own.min(other), moved: own.max(other), kept_from_moved })
+}

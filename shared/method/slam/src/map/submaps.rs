@@ -1,0 +1,119 @@
+//! Submaps: a camera that is lost for long begins another map with its own gauge, which is joined to
+//! the others once the same place is seen from both (method 12.8).
+//!
+//! A keyframe keeps the submap that it was made in: its chain of odometry. Joined submaps are one
+//! component and have one gauge; what lies in different components has no common frame, so that a
+//! distance between them means nothing.
+
+use crate::map::keyframe::KeyframeState;
+use serde::{Deserialize, Serialize};
+
+/// The components of all submaps.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Submaps {
+    /// By submap: its component, named by the first submap in it.
+    components: Vec<u32>,
+}
+
+impl Submaps {
+    /// Number of submaps.
+    pub fn n(&self) -> u32 {
+        self.components.len() as u32
+    }
+
+    /// So many submaps, each apart.
+    pub(crate) fn apart(n: u32) -> Self {
+        Self { components: (0..n).collect() }
+    }
+
+    /// The component of a submap.
+    pub fn component(&self, submap: u32) -> u32 {
+        self.components.get(submap as usize).copied().unwrap_or(submap)
+    }
+
+    /// Number of components: submaps that are apart.
+    pub fn n_components(&self) -> u32 {
+        self.components.iter().zip(0..).filter(|(component, submap)| **component == *submap).count() as u32
+    }
+
+    /// Submaps up to this one exist, each apart until it is joined.
+    pub(crate) fn extend_to(&mut self, submap: u32) {
+        let n = self.components.len() as u32;
+        self.components.extend(n..=submap);
+    }
+
+    /// Makes one component of those of two submaps.
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [a, b].map(|submap| self.component(submap));
+        let joined = a.min(b);
+        self.components.iter_mut().filter(|c| **c == a || **c == b).for_each(|c| *c = joined);
+    }
+
+    /// Takes over what an optimisation says of the submaps that it knew.
+    pub(crate) fn judge(&mut self, judged: &Self) {
+        for (own, judged) in self.components.iter_mut().zip(&judged.components) {
+            *own = *judged;
+        }
+    }
+
+    /// Where keyframes belong, in their order.
+    pub(crate) fn origins(&self, keyframes: &[KeyframeState]) -> Vec<Origin> {
+        let origin = |k: &KeyframeState| Origin {
+            session: k.session,
+            submap: k.submap,
+            component: self.component(k.submap),
+        };
+        keyframes.iter().map(origin).collect()
+    }
+}
+
+/// Where a keyframe belongs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// The run that made it.
+    pub session: u32,
+    /// Its chain of odometry in that run.
+    pub submap: u32,
+    /// The gauge that its pose is in.
+    pub component: u32,
+}
+
+/// The places of the first keyframe of each component: the origins of the gauges.
+pub(crate) fn gauges(origins: &[Origin]) -> Vec<bool> {
+    let first = |place: usize| origins[..place].iter().all(|o| o.component != origins[place].component);
+    (0..origins.len()).map(first).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loops::test_wall::keyframe;
+
+    fn submaps(components: &[u32]) -> Submaps {
+        Submaps { components: components.to_vec() }
+    }
+
+    #[test]
+    fn submaps_are_joined_and_come_apart_again() {
+        let mut found = Submaps::default();
+        assert_eq!((found.n(), found.n_components(), found.component(0)), (0, 0, 0));
+        found.extend_to(3);
+        found.extend_to(2);
+        assert_eq!((found.n(), found.n_components()), (4, 4));
+        found.join(3, 2);
+        found.join(0, 3);
+        assert_eq!(found, submaps(&[0, 1, 0, 0]));
+        assert_eq!((found.n_components(), found.component(3)), (2, 0));
+        // An optimisation that knew the first three.
+        found.judge(&submaps(&[0, 1, 2]));
+        assert_eq!(found, submaps(&[0, 1, 2, 0]));
+    }
+
+    #[test]
+    fn each_component_has_one_gauge() {
+        let made_in = |id: u32, submap: u32| KeyframeState { submap, ..keyframe(id, 0, 0.0) };
+        let keyframes = [made_in(0, 0), made_in(1, 1), made_in(2, 2), made_in(3, 3)];
+        let origins = submaps(&[0, 0, 2, 2]).origins(&keyframes);
+        assert_eq!(gauges(&origins), [true, false, true, false]);
+    }
+}
