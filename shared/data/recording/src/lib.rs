@@ -14,6 +14,7 @@ mod content;
 mod error;
 mod file;
 mod foxglove;
+mod live;
 mod messages;
 mod pixels;
 mod rational;
@@ -26,6 +27,7 @@ use chunks::{Chunks, Found, Spot};
 use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
 use file::{Channels, McapFile};
+pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use mcap::records::op;
 use rational::Undistortion;
 use std::path::{Path, PathBuf};
@@ -36,6 +38,8 @@ use tessera_frames::pairing::{pair, summarise};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
 use tessera_geometry::Camera;
 use topics::Topics;
+pub use topics::{ChosenTopics, choose_topics};
+pub use transforms::FrameTree;
 
 /// Units of depth that comes in metres, where no camera says otherwise: 0.2 mm, up to 13.1 m.
 const UNITS_OF_METRES: f64 = 5000.0;
