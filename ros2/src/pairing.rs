@@ -41,11 +41,6 @@ impl Pairing {
         self.colours.push_back(colour);
     }
 
-    /// Forgets what waits: the times have begun anew.
-    pub(crate) fn clear(&mut self) {
-        *self = Self::default();
-    }
-
     /// The next depth image whose colour is known, or known to be missing. Without `has_colour`
     /// none waits.
     pub(crate) fn next(&mut self, has_colour: bool, now: Instant) -> Option<(Stamped, Option<Stamped>)> {

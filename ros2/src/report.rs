@@ -100,11 +100,6 @@ impl Report {
         Some(words() + &more)
     }
 
-    /// How often it happened.
-    pub(crate) fn total(&self, event: Event) -> u64 {
-        self.counts.get(&event).map_or(0, |count| count.total)
-    }
-
     /// All counts that are not zero.
     pub(crate) fn totals(&self) -> impl Iterator<Item = (Event, u64)> {
         self.counts.iter().map(|(event, count)| (*event, count.total))

@@ -107,7 +107,7 @@ impl RecordingSource {
         let file = McapFile::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
             file.cut.iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
-        let topics = choose_topics(&file, options).map_err(wrong)?;
+        let topics = topics_of(&file, options).map_err(wrong)?;
         let mut found = chunks::find(&file, &topics.0, &topics.1).map_err(wrong)?;
         let topics = topics.1;
         if let Some(torn) = found.torn.take() {
@@ -206,7 +206,7 @@ impl Cameras {
 }
 
 /// The channels of the file and those that matter.
-fn choose_topics(
+fn topics_of(
     file: &McapFile,
     options: &RecordingOptions<'_>,
 ) -> Result<(Channels, Topics), RecordingError> {
