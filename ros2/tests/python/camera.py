@@ -110,6 +110,11 @@ def main():
     ]
     statics.write(messages.of(messages.TFMessage, transforms(links)))
     period = camera["stamps"][1] - camera["stamps"][0]
+    # Another program with an image of its own making.
+    other = DomainParticipant(arguments.domain)
+    torn = DataWriter(
+        other, Topic(other, "rt/camera/depth/image_rect_raw", messages.Torn), qos=messages.SENSOR
+    ) if arguments.faults else None
     at = arguments.start
     while True:
         began = time.monotonic()
@@ -135,7 +140,7 @@ def main():
             depth = image(nanos, width, height, "16UC1", depth)
             colour = image(nanos, width, height, "rgb8", colour)
         if 0 <= fault < 3:
-            depth = bytes(depth[:100])
+            torn.write(messages.of(messages.Torn, STORE.serialize_cdr(header(nanos), "std_msgs/msg/Header")))
         if 10 <= fault < 13:
             depth = image(nanos, width // 2, height, "16UC1", bytes(width * height))
         colours.write(messages.of(kind, colour))

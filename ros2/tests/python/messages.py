@@ -39,27 +39,131 @@ class CompressedImage(IdlStruct, typename="sensor_msgs::msg::dds_::CompressedIma
 
 
 @dataclass
+class RegionOfInterest(IdlStruct, typename="sensor_msgs::msg::dds_::RegionOfInterest_"):
+    x_offset: uint32
+    y_offset: uint32
+    height: uint32
+    width: uint32
+    do_rectify: bool
+
+
+@dataclass
 class CameraInfo(IdlStruct, typename="sensor_msgs::msg::dds_::CameraInfo_"):
     header: Header
+    height: uint32
+    width: uint32
+    distortion_model: str
+    d: sequence[float64]
+    k: array[float64, 9]
+    r: array[float64, 9]
+    p: array[float64, 12]
+    binning_x: uint32
+    binning_y: uint32
+    roi: RegionOfInterest
+
+
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
+    translation: Vector3
+    rotation: Quaternion
+
+
+@dataclass
+class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
+    header: Header
+    child_frame_id: str
+    transform: Transform
 
 
 @dataclass
 class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
-    header: Header
+    transforms: sequence[TransformStamped]
+
+
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+    position: Vector3
+    orientation: Quaternion
+
+
+@dataclass
+class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovariance_"):
+    pose: Pose
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
+    linear: Vector3
+    angular: Vector3
+
+
+@dataclass
+class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWithCovariance_"):
+    twist: Twist
+    covariance: array[float64, 36]
 
 
 @dataclass
 class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
     header: Header
+    child_frame_id: str
+    pose: PoseWithCovariance
+    twist: TwistWithCovariance
+
+
+@dataclass
+class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
+    header: Header
+    pose: Pose
 
 
 @dataclass
 class Path(IdlStruct, typename="nav_msgs::msg::dds_::Path_"):
     header: Header
+    poses: sequence[PoseStamped]
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
 
 
 @dataclass
 class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
+    header: Header
+    status: sequence[DiagnosticStatus]
+
+
+@dataclass
+class Torn(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
+    """By its name an image; its bytes end behind the header."""
+
     header: Header
 
 
@@ -70,17 +174,15 @@ class Raw:
         self.data = bytes(data)
 
 
-for kind in (Image, CompressedImage, CameraInfo, TFMessage, Odometry, Path, DiagnosticArray):
-    # What the types are is their name here; the bytes are made and read by rosbags.
+for kind in (Image, CompressedImage, CameraInfo, TFMessage, Odometry, Path, DiagnosticArray, Torn):
+    # Cyclone checks that the bytes are of the type; they are made and read by rosbags.
     kind.serialize = lambda self, *arguments, **named: self.raw
     kind.deserialize = classmethod(lambda cls, data, *arguments, **named: Raw(data))
 
 
 def of(kind, raw):
     """A message of that type with those bytes."""
-    message = kind(Header(Time(0, 0), ""))if kind not in (Image, CompressedImage) else kind(
-        *([Header(Time(0, 0), "")] + ([0, 0, "", 0, 0, b""] if kind is Image else ["", b""]))
-    )
+    message = kind.__new__(kind)
     message.raw = bytes(raw)
     return message
 

@@ -206,10 +206,7 @@ impl Cameras {
 }
 
 /// The channels of the file and those that matter.
-fn topics_of(
-    file: &McapFile,
-    options: &RecordingOptions<'_>,
-) -> Result<(Channels, Topics), RecordingError> {
+fn topics_of(file: &McapFile, options: &RecordingOptions<'_>) -> Result<(Channels, Topics), RecordingError> {
     let (channels, damage) = channels(file);
     if let Some(first) = options.first {
         return Ok((channels, first.topics.clone()));
