@@ -6,6 +6,7 @@ use crate::base::Base;
 use crate::carrier::{Carrier, Quality, Subscription, TRANSFORMS};
 use crate::clock::{Clock, Tick};
 use crate::error::Ros2Error;
+use crate::first::First;
 use crate::pairing::{Pairing, Stamped};
 use crate::report::{Event, Report};
 use crate::sender::{Image, Sender, Sent};
@@ -13,13 +14,11 @@ use crate::topics::{Chooser, Images, Topics};
 use std::time::{Duration, Instant};
 use tessera_frames::named_camera;
 use tessera_geometry::Camera;
-use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage, LiveTopic};
+use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage};
 use tessera_transport::Guest;
 
 /// Time between two looks for topics.
 const LOOK: Duration = Duration::from_millis(200);
-/// How long the first depth image waits for colour and `/tf_static`.
-const PATIENCE: Duration = Duration::from_secs(1);
 /// Bytes of a message up to the end of its time.
 const STAMP_BYTES: usize = 12;
 
@@ -38,16 +37,6 @@ pub(crate) struct Input {
     /// Depth images that came.
     pub(crate) n_depth: u64,
     pub(crate) last_depth_at: Option<Instant>,
-}
-
-/// The newest message of each topic while the camera is not known.
-#[derive(Default)]
-struct First {
-    began_at: Option<Instant>,
-    depth: Option<Vec<u8>>,
-    info: Option<Vec<u8>>,
-    colour: Option<Vec<u8>>,
-    colour_info: Option<Vec<u8>>,
 }
 
 /// What is needed for each image, once the camera is known.
@@ -123,7 +112,11 @@ impl Input {
         let Some(topics) = &mut self.topics else { return Ok(()) };
         match &mut self.going {
             None => {
-                self.n_depth += self.first.take(topics, now, report);
+                let n_depth = self.first.take(topics, now, report);
+                self.n_depth += n_depth;
+                if n_depth == 0 {
+                    return Ok(());
+                }
                 self.going =
                     self.first.begin(topics, &self.frames, self.given.as_ref(), now, report)?.map(|camera| {
                         let base = Base::find(&self.frames, camera.frame(), &self.base_frame);
@@ -148,7 +141,7 @@ impl Input {
 }
 
 /// The next message; an error of the network is told and counted.
-fn take(from: &mut dyn Subscription, report: &mut Report) -> Option<Vec<u8>> {
+pub(crate) fn take(from: &mut dyn Subscription, report: &mut Report) -> Option<Vec<u8>> {
     match from.take() {
         Ok(message) => message,
         Err(error) => {
@@ -158,86 +151,9 @@ fn take(from: &mut dyn Subscription, report: &mut Report) -> Option<Vec<u8>> {
     }
 }
 
-fn newest(from: &mut dyn Subscription, to: &mut Option<Vec<u8>>, report: &mut Report) -> u64 {
-    let mut n = 0;
-    while let Some(message) = take(from, report) {
-        *to = Some(message);
-        n += 1;
-    }
-    n
-}
-
 fn words_of(topics: &Topics) -> String {
     let colour = topics.colour.as_ref().map_or("none", |colour| &colour.topic);
     format!("depth {}, colour {colour}", topics.depth.topic)
-}
-
-impl First {
-    /// Keeps the newest messages; answers how many depth images came.
-    fn take(&mut self, topics: &mut Topics, now: Instant, report: &mut Report) -> u64 {
-        let n_depth = newest(&mut *topics.depth.messages, &mut self.depth, report);
-        if n_depth > 0 {
-            self.began_at.get_or_insert(now);
-        }
-        if let Some(colour) = &mut topics.colour {
-            newest(&mut *colour.messages, &mut self.colour, report);
-        }
-        for (from, to) in
-            [(&mut topics.info, &mut self.info), (&mut topics.colour_info, &mut self.colour_info)]
-        {
-            if let Some(from) = from {
-                newest(&mut **from, to, report);
-            }
-        }
-        n_depth
-    }
-
-    /// The camera, once all that is needed has come.
-    fn begin(
-        &self,
-        topics: &Topics,
-        frames: &FrameTree,
-        given: Option<&Camera>,
-        now: Instant,
-        report: &mut Report,
-    ) -> Result<Option<LiveCamera>, Ros2Error> {
-        let (Some(depth), Some(began_at)) = (&self.depth, self.began_at) else { return Ok(None) };
-        let waited = now.saturating_duration_since(began_at);
-        // Colour, its camera and transforms are waited for, but not for long.
-        if waited < PATIENCE {
-            return Ok(None);
-        }
-        if self.info.is_none() && given.is_none() {
-            report
-                .note(Event::Malformed, || format!("{}: images come, and no CameraInfo", topics.depth.topic));
-            return Ok(None);
-        }
-        let read = |images: &Images, data: &'_ Vec<u8>| match LiveImage::read(images.kind, data) {
-            Ok(_) => Ok(()),
-            Err(error) => Err(format!("{}: {error}", images.topic)),
-        };
-        if let Err(words) = read(&topics.depth, depth) {
-            report.note(Event::Malformed, || words);
-            return Ok(None);
-        }
-        let depth_image = LiveImage::read(topics.depth.kind, depth)?;
-        let depth_topic =
-            LiveTopic { topic: &topics.depth.topic, image: &depth_image, info: self.info.as_deref() };
-        let colour_image = match (&topics.colour, &self.colour) {
-            (Some(images), Some(data)) => LiveImage::read(images.kind, data).ok(),
-            _ => None,
-        };
-        let colour_topic = topics.colour.as_ref().zip(colour_image.as_ref()).map(|(images, image)| {
-            LiveTopic { topic: &images.topic, image, info: self.colour_info.as_deref() }
-        });
-        let camera = LiveCamera::new(&depth_topic, colour_topic.as_ref(), frames, given)?;
-        let (width, height) = (camera.camera().width, camera.camera().height);
-        report.say(&format!("camera {width}x{height} px, colour: {}", camera.colour_words()));
-        if let Some(warning) = camera.warning() {
-            report.say(warning);
-        }
-        Ok(Some(camera))
-    }
 }
 
 impl Going {
@@ -257,7 +173,8 @@ impl Going {
     /// Compares each CameraInfo with the first one.
     fn take_infos(&mut self, topics: &mut Topics, report: &mut Report) {
         if let Some(infos) = &mut topics.colour_info {
-            newest(&mut **infos, &mut None, report);
+            // Only the first one counts.
+            while take(&mut **infos, report).is_some() {}
         }
         let Some(infos) = &mut topics.info else { return };
         while let Some(message) = take(&mut **infos, report) {
@@ -390,13 +307,13 @@ impl Going {
         };
         let sent = self.sender.send(guest, &image, decode)?;
         if let Some(words) = wrong_colour {
-            report.note(Event::Malformed, || words);
+            report.note(Event::Unusable, || words);
         }
         match sent {
             Sent::Sent => {}
             Sent::NotWanted => report.count(Event::NotSent),
             Sent::Refused(why) => {
-                report.note(Event::Malformed, || format!("{}: {why}", topics.depth.topic));
+                report.note(Event::Unusable, || format!("{}: {why}", topics.depth.topic));
             }
         }
         Ok(())

@@ -12,6 +12,7 @@ mod carrier;
 mod clock;
 mod dds;
 mod error;
+mod first;
 mod input;
 mod network;
 mod output;

@@ -10,8 +10,12 @@ const INTERVAL: Duration = Duration::from_secs(5);
 /// Kinds of what is counted; their words are keys of the diagnostics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Event {
-    /// A message that is none of its type, or an image that is not what it says.
+    /// A message that is none of its type.
     Malformed,
+    /// An image of another size or encoding, or one that is not what it says.
+    Unusable,
+    /// An image while no CameraInfo has come.
+    NoCamera,
     /// A CameraInfo other than the first.
     CameraChanged,
     /// An image left out because of its CameraInfo.
@@ -35,6 +39,8 @@ impl Event {
     pub(crate) fn key(self) -> &'static str {
         match self {
             Self::Malformed => "malformed messages",
+            Self::Unusable => "unusable images",
+            Self::NoCamera => "images without CameraInfo",
             Self::CameraChanged => "changes of the camera",
             Self::OtherCamera => "images of another camera",
             Self::ClockJump => "jumps of the clock",

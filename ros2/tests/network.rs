@@ -6,7 +6,7 @@ mod common;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
 
-use common::{Network, Setup, base_from_camera, pose, room, wait_for};
+use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -94,12 +94,14 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
 #[test]
 fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(170);
+    let setup = Setup::new(250);
     room(setup.frames());
     let listener = network.listen();
     let run = setup.start();
     let ros2 = network.join(&setup, &[]);
     let _camera = network.camera(&setup, &["--faults", "--rate", "20"]);
+    setup.wait_for_growth("the first frames");
+    std::fs::write(setup.frames().join("faults"), "").unwrap();
     setup.finish(run);
     let words = ros2.finish();
     for told in [
@@ -115,8 +117,10 @@ fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
     let diagnostics: Vec<&Value> = lines.iter().filter(|line| line["topic"] == "/diagnostics").collect();
     let values = &diagnostics.last().unwrap()["status"][0]["values"];
     let count = |key: &str| values[key].as_str().map_or(0, |text| text.parse::<u64>().unwrap());
-    // Three torn messages and three images of half the width, as far as best effort brought them.
-    assert!((2..=6).contains(&count("malformed messages")), "{values}");
+    // Three of each, as far as best effort brought them.
+    for key in ["malformed messages", "unusable images"] {
+        assert!((1..=3).contains(&count(key)), "{values}");
+    }
     assert_eq!((count("changes of the camera"), count("jumps of the clock")), (1, 1), "{values}");
     assert!((1..=5).contains(&count("images of another camera")), "{values}");
     // Poses go out at the camera's own times, also behind the jump.
@@ -129,36 +133,32 @@ fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
     assert_eq!(jump, 1, "{stamps:?}");
     // In the run time goes on.
     let written: Vec<i64> = online(&setup).into_keys().collect();
-    assert!(
-        written.len() >= 50 && written.windows(2).all(|pair| pair[1] - pair[0] < 60_000_000),
-        "{written:?}"
-    );
+    let span = written.last().unwrap() - written[0];
+    assert!(written.len() >= 20 && span < 100_000_000, "{written:?}");
 }
 
 #[test]
 fn the_camera_and_the_program_may_be_killed_and_the_run_goes_on() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(60);
+    let setup = Setup::new(120);
     room(setup.frames());
     let run = setup.start();
     let camera = network.camera(&setup, &[]);
     let ros2 = network.join(&setup, &["--no-tf"]);
-    wait_for("the first frames", || setup.n_processed() >= 10);
-    // The driver dies; another one sends compressed images of later times.
+    setup.wait_for_growth("the first frames");
+    // The driver dies; another one sends images of later times.
     drop(camera);
-    let n = setup.n_processed();
     let camera = network.camera(&setup, &["--start", "200"]);
-    wait_for("frames of the second driver", || setup.n_processed() >= n + 10);
+    setup.wait_for_growth("frames of the second driver");
     // The program dies; its successor joins the run that goes on.
     drop(ros2);
-    let n = setup.n_processed();
     let ros2 = network.join(&setup, &["--no-tf"]);
-    wait_for("frames of the second program", || setup.n_processed() >= n + 10);
+    setup.wait_for_growth("frames of the second program");
     setup.finish(run);
     let words = ros2.finish();
     drop(camera);
     assert!(words.contains("joined the run"), "{words}");
-    assert!(online(&setup).len() >= 30);
+    assert!(online(&setup).len() >= 20);
     assert_eq!(setup.leftovers(), Vec::<String>::new());
 }
 
@@ -168,7 +168,9 @@ fn compressed_images_are_decoded_and_run_starts_the_run() {
     let setup = Setup::new(12);
     room(setup.frames());
     let camera = network.camera(&setup, &["--compressed"]);
-    let ros2 = network.join(&setup, &setup.run_arguments());
+    let run = setup.run_arguments();
+    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
+    let ros2 = network.join(&setup, &arguments);
     let words = ros2.finish();
     drop(camera);
     assert!(words.contains("/camera/depth/image_rect_raw/compressedDepth"), "{words}");

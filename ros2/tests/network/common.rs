@@ -38,7 +38,7 @@ pub(crate) fn domain() -> u32 {
     1 + (8 * std::process::id() + number()) % 100
 }
 
-pub(crate) fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(180);
     while !holds() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
@@ -116,7 +116,12 @@ impl Program {
 
     /// What it printed, once it has ended by itself and well.
     pub(crate) fn finish(mut self) -> String {
-        let status = self.child.wait().unwrap();
+        let mut status = None;
+        wait_for("the end of a program", || {
+            status = self.child.try_wait().unwrap();
+            status.is_some()
+        });
+        let status = status.unwrap();
         let text = self.printed.take().unwrap().join().unwrap();
         assert!(status.success(), "{status}: {text}");
         text
@@ -185,18 +190,8 @@ impl Network {
         for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"] {
             command.env_remove(variable);
         }
-        Program::start(command.env_program(&self.tessera), false)
-    }
-}
-
-trait WithProgram {
-    fn env_program(self, program: &Path) -> Command;
-}
-
-impl WithProgram for Command {
-    fn env_program(mut self, program: &Path) -> Command {
-        self.env("TESSERA_PROGRAM", program);
-        self
+        command.env("TESSERA_PROGRAM", &self.tessera);
+        Program::start(command, false)
     }
 }
 
@@ -221,17 +216,17 @@ impl Setup {
         self.dir.path()
     }
 
-    /// Arguments of `tessera-ros2` that start the run as well.
-    pub(crate) fn run_arguments(&self) -> Vec<&str> {
-        let out = self.dir.path().to_str().unwrap();
-        let out: &'static str = Box::leak(format!("{out}/out").into_boxed_str());
-        let words = ["--run", "--", "--quiet", "--frames", &self.n_frames, "--out", out];
-        words.into_iter().chain(["--set", "surface.step=2", "--set", "run.camera_timeout_s=120"]).collect()
+    /// Arguments of `tessera run external` behind its name.
+    pub(crate) fn run_arguments(&self) -> Vec<String> {
+        let out = self.out().display().to_string();
+        let words = ["--quiet", "--frames", &self.n_frames, "--out", &out];
+        let settings = ["--set", "surface.step=2", "--set", "run.camera_timeout_s=120"];
+        words.into_iter().chain(settings).map(str::to_owned).collect()
     }
 
     pub(crate) fn start(&self) -> Program {
         let mut command = Command::new(tessera().unwrap());
-        command.args(["run", "external", "--name", &self.name]).args(&self.run_arguments()[2..]);
+        command.args(["run", "external", "--name", &self.name]).args(self.run_arguments());
         Program::start(command, false)
     }
 
@@ -243,9 +238,11 @@ impl Setup {
         assert!(status.success(), "{status}: {words}\n{log}");
     }
 
-    /// Frames in the run's journal, by its size: a frame has some 700 bytes.
-    pub(crate) fn n_processed(&self) -> u64 {
-        self.out().join("align.journal").metadata().map_or(0, |meta| meta.len() / 700)
+    /// Waits until the run has journaled several frames more.
+    pub(crate) fn wait_for_growth(&self, what: &str) {
+        let len = || self.out().join("align.journal").metadata().map_or(0, |meta| meta.len());
+        let before = len();
+        wait_for(what, || len() >= before + 6000);
     }
 
     /// What is left of the run where runs are registered.

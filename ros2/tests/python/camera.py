@@ -1,6 +1,6 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--from N] [--rate HZ]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--start N] [--rate HZ]
 
 FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
@@ -115,15 +115,17 @@ def main():
     torn = DataWriter(
         other, Topic(other, "rt/camera/depth/image_rect_raw", messages.Torn), qos=messages.SENSOR
     ) if arguments.faults else None
-    at = arguments.start
+    at, first_fault = arguments.start, None
     while True:
         began = time.monotonic()
         # To and fro, while time goes on.
         place = at % (2 * n - 2)
         k = place if place < n else 2 * n - 2 - place
         nanos = camera["stamps"][0] + at * period
-        # Faults come once, when the camera has been running for a while.
-        fault = at - 60 if arguments.faults else -1
+        # Faults come once, when they are asked for by a file.
+        if first_fault is None and (arguments.folder / "faults").exists():
+            first_fault = at
+        fault = -1 if first_fault is None else at - first_fault
         if fault >= 40:
             nanos -= 1000 * 10**9
         depth, colour = read(f"d{k}.raw"), read(f"c{k}.raw")
