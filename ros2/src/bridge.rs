@@ -59,7 +59,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         bridge.go(is_stopped)?;
         std::thread::sleep(LAST_WORDS);
     }
-    started.map_or(Ok(()), Started::finish)
+    started.map_or(Ok(()), |started| started.finish(is_stopped.load(Ordering::Relaxed)))
 }
 
 /// The run, once it is there; `None` where it is not waited for any more.

@@ -9,7 +9,7 @@ use crate::error::Ros2Error;
 use crate::first::First;
 use crate::pairing::{Pairing, Stamped};
 use crate::report::{Event, Report};
-use crate::sender::{Image, Sender, Sent};
+use crate::sender::{Image, Outcome, Sender};
 use crate::topics::{Chooser, Images, Topics};
 use std::time::{Duration, Instant};
 use tessera_frames::named_camera;
@@ -310,9 +310,9 @@ impl Going {
             report.note(Event::Unusable, || words);
         }
         match sent {
-            Sent::Sent => {}
-            Sent::NotWanted => report.count(Event::NotSent),
-            Sent::Refused(why) => {
+            Outcome::Sent => {}
+            Outcome::NotWanted => report.count(Event::NotSent),
+            Outcome::Refused(why) => {
                 report.note(Event::Unusable, || format!("{}: {why}", topics.depth.topic));
             }
         }

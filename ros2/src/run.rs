@@ -1,6 +1,7 @@
 //! The run that is joined.
 
 use crate::error::Ros2Error;
+use rustix::process::{Pid, Signal};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::{Child, Command};
@@ -31,7 +32,7 @@ impl Run {
     }
 }
 
-/// `tessera run external` as a child.
+/// `tessera run external` as a child: dropped, it is told to end, and writes its outputs.
 pub(crate) struct Started(Child);
 
 impl Started {
@@ -63,13 +64,30 @@ impl Started {
         }
     }
 
-    /// Waits for its end.
+    /// Waits for its end; where it `is_unwanted`, tells it to end.
     ///
     /// # Errors
     /// Where it failed.
-    pub(crate) fn finish(mut self) -> Result<(), Ros2Error> {
+    pub(crate) fn finish(mut self, is_unwanted: bool) -> Result<(), Ros2Error> {
+        if is_unwanted {
+            self.terminate();
+        }
         let status = self.0.wait().map_err(|error| Ros2Error::Run(error.to_string()))?;
         judge(status).map(|_| ())
+    }
+
+    fn terminate(&self) {
+        // Fails where it has ended.
+        let _ = rustix::process::kill_process(Pid::from_child(&self.0), Signal::TERM);
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        if let Ok(None) = self.0.try_wait() {
+            self.terminate();
+            let _ = self.0.wait();
+        }
     }
 }
 

@@ -22,7 +22,7 @@ pub(crate) struct Sender {
 }
 
 /// What became of an image.
-pub(crate) enum Sent {
+pub(crate) enum Outcome {
     /// It was sent.
     Sent,
     /// The run has not made its service yet, or needs nothing more.
@@ -100,16 +100,16 @@ impl Sender {
         guest: &Guest,
         image: &Image,
         decode: impl FnOnce(&mut [u16], Option<&mut [u8]>) -> Result<(), String>,
-    ) -> Result<Sent, TransportError> {
+    ) -> Result<Outcome, TransportError> {
         if self.publisher.is_none() {
             self.publisher = guest.camera_publisher(self.shape)?;
             self.flow = guest.camera_flow_subscriber()?;
             self.notifier = guest.sensor_notifier()?;
         }
         if self.is_finished()? {
-            return Ok(Sent::NotWanted);
+            return Ok(Outcome::NotWanted);
         }
-        let Some(publisher) = &self.publisher else { return Ok(Sent::NotWanted) };
+        let Some(publisher) = &self.publisher else { return Ok(Outcome::NotWanted) };
         let n_pixels = self.shape.n_pixels();
         let len = if image.has_colour { self.shape.payload_len() } else { n_pixels };
         let mut loan = publisher.loan(len)?;
@@ -118,7 +118,7 @@ impl Sender {
             None => decode(loan.payload_mut(), None),
         };
         if let Err(why) = decoded {
-            return Ok(Sent::Refused(why));
+            return Ok(Outcome::Refused(why));
         }
         *loan.header_mut() = CameraFrame {
             index: image.index,
@@ -135,7 +135,7 @@ impl Sender {
             self.awaited.pop_front();
         }
         self.awaited.push_back((image.stamp_nanos, image.received_at));
-        Ok(Sent::Sent)
+        Ok(Outcome::Sent)
     }
 }
 

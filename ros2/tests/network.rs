@@ -179,6 +179,22 @@ fn compressed_images_are_decoded_and_run_starts_the_run() {
 }
 
 #[test]
+fn a_run_that_was_started_ends_with_the_program() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    let run = setup.run_arguments();
+    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
+    let ros2 = network.join(&setup, &arguments);
+    setup.wait_for_growth("the first frames");
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(!online(&setup).is_empty(), "{words}");
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
+
+#[test]
 fn types_have_the_hashes_that_others_compute() {
     let Some(python) = common::python() else { return };
     let text = std::fs::read_to_string(common::root().join("ros2/src/carrier.rs")).unwrap();

@@ -127,6 +127,12 @@ impl Program {
         text
     }
 
+    /// Tells it to end.
+    pub(crate) fn terminate(&self) {
+        let pid = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
+    }
+
     fn end(mut self) -> String {
         let _ = self.child.kill();
         let _ = self.child.wait();
