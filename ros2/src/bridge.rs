@@ -108,8 +108,11 @@ impl Bridge<'_> {
     fn go(&mut self, is_stopped: &AtomicBool) -> Result<(), Ros2Error> {
         let (mut looked, mut slow) = (Instant::now(), Instant::now());
         while !is_stopped.load(Ordering::Relaxed) {
-            self.take_poses()?;
-            self.input.step(self.carrier, &self.run.guest, &mut self.report)?;
+            match self.step() {
+                // A run that ends takes its shared memory with it.
+                Err(Ros2Error::Transport(_)) if !self.run.is_current()? => break,
+                stepped => stepped?,
+            }
             if looked.elapsed() >= ALIVE {
                 looked = Instant::now();
                 if !self.run.is_current()? {
@@ -125,9 +128,16 @@ impl Bridge<'_> {
             }
             std::thread::sleep(POLL);
         }
-        self.take_poses()?;
+        if self.run.is_current()? {
+            self.take_poses()?;
+        }
         self.report.say(&format!("the run {} is over", self.run.entry.name));
         self.tell()
+    }
+
+    fn step(&mut self) -> Result<(), Ros2Error> {
+        self.take_poses()?;
+        self.input.step(self.carrier, &self.run.guest, &mut self.report)
     }
 
     /// Publishes all poses that came.

@@ -51,6 +51,8 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let lines = listener.finish();
     assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
     assert!(words.contains("base_link is where /tf_static has it"), "{words}");
+    let unmatched = "/tessera/odom: the writer is volatile, the reader wants transient local";
+    assert!(words.contains(unmatched), "{words}");
     let of = |topic: &str| -> Vec<&Value> { lines.iter().filter(|line| line["topic"] == topic).collect() };
     // Every byte is one that rosbags writes too.
     for line in lines.iter().filter(|line| line["topic"] != "ready") {

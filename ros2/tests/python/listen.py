@@ -70,6 +70,8 @@ def main():
     for topic, kind, name, words in TOPICS:
         reader = DataReader(participant, Topic(participant, "rt" + topic, kind), qos=messages.RELIABLE)
         readers.append((reader, topic, name, words))
+    # One that wants more than is offered gets nothing, and the other side is to say why.
+    greedy = DataReader(participant, Topic(participant, "rt/tessera/odom", messages.Odometry), qos=messages.STATIC)
     print(json.dumps({"topic": "ready"}), flush=True)
     while True:
         for reader, topic, name, words in readers:
@@ -83,6 +85,7 @@ def main():
                 same = same and abs(len(sample.data) - len(again)) < 4
                 line = {"topic": topic, "same": same, "length": len(again)}
                 print(json.dumps(line | words(message)), flush=True)
+        assert not greedy.take()
         time.sleep(0.005)
 
 
