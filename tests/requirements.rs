@@ -8,7 +8,7 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// Words of `TESSERA_REQUIRE`.
-const KNOWN: [&str; 13] = [
+const KNOWN: [&str; 14] = [
     "browser",    // Chromium, for the report
     "cc",         // a compiler of C and of C++
     "data",       // the sequences of ../shared/data
@@ -20,6 +20,7 @@ const KNOWN: [&str; 13] = [
     "root",       // setpriv, to become another user
     "systemd",    // systemd-analyze
     "terminal",   // script of util-linux
+    "tessera",    // the command, built, for packages that are built apart
     "tools",      // bash, curl, gzip, tar
     "viewer",     // tessera-view, built
 ];

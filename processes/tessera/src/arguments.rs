@@ -6,6 +6,7 @@ mod chaos;
 mod evaluate;
 mod export;
 mod profile;
+mod ros2;
 mod run;
 mod top;
 mod topics;
@@ -20,6 +21,7 @@ use clap_complete::Shell;
 pub(crate) use evaluate::EvaluateArguments;
 pub(crate) use export::ExportArguments;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
+pub(crate) use ros2::Ros2Arguments;
 pub(crate) use run::{RunArguments, Speech};
 use std::path::PathBuf;
 pub(crate) use top::TopArguments;
@@ -73,6 +75,8 @@ pub(crate) enum Command {
     Top(TopArguments),
     /// Show a run in Rerun
     View(ViewArguments),
+    /// Join a ROS 2 network: its camera in, odometry and transforms out
+    Ros2(Ros2Arguments),
     /// Run one stage by hand, for a debugger or a profiler
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps

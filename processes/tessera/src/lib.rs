@@ -6,6 +6,7 @@
 
 mod arguments;
 mod commands;
+mod companion;
 mod exit;
 mod launch;
 mod progress;
@@ -44,6 +45,7 @@ pub fn main() -> ExitCode {
         Command::Profile(arguments) => commands::profile(&arguments),
         Command::Top(arguments) => commands::top(&arguments),
         Command::View(arguments) => commands::view(&arguments),
+        Command::Ros2(arguments) => commands::ros2(&arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

@@ -1,33 +1,15 @@
-//! The program that shows a run in Rerun: it is built apart, and found or told how to be built.
+//! The program that shows a run in Rerun, as it writes a file while the run goes on.
 
+use crate::companion::VIEWER;
 use crate::exit::CommandError;
 use crate::terminal::say_error;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-const PROGRAM: &str = "tessera-view";
-/// Where a checkout of the project has it, seen from `target/release/tessera`.
-const IN_CHECKOUT: &str = "../../view/target/release";
+const PROGRAM: &str = VIEWER.program;
 /// How long it may take to write the rest after the run has ended.
 const PATIENCE: Duration = Duration::from_secs(60);
-
-/// Where the program is: beside this one, in the checkout, or on `PATH`.
-///
-/// # Errors
-/// Where it is not; says how to build it.
-pub(crate) fn program() -> Result<PathBuf, CommandError> {
-    let beside = std::env::current_exe().ok().and_then(|path| path.parent().map(Path::to_owned));
-    let checkout = beside.as_ref().map(|folder| folder.join(IN_CHECKOUT));
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let folders = beside.into_iter().chain(checkout).chain(std::env::split_paths(&path));
-    let found = folders.map(|folder| folder.join(PROGRAM)).find(|path| path.is_file());
-    found.ok_or_else(|| {
-        CommandError::arguments(format!(
-            "{PROGRAM} is neither beside this program nor on PATH; it is built apart, in the project's folder: cargo build --release --manifest-path view/Cargo.toml"
-        ))
-    })
-}
 
 /// The program writing a run into a file while it goes on. It only reads; whatever becomes of it,
 /// the run does not notice.
@@ -50,7 +32,7 @@ impl Recording {
                 file.display()
             )));
         }
-        let mut command = Command::new(program()?);
+        let mut command = VIEWER.command()?;
         command.arg("--of-supervisor").arg(std::process::id().to_string()).arg("--save").arg(file);
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn();
         let child = child.map_err(|error| CommandError::stage(format!("cannot start {PROGRAM}: {error}")))?;

@@ -1,14 +1,12 @@
 //! `tessera view`: a run in Rerun, by a program of its own.
 
 use crate::arguments::ViewArguments;
+use crate::companion::{VIEWER, become_program};
 use crate::exit::{CommandError, Exit};
-use crate::viewer;
-use std::os::unix::process::CommandExt;
-use std::process::Command;
 
 /// Becomes the viewer's program; comes back only where it cannot.
 pub(crate) fn view(arguments: &ViewArguments) -> Result<Exit, CommandError> {
-    let mut command = Command::new(viewer::program()?);
+    let mut command = VIEWER.command()?;
     command.arg(&arguments.run);
     if let Some(file) = &arguments.save {
         command.arg("--save").arg(file);
@@ -18,6 +16,5 @@ pub(crate) fn view(arguments: &ViewArguments) -> Result<Exit, CommandError> {
     }
     command.arg("--images-per-s").arg(arguments.images_per_s.to_string());
     command.arg("--memory").arg(&arguments.memory);
-    let error = command.exec();
-    Err(CommandError::stage(format!("cannot start {}: {error}", command.get_program().display())))
+    Err(become_program(command))
 }

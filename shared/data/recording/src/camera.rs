@@ -3,7 +3,7 @@
 use crate::UNITS_OF_METRES;
 use crate::chunks::{Chunks, Spot};
 use crate::error::{MessageError, RecordingError};
-use crate::messages::{self, CameraMessage, ImageForm};
+use crate::messages::{self, CameraMessage, ImageForm, ImageMessage};
 use crate::rational::RationalLens;
 use crate::topics::Topics;
 use tessera_geometry::Camera;
@@ -12,7 +12,7 @@ use tessera_geometry::Camera;
 const UNITS_OF_MILLIMETRES: f64 = 1000.0;
 
 /// A camera as a recording has it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct RecordedCamera {
     /// With the five coefficients that the camera model has, or without any where `lens` has them.
     pub(super) camera: Camera,
@@ -33,12 +33,16 @@ pub(super) fn of_depth(
     let (spot, topic) = camera_at.zip(topics.camera.as_ref()).ok_or_else(missing)?;
     let data = chunks.read(first_depth)?;
     let image = messages::image(first_depth.kind, &data).map_err(|problem| first(problem, &topics.depth))?;
+    read(chunks, spot, units_per_metre(&image), topics.depth.contains("rect"), topic)
+}
+
+/// Units in which the depth of an image is counted.
+pub(super) fn units_per_metre(image: &ImageMessage<'_>) -> f64 {
     let is_metres = match &image.form {
         ImageForm::Raw { encoding, .. } => encoding == "32FC1",
         ImageForm::File { format } => format.starts_with("32FC1"),
     };
-    let units_per_metre = if is_metres { UNITS_OF_METRES } else { UNITS_OF_MILLIMETRES };
-    read(chunks, spot, units_per_metre, topics.depth.contains("rect"), topic)
+    if is_metres { UNITS_OF_METRES } else { UNITS_OF_MILLIMETRES }
 }
 
 /// Reads the camera of the colour images; its units say nothing.
@@ -68,7 +72,7 @@ fn read(
 }
 
 /// Our camera. The images of a rectified topic have the projection's numbers and no distortion.
-fn convert(
+pub(super) fn convert(
     said: &CameraMessage,
     units_per_metre: f64,
     is_rectified: bool,

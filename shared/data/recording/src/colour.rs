@@ -10,7 +10,7 @@ use crate::topics::Topics;
 use crate::transforms;
 use std::sync::Arc;
 use tessera_frames::{ColourWarp, decode};
-use tessera_geometry::Camera;
+use tessera_geometry::{Camera, Pose};
 
 /// Pixels by which two cameras of the same images may differ.
 const SAME_PX: f64 = 1.0;
@@ -55,11 +55,32 @@ pub(super) fn choose(chunks: &Chunks, topics: &Topics, found: &Found, depth: &De
         return choice(ColourUse::Registered, format!("{topic}, taken as registered to depth"));
     };
     let own = colour_camera(chunks, topics, found);
+    let standing = |from: &str, to: &str| transforms::colour_from_depth(chunks, found, from, to);
+    decide(Images { topic, size, own }, depth, standing)
+}
+
+/// The images of a colour topic.
+pub(super) struct Images<'a> {
+    pub(super) topic: &'a str,
+    /// Columns and rows of the first.
+    pub(super) size: (u32, u32),
+    /// `None`: nothing says it.
+    pub(super) own: Option<RecordedCamera>,
+}
+
+/// Decides by both cameras and by `colour_from_depth` of their frames, first that of depth.
+pub(super) fn decide(
+    images: Images<'_>,
+    depth: &Depth<'_>,
+    colour_from_depth: impl FnOnce(&str, &str) -> Option<Pose>,
+) -> Choice {
+    let choice = |colour, words: String| Choice { colour, words, warning: None };
+    let Images { topic, size, own } = images;
     let depth_size = (depth.camera.width, depth.camera.height);
     if size == depth_size && is_same(depth.recorded, own.as_ref()) {
         return choice(ColourUse::Registered, format!("{topic}, registered to depth"));
     }
-    let reason = match warp(chunks, found, depth, own, size) {
+    let reason = match warp(depth, own, size, colour_from_depth) {
         Ok(warped) => {
             return choice(
                 warped,
@@ -91,18 +112,17 @@ fn is_same(depth: Option<&RecordedCamera>, colour: Option<&RecordedCamera>) -> b
 }
 
 fn warp(
-    chunks: &Chunks,
-    found: &Found,
     depth: &Depth<'_>,
     own: Option<RecordedCamera>,
     size: (u32, u32),
+    colour_from_depth: impl FnOnce(&str, &str) -> Option<Pose>,
 ) -> Result<ColourUse, String> {
     let RecordedCamera { camera, lens, frame } = own.ok_or("nothing says what the colour camera is")?;
     if (camera.width, camera.height) != size {
         return Err(format!("its CameraInfo says {}x{} px", camera.width, camera.height));
     }
     let depth_frame = depth.recorded.map_or("", |recorded| recorded.frame.as_str());
-    let colour_from_depth = transforms::colour_from_depth(chunks, found, depth_frame, &frame)
+    let colour_from_depth = colour_from_depth(depth_frame, &frame)
         .ok_or_else(|| format!("no /tf_static says where '{frame}' is from '{depth_frame}'"))?;
     let warp = ColourWarp::new(depth.camera, &camera, colour_from_depth)
         .ok_or("the numbers of its CameraInfo cannot be")?;
@@ -115,9 +135,14 @@ fn size(chunks: &Chunks, spot: &Spot) -> Result<(u32, u32), RecordingError> {
     let data = chunks.read(spot)?;
     let wrong = |problem| RecordingError::Message { topic: String::new(), number: 1, problem };
     let image = messages::image(spot.kind, &data).map_err(wrong)?;
+    size_of(&image).map_err(wrong)
+}
+
+/// Columns and rows of a colour image.
+pub(super) fn size_of(image: &ImageMessage<'_>) -> Result<(u32, u32), MessageError> {
     match &image.form {
         ImageForm::Raw { width, height, .. } => Ok((*width, *height)),
-        ImageForm::File { .. } => decode::size(&image.data).map_err(|error| wrong(error.into())),
+        ImageForm::File { .. } => Ok(decode::size(&image.data)?),
     }
 }
 

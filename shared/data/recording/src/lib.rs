@@ -14,6 +14,7 @@ mod content;
 mod error;
 mod file;
 mod foxglove;
+mod live;
 mod messages;
 mod pixels;
 mod rational;
@@ -26,6 +27,7 @@ use chunks::{Chunks, Found, Spot};
 use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
 use file::{Channels, McapFile};
+pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use mcap::records::op;
 use rational::Undistortion;
 use std::path::{Path, PathBuf};
@@ -36,6 +38,8 @@ use tessera_frames::pairing::{pair, summarise};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
 use tessera_geometry::Camera;
 use topics::Topics;
+pub use topics::{ChosenTopics, choose_topics};
+pub use transforms::FrameTree;
 
 /// Units of depth that comes in metres, where no camera says otherwise: 0.2 mm, up to 13.1 m.
 const UNITS_OF_METRES: f64 = 5000.0;
@@ -103,7 +107,7 @@ impl RecordingSource {
         let file = McapFile::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
             file.cut.iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
-        let topics = choose_topics(&file, options).map_err(wrong)?;
+        let topics = topics_of(&file, options).map_err(wrong)?;
         let mut found = chunks::find(&file, &topics.0, &topics.1).map_err(wrong)?;
         let topics = topics.1;
         if let Some(torn) = found.torn.take() {
@@ -202,10 +206,7 @@ impl Cameras {
 }
 
 /// The channels of the file and those that matter.
-fn choose_topics(
-    file: &McapFile,
-    options: &RecordingOptions<'_>,
-) -> Result<(Channels, Topics), RecordingError> {
+fn topics_of(file: &McapFile, options: &RecordingOptions<'_>) -> Result<(Channels, Topics), RecordingError> {
     let (channels, damage) = channels(file);
     if let Some(first) = options.first {
         return Ok((channels, first.topics.clone()));

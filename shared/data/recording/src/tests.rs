@@ -205,7 +205,6 @@ mod cameras {
 
     use super::*;
     use crate::ros::{CameraInfo, Extrinsics, Header, PoseMessage, Time, TransformStamped, Transforms};
-    use re_cdr::{LittleEndian, to_vec};
     use serde::Serialize;
 
     const DEPTH: &str = "/camera/camera/depth/image_rect_raw";
@@ -222,7 +221,7 @@ mod cameras {
     }
 
     fn encoded(message: &impl Serialize) -> Vec<u8> {
-        [&[0, 1, 0, 0][..], &to_vec::<_, LittleEndian>(message).unwrap()].concat()
+        crate::ros::encode(message).unwrap()
     }
 
     fn header(frame: &str) -> Header<'_> {

@@ -21,6 +21,38 @@ pub(super) struct Topics {
     pub(super) extrinsics: Option<String>,
 }
 
+/// Topics of a network, chosen as those of a recording are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChosenTopics {
+    /// Depth.
+    pub depth: String,
+    /// Colour, where there is any.
+    pub colour: Option<String>,
+    /// CameraInfo of depth.
+    pub camera: Option<String>,
+    /// CameraInfo of colour, where it is another one.
+    pub colour_camera: Option<String>,
+}
+
+/// Chooses among topics with their types, as `sensor_msgs/msg/Image`; those given are taken.
+///
+/// # Errors
+/// Where none has depth, or several would do.
+pub fn choose_topics<'a>(
+    there_are: impl IntoIterator<Item = (&'a str, &'a str)>,
+    depth: Option<&str>,
+    colour: Option<&str>,
+) -> Result<ChosenTopics, RecordingError> {
+    let mut channels = Channels::default();
+    for (id, (topic, kind)) in (0..=u16::MAX).zip(there_are) {
+        let channel =
+            Channel { topic: topic.to_owned(), encoding: "cdr".to_owned(), schema: kind.to_owned() };
+        channels.by_id.insert(id, channel);
+    }
+    let Topics { depth, colour, camera, colour_camera, .. } = choose(&channels, depth, colour)?;
+    Ok(ChosenTopics { depth, colour, camera, colour_camera })
+}
+
 /// Chooses among the channels of a file.
 pub(super) fn choose(
     channels: &Channels,

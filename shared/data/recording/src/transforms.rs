@@ -1,6 +1,7 @@
 //! Where the colour camera stands from the depth camera: a RealSense's extrinsics, or `/tf_static`.
 
 use crate::chunks::{Chunks, Found};
+use crate::error::MessageError;
 use crate::ros;
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
@@ -28,16 +29,38 @@ pub(super) fn colour_from_depth(
     if depth_frame.is_empty() || colour_frame.is_empty() {
         return None;
     }
-    let mut parents = BTreeMap::new();
+    let mut tree = FrameTree::default();
     for spot in &found.transforms {
         let Ok(data) = chunks.read(spot) else { continue };
-        for (parent, child, transform) in ros::transforms(&data).unwrap_or_default() {
+        let _ = tree.add(&data);
+    }
+    tree.between(depth_frame, colour_frame)
+}
+
+/// Coordinate frames with the poses in their parents, as `/tf_static` has them.
+#[derive(Clone, Debug, Default)]
+pub struct FrameTree {
+    parents: BTreeMap<String, (String, Pose)>,
+}
+
+impl FrameTree {
+    /// Adds the transforms of a `tf2_msgs/msg/TFMessage` in CDR; those that are no poses are left out.
+    ///
+    /// # Errors
+    /// Where the bytes are no such message.
+    pub fn add(&mut self, message: &[u8]) -> Result<(), MessageError> {
+        for (parent, child, transform) in ros::transforms(message)? {
             if let Some(pose) = pose(&transform) {
-                parents.insert(child, (parent, pose));
+                self.parents.insert(child, (parent, pose));
             }
         }
+        Ok(())
     }
-    between(&parents, depth_frame, colour_frame)
+
+    /// The transform of points from one frame to another, metres; `None`: the tree does not say.
+    pub fn between(&self, from: &str, to: &str) -> Option<Pose> {
+        between(&self.parents, from, to)
+    }
 }
 
 fn pose(message: &ros::PoseMessage) -> Option<Pose> {

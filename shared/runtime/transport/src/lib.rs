@@ -8,6 +8,7 @@
 
 mod cleanup;
 mod error;
+mod guest;
 mod identity;
 mod layout;
 mod link;
@@ -23,6 +24,7 @@ mod wire;
 
 pub use cleanup::{Cleaned, remove_everything};
 pub use error::TransportError;
+pub use guest::Guest;
 pub use identity::RunIdentity;
 pub use layout::{Layout, Service};
 pub use link::{CameraServices, HeldServices, Link};

@@ -2,7 +2,6 @@
 
 use ::mcap::records::MessageHeader;
 use ::mcap::{WriteOptions, Writer};
-use re_cdr::{LittleEndian, to_vec};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
@@ -55,9 +54,7 @@ impl Topics {
                 id
             }
         };
-        // Plain CDR, little endian.
-        let mut bytes = vec![0, 1, 0, 0];
-        bytes.extend(to_vec::<T, LittleEndian>(message).map_err(io::Error::other)?);
+        let bytes = ros::encode(message).map_err(io::Error::other)?;
         let time = u64::try_from(stamp_nanos).unwrap_or(0);
         let header =
             MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };

@@ -125,8 +125,10 @@ fn of_arguments(told: &mut Told) {
     // By another process: a copy that this one writes would be busy in whatever other tests start.
     let copied = Command::new("cp").arg(env!("CARGO_BIN_EXE_tessera")).arg(&alone).status().unwrap();
     assert!(copied.success());
-    let output = Command::new(&alone).args(["view", "no-such-run"]).env("PATH", "").output().unwrap();
-    told.add("no viewer", String::from_utf8(output.stderr).unwrap());
+    for command in ["view", "ros2"] {
+        let output = Command::new(&alone).args([command, "no-such-run"]).env("PATH", "").output().unwrap();
+        told.add("a program built apart", String::from_utf8(output.stderr).unwrap());
+    }
     let run = room().frames(6);
     assert!(run.finish().success());
     told.by_run(&run);

@@ -4,11 +4,18 @@
 
 mod definitions;
 mod read;
+mod results;
 mod structs;
+mod write;
 
 pub use definitions::{CLOUD, Definition, PATH, POSE, TRANSFORMS};
 pub(crate) use read::{STAMP_BYTES, camera, compressed, extrinsics, image, stamp_nanos, transforms};
+pub use results::{
+    Covariance, DiagnosticArray, DiagnosticStatus, KeyValue, Odometry, PoseWithCovariance,
+    TwistWithCovariance,
+};
 pub use structs::{
     CameraInfo, CompressedImage, Extrinsics, Header, Image, Path, PointCloud, PointField, PoseMessage,
     PoseStamped, Time, TransformStamped, Transforms,
 };
+pub use write::encode;

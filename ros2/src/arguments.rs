@@ -1,0 +1,88 @@
+//! The command line.
+
+use crate::network::{Reach, parse_reach};
+use clap::Parser;
+
+/// Join a run to a ROS 2 network: images of its camera in, odometry and transforms out
+#[derive(Debug, Parser)]
+#[command(
+    name = "tessera-ros2",
+    version,
+    max_term_width = 80,
+    after_help = "Examples:\n  tessera ros2 desk --run                  start the run too\n  tessera ros2 desk                        join `tessera run external --name desk`\n  tessera ros2 desk --run -- --out desk    further words are those of `tessera run`"
+)]
+pub(crate) struct Arguments {
+    /// Name of the run
+    pub(crate) name: String,
+    /// Start the run as well
+    #[arg(long)]
+    pub(crate) run: bool,
+    /// Arguments of `tessera run`, with --run
+    #[arg(last = true, requires = "run")]
+    pub(crate) run_arguments: Vec<String>,
+    /// Topic of depth [default: found by type and name]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) depth_topic: Option<String>,
+    /// Topic of colour [default: found by type and name]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) color_topic: Option<String>,
+    /// CameraInfo of depth [default: that of the nearest name]
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) camera_info: Option<String>,
+    /// Take no colour
+    #[arg(long, conflicts_with = "color_topic")]
+    pub(crate) no_color: bool,
+    /// A camera file or a built-in camera instead of the CameraInfo
+    #[arg(long, value_name = "CAMERA")]
+    pub(crate) camera: Option<String>,
+    /// Subscribe images reliable instead of best effort
+    #[arg(long)]
+    pub(crate) reliable: bool,
+    /// Frame of the robot whose pose is published
+    #[arg(long, value_name = "FRAME", default_value = "base_link")]
+    pub(crate) base_frame: String,
+    /// Publish no transforms
+    #[arg(long)]
+    pub(crate) no_tf: bool,
+    /// Where odometry and path are published
+    #[arg(long, value_name = "NAMESPACE", default_value = "/tessera", value_parser = namespace)]
+    pub(crate) namespace: String,
+    /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
+    pub(crate) domain: Option<u16>,
+    /// loopback, all, or the address of an interface [default: by ROS 2's variables, else loopback]
+    #[arg(long, value_name = "REACH", value_parser = parse_reach)]
+    pub(crate) network: Option<Reach>,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+fn namespace(text: &str) -> Result<String, String> {
+    let is_name = text.len() > 1
+        && text.starts_with('/')
+        && !text.ends_with('/')
+        && text.bytes().all(|b| b.is_ascii_alphanumeric() || b"/_".contains(&b));
+    match is_name {
+        true => Ok(text.to_owned()),
+        false => Err("expected a name such as /tessera".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+        let words = ["tessera-ros2", "desk", "--run", "--domain", "7", "--", "--frames", "3"];
+        let arguments = Arguments::try_parse_from(words).unwrap();
+        assert_eq!((arguments.domain, arguments.run_arguments.len()), (Some(7), 2));
+        for wrong in [["x", "--namespace", "tessera"], ["x", "--domain", "233"], ["x", "--network", "wlan0"]]
+        {
+            assert!(Arguments::try_parse_from(["tessera-ros2"].into_iter().chain(wrong)).is_err());
+        }
+    }
+}

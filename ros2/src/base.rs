@@ -1,0 +1,162 @@
+//! Frames of ROS, REP 103 and REP 105: `map -> odom -> base`, with x forward, y left and z up where
+//! the camera has x right, y down and z forward.
+
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use tessera_geometry::{Matrix6, Pose, adjoint};
+use tessera_recording::FrameTree;
+use tessera_recording::ros::Covariance;
+
+/// The base of the robot as seen from its camera.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Base {
+    /// Maps points of the camera's optical frame to the base.
+    base_from_camera: Pose,
+    /// Name of the base's frame.
+    pub(crate) frame: String,
+    /// Where it is from, for people.
+    pub(crate) words: String,
+}
+
+impl Base {
+    /// The base by `/tf_static`; where that does not say, at the camera, looking along its x.
+    pub(crate) fn find(frames: &FrameTree, camera_frame: &str, base_frame: &str) -> Self {
+        let known = match camera_frame == base_frame {
+            true => Some(Pose::identity()),
+            false => frames.between(camera_frame, base_frame),
+        };
+        let words = match &known {
+            Some(_) => format!("{base_frame} is where /tf_static has it, seen from {camera_frame}"),
+            None => format!(
+                "/tf_static has no way from {camera_frame:?} to {base_frame}: the camera is taken as at {base_frame}, looking along its x"
+            ),
+        };
+        let base_from_camera = known.unwrap_or_else(looking_along_x);
+        Self { base_from_camera, frame: base_frame.to_owned(), words }
+    }
+
+    /// `a_from_b` of two places of the camera as `a_from_b` of the base: what both saw as their own
+    /// frame is each the frame of the base.
+    pub(crate) fn of_base(&self, a_from_b: &Pose) -> Pose {
+        self.base_from_camera * a_from_b * self.base_from_camera.inverse()
+    }
+
+    /// Covariance of the base's pose about the fixed axes of odom, from that of the camera's pose
+    /// about its own axes. All zero is unknown, and answered with `None`.
+    pub(crate) fn covariance(&self, of_camera: &[[f64; 6]; 6], odom_from_base: &Pose) -> Option<Covariance> {
+        let local = Matrix6::from_fn(|row, column| of_camera[row][column]);
+        if local.iter().all(|value| *value == 0.0) {
+            return None;
+        }
+        let turn = *odom_from_base.rotation.to_rotation_matrix().matrix();
+        let mut about_odom = Matrix6::zeros();
+        about_odom.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+        about_odom.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
+        let chain = about_odom * adjoint(&self.base_from_camera);
+        let covariance = chain * local * chain.transpose();
+        Some(std::array::from_fn(|row| std::array::from_fn(|column| covariance[(row, column)])))
+    }
+}
+
+/// `base_from_camera` of an optical frame at the base: right is -y, down is -z, forward is x.
+fn looking_along_x() -> Pose {
+    let quaternion = Quaternion::new(0.5, -0.5, 0.5, -0.5);
+    Pose::from_parts(Translation3::identity(), UnitQuaternion::new_normalize(quaternion))
+}
+
+/// A pose from translation and quaternion `x y z w`.
+pub(crate) fn pose([x, y, z, qx, qy, qz, qw]: &[f64; 7]) -> Pose {
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(*qw, *qx, *qy, *qz));
+    Pose::from_parts(Translation3::new(*x, *y, *z), rotation)
+}
+
+/// Velocity between two poses of the base in its own frame: metres and radians per second.
+pub(crate) fn velocity(odom_from_before: &Pose, odom_from_now: &Pose, seconds: f64) -> ([f64; 3], [f64; 3]) {
+    let before_from_now = odom_from_before.inverse() * odom_from_now;
+    let moved = before_from_now.translation.vector / seconds;
+    let turned = before_from_now.rotation.scaled_axis() / seconds;
+    (moved.into(), turned.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Point3, Vector3};
+    use tessera_geometry::{Twist, exp};
+    use tessera_recording::ros::{Header, PoseMessage, Time, TransformStamped, Transforms, encode};
+
+    fn tree(parent: &str, child: &str, transform: PoseMessage) -> FrameTree {
+        let header = Header { stamp: Time::from_nanos(0), frame_id: parent.into() };
+        let child_frame_id = child.into();
+        let message = Transforms { transforms: vec![TransformStamped { header, child_frame_id, transform }] };
+        let mut tree = FrameTree::default();
+        tree.add(&encode(&message).unwrap()).unwrap();
+        tree
+    }
+
+    #[test]
+    fn without_tf_the_camera_looks_along_x() {
+        let base = Base::find(&FrameTree::default(), "optical", "base_link");
+        let at = |x, y, z| base.base_from_camera * Point3::new(x, y, z);
+        assert!((at(0.0, 0.0, 1.0) - Point3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
+        assert!((at(1.0, 0.0, 0.0) - Point3::new(0.0, -1.0, 0.0)).norm() < 1e-12);
+        assert!((at(0.0, 1.0, 0.0) - Point3::new(0.0, 0.0, -1.0)).norm() < 1e-12);
+        // The camera moves forward by 2 m and 0.5 m down.
+        let moved = base.of_base(&Pose::translation(0.0, 0.5, 2.0));
+        assert!((moved.translation.vector - Vector3::new(2.0, 0.0, -0.5)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn with_tf_the_base_is_where_it_says() {
+        // The camera's optical frame is 0.2 m before the base and 1 m above it.
+        let transform = PoseMessage { position: [0.2, 0.0, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
+        let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
+        assert!(base.words.contains("where /tf_static has it"));
+        // The camera turns left by a quarter turn: about its y by minus that.
+        let turned =
+            exp(&Twist { rho: Vector3::zeros(), phi: Vector3::new(0.0, -std::f64::consts::FRAC_PI_2, 0.0) });
+        let odom_from_base = base.of_base(&turned);
+        // The base turns left about its z, and moves on a circle about the camera.
+        assert!((odom_from_base.rotation.scaled_axis().z - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert!((odom_from_base.translation.vector - Vector3::new(0.2, -0.2, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn covariance_is_that_of_perturbed_poses() {
+        let transform = PoseMessage { position: [0.2, -0.1, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
+        let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
+        let camera = exp(&Twist { rho: Vector3::new(1.0, 2.0, 3.0), phi: Vector3::new(0.3, -0.7, 0.2) });
+        let odom_from_base = base.of_base(&camera);
+        for axis in 0..6 {
+            let mut local = [[0.0; 6]; 6];
+            local[axis][axis] = 1.0;
+            let covariance = base.covariance(&local, &odom_from_base).unwrap();
+            let mut delta = [0.0; 6];
+            delta[axis] = 1e-6;
+            let twist = Twist {
+                rho: Vector3::new(delta[0], delta[1], delta[2]),
+                phi: Vector3::new(delta[3], delta[4], delta[5]),
+            };
+            let perturbed = base.of_base(&(camera * exp(&twist)));
+            let moved = (perturbed.translation.vector - odom_from_base.translation.vector) / 1e-6;
+            let turned = (perturbed.rotation * odom_from_base.rotation.inverse()).scaled_axis() / 1e-6;
+            let expected = [moved.x, moved.y, moved.z, turned.x, turned.y, turned.z];
+            for row in 0..6 {
+                for column in 0..6 {
+                    let difference = covariance[row][column] - expected[row] * expected[column];
+                    assert!(difference.abs() < 1e-4, "axis {axis}: {row} {column}: {difference}");
+                }
+            }
+        }
+        assert_eq!(base.covariance(&[[0.0; 6]; 6], &odom_from_base), None);
+    }
+
+    #[test]
+    fn velocity_is_in_the_base_s_own_frame() {
+        let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+        let before = Pose::from_parts(Translation3::new(1.0, 0.0, 0.0), quarter);
+        let now = Pose::from_parts(Translation3::new(1.0, 0.5, 0.0), quarter);
+        let (linear, angular) = velocity(&before, &now, 0.5);
+        assert!((Vector3::from(linear) - Vector3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
+        assert!(Vector3::from(angular).norm() < 1e-12);
+    }
+}

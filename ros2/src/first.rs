@@ -1,0 +1,111 @@
+//! The first messages of the camera's topics, by which all others are read.
+
+use crate::carrier::Subscription;
+use crate::error::Ros2Error;
+use crate::input::take;
+use crate::report::{Event, Report};
+use crate::topics::{Images, Topics};
+use std::time::{Duration, Instant};
+use tessera_geometry::Camera;
+use tessera_recording::{FrameTree, LiveCamera, LiveImage, LiveTopic, RecordingError};
+
+/// How long the first depth image waits for colour, CameraInfo and `/tf_static`.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// The newest message of each topic while the camera is not known; images are readable ones.
+#[derive(Default)]
+pub(crate) struct First {
+    began_at: Option<Instant>,
+    depth: Option<Vec<u8>>,
+    info: Option<Vec<u8>>,
+    colour: Option<Vec<u8>>,
+    colour_info: Option<Vec<u8>>,
+}
+
+impl First {
+    /// Keeps the newest messages; answers how many depth images came.
+    pub(crate) fn take(&mut self, topics: &mut Topics, now: Instant, report: &mut Report) -> u64 {
+        let n_depth = newest_image(&mut topics.depth, &mut self.depth, report);
+        if n_depth > 0 {
+            self.began_at.get_or_insert(now);
+        }
+        if let Some(colour) = &mut topics.colour {
+            newest_image(colour, &mut self.colour, report);
+        }
+        if let Some(infos) = &mut topics.info {
+            newest(&mut **infos, &mut self.info, report);
+        }
+        if let Some(infos) = &mut topics.colour_info {
+            newest(&mut **infos, &mut self.colour_info, report);
+        }
+        n_depth
+    }
+
+    /// The camera, once all that is needed has come. To be asked after each depth image.
+    ///
+    /// # Errors
+    /// Where the camera is one that cannot be used.
+    pub(crate) fn begin(
+        &self,
+        topics: &Topics,
+        frames: &FrameTree,
+        given: Option<&Camera>,
+        now: Instant,
+        report: &mut Report,
+    ) -> Result<Option<LiveCamera>, Ros2Error> {
+        let (Some(data), Some(began_at)) = (&self.depth, self.began_at) else { return Ok(None) };
+        if now.saturating_duration_since(began_at) < PATIENCE {
+            return Ok(None);
+        }
+        let topic = &topics.depth.topic;
+        if self.info.is_none() && given.is_none() {
+            report.note(Event::NoCamera, || format!("{topic}: images come, and no CameraInfo"));
+            return Ok(None);
+        }
+        let image = LiveImage::read(topics.depth.kind, data)?;
+        let depth = LiveTopic { topic, image: &image, info: self.info.as_deref() };
+        let colour = topics.colour.as_ref().zip(self.colour.as_ref());
+        let colour =
+            colour.and_then(|(images, data)| Some((images, LiveImage::read(images.kind, data).ok()?)));
+        let colour = colour.as_ref().map(|(images, image)| LiveTopic {
+            topic: &images.topic,
+            image,
+            info: self.colour_info.as_deref(),
+        });
+        let camera = match LiveCamera::new(&depth, colour.as_ref(), frames, given) {
+            Ok(camera) => camera,
+            // The next CameraInfo may be one.
+            Err(RecordingError::Message { problem, .. }) => {
+                report.note(Event::Malformed, || format!("CameraInfo of {topic}: {problem}"));
+                return Ok(None);
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let (width, height) = (camera.camera().width, camera.camera().height);
+        report.say(&format!("camera {width}x{height} px, colour: {}", camera.colour_words()));
+        if let Some(warning) = camera.warning() {
+            report.say(warning);
+        }
+        Ok(Some(camera))
+    }
+}
+
+/// Keeps the newest message.
+fn newest(from: &mut dyn Subscription, to: &mut Option<Vec<u8>>, report: &mut Report) {
+    while let Some(message) = take(from, report) {
+        *to = Some(message);
+    }
+}
+
+/// Keeps the newest image that can be read; answers how many messages came.
+fn newest_image(images: &mut Images, to: &mut Option<Vec<u8>>, report: &mut Report) -> u64 {
+    let mut n = 0;
+    while let Some(message) = take(&mut *images.messages, report) {
+        n += 1;
+        match LiveImage::read(images.kind, &message) {
+            Ok(_) => *to = Some(message),
+            Err(error) => report.note(Event::Malformed, || format!("{}: {error}", images.topic)),
+        }
+    }
+    n
+}

@@ -1,0 +1,50 @@
+//! `tessera-ros2`: a run in a live ROS 2 network, without ROS.
+//!
+//! To the run it is a camera's own program and a reader of poses, through the public services; to
+//! the network a participant that reads a camera's topics and writes odometry and transforms. It
+//! may be killed and started again at any time; the run goes on.
+#![forbid(unsafe_code)]
+
+mod arguments;
+mod base;
+mod bridge;
+mod carrier;
+mod clock;
+mod dds;
+mod error;
+mod first;
+mod input;
+mod network;
+mod output;
+mod pairing;
+mod path;
+mod report;
+mod run;
+mod sender;
+mod topics;
+
+use arguments::Arguments;
+use clap::Parser;
+use error::Ros2Error;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("tessera-ros2: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Ros2Error> {
+    let is_stopped = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&is_stopped)).map_err(Ros2Error::Signal)?;
+    }
+    bridge::bridge(arguments, &is_stopped)
+}

@@ -1,0 +1,187 @@
+//! Poses of the run into the network: odometry, transforms, the way so far, diagnostics.
+
+use crate::base::{Base, pose, velocity};
+use crate::carrier::{Carrier, CarrierError, DIAGNOSTICS, ODOMETRY, PATH, Publication, Quality, TRANSFORMS};
+use crate::error::Ros2Error;
+use crate::path::Way;
+use std::borrow::Cow;
+use tessera_geometry::Pose;
+use tessera_messages::PoseMessage;
+use tessera_recording::ros::{
+    Covariance, DiagnosticArray, DiagnosticStatus, Header, KeyValue, Odometry, Path, PoseStamped,
+    PoseWithCovariance, Time, TransformStamped, Transforms, TwistWithCovariance, encode,
+};
+
+const MAP: &str = "map";
+const ODOM: &str = "odom";
+/// Variance of what is not known.
+const UNKNOWN: f64 = 1e6;
+/// State of a pose that was measured, and of one that was found again.
+const TRACKING: u32 = 0;
+const LOST: u32 = 1;
+/// Longest time over which a velocity is taken.
+const MOST_SECONDS: f64 = 0.5;
+
+/// What is published.
+pub(crate) struct Output {
+    odometry: Box<dyn Publication>,
+    path: Box<dyn Publication>,
+    diagnostics: Box<dyn Publication>,
+    transforms: Option<Box<dyn Publication>>,
+    way: Way,
+    before: Option<(i64, Pose)>,
+    map_from_odom: Pose,
+    newest_nanos: i64,
+    /// Of the run's newest pose.
+    pub(crate) state: u32,
+    pub(crate) reason: String,
+    pub(crate) n_poses: u64,
+}
+
+impl Output {
+    /// Announces the topics.
+    ///
+    /// # Errors
+    /// Where the network refuses one.
+    pub(crate) fn new(
+        carrier: &mut dyn Carrier,
+        namespace: &str,
+        has_transforms: bool,
+    ) -> Result<Self, CarrierError> {
+        let transforms =
+            has_transforms.then(|| carrier.publish("/tf", TRANSFORMS, Quality::TRANSFORMS)).transpose()?;
+        Ok(Self {
+            odometry: carrier.publish(&format!("{namespace}/odom"), ODOMETRY, Quality::DEFAULT)?,
+            path: carrier.publish(
+                &format!("{namespace}/path"),
+                PATH,
+                Quality { depth: 1, ..Quality::DEFAULT },
+            )?,
+            diagnostics: carrier.publish("/diagnostics", DIAGNOSTICS, Quality::DEFAULT)?,
+            transforms,
+            way: Way::default(),
+            before: None,
+            map_from_odom: Pose::identity(),
+            newest_nanos: 0,
+            state: TRACKING,
+            reason: String::new(),
+            n_poses: 0,
+        })
+    }
+
+    /// Publishes a pose of the run at the camera's time `stamp_nanos`. Of a lost frame there is
+    /// odometry of unknown certainty and no transform.
+    ///
+    /// # Errors
+    /// Where the network refuses a message.
+    pub(crate) fn publish_pose(
+        &mut self,
+        message: &PoseMessage,
+        base: &Base,
+        stamp_nanos: i64,
+    ) -> Result<(), Ros2Error> {
+        let odom_from_base = base.of_base(&pose(&message.odom_from_camera));
+        self.map_from_odom = base.of_base(&pose(&message.world_from_odom));
+        self.newest_nanos = stamp_nanos;
+        (self.state, self.reason) = (message.state, message.reason_text());
+        self.n_poses += 1;
+        let is_lost = message.state == LOST;
+        let covariance = base.covariance(&message.covariance, &odom_from_base).filter(|_| !is_lost);
+        let odometry = self.odometry(stamp_nanos, &odom_from_base, covariance, base);
+        self.odometry.send(&encode(&odometry)?)?;
+        self.before = Some((stamp_nanos, odom_from_base));
+        if is_lost {
+            return Ok(());
+        }
+        self.way.add(stamp_nanos, odom_from_base);
+        if let Some(transforms) = &mut self.transforms {
+            let link = |parent, child: &str, transform: &Pose| TransformStamped {
+                header: header(stamp_nanos, parent),
+                child_frame_id: Cow::Owned(child.to_owned()),
+                transform: transform.into(),
+            };
+            let links = vec![link(MAP, ODOM, &self.map_from_odom), link(ODOM, &base.frame, &odom_from_base)];
+            transforms.send(&encode(&Transforms { transforms: links })?)?;
+        }
+        Ok(())
+    }
+
+    fn odometry<'a>(
+        &self,
+        stamp_nanos: i64,
+        odom_from_base: &Pose,
+        covariance: Option<Covariance>,
+        base: &'a Base,
+    ) -> Odometry<'a> {
+        let moved = self.before.as_ref().and_then(|(before_nanos, before)| {
+            let seconds = stamp_nanos.saturating_sub(*before_nanos) as f64 * 1e-9;
+            (seconds > 0.0 && seconds < MOST_SECONDS).then(|| velocity(before, odom_from_base, seconds))
+        });
+        let (linear, angular) = moved.unwrap_or_default();
+        Odometry {
+            header: header(stamp_nanos, ODOM),
+            child_frame_id: Cow::Borrowed(&base.frame),
+            pose: PoseWithCovariance {
+                pose: odom_from_base.into(),
+                covariance: covariance.unwrap_or_else(unknown),
+            },
+            twist: TwistWithCovariance { linear, angular, covariance: unknown() },
+        }
+    }
+
+    /// Publishes the way so far, with the newest correction.
+    ///
+    /// # Errors
+    /// Where the network refuses it.
+    pub(crate) fn publish_path(&mut self) -> Result<(), Ros2Error> {
+        if self.way.poses().is_empty() {
+            return Ok(());
+        }
+        let of = |(stamp_nanos, odom_from_base): &(i64, Pose)| PoseStamped {
+            header: header(*stamp_nanos, MAP),
+            pose: (&(self.map_from_odom * odom_from_base)).into(),
+        };
+        let path =
+            Path { header: header(self.newest_nanos, MAP), poses: self.way.poses().iter().map(of).collect() };
+        Ok(self.path.send(&encode(&path)?)?)
+    }
+
+    /// Publishes the state of a run at the wall clock's time, with numbers by name.
+    ///
+    /// # Errors
+    /// Where the network refuses it.
+    pub(crate) fn publish_diagnostics(
+        &mut self,
+        run: &str,
+        silent: Option<String>,
+        values: &[(String, String)],
+        now_nanos: i64,
+    ) -> Result<(), Ros2Error> {
+        let (level, message) = match (silent, self.state) {
+            (Some(words), _) => (DiagnosticStatus::STALE, words),
+            (None, _) if self.n_poses == 0 => (DiagnosticStatus::WARN, "no pose yet".to_owned()),
+            (None, TRACKING) => (DiagnosticStatus::OK, "tracking".to_owned()),
+            (None, LOST) => (DiagnosticStatus::ERROR, format!("lost: {}", self.reason)),
+            (None, _) => (DiagnosticStatus::WARN, format!("found again: {}", self.reason)),
+        };
+        let values =
+            values.iter().map(|(key, value)| KeyValue { key: key.into(), value: value.into() }).collect();
+        let status = DiagnosticStatus {
+            level,
+            name: format!("tessera: {run}").into(),
+            message: message.into(),
+            hardware_id: "".into(),
+            values,
+        };
+        let array = DiagnosticArray { header: header(now_nanos, ""), status: vec![status] };
+        Ok(self.diagnostics.send(&encode(&array)?)?)
+    }
+}
+
+fn header(stamp_nanos: i64, frame: &'static str) -> Header<'static> {
+    Header { stamp: Time::from_nanos(stamp_nanos), frame_id: frame.into() }
+}
+
+fn unknown() -> Covariance {
+    std::array::from_fn(|row| std::array::from_fn(|column| if row == column { UNKNOWN } else { 0.0 }))
+}

@@ -1,0 +1,150 @@
+//! Images into the run, through its public frame service.
+
+use std::collections::VecDeque;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use tessera_geometry::Camera;
+use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
+use tessera_transport::{Guest, Notifier, SlicePublisher, Subscriber, TransportError};
+
+/// Images whose pose is awaited.
+const MOST_AWAITED: usize = 256;
+
+/// Writes images of one camera.
+pub(crate) struct Sender {
+    header: CameraFrame,
+    shape: FrameShape,
+    publisher: Option<SlicePublisher<CameraFrame, u16>>,
+    flow: Option<Subscriber<CameraFlow>>,
+    notifier: Option<Notifier>,
+    is_finished: bool,
+    n_sent: u64,
+    awaited: VecDeque<(i64, Instant)>,
+}
+
+/// What became of an image.
+pub(crate) enum Outcome {
+    /// It was sent.
+    Sent,
+    /// The run has not made its service yet, or needs nothing more.
+    NotWanted,
+    /// It cannot be used: why.
+    Refused(String),
+}
+
+impl Sender {
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let session = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
+        let header = CameraFrame {
+            session,
+            width: camera.width,
+            height: camera.height,
+            colour_registered: u32::from(camera.colour_registered),
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            units_per_metre: camera.units_per_metre,
+            distortion: camera.distortion,
+            readout_s: camera.readout_s,
+            depth_offset_m: camera.depth_offset_m,
+            ..CameraFrame::default()
+        };
+        let shape = FrameShape { width: camera.width, height: camera.height };
+        Self {
+            header,
+            shape,
+            publisher: None,
+            flow: None,
+            notifier: None,
+            is_finished: false,
+            n_sent: 0,
+            awaited: VecDeque::new(),
+        }
+    }
+
+    /// Images sent so far.
+    pub(crate) fn n_sent(&self) -> u64 {
+        self.n_sent
+    }
+
+    /// Whether the run needs no more.
+    fn is_finished(&mut self) -> Result<bool, TransportError> {
+        if let Some(flow) = &self.flow
+            && let Some(flow) = flow.newest()?
+        {
+            self.is_finished = flow.finished == 1;
+        }
+        Ok(self.is_finished)
+    }
+
+    /// When the image of that time was received; earlier ones are forgotten.
+    pub(crate) fn received_at(&mut self, stamp_nanos: i64) -> Option<Instant> {
+        while let Some((stamp, at)) = self.awaited.front().copied() {
+            if stamp > stamp_nanos {
+                return None;
+            }
+            self.awaited.pop_front();
+            if stamp == stamp_nanos {
+                return Some(at);
+            }
+        }
+        None
+    }
+
+    /// Sends an image that `decode` writes in place: depth, and colour where `has_colour`.
+    ///
+    /// # Errors
+    /// Where the run's shared memory is broken.
+    pub(crate) fn send(
+        &mut self,
+        guest: &Guest,
+        image: &Image,
+        decode: impl FnOnce(&mut [u16], Option<&mut [u8]>) -> Result<(), String>,
+    ) -> Result<Outcome, TransportError> {
+        if self.publisher.is_none() {
+            self.publisher = guest.camera_publisher(self.shape)?;
+            self.flow = guest.camera_flow_subscriber()?;
+            self.notifier = guest.sensor_notifier()?;
+        }
+        if self.is_finished()? {
+            return Ok(Outcome::NotWanted);
+        }
+        let Some(publisher) = &self.publisher else { return Ok(Outcome::NotWanted) };
+        let n_pixels = self.shape.n_pixels();
+        let len = if image.has_colour { self.shape.payload_len() } else { n_pixels };
+        let mut loan = publisher.loan(len)?;
+        let decoded = match self.shape.split_mut(loan.payload_mut()) {
+            Some((depth, colour)) => decode(depth, Some(colour)),
+            None => decode(loan.payload_mut(), None),
+        };
+        if let Err(why) = decoded {
+            return Ok(Outcome::Refused(why));
+        }
+        *loan.header_mut() = CameraFrame {
+            index: image.index,
+            stamp_nanos: image.stamp_nanos,
+            has_colour: u32::from(image.has_colour),
+            ..self.header
+        };
+        loan.send()?;
+        if let Some(notifier) = &self.notifier {
+            notifier.notify();
+        }
+        self.n_sent += 1;
+        if self.awaited.len() == MOST_AWAITED {
+            self.awaited.pop_front();
+        }
+        self.awaited.push_back((image.stamp_nanos, image.received_at));
+        Ok(Outcome::Sent)
+    }
+}
+
+/// What is said of an image beside its pixels.
+pub(crate) struct Image {
+    /// Counts the depth images of the topic, those left out too.
+    pub(crate) index: u64,
+    /// Time in the run.
+    pub(crate) stamp_nanos: i64,
+    pub(crate) has_colour: bool,
+    pub(crate) received_at: Instant,
+}

@@ -1,0 +1,233 @@
+//! `tessera-ros2` between a real run and programs of others: cyclonedds carries, rosbags reads and
+//! writes. All traffic stays on loopback, and each test has a domain of its own.
+
+#[path = "network/common.rs"]
+mod common;
+#[path = "../../tests/requirements.rs"]
+mod requirements;
+
+use common::{Network, Setup, base_from_camera, pose, room};
+use nalgebra::Isometry3;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::process::Command;
+
+/// The rows of `trajectory_online.txt`: nanoseconds and `world_from_camera`.
+fn online(setup: &Setup) -> BTreeMap<i64, Isometry3<f64>> {
+    let text = std::fs::read_to_string(setup.out().join("trajectory_online.txt")).unwrap();
+    let row = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let numbers: Vec<f64> = words[1..].iter().map(|word| word.parse().unwrap()).collect();
+        ((words[0].parse::<f64>().unwrap() * 1e6).round() as i64, pose(&numbers))
+    };
+    text.lines().filter(|line| !line.starts_with('#')).map(row).collect()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// Stamps are compared by microseconds: a file has no more digits.
+fn micros(stamp: &Value) -> i64 {
+    (stamp.as_i64().unwrap() + 500) / 1000
+}
+
+fn difference(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+    (a.translation.vector - b.translation.vector).norm() + a.rotation.angle_to(&b.rotation)
+}
+
+#[test]
+fn frames_come_in_and_poses_go_out_as_others_read_them() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(40);
+    room(setup.frames());
+    let listener = network.listen();
+    let run = setup.start();
+    let ros2 = network.join(&setup, &[]);
+    let camera = network.camera(&setup, &[]);
+    setup.finish(run);
+    let words = ros2.finish();
+    drop(camera);
+    let lines = listener.finish();
+    assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
+    assert!(words.contains("base_link is where /tf_static has it"), "{words}");
+    let unmatched = "/tessera/odom: the writer is volatile, the reader wants transient local";
+    assert!(words.contains(unmatched), "{words}");
+    let of = |topic: &str| -> Vec<&Value> { lines.iter().filter(|line| line["topic"] == topic).collect() };
+    // Every byte is one that rosbags writes too.
+    for line in lines.iter().filter(|line| line["topic"] != "ready") {
+        assert_eq!(line["same"], true, "{line}");
+    }
+    let written = online(&setup);
+    let base = base_from_camera();
+    let mut odometry = BTreeMap::new();
+    for line in of("/tessera/odom") {
+        assert_eq!((&line["frame"], &line["child"]), (&"odom".into(), &"base_link".into()));
+        let covariance = numbers(&line["covariance"]);
+        assert!(covariance.len() == 36 && (0..6).all(|k| covariance[7 * k] > 0.0), "{line}");
+        odometry.insert(micros(&line["stamp"]), pose(&numbers(&line["pose"])));
+    }
+    let mut n_compared = 0;
+    for line in of("/tf") {
+        let [map, odom] = &line["transforms"].as_array().unwrap()[..] else { panic!("{line}") };
+        assert_eq!((&map["parent"], &map["child"]), (&"map".into(), &"odom".into()));
+        assert_eq!((&odom["parent"], &odom["child"]), (&"odom".into(), &"base_link".into()));
+        let [map_from_odom, odom_from_base] = [map, odom].map(|link| pose(&numbers(&link["pose"])));
+        let at = micros(&odom["stamp"]);
+        // The same pose on both topics, and that of the run's own file once the frames are undone.
+        if let Some(odometry) = odometry.get(&at) {
+            assert!(difference(odometry, &odom_from_base) < 1e-12);
+        }
+        let Some(row) = written.get(&at) else { panic!("{at} is no time of {:?}", written.keys()) };
+        let world_from_camera = base.inverse() * map_from_odom * odom_from_base * base;
+        assert!(difference(&world_from_camera, row) < 5e-6, "{line} is not {row}");
+        n_compared += 1;
+    }
+    assert!(n_compared >= 10 && odometry.len() >= 10, "{n_compared} {}", odometry.len());
+    let path = of("/tessera/path").pop().expect("a path");
+    assert!(path["frame"] == "map" && path["poses"].as_array().unwrap().len() >= 2, "{path}");
+    let diagnostics = of("/diagnostics").pop().expect("diagnostics");
+    let status = &diagnostics["status"][0];
+    assert_eq!(status["name"], format!("tessera: {}", setup.name));
+    assert!(status["values"]["poses"].as_str().unwrap().parse::<u64>().unwrap() >= 10, "{status}");
+    assert!(status["values"]["latency ms"].is_string(), "{status}");
+}
+
+#[test]
+fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(250);
+    room(setup.frames());
+    let listener = network.listen();
+    let run = setup.start();
+    let ros2 = network.join(&setup, &[]);
+    let _camera = network.camera(&setup, &["--faults", "--rate", "20"]);
+    setup.wait_for_growth("the first frames");
+    std::fs::write(setup.frames().join("faults"), "").unwrap();
+    setup.finish(run);
+    let words = ros2.finish();
+    for told in [
+        "/camera/depth/image_rect_raw: no sensor_msgs/msg/Image",
+        "80x120 px, expected 160x120",
+        "the CameraInfo is 160x120 px, fx 170.625, expected 160x120 px, fx 131.25",
+        "images are left out until it is back",
+        "the clock jumped back by 99",
+    ] {
+        assert!(words.contains(told), "no {told:?} in\n{words}");
+    }
+    let lines = listener.finish();
+    let diagnostics: Vec<&Value> = lines.iter().filter(|line| line["topic"] == "/diagnostics").collect();
+    let values = &diagnostics.last().unwrap()["status"][0]["values"];
+    let count = |key: &str| values[key].as_str().map_or(0, |text| text.parse::<u64>().unwrap());
+    // Three of each, as far as best effort brought them.
+    for key in ["malformed messages", "unusable images"] {
+        assert!((1..=3).contains(&count(key)), "{values}");
+    }
+    assert_eq!((count("changes of the camera"), count("jumps of the clock")), (1, 1), "{values}");
+    assert!((1..=5).contains(&count("images of another camera")), "{values}");
+    // Poses go out at the camera's own times, also behind the jump.
+    let stamps: Vec<i64> = lines
+        .iter()
+        .filter(|line| line["topic"] == "/tessera/odom")
+        .map(|line| line["stamp"].as_i64().unwrap())
+        .collect();
+    let jump = stamps.windows(2).filter(|pair| pair[1] < pair[0] - 900_000_000_000).count();
+    assert_eq!(jump, 1, "{stamps:?}");
+    // In the run time goes on.
+    let written: Vec<i64> = online(&setup).into_keys().collect();
+    let span = written.last().unwrap() - written[0];
+    assert!(written.len() >= 20 && span < 100_000_000, "{written:?}");
+}
+
+#[test]
+fn the_camera_and_the_program_may_be_killed_and_the_run_goes_on() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(120);
+    room(setup.frames());
+    let run = setup.start();
+    let camera = network.camera(&setup, &[]);
+    let ros2 = network.join(&setup, &["--no-tf"]);
+    setup.wait_for_growth("the first frames");
+    // The driver dies; another one sends images of later times.
+    drop(camera);
+    let camera = network.camera(&setup, &["--start", "200"]);
+    setup.wait_for_growth("frames of the second driver");
+    // The program dies; its successor joins the run that goes on.
+    drop(ros2);
+    let ros2 = network.join(&setup, &["--no-tf"]);
+    setup.wait_for_growth("frames of the second program");
+    setup.finish(run);
+    let words = ros2.finish();
+    drop(camera);
+    assert!(words.contains("joined the run"), "{words}");
+    assert!(online(&setup).len() >= 20);
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
+
+#[test]
+fn compressed_images_are_decoded_and_run_starts_the_run() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(12);
+    room(setup.frames());
+    let camera = network.camera(&setup, &["--compressed"]);
+    let run = setup.run_arguments();
+    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
+    let ros2 = network.join(&setup, &arguments);
+    let words = ros2.finish();
+    drop(camera);
+    assert!(words.contains("/camera/depth/image_rect_raw/compressedDepth"), "{words}");
+    assert!(words.contains("colour: /camera/color/image_raw/compressed, registered to depth"), "{words}");
+    assert!(online(&setup).len() >= 8, "{words}");
+}
+
+#[test]
+fn a_run_that_was_started_ends_with_the_program() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    let run = setup.run_arguments();
+    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
+    let ros2 = network.join(&setup, &arguments);
+    setup.wait_for_growth("the first frames");
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(!online(&setup).is_empty(), "{words}");
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
+
+#[test]
+fn types_have_the_hashes_that_others_compute() {
+    let Some(python) = common::python() else { return };
+    let text = std::fs::read_to_string(common::root().join("ros2/src/carrier.rs")).unwrap();
+    let (_, table) = text.split_once("\ntypes! {\n").unwrap();
+    let (table, _) = table.split_once("\n}").unwrap();
+    let mut arguments = Vec::new();
+    for line in table.lines() {
+        let words: Vec<&str> = line.split('"').collect();
+        arguments.extend([words[1].to_owned(), format!("RIHS01_{}", words[3])]);
+    }
+    assert_eq!(arguments.len(), 14);
+    let script = common::root().join("ros2/tests/python/hashes.py");
+    let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "7");
+}
+
+#[test]
+fn what_cannot_be_is_told_before_anything_begins() {
+    let told = |arguments: &[&str], variable: (&str, &str)| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));
+        let output = command.args(arguments).env(variable.0, variable.1).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, words) = told(&["x"], ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF"));
+    assert!(code == Some(2) && words.contains("no topic would be found"), "{words}");
+    let (code, words) = told(&["x"], ("ROS_DOMAIN_ID", "300"));
+    assert!(code == Some(2) && words.contains("expected 0 to 232"), "{words}");
+    let domain = common::domain().to_string();
+    let (code, words) = told(&["x", "--camera", "no/such.toml", "--domain", &domain], ("A", ""));
+    assert!(code == Some(3) && words.contains("no/such.toml"), "{words}");
+    let (code, words) = told(&["a/b", "--domain", &domain], ("A", ""));
+    assert!(code == Some(4) && words.contains("is not usable"), "{words}");
+}

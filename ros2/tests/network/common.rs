@@ -1,0 +1,303 @@
+//! A run, a network of its own, and programs in Python that take part in it.
+
+use crate::requirements::missing;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use serde_json::{Value, json};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
+
+const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\
+                      units_per_metre = 1000.0\n";
+/// Images that a camera plays to and fro.
+const N_IMAGES: u64 = 30;
+const PACKAGES: [&str; 4] = ["cyclonedds==11.0.1", "rosbags==0.11.9", "numpy", "pillow"];
+/// Cyclone on loopback, without multicast.
+const CYCLONE: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces>\
+    <NetworkInterface address=\"127.0.0.1\" multicast=\"false\"/></Interfaces>\
+    <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
+    <MaxAutoParticipantIndex>20</MaxAutoParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers>\
+    </Discovery></Domain></CycloneDDS>";
+
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+/// Another number for each test and, as far as there are domains, for each process.
+fn number() -> u32 {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    COUNT.fetch_add(1, Ordering::Relaxed)
+}
+
+/// A domain of one's own among those whose ports lie below the ephemeral ones.
+pub(crate) fn domain() -> u32 {
+    1 + (8 * std::process::id() + number()) % 100
+}
+
+fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(180);
+    while !holds() {
+        assert!(Instant::now() < deadline, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// The command, of the newer build.
+fn tessera() -> Option<PathBuf> {
+    let places = ["debug", "release"].map(|profile| root().join("target").join(profile).join("tessera"));
+    let age = |path: &PathBuf| path.metadata().and_then(|meta| meta.modified()).ok();
+    let found = places.into_iter().filter(|path| path.is_file()).max_by_key(age);
+    if found.is_none() {
+        missing("tessera", "it is not built: cargo build");
+    }
+    found
+}
+
+/// A Python with the packages that take part; `None`, with the reason printed, without.
+pub(crate) fn python() -> Option<PathBuf> {
+    let target = Path::new(env!("CARGO_BIN_EXE_tessera-ros2")).parent()?.parent()?;
+    let folder = target.join("python-ros2");
+    let (python, done) = (folder.join("bin/python"), folder.join("packages.txt"));
+    // One test installs, others wait for it.
+    let lock = std::fs::File::create(target.join("python-ros2.lock")).ok()?;
+    lock.lock().ok()?;
+    if std::fs::read_to_string(&done).is_ok_and(|there| there == PACKAGES.join("\n")) {
+        return Some(python);
+    }
+    let mut venv = Command::new("python3");
+    venv.args(["-m", "venv", "--clear"]).arg(&folder);
+    let mut install = Command::new(&python);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(PACKAGES);
+    for mut command in [venv, install] {
+        let failed = match command.output() {
+            Ok(output) if output.status.success() => continue,
+            Ok(output) => String::from_utf8_lossy(&output.stderr).into_owned(),
+            Err(error) => error.to_string(),
+        };
+        let why = failed.lines().last().unwrap_or_default();
+        missing("python", format_args!("no Python with {PACKAGES:?}: {why}"));
+        return None;
+    }
+    std::fs::write(done, PACKAGES.join("\n")).ok()?;
+    Some(python)
+}
+
+/// A program that is killed when it is dropped, with what it printed.
+pub(crate) struct Program {
+    child: Child,
+    printed: Option<JoinHandle<String>>,
+}
+
+impl Program {
+    /// Starts it; `is_output` takes what it prints, else its errors.
+    fn start(mut command: Command, is_output: bool) -> Self {
+        command.stdin(Stdio::null());
+        if is_output {
+            command.stdout(Stdio::piped());
+        } else {
+            command.stderr(Stdio::piped());
+        }
+        let mut child = command.spawn().unwrap();
+        let mut from: Box<dyn Read + Send> = match is_output {
+            true => Box::new(child.stdout.take().unwrap()),
+            false => Box::new(child.stderr.take().unwrap()),
+        };
+        let printed = std::thread::spawn(move || {
+            let mut text = String::new();
+            let _ = from.read_to_string(&mut text);
+            text
+        });
+        Self { child, printed: Some(printed) }
+    }
+
+    /// What it printed, once it has ended by itself and well.
+    pub(crate) fn finish(mut self) -> String {
+        let mut status = None;
+        wait_for("the end of a program", || {
+            status = self.child.try_wait().unwrap();
+            status.is_some()
+        });
+        let status = status.unwrap();
+        let text = self.printed.take().unwrap().join().unwrap();
+        assert!(status.success(), "{status}: {text}");
+        text
+    }
+
+    /// Tells it to end.
+    pub(crate) fn terminate(&self) {
+        let pid = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
+    }
+
+    fn end(mut self) -> String {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        self.printed.take().unwrap().join().unwrap()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A listener to what the run publishes.
+pub(crate) struct Listener(Program);
+
+impl Listener {
+    /// Ends it; all lines that it printed whole.
+    pub(crate) fn finish(self) -> Vec<Value> {
+        let text = self.0.end();
+        text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+    }
+}
+
+/// A ROS 2 network of one's own.
+pub(crate) struct Network {
+    domain: String,
+    python: PathBuf,
+    tessera: PathBuf,
+}
+
+impl Network {
+    /// `None`, with the reason printed, where something is missing.
+    pub(crate) fn new() -> Option<Self> {
+        Some(Self { tessera: tessera()?, python: python()?, domain: domain().to_string() })
+    }
+
+    fn script(&self, name: &str) -> Command {
+        let mut command = Command::new(&self.python);
+        command.arg(root().join("ros2/tests/python").join(name)).env("CYCLONEDDS_URI", CYCLONE);
+        command
+    }
+
+    pub(crate) fn camera(&self, setup: &Setup, arguments: &[&str]) -> Program {
+        let mut command = self.script("camera.py");
+        command.arg(setup.frames()).arg(&self.domain).args(arguments);
+        Program::start(command, true)
+    }
+
+    pub(crate) fn listen(&self) -> Listener {
+        let mut command = self.script("listen.py");
+        command.arg(&self.domain);
+        Listener(Program::start(command, true))
+    }
+
+    /// Starts `tessera-ros2`.
+    pub(crate) fn join(&self, setup: &Setup, arguments: &[&str]) -> Program {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));
+        command.args([&setup.name, "--domain", &self.domain]).args(arguments);
+        for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"] {
+            command.env_remove(variable);
+        }
+        command.env("TESSERA_PROGRAM", &self.tessera);
+        Program::start(command, false)
+    }
+}
+
+/// A run with a name and a folder of its own.
+pub(crate) struct Setup {
+    pub(crate) name: String,
+    dir: tempfile::TempDir,
+    n_frames: String,
+}
+
+impl Setup {
+    pub(crate) fn new(n_frames: u64) -> Self {
+        let name = format!("test-ros2-{}-{}", std::process::id(), number());
+        Self { name, dir: tempfile::tempdir().unwrap(), n_frames: n_frames.to_string() }
+    }
+
+    pub(crate) fn out(&self) -> PathBuf {
+        self.dir.path().join("out")
+    }
+
+    pub(crate) fn frames(&self) -> &Path {
+        self.dir.path()
+    }
+
+    /// Arguments of `tessera run external` behind its name.
+    pub(crate) fn run_arguments(&self) -> Vec<String> {
+        let out = self.out().display().to_string();
+        let words = ["--quiet", "--frames", &self.n_frames, "--out", &out];
+        let settings = ["--set", "surface.step=2", "--set", "run.camera_timeout_s=120"];
+        words.into_iter().chain(settings).map(str::to_owned).collect()
+    }
+
+    pub(crate) fn start(&self) -> Program {
+        let mut command = Command::new(tessera().unwrap());
+        command.args(["run", "external", "--name", &self.name]).args(self.run_arguments());
+        Program::start(command, false)
+    }
+
+    /// Waits for the run's end; one that failed shows its log.
+    pub(crate) fn finish(&self, mut run: Program) {
+        let status = run.child.wait().unwrap();
+        let log = std::fs::read_to_string(self.out().join("log.txt")).unwrap_or_default();
+        let words = run.printed.take().unwrap().join().unwrap();
+        assert!(status.success(), "{status}: {words}\n{log}");
+    }
+
+    /// Waits until the run has journaled several frames more.
+    pub(crate) fn wait_for_growth(&self, what: &str) {
+        let len = || self.out().join("align.journal").metadata().map_or(0, |meta| meta.len());
+        let before = len();
+        wait_for(what, || len() >= before + 6000);
+    }
+
+    /// What is left of the run where runs are registered.
+    pub(crate) fn leftovers(&self) -> Vec<String> {
+        let runtime = std::env::var("XDG_RUNTIME_DIR").map(|dir| PathBuf::from(dir).join("tessera"));
+        let folders = ["/dev/shm".into(), runtime.unwrap_or_default()];
+        let items = folders.iter().flat_map(std::fs::read_dir).flatten().flatten();
+        let names = items.map(|item| item.file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.contains(&self.name)).collect()
+    }
+}
+
+/// Writes images of the room, raw, and what `camera.py` needs to know of them.
+pub(crate) fn room(folder: &Path) {
+    let camera = folder.join("camera.toml");
+    std::fs::write(&camera, CAMERA).unwrap();
+    let options = SourceOptions {
+        camera: Some(camera.display().to_string()),
+        frames: Some(N_IMAGES),
+        ..SourceOptions::default()
+    };
+    let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
+    let of = source.camera().clone();
+    let n_pixels = of.width as usize * of.height as usize;
+    let (mut depth, mut colour) = (vec![0u16; n_pixels], vec![0u8; 3 * n_pixels]);
+    let mut stamps = Vec::new();
+    for index in 0..N_IMAGES {
+        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        // Not at the beginning of time, where a clock that jumps back would meet zero.
+        stamps.push(source.read(index, &mut buffers).unwrap().stamp_nanos + 1_700_000_000_000_000_000);
+        let raw: Vec<u8> = depth.iter().flat_map(|value| value.to_le_bytes()).collect();
+        std::fs::write(folder.join(format!("d{index}.raw")), raw).unwrap();
+        std::fs::write(folder.join(format!("c{index}.raw")), &colour).unwrap();
+    }
+    let described = json!({
+        "width": of.width, "height": of.height, "fx": of.fx, "fy": of.fy, "cx": of.cx, "cy": of.cy,
+        "n": N_IMAGES, "stamps": stamps,
+    });
+    std::fs::write(folder.join("camera.json"), described.to_string()).unwrap();
+}
+
+/// A pose from translation and quaternion `x y z w`.
+pub(crate) fn pose(numbers: &[f64]) -> Isometry3<f64> {
+    let [x, y, z, qx, qy, qz, qw] = *numbers else { panic!("{numbers:?}") };
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(qw, qx, qy, qz));
+    Isometry3::from_parts(Translation3::new(x, y, z), rotation)
+}
+
+/// Where `camera.py` says on `/tf_static` that the camera is.
+pub(crate) fn base_from_camera() -> Isometry3<f64> {
+    pose(&[0.2, 0.0, 1.0, -0.5, 0.5, -0.5, 0.5])
+}

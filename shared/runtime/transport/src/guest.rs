@@ -1,0 +1,183 @@
+//! The public services for a program that is no process of the run: a camera's own program, or one
+//! that reads poses. It opens what the run has made and creates nothing.
+
+use crate::cleanup::make_private;
+use crate::error::TransportError;
+use crate::identity::RunIdentity;
+use crate::layout::Layout;
+use crate::messages::Subscriber;
+use crate::patience::{patiently, service_name};
+use crate::slices::SlicePublisher;
+use crate::wake::Notifier;
+use crate::wire::{Wire, WireElement};
+use iceoryx2::prelude::{
+    AllocationStrategy, Config, LogLevel, MessagingPattern, Node, NodeBuilder, NodeName, Service,
+    SignalHandlingMode, ipc, set_log_level_from_env_or,
+};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Message, PoseMessage, Stage};
+
+const CAMERA: &str = "camera";
+const CAMERA_FLOW: &str = "camera_flow";
+const POSES: &str = "poses";
+
+/// A foreign program's node in a run's shared memory. Single-threaded, as its ports are.
+#[derive(Debug)]
+pub struct Guest {
+    node: Node<ipc::Service>,
+    config: Config,
+}
+
+impl Guest {
+    /// Joins a run under a name that tools show.
+    ///
+    /// # Errors
+    /// Where the run's configuration is missing or no node can be made.
+    pub fn open(identity: &RunIdentity, name: &str) -> Result<Self, TransportError> {
+        set_log_level_from_env_or(LogLevel::Fatal);
+        let config = identity.load()?;
+        let node_name = NodeName::new(name).map_err(|e| TransportError::Open {
+            what: format!("a node named {name:?}"),
+            reason: format!("{e:?}"),
+        })?;
+        let node = patiently(&format!("a node in {}", identity.root.display()), None, || {
+            NodeBuilder::new()
+                .name(&node_name)
+                .config(&config)
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .create::<ipc::Service>()
+        })?;
+        make_private(identity)?;
+        Ok(Self { node, config })
+    }
+
+    /// Writes images of at most that size; `None` where the run has not made the service (yet).
+    ///
+    /// # Errors
+    /// Where the service cannot be opened.
+    pub fn camera_publisher(
+        &self,
+        shape: FrameShape,
+    ) -> Result<Option<SlicePublisher<CameraFrame, u16>>, TransportError> {
+        if !self.is_made(CAMERA)? {
+            return Ok(None);
+        }
+        let name = service_name(CAMERA)?;
+        let service = patiently("the service camera", None, || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<[WireElement<u16>]>()
+                .user_header::<Wire<CameraFrame>>()
+                .open()
+        })?;
+        let port = patiently("a publisher of camera", None, || {
+            service
+                .publisher_builder()
+                .max_loaned_samples(1)
+                .initial_max_slice_len(shape.payload_len())
+                .allocation_strategy(AllocationStrategy::Static)
+                .create()
+        })?;
+        Ok(Some(SlicePublisher { port, service: CAMERA }))
+    }
+
+    /// Reads what a camera's program is told; `None` where the run has not made the service (yet).
+    ///
+    /// # Errors
+    /// Where the service cannot be opened.
+    pub fn camera_flow_subscriber(&self) -> Result<Option<Subscriber<CameraFlow>>, TransportError> {
+        self.subscriber(CAMERA_FLOW)
+    }
+
+    /// Reads poses; `None` where the run has not made the service (yet): it does so after the
+    /// camera's first image.
+    ///
+    /// # Errors
+    /// Where the service cannot be opened.
+    pub fn pose_subscriber(&self) -> Result<Option<Subscriber<PoseMessage>>, TransportError> {
+        self.subscriber(POSES)
+    }
+
+    /// Wakes the sensor after an image was sent; `None` where the run has not made the event (yet).
+    ///
+    /// # Errors
+    /// Where the event cannot be opened.
+    pub fn sensor_notifier(&self) -> Result<Option<Notifier>, TransportError> {
+        let name = Layout::event_name(Stage::Sensor);
+        if !self.exists(&name, MessagingPattern::Event)? {
+            return Ok(None);
+        }
+        let service_name = service_name(&name)?;
+        let service = patiently(&format!("event {name}"), None, || {
+            self.node.service_builder(&service_name).event().open()
+        })?;
+        let port = patiently("a notifier of sensor", None, || service.notifier_builder().create())?;
+        Ok(Some(Notifier { port }))
+    }
+
+    fn subscriber<T: Message>(&self, name: &'static str) -> Result<Option<Subscriber<T>>, TransportError> {
+        if !self.is_made(name)? {
+            return Ok(None);
+        }
+        let service_name = service_name(name)?;
+        let service: PortFactory<ipc::Service, Wire<T>, ()> =
+            patiently(&format!("service {name} of {}", T::NAME), None, || {
+                self.node.service_builder(&service_name).publish_subscribe::<Wire<T>>().open()
+            })?;
+        let port =
+            patiently(&format!("a subscriber of {name}"), None, || service.subscriber_builder().create())?;
+        Ok(Some(Subscriber { port, service: name }))
+    }
+
+    fn is_made(&self, name: &str) -> Result<bool, TransportError> {
+        self.exists(name, MessagingPattern::PublishSubscribe)
+    }
+
+    fn exists(&self, name: &str, pattern: MessagingPattern) -> Result<bool, TransportError> {
+        ipc::Service::does_exist(&service_name(name)?, &self.config, pattern).map_err(|error| {
+            TransportError::Open { what: format!("service {name}"), reason: format!("{error:?}") }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::Link;
+    use crate::registry::RunClaim;
+    use tessera_messages::FrameShape;
+    use tessera_surface::Grid;
+
+    #[test]
+    fn a_guest_opens_what_is_made_and_creates_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let claim = RunClaim::take(&format!("test-guest-{}", std::process::id()), dir.path()).unwrap();
+        let guest = Guest::open(&claim.entry.identity, "guest").unwrap();
+        let frame = FrameShape { width: 8, height: 6 };
+        assert!(
+            guest.camera_publisher(frame).unwrap().is_none() && guest.pose_subscriber().unwrap().is_none()
+        );
+        assert!(guest.sensor_notifier().unwrap().is_none());
+        let grid = Grid { width: 0, height: 0, step: 1 };
+        let layout = Layout { frame, grid, window: 3, recent: 0, ahead: 3, live: true, external: true };
+        let link = Link::open(&claim.entry.identity, &layout, "test").unwrap();
+        let _services = link.hold_camera_services().unwrap();
+        let (images, flow) = (link.camera_subscriber().unwrap(), link.camera_flow_publisher().unwrap());
+        let listener = link.listener(Stage::Sensor).unwrap();
+        let camera = guest.camera_publisher(frame).unwrap().unwrap();
+        let told = guest.camera_flow_subscriber().unwrap().unwrap();
+        flow.send(CameraFlow { epoch: 5, ..CameraFlow::default() }).unwrap();
+        assert_eq!(told.newest().unwrap().unwrap().epoch, 5);
+        let mut loan = camera.loan(frame.n_pixels()).unwrap();
+        loan.header_mut().index = 7;
+        loan.payload_mut().fill(9);
+        loan.send().unwrap();
+        guest.sensor_notifier().unwrap().unwrap().notify();
+        assert!(listener.wait(std::time::Duration::from_secs(5)).unwrap());
+        let image = images.receive().unwrap().unwrap();
+        assert_eq!((image.header().index, image.payload()), (7, &[9; 48][..]));
+        assert!(guest.pose_subscriber().unwrap().is_none());
+        drop((image, images, flow, listener, camera, told, guest, _services, link));
+        claim.release().unwrap();
+    }
+}
