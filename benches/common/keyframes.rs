@@ -82,6 +82,8 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         workload: tessera_surface::WorkloadLevel::Full,
         state: State::Tracking,
         reason: String::new(),
+        submap: 0,
+        lost_nanos: 0,
         world_from_camera,
         world_from_odom: PoseBits::IDENTITY,
         rotation: None,
@@ -96,5 +98,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         new_keyframe,
         request: None,
         moved: Vec::new(),
+        sighting: None,
+        join: None,
     }
 }

@@ -303,6 +303,18 @@ pub fn write_scenario(folder: &Path, camera: &Path, frames: &[Option<u64>]) {
     write_lists(folder, frames.iter().enumerate().map(row));
 }
 
+/// A covered lens after 30 frames, then a place never seen, and back into the old map: a submap begins,
+/// and is joined before the end.
+pub fn lost_and_found() -> Run {
+    let run = room().with(&["--set", "mapping.submaps.after_s=0.3"]);
+    let mut frames: Vec<Option<u64>> = (0..30).map(Some).collect();
+    frames.extend([None; 5]);
+    frames.extend((10..=110).rev().map(Some));
+    let folder = run.dir.path().join("recording");
+    write_scenario(&folder, &run.dir.path().join("camera.toml"), &frames);
+    run.frames(frames.len() as u64).of(&folder)
+}
+
 /// Writes images of the room and the camera; answers their stamps, nanoseconds.
 pub fn write_images(folder: &Path, camera: &Path, n: u64) -> Vec<i64> {
     let options = tessera_sources::SourceOptions {

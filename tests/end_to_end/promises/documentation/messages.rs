@@ -307,6 +307,9 @@ fn of_frames(told: &mut Told) {
     let run = room().of(recording.dir.path());
     assert!(run.finish().success());
     told.add("a covered camera", states(&run));
+    let run = crate::common::lost_and_found();
+    assert!(run.finish().success());
+    told.add("a place never seen", states(&run));
 }
 
 const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\

@@ -1,23 +1,11 @@
 //! A camera that loses its place for good and finds it again, killed all along: the submaps that it
 //! makes, and their join, keep their bytes.
 
-use crate::common::{Run, room, write_scenario};
-
-/// A covered lens after 30 frames, then a place never seen, and back into the old map. A submap begins
-/// at frame 45 and is joined before the end.
-fn scenario() -> Run {
-    let run = room().with(&["--set", "mapping.submaps.after_s=0.3"]);
-    let mut frames: Vec<Option<u64>> = (0..30).map(Some).collect();
-    frames.extend([None; 5]);
-    frames.extend((10..=110).rev().map(Some));
-    let folder = run.dir.path().join("recording");
-    write_scenario(&folder, &run.dir.path().join("camera.toml"), &frames);
-    run.frames(frames.len() as u64).of(&folder)
-}
+use crate::common::lost_and_found;
 
 #[test]
 fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
-    let whole = scenario();
+    let whole = lost_and_found();
     assert!(whole.finish().success());
     let summary: serde_json::Value = serde_json::from_slice(&whole.output("summary.json")).unwrap();
     for (key, expected) in [("submaps", 2), ("submaps_joined", 1), ("submaps_apart", 0), ("frames_apart", 0)]
@@ -37,11 +25,12 @@ fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
         begins + 5,
         joined + 1
     );
-    let killed = scenario().with(&["--set", "flow.checkpoint_kb=1"]).with_env("TESSERA_KILL_PLAN", &plan);
+    let killed =
+        lost_and_found().with(&["--set", "flow.checkpoint_kb=1"]).with_env("TESSERA_KILL_PLAN", &plan);
     assert!(killed.finish().success(), "{plan}");
     assert!(killed.n_deaths() >= 6, "{plan}\n{}", killed.log());
     killed.assert_same_bytes(&whole, &plan);
-    let forgetful = scenario().with(&["--forget-every", "1"]);
+    let forgetful = lost_and_found().with(&["--forget-every", "1"]);
     assert!(forgetful.finish().success());
     forgetful.assert_same_bytes(&whole, "all state forgotten after each frame");
 }
