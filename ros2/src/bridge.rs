@@ -5,8 +5,9 @@ use crate::carrier::Carrier;
 use crate::dds::Dds;
 use crate::error::Ros2Error;
 use crate::input::Input;
-use crate::network::{Network, doubt_buffers};
+use crate::network::{Network, Reach, doubt_buffers};
 use crate::output::Output;
+use crate::own_sockets::keep_to_loopback;
 use crate::report::{Event, Report};
 use crate::run::{Run, Started};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,6 +38,13 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         .map_err(Ros2Error::Arguments)?;
     let mut carrier = Dds::open(&network)?;
     report.say(&carrier.words());
+    if network.reach == Reach::Loopback
+        && let Err(error) = keep_to_loopback()
+    {
+        report.say(&format!(
+            "its UDP ports are open to other networks too ({error}): close them with a firewall"
+        ));
+    }
     for words in network.warning.into_iter().chain(doubt_buffers()) {
         report.say(&words);
     }

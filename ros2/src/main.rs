@@ -16,6 +16,7 @@ mod first;
 mod input;
 mod network;
 mod output;
+mod own_sockets;
 mod pairing;
 mod path;
 mod report;
