@@ -137,7 +137,8 @@ impl Search<'_> {
             return;
         }
         self.best = Best { pose: *pose, score, guess };
-        if score.n_inliers < self.settings.min_inliers as usize {
+        // The result is refined in any case.
+        if score.n_inliers < self.settings.min_inliers as usize || self.is_guess_sure() {
             return;
         }
         if let Some(pose) = refine(self.correspondences, pose, self.settings, 2) {

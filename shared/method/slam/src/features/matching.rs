@@ -58,6 +58,7 @@ pub(crate) struct PairFinder {
     match_settings: MatchSettings,
     pose_settings: PoseSettings,
     gates: Vec<Gate>,
+    correspondences: Vec<Correspondence>,
 }
 
 impl PairFinder {
@@ -69,6 +70,7 @@ impl PairFinder {
             match_settings: MatchSettings::default(),
             pose_settings: PoseSettings { min_inliers: 12, refine_iterations: 4, ..PoseSettings::default() },
             gates: Vec::new(),
+            correspondences: Vec::new(),
         }
     }
 
@@ -96,16 +98,15 @@ impl PairFinder {
         });
         let matches =
             match_features(query.features, target.features, gates, &self.match_settings, &mut self.matching);
-        let correspondences: Vec<Correspondence> = matches
-            .iter()
-            .map(|m| Correspondence {
-                query: query.observations[m.query as usize],
-                target: target.observations[m.target as usize],
-            })
-            .collect();
+        self.correspondences.clear();
+        self.correspondences.extend(matches.iter().map(|m| Correspondence {
+            query: query.observations[m.query as usize],
+            target: target.observations[m.target as usize],
+        }));
+        let correspondences = &self.correspondences;
         let guesses = [*guess];
         let guesses = if radius_px.is_some() { &guesses[..] } else { &[] };
-        let found = estimate_pose(&correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
+        let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
         let inliers: Vec<Correspondence> =
             found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
         let sums = residuals::sums(&inliers, &found.target_from_query);

@@ -62,15 +62,15 @@ impl<'a> KeyframeAssociation<'a> {
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
         map_in_parts(
             &covisibility::pairs(poses, self.origins),
-            || self.context.matcher(),
-            |matcher, &(query, target)| self.search_one(matcher, poses, (query, target), tightness),
+            || (self.context.matcher(), PairFinder::new(self.context)),
+            |searchers, &pair| self.search_one(searchers, poses, pair, tightness),
             progress,
         )
     }
 
     fn search_one(
         &self,
-        matcher: &mut Matcher,
+        (matcher, finder): &mut (Matcher, PairFinder),
         poses: &[Pose],
         (query, target): (usize, usize),
         tightness: f32,
@@ -90,7 +90,7 @@ impl<'a> KeyframeAssociation<'a> {
             })
         });
         let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
-        let seen = self.seen_by_both(poses, (query, target), reach);
+        let seen = self.seen_by_both(finder, poses, (query, target), reach);
         // What shares many features overlaps, however little depth there is.
         let is_seen = seen.as_ref().is_some_and(|pair| pair.sums.n >= MIN_FEATURES);
         let tested = tested.map(|tested| match tested.verdict {
@@ -118,6 +118,7 @@ impl<'a> KeyframeAssociation<'a> {
     /// Features that two keyframes share, looked for once near where their poses predict them.
     fn seen_by_both(
         &self,
+        finder: &mut PairFinder,
         poses: &[Pose],
         (query, target): (usize, usize),
         reach: Reach,
@@ -129,7 +130,9 @@ impl<'a> KeyframeAssociation<'a> {
         let sides = [query, target].map(|k| self.matchable[k].seen());
         let guess = poses[target].inverse() * poses[query];
         let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
-        PairFinder::new(self.context).find(self.context, sides, &guess, reach, seed).map(Arc::new)
+        let found = finder.find(self.context, sides, &guess, reach, seed);
+        // Their sums are all that the graph needs.
+        found.map(|pair| Arc::new(FeaturePair { inliers: Vec::new(), ..pair }))
     }
 
     /// Pairs by appearance for the keyframes that no loop holds yet.
