@@ -1,19 +1,16 @@
 //! The public services for a program that is no process of the run: a camera's own program, or one
 //! that reads poses. It opens what the run has made and creates nothing.
 
-use crate::cleanup::make_private;
 use crate::error::TransportError;
 use crate::identity::RunIdentity;
 use crate::layout::Layout;
 use crate::messages::Subscriber;
+use crate::node::open_node;
 use crate::patience::{patiently, service_name};
 use crate::slices::SlicePublisher;
 use crate::wake::Notifier;
 use crate::wire::{Wire, WireElement};
-use iceoryx2::prelude::{
-    AllocationStrategy, Config, LogLevel, MessagingPattern, Node, NodeBuilder, NodeName, Service,
-    SignalHandlingMode, ipc, set_log_level_from_env_or,
-};
+use iceoryx2::prelude::{AllocationStrategy, Config, MessagingPattern, Node, Service, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Message, PoseMessage, Stage};
 
@@ -34,20 +31,7 @@ impl Guest {
     /// # Errors
     /// Where the run's configuration is missing or no node can be made.
     pub fn open(identity: &RunIdentity, name: &str) -> Result<Self, TransportError> {
-        set_log_level_from_env_or(LogLevel::Fatal);
-        let config = identity.load()?;
-        let node_name = NodeName::new(name).map_err(|e| TransportError::Open {
-            what: format!("a node named {name:?}"),
-            reason: format!("{e:?}"),
-        })?;
-        let node = patiently(&format!("a node in {}", identity.root.display()), None, || {
-            NodeBuilder::new()
-                .name(&node_name)
-                .config(&config)
-                .signal_handling_mode(SignalHandlingMode::Disabled)
-                .create::<ipc::Service>()
-        })?;
-        make_private(identity)?;
+        let (node, config) = open_node(identity, name)?;
         Ok(Self { node, config })
     }
 

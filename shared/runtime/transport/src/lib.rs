@@ -13,6 +13,7 @@ mod identity;
 mod layout;
 mod link;
 mod messages;
+mod node;
 mod nodes;
 mod patience;
 mod ports;

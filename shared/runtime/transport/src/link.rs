@@ -1,18 +1,16 @@
 //! A process's place in a run: its node, and how ports are made by the table.
 
-use crate::cleanup::{Cleaned, clean_dead_nodes, make_private};
+use crate::cleanup::{Cleaned, clean_dead_nodes};
 use crate::error::TransportError;
 use crate::identity::RunIdentity;
 use crate::layout::{Layout, Service, slice_type};
 use crate::messages::{Publisher, Subscriber};
+use crate::node::open_node;
 use crate::patience::{patiently, service_name};
 use crate::slices::{SlicePublisher, SliceSubscriber};
 use crate::wake::{Listener, Notifier};
 use crate::wire::{Wire, WireElement};
-use iceoryx2::prelude::{
-    AllocationStrategy, Config, LogLevel, Node, NodeBuilder, NodeName, SignalHandlingMode, ipc,
-    set_log_level_from_env_or,
-};
+use iceoryx2::prelude::{AllocationStrategy, Config, Node, ipc};
 use tessera_messages::{
     Beat, CameraFlow, CameraFrame, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes,
     SurfaceHeader,
@@ -95,21 +93,7 @@ impl Link {
     /// # Errors
     /// Where the run's configuration is missing or no node can be made.
     pub fn open(identity: &RunIdentity, layout: &Layout, name: &str) -> Result<Self, TransportError> {
-        set_log_level_from_env_or(LogLevel::Fatal);
-        let config = identity.load()?;
-        let node_name = NodeName::new(name).map_err(|e| TransportError::Open {
-            what: format!("a node named {name:?}"),
-            reason: format!("{e:?}"),
-        })?;
-        let node = patiently(&format!("a node in {}", identity.root.display()), None, || {
-            NodeBuilder::new()
-                .name(&node_name)
-                .config(&config)
-                .signal_handling_mode(SignalHandlingMode::Disabled)
-                .create::<ipc::Service>()
-        })?;
-        // The first node of a process closes the folder to other users.
-        make_private(identity)?;
+        let (node, config) = open_node(identity, name)?;
         Ok(Self { node, config, identity: identity.clone(), layout: *layout })
     }
 

@@ -22,6 +22,7 @@ mod trajectories;
 pub mod verdict;
 mod voxels;
 mod words;
+mod wrong_camera;
 
 pub use colour::ColourSummary;
 pub use error::ToolError;

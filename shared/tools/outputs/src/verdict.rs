@@ -4,6 +4,7 @@
 
 use crate::facts::{Facts, Span};
 use crate::statistics::Ended;
+use crate::wrong_camera::{lens, units};
 use serde::Serialize;
 use std::fmt;
 
@@ -24,12 +25,6 @@ const DROPPED_DOUBTFUL: f64 = 0.05;
 const BROKEN_DOUBTFUL: f64 = 0.01;
 /// Rejected loops from which on they are a reason, where they outnumber the closed ones.
 const MANY_REJECTED: u64 = 3;
-/// Factor of lengths against the ground truth from which on the units are wrong.
-const WRONG_UNITS: f64 = 2.0;
-/// Depth units of cameras and data sets, a metre.
-const USUAL_UNITS: [f64; 6] = [256.0, 1000.0, 2000.0, 4000.0, 5000.0, 10_000.0];
-/// Relative difference of focal lengths from which on the lens is wrong.
-const WRONG_LENS: f64 = 0.04;
 /// Spans of frames that are listed.
 const MOST_SPANS: usize = 3;
 
@@ -125,7 +120,7 @@ pub fn verdict(facts: &Facts) -> Verdict {
     Verdict { grade: reasons.first().map_or(Grade::Good, |reason| reason.grade), reasons }
 }
 
-fn reason(grade: Grade, found: String, advice: &str) -> Reason {
+pub(crate) fn reason(grade: Grade, found: String, advice: &str) -> Reason {
     let advice = if grade == Grade::Good { String::new() } else { advice.to_owned() };
     Reason { grade, found, advice }
 }
@@ -261,44 +256,6 @@ fn rejected_loops(facts: &Facts) -> Option<Reason> {
     let grade = if is_many { Grade::Doubtful } else { Grade::Good };
     let found = format!("{rejected} verified loops rejected by the optimisation, {closed} closed");
     Some(reason(grade, found, "tessera report: its table of loops says which places contradict each other"))
-}
-
-fn units(facts: &Facts) -> Option<Reason> {
-    let truth = facts.truth?;
-    let scale = truth.scale;
-    if !truth.is_telling || (1.0 / WRONG_UNITS..=WRONG_UNITS).contains(&scale) {
-        return None;
-    }
-    let units = facts.units_per_metre;
-    let likely = likely_units(units / scale);
-    let likely = if USUAL_UNITS.contains(&likely) { likely.to_string() } else { format!("about {likely}") };
-    let found = format!(
-        "against the ground truth all lengths are {:.2} times too {}: units_per_metre = {units} is wrong, {likely} is likely",
-        scale.max(1.0 / scale),
-        if scale > 1.0 { "small" } else { "large" },
-    );
-    Some(reason(Grade::Failed, found, "the right units_per_metre in the camera file (docs/own_camera.md)"))
-}
-
-/// The usual units nearest to what was measured.
-fn likely_units(measured: f64) -> f64 {
-    let ratio = |units: f64| (units / measured).max(measured / units);
-    let nearest = USUAL_UNITS.into_iter().min_by(|a, b| ratio(*a).total_cmp(&ratio(*b)));
-    nearest.filter(|units| ratio(*units) < 1.2).unwrap_or(measured.round())
-}
-
-/// What the refinement of the camera says of its focal length.
-fn lens(facts: &Facts) -> Option<Reason> {
-    let [from, to] = facts.refined_focal_px?;
-    let off = (to - from) / from;
-    if !(off.abs() > WRONG_LENS) {
-        return None;
-    }
-    let found = format!(
-        "the frames fit a focal length of {to:.0} px better than the camera's {from:.0} px ({:+.0} %)",
-        100.0 * off
-    );
-    Some(reason(Grade::Doubtful, found, "run again with --camera camera_refined.toml, or tessera calibrate"))
 }
 
 #[cfg(test)]
