@@ -8,7 +8,7 @@ use std::path::Path;
 use tessera_lab::ablation::{Peers, Plan, Tables, columns, ground_truth, markdown, measure, svg};
 use tessera_sources::{Source, SourceOptions, SourceSpec};
 
-/// Runs all columns on all sequences, prints both tables and writes the plot.
+/// Runs all columns on all sequences, prints the tables and writes the plot.
 pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> {
     let internal = |error: &dyn std::fmt::Display| CommandError::stage(error.to_string());
     let plan = Plan {

@@ -183,8 +183,9 @@ fn reconstruction_alone(
 
 fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Records, n: usize) {
     println!(
-        "{sequence} seed {seed}: {n} frames, {} keyframes, {} corrections, {} untracked",
+        "{sequence} seed {seed}: {n} frames, {} keyframes ({} culled), {} corrections, {} untracked",
         records.n_keyframes(),
+        records.n_culled(),
         records.n_corrections(),
         records.n_untracked()
     );

@@ -359,6 +359,11 @@ impl Records {
         self.frames().filter(|f| f.new_keyframe.is_some()).count()
     }
 
+    /// Keyframes that were culled.
+    pub fn n_culled(&self) -> usize {
+        self.frames().filter_map(|f| f.new_keyframe.as_ref()).map(|k| k.retires.len()).sum()
+    }
+
     /// Corrections applied, the final one included.
     pub fn n_corrections(&self) -> usize {
         self.records.iter().filter(|r| matches!(r, AlignRecord::Correction(_))).count()

@@ -34,16 +34,16 @@ fn a_thinned_map_still_knows_where_the_camera_is() {
     }
     assert_eq!(most_active, BUDGET as usize);
     assert!(some.n_corrections() > 0, "nothing was optimised");
-    // A correction tells of every keyframe, and memory for frames is not kept.
+    // A correction tells of every keyframe.
     let last = some.records.iter().rev().find_map(|record| match record {
         AlignRecord::Correction(applied) => Some(&applied.correction),
         _ => None,
     });
     assert_eq!(last.map(|c| c.keyframes.len()), Some(some.n_keyframes()));
-    assert!(some.frames().all(|frame| frame.blocks.is_empty()));
 
     let (full_m, thin_m) = (ate_m(&source, &indices, &all.last()), ate_m(&source, &indices, &some.last()));
     // A keyframe every 22 degrees instead of every 6.
+    println!("{thin_m} m with a budget, {full_m} m without");
     assert!(full_m < 0.01 && thin_m < 0.02, "{thin_m} m with a budget, {full_m} m without");
 
     // The same from the records alone, as an optimiser that restarted reads them.

@@ -1,9 +1,10 @@
-//! A map of bounded size: keyframes beyond the budget leave the working map.
+//! A map as dense as it needs to be (method 12.2): keyframes near others, and those beyond a budget,
+//! leave the working map.
 //!
-//! The keyframe with the nearest neighbour is culled, so that the map is thinned where it is densest
-//! and every place keeps a view. A culled keyframe is anchored to that neighbour by the pose between
-//! them; its surface stays in the store for the outputs, and nothing is aligned to it any more. The
-//! choice is journaled, so that a replay does the same.
+//! Of those that have another keyframe near, the one with the least room around it is culled, so that
+//! the map is thinned where it is densest and every place keeps a view. A culled keyframe is anchored
+//! to its neighbour by the pose between them; its surface stays in the store for the outputs, and
+//! nothing is aligned to it any more. The choice is journaled, so that a replay does the same.
 
 use crate::map::records::RetiredRecord;
 use crate::map::state::{KeyframeState, TrackerState};
@@ -14,11 +15,17 @@ use tessera_geometry::Pose;
 
 /// The newest keyframes, which are never culled: the window and the next loop test need them.
 const NEWEST: usize = 5;
+/// Keyframes of a map that is small enough to be kept whole: each one's surface has noise of its own,
+/// which the others average out.
+const KEPT_WHOLE: usize = 40;
 /// Keyframes culled at a time: one for the new keyframe, and one more where a run starts in a map
-/// beyond its budget.
+/// that is too dense or beyond its budget.
 const MOST_AT_A_TIME: usize = 2;
+/// Distance that a turn of one radian counts as: a degree is a centimetre.
+const METRES_PER_RADIAN: f64 = 0.573;
 
 /// Pose of a keyframe of the working map.
+#[derive(Clone, Copy)]
 struct View {
     id: u32,
     component: u32,
@@ -32,65 +39,99 @@ impl View {
         let (centre, axis) = (pose.translation.vector, pose.rotation * Vector3::z());
         Self { id: keyframe.id, component: submaps.component(keyframe.submap), centre, axis }
     }
+
+    /// Distance of the centres and the angle between the optical axes together, metres.
+    fn distance_m(&self, other: &Self) -> f64 {
+        let turn = METRES_PER_RADIAN * (self.axis - other.axis).norm();
+        ((self.centre - other.centre).norm_squared() + turn * turn).sqrt()
+    }
 }
 
-/// Keyframes to cull when one more is made; none without a budget.
+/// A view that could be culled.
+struct Candidate {
+    id: u32,
+    nearest: u32,
+    nearest_m: f64,
+    /// Distances to the two nearest others, metres: a view between two others is needed less than one
+    /// beyond them.
+    room_m: f64,
+}
+
+/// Keyframes to cull when one more is made.
 pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<RetiredRecord> {
-    let budget = settings.keyframe.budget as usize;
-    let n_active = state.keyframes.iter().filter(|k| k.is_active()).count() + 1;
-    if budget == 0 || n_active <= budget {
-        return Vec::new();
-    }
     let active = state.keyframes.iter().filter(|k| k.is_active());
     let mut views: Vec<View> = active.map(|k| View::of(&state.submaps, k)).collect();
+    let budget = if settings.keyframe.budget == 0 { usize::MAX } else { settings.keyframe.budget as usize };
     let mut culled = Vec::new();
-    for _ in 0..(n_active - budget).min(MOST_AT_A_TIME) {
-        let Some((place, anchored_to)) = least_needed(&views, settings) else { break };
-        let keyframe = views.remove(place).id;
-        culled.push(RetiredRecord { keyframe, anchored_to });
+    // With the new one.
+    while views.len() + 1 > budget.min(KEPT_WHOLE) && culled.len() < MOST_AT_A_TIME {
+        let Some(candidate) = least_needed(&views) else { break };
+        let is_redundant =
+            candidate.nearest_m < settings.keyframe.redundant_within_m && views.len() + 1 > KEPT_WHOLE;
+        if !is_redundant && views.len() + 1 <= budget {
+            break;
+        }
+        views.retain(|view| view.id != candidate.id);
+        culled.push(RetiredRecord { keyframe: candidate.id, anchored_to: candidate.nearest });
     }
     culled
 }
 
-/// Place of the view that has another one nearest to it, and that other one's keyframe; the newest
-/// among equals. The first keyframe of each component is the origin of its gauge and stays.
-fn least_needed(views: &[View], settings: &MappingSettings) -> Option<(usize, u32)> {
-    let window = &settings.window;
-    let per_square_metre = 1.0 / (window.radius_m * window.radius_m).max(1e-12);
-    let per_turn = 1.0 / (1.0 - libm::cos(window.angle_deg.to_radians())).max(1e-12);
-    let apart = |a: &View, b: &View| {
-        (a.centre - b.centre).norm_squared() * per_square_metre + (1.0 - a.axis.dot(&b.axis)) * per_turn
+/// The view with the least room among those that are not the newest; the newest among equals. The
+/// first keyframe of each component is the origin of its gauge and stays.
+fn least_needed(views: &[View]) -> Option<Candidate> {
+    let settled = &views[..views.len().saturating_sub(NEWEST)];
+    let mut by_x: Vec<&View> = settled.iter().collect();
+    by_x.sort_by(|a, b| a.centre.x.total_cmp(&b.centre.x).then(a.id.cmp(&b.id)));
+    let is_first = |view: &View| {
+        settled
+            .iter()
+            .find(|other| other.component == view.component)
+            .is_some_and(|first| first.id == view.id)
     };
-    let end = views.len().saturating_sub(NEWEST);
-    let mut best: Option<(f64, usize, u32)> = None;
-    for place in (1..end).rev() {
-        let component = views[place].component;
-        if views[..place].iter().all(|view| view.component != component) {
-            continue;
-        }
-        for (other, view) in views.iter().enumerate().filter(|(_, view)| view.component == component) {
-            let distance = apart(&views[place], view);
-            if other != place && best.is_none_or(|(least, ..)| distance < least) {
-                best = Some((distance, place, view.id));
-            }
-        }
-    }
-    best.map(|(_, place, anchored_to)| (place, anchored_to))
+    let candidates = (0..by_x.len()).filter(|at| !is_first(by_x[*at])).filter_map(|at| candidate(&by_x, at));
+    candidates.min_by(|a, b| a.room_m.total_cmp(&b.room_m).then(b.id.cmp(&a.id)))
 }
 
-/// Poses of all keyframes from those of the active ones: the others move along with
-/// their anchors.
+/// A view with its two nearest others of the same component; `None` where it has none. `by_x`: sorted
+/// by the x of their centres, so that most need not be looked at.
+fn candidate(by_x: &[&View], at: usize) -> Option<Candidate> {
+    let view = by_x[at];
+    let (mut nearest, mut first_m, mut second_m) = (None, f64::INFINITY, f64::INFINITY);
+    let mut look = |other: &View| {
+        let is_beyond = (other.centre.x - view.centre.x).abs() > second_m;
+        if !is_beyond && other.component == view.component {
+            let distance_m = view.distance_m(other);
+            if distance_m < first_m {
+                (nearest, first_m, second_m) = (Some(other.id), distance_m, first_m);
+            } else {
+                second_m = second_m.min(distance_m);
+            }
+        }
+        !is_beyond
+    };
+    let _ = by_x[..at].iter().rev().all(|other| look(other));
+    let _ = by_x[at + 1..].iter().all(|other| look(other));
+    // One of two views has no second neighbour.
+    let room_m = first_m + if second_m.is_finite() { second_m } else { first_m };
+    Some(Candidate { id: view.id, nearest: nearest?, nearest_m: first_m, room_m })
+}
+
+/// Poses of all keyframes from those of the active ones and of the `culled` ones that were solved for,
+/// by id: the others move along with their anchors.
 pub(crate) fn with_retired(
     keyframes: &[KeyframeState],
     active: &[KeyframeState],
     solved: &[Pose],
+    culled: &[(u32, Pose)],
 ) -> Vec<Pose> {
     let solved_of = |id: u32| active.binary_search_by_key(&id, |k| k.id).ok().and_then(|k| solved.get(k));
     keyframes
         .iter()
         .map(|keyframe| {
             let old = Pose::from(&keyframe.world_from_camera);
-            if let Some(pose) = solved_of(keyframe.id) {
+            let solved_for = || culled.binary_search_by_key(&keyframe.id, |c| c.0).ok().map(|k| &culled[k].1);
+            if let Some(pose) = solved_of(keyframe.id).or_else(solved_for) {
                 return *pose;
             }
             let anchor = keyframe.anchored_to.and_then(|id| keyframes.get(id as usize));
@@ -136,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_densest_place_is_thinned_and_the_ends_stay() {
+    fn beyond_a_budget_the_densest_place_is_thinned_and_the_ends_stay() {
         // Close pairs stand at the origin, in the middle and among the newest; only the middle may go.
         let x = [0.0, 0.001, 0.2, 0.4, 0.41, 0.6, 0.8, 1.0, 1.2, 1.2, 1.2, 1.2, 1.2];
         let mut state = line(&x[1..]);
@@ -144,9 +185,37 @@ mod tests {
         assert_eq!(culled(&state, &settings(13)), []);
         let expected = RetiredRecord { keyframe: 3, anchored_to: 2 };
         assert_eq!(culled(&state, &settings(12)), [expected]);
-        assert_eq!(culled(&state, &settings(5)).len(), MOST_AT_A_TIME);
+        assert_eq!(culled(&state, &settings(10)).len(), MOST_AT_A_TIME);
         state = line(&x);
         assert_eq!(culled(&state, &settings(13)), [RetiredRecord { keyframe: 1, anchored_to: 0 }]);
+    }
+
+    #[test]
+    fn a_large_map_loses_what_others_see_as_well() {
+        // Half a metre apart, but for one between two of them and a pair among the newest.
+        let mut x: Vec<f64> = (0..KEPT_WHOLE as u32).map(|k| 0.5 * f64::from(k)).collect();
+        x.insert(20, 9.56);
+        x.push(19.51);
+        let expected = RetiredRecord { keyframe: 20, anchored_to: 19 };
+        assert_eq!(culled(&line(&x), &settings(0)), [expected]);
+        assert_eq!(culled(&line(&x[5..]), &settings(0)), [], "small enough to be kept whole");
+        let mut kept = settings(0);
+        kept.keyframe.redundant_within_m = 0.05;
+        assert_eq!(culled(&line(&x), &kept), [], "far enough");
+        // Another direction is another view.
+        let mut turned = line(&x);
+        let turn = tessera_geometry::exp(&tessera_geometry::Twist {
+            rho: Vector3::zeros(),
+            phi: Vector3::new(0.0, 0.1, 0.0),
+        });
+        turned.keyframes[20].world_from_camera = PoseBits::from(&(Pose::translation(9.56, 0.0, 0.0) * turn));
+        assert_eq!(culled(&turned, &settings(0)), []);
+    }
+
+    #[test]
+    fn a_view_between_two_others_goes_before_one_at_the_end_of_a_row() {
+        let state = line(&[0.0, 5.0, 5.05, 5.11, 9.0, 9.0, 9.0, 9.0, 9.0]);
+        assert_eq!(culled(&state, &settings(9)), [RetiredRecord { keyframe: 2, anchored_to: 1 }]);
     }
 
     #[test]
@@ -169,7 +238,7 @@ mod tests {
         let active: Vec<KeyframeState> = state.keyframes.iter().filter(|k| k.is_active()).cloned().collect();
         assert_eq!(active.iter().map(|k| k.id).collect::<Vec<_>>(), [0, 3]);
         let solved = [Pose::identity(), Pose::translation(0.3, 1.0, 0.0)];
-        let all = with_retired(&state.keyframes, &active, &solved);
+        let all = with_retired(&state.keyframes, &active, &solved, &[]);
         let expected = [[0.0, 0.0], [0.1, 1.0], [0.2, 1.0], [0.3, 1.0]];
         for (pose, [x, y]) in all.iter().zip(expected) {
             let t = pose.translation.vector;

@@ -68,8 +68,7 @@ pub struct FrameRecord {
     pub entropy_nats: f64,
     /// What its features say of colour; nothing where too few match.
     pub colour: Option<ColourRecord>,
-    /// Matches with the keyframes of the window, so that the frame can be solved again; none where
-    /// the map has a budget: the frame then follows its reference keyframe.
+    /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
     /// Keyframes of the window that moved with this frame, because what was seen long ago
     /// contradicted what was seen just now (method 7).

@@ -30,6 +30,8 @@ pub(crate) struct KeyframeAssociation<'a> {
     pub(crate) matchable: Vec<Matchable<'a>>,
     /// Loops that are not tested again.
     pub(crate) known: KnownLoops,
+    /// Pairs that are part of each iteration as they are.
+    pub(crate) fixed_pairs: Vec<Pair>,
     /// Features by ids of the newer and the older keyframe, where they were looked for.
     seen: SeenPairs,
     /// The tests of the present pairs; `None` for odometry.
@@ -56,7 +58,8 @@ impl<'a> KeyframeAssociation<'a> {
         known: KnownLoops,
     ) -> Self {
         let (seen, tests, rejected) = (SeenPairs::new(), Vec::new(), Vec::new());
-        Self { context, keyframes, origins, matchable, known, seen, tests, rejected }
+        let fixed_pairs = Vec::new();
+        Self { context, keyframes, origins, matchable, known, fixed_pairs, seen, tests, rejected }
     }
 
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
@@ -192,6 +195,7 @@ impl DataAssociation for KeyframeAssociation<'_> {
         progress: &mut dyn FnMut(),
     ) -> Vec<Pair> {
         self.context.steps.enter(Step::Search);
+        let poses = &poses[..self.keyframes.len()];
         let found = self.search(poses, iteration.tightness, progress);
         let ids = |pair: &Pair| (self.keyframes[pair.query].id, self.keyframes[pair.target].id);
         self.known.extend(found.iter().filter_map(|f| Some((ids(&f.pair), f.tested?))));
@@ -211,6 +215,7 @@ impl DataAssociation for KeyframeAssociation<'_> {
         if iteration.index == 0 {
             self.recognise(&mut pairs, progress);
         }
+        pairs.extend_from_slice(&self.fixed_pairs);
         self.context.steps.enter(Step::Solve);
         pairs
     }

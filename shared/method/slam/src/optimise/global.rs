@@ -9,7 +9,9 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::KeyframeAssociation;
+use crate::optimise::culled::CulledKeyframes;
 use crate::optimise::held::held;
+use crate::optimise::refine::FrameHistory;
 use crate::optimise::sample_cache::Drawn;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
@@ -21,7 +23,10 @@ use tessera_surface::SurfaceView;
 
 /// The outcome of an optimisation.
 pub(crate) struct Solution {
+    /// Poses of the active keyframes.
     pub(crate) poses: Vec<Pose>,
+    /// Poses of the culled keyframes that were solved for, by id.
+    pub(crate) culled: Vec<(u32, Pose)>,
     /// Loop pairs of the last outer iteration.
     pub(crate) loops: Vec<LoopRecord>,
     pub(crate) outer_iterations: u32,
@@ -43,6 +48,9 @@ pub(crate) struct Start<'a> {
     pub(crate) drawn: &'a Drawn,
     /// Loops that are not tested again.
     pub(crate) known: &'a KnownLoops,
+    /// The frames of this run by its number among those of the map, where culled keyframes are
+    /// solved for as well; otherwise they move along with their anchors.
+    pub(crate) history: Option<(u32, &'a dyn FrameHistory)>,
     pub(crate) outer_iterations: u32,
 }
 
@@ -70,9 +78,16 @@ fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()
     let Start { context, active: keyframes, known, .. } = *start;
     let matchable = matchable(context, keyframes, start.surfaces, start.drawn, progress);
     let origins = submaps.origins(keyframes);
+    let culled = start.history.map_or_else(CulledKeyframes::default, |(session, history)| {
+        CulledKeyframes::of(context, start.keyframes, submaps, session, history)
+    });
+    let vertices = keyframes.iter().chain(culled.ids().iter().map(|id| &start.keyframes[*id as usize]));
+    let poses: Vec<Pose> = vertices.map(|k| Pose::from(&k.world_from_camera)).collect();
+    let mut is_fixed = gauges(&origins);
+    is_fixed.resize(poses.len(), false);
     let problem = MultiEdge {
-        poses: keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect(),
-        is_fixed: gauges(&origins),
+        poses,
+        is_fixed,
         priors: Vec::new(),
         schedule: Schedule::shrinking(start.outer_iterations, INNER_ITERATIONS),
         kernel: Some(GemanMcClure {
@@ -82,13 +97,16 @@ fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()
         isa: context.registration.isa,
     };
     let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
+    association.fixed_pairs = culled.pairs(keyframes);
     let solved = problem.solve(&mut association, progress);
     context.steps.leave();
     let loops = association.loop_records(&solved);
     let (outer_iterations, n_rounds) = (solved.outer_iterations, solved.n_rounds);
     let held = held(submaps.n(), &loops, start.keyframes);
     let submaps = if solved.is_solved { held } else { submaps.clone() };
-    Solution { poses: solved.graph.poses, loops, submaps, outer_iterations, n_rounds }
+    let mut poses = solved.graph.poses;
+    let culled = culled.ids().iter().copied().zip(poses.split_off(keyframes.len())).collect();
+    Solution { poses, culled, loops, submaps, outer_iterations, n_rounds }
 }
 
 /// All keyframes with their samples, drawn or known from an earlier optimisation.

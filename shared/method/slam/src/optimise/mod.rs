@@ -1,6 +1,7 @@
 //! Global optimisation of all keyframes (III-G), and what follows from it for the frames.
 
 pub(crate) mod association;
+pub(crate) mod culled;
 pub(crate) mod global;
 pub(crate) mod held;
 pub(crate) mod interpolation;

@@ -163,10 +163,11 @@ impl Optimiser {
             surfaces,
             drawn: &self.drawn,
             known: &self.known,
+            history: request.is_final.then_some((self.state.session, history)),
             outer_iterations: iterations,
         };
         let solution = global::solve(&start, submaps, progress);
-        let poses = with_retired(keyframes, &active, &solution.poses);
+        let poses = with_retired(keyframes, &active, &solution.poses, &solution.culled);
         self.context.steps.enter(Step::Refine);
         let frames =
             if request.is_final { self.refine(&poses, &solution.submaps, history) } else { Vec::new() };
@@ -217,7 +218,7 @@ impl Optimiser {
     ) -> Refinement {
         match refine_camera(&self.context, active, surfaces, solution, progress) {
             Ok(found) => {
-                let poses = with_retired(keyframes, active, &found.world_from_camera);
+                let poses = with_retired(keyframes, active, &found.world_from_camera, &[]);
                 Refinement::Refined(Box::new(RefinedCamera {
                     moved_px: found.moved_px,
                     n_held: found.held.len() as u32,

@@ -18,8 +18,11 @@ pub struct KeyframeSettings {
     /// Frames after a keyframe before the entropy tests may trigger.
     #[serde(skip)]
     pub min_frames: u32,
-    /// Keyframes of the working map at most; 0: no limit. Those beyond it are culled: nothing is
-    /// aligned to them any more, and frames are not solved again at the end.
+    /// Distance to another keyframe below which one is culled, metres, a degree as a centimetre:
+    /// nothing is aligned to it any more. 0: none is.
+    pub redundant_within_m: f64,
+    /// Keyframes of the working map at most; 0: no limit. Those beyond it are culled too, those with
+    /// the least room first.
     pub budget: u32,
 }
 
@@ -31,6 +34,7 @@ impl Default for KeyframeSettings {
             entropy_gain_nats: 4.0,
             entropy_ratio: 0.0,
             min_frames: 3,
+            redundant_within_m: 0.075,
             budget: 0,
         }
     }
@@ -44,6 +48,7 @@ impl KeyframeSettings {
         check_range("keyframe.entropy_gain_nats", self.entropy_gain_nats, 0.0, 1e3)?;
         check_range("keyframe.entropy_ratio", self.entropy_ratio, 0.0, 1.0)?;
         check_range("keyframe.min_frames", self.min_frames.into(), 1.0, 1e6)?;
+        check_range("keyframe.redundant_within_m", self.redundant_within_m, 0.0, 10.0)?;
         if self.budget != 0 {
             check_range("keyframe.budget", self.budget.into(), 10.0, 2000.0)?;
         }

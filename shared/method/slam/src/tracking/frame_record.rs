@@ -36,7 +36,7 @@ pub(crate) fn frame_record(
         n_correspondences: a.n_matches(),
         velocity: a.velocity.to_vector().into(),
         entropy_nats: entropy(input, aligner, aligned).unwrap_or(f64::NAN),
-        blocks: blocks(input, aligned),
+        blocks: blocks(aligned),
         new_keyframe,
         ..record_at(input, &a.world_from_camera)
     }
@@ -118,12 +118,8 @@ fn reason(aligned: &WindowAlignment) -> String {
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-/// Sums of the matches with each keyframe of the window; none in a map with a budget, which keeps
-/// nothing for each frame.
-fn blocks(input: &TrackingInput<'_>, aligned: &WindowAlignment) -> Vec<BlockRecord> {
-    if input.context.mapping.keyframe.budget != 0 {
-        return Vec::new();
-    }
+/// Sums of the matches with each keyframe of the window.
+fn blocks(aligned: &WindowAlignment) -> Vec<BlockRecord> {
     let pairs = aligned.members.iter().zip(&aligned.alignment.blocks);
     let block = |(member, (origin, sums)): (&Member, &(Pose, tessera_graph::BlockSums))| match member {
         Member::Keyframe(keyframe) => Some(BlockRecord {

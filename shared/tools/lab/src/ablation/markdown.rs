@@ -1,6 +1,6 @@
-//! Both tables as Markdown.
+//! The tables as Markdown.
 
-use super::table::{Spread, Tables};
+use super::table::{Spread, Tables, Whole};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -10,6 +10,8 @@ pub fn markdown(tables: &Tables) -> String {
     initial_alignments(tables, &mut text);
     text.push('\n');
     whole_system(tables, &mut text);
+    text.push('\n');
+    parts(tables, &mut text);
     text
 }
 
@@ -77,6 +79,30 @@ fn whole_system(tables: &Tables, text: &mut String) {
     }
 }
 
+fn parts(tables: &Tables, text: &mut String) {
+    let Tables { whole_base, seeds, .. } = tables;
+    let _ =
+        writeln!(text, "ATE RMSE in m / RPE RMSE online in m/s of the whole system (preset {whole_base})");
+    let _ = writeln!(text, "without each of its parts.");
+    let _ = writeln!(text, "{}\n", seed_words(*seeds));
+    let names = tables.rows.iter().map(|r| r.sequence.clone());
+    let _ = writeln!(text, "{}", row("without".into(), names));
+    let _ = writeln!(text, "|-|{}", "-|".repeat(tables.rows.len()));
+    let both = |w: &Whole| {
+        let lost = match w.frames_untracked {
+            0 => String::new(),
+            n => format!(", {n} not tracked"),
+        };
+        format!("{} / {}{lost}", number(&w.ate_m, *seeds), number(&w.rpe_online_m_per_s, *seeds))
+    };
+    let whole = tables.rows.iter().map(|r| both(&r.whole));
+    let _ = writeln!(text, "{}", row("nothing".into(), whole));
+    for (place, part) in tables.parts.iter().enumerate() {
+        let cells = tables.rows.iter().map(|r| r.without.get(place).map_or("–".to_owned(), both));
+        let _ = writeln!(text, "{}", row(part.without.to_owned(), cells));
+    }
+}
+
 fn row(first: String, cells: impl Iterator<Item = String>) -> String {
     let cells: Vec<String> = std::iter::once(first).chain(cells).collect();
     format!("| {} |", cells.join(" | "))
@@ -106,20 +132,23 @@ mod tests {
         let mut errors = [0.04; 11];
         errors[10] = 0.03;
         let text = markdown(&tables(&[("fr1_rpy_400", errors), ("room", [0.01; 11])]));
-        let (first, second) = text.split_once("\nATE").unwrap();
+        let (first, rest) = text.split_once("\nATE").unwrap();
+        let (second, third) = rest.split_once("\nATE").unwrap();
         let rows: Vec<&str> = first.lines().filter(|l| l.starts_with('|')).collect();
         assert!(rows[0].starts_with("| sequence | n = 1 | n = 2 | n = 4 | k = 1 |"), "{text}");
         assert!(rows[2].starts_with("| fr1_rpy_400 | 0.0400 |") && rows[2].ends_with("| 0.0300 |"), "{text}");
         assert!(rows[4].starts_with("| average improvement |") && rows[4].ends_with("| +12.5 % |"), "{text}");
         assert_eq!(rows.len(), 5);
         // Every row has as many cells as the head.
-        for table in [first, second] {
+        for table in [first, second, third] {
             let counts: Vec<usize> =
                 table.lines().filter(|l| l.starts_with('|')).map(|l| l.matches('|').count()).collect();
             assert!(counts.windows(2).all(|pair| pair[0] == pair[1]), "{counts:?}\n{table}");
         }
         assert!(second.contains("| Tessera | 0.0171 | 0.0171 | this run |"), "{second}");
         assert!(second.contains("| ORB-SLAM2 (f2e6f51) | 0.0230 | – | measured"), "{second}");
+        assert!(third.contains("| nothing | 0.0171 / 0.0280 |"), "{third}");
+        assert!(third.contains("| features | 0.0300 / 0.0400, 7 not tracked |"), "{third}");
         assert!(!second.contains("KinFu"), "a system without a value has no row: {second}");
     }
 }

@@ -1,6 +1,7 @@
 //! One sequence through all columns at once: each frame is read one time.
 
 use super::columns::{Column, columns};
+use super::parts::PARTS;
 use super::peers::Peers;
 use super::table::{Cell, Row, Spread, Whole};
 use rayon::prelude::*;
@@ -29,8 +30,8 @@ pub struct Plan {
 /// What one seed gave on one sequence.
 struct Sample {
     columns: Vec<Errors>,
-    whole: Errors,
-    whole_online: Errors,
+    /// The whole system, then the system without each part.
+    wholes: Vec<[Errors; 2]>,
 }
 
 struct Errors {
@@ -40,7 +41,7 @@ struct Errors {
 }
 
 impl Plan {
-    /// Settings of the columns, in order, and of the whole system last.
+    /// Settings of the columns, of the whole system, and of the system without each part, in order.
     ///
     /// # Errors
     /// A base or an override that cannot be.
@@ -50,6 +51,11 @@ impl Plan {
             .map(|column| column.settings(&self.columns_base, &self.overrides))
             .collect::<Result<Vec<_>, _>>()?;
         all.push(Settings::load(Some(&self.whole_base), &self.overrides)?);
+        for part in &PARTS {
+            let own = part.overrides.iter().map(|pair| (*pair).to_owned());
+            let overrides: Vec<String> = self.overrides.iter().cloned().chain(own).collect();
+            all.push(Settings::load(Some(&self.whole_base), &overrides)?);
+        }
         Ok(all)
     }
 }
@@ -91,8 +97,8 @@ pub fn measure(
             progress(end - next);
             next = end;
         }
-        let whole = runs.remove(n_columns);
-        samples.push(sample(name, truth, runs, whole)?);
+        let wholes = runs.split_off(n_columns);
+        samples.push(sample(name, truth, runs, wholes)?);
     }
     Ok(row(name, n_frames, &samples, peers))
 }
@@ -111,7 +117,7 @@ fn read(source: &dyn Source, indices: std::ops::Range<u64>) -> Result<Vec<RawFra
     indices.into_par_iter().map(|index| Ok(RawFrame::read(source, index)?)).collect()
 }
 
-fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, whole: Run) -> Result<Sample, ToolError> {
+fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, wholes: Vec<Run>) -> Result<Sample, ToolError> {
     let columns = runs
         .into_iter()
         .zip(columns())
@@ -120,12 +126,13 @@ fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, whole: Run) -> Result<
             errors(&format!("{name}, {column}"), &records, &records.online(), truth)
         })
         .collect::<Result<_, _>>()?;
-    let records = whole.finish();
-    Ok(Sample {
-        columns,
-        whole_online: errors(name, &records, &records.online(), truth)?,
-        whole: errors(name, &records, &records.last(), truth)?,
-    })
+    // One after the other: their final optimisations take memory.
+    let whole = |run: Run| {
+        let records = run.finish();
+        let of = |trajectory: &Trajectory| errors(name, &records, trajectory, truth);
+        Ok([of(&records.last())?, of(&records.online())?])
+    };
+    Ok(Sample { columns, wholes: wholes.into_iter().map(whole).collect::<Result<_, ToolError>>()? })
 }
 
 fn errors(
@@ -165,15 +172,17 @@ fn row(name: &str, frames: u64, samples: &[Sample], peers: Option<&Peers>) -> Ro
         rpe_m_per_s: spread(&|s| s.columns[column].rpe_m_per_s),
         frames_untracked: most(&|s| s.columns[column].frames_untracked),
     });
+    let whole = |place: usize| Whole {
+        ate_m: spread(&|s| s.wholes[place][0].ate_m),
+        rpe_online_m_per_s: spread(&|s| s.wholes[place][1].rpe_m_per_s),
+        frames_untracked: most(&|s| s.wholes[place][0].frames_untracked),
+    };
     Row {
         sequence: name.to_owned(),
         frames,
         cells: cells.collect(),
-        whole: Whole {
-            ate_m: spread(&|s| s.whole.ate_m),
-            rpe_online_m_per_s: spread(&|s| s.whole_online.rpe_m_per_s),
-            frames_untracked: most(&|s| s.whole.frames_untracked),
-        },
+        whole: whole(0),
+        without: (1..=PARTS.len()).map(whole).collect(),
         peers: peers.map_or(Vec::new(), |peers| peers.of(name)),
     }
 }

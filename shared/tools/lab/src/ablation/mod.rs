@@ -3,6 +3,7 @@
 mod columns;
 mod markdown;
 mod measure;
+mod parts;
 mod peers;
 mod plot;
 mod table;

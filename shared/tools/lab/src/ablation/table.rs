@@ -1,6 +1,7 @@
 //! Results of an ablation, as data: the rows, their errors, and the average improvement.
 
 use super::columns::{Column, Group, REFERENCE};
+use super::parts::{PARTS, Part};
 use super::peers::PeerResult;
 use serde::Serialize;
 
@@ -59,6 +60,8 @@ pub struct Row {
     pub cells: Vec<Cell>,
     /// All parts together, with loops and the final optimisation.
     pub whole: Whole,
+    /// The whole system without each part.
+    pub without: Vec<Whole>,
     /// What others reach on the same frames.
     pub peers: Vec<PeerResult>,
 }
@@ -74,7 +77,7 @@ pub struct Head {
     pub settings: Vec<String>,
 }
 
-/// Both tables.
+/// All tables.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tables {
     /// Preset or file of the first table.
@@ -85,6 +88,8 @@ pub struct Tables {
     pub seeds: u64,
     /// Heads of the first table.
     pub columns: Vec<Head>,
+    /// Parts of the whole system that are left out in turn.
+    pub parts: Vec<Part>,
     /// A row for each sequence.
     pub rows: Vec<Row>,
     /// By how much a column lowers the RPE of pairwise n = 4 without filter, the mean over the
@@ -101,6 +106,7 @@ impl Tables {
             whole_base: bases[1].to_owned(),
             seeds,
             columns: columns.iter().map(head).collect(),
+            parts: PARTS.to_vec(),
             average_improvement_percent: average_improvement_percent(&rows, columns.len()),
             rows,
         }
@@ -136,6 +142,14 @@ pub(super) mod tests {
                     rpe_online_m_per_s: spread(0.028),
                     frames_untracked: 0,
                 },
+                without: vec![
+                    Whole {
+                        ate_m: spread(0.03),
+                        rpe_online_m_per_s: spread(0.04),
+                        frames_untracked: 7
+                    };
+                    PARTS.len()
+                ],
                 peers: super::super::peers::Peers::built_in().unwrap().of(sequence),
             })
             .collect();

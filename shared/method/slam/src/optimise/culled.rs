@@ -1,0 +1,117 @@
+//! Culled keyframes in the graph of all keyframes (method 12.2): their surfaces are not matched any
+//! more, but what they measured as frames is kept with them and goes on to count.
+
+use crate::map::context::Context;
+use crate::map::records::{BlockRecord, FrameRecord};
+use crate::map::state::KeyframeState;
+use crate::map::submaps::Submaps;
+use crate::optimise::refine::FrameHistory;
+use crate::tracking::degeneracy::{centroid, degenerate_directions};
+use std::collections::BTreeMap;
+use tessera_geometry::{Matrix6, Pose};
+use tessera_graph::{BlockSums, Pair, PairBlock};
+
+/// The journaled blocks of the frames that became keyframes, as far as a culled keyframe is at
+/// either end.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CulledKeyframes {
+    /// Ids of the culled keyframes that their blocks determine, rising.
+    ids: Vec<u32>,
+    blocks: Vec<KeyframeBlock>,
+}
+
+#[derive(Clone, Debug)]
+struct KeyframeBlock {
+    query: u32,
+    target: u32,
+    block: PairBlock,
+}
+
+impl CulledKeyframes {
+    /// Reads the blocks of this run's keyframes from its frames. A culled keyframe that they leave
+    /// undetermined, or that hangs on such ones alone, is not among them.
+    pub(crate) fn of(
+        context: &Context,
+        keyframes: &[KeyframeState],
+        submaps: &Submaps,
+        session: u32,
+        history: &dyn FrameHistory,
+    ) -> Self {
+        let own: BTreeMap<u64, &KeyframeState> =
+            keyframes.iter().filter(|k| k.session == session).map(|k| (k.frame_index, k)).collect();
+        let mut culled = Self::default();
+        if keyframes.iter().all(KeyframeState::is_active) {
+            return culled;
+        }
+        history.visit(&mut |frame| {
+            if let Some(query) = own.get(&frame.index) {
+                culled.add(context, keyframes, submaps, query, frame);
+            }
+        });
+        culled
+    }
+
+    fn add(
+        &mut self,
+        context: &Context,
+        keyframes: &[KeyframeState],
+        submaps: &Submaps,
+        query: &KeyframeState,
+        frame: &FrameRecord,
+    ) {
+        let component = submaps.component(query.submap);
+        let usable = |target: &KeyframeState| {
+            target.id < query.id
+                && submaps.component(target.submap) == component
+                && (target.is_active() || self.ids.binary_search(&target.id).is_ok())
+        };
+        let targets = frame.blocks.iter().filter_map(|b| {
+            let target = keyframes.get(b.keyframe as usize).filter(|target| usable(target))?;
+            Some((target, BlockSums::from_numbers(&b.sums, b.n_matches)?, b))
+        });
+        let found: Vec<(&KeyframeState, BlockSums, &BlockRecord)> = targets.collect();
+        if !query.is_active() {
+            if !is_determined(context, found.iter().map(|(_, sums, b)| (sums, *b))) {
+                return;
+            }
+            self.ids.push(query.id);
+        }
+        let of_culled = found.into_iter().filter(|(target, ..)| !query.is_active() || !target.is_active());
+        self.blocks.extend(of_culled.map(|(target, sums, b)| KeyframeBlock {
+            query: query.id,
+            target: target.id,
+            block: PairBlock::new(&Pose::from(&b.keyframe_from_camera), &sums),
+        }));
+    }
+
+    /// Ids of the culled keyframes, rising.
+    pub(crate) fn ids(&self) -> &[u32] {
+        &self.ids
+    }
+
+    /// The blocks as pairs of vertices: first the active keyframes, by these ids, which rise, then
+    /// the culled ones.
+    pub(crate) fn pairs(&self, active: &[KeyframeState]) -> Vec<Pair> {
+        let vertex = |id: u32| {
+            let culled = || Some(active.len() + self.ids.binary_search(&id).ok()?);
+            active.binary_search_by_key(&id, |k| k.id).ok().or_else(culled)
+        };
+        let pair = |b: &KeyframeBlock| Some(Pair::new(vertex(b.query)?, vertex(b.target)?, b.block.clone()));
+        self.blocks.iter().filter_map(pair).collect()
+    }
+}
+
+/// Whether these blocks resist every motion of the camera.
+fn is_determined<'a>(
+    context: &Context,
+    blocks: impl Iterator<Item = (&'a BlockSums, &'a BlockRecord)> + Clone,
+) -> bool {
+    let mut information = Matrix6::zeros();
+    for (sums, record) in blocks.clone() {
+        let at = Pose::from(&record.keyframe_from_camera);
+        information += PairBlock::new(&at, sums).linearise(&at).0;
+    }
+    let metric = information / context.matcher().metric_factor();
+    let centroid = centroid(blocks.clone().map(|(sums, _)| sums));
+    blocks.count() > 0 && degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
+}
