@@ -12,7 +12,7 @@ pub struct Part {
 }
 
 /// All parts, features first.
-pub const PARTS: [Part; 5] = [
+pub(super) const PARTS: [Part; 5] = [
     Part { without: "features", overrides: &["mapping.features.enabled=false"] },
     Part {
         without: "residuals of features (initial guesses alone)",
