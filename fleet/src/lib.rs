@@ -1,0 +1,15 @@
+//! Many robots, one map, over Zenoh.
+//!
+//! On each robot an uplink follows a run directory, which it only reads, and answers for its bytes; a base
+//! copies the run directories of all robots and makes one map of them. The base asks, by offset: what it
+//! has on disk is where it goes on, whatever dies in between.
+#![forbid(unsafe_code)]
+
+pub mod carrier;
+pub mod checked;
+pub mod error;
+pub mod journal_copy;
+pub mod replica;
+pub mod served;
+pub mod store_copy;
+pub mod wire;
