@@ -5,11 +5,15 @@
 //! has on disk is where it goes on, whatever dies in between.
 #![forbid(unsafe_code)]
 
+pub mod arrivals;
 pub mod carrier;
 pub mod checked;
 pub mod error;
 pub mod journal_copy;
+pub mod map;
+pub mod past;
 pub mod replica;
 pub mod served;
 pub mod store_copy;
+pub mod summary;
 pub mod wire;
