@@ -6,14 +6,17 @@
 #![forbid(unsafe_code)]
 
 pub mod arrivals;
+pub mod base;
 pub mod carrier;
 pub mod checked;
 pub mod error;
 pub mod journal_copy;
+pub mod local;
 pub mod map;
 pub mod past;
 pub mod replica;
 pub mod served;
+pub mod status;
 pub mod store_copy;
 pub mod summary;
 pub mod wire;
