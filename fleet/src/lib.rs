@@ -5,6 +5,7 @@
 //! has on disk is where it goes on, whatever dies in between.
 #![forbid(unsafe_code)]
 
+pub mod arguments;
 pub mod arrivals;
 pub mod base;
 pub mod carrier;
@@ -13,10 +14,13 @@ pub mod error;
 pub mod journal_copy;
 pub mod local;
 pub mod map;
+pub mod network;
 pub mod past;
 pub mod replica;
 pub mod served;
+pub mod session;
 pub mod status;
 pub mod store_copy;
 pub mod summary;
+pub mod uplink;
 pub mod wire;
