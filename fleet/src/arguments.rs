@@ -107,7 +107,9 @@ mod tests {
         let parse = |line: &str| Arguments::try_parse_from(line.split(' '));
         assert!(parse("x uplink room-1 --to tcp/127.0.0.1:7447").is_ok());
         assert!(parse("x base fleet status --json").is_ok());
-        for wrong in ["x uplink room-1", "x base fleet --json", "x base fleet stat", "x base fleet status --add a"] {
+        for wrong in
+            ["x uplink room-1", "x base fleet --json", "x base fleet stat", "x base fleet status --add a"]
+        {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
     }

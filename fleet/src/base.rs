@@ -169,7 +169,9 @@ impl Shared {
             let known = &self.arrivals.runs[number];
             return match known.robot == robot {
                 true => Ok(number),
-                false => Err(refuse(Refusal::Name, format!("its run {} is that of {}", offer.run, known.robot))),
+                false => {
+                    Err(refuse(Refusal::Name, format!("its run {} is that of {}", offer.run, known.robot)))
+                }
             };
         }
         if self.arrivals.runs.len() >= MAX_RUNS {
@@ -301,7 +303,8 @@ fn visit(
             shared.count(robot, &pulled);
             let run = &mut shared.runs[number].status;
             run.lag_bytes = replica.lag_bytes(&offer);
-            run.problem = pulled.refused.last().map(|(refusal, words)| format!("{}: {words}", refusal.words()));
+            run.problem =
+                pulled.refused.last().map(|(refusal, words)| format!("{}: {words}", refusal.words()));
             match (pulled.taken_bytes > 0, run.lag_bytes) {
                 (true, _) => Ok(Visit::Took),
                 (false, 0) => Ok(Visit::Whole),
@@ -434,7 +437,8 @@ impl Mapper {
             return Ok(());
         }
         let n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
-        let is_time = options.map_every.is_some_and(|every| self.last.is_none_or(|last| last.elapsed() >= every));
+        let is_time =
+            options.map_every.is_some_and(|every| self.last.is_none_or(|last| last.elapsed() >= every));
         let is_enough = options.until.is_none_or(|n| n_ended >= n || options.map_every.is_some());
         if is_enough && (n_ended != self.n_ended || n_ended == shared.runs.len() || is_time) {
             self.n_ended = n_ended;
@@ -464,10 +468,10 @@ impl Mapper {
 
 fn status(options: &BaseOptions, shared: &SharedRef, mapper: &Mapper, present: &BTreeSet<String>) -> Status {
     let shared = lock(shared);
-    let runs = shared.runs.iter().map(|run| RunStatus {
-        is_connected: present.contains(&run.status.robot),
-        ..run.status.clone()
-    });
+    let runs = shared
+        .runs
+        .iter()
+        .map(|run| RunStatus { is_connected: present.contains(&run.status.robot), ..run.status.clone() });
     Status {
         pid: std::process::id(),
         listens: options.listens.clone(),

@@ -10,10 +10,5 @@ pub trait Carrier {
     /// Asks a robot and hands over what it answers, piece by piece, until the answer ends, the way is
     /// cut, or `take` says enough with `false`. Nothing is promised: pieces may be missing, twice or of
     /// another sender.
-    fn ask(
-        &mut self,
-        robot: &str,
-        request: &Request,
-        take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool,
-    );
+    fn ask(&mut self, robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool);
 }

@@ -84,7 +84,11 @@ impl RunFacts {
             }
             AlignRecord::Correction(applied) => {
                 if applied.correction.submaps.n() > self.n_submaps {
-                    return Err(format!("{} submaps, there are {}", applied.correction.submaps.n(), self.n_submaps));
+                    return Err(format!(
+                        "{} submaps, there are {}",
+                        applied.correction.submaps.n(),
+                        self.n_submaps
+                    ));
                 }
                 self.check_poses(&applied.correction.keyframes)?;
                 applied.correction.frames.iter().try_for_each(|(_, pose)| check_pose(pose))
@@ -104,7 +108,11 @@ impl RunFacts {
 
     /// A submap is known or the next one.
     fn check_submap(&self, submap: u32) -> Result<(), String> {
-        if submap <= self.n_submaps { Ok(()) } else { Err(format!("submap {submap}, there are {}", self.n_submaps)) }
+        if submap <= self.n_submaps {
+            Ok(())
+        } else {
+            Err(format!("submap {submap}, there are {}", self.n_submaps))
+        }
     }
 
     fn check_poses(&self, poses: &[KeyframePose]) -> Result<(), String> {

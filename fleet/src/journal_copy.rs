@@ -117,7 +117,10 @@ impl JournalCopy {
                     if let Err(problem) = part.payload.map_or(Ok(()), &mut take) {
                         self.chain = before;
                         let at = before.len_bytes();
-                        return (used, Some(format!("the record at {at} of {}: {problem}", self.path.display())));
+                        return (
+                            used,
+                            Some(format!("the record at {at} of {}: {problem}", self.path.display())),
+                        );
                     }
                     used += part.len;
                 }

@@ -25,12 +25,7 @@ impl Carrier for LocalCarrier {
         vec![DISK.into()]
     }
 
-    fn ask(
-        &mut self,
-        _robot: &str,
-        request: &Request,
-        take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool,
-    ) {
+    fn ask(&mut self, _robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
         self.0.answer(request, &mut |piece| take(Ok(piece)));
     }
 }

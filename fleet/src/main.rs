@@ -74,7 +74,8 @@ fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
         add: arguments.add.clone(),
         listens: None,
         until: arguments.runs.or((!is_listening).then_some(arguments.add.len())),
-        map_every: (arguments.map_every > 0).then(|| Duration::from_secs(arguments.map_every)),
+        map_every: (arguments.map_every > 0 && is_listening)
+            .then(|| Duration::from_secs(arguments.map_every)),
     };
     if !is_listening {
         base(&options, None, &stop)?;

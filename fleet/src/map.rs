@@ -80,7 +80,8 @@ fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
     for (arrival, align_bytes) in arrivals.iter().zip(&mapped.align_bytes) {
         let part = match Past::read(base, arrival, *align_bytes) {
-            Err(error) => Part::Out(error.to_string()),
+            // Where the base is says nothing of the map.
+            Err(error) => Part::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
             Ok(past) => {
                 let first = parts.iter().find_map(|part| match part {
                     Part::In(first) => Some(first),
@@ -145,9 +146,8 @@ fn joint(
     for (run, (number, past)) in pasts.iter().enumerate() {
         places.insert(*number, write_run(folder, &labels[*number], &map, run, &components, past)?);
     }
-    let run_of = |keyframe: u32| {
-        map.run_of(keyframe).map_or_else(String::new, |run| labels[pasts[run].0].clone())
-    };
+    let run_of =
+        |keyframe: u32| map.run_of(keyframe).map_or_else(String::new, |run| labels[pasts[run].0].clone());
     let joins = meetings.iter().map(|meeting| join_summary(&map, meeting, &run_of)).collect();
     let loops = correction.map_or(Vec::new(), |correction| correction.loops);
     let between = loops.iter().filter(|l| map.run_of(l.newer) != map.run_of(l.older)).copied().collect();

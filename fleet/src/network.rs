@@ -114,12 +114,7 @@ impl Carrier for ZenohCarrier {
         lock(&self.present).robots.iter().cloned().collect()
     }
 
-    fn ask(
-        &mut self,
-        robot: &str,
-        request: &Request,
-        take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool,
-    ) {
+    fn ask(&mut self, robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
         let patience = self.patience.get(robot).copied().unwrap_or(PATIENCE);
         let begun = Instant::now();
         let asked = self
@@ -156,7 +151,8 @@ mod tests {
     #[test]
     fn only_robots_with_names_are_there() {
         let mut present = Present::default();
-        for key in ["fleet/a/alive", "fleet/../alive", "fleet/disk/alive", "fleet/a b/alive", "fleet/b/alive"] {
+        for key in ["fleet/a/alive", "fleet/../alive", "fleet/disk/alive", "fleet/a b/alive", "fleet/b/alive"]
+        {
             note(&mut present, key, true);
         }
         note(&mut present, "fleet/b/alive", false);

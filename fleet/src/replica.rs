@@ -102,6 +102,14 @@ impl Replica {
         stop: &dyn Fn() -> bool,
     ) -> Result<Pulled, FleetError> {
         let mut pulled = Pulled::default();
+        let journals = [(&self.align, offer.align_bytes), (&self.optimise, offer.optimise_bytes)];
+        for (copy, bytes) in journals {
+            if bytes < copy.len_bytes() {
+                let words = format!("a journal has {bytes} bytes, {} were copied", copy.len_bytes());
+                pulled.refuse(Refusal::Replaced, words);
+                return Ok(pulled);
+            }
+        }
         self.pull_small(carrier, offer, &mut pulled)?;
         while !stop() {
             let before = pulled.taken_bytes;

@@ -33,6 +33,17 @@ impl Whole {
         Self { chain: Chain::new(file.kind()), ends: Vec::new() }
     }
 
+    /// Whether the last record is in the file still, with its checksum, which goes back to the first.
+    fn fits(&self, file: &File, end: u64) -> io::Result<bool> {
+        if end < self.chain.len_bytes() {
+            return Ok(false);
+        }
+        let [.., before, last] = self.ends[..] else { return Ok(true) };
+        let mut header = [0; 12];
+        file.read_exact_at(&mut header, before.0)?;
+        Ok(header[8..] == last.1.to_le_bytes())
+    }
+
     /// Takes bytes behind the whole ones in; answers how many of them are whole. Others are a record
     /// that is being written, or damage: neither travels.
     fn take(&mut self, bytes: &[u8], path: &Path) -> usize {
@@ -114,19 +125,20 @@ impl Served {
         Ok(serde_json::to_vec(&offer)?)
     }
 
-    /// Goes through what a journal has gained. A journal that was cut, as that of a run that is resumed
-    /// after a power loss, is gone through again.
+    /// Goes through what a journal has gained. A journal that was cut or replaced, as that of a run that
+    /// is resumed after a power loss, is gone through again.
     fn look(&mut self, file: Growing) -> io::Result<()> {
         let path = self.folder.join(file.file());
         let whole = self.journals.get_mut(&file).expect("both journals are there");
         let end = len(&path)?;
-        if end < whole.chain.len_bytes() {
+        if end == 0 {
             *whole = Whole::new(file);
-        }
-        if end <= whole.chain.len_bytes() {
             return Ok(());
         }
         let open = File::open(&path)?;
+        if !whole.fits(&open, end)? {
+            *whole = Whole::new(file);
+        }
         let mut n_look = LOOK_BYTES;
         loop {
             let from = whole.chain.len_bytes();
@@ -224,7 +236,7 @@ fn len(path: &Path) -> io::Result<u64> {
 
 /// The name of a run among all: FNV-1a over its `run.json`, which holds random names.
 pub fn identity_of(run_file: &[u8]) -> u64 {
-    run_file.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    run_file
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -31,8 +31,9 @@ pub const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
 /// Where the file cannot be used, or plain tcp would leave this machine.
 pub fn configuration(end: &End<'_>, file: Option<&Path>) -> Result<Config, FleetError> {
     let mut config = match file {
-        Some(path) => Config::from_file(path)
-            .map_err(|e| FleetError::Arguments(format!("{}: {e}", path.display())))?,
+        Some(path) => {
+            Config::from_file(path).map_err(|e| FleetError::Arguments(format!("{}: {e}", path.display())))?
+        }
         None => Config::default(),
     };
     let mut set = |key: &str, value: &str| {
@@ -72,7 +73,9 @@ pub fn configuration(end: &End<'_>, file: Option<&Path>) -> Result<Config, Fleet
 fn check_locators(config: &Config, side: &str) -> Result<(), FleetError> {
     let locators = locators(config, side)?;
     if locators.is_empty() {
-        return Err(FleetError::Arguments(format!("no locator to {side}: give one such as {DEFAULT_LISTEN}")));
+        return Err(FleetError::Arguments(format!(
+            "no locator to {side}: give one such as {DEFAULT_LISTEN}"
+        )));
     }
     for locator in locators {
         let is_safe = locator.starts_with("tls/") || (locator.starts_with("tcp/") && is_loopback(&locator));

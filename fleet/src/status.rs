@@ -164,7 +164,9 @@ impl RunStatus {
     fn text(&self, is_running: bool) -> String {
         let state = match (self.is_ended, self.is_connected && is_running) {
             (true, _) => "ended".into(),
-            (false, true) => format!("{} behind, {}/s", bytes(self.lag_bytes), bytes(self.bytes_per_s as u64)),
+            (false, true) => {
+                format!("{} behind, {}/s", bytes(self.lag_bytes), bytes(self.bytes_per_s as u64))
+            }
             (false, false) => format!("away, {} behind", bytes(self.lag_bytes)),
         };
         let problem = self.problem.as_ref().map_or(String::new(), |problem| format!("; {problem}"));

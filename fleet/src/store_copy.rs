@@ -40,6 +40,8 @@ impl StoreCopy {
             copy.end = copy.end.max(end_of(&slots[copy.n_whole]));
             copy.n_whole += 1;
         }
+        // What a death left behind: no reader has that mapped.
+        copy.file.set_len(copy.end).map_err(FleetError::io("cut", &copy.path))?;
         Ok(copy)
     }
 

@@ -104,8 +104,9 @@ impl Request {
             return Err(format!("a request of {} bytes, expected at most 300", text.len()));
         }
         let fields: BTreeMap<&str, &str> = text.split(';').filter_map(|part| part.split_once('=')).collect();
-        let field =
-            |name: &str| fields.get(name).copied().ok_or_else(|| format!("a request without {name}: {text:?}"));
+        let field = |name: &str| {
+            fields.get(name).copied().ok_or_else(|| format!("a request without {name}: {text:?}"))
+        };
         let wrong = |name: &str| format!("{name} of a request is no number: {text:?}");
         let decimal = |name: &str| field(name)?.parse::<u64>().map_err(|_| wrong(name));
         let hex = |name: &str| u64::from_str_radix(field(name)?, 16).map_err(|_| wrong(name));

@@ -1,0 +1,9 @@
+//! Robots and a base: copies without and with a network, faults on purpose, maps of several runs.
+
+mod copies;
+mod faults;
+mod maps;
+mod processes;
+mod proxy;
+mod run;
+mod strangers;
