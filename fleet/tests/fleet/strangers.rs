@@ -85,19 +85,10 @@ fn strangers_are_counted_and_harm_no_robot() {
     assert_eq!(said.runs.len(), 1, "{said:?}");
 }
 
-/// Certificates by openssl; `false`, with the reason printed, without it.
+/// Certificates as docs/fleet.md makes them; `false`, with the reason printed, without openssl.
 fn certificates(folder: &Path) -> bool {
-    let script = r#"
-set -e
-curve="-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes"
-openssl req -x509 $curve -keyout ca.key -out ca.pem -days 30 -subj "/CN=test-ca" \
-  -addext "basicConstraints=critical,CA:TRUE" -addext "keyUsage=critical,keyCertSign"
-for n in base robot1 robot2; do
-  openssl req $curve -keyout $n.key -out $n.csr -subj "/CN=$n"
-  printf "subjectAltName=DNS:$n,DNS:localhost,IP:127.0.0.1\nbasicConstraints=CA:FALSE\nkeyUsage=digitalSignature\nextendedKeyUsage=serverAuth,clientAuth\n" > $n.ext
-  openssl x509 -req -in $n.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 30 -extfile $n.ext -out $n.pem
-done"#;
-    match Command::new("bash").args(["-c", script]).current_dir(folder).output() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts/fleet_certificates.sh");
+    match Command::new(script).arg(folder).args(["127.0.0.1", "robot1", "robot2"]).output() {
         Ok(output) if output.status.success() => true,
         other => {
             eprintln!("skipped: no certificates: {other:?}");

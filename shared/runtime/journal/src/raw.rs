@@ -110,7 +110,9 @@ mod tests {
     fn walk(bytes: &[u8], piece: usize) -> Result<(Vec<u64>, Chain), JournalError> {
         let (mut chain, mut found) = (Chain::new("test"), Vec::new());
         for end in (0..=bytes.len()).step_by(piece).chain([bytes.len()]) {
-            while let Some(part) = chain.step(&bytes[(chain.len_bytes() as usize).min(end)..end], Path::new("j"))? {
+            while let Some(part) =
+                chain.step(&bytes[(chain.len_bytes() as usize).min(end)..end], Path::new("j"))?
+            {
                 found.extend(part.payload.map(|payload| decode::<u64>(payload).unwrap()));
             }
         }

@@ -103,8 +103,7 @@ impl JointMap {
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
         let n_keyframes = self.state.keyframes.len() as u32;
-        let request =
-            RequestRecord { request: 0, n_keyframes, effective_before: 0, is_final: true };
+        let request = RequestRecord { request: 0, n_keyframes, effective_before: 0, is_final: true };
         let mut context = self.context.clone();
         context.mapping.global.refine_camera = false;
         let optimiser = (n_keyframes >= 2).then(|| Optimiser::asked(context, &self.state, request))?;
@@ -122,7 +121,8 @@ impl JointMap {
     pub fn correction_of(&self, run: usize, map: &TrackerState, history: &dyn FrameHistory) -> Correction {
         let keyframes = &self.state.keyframes[self.keyframes_of(run)];
         let poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
-        let entry = |(id, k): (u32, &KeyframeState)| KeyframePose { id, world_from_camera: k.world_from_camera };
+        let entry =
+            |(id, k): (u32, &KeyframeState)| KeyframePose { id, world_from_camera: k.world_from_camera };
         let submaps = self.submaps_of(run);
         let n_map_keyframes = (map.n_map_keyframes as usize).min(map.keyframes.len());
         let refiner =
