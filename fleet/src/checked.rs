@@ -75,6 +75,13 @@ impl RunFacts {
         match record {
             AlignRecord::Frame(frame) => {
                 self.check_submap(frame.submap)?;
+                check_numbers(&frame.velocity)?;
+                if let Some(keyframe) = &frame.new_keyframe {
+                    check_numbers(&keyframe.velocity)?;
+                    let named = keyframe.edges.iter().map(|edge| edge.to);
+                    let retired = keyframe.retires.iter().flat_map(|r| [r.keyframe, r.anchored_to]);
+                    check_ids(named.chain(retired), self.slots.len() + 1)?;
+                }
                 self.check_poses(&frame.moved)?;
                 let made = frame.new_keyframe.as_ref().map(|k| k.world_from_camera);
                 [frame.world_from_camera, frame.keyframe_from_camera, frame.world_from_odom]
@@ -99,6 +106,12 @@ impl RunFacts {
                         return Err(format!("keyframe {} of submap {}", keyframe.id, keyframe.submap));
                     }
                     check_pose(&keyframe.world_from_camera)?;
+                    check_numbers(&keyframe.velocity)?;
+                    let named = keyframe.edges.iter().map(|edge| edge.to);
+                    check_ids(named.chain(keyframe.anchored_to), map.keyframes.len())?;
+                    if keyframe.session as usize >= map.keyframes.len() {
+                        return Err(format!("keyframe {} of run {}", keyframe.id, keyframe.session));
+                    }
                 }
                 Ok(())
             }
@@ -123,6 +136,22 @@ impl RunFacts {
             check_pose(&pose.world_from_camera)?;
         }
         Ok(())
+    }
+}
+
+/// Keyframes that are named must be there, `n` of them.
+fn check_ids(mut ids: impl Iterator<Item = u32>, n: usize) -> Result<(), String> {
+    match ids.find(|id| *id as usize >= n) {
+        None => Ok(()),
+        Some(id) => Err(format!("keyframe {id} is named, there are {n}")),
+    }
+}
+
+fn check_numbers(numbers: &[f64]) -> Result<(), String> {
+    if numbers.iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err(format!("numbers that are none: {numbers:?}"))
     }
 }
 

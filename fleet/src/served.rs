@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use tessera_journal::{Chain, MAX_FRAMED_BYTES};
+use tessera_journal::{Chain, MAX_FRAMED_BYTES, RECORD_HEADER_BYTES, checksum_in};
 
 /// Bytes of a request that are answered at most, however many were asked for.
 const MOST_BYTES: u64 = 16 << 20;
@@ -39,9 +39,9 @@ impl Whole {
             return Ok(false);
         }
         let [.., before, last] = self.ends[..] else { return Ok(true) };
-        let mut header = [0; 12];
+        let mut header = [0; RECORD_HEADER_BYTES];
         file.read_exact_at(&mut header, before.0)?;
-        Ok(header[8..] == last.1.to_le_bytes())
+        Ok(checksum_in(&header) == Some(last.1))
     }
 
     /// Takes bytes behind the whole ones in; answers how many of them are whole. Others are a record

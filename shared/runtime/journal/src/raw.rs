@@ -82,6 +82,11 @@ impl Chain {
     }
 }
 
+/// The checksum that the header of a record holds; `None` of bytes that are no such header.
+pub fn checksum_in(header: &[u8]) -> Option<u32> {
+    record_header(header).map(|(_, crc)| crc)
+}
+
 /// The record in a payload.
 ///
 /// # Errors
