@@ -48,7 +48,7 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
         .wait()
         .map_err(network)?;
     let _alive = session.liveliness().declare_token(alive_key(&options.robot)).wait().map_err(network)?;
-    say(&format!("robot {} is there", options.robot));
+    say(&format!("answers as robot {}", options.robot));
     let mut pace = Pace::new(options.max_bytes_per_s);
     while !stop.load(Ordering::Relaxed) {
         match queries.recv_timeout(TICK) {
