@@ -5,5 +5,7 @@ mod faults;
 mod maps;
 mod processes;
 mod proxy;
+#[path = "../../../tests/requirements.rs"]
+mod requirements;
 mod run;
 mod strangers;

@@ -1,6 +1,7 @@
 //! Maps of several runs, made by the program itself: joined where they share a place, apart where not.
 
 use crate::processes::{base, copy_of, fleet, free_port, map_files, status, uplink, wait_for};
+use crate::requirements::{data, missing};
 use crate::run::assert_same;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -14,18 +15,19 @@ fn tessera() -> Option<PathBuf> {
     let age = |path: &PathBuf| path.metadata().and_then(|meta| meta.modified()).ok();
     let found = places.into_iter().filter(|path| path.is_file()).max_by_key(age);
     if found.is_none() {
-        eprintln!("skipped: tessera is not built: cargo build");
+        missing("tessera", "it is not built: cargo build");
     }
     found
 }
 
-/// A run of a simulated scene, whole, in a folder.
-fn run_of(tessera: &Path, folder: &Path, scene: &str, (skip, frames): (u64, u64)) -> PathBuf {
+/// A run of a simulated scene or of a recording, in a folder.
+fn run_of(tessera: &Path, folder: &Path, source: &str, (skip, frames): (u64, u64)) -> PathBuf {
+    let scene = Path::new(source).file_name().unwrap().to_str().unwrap();
     let name = format!("{scene}-{skip}-{}", std::process::id());
     let out = folder.join(format!("{scene}-{skip}"));
     let (skip, frames) = (skip.to_string(), frames.to_string());
     let done = Command::new(tessera)
-        .args(["run", scene, "--quiet", "--skip", &skip, "--frames", &frames, "--name", &name, "--out"])
+        .args(["run", source, "--quiet", "--skip", &skip, "--frames", &frames, "--name", &name, "--out"])
         .arg(&out)
         .status()
         .unwrap();
@@ -76,6 +78,23 @@ fn halves_of_a_room_become_one_map_no_worse_than_each_and_another_room_stays_apa
     map_of(&other, &[&second]);
     map_of(&other, &[&elsewhere]);
     assert!(map_files(&other) == map_files(&folder), "the same runs in the same order have the same map");
+}
+
+#[test]
+fn halves_of_a_kitchen_become_one_map_no_worse_than_each() {
+    let (Some(tessera), Some(kitchen)) = (tessera(), data("kitchen_450")) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let kitchen = kitchen.to_str().unwrap();
+    let first = run_of(&tessera, dir.path(), kitchen, (0, 250));
+    let second = run_of(&tessera, dir.path(), kitchen, (200, 250));
+    let folder = dir.path().join("base");
+    let summary = map_of(&folder, &[&first, &second]);
+    assert_eq!(summary.components.len(), 1, "{summary:?}");
+    for (run, summary) in [&first, &second].into_iter().zip(&summary.runs) {
+        let joint = folder.join("map").join(format!("trajectory_{}.txt", summary.label));
+        let (alone, joint) = (ate_m(&run.join("trajectory.txt"), run), ate_m(&joint, run));
+        assert!(joint <= alone, "{}: {alone} m alone, {joint} m joint", summary.label);
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Who may speak: another's name, nonsense, old records and floods are refused, counted and named.
 
 use crate::processes::{Process, base, copy_of, free_port, start, status, uplink, wait_for, wait_for_robot};
+use crate::requirements::missing;
 use crate::run::{GrowingRun, assert_same};
 use std::path::Path;
 use std::process::Command;
@@ -91,7 +92,7 @@ fn certificates(folder: &Path) -> bool {
     match Command::new(script).arg(folder).args(["127.0.0.1", "robot1", "robot2"]).output() {
         Ok(output) if output.status.success() => true,
         other => {
-            eprintln!("skipped: no certificates: {other:?}");
+            missing("tools", format_args!("no certificates by openssl: {other:?}"));
             false
         }
     }
