@@ -9,7 +9,7 @@ use crate::loops::join;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::pose_history::apply_join;
-use crate::map::records::SightingRecord;
+use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::tracking::alignment::Aligner;
@@ -100,7 +100,7 @@ impl Looker {
         state: &TrackerState,
         surfaces: &dyn KeyframeSurfaces,
         id: u32,
-    ) -> Option<(Meeting, crate::map::records::JoinRecord)> {
+    ) -> Option<(Meeting, JoinRecord)> {
         let own = state.keyframes.get(id as usize).filter(|k| k.is_active())?;
         let component = |k: &KeyframeState| state.submaps.component(k.submap);
         let before = |k: &&KeyframeState| k.is_active() && component(k) < component(own);
@@ -142,7 +142,7 @@ impl Looker {
         surfaces: &dyn KeyframeSurfaces,
         own: &KeyframeState,
         mut sighting: SightingRecord,
-    ) -> Option<(Meeting, crate::map::records::JoinRecord)> {
+    ) -> Option<(Meeting, JoinRecord)> {
         let n_needed = self.context.mapping.relocalise.confirm_frames;
         for neighbour in neighbours(state, own) {
             if sighting.n_confirmed >= n_needed {

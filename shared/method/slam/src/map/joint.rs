@@ -3,7 +3,7 @@
 
 use crate::loops::meeting::{Meeting, join_all};
 use crate::map::context::Context;
-use crate::map::records::{Correction, KeyframePose, RequestRecord};
+use crate::map::records::{AlignRecord, Correction, KeyframePose, RequestRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
@@ -107,7 +107,7 @@ impl JointMap {
         let mut context = self.context.clone();
         context.mapping.global.refine_camera = false;
         let optimiser = (n_keyframes >= 2).then(|| Optimiser::asked(context, &self.state, request))?;
-        let none: &[crate::map::records::AlignRecord] = &[];
+        let none: &[AlignRecord] = &[];
         let correction = optimiser.solve(&request, surfaces, &none, progress)?;
         for pose in &correction.keyframes {
             self.state.keyframes[pose.id as usize].world_from_camera = pose.world_from_camera;
