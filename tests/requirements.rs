@@ -21,7 +21,7 @@ const KNOWN: [&str; 14] = [
     "systemd",    // systemd-analyze
     "terminal",   // script of util-linux
     "tessera",    // the command, built, for packages that are built apart
-    "tools",      // bash, curl, gzip, tar
+    "tools",      // bash, curl, gzip, openssl, tar
     "viewer",     // tessera-view, built
 ];
 

@@ -194,7 +194,7 @@ fn each_reference_to_the_method_s_document_is_found_in_it() {
     let sections = sections_of_the_method();
     assert!(sections.contains("5.3") && sections.contains("T4"), "{sections:?}");
     let mut n_references = 0;
-    for folder in ["shared", "processes", "tests", "benches", "view/src", "ros2/src"] {
+    for folder in ["shared", "processes", "tests", "benches", "view/src", "ros2/src", "fleet/src"] {
         for (path, text) in files(folder) {
             for (at, _) in text.match_indices("method ") {
                 let word =

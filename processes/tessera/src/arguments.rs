@@ -5,8 +5,8 @@ mod calibrate;
 mod chaos;
 mod evaluate;
 mod export;
+mod passed_on;
 mod profile;
-mod ros2;
 mod run;
 mod top;
 mod topics;
@@ -20,8 +20,8 @@ use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 pub(crate) use evaluate::EvaluateArguments;
 pub(crate) use export::ExportArguments;
+pub(crate) use passed_on::PassedOn;
 pub(crate) use profile::{ProfileArguments, RecordArguments};
-pub(crate) use ros2::Ros2Arguments;
 pub(crate) use run::{RunArguments, Speech};
 use std::path::PathBuf;
 pub(crate) use top::TopArguments;
@@ -76,7 +76,14 @@ pub(crate) enum Command {
     /// Show a run in Rerun
     View(ViewArguments),
     /// Join a ROS 2 network: its camera in, odometry and transforms out
-    Ros2(Ros2Arguments),
+    #[command(after_help = passed_on::ROS2)]
+    Ros2(PassedOn),
+    /// On a robot: make a run available to a base
+    #[command(after_help = passed_on::FLEET)]
+    Uplink(PassedOn),
+    /// Make one map of the runs of many robots, or of many days
+    #[command(after_help = passed_on::FLEET)]
+    Base(PassedOn),
     /// Run one stage by hand, for a debugger or a profiler
     Stage(StageArguments),
     /// Look at a source before running it: sizes, camera, depth, pairing, gaps

@@ -19,6 +19,9 @@ pub(crate) const VIEWER: Companion = Companion { program: "tessera-view", folder
 /// Joins a run to a ROS 2 network.
 pub(crate) const ROS2: Companion = Companion { program: "tessera-ros2", folder: "ros2" };
 
+/// Either end of a fleet.
+pub(crate) const FLEET: Companion = Companion { program: "tessera-fleet", folder: "fleet" };
+
 impl Companion {
     /// The program, beside this one, in the checkout (`target/release` of its folder, as seen from
     /// `target/release/tessera`), or on `PATH`.

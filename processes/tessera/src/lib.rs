@@ -46,6 +46,8 @@ pub fn main() -> ExitCode {
         Command::Top(arguments) => commands::top(&arguments),
         Command::View(arguments) => commands::view(&arguments),
         Command::Ros2(arguments) => commands::ros2(&arguments),
+        Command::Uplink(arguments) => commands::fleet("uplink", &arguments),
+        Command::Base(arguments) => commands::fleet("base", &arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
     };

@@ -16,7 +16,9 @@ mod tracking;
 pub use features::colour_model::{ColourModel, ColourRecord, ColourState};
 pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;
+pub use loops::meeting::Meeting;
 pub use map::context::Context;
+pub use map::joint::JointMap;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, JoinRecord,

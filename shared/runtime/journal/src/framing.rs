@@ -14,7 +14,7 @@ const VERSION: u32 = 8;
 /// Bytes before the first record.
 pub(crate) const FILE_HEADER_BYTES: usize = 32;
 /// Bytes before each record's payload: length, version, checksum.
-pub(crate) const RECORD_HEADER_BYTES: usize = 12;
+pub const RECORD_HEADER_BYTES: usize = 12;
 
 /// The first bytes of a journal of this kind (at most 16 bytes of name).
 pub(crate) fn file_header(kind: &str) -> [u8; FILE_HEADER_BYTES] {

@@ -8,6 +8,7 @@ mod error;
 mod export;
 pub mod facts;
 mod files;
+mod joint;
 mod machine;
 mod map;
 mod ply;
@@ -31,6 +32,7 @@ pub use export::{
     write_groundtruth,
 };
 pub use files::write_file;
+pub use joint::write_joint_map;
 pub use machine::Machine;
 pub use ply::{PlyVertex, write_ply};
 pub use replay::Replay;

@@ -41,7 +41,7 @@ pub(crate) fn gather<'s>(
     cloud
 }
 
-fn add_keyframe(
+pub(crate) fn add_keyframe(
     cloud: &mut VoxelCloud,
     input: &MapInput<'_>,
     vertices: &[Vertex],
@@ -69,7 +69,12 @@ fn add_keyframe(
 
 /// Writes the cloud as binary PLY; nothing in it depends on when or where it was written.
 pub(crate) fn write(cloud: &VoxelCloud, folder: &Path) -> Result<(), ToolError> {
-    write_whole(folder, "map.ply", |writer| write_ply(cloud.len(), ply_vertices(cloud), &[], writer))
+    write_as(cloud, folder, "map.ply")
+}
+
+/// As [`write`], under another name.
+pub(crate) fn write_as(cloud: &VoxelCloud, folder: &Path, name: &str) -> Result<(), ToolError> {
+    write_whole(folder, name, |writer| write_ply(cloud.len(), ply_vertices(cloud), &[], writer))
 }
 
 /// The points as they are written.

@@ -125,7 +125,7 @@ fn of_arguments(told: &mut Told) {
     // By another process: a copy that this one writes would be busy in whatever other tests start.
     let copied = Command::new("cp").arg(env!("CARGO_BIN_EXE_tessera")).arg(&alone).status().unwrap();
     assert!(copied.success());
-    for command in ["view", "ros2"] {
+    for command in ["view", "ros2", "uplink"] {
         let output = Command::new(&alone).args([command, "no-such-run"]).env("PATH", "").output().unwrap();
         told.add("a program built apart", String::from_utf8(output.stderr).unwrap());
     }

@@ -73,16 +73,35 @@ fn confirmed(
     record: &FrameRecord,
     known: &SightingRecord,
 ) -> Option<SightingRecord> {
-    let other = input.in_submap(input.map.keyframe(known.seen)?.submap);
     let expected = other_from_own(input, known)? * Pose::from(&record.world_from_camera);
     let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.velocity));
-    let guess = Prediction { velocity, ..place(&other, &expected) };
-    let members = nearby_keyframes(&other, &expected, usize::MAX);
+    match seen_at(input, aligner, known.seen, &expected, velocity) {
+        Some(found) if agrees(&found, &expected) => sighting(input, record, &found, known.n_confirmed + 1),
+        _ => None,
+    }
+}
+
+/// The frame aligned to the keyframes of another submap about an expected pose; `None` unless the strict
+/// tests pass.
+pub(crate) fn seen_at(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    seen: u32,
+    expected: &Pose,
+    velocity: Twist,
+) -> Option<WindowAlignment> {
+    let other = input.in_submap(input.map.keyframe(seen)?.submap);
+    let guess = Prediction { velocity, ..place(&other, expected) };
+    let members = nearby_keyframes(&other, expected, usize::MAX);
     let found = align_to(&other, aligner, members, other.samples, &guess);
     acceptance::strict(&input.context.mapping.relocalise, &found.alignment).ok()?;
+    Some(found)
+}
+
+/// Whether an alignment is where it was expected, in every direction.
+pub(crate) fn agrees(found: &WindowAlignment, expected: &Pose) -> bool {
     let apart = translation_rotation_norms(&(expected.inverse() * found.alignment.world_from_camera));
-    let agrees = apart.0 <= AGREES_M && apart.1 <= AGREES_RAD && found.alignment.degenerate.is_empty();
-    if agrees { sighting(input, record, &found, known.n_confirmed + 1) } else { None }
+    apart.0 <= AGREES_M && apart.1 <= AGREES_RAD && found.alignment.degenerate.is_empty()
 }
 
 /// What an alignment to another submap says of the keyframes of both.
@@ -92,18 +111,26 @@ fn sighting(
     found: &WindowAlignment,
     n_confirmed: u32,
 ) -> Option<SightingRecord> {
-    let seen = found.members.iter().find_map(|member| match member {
-        Member::Keyframe(id) => input.map.keyframe(*id),
-        Member::Recent(_) => None,
-    })?;
+    let seen = nearest_of(input, found)?;
     let seen_from_camera = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
     let seen_from_own = seen_from_camera * Pose::from(&record.keyframe_from_camera).inverse();
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
     Some(SightingRecord { seen: seen.id, own: record.keyframe, seen_from_own, n_confirmed })
 }
 
+/// The keyframe that an alignment has as its first member: the nearest one.
+pub(crate) fn nearest_of<'a>(
+    input: &TrackingInput<'a>,
+    found: &WindowAlignment,
+) -> Option<&'a KeyframeState> {
+    found.members.iter().find_map(|member| match member {
+        Member::Keyframe(id) => input.map.keyframe(*id),
+        Member::Recent(_) => None,
+    })
+}
+
 /// From the gauge of the camera's submap to that of the other one.
-fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Pose> {
+pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Pose> {
     let [seen, own] = [sighting.seen, sighting.own].map(|id| input.map.keyframe(id));
     let [other_from_seen, own_from_own] =
         [seen?, own?].map(|keyframe| Pose::from(&keyframe.world_from_camera));
@@ -132,7 +159,7 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
 
 /// The tests of a loop between the camera's keyframe and the nearest one of the other submap; `None`
 /// where they fail.
-fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Tested> {
+pub(crate) fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Tested> {
     let own = input.map.keyframe(sighting.own)?;
     let seen = input.map.keyframe(sighting.seen)?;
     let other_from_camera = other_from_own(input, sighting)? * Pose::from(&own.world_from_camera);
@@ -151,7 +178,7 @@ fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Test
 }
 
 /// The older component keeps its gauge.
-fn join(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<JoinRecord> {
+pub(crate) fn join(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<JoinRecord> {
     let submaps = &input.map.state().submaps;
     let own = submaps.component(input.map.submap());
     let other = submaps.component(input.map.keyframe(sighting.seen)?.submap);

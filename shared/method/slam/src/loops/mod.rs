@@ -9,6 +9,7 @@ pub(crate) mod from_appearance;
 pub(crate) mod join;
 pub(crate) mod keyframe_pair;
 pub(crate) mod matchable;
+pub(crate) mod meeting;
 pub(crate) mod pair_alignment;
 #[cfg(test)]
 pub(crate) mod test_wall;

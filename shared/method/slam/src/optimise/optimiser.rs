@@ -68,6 +68,13 @@ impl Optimiser {
         }
     }
 
+    /// An optimiser that was asked for all keyframes of a state that no journal led to.
+    pub(crate) fn asked(context: Context, state: &TrackerState, request: RequestRecord) -> Self {
+        let (keyframes, submaps) = (state.keyframes.clone(), state.submaps.clone());
+        let pending = Pending { request, keyframes, submaps, colour: state.colour };
+        Self { pending: VecDeque::from([pending]), ..Self::new(context) }
+    }
+
     /// Takes a record of the aligner's journal into the state.
     pub fn apply(&mut self, record: &AlignRecord) {
         self.state.apply(record);

@@ -1,0 +1,116 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Many robots, one map, over Zenoh
+#[derive(Debug, Parser)]
+#[command(name = "tessera-fleet", version, max_term_width = 80)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// On a robot: make a run available to a base
+    Uplink(UplinkArguments),
+    /// Off board: copy the runs of robots and make one map of them
+    Base(BaseArguments),
+}
+
+/// `tessera uplink`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+It reads the run's folder and changes nothing; whatever becomes of it, the run does not notice.
+
+Examples:
+  tessera uplink room-1 --to tcp/127.0.0.1:7447 --robot a
+  tessera uplink room-1 --config robot1.json5 --robot robot1    TLS, docs/fleet.md
+  tessera uplink room-1 --config robot1.json5 --max-kbps 2000")]
+pub struct UplinkArguments {
+    /// Name of the run, or its folder; it may begin later
+    pub run: String,
+    /// Where the base listens; plain tcp on this machine alone
+    #[arg(long, value_name = "LOCATOR", required_unless_present = "config")]
+    pub to: Option<String>,
+    /// Name of this robot; with TLS, that of its certificate [default: the host's name]
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
+    /// Zenoh's configuration of this end: keys and certificates
+    #[arg(long, value_name = "FILE.json5")]
+    pub config: Option<PathBuf>,
+    /// Kilobits a second, at most
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..))]
+    pub max_kbps: Option<u32>,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `tessera base`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Without --config it listens on this machine alone, and with --add alone not at all.
+
+Examples:
+  tessera base fleet                                      listen on tcp/127.0.0.1:7447
+  tessera base fleet status --json                        what it does and has
+  tessera base fleet --config base.json5                  TLS, docs/fleet.md
+  tessera base house --add runs/monday --add runs/tuesday one map of finished runs")]
+pub struct BaseArguments {
+    /// Folder of the base, which it makes
+    pub folder: PathBuf,
+    /// Say what a base is doing, instead of being one
+    #[arg(value_enum)]
+    pub action: Option<Action>,
+    /// With status: print JSON
+    #[arg(long, requires = "action")]
+    pub json: bool,
+    /// Take a run from disk too; ends when it is in the map, unless --listen or --config is given
+    #[arg(long, value_name = "RUNDIR", conflicts_with = "action")]
+    pub add: Vec<PathBuf>,
+    /// Where to listen; plain tcp on this machine alone [default: tcp/127.0.0.1:7447]
+    #[arg(long, value_name = "LOCATOR", conflicts_with = "action")]
+    pub listen: Option<String>,
+    /// Zenoh's configuration of this end: certificates, and who may say what
+    #[arg(long, value_name = "FILE.json5", conflicts_with = "action")]
+    pub config: Option<PathBuf>,
+    /// End once N runs have come and ended, and their map is made
+    #[arg(long, value_name = "N", conflicts_with = "action")]
+    pub runs: Option<usize>,
+    /// A map each N seconds while runs go on; 0: when a run ends
+    #[arg(long, value_name = "N", default_value_t = 30, conflicts_with = "action")]
+    pub map_every: u64,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// What is asked of a base that is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Action {
+    /// What it does and has
+    Status,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+        let parse = |line: &str| Arguments::try_parse_from(line.split(' '));
+        assert!(parse("x uplink room-1 --to tcp/127.0.0.1:7447").is_ok());
+        assert!(parse("x base fleet status --json").is_ok());
+        for wrong in
+            ["x uplink room-1", "x base fleet --json", "x base fleet stat", "x base fleet status --add a"]
+        {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The base: a worker for each robot that copies its runs, and one map of them all.
+
+use crate::carrier::Carrier;
+use crate::disk::add_from_disk;
+use crate::error::FleetError;
+use crate::mapper::Mapper;
+use crate::shared::{Shared, SharedRef, lock};
+use crate::status::{RunStatus, Status};
+use crate::visit::{Visit, visit};
+use crate::wire::Refusal;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Robots of a base at a time, at most.
+pub const MAX_ROBOTS: usize = 64;
+/// Between two looks.
+const TICK: Duration = Duration::from_millis(50);
+/// Between two questions to a robot that had nothing new.
+const PAUSE: Duration = Duration::from_millis(200);
+/// Between two writings of the status.
+const STATUS_EVERY: Duration = Duration::from_millis(500);
+
+/// What a base is asked to do.
+#[derive(Clone, Debug)]
+pub struct BaseOptions {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Run directories to be added from disk.
+    pub add: Vec<PathBuf>,
+    /// Where it listens, in words.
+    pub listens: Option<String>,
+    /// Ends once so many runs have come and ended, and their map is made; `None`: goes on.
+    pub until: Option<usize>,
+    /// Between two maps while runs go on; `None`: a map when a run ends.
+    pub map_every: Option<Duration>,
+}
+
+/// Carriers for workers: each has its own.
+pub trait Network {
+    /// Names of the robots that can be asked now, and names that were refused since the last call.
+    fn robots(&mut self) -> (Vec<String>, Vec<String>);
+    /// A carrier for one worker.
+    fn carrier(&self) -> Box<dyn Carrier + Send>;
+}
+
+/// Runs a base until it is stopped or has what it was asked for.
+///
+/// # Errors
+/// Where its folder cannot be used, or a copy or a map cannot be written.
+pub fn base(
+    options: &BaseOptions,
+    mut network: Option<&mut dyn Network>,
+    stop: &Arc<AtomicBool>,
+) -> Result<(), FleetError> {
+    std::fs::create_dir_all(&options.folder).map_err(FleetError::io("make", &options.folder))?;
+    let shared = Arc::new(Mutex::new(Shared::open(&options.folder)?));
+    let mut workers: BTreeMap<String, JoinHandle<()>> = BTreeMap::new();
+    add_from_disk(options, &shared, &mut workers, stop)?;
+    let mut mapper = Mapper::default();
+    let mut said = Instant::now().checked_sub(STATUS_EVERY);
+    loop {
+        let present = match &mut network {
+            Some(network) => start_workers(*network, &shared, &mut workers, stop),
+            None => BTreeSet::new(),
+        };
+        workers.retain(|_, worker| !worker.is_finished());
+        if let Some(failure) = lock(&shared).failure.take() {
+            return Err(failure);
+        }
+        mapper.step(options, &shared)?;
+        let is_done = options.until.is_some_and(|n| mapper.is_done(&shared, n)) && !is_adding(&workers);
+        let is_over = is_done || stop.load(Ordering::Relaxed);
+        if is_over || said.is_none_or(|said| said.elapsed() >= STATUS_EVERY) {
+            status(options, &shared, &mapper, &present).write(&options.folder)?;
+            said = Some(Instant::now());
+        }
+        if is_over {
+            stop.store(true, Ordering::Relaxed);
+            let problem = mapper.problem.take().filter(|_| is_done);
+            return problem.map_or(Ok(()), |problem| Err(FleetError::Input(format!("no map: {problem}"))));
+        }
+        std::thread::sleep(TICK);
+    }
+}
+
+fn is_adding(workers: &BTreeMap<String, JoinHandle<()>>) -> bool {
+    workers.keys().any(|name| name.starts_with('/'))
+}
+
+/// Starts a worker for each robot that has none; answers who is there.
+fn start_workers(
+    network: &mut dyn Network,
+    shared: &SharedRef,
+    workers: &mut BTreeMap<String, JoinHandle<()>>,
+    stop: &Arc<AtomicBool>,
+) -> BTreeSet<String> {
+    let (robots, refused) = network.robots();
+    for name in refused {
+        lock(shared).refused.count(&name, Refusal::Name, "");
+    }
+    for robot in &robots {
+        if workers.contains_key(robot) {
+            continue;
+        }
+        if workers.len() >= MAX_ROBOTS {
+            lock(shared).refused.count(robot, Refusal::TooMany, "");
+            continue;
+        }
+        let (mut carrier, shared, stop) = (network.carrier(), Arc::clone(shared), Arc::clone(stop));
+        let name = robot.clone();
+        let work = move || {
+            let is_gone = |carrier: &mut dyn Carrier| !carrier.robots().contains(&name);
+            while !stop.load(Ordering::Relaxed) && !is_gone(&mut *carrier) {
+                match visit(&mut *carrier, &shared, &name, None, &stop) {
+                    Ok(Visit::Took) => {}
+                    Ok(Visit::Nothing | Visit::Whole) => std::thread::sleep(PAUSE),
+                    Err(error) => {
+                        lock(&shared).failure.get_or_insert(error);
+                        return;
+                    }
+                }
+            }
+        };
+        workers.insert(robot.clone(), std::thread::spawn(work));
+    }
+    robots.into_iter().collect()
+}
+
+fn status(options: &BaseOptions, shared: &SharedRef, mapper: &Mapper, present: &BTreeSet<String>) -> Status {
+    let shared = lock(shared);
+    let runs = shared
+        .runs
+        .iter()
+        .map(|run| RunStatus { is_connected: present.contains(&run.status.robot), ..run.status.clone() });
+    Status {
+        pid: std::process::id(),
+        listens: options.listens.clone(),
+        runs: runs.collect(),
+        refused: shared.refused.list(),
+        mapping: mapper.running.as_ref().map(|(number, _)| *number),
+        mapped: mapper.number,
+        map_problem: mapper.problem.clone(),
+        map: mapper.summary.clone(),
+    }
+}

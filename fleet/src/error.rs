@@ -1,0 +1,52 @@
+//! What can go wrong, in words.
+
+use std::path::{Path, PathBuf};
+
+/// Why an uplink or a base cannot do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum FleetError {
+    /// Options or configuration.
+    #[error("{0}")]
+    Arguments(String),
+    /// An input that cannot be used.
+    #[error("{0}")]
+    Input(String),
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The network.
+    #[error("network: {0}")]
+    Network(String),
+    /// A journal or a store.
+    #[error(transparent)]
+    Journal(#[from] tessera_journal::JournalError),
+    /// A file of a run.
+    #[error(transparent)]
+    Run(#[from] tessera_stage::StageError),
+    /// An output.
+    #[error(transparent)]
+    Output(#[from] tessera_outputs::ToolError),
+}
+
+impl FleetError {
+    /// A refusal of the system.
+    pub fn io<'p>(action: &'static str, path: &'p Path) -> impl FnOnce(std::io::Error) -> Self + use<'p> {
+        move |source| Self::Io { action, path: path.into(), source }
+    }
+
+    /// Exit code, as that of `tessera`.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Arguments(_) => 2,
+            Self::Input(_) => 3,
+            _ => 4,
+        }
+    }
+}

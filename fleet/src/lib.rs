@@ -1,0 +1,30 @@
+//! Many robots, one map, over Zenoh.
+//!
+//! On each robot an uplink follows a run directory, which it only reads, and answers for its bytes; a base
+//! copies the run directories of all robots and makes one map of them. The base asks, by offset: what it
+//! has on disk is where it goes on, whatever dies in between.
+#![forbid(unsafe_code)]
+
+pub mod arguments;
+pub mod arrivals;
+pub mod base;
+pub mod carrier;
+pub mod checked;
+mod disk;
+pub mod error;
+pub mod journal_copy;
+pub mod local;
+pub mod map;
+mod mapper;
+pub mod network;
+pub mod past;
+pub mod replica;
+pub mod served;
+pub mod session;
+mod shared;
+pub mod status;
+pub mod store_copy;
+pub mod summary;
+pub mod uplink;
+mod visit;
+pub mod wire;

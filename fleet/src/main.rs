@@ -1,0 +1,118 @@
+//! `tessera-fleet`: the uplink of a robot and the base of a fleet. `tessera uplink` and `tessera base`
+//! become it.
+#![forbid(unsafe_code)]
+
+use clap::Parser;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+use tessera_fleet::arguments::{Arguments, BaseArguments, Command, UplinkArguments};
+use tessera_fleet::arrivals::{DISK, FLEET_JOURNAL};
+use tessera_fleet::base::{BaseOptions, Network, base};
+use tessera_fleet::error::FleetError;
+use tessera_fleet::network::ZenohNetwork;
+use tessera_fleet::session::{End, configuration, locators};
+use tessera_fleet::status::Status;
+use tessera_fleet::uplink::{UplinkOptions, uplink};
+use tessera_journal::lock_file;
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let done = match &arguments.command {
+        Command::Uplink(arguments) => run_uplink(arguments),
+        Command::Base(arguments) => run_base(arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("tessera-fleet: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn stop_flag() -> Result<Arc<AtomicBool>, FleetError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .map_err(|e| FleetError::Network(format!("signals: {e}")))?;
+    }
+    Ok(stop)
+}
+
+fn run_uplink(arguments: &UplinkArguments) -> Result<(), FleetError> {
+    let robot = arguments.robot.clone().unwrap_or_else(host_name);
+    if tessera_transport::check_name(&robot).is_err() || robot == DISK {
+        return Err(FleetError::Arguments(format!(
+            "robot {robot:?}: expected 1 to 64 letters, digits, '.', '_' or '-', and not {DISK:?}"
+        )));
+    }
+    let config = configuration(&End::Robot(arguments.to.as_deref()), arguments.config.as_deref())?;
+    let options = UplinkOptions {
+        folders: vec![Path::new("runs").join(&arguments.run), PathBuf::from(&arguments.run)],
+        robot,
+        max_bytes_per_s: arguments.max_kbps.map(|kbps| f64::from(kbps) * 125.0),
+        is_quiet: arguments.quiet,
+    };
+    uplink(&options, config, &*stop_flag()?)
+}
+
+fn host_name() -> String {
+    rustix::system::uname().nodename().to_string_lossy().into_owned()
+}
+
+fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
+    if arguments.action.is_some() {
+        return say_status(&arguments.folder, arguments.json);
+    }
+    let stop = stop_flag()?;
+    let is_listening = arguments.add.is_empty() || arguments.listen.is_some() || arguments.config.is_some();
+    let mut options = BaseOptions {
+        folder: arguments.folder.clone(),
+        add: arguments.add.clone(),
+        listens: None,
+        until: arguments.runs.or((!is_listening).then_some(arguments.add.len())),
+        map_every: (arguments.map_every > 0 && is_listening)
+            .then(|| Duration::from_secs(arguments.map_every)),
+    };
+    if !is_listening {
+        base(&options, None, &stop)?;
+    } else {
+        let end = End::Base(arguments.listen.as_deref());
+        let config = configuration(&end, arguments.config.as_deref())?;
+        let listens = locators(&config, "listen")?.join(", ");
+        let is_plain = listens.contains("tcp/");
+        let reach = if is_plain { "this machine alone, not encrypted" } else { "TLS" };
+        options.listens = Some(format!("listening on {listens} ({reach})"));
+        // Before it listens: there is one base of a folder.
+        std::fs::create_dir_all(&options.folder).map_err(FleetError::io("make", &options.folder))?;
+        let mut network = ZenohNetwork::open(config)?;
+        if !arguments.quiet {
+            println!("{}", options.listens.as_deref().unwrap_or_default());
+        }
+        base(&options, Some(&mut network as &mut dyn Network), &stop)?;
+    }
+    if !arguments.quiet {
+        print!("{}", Status::read(&options.folder)?.text(false));
+    }
+    Ok(())
+}
+
+fn say_status(folder: &Path, is_json: bool) -> Result<(), FleetError> {
+    let status = Status::read(folder)?;
+    if is_json {
+        let text = serde_json::to_string_pretty(&status).map_err(|e| FleetError::Input(e.to_string()))?;
+        println!("{text}");
+    } else {
+        print!("{}", status.text(is_running(folder)));
+    }
+    Ok(())
+}
+
+/// Whether a base holds the folder's journal.
+fn is_running(folder: &Path) -> bool {
+    let path = folder.join(FLEET_JOURNAL);
+    std::fs::File::open(&path).is_ok_and(|file| lock_file(&file, &path, Duration::ZERO).is_err())
+}

@@ -1,0 +1,324 @@
+//! The one map of all runs: a pure function of the order in which they came and of their bytes.
+
+use crate::arrivals::{Arrival, Mapped};
+use crate::error::FleetError;
+use crate::past::Past;
+use crate::summary::{ComponentSummary, JoinSummary, JoinVerdict, RunSummary, Summary};
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tessera_evaluation::write_tum;
+use tessera_geometry::Pose;
+use tessera_outputs::{write_file, write_joint_map};
+use tessera_slam::{AlignRecord, AppliedCorrection, Context, JointMap, KeyframeSurfaces, Meeting};
+use tessera_surface::Vertex;
+
+/// Folder of the map in the base's folder.
+pub const MAP_FOLDER: &str = "map";
+/// Says which map the folder holds.
+pub const MAP_NUMBER: &str = "map.number";
+
+/// The surfaces of all runs' keyframes, by their numbers in the joint map.
+struct Surfaces<'a>(Vec<(u32, &'a dyn KeyframeSurfaces)>);
+
+impl Surfaces<'_> {
+    /// The run that a keyframe is of, and its number there.
+    fn of(&self, keyframe: u32) -> (&dyn KeyframeSurfaces, u32) {
+        let place = self.0.partition_point(|(first, _)| *first <= keyframe).saturating_sub(1);
+        let (first, surfaces) = self.0[place];
+        (surfaces, keyframe - first)
+    }
+}
+
+impl KeyframeSurfaces for Surfaces<'_> {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        let (surfaces, id) = self.of(keyframe);
+        surfaces.vertices(id)
+    }
+
+    fn features(&self, keyframe: u32) -> &[tessera_features::Feature] {
+        let (surfaces, id) = self.of(keyframe);
+        surfaces.features(id)
+    }
+}
+
+/// A run that is in the map, or why it is not.
+enum Part {
+    In(Box<Past>),
+    Out(String),
+}
+
+/// Makes the map of these runs and puts it in the place of the one before, whole or not at all.
+///
+/// # Errors
+/// Where an output cannot be written. A run that cannot be read is left out, and the summary says why.
+pub fn make_map(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Result<Summary, FleetError> {
+    let folder = base.join(format!("{MAP_FOLDER}.partial"));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).map_err(FleetError::io("make", &folder))?;
+    let mut parts = read_parts(base, arrivals, mapped);
+    let context = parts.iter().find_map(|part| match part {
+        Part::In(past) => Some(context_of(past)),
+        Part::Out(_) => None,
+    });
+    let labels = labels(arrivals);
+    let summary = match context {
+        Some(context) => joint(&folder, context, arrivals, &labels, &mut parts)?,
+        None => Summary::empty(run_summaries(arrivals, &labels, &parts, &BTreeMap::new())),
+    };
+    summary.write(&folder)?;
+    replace(base, &folder, mapped.number)?;
+    Ok(summary)
+}
+
+fn context_of(past: &Past) -> Context {
+    let settings = &past.settings;
+    Context::new(&past.run.camera, &settings.surface, &settings.registration, &settings.mapping)
+}
+
+fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    for (arrival, align_bytes) in arrivals.iter().zip(&mapped.align_bytes) {
+        let part = match Past::read(base, arrival, *align_bytes) {
+            // Where the base is says nothing of the map.
+            Err(error) => Part::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
+            Ok(past) => {
+                let first = parts.iter().find_map(|part| match part {
+                    Part::In(first) => Some(first),
+                    Part::Out(_) => None,
+                });
+                match first.and_then(|first| past.unlike(first)) {
+                    Some(reason) => Part::Out(reason),
+                    None => Part::In(Box::new(past)),
+                }
+            }
+        };
+        parts.push(part);
+    }
+    parts
+}
+
+/// Joins, solves and writes.
+fn joint(
+    folder: &Path,
+    context: Context,
+    arrivals: &[Arrival],
+    labels: &[String],
+    parts: &mut [Part],
+) -> Result<Summary, FleetError> {
+    let mut map = JointMap::new(context);
+    let mut surfaces = Surfaces(Vec::new());
+    // Runs in the map by their number among those that are in it.
+    let mut pasts: Vec<(usize, &mut Past)> = Vec::new();
+    for (number, part) in parts.iter_mut().enumerate() {
+        if let Part::In(past) = part {
+            map.add(&past.state);
+            pasts.push((number, past));
+        }
+    }
+    for (run, (_, past)) in pasts.iter().enumerate() {
+        let keyframes = map.keyframes_of(run);
+        if !keyframes.is_empty() {
+            surfaces.0.push((keyframes.start as u32, &past.surfaces));
+        }
+    }
+    let meetings = map.join(&surfaces, &mut || ());
+    // Runs that share no place stay as they are.
+    let correction = if meetings.is_empty() { None } else { map.optimise(&surfaces, &mut || ()) };
+    let (camera, step) = (pasts[0].1.run.camera.clone(), pasts[0].1.settings.surface.step as usize);
+    let output = pasts[0].1.settings.output.clone();
+    let components = components(&map);
+    for (place, component) in components.keys().enumerate() {
+        let name = component_file("map", place, "ply");
+        let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
+        let keyframes = map.keyframes().iter().filter(is_in);
+        write_joint_map((folder, &name), (&camera, step, &output), keyframes, &surfaces)?;
+    }
+    drop(surfaces);
+    if correction.is_some() {
+        for (run, (_, past)) in pasts.iter_mut().enumerate() {
+            let correction = map.correction_of(run, &past.state, &past.journal);
+            let applied = AppliedCorrection { before_frame: past.state.next_index, correction };
+            past.replay.apply(AlignRecord::Correction(Box::new(applied)));
+        }
+    }
+    let mut places = BTreeMap::new();
+    for (run, (number, past)) in pasts.iter().enumerate() {
+        places.insert(*number, write_run(folder, &labels[*number], &map, run, &components, past)?);
+    }
+    let run_of =
+        |keyframe: u32| map.run_of(keyframe).map_or_else(String::new, |run| labels[pasts[run].0].clone());
+    let joins = meetings.iter().map(|meeting| join_summary(&map, meeting, &run_of)).collect();
+    let loops = correction.map_or(Vec::new(), |correction| correction.loops);
+    let between = loops.iter().filter(|l| map.run_of(l.newer) != map.run_of(l.older)).copied().collect();
+    let components = components.iter().enumerate().map(|(place, (component, keyframes))| ComponentSummary {
+        component: *component,
+        keyframes: *keyframes,
+        map: component_file("map", place, "ply"),
+        runs: (places.iter().filter(|(_, place)| place.contains_key(component)))
+            .map(|(number, _)| labels[*number].clone())
+            .collect(),
+    });
+    let components = components.collect();
+    drop(pasts);
+    for part in parts.iter_mut() {
+        let damage = match part {
+            Part::In(past) => past.surfaces.check().err(),
+            Part::Out(_) => None,
+        };
+        // What was computed from it is no map.
+        damage.map_or(Ok(()), Err)?;
+    }
+    let runs = run_summaries(arrivals, labels, parts, &places);
+    Ok(Summary::new(runs, components, joins, between))
+}
+
+/// Keyframes of each component, the largest component first.
+struct Components(Vec<(u32, u64)>);
+
+impl Components {
+    fn keys(&self) -> impl Iterator<Item = &u32> {
+        self.0.iter().map(|(component, _)| component)
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &(u32, u64)> {
+        self.0.iter()
+    }
+
+    fn place(&self, component: u32) -> Option<usize> {
+        self.0.iter().position(|(known, _)| *known == component)
+    }
+}
+
+fn components(map: &JointMap) -> Components {
+    let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
+    for keyframe in map.keyframes() {
+        *counts.entry(map.submaps().component(keyframe.submap)).or_default() += 1;
+    }
+    let mut counts: Vec<(u32, u64)> = counts.into_iter().collect();
+    counts.sort_by_key(|(component, n)| (std::cmp::Reverse(*n), *component));
+    Components(counts)
+}
+
+/// `NAME.EXT` of the largest component, `NAME_component_K.EXT` of the next ones.
+fn component_file(name: &str, place: usize, extension: &str) -> String {
+    match place {
+        0 => format!("{name}.{extension}"),
+        place => format!("{name}_component_{place}.{extension}"),
+    }
+}
+
+/// Writes the trajectories of a run, one for each component that it has frames in; answers the frames of
+/// each.
+fn write_run(
+    folder: &Path,
+    label: &str,
+    map: &JointMap,
+    run: usize,
+    components: &Components,
+    past: &Past,
+) -> Result<BTreeMap<u32, u64>, FleetError> {
+    let mut rows: BTreeMap<u32, Vec<(i64, Pose)>> = BTreeMap::new();
+    for frame in &past.replay.frames {
+        let Some(component) = map.component(run, past.replay.component(frame)) else { continue };
+        let row = (frame.stamp_nanos, past.replay.final_pose(frame));
+        rows.entry(component).or_default().push(row);
+    }
+    for (component, rows) in &rows {
+        let Some(place) = components.place(*component) else { continue };
+        let name = component_file(&format!("trajectory_{label}"), place, "txt");
+        let header = format!(
+            "final pose of every frame of {label} in the axes of {}\nworld_from_camera, metres: timestamp tx ty tz qx qy qz qw",
+            component_file("map", place, "ply")
+        );
+        write_file(&folder.join(name), |mut writer| {
+            write_tum(&mut writer, &header, rows.iter().map(|(stamp, pose)| (*stamp, pose)))
+        })?;
+    }
+    Ok(rows.iter().map(|(component, rows)| (*component, rows.len() as u64)).collect())
+}
+
+fn join_summary(map: &JointMap, meeting: &Meeting, run_of: &dyn Fn(u32) -> String) -> JoinSummary {
+    let component = |id: u32| map.keyframes().get(id as usize).map(|k| map.submaps().component(k.submap));
+    let is_held = component(meeting.own) == component(meeting.seen);
+    JoinSummary {
+        run: run_of(meeting.own),
+        with: run_of(meeting.seen),
+        keyframe: meeting.own,
+        with_keyframe: meeting.seen,
+        keyframes_agree: meeting.n_confirmed,
+        overlap: meeting.overlap,
+        in_front: meeting.in_front,
+        verdict: if is_held { JoinVerdict::Held } else { JoinVerdict::Refuted },
+    }
+}
+
+fn run_summaries(
+    arrivals: &[Arrival],
+    labels: &[String],
+    parts: &[Part],
+    places: &BTreeMap<usize, BTreeMap<u32, u64>>,
+) -> Vec<RunSummary> {
+    let summary = |(number, part): (usize, &Part)| {
+        let Arrival { robot, run, .. } = &arrivals[number];
+        let mut summary = RunSummary {
+            robot: robot.clone(),
+            run: run.clone(),
+            label: labels[number].clone(),
+            ..RunSummary::default()
+        };
+        match part {
+            Part::Out(reason) => summary.left_out = Some(reason.clone()),
+            Part::In(past) => {
+                summary.keyframes = past.state.keyframes.len() as u64;
+                summary.frames = past.replay.frames.len() as u64;
+                summary.frames_untracked = past.replay.n_untracked();
+                summary.is_ended = past.state.is_ended;
+                summary.frames_by_component = places.get(&number).cloned().unwrap_or_default();
+            }
+        }
+        summary
+    };
+    parts.iter().enumerate().map(summary).collect()
+}
+
+/// `ROBOT_RUN`, numbered where that is taken.
+fn labels(arrivals: &[Arrival]) -> Vec<String> {
+    let mut labels: Vec<String> = Vec::new();
+    for arrival in arrivals {
+        let plain = match arrival.robot.as_str() {
+            crate::arrivals::DISK => arrival.run.clone(),
+            robot => format!("{robot}_{}", arrival.run),
+        };
+        let numbered = (2..).map(|n| format!("{plain}-{n}"));
+        let label = std::iter::once(plain.clone()).chain(numbered).find(|label| !labels.contains(label));
+        labels.extend(label);
+    }
+    labels
+}
+
+/// Puts the folder in the place of the map before, in one step, and writes down which one it is.
+fn replace(base: &Path, folder: &Path, number: u64) -> Result<(), FleetError> {
+    let place = base.join(MAP_FOLDER);
+    if place.exists() {
+        renameat_with(CWD, folder, CWD, &place, RenameFlags::EXCHANGE)
+            .map_err(|error| FleetError::io("replace", &place)(error.into()))?;
+        let _ = std::fs::remove_dir_all(folder);
+    } else {
+        std::fs::rename(folder, &place).map_err(FleetError::io("make", &place))?;
+    }
+    write_file(&base.join(MAP_NUMBER), |writer| write!(writer, "{number}"))?;
+    Ok(())
+}
+
+/// The map that is in its place; 0: none.
+pub fn map_number(base: &Path) -> u64 {
+    let text = std::fs::read_to_string(base.join(MAP_NUMBER)).unwrap_or_default();
+    let is_there = base.join(MAP_FOLDER).join(crate::summary::SUMMARY_FILE).is_file();
+    if is_there { text.trim().parse().unwrap_or(0) } else { 0 }
+}
+
+/// Where the map is.
+pub fn map_folder(base: &Path) -> PathBuf {
+    base.join(MAP_FOLDER)
+}

@@ -1,0 +1,108 @@
+//! A run as it was at some byte of its journal: what a map is made of.
+
+use crate::arrivals::Arrival;
+use crate::error::FleetError;
+use std::path::{Path, PathBuf};
+use tessera_journal::Follower;
+use tessera_outputs::{Replay, read_settings};
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, TrackerState};
+use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles};
+
+/// A run up to some byte.
+pub struct Past {
+    /// Its folder.
+    pub files: RunFiles,
+    /// What it was run with.
+    pub run: RunFile,
+    /// Its settings.
+    pub settings: Settings,
+    /// Its map.
+    pub state: TrackerState,
+    /// Its frames.
+    pub replay: Replay,
+    /// The surfaces of its keyframes.
+    pub surfaces: MappedKeyframes,
+    /// The journal that counts.
+    pub journal: Prefix,
+}
+
+/// A journal up to some byte.
+pub struct Prefix {
+    path: PathBuf,
+    bytes: u64,
+}
+
+impl Prefix {
+    fn visit_all(&self, take: &mut dyn FnMut(AlignRecord)) -> Result<(), FleetError> {
+        if self.bytes == 0 {
+            return Ok(());
+        }
+        let mut follower = Follower::<AlignRecord>::open(&self.path, ALIGN_JOURNAL)?;
+        while follower.mark().len_bytes() < self.bytes {
+            match follower.next()? {
+                Some(record) => take(record),
+                None => break,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl FrameHistory for Prefix {
+    fn visit(&self, take: &mut dyn FnMut(&FrameRecord)) {
+        // It was read a moment ago; a file that has become unreadable ends the history, and frames keep
+        // the poses that they have.
+        let _ = self.visit_all(&mut |record| {
+            if let AlignRecord::Frame(frame) = record {
+                take(&frame);
+            }
+        });
+    }
+}
+
+impl Past {
+    /// Reads a run up to `align_bytes` of its aligner's journal.
+    ///
+    /// # Errors
+    /// Names the file that cannot be used, and why.
+    pub fn read(base: &Path, arrival: &Arrival, align_bytes: u64) -> Result<Self, FleetError> {
+        let files = RunFiles::new(&arrival.folder(base));
+        let run = RunFile::read(&files)?;
+        let settings = read_settings(&files)?;
+        let n_vertices = run.layout(&settings).grid.len();
+        let mut surfaces = MappedKeyframes::open(&files.store(), n_vertices)?;
+        let (mut state, mut replay) = (TrackerState::default(), Replay::default());
+        let journal = Prefix { path: files.align_journal(), bytes: align_bytes };
+        let mut problem = Ok(());
+        journal.visit_all(&mut |record| {
+            if problem.is_ok() {
+                problem = surfaces.take_unread(&record);
+            }
+            state.apply(&record);
+            replay.apply(record);
+        })?;
+        problem?;
+        Ok(Self { files, run, settings, state, replay, surfaces, journal })
+    }
+
+    /// Why this run and the first one cannot have one map: surfaces of one map have one grid and are
+    /// matched with one camera.
+    pub fn unlike(&self, first: &Self) -> Option<String> {
+        let camera = |past: &Self| {
+            let c = &past.run.camera;
+            format!(
+                "{}x{} fx {} fy {} cx {} cy {} distortion {:?} readout {} s depth offset {} m",
+                c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.readout_s, c.depth_offset_m
+            )
+        };
+        let grid = |past: &Self| {
+            let surface = &past.settings.surface;
+            format!("surface.step {} and cell_sample {:?}", surface.step, surface.cell_sample)
+        };
+        let pairs = [("camera", camera(self), camera(first)), ("grid", grid(self), grid(first))];
+        pairs.into_iter().find(|(_, found, expected)| found != expected).map(|(what, found, expected)| {
+            format!("made with another {what}: {found}, the first run has {expected}")
+        })
+    }
+}

@@ -1,0 +1,146 @@
+//! What the threads of a base share: which runs there are, and how far each has come.
+
+use crate::arrivals::{Arrival, Arrivals, MAX_RUNS};
+use crate::error::FleetError;
+use crate::replica::{Pulled, Replica};
+use crate::status::{Refused, RunStatus};
+use crate::wire::{Offer, Refusal};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// What all threads of a base share.
+pub(crate) struct Shared {
+    pub(crate) base: PathBuf,
+    pub(crate) arrivals: Arrivals,
+    pub(crate) runs: Vec<RunState>,
+    pub(crate) refused: Refused,
+    pub(crate) failure: Option<FleetError>,
+}
+
+/// A run as its worker last left it.
+#[derive(Default)]
+pub(crate) struct RunState {
+    pub(crate) status: RunStatus,
+    /// The copy, while no worker has it.
+    pub(crate) replica: Option<Replica>,
+    pub(crate) align_bytes: u64,
+    /// Bytes of the aligner's journal of which every surface is here.
+    pub(crate) map_bytes: u64,
+    rate: Rate,
+}
+
+/// Bytes a second.
+struct Rate {
+    since: Instant,
+    received: u64,
+}
+
+impl Default for Rate {
+    fn default() -> Self {
+        Self { since: Instant::now(), received: 0 }
+    }
+}
+
+pub(crate) type SharedRef = Arc<Mutex<Shared>>;
+
+pub(crate) fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    // A worker that panicked left numbers behind, nothing half written.
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    pub(crate) fn open(base: &Path) -> Result<Self, FleetError> {
+        let arrivals = Arrivals::open(base)?;
+        let mut shared = Self {
+            base: base.into(),
+            runs: Vec::new(),
+            refused: Refused::default(),
+            failure: None,
+            arrivals,
+        };
+        for number in 0..shared.arrivals.runs.len() {
+            shared.add_run(number)?;
+        }
+        Ok(shared)
+    }
+
+    /// Opens the copy of a run that has arrived.
+    fn add_run(&mut self, number: usize) -> Result<(), FleetError> {
+        let arrival = self.arrivals.runs[number].clone();
+        let replica = Replica::open(&arrival.folder(&self.base), &arrival.robot, arrival.identity)?;
+        let mut state = RunState::default();
+        (state.status.robot, state.status.run) = (arrival.robot, arrival.run);
+        self.runs.push(state);
+        self.note(number, &replica, 0);
+        // Of surfaces that were on their way the last map that was begun knows nothing.
+        let known = self.arrivals.mapped.align_bytes.get(number).copied().unwrap_or(0);
+        self.runs[number].map_bytes = self.runs[number].map_bytes.max(known);
+        self.runs[number].replica = Some(replica);
+        Ok(())
+    }
+
+    /// The number of the run that a robot offers, a new one where it was not here before.
+    pub(crate) fn find(
+        &mut self,
+        robot: &str,
+        offer: &Offer,
+        origin: Option<&Path>,
+    ) -> Result<usize, NotTaken> {
+        let refuse = |refusal: Refusal, words: String| NotTaken::Robot(refusal, words);
+        if let Some(number) = self.arrivals.find(offer.identity) {
+            let known = &self.arrivals.runs[number];
+            return match known.robot == robot {
+                true => Ok(number),
+                false => {
+                    Err(refuse(Refusal::Name, format!("its run {} is that of {}", offer.run, known.robot)))
+                }
+            };
+        }
+        if self.arrivals.runs.len() >= MAX_RUNS {
+            return Err(refuse(Refusal::TooMany, format!("{MAX_RUNS} runs are here")));
+        }
+        let arrival = Arrival {
+            robot: robot.into(),
+            run: offer.run.clone(),
+            identity: offer.identity,
+            origin: origin.map(Path::to_owned),
+        };
+        let number = self.arrivals.arrive(arrival).map_err(NotTaken::Base)?;
+        self.add_run(number).map_err(NotTaken::Base)?;
+        Ok(number)
+    }
+
+    /// Takes down what a copy has.
+    pub(crate) fn note(&mut self, number: usize, replica: &Replica, received: u64) {
+        let run = &mut self.runs[number];
+        let facts = replica.facts();
+        run.align_bytes = replica.align_bytes();
+        if replica.is_complete() {
+            run.map_bytes = run.align_bytes;
+        }
+        run.status.frames = facts.n_frames;
+        run.status.keyframes = facts.slots.len() as u64;
+        run.status.bytes = replica.len_bytes();
+        run.status.is_ended = facts.is_ended && replica.is_complete();
+        run.status.received_bytes += received;
+        run.rate.received += received;
+        let seconds = run.rate.since.elapsed().as_secs_f64();
+        if seconds >= 2.0 {
+            run.status.bytes_per_s = run.rate.received as f64 / seconds;
+            run.rate = Rate::default();
+        }
+    }
+
+    pub(crate) fn count(&mut self, robot: &str, pulled: &Pulled) {
+        for (refusal, words) in &pulled.refused {
+            self.refused.count(robot, *refusal, words);
+        }
+    }
+}
+
+/// Why a run is not taken: the robot's doing, or the base's.
+pub(crate) enum NotTaken {
+    Robot(Refusal, String),
+    Base(FleetError),
+}

@@ -1,0 +1,224 @@
+//! What a base has to show: `status.json` in its folder, written anew each second, and the same in words.
+
+use crate::error::FleetError;
+use crate::summary::{JoinVerdict, Summary};
+use crate::wire::Refusal;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+use tessera_journal::{Durability, write_atomically};
+
+/// Its name in the base's folder.
+pub const STATUS_FILE: &str = "status.json";
+
+/// What a base is doing. Field names are an interface: scripts read them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// Its process.
+    pub pid: u32,
+    /// Where it listens; nothing where it only takes runs from disk.
+    pub listens: Option<String>,
+    /// Runs in the order in which they came.
+    pub runs: Vec<RunStatus>,
+    /// What was refused, by robot and by what it was.
+    pub refused: Vec<RefusedStatus>,
+    /// The map that is made now, if one is.
+    pub mapping: Option<u64>,
+    /// The last map that was made.
+    pub mapped: u64,
+    /// Why no map could be made, where that is so.
+    pub map_problem: Option<String>,
+    /// What that map is.
+    pub map: Option<Summary>,
+}
+
+/// One run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunStatus {
+    /// Its robot.
+    pub robot: String,
+    /// Its name there.
+    pub run: String,
+    /// Whether the robot can be asked now.
+    pub is_connected: bool,
+    /// Whether the run has come to its end and is here whole.
+    pub is_ended: bool,
+    /// Frames here.
+    pub frames: u64,
+    /// Keyframes here.
+    pub keyframes: u64,
+    /// Bytes of journals and store here.
+    pub bytes: u64,
+    /// Bytes that the robot has and the base has not, when it was last asked.
+    pub lag_bytes: u64,
+    /// Bytes that came since the base started, those of refused pieces included.
+    pub received_bytes: u64,
+    /// Bytes a second, over the last seconds.
+    pub bytes_per_s: f64,
+    /// Why its copy does not go on, where that is so.
+    pub problem: Option<String>,
+}
+
+/// What was refused of a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RefusedStatus {
+    /// The robot, as it calls itself.
+    pub robot: String,
+    /// What it was.
+    pub what: Refusal,
+    /// How often.
+    pub n: u64,
+    /// What was last said of it.
+    pub last: String,
+}
+
+/// Counts of refusals.
+#[derive(Clone, Debug, Default)]
+pub struct Refused(BTreeMap<(String, Refusal), (u64, String)>);
+
+/// Robots whose refusals are counted apart, at most.
+const MOST_NAMES: usize = 200;
+
+impl Refused {
+    /// Counts one.
+    pub fn count(&mut self, robot: &str, refusal: Refusal, words: &str) {
+        let key = |name: &str| (name.to_owned(), refusal);
+        let is_room = self.0.len() < MOST_NAMES || self.0.contains_key(&key(robot));
+        let entry = self.0.entry(key(if is_room { robot } else { "others" })).or_default();
+        entry.0 += 1;
+        if !words.is_empty() {
+            entry.1 = words.chars().filter(|c| !c.is_control()).take(200).collect();
+        }
+    }
+
+    /// All of them, by robot.
+    pub fn list(&self) -> Vec<RefusedStatus> {
+        let entry = |((robot, what), (n, last)): (&(String, Refusal), &(u64, String))| RefusedStatus {
+            robot: robot.clone(),
+            what: *what,
+            n: *n,
+            last: last.clone(),
+        };
+        self.0.iter().map(entry).collect()
+    }
+}
+
+impl Status {
+    /// Writes it into the base's folder.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn write(&self, base: &Path) -> Result<(), FleetError> {
+        let path = base.join(STATUS_FILE);
+        let text = serde_json::to_vec_pretty(self).map_err(|e| FleetError::Input(e.to_string()))?;
+        write_atomically(&path, Durability::Scratch, |writer| writer.write_all(&text))
+            .map_err(FleetError::io("write", &path))
+    }
+
+    /// What the base in a folder last said.
+    ///
+    /// # Errors
+    /// Where there is none.
+    pub fn read(base: &Path) -> Result<Self, FleetError> {
+        let path = base.join(STATUS_FILE);
+        let wrong = |reason: String| FleetError::Input(format!("{}: {reason}", path.display()));
+        let text = std::fs::read_to_string(&path)
+            .map_err(|e| wrong(format!("{e}; expected the folder of a base, which writes it")))?;
+        serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))
+    }
+
+    /// In words, as `tessera base DIR status` prints it.
+    pub fn text(&self, is_running: bool) -> String {
+        let mut text = String::new();
+        let line = |text: &mut String, words: String| {
+            // Writing to a string does not fail.
+            let _ = writeln!(text, "{words}");
+        };
+        let running = if is_running { format!("pid {}", self.pid) } else { "not running".into() };
+        let listens = self.listens.as_deref().unwrap_or("no network");
+        line(&mut text, format!("base: {running}, {listens}"));
+        for run in &self.runs {
+            line(&mut text, format!("  {}", run.text(is_running)));
+        }
+        for refused in &self.refused {
+            let last = if refused.last.is_empty() { String::new() } else { format!(" ({})", refused.last) };
+            let (robot, what) = (&refused.robot, refused.what.words());
+            line(&mut text, format!("  refused of {robot}: {} x {what}{last}", refused.n));
+        }
+        if let Some(problem) = &self.map_problem {
+            line(&mut text, format!("no map: {problem}"));
+        }
+        match &self.map {
+            Some(map) => text.push_str(&map_text(map, self.mapped)),
+            None => line(&mut text, "map: none yet".into()),
+        }
+        if let Some(number) = self.mapping {
+            line(&mut text, format!("map {number} is being made"));
+        }
+        text
+    }
+}
+
+impl RunStatus {
+    fn text(&self, is_running: bool) -> String {
+        let state = match (self.is_ended, self.is_connected && is_running) {
+            (true, _) => "ended".into(),
+            (false, true) => {
+                format!("{} behind, {}/s", bytes(self.lag_bytes), bytes(self.bytes_per_s as u64))
+            }
+            (false, false) => format!("away, {} behind", bytes(self.lag_bytes)),
+        };
+        let problem = self.problem.as_ref().map_or(String::new(), |problem| format!("; {problem}"));
+        format!(
+            "{} {}: {} frames, {} keyframes, {}, {state}, {} received{problem}",
+            self.robot,
+            self.run,
+            self.frames,
+            self.keyframes,
+            bytes(self.bytes),
+            bytes(self.received_bytes)
+        )
+    }
+}
+
+fn map_text(map: &Summary, number: u64) -> String {
+    let mut text = format!("map {number}: {} component(s)\n", map.components.len());
+    for component in &map.components {
+        let (runs, n) = (component.runs.join(", "), component.keyframes);
+        let _ = writeln!(text, "  {}: {n} keyframes of {runs}", component.map);
+    }
+    for join in &map.joins {
+        let verdict = match join.verdict {
+            JoinVerdict::Held => "holds",
+            JoinVerdict::Refuted => "refuted by the optimisation",
+        };
+        let _ = writeln!(
+            text,
+            "  {} joined to {}: {verdict}; {} keyframes agree, {:.0} % overlap, {:.1} % in front",
+            join.run,
+            join.with,
+            join.keyframes_agree,
+            100.0 * join.overlap,
+            100.0 * join.in_front
+        );
+    }
+    for run in map.runs.iter() {
+        if let Some(reason) = &run.left_out {
+            let _ = writeln!(text, "  {} is left out: {reason}", run.label);
+        }
+    }
+    if map.loops_between_runs > 0 {
+        let (closed, found) = (map.loops_between_runs_closed, map.loops_between_runs);
+        let _ = writeln!(text, "  loops between runs: {closed} of {found} hold");
+    }
+    text
+}
+
+fn bytes(n: u64) -> String {
+    match n {
+        0..1000 => format!("{n} B"),
+        1000..1_000_000 => format!("{:.1} kB", n as f64 / 1e3),
+        _ => format!("{:.1} MB", n as f64 / 1e6),
+    }
+}

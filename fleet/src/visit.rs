@@ -1,0 +1,64 @@
+//! One visit to a robot: which run it has, and all of it that the base has not.
+
+use crate::carrier::Carrier;
+use crate::error::FleetError;
+use crate::replica::{Pulled, ask_offer};
+use crate::shared::{NotTaken, SharedRef, lock};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What a visit to a robot brought.
+pub(crate) enum Visit {
+    Took,
+    Nothing,
+    /// Nothing, and nothing is missing.
+    Whole,
+}
+
+/// Asks a robot once for all that it has and the base has not.
+pub(crate) fn visit(
+    carrier: &mut dyn Carrier,
+    shared: &SharedRef,
+    robot: &str,
+    origin: Option<&Path>,
+    stop: &AtomicBool,
+) -> Result<Visit, FleetError> {
+    let mut asked = Pulled::default();
+    let offer = ask_offer(carrier, robot, &mut asked);
+    let (number, mut replica) = {
+        let mut shared = lock(shared);
+        shared.count(robot, &asked);
+        let Some(offer) = &offer else { return Ok(Visit::Nothing) };
+        let number = match shared.find(robot, offer, origin) {
+            Ok(number) => number,
+            Err(NotTaken::Base(error)) => return Err(error),
+            Err(NotTaken::Robot(refusal, words)) => {
+                shared.refused.count(robot, refusal, &words);
+                return Ok(Visit::Nothing);
+            }
+        };
+        let Some(replica) = shared.runs[number].replica.take() else { return Ok(Visit::Nothing) };
+        (number, replica)
+    };
+    let Some(offer) = offer else { return Ok(Visit::Nothing) };
+    let pulled = replica.pull(carrier, &offer, &|| stop.load(Ordering::Relaxed));
+    let mut shared = lock(shared);
+    let outcome = match pulled {
+        Ok(pulled) => {
+            shared.note(number, &replica, asked.received_bytes + pulled.received_bytes);
+            shared.count(robot, &pulled);
+            let run = &mut shared.runs[number].status;
+            run.lag_bytes = replica.lag_bytes(&offer);
+            run.problem =
+                pulled.refused.last().map(|(refusal, words)| format!("{}: {words}", refusal.words()));
+            match (pulled.taken_bytes > 0, run.lag_bytes) {
+                (true, _) => Ok(Visit::Took),
+                (false, 0) => Ok(Visit::Whole),
+                (false, _) => Ok(Visit::Nothing),
+            }
+        }
+        Err(error) => Err(error),
+    };
+    shared.runs[number].replica = Some(replica);
+    outcome
+}

@@ -1,0 +1,336 @@
+//! What travels: a base asks for bytes of a robot's run from an offset on, and the robot answers in
+//! pieces, each with where it stands and a checksum.
+//!
+//! Journals and store are bytes here: what they mean is for the files' own formats. A piece is believed
+//! only where it continues what the base has; the next request is the acknowledgement of the last.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Version of the protocol; robots and bases of another one refuse each other by name.
+pub const PROTOCOL: u32 = 1;
+/// Bytes of one piece, at most.
+pub const MAX_PIECE_BYTES: usize = 64 << 10;
+/// Bytes of an offer or of a small file, at most.
+pub const MAX_SMALL_BYTES: usize = 4 << 20;
+
+/// The files of a run that grow, in the order in which they are asked for.
+pub const JOURNALS: [Growing; 2] = [Growing::Align, Growing::Optimise];
+
+/// The files of a run that are written once: what a run directory needs to be read, and what says how
+/// good it is.
+pub const SMALL_FILES: [&str; 5] =
+    ["run.json", "config.toml", "groundtruth.txt", "broken_frames.txt", "statistics.json"];
+
+/// A file of a run that grows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Growing {
+    /// The aligner's journal.
+    Align,
+    /// The optimiser's journal.
+    Optimise,
+    /// The surfaces of the keyframes.
+    Store,
+}
+
+impl Growing {
+    /// Its name in a run directory.
+    pub fn file(self) -> &'static str {
+        match self {
+            Self::Align => "align.journal",
+            Self::Optimise => "optimise.journal",
+            Self::Store => "keyframes.store",
+        }
+    }
+
+    /// What a journal calls itself in its first bytes; nothing for the store.
+    pub fn kind(self) -> &'static str {
+        match self {
+            Self::Align => tessera_stage::ALIGN_JOURNAL,
+            Self::Optimise => tessera_stage::OPTIMISE_JOURNAL,
+            Self::Store => "",
+        }
+    }
+
+    fn of_file(name: &str) -> Option<Self> {
+        [Self::Align, Self::Optimise, Self::Store].into_iter().find(|file| file.file() == name)
+    }
+}
+
+/// What a base asks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Which run there is, and how long its files are.
+    Offer,
+    /// A small file, whole.
+    Small {
+        /// One of [`SMALL_FILES`].
+        file: String,
+    },
+    /// Bytes of a growing file.
+    Bytes {
+        /// The file.
+        file: Growing,
+        /// The run that is meant.
+        identity: u64,
+        /// Offset of the first byte; of a journal, behind its last whole record at the base.
+        from: u64,
+        /// Checksum of that record, which the robot's own must have; 0 for the store and at the start.
+        checksum: u32,
+        /// Bytes that are wanted, at most; of a journal, one record at least.
+        max: u64,
+    },
+}
+
+impl Request {
+    /// The request as parameters of a selector.
+    pub fn to_parameters(&self) -> String {
+        match self {
+            Self::Offer => "what=offer".into(),
+            Self::Small { file } => format!("what=small;file={file}"),
+            Self::Bytes { file, identity, from, checksum, max } => format!(
+                "what=bytes;file={};run={identity:016x};from={from};sum={checksum:08x};max={max}",
+                file.file()
+            ),
+        }
+    }
+
+    /// The request that parameters hold.
+    ///
+    /// # Errors
+    /// Says what is missing or wrong.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        if text.len() > 300 {
+            return Err(format!("a request of {} bytes, expected at most 300", text.len()));
+        }
+        let fields: BTreeMap<&str, &str> = text.split(';').filter_map(|part| part.split_once('=')).collect();
+        let field = |name: &str| {
+            fields.get(name).copied().ok_or_else(|| format!("a request without {name}: {text:?}"))
+        };
+        let wrong = |name: &str| format!("{name} of a request is no number: {text:?}");
+        let decimal = |name: &str| field(name)?.parse::<u64>().map_err(|_| wrong(name));
+        let hex = |name: &str| u64::from_str_radix(field(name)?, 16).map_err(|_| wrong(name));
+        match field("what")? {
+            "offer" => Ok(Self::Offer),
+            "small" => {
+                let file = field("file")?;
+                let known = SMALL_FILES.into_iter().find(|name| *name == file);
+                Ok(Self::Small { file: known.ok_or_else(|| format!("no file {file:?} to ask for"))?.into() })
+            }
+            "bytes" => {
+                let name = field("file")?;
+                Ok(Self::Bytes {
+                    file: Growing::of_file(name).ok_or_else(|| format!("no file {name:?} to ask for"))?,
+                    identity: hex("run")?,
+                    from: decimal("from")?,
+                    checksum: u32::try_from(hex("sum")?).map_err(|_| wrong("sum"))?,
+                    max: decimal("max")?,
+                })
+            }
+            other => Err(format!("a request for {other:?}, expected offer, small or bytes")),
+        }
+    }
+}
+
+/// Which run a robot has.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Offer {
+    /// [`PROTOCOL`].
+    pub protocol: u32,
+    /// Version of the program.
+    pub version: String,
+    /// Name of the run.
+    pub run: String,
+    /// Names the run among all: a hash of its `run.json`.
+    pub identity: u64,
+    /// Whole bytes of the aligner's journal.
+    pub align_bytes: u64,
+    /// Whole bytes of the optimiser's journal.
+    pub optimise_bytes: u64,
+    /// Bytes of the store.
+    pub store_bytes: u64,
+    /// Small files that are there, with the CRC-32 of each.
+    pub small: BTreeMap<String, u32>,
+}
+
+/// What a piece is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Bytes.
+    Data,
+    /// The answer is whole: nothing was cut off.
+    End,
+    /// The robot has nothing to give, and why.
+    Refused,
+}
+
+/// One piece of an answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// What it is.
+    pub kind: Kind,
+    /// The run that it is of.
+    pub identity: u64,
+    /// Offset of its first byte.
+    pub at: u64,
+    /// Its bytes; of a refusal, the reason.
+    pub bytes: Vec<u8>,
+}
+
+/// Bytes of a piece's label.
+const LABEL_BYTES: usize = 4 + 1 + 8 + 8 + 4;
+const MAGIC: &[u8; 4] = b"TSF1";
+
+impl Piece {
+    /// A piece with bytes.
+    pub fn data(identity: u64, at: u64, bytes: Vec<u8>) -> Self {
+        Self { kind: Kind::Data, identity, at, bytes }
+    }
+
+    /// The end of an answer, which reached up to `at`.
+    pub fn end(identity: u64, at: u64) -> Self {
+        Self { kind: Kind::End, identity, at, bytes: Vec::new() }
+    }
+
+    /// A refusal.
+    pub fn refused(identity: u64, reason: &str) -> Self {
+        Self { kind: Kind::Refused, identity, at: 0, bytes: reason.as_bytes().to_vec() }
+    }
+
+    /// What travels beside the bytes: magic, kind, run, offset, CRC-32 of all that and the bytes.
+    pub fn label(&self) -> Vec<u8> {
+        let mut label = MAGIC.to_vec();
+        label.push(match self.kind {
+            Kind::Data => 1,
+            Kind::End => 2,
+            Kind::Refused => 3,
+        });
+        label.extend(self.identity.to_le_bytes());
+        label.extend(self.at.to_le_bytes());
+        label.extend(checksum(&label, &self.bytes).to_le_bytes());
+        label
+    }
+
+    /// The piece of a label and its bytes.
+    ///
+    /// # Errors
+    /// Names what is wrong with it.
+    pub fn read(label: &[u8], bytes: &[u8]) -> Result<Self, Refusal> {
+        if label.len() != LABEL_BYTES || &label[..4] != MAGIC {
+            return Err(Refusal::Foreign);
+        }
+        if bytes.len() > MAX_SMALL_BYTES {
+            return Err(Refusal::TooLarge);
+        }
+        let (head, sum) = label.split_at(LABEL_BYTES - 4);
+        let number = |from: usize| head[from..from + 8].try_into().map_or(0, u64::from_le_bytes);
+        if checksum(head, bytes).to_le_bytes() != sum {
+            return Err(Refusal::Checksum);
+        }
+        let kind = match head[4] {
+            1 => Kind::Data,
+            2 => Kind::End,
+            3 => Kind::Refused,
+            _ => return Err(Refusal::Foreign),
+        };
+        Ok(Self { kind, identity: number(5), at: number(13), bytes: bytes.to_vec() })
+    }
+}
+
+fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(head);
+    hasher.update(bytes);
+    hasher.finalize()
+}
+
+/// Why something that came is not used. Each is counted by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refusal {
+    /// No piece of this protocol.
+    Foreign,
+    /// More bytes than were asked for.
+    TooLarge,
+    /// The bytes are not those that were sent.
+    Checksum,
+    /// A piece of another run than was asked.
+    OtherRun,
+    /// A piece that does not continue what is here: old, twice, or behind a gap.
+    OtherPlace,
+    /// Bytes that are no records, or records that hold nonsense.
+    Nonsense,
+    /// A name that no robot or run may have.
+    Name,
+    /// An offer that cannot be read, or of another version.
+    Offer,
+    /// More robots or runs than a base takes.
+    TooMany,
+    /// The robot's journal is not the one that was copied so far.
+    Replaced,
+}
+
+impl Refusal {
+    /// What it says.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Foreign => "no piece of this protocol",
+            Self::TooLarge => "more bytes than were asked for",
+            Self::Checksum => "bytes with a wrong checksum",
+            Self::OtherRun => "bytes of another run",
+            Self::OtherPlace => "bytes of another place",
+            Self::Nonsense => "bytes that are no records",
+            Self::Name => "a name that none may have",
+            Self::Offer => "an offer that cannot be used",
+            Self::TooMany => "more robots or runs than allowed",
+            Self::Replaced => "a journal that is not the one copied so far",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requests_come_back_from_their_parameters() {
+        let bytes = Request::Bytes {
+            file: Growing::Store,
+            identity: 0xfeed_0000_0000_0001,
+            from: 7,
+            checksum: u32::MAX,
+            max: 1 << 40,
+        };
+        for request in [Request::Offer, Request::Small { file: "config.toml".into() }, bytes] {
+            assert_eq!(Request::parse(&request.to_parameters()), Ok(request));
+        }
+        let nonsense = [
+            "",
+            "what=offered",
+            "what=small;file=../../etc/passwd",
+            "what=bytes;file=align.journal;run=1;from=-1;sum=0;max=1",
+            "what=bytes;file=align.journal;run=1;from=1;sum=0",
+            "what=bytes;file=log.txt;run=1;from=1;sum=0;max=1",
+        ];
+        for text in nonsense {
+            assert!(Request::parse(text).is_err(), "{text}");
+        }
+        assert!(Request::parse(&"a=b;".repeat(1000)).is_err());
+    }
+
+    #[test]
+    fn a_piece_comes_back_or_is_refused_by_name() {
+        let piece = Piece::data(5, 77, vec![1, 2, 3]);
+        let label = piece.label();
+        assert_eq!(Piece::read(&label, &[1, 2, 3]), Ok(piece));
+        assert_eq!(Piece::read(&label, &[1, 2, 4]), Err(Refusal::Checksum));
+        assert_eq!(Piece::read(&label[1..], &[1, 2, 3]), Err(Refusal::Foreign));
+        assert_eq!(Piece::read(b"", &[]), Err(Refusal::Foreign));
+        for at in 4..label.len() {
+            let mut flipped = label.clone();
+            flipped[at] ^= 1;
+            assert!(Piece::read(&flipped, &[1, 2, 3]).is_err(), "byte {at}");
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! Copies without a network: whatever a way does to pieces, the copy is the run.
+
+use crate::run::{GrowingRun, assert_same};
+use std::collections::BTreeSet;
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
+use tessera_fleet::carrier::Carrier;
+use tessera_fleet::replica::{Pulled, Replica, ask_offer};
+use tessera_fleet::served::Served;
+use tessera_fleet::wire::{Kind, Piece, Refusal, Request};
+use tessera_numerics::SplitMix64;
+
+/// A way that cuts, loses, repeats, swaps and spoils pieces, and brings some of nobody's asking.
+struct Faulty {
+    served: Served,
+    random: SplitMix64,
+    /// One piece in so many has a fault; 0: none.
+    one_in: usize,
+    /// A piece of long ago.
+    old: Option<Piece>,
+}
+
+impl Faulty {
+    fn new(folder: &Path, seed: u64, one_in: usize) -> Self {
+        let served = Served::open(folder).unwrap();
+        Self { served, random: SplitMix64::for_frame(seed, 1), one_in, old: None }
+    }
+
+    /// What becomes of a piece.
+    fn fate(&mut self, piece: Piece) -> Vec<Result<Piece, Refusal>> {
+        let fault = if self.one_in == 0 { 1 } else { self.random.below(self.one_in) };
+        if fault > 0 {
+            return vec![Ok(piece)];
+        }
+        let other = Piece { identity: piece.identity ^ 1, ..piece.clone() };
+        let spoilt = {
+            let mut bytes = piece.bytes.clone();
+            bytes.push(1);
+            Piece::read(&piece.label(), &bytes)
+        };
+        let flood = Piece::data(piece.identity, piece.at, vec![0; 1 << 20]);
+        let lie = Piece::data(piece.identity, piece.at, piece.bytes.iter().map(|b| b ^ 0x55).collect());
+        let old = self.old.replace(piece.clone()).map(Ok);
+        match self.random.below(8) {
+            0 => vec![],
+            1 => vec![Ok(piece.clone()), Ok(piece)],
+            2 => vec![Ok(other), Ok(piece)],
+            3 => vec![spoilt],
+            4 => vec![Ok(lie)],
+            5 => vec![Ok(flood); 40],
+            6 => vec![Err(Refusal::Foreign), Ok(piece)],
+            _ => old.into_iter().chain([Ok(piece)]).collect(),
+        }
+    }
+}
+
+impl Carrier for Faulty {
+    fn robots(&mut self) -> Vec<String> {
+        vec!["a".into()]
+    }
+
+    fn ask(&mut self, _: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
+        let mut pieces = Vec::new();
+        self.served.answer(request, &mut |piece| {
+            pieces.push(piece);
+            true
+        });
+        let is_cut = self.one_in > 0 && self.random.below(4) == 0;
+        let n = if is_cut { self.random.below(pieces.len() + 1) } else { pieces.len() };
+        pieces.truncate(n);
+        for piece in pieces {
+            for piece in self.fate(piece) {
+                if !take(piece) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+fn visit(carrier: &mut Faulty, replica: &mut Replica) -> Pulled {
+    let mut asked = Pulled::default();
+    let Some(offer) = ask_offer(carrier, "a", &mut asked) else { return asked };
+    let mut pulled = replica.pull(carrier, &offer, &|| false).unwrap();
+    pulled.refused.extend(asked.refused);
+    pulled
+}
+
+fn identity(folder: &Path) -> u64 {
+    tessera_fleet::served::identity_of(&std::fs::read(folder.join("run.json")).unwrap())
+}
+
+#[test]
+fn a_copy_is_the_run_whatever_happens_on_the_way() {
+    let mut refused = BTreeSet::new();
+    for seed in 0..12 {
+        let dir = tempfile::tempdir().unwrap();
+        let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+        let mut run = GrowingRun::begin(&from, "run", seed);
+        let mut faulty = Faulty::new(&from, seed, 6);
+        let mut replica = Replica::open(&to, "a", identity(&from)).unwrap();
+        for step in 0..60u64 {
+            (0..4).for_each(|_| run.grow());
+            refused.extend(visit(&mut faulty, &mut replica).refused.into_iter().map(|(what, _)| what));
+            if step % 5 == 4 {
+                // The base dies, and what it was writing is torn.
+                drop(replica);
+                tear(&to, &mut faulty.random);
+                replica = Replica::open(&to, "a", identity(&from)).unwrap();
+            }
+        }
+        run.end();
+        faulty.one_in = 0;
+        (0..3).for_each(|_| drop(visit(&mut faulty, &mut replica)));
+        assert!(replica.facts().is_ended && replica.is_complete());
+        assert_eq!(replica.facts().n_frames, 240, "each once");
+        assert_same(&from, &to);
+        let again = visit(&mut faulty, &mut replica);
+        assert_eq!((again.taken_bytes, again.refused.len()), (0, 0));
+    }
+    let expected = [
+        Refusal::Foreign,
+        Refusal::TooLarge,
+        Refusal::Checksum,
+        Refusal::OtherRun,
+        Refusal::OtherPlace,
+        Refusal::Nonsense,
+    ];
+    assert!(expected.iter().all(|what| refused.contains(what)), "{refused:?}");
+}
+
+/// Leaves behind what a death in the middle of a write does.
+fn tear(folder: &Path, random: &mut SplitMix64) {
+    for name in ["align.journal", "optimise.journal", "keyframes.store"] {
+        let path = folder.join(name);
+        let mut file = OpenOptions::new().read(true).append(true).open(&path).unwrap();
+        let len = file.metadata().unwrap().len();
+        if random.below(2) == 0 {
+            file.set_len(len - (random.below(200) as u64).min(len)).unwrap();
+        } else {
+            file.write_all(&vec![7; random.below(200)]).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_journal_that_was_replaced_is_refused_and_nothing_is_overwritten() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+    let mut run = GrowingRun::begin(&from, "run", 1);
+    (0..30).for_each(|_| run.grow());
+    let mut way = Faulty::new(&from, 1, 0);
+    let mut replica = Replica::open(&to, "a", identity(&from)).unwrap();
+    visit(&mut way, &mut replica);
+    assert_same(&from, &to);
+    let before = std::fs::read(to.join("align.journal")).unwrap();
+    drop(run);
+    std::fs::remove_file(from.join("align.journal")).unwrap();
+    let mut other = GrowingRun::begin(&from, "run", 2);
+    (0..60).for_each(|_| other.grow());
+    let pulled = visit(&mut way, &mut replica);
+    assert!(pulled.refused.iter().any(|(what, _)| *what == Refusal::Replaced), "{pulled:?}");
+    assert_eq!(std::fs::read(to.join("align.journal")).unwrap(), before);
+}
+
+#[test]
+fn another_run_in_the_same_folder_is_another_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+    let mut run = GrowingRun::begin(&from, "first", 1);
+    (0..10).for_each(|_| run.grow());
+    let mut way = Faulty::new(&from, 1, 0);
+    let first = identity(&from);
+    let mut replica = Replica::open(&to, "a", first).unwrap();
+    visit(&mut way, &mut replica);
+    let bytes = replica.align_bytes();
+    drop(run);
+    std::fs::remove_dir_all(&from).unwrap();
+    let mut run = GrowingRun::begin(&from, "second", 2);
+    (0..20).for_each(|_| run.grow());
+    assert_ne!(identity(&from), first);
+    let mut asked = Pulled::default();
+    let offer = ask_offer(&mut way, "a", &mut asked).unwrap();
+    assert_eq!((offer.identity, offer.run.as_str()), (identity(&from), "second"));
+    // Asked for the first one's bytes, it has none.
+    let pulled = replica.pull(&mut way, &offer, &|| false).unwrap();
+    assert!(pulled.refused.iter().all(|(what, _)| *what == Refusal::OtherRun), "{pulled:?}");
+    assert_eq!(replica.align_bytes(), bytes);
+}
+
+#[test]
+fn records_that_none_can_have_stop_a_copy_before_them() {
+    use tessera_journal::Journal;
+    use tessera_slam::AlignRecord;
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+    let mut run = GrowingRun::begin(&from, "run", 1);
+    (0..10).for_each(|_| run.grow());
+    let mut bad: Vec<AlignRecord> = Vec::new();
+    let journal = from.join("align.journal");
+    let mut follower = tessera_journal::Follower::<AlignRecord>::open(&journal, "align").unwrap();
+    while let Some(record) = follower.next().unwrap() {
+        if let AlignRecord::Frame(mut frame) = record {
+            frame.submap = u32::MAX;
+            bad.push(AlignRecord::Frame(frame.clone()));
+            frame.submap = 0;
+            frame.world_from_camera.translation_m[0] = f64::NAN;
+            bad.push(AlignRecord::Frame(frame));
+        }
+    }
+    drop(run);
+    let whole = std::fs::read(&journal).unwrap();
+    for record in [bad[0].clone(), bad[1].clone()] {
+        std::fs::write(&journal, &whole).unwrap();
+        let wait = std::time::Duration::ZERO;
+        let (mut writer, _) = Journal::open(&journal, "align", wait, |_: AlignRecord| Ok(())).unwrap();
+        writer.append(&record, false).unwrap();
+        let _ = std::fs::remove_dir_all(&to);
+        let mut replica = Replica::open(&to, "a", identity(&from)).unwrap();
+        let pulled = visit(&mut Faulty::new(&from, 1, 0), &mut replica);
+        assert!(pulled.refused.iter().any(|(what, _)| *what == Refusal::Nonsense), "{pulled:?}");
+        assert_eq!(replica.align_bytes(), whole.len() as u64);
+    }
+}
+
+#[test]
+fn a_request_that_is_nonsense_is_refused_in_words() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut run = GrowingRun::begin(dir.path(), "run", 1);
+    (0..10).for_each(|_| run.grow());
+    let mut served = Served::open(dir.path()).unwrap();
+    let file = tessera_fleet::wire::Growing::Align;
+    let identity = identity(dir.path());
+    let mut answer = |request: Request| {
+        let mut pieces = Vec::new();
+        served.answer(&request, &mut |piece| {
+            pieces.push(piece);
+            true
+        });
+        pieces
+    };
+    let ask = |identity, from, checksum| Request::Bytes { file, identity, from, checksum, max: 1 };
+    for request in
+        [ask(identity, 1, 0), ask(identity, u64::MAX, 0), ask(identity, 32, 1), ask(identity ^ 1, 0, 0)]
+    {
+        let pieces = answer(request.clone());
+        assert_eq!(pieces.len(), 1, "{request:?}");
+        assert_eq!(pieces[0].kind, Kind::Refused, "{request:?}");
+    }
+    let pieces = answer(ask(identity, 0, 0));
+    assert_eq!(pieces.last().map(|piece| piece.kind), Some(Kind::End));
+}

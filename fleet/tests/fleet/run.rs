@@ -1,0 +1,170 @@
+//! A run directory that grows by hand, as stages write it.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tessera_geometry::{Camera, Pose, PoseBits};
+use tessera_journal::{Journal, Store};
+use tessera_numerics::SplitMix64;
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, Correction, FrameRecord, KeyframeRecord, OptimiseRecord, State, Submaps};
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
+use tessera_surface::{Vertex, WorkloadLevel};
+use tessera_transport::RunIdentity;
+
+/// Frames from one keyframe to the next.
+const KEYFRAME_EVERY: u64 = 7;
+
+pub(crate) struct GrowingRun {
+    pub(crate) files: RunFiles,
+    align: Journal<AlignRecord>,
+    optimise: Journal<OptimiseRecord>,
+    store: Store,
+    random: SplitMix64,
+    n_frames: u64,
+    n_keyframes: u32,
+}
+
+/// A camera whose surfaces have sixteen vertices.
+fn camera() -> Camera {
+    Camera::pinhole((16, 16), [14.0, 14.0, 7.5, 7.5], 1000.0)
+}
+
+/// Writes what every run directory begins with.
+pub(crate) fn begin(folder: &Path, name: &str, camera: &Camera) -> RunFiles {
+    std::fs::create_dir_all(folder).unwrap();
+    let files = RunFiles::new(folder);
+    let settings = Settings::from_toml("", "none").unwrap();
+    std::fs::write(files.config(), settings.to_toml().unwrap()).unwrap();
+    let identity = RunIdentity {
+        root: PathBuf::from("/nowhere"),
+        prefix: name.chars().take(8).collect(),
+        config_file: PathBuf::from("/nowhere/config.toml"),
+    };
+    let run = RunFile {
+        name: name.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        identity,
+        camera: camera.clone(),
+        n_frames: None,
+        fps: None,
+        doubts: Vec::new(),
+        map: None,
+    };
+    run.write(&files).unwrap();
+    files
+}
+
+impl GrowingRun {
+    pub(crate) fn begin(folder: &Path, name: &str, seed: u64) -> Self {
+        let files = begin(folder, name, &camera());
+        let open = |_| Ok(());
+        let (align, _) = Journal::open(&files.align_journal(), ALIGN_JOURNAL, Duration::ZERO, open).unwrap();
+        let (optimise, _) =
+            Journal::open(&files.optimise_journal(), OPTIMISE_JOURNAL, Duration::ZERO, |_| Ok(())).unwrap();
+        let store = Store::open(&files.store(), Duration::ZERO).unwrap();
+        let random = SplitMix64::for_frame(seed, 0);
+        Self { files, align, optimise, store, random, n_frames: 0, n_keyframes: 0 }
+    }
+
+    /// One frame more, with a keyframe now and then.
+    pub(crate) fn grow(&mut self) {
+        let index = self.n_frames;
+        let pose = PoseBits::from(&Pose::translation(index as f64 * 0.01, 0.0, 0.0));
+        let new_keyframe = index.is_multiple_of(KEYFRAME_EVERY).then(|| self.keyframe(index, pose));
+        let keyframe = self.n_keyframes.saturating_sub(1);
+        let record = FrameRecord {
+            index,
+            stamp_nanos: index as i64 * 33_000_000,
+            workload: WorkloadLevel::Full,
+            state: State::Tracking,
+            reason: "word ".repeat(self.random.below(2000)),
+            submap: 0,
+            lost_nanos: 0,
+            world_from_camera: pose,
+            world_from_odom: PoseBits::IDENTITY,
+            keyframe,
+            keyframe_from_camera: PoseBits::IDENTITY,
+            covariance: Vec::new(),
+            n_correspondences: 0,
+            velocity: [0.0; 6],
+            rotation: None,
+            entropy_nats: 0.0,
+            colour: None,
+            blocks: Vec::new(),
+            moved: Vec::new(),
+            sighting: None,
+            join: None,
+            new_keyframe,
+            request: None,
+        };
+        self.align.append(&AlignRecord::Frame(Box::new(record)), false).unwrap();
+        if index % 5 == 4 {
+            let correction = OptimiseRecord::Correction(Box::new(correction(index)));
+            self.optimise.append(&correction, false).unwrap();
+        }
+        self.n_frames += 1;
+    }
+
+    fn keyframe(&mut self, index: u64, pose: PoseBits) -> KeyframeRecord {
+        let vertex = |z: f32| Vertex {
+            position: [0.0, 0.0, z],
+            flags_rgb: Vertex::pack(Vertex::VALID, 0, [9; 3]),
+            normal: [0.0, 0.0, -1.0],
+            intensity: 0.5,
+        };
+        let surface: Vec<Vertex> =
+            (0..16).map(|_| vertex(1.0 + self.random.below(1000) as f32 / 500.0)).collect();
+        // Features, of a number of their own.
+        let mut bytes: Vec<u8> = bytemuck::cast_slice(&surface).to_vec();
+        bytes.extend((0..self.random.below(300) * 32).map(|k| k as u8));
+        let slot = store_slot(&self.store.append(&bytes, false).unwrap());
+        self.n_keyframes += 1;
+        KeyframeRecord {
+            id: self.n_keyframes - 1,
+            frame_index: index,
+            stamp_nanos: index as i64 * 33_000_000,
+            world_from_camera: pose,
+            velocity: [0.0; 6],
+            slot,
+            edges: Vec::new(),
+            place: Vec::new(),
+            retires: Vec::new(),
+        }
+    }
+
+    /// The source is exhausted, and there is nothing to be optimised.
+    pub(crate) fn end(&mut self) {
+        let end = AlignRecord::End { n_frames: self.n_frames, request: None };
+        self.align.append(&end, true).unwrap();
+        std::fs::write(self.files.dir.join("statistics.json"), "{}").unwrap();
+    }
+}
+
+fn correction(request: u64) -> Correction {
+    Correction {
+        request,
+        input_hash: request,
+        keyframes: Vec::new(),
+        frames: Vec::new(),
+        loops: Vec::new(),
+        submaps: Submaps::default(),
+        outer_iterations: 0,
+        n_graduated_rounds: 0,
+        refinement: None,
+    }
+}
+
+/// Asserts that a copy is the run, byte for byte; of the store up to the last surface.
+pub(crate) fn assert_same(original: &Path, copy: &Path) {
+    for name in ["run.json", "config.toml", "align.journal", "optimise.journal"] {
+        let [a, b] = [original, copy].map(|folder| std::fs::read(folder.join(name)).unwrap());
+        assert!(a == b, "{name}: {} and {} bytes", a.len(), b.len());
+    }
+    let [a, b] = [original, copy].map(|folder| std::fs::read(folder.join("keyframes.store")).unwrap());
+    assert!(
+        b.len() <= a.len() && a[..b.len()] == b[..],
+        "keyframes.store: {} and {} bytes",
+        a.len(),
+        b.len()
+    );
+}

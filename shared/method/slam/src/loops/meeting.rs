@@ -1,0 +1,224 @@
+//! Places that the maps of several runs share (method 12.9).
+//!
+//! Each keyframe is looked for in the components before its own as a lost camera is; what is found there
+//! must be confirmed by other keyframes of its component, and the keyframes themselves must pass the tests
+//! of a loop closure. Nothing else joins two maps.
+
+use crate::loops::appearance::Ferns;
+use crate::loops::join;
+use crate::map::context::Context;
+use crate::map::map_view::MapView;
+use crate::map::pose_history::apply_join;
+use crate::map::records::{JoinRecord, SightingRecord};
+use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
+use crate::tracking::relocalise;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised};
+use tessera_registration::{Sample, Sampler};
+use tessera_surface::SurfaceView;
+
+/// Fewer samples than this cannot be aligned.
+const MIN_SAMPLES: usize = 100;
+/// Neighbours of a keyframe that are asked to confirm what it sees.
+const MOST_ASKED: usize = 12;
+
+/// Two components that were joined because both saw a place.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Meeting {
+    /// The component whose gauge stays, and that which moved into it.
+    pub kept: u32,
+    /// The component that moved.
+    pub moved: u32,
+    /// Keyframe of the component that moved.
+    pub own: u32,
+    /// Keyframe of the other one near which it stands.
+    pub seen: u32,
+    /// Keyframes that say so, each by the strict tests.
+    pub n_confirmed: u32,
+    /// Smaller share of queries with a match, of both directions.
+    pub overlap: f64,
+    /// Larger share of queries in view that float in front of what the other saw.
+    pub in_front: f64,
+}
+
+/// Joins the components of a state that share places, the younger into the older, until no more are
+/// found. The same answer for the same keyframes in the same order.
+pub(crate) fn join_all(
+    context: &Context,
+    state: &mut TrackerState,
+    surfaces: &dyn KeyframeSurfaces,
+    progress: &mut dyn FnMut(),
+) -> Vec<Meeting> {
+    let mut looker = Looker::new(context, state);
+    let mut meetings = Vec::new();
+    let mut id = 0;
+    while (id as usize) < state.keyframes.len() && state.submaps.n_components() > 1 {
+        progress();
+        match looker.meeting(state, surfaces, id) {
+            Some((meeting, joined)) => {
+                apply_join(state.keyframes.as_mut_slice(), &mut state.submaps, &joined);
+                meetings.push(meeting);
+                // A component that has grown may see more.
+                id = 0;
+            }
+            None => id += 1,
+        }
+    }
+    meetings
+}
+
+/// Looks at one keyframe after the other; holds the buffers and what was looked for in vain.
+struct Looker {
+    context: Context,
+    aligner: Aligner,
+    ferns: Ferns,
+    sampler: Sampler,
+    samples: Vec<Sample>,
+    /// By keyframe: how many keyframes it was looked for among, in vain.
+    in_vain: Vec<usize>,
+}
+
+impl Looker {
+    fn new(context: &Context, state: &TrackerState) -> Self {
+        let context = context.with_colour(&state.colour);
+        Self {
+            aligner: Aligner::new(&context),
+            ferns: Ferns::default(),
+            sampler: Sampler::default(),
+            samples: Vec::new(),
+            in_vain: vec![0; state.keyframes.len()],
+            context,
+        }
+    }
+
+    /// What a keyframe sees of the components before its own, where that is certain.
+    fn meeting(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        id: u32,
+    ) -> Option<(Meeting, JoinRecord)> {
+        let own = state.keyframes.get(id as usize).filter(|k| k.is_active())?;
+        let component = |k: &KeyframeState| state.submaps.component(k.submap);
+        let before = |k: &&KeyframeState| k.is_active() && component(k) < component(own);
+        let others: Vec<&KeyframeState> = state.keyframes.iter().filter(before).collect();
+        // Components only grow: the same number is the same keyframes.
+        if others.len() == self.in_vain[id as usize] {
+            return None;
+        }
+        let found = self.first_sighting(state, surfaces, own, &others);
+        let found = found.and_then(|sighting| self.confirmed(state, surfaces, own, sighting));
+        if found.is_none() {
+            self.in_vain[id as usize] = others.len();
+        }
+        found
+    }
+
+    fn first_sighting(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        own: &KeyframeState,
+        others: &[&KeyframeState],
+    ) -> Option<SightingRecord> {
+        self.look(state, surfaces, own, |input, aligner| {
+            let found = relocalise::recognise(input, aligner, others, own.id as usize)?;
+            let seen = join::nearest_of(input, &found)?;
+            let seen_from_own =
+                Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
+            let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
+            Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, n_confirmed: 1 })
+        })?
+    }
+
+    /// The join, where enough neighbours of the keyframe see the same, none of them something else,
+    /// and the pair passes the tests of a loop.
+    fn confirmed(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        own: &KeyframeState,
+        mut sighting: SightingRecord,
+    ) -> Option<(Meeting, JoinRecord)> {
+        let n_needed = self.context.mapping.relocalise.confirm_frames;
+        for neighbour in neighbours(state, own) {
+            if sighting.n_confirmed >= n_needed {
+                break;
+            }
+            let agrees = self.look(state, surfaces, neighbour, |input, aligner| {
+                let expected =
+                    join::other_from_own(input, &sighting)? * Pose::from(&neighbour.world_from_camera);
+                let velocity = Twist::from_vector(&Vector6::from_column_slice(&neighbour.velocity));
+                let found = join::seen_at(input, aligner, sighting.seen, &expected, velocity)?;
+                Some(join::agrees(&found, &expected))
+            });
+            match agrees.flatten() {
+                Some(true) => sighting.n_confirmed += 1,
+                Some(false) => return None,
+                // It looks elsewhere, which says nothing.
+                None => {}
+            }
+        }
+        if sighting.n_confirmed < n_needed {
+            return None;
+        }
+        self.look(state, surfaces, own, |input, _| {
+            let tested = join::verified(input, &sighting)?;
+            let joined = join::join(input, &sighting)?;
+            let meeting = Meeting {
+                kept: joined.kept,
+                moved: joined.moved,
+                own: sighting.own,
+                seen: sighting.seen,
+                n_confirmed: sighting.n_confirmed,
+                overlap: tested.overlap,
+                in_front: tested.in_front,
+            };
+            Some((meeting, joined))
+        })?
+    }
+
+    /// Has a keyframe looked at as a frame of its own submap; `None` with too little to look at.
+    fn look<T>(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        keyframe: &KeyframeState,
+        what: impl FnOnce(&TrackingInput<'_>, &mut Aligner) -> T,
+    ) -> Option<T> {
+        let surface = SurfaceView { grid: self.context.grid, vertices: surfaces.vertices(keyframe.id) };
+        let registration = &self.context.registration;
+        self.sampler.draw(&surface, keyframe.frame_index, registration, &mut self.samples);
+        if self.samples.len() < MIN_SAMPLES {
+            return None;
+        }
+        let frame = FrameSurface {
+            features: surfaces.features(keyframe.id),
+            ..FrameSurface::new(keyframe.frame_index, keyframe.stamp_nanos, surface)
+        };
+        let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
+        self.aligner.sight.begin(&self.context, &frame, None, &velocity);
+        let input = TrackingInput {
+            context: &self.context,
+            map: MapView::from(state).in_submap(keyframe.submap),
+            ferns: &self.ferns,
+            frame: &frame,
+            samples: &self.samples,
+            surfaces: Surfaces { recent: &[], keyframes: surfaces },
+        };
+        Some(what(&input, &mut self.aligner))
+    }
+}
+
+/// Keyframes of the same component, the nearest in the order of their making first.
+fn neighbours<'a>(state: &'a TrackerState, own: &KeyframeState) -> Vec<&'a KeyframeState> {
+    let component = |k: &KeyframeState| state.submaps.component(k.submap);
+    let is_neighbour = |k: &&KeyframeState| k.is_active() && k.id != own.id && component(k) == component(own);
+    let mut found: Vec<&KeyframeState> = state.keyframes.iter().filter(is_neighbour).collect();
+    found.sort_by_key(|k| (k.id.abs_diff(own.id), k.id));
+    found.truncate(MOST_ASKED);
+    found
+}

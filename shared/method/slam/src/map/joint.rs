@@ -1,0 +1,162 @@
+//! The maps of several runs as one (method 12.9): each is a component of its own until a place is seen
+//! from both.
+
+use crate::loops::meeting::{Meeting, join_all};
+use crate::map::context::Context;
+use crate::map::records::{AlignRecord, Correction, KeyframePose, RequestRecord};
+use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::submaps::Submaps;
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::optimise::optimiser::Optimiser;
+use crate::optimise::refine::{FrameHistory, Refiner};
+use std::ops::Range;
+use tessera_geometry::Pose;
+
+/// The keyframes of several runs, numbered through in the order in which the runs were added. All must
+/// have one camera and one grid.
+pub struct JointMap {
+    context: Context,
+    state: TrackerState,
+    runs: Vec<Run>,
+}
+
+/// Where a run's keyframes and submaps are.
+struct Run {
+    keyframes: Range<usize>,
+    submaps: Range<u32>,
+}
+
+impl JointMap {
+    /// A map without a keyframe.
+    pub fn new(context: Context) -> Self {
+        // No keyframe is the tracker's own here.
+        let state = TrackerState { session: u32::MAX, ..TrackerState::default() };
+        Self { context, state, runs: Vec::new() }
+    }
+
+    /// Adds the map that a run has, as a fold over its journal; the first one says how colour lies.
+    pub fn add(&mut self, map: &TrackerState) {
+        let first = self.state.keyframes.len() as u32;
+        let (first_submap, n_submaps) = (self.state.submaps.n(), n_submaps(map));
+        if self.runs.is_empty() {
+            self.state.colour = map.colour;
+        }
+        let session = self.state.keyframes.iter().map(|k| k.session + 1).max().unwrap_or(0);
+        self.state.keyframes.extend(map.keyframes.iter().map(|k| {
+            let mut keyframe = k.clone();
+            keyframe.id += first;
+            keyframe.session += session;
+            keyframe.submap += first_submap;
+            keyframe.edges.iter_mut().for_each(|edge| edge.to += first);
+            keyframe.anchored_to = k.anchored_to.map(|id| id + first);
+            keyframe
+        }));
+        if n_submaps > 0 {
+            self.state.submaps.extend_to(first_submap + n_submaps - 1);
+        }
+        for submap in 0..n_submaps {
+            self.state.submaps.join(first_submap + submap, first_submap + map.submaps.component(submap));
+        }
+        self.runs.push(Run {
+            keyframes: first as usize..self.state.keyframes.len(),
+            submaps: first_submap..first_submap + n_submaps,
+        });
+    }
+
+    /// All keyframes.
+    pub fn keyframes(&self) -> &[KeyframeState] {
+        &self.state.keyframes
+    }
+
+    /// Which submaps are joined.
+    pub fn submaps(&self) -> &Submaps {
+        &self.state.submaps
+    }
+
+    /// The numbers of a run's keyframes; nothing of a run that was not added.
+    pub fn keyframes_of(&self, run: usize) -> Range<usize> {
+        self.runs.get(run).map_or(0..0, |run| run.keyframes.clone())
+    }
+
+    /// The run that a keyframe is of.
+    pub fn run_of(&self, keyframe: u32) -> Option<usize> {
+        self.runs.iter().position(|run| run.keyframes.contains(&(keyframe as usize)))
+    }
+
+    /// The component, among all runs, of a run's submap.
+    pub fn component(&self, run: usize, submap: u32) -> Option<u32> {
+        let joint = self.runs.get(run)?.submaps.start.checked_add(submap)?;
+        Some(self.state.submaps.component(joint))
+    }
+
+    /// Joins components that share places. A join is no more than supposed until
+    /// [`Self::optimise`] keeps it.
+    pub fn join(&mut self, surfaces: &dyn KeyframeSurfaces, progress: &mut dyn FnMut()) -> Vec<Meeting> {
+        join_all(&self.context, &mut self.state, surfaces, progress)
+    }
+
+    /// Solves for all keyframes in one graph, the first of each component fixed; components come apart
+    /// again where the loops between them lost their weight. `None` with fewer than two keyframes.
+    pub fn optimise(
+        &mut self,
+        surfaces: &dyn KeyframeSurfaces,
+        progress: &mut dyn FnMut(),
+    ) -> Option<Correction> {
+        let n_keyframes = self.state.keyframes.len() as u32;
+        let request = RequestRecord { request: 0, n_keyframes, effective_before: 0, is_final: true };
+        let mut context = self.context.clone();
+        context.mapping.global.refine_camera = false;
+        let optimiser = (n_keyframes >= 2).then(|| Optimiser::asked(context, &self.state, request))?;
+        let none: &[AlignRecord] = &[];
+        let correction = optimiser.solve(&request, surfaces, &none, progress)?;
+        for pose in &correction.keyframes {
+            self.state.keyframes[pose.id as usize].world_from_camera = pose.world_from_camera;
+        }
+        self.state.submaps.judge(&correction.submaps);
+        Some(correction)
+    }
+
+    /// What the joint map says of one run, in that run's own numbers: a correction of all its keyframes,
+    /// with every frame solved again. `map` is what was added, `history` its frames.
+    pub fn correction_of(&self, run: usize, map: &TrackerState, history: &dyn FrameHistory) -> Correction {
+        let keyframes = &self.state.keyframes[self.keyframes_of(run)];
+        let poses: Vec<Pose> = keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
+        let entry =
+            |(id, k): (u32, &KeyframeState)| KeyframePose { id, world_from_camera: k.world_from_camera };
+        let submaps = self.submaps_of(run);
+        let n_map_keyframes = (map.n_map_keyframes as usize).min(map.keyframes.len());
+        let refiner =
+            Refiner { poses: &poses, n_map_keyframes, keyframes: &map.keyframes, submaps: &submaps };
+        Correction {
+            request: u64::MAX,
+            input_hash: 0,
+            keyframes: (0..).zip(keyframes).map(entry).collect(),
+            frames: refiner.solve(history),
+            loops: Vec::new(),
+            submaps: submaps.clone(),
+            outer_iterations: 0,
+            n_graduated_rounds: 0,
+            refinement: None,
+        }
+    }
+
+    /// A run's submaps, joined where they have a component in common among all runs.
+    fn submaps_of(&self, run: usize) -> Submaps {
+        let all = self.runs.get(run).map_or(0..0, |run| run.submaps.clone());
+        let mut own = Submaps::apart(all.len() as u32);
+        for a in all.clone() {
+            for b in all.start..a {
+                if self.state.submaps.component(a) == self.state.submaps.component(b) {
+                    own.join(a - all.start, b - all.start);
+                }
+            }
+        }
+        own
+    }
+}
+
+/// Submaps of a run; those that its keyframes name are there however old its records are.
+fn n_submaps(map: &TrackerState) -> u32 {
+    let named = map.keyframes.iter().map(|k| k.submap.saturating_add(1)).max().unwrap_or(0);
+    named.max(map.submaps.n())
+}

@@ -1,0 +1,104 @@
+//! Several runs, one map: halves of a room are joined where both saw it, another place stays apart.
+
+mod common;
+
+use common::scene;
+use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_offline::{Method, RawFrame, Run};
+use tessera_slam::{AlignRecord, Context, FramePose, JointMap, KeyframeSurfaces, PoseHistory, TrackerState};
+use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_surface::Vertex;
+
+/// A finished run.
+struct Finished {
+    records: Vec<AlignRecord>,
+    state: TrackerState,
+    surfaces: Vec<Vec<Vertex>>,
+    truth: Vec<Pose>,
+}
+
+fn finished(source: &SimulatedSource, frames: std::ops::Range<u64>) -> Finished {
+    let mut run = Run::new(source.camera(), &Method::default()).unwrap();
+    for index in frames.clone() {
+        run.push(&RawFrame::read(source, index).unwrap());
+    }
+    let (records, map) = run.finish_with_map();
+    let mut state = TrackerState::default();
+    records.records.iter().for_each(|record| state.apply(record));
+    let truth = source.ground_truth().unwrap().poses[frames.start as usize..frames.end as usize].to_vec();
+    Finished { records: records.records, state, surfaces: map.surfaces, truth }
+}
+
+struct Surfaces(Vec<Vec<Vertex>>);
+
+impl KeyframeSurfaces for Surfaces {
+    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+        &self.0[keyframe as usize]
+    }
+}
+
+fn joint(source: &SimulatedSource, runs: &[&Finished]) -> (JointMap, Surfaces) {
+    let method = Method::default();
+    let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
+    let mut map = JointMap::new(context);
+    runs.iter().for_each(|run| map.add(&run.state));
+    (map, Surfaces(runs.iter().flat_map(|run| run.surfaces.clone()).collect()))
+}
+
+/// A frame's pose after the joint map's correction of its run.
+fn corrected(map: &JointMap, number: usize, run: &Finished, index: usize) -> Pose {
+    let mut history = PoseHistory::default();
+    run.records.iter().for_each(|record| history.apply(record));
+    let correction = map.correction_of(number, &run.state, &run.records.as_slice());
+    let applied = tessera_slam::AppliedCorrection { before_frame: u64::MAX, correction };
+    history.apply(&AlignRecord::Correction(Box::new(applied)));
+    let frames = run.records.iter().filter_map(|record| match record {
+        AlignRecord::Frame(frame) => Some(FramePose::from(&**frame)),
+        _ => None,
+    });
+    history.final_pose(&frames.clone().nth(index).unwrap())
+}
+
+#[test]
+fn runs_that_share_a_place_become_one_map_and_others_stay_apart() {
+    let room = scene(SceneName::Room, &SimulationOptions::default());
+    let house = scene(SceneName::House, &SimulationOptions::default());
+    let (first, second) = (finished(&room, 0..40), finished(&room, 25..60));
+    let elsewhere = finished(&house, 0..25);
+    let solve = || {
+        let (mut map, surfaces) = joint(&room, &[&first, &elsewhere, &second]);
+        assert_eq!(map.submaps().n_components(), 3);
+        let meetings = map.join(&surfaces, &mut || ());
+        let correction = map.optimise(&surfaces, &mut || ()).unwrap();
+        (map, meetings, correction)
+    };
+    let (map, meetings, correction) = solve();
+    assert_eq!(meetings.len(), 1, "{meetings:?}");
+    assert_eq!((map.run_of(meetings[0].own), map.run_of(meetings[0].seen)), (Some(2), Some(0)));
+    assert!(meetings[0].n_confirmed >= 3 && meetings[0].overlap > 0.2);
+    assert_eq!(map.component(0, 0), map.component(2, 0), "held by its loops");
+    assert_ne!(map.component(0, 0), map.component(1, 0));
+    // The pose between frames of both runs is the true one.
+    for (a, b) in [(5, 30), (39, 0)] {
+        let found = corrected(&map, 0, &first, a).inverse() * corrected(&map, 2, &second, b);
+        let expected = first.truth[a].inverse() * second.truth[b];
+        let (metres, radians) = translation_rotation_norms(&(expected.inverse() * found));
+        assert!(metres < 0.03 && radians < 0.02, "{metres} m, {radians} rad");
+    }
+    // In one thread as in any number.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let (_, meetings_again, correction_again) = pool.install(solve);
+    assert!(meetings_again == meetings && correction_again == correction);
+}
+
+#[test]
+fn runs_without_a_place_in_common_are_maps_of_their_own() {
+    let room = scene(SceneName::Room, &SimulationOptions::default());
+    // The camera turns: these saw opposite walls.
+    let n = room.n_frames().unwrap();
+    let runs = [finished(&room, 0..8), finished(&room, n / 2..n / 2 + 8)];
+    let (mut map, surfaces) = joint(&room, &[&runs[0], &runs[1]]);
+    assert!(map.join(&surfaces, &mut || ()).is_empty());
+    map.optimise(&surfaces, &mut || ());
+    assert_eq!(map.submaps().n_components(), 2);
+}

@@ -1,0 +1,74 @@
+//! One cloud of keyframes of several runs.
+
+use crate::ToolError;
+use crate::map::{self, MapInput};
+use crate::voxels::VoxelCloud;
+use std::path::Path;
+use tessera_geometry::{Camera, Pose, RollingShutter, Twist, Vector6};
+use tessera_settings::OutputSettings;
+use tessera_slam::{KeyframeState, KeyframeSurfaces};
+
+/// Writes a cloud of these keyframes, which have one camera and one gauge, as `name` in `folder`: one
+/// point a voxel, as in a run's own `map.ply`. `step`: pixels between neighbouring vertices.
+///
+/// # Errors
+/// Names the file that cannot be written.
+pub fn write_joint_map<'k>(
+    (folder, name): (&Path, &str),
+    (camera, step, settings): (&Camera, usize, &OutputSettings),
+    keyframes: impl Iterator<Item = &'k KeyframeState>,
+    surfaces: &dyn KeyframeSurfaces,
+) -> Result<(), ToolError> {
+    let input = MapInput { camera, step, settings, warp: None };
+    let mut cloud = VoxelCloud::new(settings.map_voxel_m);
+    for keyframe in keyframes {
+        let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
+        let shutter = RollingShutter::new(camera, &velocity, step);
+        let world_from_camera = Pose::from(&keyframe.world_from_camera);
+        map::add_keyframe(&mut cloud, &input, surfaces.vertices(keyframe.id), &world_from_camera, &shutter);
+    }
+    map::write_as(&cloud, folder, name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_run;
+    use tessera_geometry::PoseBits;
+    use tessera_slam::StoreSlot;
+    use tessera_surface::Vertex;
+
+    struct Surfaces(Vec<Vec<Vertex>>);
+
+    impl KeyframeSurfaces for Surfaces {
+        fn vertices(&self, keyframe: u32) -> &[Vertex] {
+            &self.0[keyframe as usize]
+        }
+    }
+
+    #[test]
+    fn keyframes_of_all_runs_stand_in_one_cloud() {
+        let dir = tempfile::tempdir().unwrap();
+        let keyframe = |id: u32, x_m: f64| KeyframeState {
+            id,
+            session: id,
+            submap: id,
+            frame_index: 0,
+            stamp_nanos: 0,
+            world_from_camera: PoseBits::from(&Pose::translation(x_m, 0.0, 0.0)),
+            velocity: [0.0; 6],
+            slot: StoreSlot::default(),
+            edges: Vec::new(),
+            covariance: Vec::new(),
+            place: Vec::new(),
+            anchored_to: None,
+        };
+        let keyframes = [keyframe(0, 0.0), keyframe(1, 1.0)];
+        let surfaces = Surfaces((0..2).map(test_run::surface).collect());
+        let (camera, settings) = (test_run::camera(), OutputSettings::default());
+        let place = (dir.path(), "map.ply");
+        write_joint_map(place, (&camera, 4, &settings), keyframes.iter(), &surfaces).unwrap();
+        let bytes = std::fs::read(dir.path().join("map.ply")).unwrap();
+        assert!(bytes.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n"));
+    }
+}
