@@ -21,7 +21,7 @@ Examples:
   tessera run FOLDER --map runs/room-1     in the map of an earlier run
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A recording (folder of images, bag of ROS 2, FILE.mcap), a simulated world (room, corridor, wall,
+    /// A recording (folder of images, bag of ROS 1 or 2, FILE.mcap), a simulated world (room, corridor, wall,
     /// house), or external: a camera's own program sends the frames [default: room]
     pub(crate) source: Option<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the recording's own]
