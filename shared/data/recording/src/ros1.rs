@@ -111,7 +111,9 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
     let model = fields.text()?.into_owned();
     let n = fields.word()? as usize;
     if n > MOST_REALS {
-        return Err(fields.wrong(format!("it has {n} coefficients of distortion, expected at most {MOST_REALS}")));
+        return Err(
+            fields.wrong(format!("it has {n} coefficients of distortion, expected at most {MOST_REALS}"))
+        );
     }
     let distortion = fields.reals(n)?;
     let intrinsics = fields.reals(9)?;

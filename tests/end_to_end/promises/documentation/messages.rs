@@ -5,8 +5,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
+/// Tests of bags that are damaged or odd.
+const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
+
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 7] = [
+const ELSEWHERE: [(&str, &str, &str); 12] = [
+    ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
+    ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
+    ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
+    ("is an SQLite database that was cut", BAGS, r#"contains("an SQLite database that was cut")"#),
+    ("has a write-ahead log", BAGS, r#"contains("has a write-ahead log beside it")"#),
     ("/dev/shm has", "promises/bounds/small_machines.rs", r#"contains("/dev/shm has")"#),
     (
         "it sends is refused",

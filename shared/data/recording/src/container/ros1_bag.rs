@@ -81,8 +81,7 @@ impl Ros1Bag {
             let found = version[..n].escape_ascii().to_string();
             return Err(RecordingError::BagVersion { found });
         }
-        let mut bag =
-            Self { file, places: Vec::new(), channels: Channels::new(), damage: None, cut: None };
+        let mut bag = Self { file, places: Vec::new(), channels: Channels::new(), damage: None, cut: None };
         bag.scan()?;
         if bag.channels.is_empty() {
             bag.search_chunks();
@@ -102,7 +101,8 @@ impl Ros1Bag {
             let mut whole = Section { file: &self.file, at: offset, end: n_bytes };
             let record = head(&mut whole, &mut header)?.filter(|n_data| *n_data <= n_bytes - whole.at);
             let Some(n_data) = record else {
-                self.cut = Some(format!("the record at byte {offset} is not whole, the file has {n_bytes} bytes"));
+                self.cut =
+                    Some(format!("the record at byte {offset} is not whole, the file has {n_bytes} bytes"));
                 return Ok(());
             };
             let (data_at, fields) = (whole.at, Fields(&header));
@@ -121,7 +121,8 @@ impl Ros1Bag {
                 Some(BAG_HEADER) => {
                     let place = Place { offset, len: end - offset, opcode: BAG_HEADER };
                     if let Some(by) = fields.text("encryptor").filter(|by| !by.is_empty()) {
-                        return Err(place.damaged(format!("the bag is encrypted by '{by}', expected one that is not")));
+                        return Err(place
+                            .damaged(format!("the bag is encrypted by '{by}', expected one that is not")));
                     }
                     // The recorder writes where its index lies when it closes the bag.
                     if fields.get("index_pos").is_some_and(|at| at.iter().all(|byte| *byte == 0)) {
@@ -192,7 +193,8 @@ impl Ros1Bag {
         let n_stored = head(&mut section, &mut header)?;
         let fields = Fields(&header);
         let n_stored = n_stored.filter(|n| *n <= section.end - section.at);
-        let n_stored = n_stored.ok_or_else(|| place.damaged("its head has changed since the file was opened"))?;
+        let n_stored =
+            n_stored.ok_or_else(|| place.damaged("its head has changed since the file was opened"))?;
         let size = fields.word("size").ok_or_else(|| place.damaged("it has no size"))?;
         if u64::from(size) > MOST_BYTES {
             return Err(place.damaged(format!("it has {size} bytes, expected at most {MOST_BYTES}")));
@@ -278,7 +280,8 @@ impl Container for Ros1Bag {
             if fields.op() != Some(MESSAGE) {
                 return Ok(());
             }
-            let channel = fields.word("conn").ok_or_else(|| place.damaged("a message in it has no connection"))?;
+            let channel =
+                fields.word("conn").ok_or_else(|| place.damaged("a message in it has no connection"))?;
             let stored = Stored { channel, place: *place, number, sequence: u64::from(number) + 1, data };
             number += 1;
             take(&stored)

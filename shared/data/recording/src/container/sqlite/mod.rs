@@ -97,7 +97,8 @@ impl SqliteBag {
 fn tables(pages: &Pages) -> Result<BTreeMap<String, Table>, RecordingError> {
     let mut tables = BTreeMap::new();
     for row in all_rows(pages, 1)? {
-        let [Value::Text(kind), Value::Text(name), _, Value::Integer(root), Value::Text(sql)] = &row.1[..] else {
+        let [Value::Text(kind), Value::Text(name), _, Value::Integer(root), Value::Text(sql)] = &row.1[..]
+        else {
             continue;
         };
         let inside = sql.split_once('(').map(|(_, inside)| inside.trim_end_matches(')')).unwrap_or_default();
@@ -115,8 +116,7 @@ fn tables(pages: &Pages) -> Result<BTreeMap<String, Table>, RecordingError> {
 
 /// The channels by the table `topics`.
 fn channels(pages: &Pages, topics: &Table) -> Result<Channels, RecordingError> {
-    let [name, kind, form] =
-        ["name", "type", "serialization_format"].map(|column| topics.column(column));
+    let [name, kind, form] = ["name", "type", "serialization_format"].map(|column| topics.column(column));
     let (name, kind, form) = (name?, kind?, form?);
     let mut channels = Channels::new();
     for (id, row) in all_rows(pages, topics.root)? {

@@ -25,7 +25,9 @@ impl Pages {
         let mut to_visit = vec![(root, 1)];
         while let Some((page, level)) = to_visit.pop() {
             // No page is in a tree twice.
-            n_left = n_left.checked_sub(1).ok_or_else(|| self.damaged(root, "a table has more pages than the file"))?;
+            n_left = n_left
+                .checked_sub(1)
+                .ok_or_else(|| self.damaged(root, "a table has more pages than the file"))?;
             let bytes = self.read(page)?;
             match bytes[start(page)] {
                 LEAF => leaves.push(page),
@@ -61,7 +63,10 @@ impl Pages {
         if bytes[start(page)] != LEAF {
             return Err(torn());
         }
-        cells(page, &bytes).ok_or_else(torn)?.map(|cell| self.row(page, &bytes, cell).ok_or_else(torn)).collect()
+        cells(page, &bytes)
+            .ok_or_else(torn)?
+            .map(|cell| self.row(page, &bytes, cell).ok_or_else(torn))
+            .collect()
     }
 
     /// The row at an offset of the file.
