@@ -17,6 +17,7 @@ mod report;
 mod resume;
 mod ros2;
 mod run;
+mod several;
 mod stage;
 mod status;
 mod top;

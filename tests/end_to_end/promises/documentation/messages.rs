@@ -305,6 +305,10 @@ fn of_frames(told: &mut Told) {
     let run = room().frames(12).of(Path::new("wall")).with(&NO_TEXTURE);
     assert!(run.finish().success());
     told.add("a wall", states(&run));
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let verdict = &summary["verdict"];
+    assert_eq!(verdict["grade"], "doubtful", "{verdict}");
+    assert!(verdict.to_string().contains("of 12 frames are degenerate"), "{verdict}");
     let recording = Recording::new();
     for index in 3..N_FRAMES - 1 {
         recording.write_depth(index, &vec![0; N_PIXELS]);
