@@ -39,8 +39,9 @@ pub fn comparison(run_folders: &[&Path]) -> Result<String, ToolError> {
 
 fn row(name: &str, summary: &Value) -> [String; HEAD.len()] {
     let number = |key: &str| summary[key].as_f64().unwrap_or(0.0);
-    let cpu_ms: f64 =
-        summary["cpu_ms_per_frame"].as_object().into_iter().flatten().filter_map(|(_, ms)| ms.as_f64()).sum();
+    let stages = summary["cpu_ms_per_frame"].as_object().into_iter().flatten();
+    // From 0, for the sum of nothing is -0.
+    let cpu_ms = stages.filter_map(|(_, ms)| ms.as_f64()).fold(0.0, |sum, ms| sum + ms);
     let (processed, wall_s) = (number("frames_processed"), number("wall_s"));
     let rate = if wall_s > 0.0 { format!("{:.1}", processed / wall_s) } else { "-".to_owned() };
     let ate = summary["final"]["ate_rmse_m"].as_f64();
@@ -71,7 +72,7 @@ mod tests {
         };
         let long = run(
             "kitchen-1",
-            r#"{"frames_processed": 450, "frames_untracked": 3, "wall_s": 9.0, "final": {"ate_rmse_m": 0.02345},
+            r#"{"frames_processed": 450, "frames_untracked": 3, "wall_s": 9.0, "final": {"ate_rmse_m": 0.02352},
                 "cpu_ms_per_frame": {"align": 8.25, "sensor": 2.0}, "verdict": {"grade": "doubtful"}}"#,
         );
         let short = run("a", r#"{"frames_processed": 9, "verdict": {"grade": "good"}}"#);
