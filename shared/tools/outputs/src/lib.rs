@@ -34,7 +34,6 @@ pub use export::{
 };
 pub use files::write_file;
 pub use machine::Machine;
-pub use map::{MapInput, map_points};
 pub use ply::{PlyVertex, write_ply};
 pub use replay::Replay;
 pub use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};

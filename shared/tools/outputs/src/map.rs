@@ -13,7 +13,7 @@ use tessera_settings::OutputSettings;
 use tessera_surface::Vertex;
 
 /// What the map is made of, beside the journal.
-pub struct MapInput<'a> {
+pub(crate) struct MapInput<'a> {
     /// The camera of the depth images.
     pub camera: &'a Camera,
     /// Pixels between neighbouring vertices.
@@ -65,15 +65,6 @@ fn add_keyframe(
             });
         }
     }
-}
-
-/// The points of `map.ply`, for programs that have the keyframes' surfaces in memory.
-pub fn map_points<'s>(
-    replay: &Replay,
-    input: &MapInput<'_>,
-    vertices: impl Fn(u32) -> &'s [Vertex],
-) -> Vec<PlyVertex> {
-    ply_vertices(&gather(replay, input, vertices)).collect()
 }
 
 /// Writes the cloud as binary PLY; nothing in it depends on when or where it was written.
