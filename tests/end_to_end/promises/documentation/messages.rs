@@ -164,7 +164,7 @@ fn of_recordings(told: &mut Told) {
     check(told, &|r| {
         ["depth.txt", "rgb.txt"].iter().for_each(|list| std::fs::remove_file(r.path(list)).unwrap());
         std::fs::remove_dir_all(r.path("depth")).unwrap();
-        std::fs::write(r.path("a.bag"), "#ROSBAG V2.0\n").unwrap();
+        std::fs::write(r.path("a.zip"), "PK\x03\x04").unwrap();
     });
     check(told, &|r| r.write("depth.txt", "# nothing\n"));
     check(told, &|r| r.write("depth.txt", "1.0 depth/0.png\n1.0 depth/1.png\n"));
