@@ -71,7 +71,7 @@ pub fn lists(bytes: &[u8]) {
     }
 }
 
-/// MCAP files.
+/// MCAP files, bags of ROS 1 and bags of ROS 2 in SQLite.
 pub fn recording(bytes: &[u8]) {
     in_folder(|folder| {
         write(folder, "my.mcap", bytes);

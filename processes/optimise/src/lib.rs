@@ -47,8 +47,8 @@ fn log_loops(correction: &Correction) {
             pair.verdict
         );
     }
-    let [accepted, little_overlap, free_space_violated, inconsistent, outvoted] = n_by_verdict;
-    tracing::info!(accepted, little_overlap, free_space_violated, inconsistent, outvoted, "loop pairs");
+    let [closed, little_overlap, free_space_violated, inconsistent, rejected] = n_by_verdict;
+    tracing::info!(closed, little_overlap, free_space_violated, inconsistent, rejected, "loop pairs");
 }
 
 /// Runs the stage until the run is finished or it is told to stop.

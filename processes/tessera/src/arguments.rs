@@ -172,7 +172,7 @@ pub(crate) struct StageArguments {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  tessera check FOLDER\n  tessera check FOLDER --camera freiburg1 --json")]
 pub(crate) struct CheckArguments {
-    /// A recording (folder of images, bag of ROS 2, FILE.mcap), or a simulated world
+    /// A recording (folder of images, bag of ROS 1 or 2, FILE.mcap), or a simulated world
     pub(crate) source: String,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
     #[arg(long, value_name = "CAMERA")]

@@ -37,6 +37,13 @@ pub(crate) fn label(source: &str) -> String {
     if label.is_empty() { "run".to_owned() } else { label.to_owned() }
 }
 
+/// The first folder `LABEL-NUMBER` below `base` that is not there yet.
+pub(crate) fn fresh(base: &Path, source: &str) -> PathBuf {
+    let label = label(source);
+    let mut folders = (1_u64..).map(|number| base.join(format!("{label}-{number}")));
+    folders.find(|folder| !folder.exists()).unwrap_or_else(|| base.join(label))
+}
+
 /// Names of the runs in `runs/`, in order.
 pub(crate) fn names() -> Vec<String> {
     let entries = std::fs::read_dir(RUNS).into_iter().flatten().flatten();

@@ -16,14 +16,17 @@ Examples:
   tessera run room --frames 100            its first 100 frames
   tessera run room --person --readout 0.03 with a person and a rolling shutter
   tessera run FOLDER --out results         a recording
+  tessera run FOLDER FOLDER2 FILE.mcap     several, one after the other, and all side by side
   tessera run FOLDER --config paper        with the values of the paper
   tessera run FOLDER --set surface.step=2  with one setting changed
   tessera run FOLDER --map runs/room-1     in the map of an earlier run
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
-    /// A recording (folder of images, bag of ROS 2, FILE.mcap), a simulated world (room, corridor, wall,
-    /// house), or external: a camera's own program sends the frames [default: room]
-    pub(crate) source: Option<String>,
+    /// A recording (folder of images, bag of ROS 1 or 2, FILE.mcap), a simulated world (room, corridor, wall,
+    /// house), or external: a camera's own program sends the frames [default: room]. Several are run
+    /// one after the other and compared
+    #[arg(value_name = "SOURCE")]
+    pub(crate) sources: Vec<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the recording's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
@@ -35,7 +38,7 @@ pub(crate) struct RunArguments {
     /// Change one setting; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) overrides: Vec<String>,
-    /// Folder for the outputs [default: runs/NAME]
+    /// Folder for the outputs, or for those of several [default: runs/NAME]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Name of the run [default: a fresh one, after the source]

@@ -17,6 +17,7 @@ mod record;
 mod report;
 mod resume;
 mod run;
+mod several;
 mod stage;
 mod status;
 mod top;

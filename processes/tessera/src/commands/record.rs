@@ -11,7 +11,7 @@ use tessera_lab::profile::{self, Stages};
 pub(crate) fn record(arguments: &RecordArguments) -> Result<Exit, CommandError> {
     let stage = Stages::named(&arguments.stage)?;
     let settings = settings(&RunArguments {
-        source: Some(arguments.source.clone()),
+        sources: vec![arguments.source.clone()],
         camera: arguments.camera.clone(),
         config: arguments.config.clone(),
         overrides: arguments.overrides.clone(),

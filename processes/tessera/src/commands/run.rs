@@ -4,6 +4,7 @@ use crate::arguments::RunArguments;
 use crate::commands::beside::with_company;
 use crate::commands::external;
 use crate::commands::resume::resume_in;
+use crate::commands::several::several;
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
 use crate::run_folder;
@@ -25,8 +26,11 @@ const FRAMES_LOOKED_AT: u64 = 5;
 /// Fresh names tried at most.
 const MOST_NAMES: u32 = 10_000;
 
-/// Runs a source to its end.
+/// Runs a source to its end, or several one after the other.
 pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
+    if arguments.sources.len() > 1 {
+        return several(arguments);
+    }
     let settings = settings(arguments)?;
     if settings.is_external() {
         external::check_arguments(&settings)?;
@@ -99,7 +103,7 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     let mut settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
     settings.mapping.global.refine_camera |= arguments.refine_camera;
     let run = &mut settings.run;
-    if let Some(source) = &arguments.source {
+    if let Some(source) = arguments.sources.first() {
         run.source.clone_from(source);
     }
     if let Some(camera) = &arguments.camera {

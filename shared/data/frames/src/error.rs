@@ -10,7 +10,7 @@ use tessera_geometry::CameraError;
 pub enum SourceError {
     /// The source is neither a scene nor anything that is there.
     #[error(
-        "no source '{}': expected room, corridor, wall, house or a folder of images, a folder of a ROS 2 bag, FILE.mcap, or external", path.display()
+        "no source '{}': expected room, corridor, wall, house or a folder of images, FILE.mcap, FILE.bag (ROS 1), FILE.db3 or the folder of a ROS 2 bag, or external", path.display()
     )]
     NoFolder {
         /// What was given.
@@ -51,7 +51,7 @@ pub enum SourceError {
     /// The colour of a frame cannot be used; its depth has been read.
     #[error(transparent)]
     Colour(Box<SourceError>),
-    /// An MCAP recording cannot be used.
+    /// A recording in a file cannot be used.
     #[error("{}: {source}", path.display())]
     Recording {
         /// The file.

@@ -7,6 +7,7 @@
 
 pub mod cameras;
 mod check;
+mod check_words;
 pub mod decode;
 mod depth_units;
 mod error;

@@ -1,10 +1,9 @@
 //! Index of the images in a recording, and reading them again.
 
+use crate::container::{Channels, Container, Place, Stored};
 use crate::error::RecordingError;
-use crate::file::{Channels, McapFile, Place, message};
 use crate::messages::{self, Kind};
 use crate::topics::Topics;
-use mcap::records::{MessageHeader, op};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::{Deref, Range};
@@ -12,9 +11,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of read chunks that are kept, beside the newest.
 const KEPT_BYTES: usize = 64 << 20;
-
-/// Bytes of a message's record before its data: channel, sequence and two times.
-const MESSAGE_HEAD: u64 = 22;
 
 /// The topic of transforms that stay.
 const STATIC_TRANSFORMS: &str = "/tf_static";
@@ -59,9 +55,13 @@ enum Role {
 
 /// Looks through the file for the times of its images. A damaged last record of a file that was cut
 /// ends it.
-pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Result<Found, RecordingError> {
-    let mut roles: BTreeMap<u16, (Role, Kind)> = BTreeMap::new();
-    for (&id, channel) in &channels.by_id {
+pub(super) fn find(
+    file: &dyn Container,
+    channels: &Channels,
+    topics: &Topics,
+) -> Result<Found, RecordingError> {
+    let mut roles: BTreeMap<u32, (Role, Kind)> = BTreeMap::new();
+    for (&id, channel) in channels {
         let Some(kind) = Kind::of(channel) else { continue };
         let is = |topic: &Option<String>| topic.as_ref() == Some(&channel.topic);
         let role = match kind {
@@ -69,23 +69,21 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
             kind if kind.is_image() && is(&topics.colour) => Role::Colour,
             kind if kind.is_camera() && is(&topics.camera) => Role::Camera,
             kind if kind.is_camera() && is(&topics.colour_camera) => Role::ColourCamera,
-            Kind::RosExtrinsics if is(&topics.extrinsics) => Role::Extrinsics,
-            Kind::RosTransforms if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
+            Kind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
+            Kind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
         };
         roles.insert(id, (role, kind));
     }
-    let is_content = |place: &&Place| place.opcode == op::CHUNK || place.opcode == op::MESSAGE;
-    let places: Vec<&Place> = file.data.iter().filter(is_content).collect();
+    let (places, is_cut) = (file.places(), file.cut().is_some());
     let n = places.len();
     let read: Vec<Result<Found, RecordingError>> = places
         .par_iter()
         .enumerate()
         .map(|(at, place)| {
-            let looking =
-                Looking { roles: &roles, topics, place: **place, number: 0, found: Found::default() };
+            let looking = Looking { roles: &roles, topics, found: Found::default() };
             // Where a file was cut, only checksums tell whether all of its end was written.
-            looking.through(file, file.cut.is_some() && at + 1 == n)
+            looking.through(file, place, is_cut && at + 1 == n)
         })
         .collect();
     let mut all = Found::default();
@@ -99,7 +97,7 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
                 all.extrinsics = all.extrinsics.or(found.extrinsics);
                 all.transforms.extend(found.transforms);
             }
-            Err(error @ RecordingError::Damaged { .. }) if at + 1 == n && file.cut.is_some() => {
+            Err(error @ RecordingError::Damaged { .. }) if at + 1 == n && is_cut => {
                 all.torn = Some(error);
             }
             Err(error) => return Err(error),
@@ -110,41 +108,31 @@ pub(super) fn find(file: &McapFile, channels: &Channels, topics: &Topics) -> Res
 
 /// Going through the messages of a place.
 struct Looking<'a> {
-    roles: &'a BTreeMap<u16, (Role, Kind)>,
+    roles: &'a BTreeMap<u32, (Role, Kind)>,
     topics: &'a Topics,
-    place: Place,
-    number: u32,
     found: Found,
 }
 
 impl Looking<'_> {
     /// Reads the heads of messages alone where that will do.
-    fn through(mut self, file: &McapFile, must_check: bool) -> Result<Found, RecordingError> {
-        let place = self.place;
+    fn through(
+        mut self,
+        file: &dyn Container,
+        place: &Place,
+        must_check: bool,
+    ) -> Result<Found, RecordingError> {
         let stamp_bytes: Option<Vec<u64>> = self.roles.values().map(|(_, kind)| kind.stamp_bytes()).collect();
         let most = match stamp_bytes.and_then(|bytes| bytes.into_iter().max()) {
-            Some(n) if !must_check => MESSAGE_HEAD + n,
+            Some(n) if !must_check => n,
             _ => u64::MAX,
         };
-        file.records(
-            &place,
-            |_| most,
-            |opcode, body| {
-                if opcode == op::MESSAGE {
-                    let (header, data) = message(body).map_err(|reason| place.damaged(reason))?;
-                    self.take(&header, data)?;
-                }
-                Ok(())
-            },
-        )?;
+        file.messages(place, most, &mut |message| self.take(message))?;
         Ok(self.found)
     }
 
-    fn take(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
-        let number = self.number;
-        self.number += 1;
-        let Some(&(role, kind)) = self.roles.get(&header.channel_id) else { return Ok(()) };
-        let mut spot = Spot { stamp_nanos: 0, kind, place: self.place, number };
+    fn take(&mut self, message: &Stored<'_>) -> Result<(), RecordingError> {
+        let Some(&(role, kind)) = self.roles.get(&message.channel) else { return Ok(()) };
+        let mut spot = Spot { stamp_nanos: 0, kind, place: message.place, number: message.number };
         let (topic, to) = match role {
             Role::Camera | Role::ColourCamera | Role::Extrinsics => {
                 let first = match role {
@@ -165,10 +153,10 @@ impl Looking<'_> {
             }
         };
         let wrong = |problem| {
-            let (topic, number) = (topic.clone(), header.sequence as usize);
+            let (topic, number) = (topic.clone(), message.sequence as usize);
             RecordingError::Message { topic, number, problem }
         };
-        spot.stamp_nanos = messages::stamp_nanos(kind, data).map_err(wrong)?;
+        spot.stamp_nanos = messages::stamp_nanos(kind, message.data).map_err(wrong)?;
         to.push(spot);
         Ok(())
     }
@@ -197,13 +185,18 @@ impl Deref for Message {
 
 /// Reads messages; the last few places are kept, for frames share them.
 pub(super) struct Chunks {
-    file: McapFile,
+    file: Box<dyn Container>,
     kept: Mutex<VecDeque<(u64, Arc<Messages>)>>,
 }
 
 impl Chunks {
-    pub(super) fn new(file: McapFile) -> Self {
+    pub(super) fn new(file: Box<dyn Container>) -> Self {
         Self { file, kept: Mutex::default() }
+    }
+
+    /// What the file is, for people.
+    pub(super) fn name(&self) -> &'static str {
+        self.file.name()
     }
 
     /// The data of a message.
@@ -221,19 +214,12 @@ impl Chunks {
             return Ok(Arc::clone(messages));
         }
         let mut messages = Messages::default();
-        self.file.records(
-            place,
-            |_| u64::MAX,
-            |opcode, body| {
-                if opcode == op::MESSAGE {
-                    let (_, data) = message(body).map_err(|reason| place.damaged(reason))?;
-                    let at = messages.bytes.len();
-                    messages.bytes.extend_from_slice(data);
-                    messages.ranges.push(at..messages.bytes.len());
-                }
-                Ok(())
-            },
-        )?;
+        self.file.messages(place, u64::MAX, &mut |message| {
+            let at = messages.bytes.len();
+            messages.bytes.extend_from_slice(message.data);
+            messages.ranges.push(at..messages.bytes.len());
+            Ok(())
+        })?;
         messages.bytes.shrink_to_fit();
         let messages = Arc::new(messages);
         let mut kept = lock();

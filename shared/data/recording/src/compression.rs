@@ -1,15 +1,17 @@
-//! Decompression of chunks: zstd and lz4, as streams.
+//! Decompression of chunks: zstd, lz4 and bzip2, as streams.
 
+use bzip2_rs::DecoderReader as Bzip2;
 use lz4_flex::frame::FrameDecoder as Lz4;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{self, BufRead, Read};
 
-/// The bytes behind a compression, by the name that an MCAP chunk gives it. `None`: an unknown name.
+/// The bytes behind a compression, by the name that a chunk gives it. `None`: an unknown name.
 pub(super) fn decompress<'a>(name: &str, source: impl BufRead + 'a) -> Option<Box<dyn Read + 'a>> {
     match name {
         "zstd" => Some(Box::new(Zstd { decoder: FrameDecoder::new(), source, is_inside: false })),
         "lz4" => Some(Box::new(Lz4::new(source))),
+        "bz2" => Some(Box::new(Bzip2::new(source))),
         _ => None,
     }
 }

@@ -1,4 +1,4 @@
-//! Errors of an MCAP recording.
+//! Errors of a recording.
 
 use std::io;
 use tessera_frames::ImageError;
@@ -9,12 +9,31 @@ pub enum RecordingError {
     /// The file cannot be read.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// The file is no MCAP file.
-    #[error("begins with '{found}', expected an MCAP file, which begins with '\\x89MCAP0\\r\\n'")]
+    /// The file is of no kind that is read.
+    #[error(
+        "begins with '{found}', expected an MCAP file ('\\x89MCAP0\\r\\n'), a bag of ROS 1 ('#ROSBAG V2.0') or a bag of ROS 2 in SQLite ('SQLite format 3')"
+    )]
     Magic {
         /// First bytes.
         found: String,
     },
+    /// A bag of ROS 1 of a version that is not read.
+    #[error("begins with '{found}', expected '#ROSBAG V2.0\\n'; older bags: rosbag fix FILE.bag NEW.bag")]
+    BagVersion {
+        /// First bytes.
+        found: String,
+    },
+    /// A bag that librealsense's own recorder wrote.
+    #[error(
+        "is a bag of librealsense (topic {topic}), which is not read: convert it: rs-convert -i FILE.bag -p FOLDER/ -d, or record by realsense2_camera"
+    )]
+    Librealsense {
+        /// A topic of it.
+        topic: String,
+    },
+    /// A database that is no bag, or one that is not read.
+    #[error("{0}")]
+    Database(String),
     /// A record in the middle of the file is damaged.
     #[error("the record at byte {offset} is damaged: {reason}")]
     Damaged {

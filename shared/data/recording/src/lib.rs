@@ -1,4 +1,5 @@
-//! A recording in an MCAP file: messages of ROS 2 or of Foxglove's schemas.
+//! A recording in a file: messages of ROS 2, ROS 1 or of Foxglove's schemas in MCAP, in a bag of ROS 1
+//! or in a bag of ROS 2 in SQLite.
 //!
 //! Opening looks for the times of the images: of chunks that are not compressed it reads the heads
 //! of their messages, other chunks run through their decompression, several at once, and none is in
@@ -10,25 +11,24 @@ mod camera;
 mod chunks;
 mod colour;
 mod compression;
-mod content;
+mod container;
 mod error;
-mod file;
 mod foxglove;
 mod live;
 mod messages;
 mod pixels;
 mod rational;
 pub mod ros;
+mod ros1;
 mod rvl;
 mod topics;
 mod transforms;
 
 use chunks::{Chunks, Found, Spot};
 use colour::ColourUse;
+use container::{Channels, Container};
 pub use error::{MessageError, RecordingError};
-use file::{Channels, McapFile};
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
-use mcap::records::op;
 use rational::Undistortion;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
@@ -59,7 +59,7 @@ pub struct RecordingOptions<'a> {
     pub first: Option<&'a RecordingSource>,
 }
 
-/// Frames of an MCAP file, in the order of the times of depth.
+/// Frames of a file, in the order of the times of depth.
 pub struct RecordingSource {
     path: PathBuf,
     chunks: Chunks,
@@ -104,11 +104,11 @@ impl RecordingSource {
             source: Box::new(source),
         };
         let given = options.camera.map(named_camera).transpose()?;
-        let file = McapFile::open(path).map_err(wrong)?;
+        let file = container::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
-            file.cut.iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
-        let topics = topics_of(&file, options).map_err(wrong)?;
-        let mut found = chunks::find(&file, &topics.0, &topics.1).map_err(wrong)?;
+            file.cut().iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
+        let topics = topics_of(&*file, options).map_err(wrong)?;
+        let mut found = chunks::find(&*file, &topics.0, &topics.1).map_err(wrong)?;
         let topics = topics.1;
         if let Some(torn) = found.torn.take() {
             warnings.push(format!("{torn}: read up to there"));
@@ -206,8 +206,11 @@ impl Cameras {
 }
 
 /// The channels of the file and those that matter.
-fn topics_of(file: &McapFile, options: &RecordingOptions<'_>) -> Result<(Channels, Topics), RecordingError> {
-    let (channels, damage) = channels(file);
+fn topics_of(
+    file: &dyn Container,
+    options: &RecordingOptions<'_>,
+) -> Result<(Channels, Topics), RecordingError> {
+    let (channels, damage) = file.channels();
     if let Some(first) = options.first {
         return Ok((channels, first.topics.clone()));
     }
@@ -226,24 +229,6 @@ fn in_order(spots: &mut Vec<Spot>) -> usize {
     spots.sort_by_key(|spot| spot.stamp_nanos);
     spots.dedup_by_key(|spot| spot.stamp_nanos);
     n - spots.len()
-}
-
-/// All channels: from the summary, or from the whole file where it was cut or has none, then up to
-/// what is damaged.
-fn channels(file: &McapFile) -> (Channels, Option<RecordingError>) {
-    let mut channels = Channels::default();
-    let from_summary = file.cut.is_none() && file.summary.iter().any(|place| place.opcode == op::CHANNEL);
-    let places = if from_summary { &file.summary } else { &file.data };
-    let most = |opcode| if opcode == op::MESSAGE { 0 } else { u64::MAX };
-    for place in places {
-        let read = file.records(place, most, |opcode, body| {
-            channels.take(opcode, body).map_err(|reason| place.damaged(reason))
-        });
-        if read.is_err() {
-            return (channels, read.err());
-        }
-    }
-    (channels, None)
 }
 
 impl Source for RecordingSource {
@@ -301,7 +286,7 @@ impl Source for RecordingSource {
 
     fn description(&self) -> Vec<(&'static str, String)> {
         vec![
-            ("layout", "MCAP recording".to_owned()),
+            ("layout", self.chunks.name().to_owned()),
             ("depth", self.topics.depth.clone()),
             ("colour", self.cameras.colour_words.clone()),
             ("camera", self.cameras.from.clone()),

@@ -1,29 +1,38 @@
-//! The messages of a recording: ROS 2 in CDR, Foxglove's in protobuf or JSON.
+//! The messages of a recording: ROS 2 in CDR, ROS 1 in its own form, Foxglove's in protobuf or JSON.
 
+use crate::container::Channel;
 use crate::error::MessageError;
-use crate::file::Channel;
-use crate::{foxglove, ros};
+use crate::{foxglove, ros, ros1};
 use std::borrow::Cow;
 
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// `sensor_msgs/msg/Image`.
-    RosImage,
+    /// `sensor_msgs/msg/Image`; in ROS 1 types are named without `msg`.
+    RosImage(Wire),
     /// `sensor_msgs/msg/CompressedImage`.
-    RosCompressed,
+    RosCompressed(Wire),
     /// `sensor_msgs/msg/CameraInfo`.
-    RosCamera,
+    RosCamera(Wire),
     /// `tf2_msgs/msg/TFMessage`.
-    RosTransforms,
+    RosTransforms(Wire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
-    RosExtrinsics,
+    RosExtrinsics(Wire),
     /// `foxglove.RawImage`.
     FoxgloveImage(Form),
     /// `foxglove.CompressedImage`.
     FoxgloveCompressed(Form),
     /// `foxglove.CameraCalibration`.
     FoxgloveCamera(Form),
+}
+
+/// How ROS's messages are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wire {
+    /// ROS 2.
+    Cdr,
+    /// ROS 1.
+    Ros1,
 }
 
 /// How Foxglove's messages are written.
@@ -37,16 +46,8 @@ impl Kind {
     /// `None` for a channel that has nothing for us.
     pub(super) fn of(channel: &Channel) -> Option<Self> {
         let form = match channel.encoding.as_str() {
-            "cdr" => {
-                return match channel.schema.as_str() {
-                    "sensor_msgs/msg/Image" => Some(Self::RosImage),
-                    "sensor_msgs/msg/CompressedImage" => Some(Self::RosCompressed),
-                    "sensor_msgs/msg/CameraInfo" => Some(Self::RosCamera),
-                    "tf2_msgs/msg/TFMessage" => Some(Self::RosTransforms),
-                    "realsense2_camera_msgs/msg/Extrinsics" => Some(Self::RosExtrinsics),
-                    _ => None,
-                };
-            }
+            "cdr" => return Self::of_ros(&channel.schema.replacen("/msg/", "/", 1), Wire::Cdr),
+            "ros1" => return Self::of_ros(&channel.schema, Wire::Ros1),
             "protobuf" => Form::Protobuf,
             "json" => Form::Json,
             _ => return None,
@@ -59,6 +60,20 @@ impl Kind {
         }
     }
 
+    /// By the name that ROS 1 gives a type.
+    fn of_ros(schema: &str, wire: Wire) -> Option<Self> {
+        match schema {
+            "sensor_msgs/Image" => Some(Self::RosImage(wire)),
+            "sensor_msgs/CompressedImage" => Some(Self::RosCompressed(wire)),
+            "sensor_msgs/CameraInfo" => Some(Self::RosCamera(wire)),
+            "tf2_msgs/TFMessage" | "tf/tfMessage" => Some(Self::RosTransforms(wire)),
+            "realsense2_camera_msgs/Extrinsics" | "realsense2_camera/Extrinsics" => {
+                Some(Self::RosExtrinsics(wire))
+            }
+            _ => None,
+        }
+    }
+
     /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
     pub(super) fn stamp_bytes(self) -> Option<u64> {
         let is_foxglove =
@@ -67,11 +82,11 @@ impl Kind {
     }
 
     pub(super) fn is_camera(self) -> bool {
-        matches!(self, Self::RosCamera | Self::FoxgloveCamera(_))
+        matches!(self, Self::RosCamera(_) | Self::FoxgloveCamera(_))
     }
 
     pub(super) fn is_image(self) -> bool {
-        !self.is_camera() && !matches!(self, Self::RosTransforms | Self::RosExtrinsics)
+        !self.is_camera() && !matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_))
     }
 }
 
@@ -110,8 +125,10 @@ pub(super) struct CameraMessage {
 /// Reads an image.
 pub(super) fn image(kind: Kind, data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
     match kind {
-        Kind::RosImage => ros::image(data),
-        Kind::RosCompressed => ros::compressed(data),
+        Kind::RosImage(Wire::Cdr) => ros::image(data),
+        Kind::RosImage(Wire::Ros1) => ros1::image(data),
+        Kind::RosCompressed(Wire::Cdr) => ros::compressed(data),
+        Kind::RosCompressed(Wire::Ros1) => ros1::compressed(data),
         Kind::FoxgloveImage(form) => foxglove::image(form, data),
         Kind::FoxgloveCompressed(form) => foxglove::compressed(form, data),
         _ => Err(MessageError::Kind { kind: "image", reason: "it is a camera or a transform".to_owned() }),
@@ -121,8 +138,10 @@ pub(super) fn image(kind: Kind, data: &[u8]) -> Result<ImageMessage<'_>, Message
 /// Reads the time of an image, of which the front may be all that there is.
 pub(super) fn stamp_nanos(kind: Kind, data: &[u8]) -> Result<i64, MessageError> {
     match kind {
-        Kind::RosImage => ros::stamp_nanos("sensor_msgs/msg/Image", data),
-        Kind::RosCompressed => ros::stamp_nanos("sensor_msgs/msg/CompressedImage", data),
+        Kind::RosImage(Wire::Cdr) => ros::stamp_nanos("sensor_msgs/msg/Image", data),
+        Kind::RosCompressed(Wire::Cdr) => ros::stamp_nanos("sensor_msgs/msg/CompressedImage", data),
+        Kind::RosImage(Wire::Ros1) => ros1::stamp_nanos("sensor_msgs/Image", data),
+        Kind::RosCompressed(Wire::Ros1) => ros1::stamp_nanos("sensor_msgs/CompressedImage", data),
         _ => image(kind, data).map(|image| image.stamp_nanos),
     }
 }
@@ -130,9 +149,29 @@ pub(super) fn stamp_nanos(kind: Kind, data: &[u8]) -> Result<i64, MessageError> 
 /// Reads a camera.
 pub(super) fn camera(kind: Kind, data: &[u8]) -> Result<CameraMessage, MessageError> {
     match kind {
-        Kind::RosCamera => ros::camera(data),
+        Kind::RosCamera(Wire::Cdr) => ros::camera(data),
+        Kind::RosCamera(Wire::Ros1) => ros1::camera(data),
         Kind::FoxgloveCamera(form) => foxglove::camera(form, data),
         _ => Err(MessageError::Kind { kind: "camera", reason: "it is an image".to_owned() }),
+    }
+}
+
+/// Reads parent, child and `parent_from_child` of each transform.
+pub(super) fn transforms(
+    kind: Kind,
+    data: &[u8],
+) -> Result<Vec<(String, String, ros::PoseMessage)>, MessageError> {
+    match kind {
+        Kind::RosTransforms(Wire::Ros1) => ros1::transforms(data),
+        _ => ros::transforms(data),
+    }
+}
+
+/// Reads where a RealSense's colour camera stands from its depth camera.
+pub(super) fn extrinsics(kind: Kind, data: &[u8]) -> Result<ros::Extrinsics, MessageError> {
+    match kind {
+        Kind::RosExtrinsics(Wire::Ros1) => ros1::extrinsics(data),
+        _ => ros::extrinsics(data),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Choice of the topics of depth, colour and camera: by type and name, or as given.
 
+use crate::container::{Channel, Channels};
 use crate::error::RecordingError;
-use crate::file::{Channel, Channels};
 use crate::messages::Kind;
 
 /// The options that name topics.
@@ -44,10 +44,10 @@ pub fn choose_topics<'a>(
     colour: Option<&str>,
 ) -> Result<ChosenTopics, RecordingError> {
     let mut channels = Channels::default();
-    for (id, (topic, kind)) in (0..=u16::MAX).zip(there_are) {
+    for (id, (topic, kind)) in (0..).zip(there_are) {
         let channel =
             Channel { topic: topic.to_owned(), encoding: "cdr".to_owned(), schema: kind.to_owned() };
-        channels.by_id.insert(id, channel);
+        channels.insert(id, channel);
     }
     let Topics { depth, colour, camera, colour_camera, .. } = choose(&channels, depth, colour)?;
     Ok(ChosenTopics { depth, colour, camera, colour_camera })
@@ -62,7 +62,7 @@ pub(super) fn choose(
     let of = |wanted: fn(Kind) -> bool| -> Vec<&str> {
         let is_wanted = |channel: &&Channel| Kind::of(channel).is_some_and(wanted);
         let mut topics: Vec<&str> =
-            channels.by_id.values().filter(is_wanted).map(|channel| channel.topic.as_str()).collect();
+            channels.values().filter(is_wanted).map(|channel| channel.topic.as_str()).collect();
         topics.sort_unstable();
         topics.dedup();
         topics
@@ -92,7 +92,7 @@ pub(super) fn choose(
     let cameras = of(Kind::is_camera);
     let camera = camera_of(&depth, &cameras);
     let colour_camera = colour.as_ref().and_then(|colour| camera_of(colour, &cameras));
-    let extrinsics = of(|kind| kind == Kind::RosExtrinsics);
+    let extrinsics = of(|kind| matches!(kind, Kind::RosExtrinsics(_)));
     let extrinsics = extrinsics.into_iter().find(|topic| topic.ends_with("depth_to_color"));
     Ok(Topics {
         colour,
@@ -151,7 +151,7 @@ mod tests {
         for (id, (topic, schema)) in topics.iter().enumerate() {
             let channel =
                 Channel { topic: (*topic).into(), encoding: "cdr".into(), schema: (*schema).into() };
-            channels.by_id.insert(id as u16, channel);
+            channels.insert(id as u32, channel);
         }
         channels
     }

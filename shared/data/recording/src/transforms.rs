@@ -2,6 +2,7 @@
 
 use crate::chunks::{Chunks, Found};
 use crate::error::MessageError;
+use crate::messages;
 use crate::ros;
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
@@ -21,7 +22,7 @@ pub(super) fn colour_from_depth(
 ) -> Option<Pose> {
     if let Some(spot) = &found.extrinsics
         && let Ok(data) = chunks.read(spot)
-        && let Ok(extrinsics) = ros::extrinsics(&data)
+        && let Ok(extrinsics) = messages::extrinsics(spot.kind, &data)
         && let Some(pose) = of_extrinsics(&extrinsics)
     {
         return Some(pose);
@@ -32,7 +33,9 @@ pub(super) fn colour_from_depth(
     let mut tree = FrameTree::default();
     for spot in &found.transforms {
         let Ok(data) = chunks.read(spot) else { continue };
-        let _ = tree.add(&data);
+        if let Ok(links) = messages::transforms(spot.kind, &data) {
+            tree.extend(links);
+        }
     }
     tree.between(depth_frame, colour_frame)
 }
@@ -49,12 +52,16 @@ impl FrameTree {
     /// # Errors
     /// Where the bytes are no such message.
     pub fn add(&mut self, message: &[u8]) -> Result<(), MessageError> {
-        for (parent, child, transform) in ros::transforms(message)? {
+        self.extend(ros::transforms(message)?);
+        Ok(())
+    }
+
+    fn extend(&mut self, links: Vec<(String, String, ros::PoseMessage)>) {
+        for (parent, child, transform) in links {
             if let Some(pose) = pose(&transform) {
                 self.parents.insert(child, (parent, pose));
             }
         }
-        Ok(())
     }
 
     /// The transform of points from one frame to another, metres; `None`: the tree does not say.

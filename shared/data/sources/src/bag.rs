@@ -1,13 +1,15 @@
-//! The folder of a bag of ROS 2: `metadata.yaml` and one or several files of MCAP.
+//! The folder of a bag of ROS 2: `metadata.yaml` and one or several files of MCAP or SQLite. Bags of
+//! ROS 1 that were split lie in a folder too.
 
 use crate::joined::JoinedSource;
-use crate::unread;
 use crate::{RecordingOptions, RecordingSource, Source, SourceError};
 use std::path::{Component, Path, PathBuf};
 
 const METADATA: &str = "metadata.yaml";
+/// Ends of names of the files of a bag.
+const ENDS: [&str; 3] = ["mcap", "db3", "bag"];
 
-/// The MCAP files of a bag in their order; `None`: the folder is no bag.
+/// The files of a bag in their order; `None`: the folder is no bag.
 ///
 /// # Errors
 /// It is a bag whose files are not read.
@@ -18,44 +20,25 @@ pub(crate) fn files(folder: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> 
         Err(_) => Vec::new(),
     };
     if files.is_empty() && !crate::folder::is_known(folder) {
-        files = mcap_files(folder);
+        files = files_inside(folder);
     }
     if files.is_empty() && !metadata.is_file() {
         return Ok(None);
     }
     let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(file)).collect();
-    if let Some(error) = paths.iter().find_map(|path| unread::file(path)) {
-        return Err(in_words_of_the_folder(folder, error));
-    }
-    let is_mcap = |path: &PathBuf| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap"));
-    if let Some(other) = paths.iter().find(|path| !is_mcap(path)) {
+    if let Some(other) = paths.iter().find(|path| !ENDS.iter().any(|end| has_end(path, end))) {
         let is_compressed = other.extension().is_some_and(|end| end == "zstd");
         let reason = match is_compressed {
             true => {
                 "is compressed as a whole; decompress it first (zstd -d) and take .zstd off its name in metadata.yaml"
             }
-            false => "is listed in metadata.yaml, expected files that end in .mcap",
+            false => "is listed in metadata.yaml, expected files that end in .mcap or .db3",
         };
         return Err(SourceError::Layout { path: other.clone(), reason: reason.to_owned() });
     }
     match paths.is_empty() {
         true => Err(SourceError::Layout { path: metadata, reason: "names no files of the bag".to_owned() }),
         false => Ok(Some(paths)),
-    }
-}
-
-/// The command of a file converts its whole bag, where that is the folder.
-fn in_words_of_the_folder(folder: &Path, error: SourceError) -> SourceError {
-    match error {
-        SourceError::NotRead { what, .. } if what.contains("SQLite") => {
-            let (name, what) = (folder.display(), "the folder of a bag of ROS 2 in SQLite (.db3)");
-            let remedy = format!(
-                "convert it: pip install rosbags; rosbags-convert --src {name} --dst {name}_mcap --dst-storage mcap; \
-                 then run {name}_mcap"
-            );
-            SourceError::NotRead { path: folder.to_owned(), what, remedy }
-        }
-        error => error,
     }
 }
 
@@ -75,12 +58,38 @@ fn listed(metadata: &str) -> Vec<PathBuf> {
     files
 }
 
-fn mcap_files(folder: &Path) -> Vec<PathBuf> {
+fn has_end(path: &Path, end: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end))
+}
+
+/// All files of one kind, of the first kind that is there, in the order of the numbers in their names.
+fn files_inside(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).map(|entries| entries.flatten().collect::<Vec<_>>());
     let mut files: Vec<PathBuf> = entries.unwrap_or_default().iter().map(|e| e.file_name().into()).collect();
-    files.retain(|file| file.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap")));
-    files.sort();
+    let end = ENDS.iter().find(|end| files.iter().any(|file| has_end(file, end)));
+    files.retain(|file| end.is_some_and(|end| has_end(file, end)));
+    files.sort_by_key(|file| in_order_of_numbers(&file.to_string_lossy()));
     files
+}
+
+/// A key by which `b_2` stands before `b_10`: text, then the number behind it, and so on.
+fn in_order_of_numbers(name: &str) -> Vec<(String, u64)> {
+    let mut parts = vec![(String::new(), 0_u64)];
+    let mut was_digit = false;
+    for character in name.chars() {
+        let digit = character.to_digit(10).map(u64::from);
+        if was_digit && digit.is_none() {
+            parts.push((String::new(), 0));
+        }
+        if let Some((text, number)) = parts.last_mut() {
+            match digit {
+                Some(digit) => *number = number.saturating_mul(10).saturating_add(digit),
+                None => text.push(character),
+            }
+        }
+        was_digit = digit.is_some();
+    }
+    parts
 }
 
 /// Opens a bag; topics, camera and where the cameras stand are those of its first file.
@@ -139,20 +148,27 @@ mod tests {
     }
 
     #[test]
-    fn a_bag_in_sqlite_is_answered_with_the_command_that_converts_it() {
+    fn files_of_a_bag_that_are_not_read_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         fs::write(at.join(METADATA), metadata("sqlite3", "db3")).unwrap();
-        fs::write(at.join("bag_0.db3"), b"SQLite format 3\0").unwrap();
-        let message = files(at).unwrap_err().to_string();
-        assert!(message.contains("the folder of a bag of ROS 2 in SQLite"), "{message}");
-        assert!(
-            message.contains("rosbags-convert --src") && message.contains("--dst-storage mcap"),
-            "{message}"
-        );
+        assert_eq!(files(at).unwrap().unwrap(), [at.join("bag_0.db3"), at.join("bag_1.db3")]);
         fs::write(at.join(METADATA), metadata("mcap", "mcap.zstd")).unwrap();
         assert!(files(at).unwrap_err().to_string().contains("compressed as a whole"));
+        fs::write(at.join(METADATA), metadata("other", "txt")).unwrap();
+        assert!(files(at).unwrap_err().to_string().contains("expected files that end in .mcap or .db3"));
         fs::write(at.join(METADATA), "nothing").unwrap();
         assert!(files(at).unwrap_err().to_string().contains("names no files of the bag"));
+    }
+
+    #[test]
+    fn files_without_a_list_stand_in_the_order_of_their_numbers() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        for name in ["b_10.db3", "b_2.db3", "b_0.db3", "other.bag"] {
+            fs::write(at.join(name), "").unwrap();
+        }
+        let expected = ["b_0.db3", "b_2.db3", "b_10.db3"].map(|name| at.join(name));
+        assert_eq!(files(at).unwrap().unwrap(), expected);
     }
 }

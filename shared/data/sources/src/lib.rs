@@ -1,5 +1,5 @@
 //! Opening a source of frames by its name: a folder of images in one of several layouts, an MCAP
-//! recording, a bag of ROS 2 or a simulated world, all behind the trait [`Source`].
+//! recording, a bag of ROS or a simulated world, all behind the trait [`Source`].
 //!
 //! To add a layout of folders, see `folder/layouts/mod.rs`. To add another source, implement
 //! [`Source`] in a file of its own and add a case to [`open`].

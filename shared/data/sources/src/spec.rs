@@ -22,7 +22,7 @@ pub enum SourceSpec {
     Scene(SceneName),
     /// A folder of images or of a bag, or whatever else has that name.
     Folder(PathBuf),
-    /// An MCAP file.
+    /// An MCAP file; bags are known by their content.
     Recording(PathBuf),
     /// A camera's own program sends the frames: nothing that could be read at any index.
     External,
@@ -40,10 +40,10 @@ pub struct SourceOptions {
     /// Use at most this many frames; a scene goes on for as many as are asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<u64>,
-    /// Topic of depth in an MCAP file; without it the one whose name says so.
+    /// Topic of depth in an MCAP file or a bag; without it the one whose name says so.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_topic: Option<String>,
-    /// Topic of colour in an MCAP file; without it the one whose name says so. [`COLOUR_NONE`]: colour
+    /// Topic of colour in an MCAP file or a bag; without it the one whose name says so. [`COLOUR_NONE`]: colour
     /// is left out, of folders too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color_topic: Option<String>,
@@ -110,7 +110,7 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
     })
 }
 
-/// A file: an MCAP file, or for what it is.
+/// A file: an MCAP file or a bag, or for what it is.
 fn open_file(
     path: &Path,
     options: &SourceOptions,

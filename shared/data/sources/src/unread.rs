@@ -18,21 +18,7 @@ struct Kind {
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [Kind; 9] = [
-    Kind {
-        begins: b"#ROSBAG V",
-        ends: "",
-        what: "a bag of ROS 1 or of librealsense",
-        remedy: "convert it: pip install rosbags; rosbags-convert --src {in} --dst {stem}_ros2 --dst-storage mcap; then run \
-                 the folder {stem}_ros2 (for librealsense: rs-convert -i {in} -p {stem}/ -d, or record by realsense2_camera)",
-    },
-    Kind {
-        begins: b"SQLite format 3\0",
-        ends: "",
-        what: "a bag of ROS 2 in SQLite",
-        remedy: "convert it: mcap convert {in} {stem}.mcap, or its folder: pip install rosbags; rosbags-convert --src FOLDER \
-                 --dst FOLDER_mcap --dst-storage mcap",
-    },
+const KINDS: [Kind; 7] = [
     Kind {
         begins: b"PK\x03\x04",
         ends: ".r3d",
@@ -97,9 +83,7 @@ mod tests {
     #[test]
     fn each_kind_is_named_with_its_command() {
         let folder = tempfile::tempdir().unwrap();
-        let table: [(&str, &[u8], &str, &str); 8] = [
-            ("a.bag", b"#ROSBAG V2.0\n", "a bag of ROS 1", "rosbags-convert --src"),
-            ("a.db3", b"SQLite format 3\0", "a bag of ROS 2 in SQLite", "mcap convert"),
+        let table: [(&str, &[u8], &str, &str); 6] = [
             ("a.r3d", b"PK\x03\x04", "Record3D", "unzip"),
             ("a.zip", b"PK\x03\x04", "a zip file", "unzip"),
             ("a.tgz", b"\x1f\x8b\x08", "a compressed archive", "tar -xzf"),

@@ -11,6 +11,8 @@ use tessera_slam::{FrameRecord, State};
 
 /// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
 const POSITION: [usize; 3] = [0, 6, 11];
+/// What the record of a frame says of a degenerate direction (docs/messages.md).
+const DEGENERATE: &str = "degenerate, held by the prediction";
 /// Poses that a comparison of lengths needs.
 const LEAST_POSES: usize = 20;
 /// A scale tells something where it takes the error down to this share of what it was,
@@ -72,13 +74,17 @@ pub struct Facts {
     /// Frames left out in a live run.
     pub n_dropped: u64,
     /// Frames that ended their stage again and again.
-    pub n_lost: u64,
+    pub n_missing: u64,
     /// Frames whose pose is a prediction.
     pub n_untracked: u64,
     /// Where they are.
     pub untracked: Vec<Span>,
     /// Whether the last frame is one of them.
     pub ends_untracked: bool,
+    /// Tracked frames whose surfaces leave a direction of motion open, which the prediction then holds.
+    pub n_degenerate: u64,
+    /// Where they are.
+    pub degenerate: Vec<Span>,
     /// Tracked frames with a stated deviation of position above the limit.
     pub n_uncertain: u64,
     /// The first of them.
@@ -141,10 +147,12 @@ impl Facts {
             n_read,
             n_processed: processed,
             n_dropped: dropped,
-            n_lost: n_read - processed - dropped,
+            n_missing: n_read - processed - dropped,
             n_untracked: replay.n_untracked(),
             ends_untracked: replay.frames.last().is_some_and(|frame| frame.state != State::Tracking),
             untracked,
+            n_degenerate: replay.frames.iter().filter(|frame| is_degenerate(frame)).count() as u64,
+            degenerate: spans(&replay.frames, is_degenerate),
             n_uncertain: deviations().filter(|(_, deviation)| *deviation > UNCERTAIN_M).count() as u64,
             first_uncertain: deviations()
                 .find(|(_, deviation)| *deviation > UNCERTAIN_M)
@@ -166,20 +174,30 @@ impl Facts {
 
 /// Spans of frames that were not tracked.
 pub(crate) fn untracked(frames: &[FrameRecord]) -> Vec<Span> {
+    spans(frames, |frame| frame.state != State::Tracking)
+}
+
+/// Whether a frame was tracked with a direction that its surfaces do not determine.
+fn is_degenerate(frame: &FrameRecord) -> bool {
+    frame.state == State::Tracking && frame.reason.contains(DEGENERATE)
+}
+
+/// Spans of frames of one kind.
+fn spans(frames: &[FrameRecord], is_one: impl Fn(&FrameRecord) -> bool) -> Vec<Span> {
     let first_nanos = frames.first().map_or(0, |frame| frame.stamp_nanos);
     let mut spans: Vec<Span> = Vec::new();
     let mut is_open = false;
     for frame in frames {
-        let is_untracked = frame.state != State::Tracking;
+        let is_one = is_one(frame);
         let at_s = frame.stamp_nanos.saturating_sub(first_nanos) as f64 * 1e-9;
-        match spans.last_mut().filter(|_| is_open && is_untracked) {
+        match spans.last_mut().filter(|_| is_open && is_one) {
             Some(span) => (span.last, span.to_s) = (frame.index, at_s),
-            None if is_untracked => {
+            None if is_one => {
                 spans.push(Span { first: frame.index, last: frame.index, from_s: at_s, to_s: at_s });
             }
             None => {}
         }
-        is_open = is_untracked;
+        is_open = is_one;
     }
     spans
 }
@@ -232,12 +250,27 @@ mod tests {
         let replay = test_run::replay();
         let statistics = RunStatistics { ended: Ended::Finished, ..RunStatistics::default() };
         let facts = Facts::new(&replay, &statistics, None, &Beside::default());
-        assert_eq!((facts.n_read, facts.n_processed, facts.n_dropped, facts.n_lost), (7, 6, 1, 0));
+        assert_eq!((facts.n_read, facts.n_processed, facts.n_dropped, facts.n_missing), (7, 6, 1, 0));
         assert_eq!((facts.n_untracked, facts.untracked.len(), facts.ends_untracked), (1, 1, false));
         assert_eq!(facts.untracked[0].to_string(), "frame 4 (0.1 s)");
         assert_eq!((facts.n_loops_closed, facts.n_loops_rejected), (1, 1));
         // The one covariance is that of a frame that was not tracked.
         assert_eq!((facts.n_uncertain, facts.worst_deviation_m), (0, 0.0));
+    }
+
+    #[test]
+    fn degenerate_frames_are_those_that_say_so_and_were_tracked() {
+        let mut replay = test_run::replay();
+        let n = replay.frames.len();
+        for frame in &mut replay.frames[n - 3..] {
+            frame.state = State::Tracking;
+            frame.reason = "degenerate, held by the prediction: translation along x".to_owned();
+        }
+        replay.frames[n - 1].state = State::Lost;
+        let facts = Facts::new(&replay, &RunStatistics::default(), None, &Beside::default());
+        let (first, last) = (replay.frames[n - 3].index, replay.frames[n - 2].index);
+        assert_eq!(facts.n_degenerate, 2);
+        assert_eq!((facts.degenerate[0].first, facts.degenerate[0].last), (first, last));
     }
 
     #[test]

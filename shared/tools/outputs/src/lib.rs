@@ -4,6 +4,7 @@
 
 mod accuracy;
 mod colour;
+mod comparison;
 mod error;
 mod export;
 pub mod facts;
@@ -26,6 +27,7 @@ mod words;
 mod wrong_camera;
 
 pub use colour::ColourSummary;
+pub use comparison::comparison;
 pub use error::ToolError;
 pub use export::{
     export, map_keyframes, read_beside, read_groundtruth, read_journal, read_settings, refined_warp,

@@ -40,7 +40,7 @@ pub struct Summary {
     /// Frames left out in a live run.
     pub frames_dropped: u64,
     /// Frames that ended their stage again and again.
-    pub frames_lost: u64,
+    pub frames_missing: u64,
     /// Frames whose pose is a prediction.
     pub frames_untracked: u64,
     /// Where they are: first and last frame of each span.
@@ -146,7 +146,7 @@ impl Summary {
             frames_read: read,
             frames_processed: processed,
             frames_dropped: dropped,
-            frames_lost: read - processed - dropped,
+            frames_missing: read - processed - dropped,
             frames_untracked: replay.n_untracked(),
             untracked: facts.untracked.iter().map(|span| [span.first, span.last]).collect(),
             frames_broken: facts.broken.len() as u64,
@@ -250,7 +250,7 @@ pub(crate) mod tests {
             ("frames_read", 7),
             ("frames_processed", 6),
             ("frames_dropped", 1),
-            ("frames_lost", 0),
+            ("frames_missing", 0),
             ("frames_untracked", 1),
             ("keyframes", 3),
             ("loops_closed", 1),

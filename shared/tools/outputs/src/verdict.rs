@@ -15,6 +15,10 @@ const UNTRACKED_DOUBTFUL: f64 = 0.02;
 const UNTRACKED_FAILED: f64 = 0.5;
 /// Stated standard deviation of a position above which it is not to be relied on, metres.
 pub(crate) const UNCERTAIN_M: f64 = 0.1;
+/// Share of frames with a degenerate direction above which a run is doubtful.
+const DEGENERATE_DOUBTFUL: f64 = 0.05;
+/// Span of such frames, seconds, from which on the prediction is no help: it is doubtful.
+const DEGENERATE_LONG_S: f64 = 0.5;
 /// Share of frames in submaps of their own above which a run is doubtful.
 const APART_DOUBTFUL: f64 = 0.02;
 /// Share of uncertain frames above which a run is doubtful.
@@ -102,6 +106,7 @@ pub fn verdict(facts: &Facts) -> Verdict {
         lens(facts),
         untracked(facts),
         apart(facts),
+        degenerate(facts),
         uncertain(facts),
         dropped(facts),
         broken(facts),
@@ -212,6 +217,22 @@ fn spans(all: &[Span]) -> String {
     words.join(", ")
 }
 
+/// Frames that see too little shape for some direction of motion.
+fn degenerate(facts: &Facts) -> Option<Reason> {
+    let (n, of) = (facts.n_degenerate, facts.n_processed);
+    if n == 0 {
+        return None;
+    }
+    let is_long = facts.degenerate.iter().any(|span| span.duration_s() >= DEGENERATE_LONG_S);
+    let grade = if is_long { Grade::Doubtful } else { above(share(n, of), DEGENERATE_DOUBTFUL) };
+    let found = format!(
+        "{n} of {of} frames are degenerate, they see too little shape and a direction of their motion is a prediction: {}",
+        spans(&facts.degenerate)
+    );
+    let advice = "record with colour, or keep surfaces that face three ways in view (docs/tuning.md)";
+    Some(reason(grade, found, advice))
+}
+
 fn uncertain(facts: &Facts) -> Option<Reason> {
     let (n, of) = (facts.n_uncertain, facts.n_processed);
     let (first, worst_m) = (facts.first_uncertain?, facts.worst_deviation_m);
@@ -224,14 +245,14 @@ fn uncertain(facts: &Facts) -> Option<Reason> {
 }
 
 fn dropped(facts: &Facts) -> Option<Reason> {
-    let (n, lost) = (facts.n_dropped, facts.n_lost);
-    if n + lost == 0 {
+    let (n, missing) = (facts.n_dropped, facts.n_missing);
+    if n + missing == 0 {
         return None;
     }
-    let grade = if lost > 0 { Grade::Doubtful } else { above(share(n, facts.n_read), DROPPED_DOUBTFUL) };
-    let found = match lost {
+    let grade = if missing > 0 { Grade::Doubtful } else { above(share(n, facts.n_read), DROPPED_DOUBTFUL) };
+    let found = match missing {
         0 => format!("{n} of {} frames dropped, newer ones had come", facts.n_read),
-        _ => format!("{n} of {} frames dropped, {lost} lost (they ended their stage)", facts.n_read),
+        _ => format!("{n} of {} frames dropped, {missing} missing (they ended their stage)", facts.n_read),
     };
     Some(reason(grade, found, "a faster machine, --config fast, or without --live"))
 }
@@ -341,7 +362,7 @@ mod tests {
         );
         check(&Facts { n_dropped: 10, ..good() }, Grade::Good, &["10 of 400 frames dropped"]);
         check(&Facts { n_dropped: 100, ..good() }, Grade::Doubtful, &["without --live"]);
-        check(&Facts { n_lost: 1, ..good() }, Grade::Doubtful, &["1 lost"]);
+        check(&Facts { n_missing: 1, ..good() }, Grade::Doubtful, &["1 missing"]);
         let broken = |n: u64| (0..n).map(|k| (k, "d.png: gone".to_owned())).collect();
         check(&Facts { broken: broken(1), ..good() }, Grade::Good, &["1 of 400", "frame 0: d.png: gone"]);
         check(&Facts { broken: broken(9), ..good() }, Grade::Doubtful, &["again"]);
@@ -350,6 +371,23 @@ mod tests {
             Grade::Doubtful,
             &["9 verified loops rejected", "5 closed"],
         );
+    }
+
+    #[test]
+    fn degenerate_for_long_is_a_reason_and_for_a_moment_a_note() {
+        let with = |n, degenerate| Facts { n_degenerate: n, degenerate, ..good() };
+        check(
+            &with(2, vec![span(10, 11)]),
+            Grade::Good,
+            &["2 of 400 frames are degenerate", "frames 10 to 11"],
+        );
+        check(
+            &with(16, vec![span(10, 25)]),
+            Grade::Doubtful,
+            &["frames 10 to 25 (0.3 to 0.8 s)", "try: record with colour"],
+        );
+        let spread = (0..25).map(|k| span(10 * k, 10 * k)).collect();
+        check(&with(25, spread), Grade::Doubtful, &["25 of 400 frames are degenerate", "22 more"]);
     }
 
     #[test]

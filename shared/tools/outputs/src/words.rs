@@ -13,10 +13,11 @@ impl Summary {
         let mut text = String::new();
         // Writing to a String cannot fail, here and below.
         let _ = writeln!(text, "{}", self.headline());
-        let Self { frames_read, frames_processed, frames_dropped, frames_lost, frames_untracked, .. } = self;
+        let Self { frames_read, frames_processed, frames_dropped, frames_missing, frames_untracked, .. } =
+            self;
         let _ = writeln!(
             text,
-            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_lost} missing"
+            "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_missing} missing"
         );
         if let [_, fewer, small, least] = self.frames_at_workload
             && fewer + small + least > 0

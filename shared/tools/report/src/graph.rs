@@ -10,10 +10,10 @@ const MOST_ROWS: usize = 200;
 
 /// What each verdict is called, and its colour.
 const VERDICTS: [(Verdict, &str, plotters::style::RGBColor); 4] = [
-    (Verdict::Refused, "loop refused", ORANGE),
-    (Verdict::Outvoted, "loop outvoted", VERMILION),
-    (Verdict::Untested, "loop of the aligner alone", PURPLE),
-    (Verdict::Accepted, "loop accepted", GREEN),
+    (Verdict::Refused, "loop not verified", ORANGE),
+    (Verdict::Outvoted, "loop rejected", VERMILION),
+    (Verdict::Untested, "loop closed by the aligner alone", PURPLE),
+    (Verdict::Accepted, "loop closed", GREEN),
 ];
 
 /// The graph from above and the table of its loops.

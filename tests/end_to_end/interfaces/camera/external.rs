@@ -344,7 +344,7 @@ fn live_counts_what_was_not_taken_and_goes_on_with_another_camera() {
     let count = |key: &str| summary[key].as_u64().unwrap();
     let (processed, read) = (count("frames_processed"), count("frames_read"));
     assert!(processed >= 10, "{summary}");
-    assert_eq!(read, processed + count("frames_dropped") + count("frames_lost"), "{summary}");
+    assert_eq!(read, processed + count("frames_dropped") + count("frames_missing"), "{summary}");
     assert!(run.log().matches("in a new session").count() >= 2, "{}", run.log());
     assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
 }

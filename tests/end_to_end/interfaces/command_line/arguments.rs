@@ -75,6 +75,35 @@ fn wrong_arguments_end_with_2() {
 }
 
 #[test]
+fn several_sources_are_run_one_after_the_other_and_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let small = folder.path().join("small.toml");
+    let numbers = "fx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\nunits_per_metre = 1000.0\n";
+    std::fs::write(&small, format!("width = 160\nheight = 120\n{numbers}")).unwrap();
+    let small = small.display().to_string();
+    let common = ["--frames", "4", "--camera", &small, "--out", &out];
+    let run = |sources: &[&str], code: i32| {
+        let output = tessera(&[&["run"], sources, &common].concat());
+        let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{text}");
+        text
+    };
+    // One that is not there costs itself alone, and is the exit code.
+    let text = run(&["room", "no/such/folder", "corridor"], 3);
+    assert!(text.contains("no source") && text.contains("side by side: "), "{text}");
+    let rows: Vec<&str> = text.lines().skip_while(|line| !line.contains("CPU ms/frame  frames/s")).collect();
+    assert!(rows[1].contains("room-1") && rows[2].contains("corridor-1"), "{text}");
+    let page = std::fs::read_to_string(folder.path().join("comparison.html")).unwrap();
+    assert!(page.contains("Side by side") && page.contains("corridor-1"));
+    // Folders that are there are left alone.
+    run(&["room", "room"], 0);
+    assert!(folder.path().join("room-3/trajectory.txt").is_file());
+    assert!(refusal(&["run", "room", "wall", "--name", "x"], 2).contains("--name is for one source"));
+    assert!(refusal(&["run", "room", "external"], 2).contains("external is for one source"));
+}
+
+#[test]
 fn wrong_settings_name_key_value_and_rule() {
     let set = |pair: &str| refusal(&["run", "--set", pair], 2);
     assert!(

@@ -41,14 +41,19 @@ fn several_files_of_a_bag_are_one_recording() {
 }
 
 #[test]
-fn a_bag_that_is_not_read_is_answered_with_the_command_that_converts_it() {
+fn a_database_that_is_no_bag_and_a_bag_of_another_version_are_named() {
     let bag = tempfile::tempdir().unwrap();
-    std::fs::write(bag.path().join("metadata.yaml"), metadata("sqlite3", &["b_0.db3"])).unwrap();
-    std::fs::write(bag.path().join("b_0.db3"), b"SQLite format 3\0").unwrap();
-    for source in [bag.path().to_owned(), bag.path().join("b_0.db3")] {
-        let output = check(&source);
+    let table: [(&str, &[u8], &str); 3] = [
+        ("b_0.db3", b"SQLite format 3\0", "an SQLite database that was cut within its header"),
+        ("old.bag", b"#ROSBAG V1.2\n", "begins with '#ROSBAG V1.2\\n', expected '#ROSBAG V2.0"),
+        ("empty.bag", b"#ROSBAG V2.0\n", "there are: no image topics"),
+    ];
+    for (name, content, words) in table {
+        let file = bag.path().join(name);
+        std::fs::write(&file, content).unwrap();
+        let output = check(&file);
         let text = said(&output);
         assert_eq!(output.status.code(), Some(3), "{text}");
-        assert!(text.contains("in SQLite") && text.contains("which is not read: convert it: "), "{text}");
+        assert!(text.contains(words) && text.contains(name), "{text}");
     }
 }

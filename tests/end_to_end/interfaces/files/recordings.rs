@@ -1,4 +1,4 @@
-//! MCAP recordings that other people's libraries wrote, and what we write for them to read.
+//! Recordings that other people's libraries wrote, and what we write for them to read.
 
 use crate::common::room;
 use std::path::{Path, PathBuf};
@@ -66,17 +66,23 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
     run_script(&python, "write_recordings.py", &[&folder, run.dir.path()]);
     let expected = open(&folder);
     let recordings = [
-        "ros_raw",
-        "ros_metres",
-        "ros_compressed",
-        "ros_rvl",
-        "ros_mono_jpeg",
-        "foxglove_protobuf",
-        "foxglove_json",
-        "foxglove_json_lz4",
+        "ros_raw.mcap",
+        "ros_metres.mcap",
+        "ros_compressed.mcap",
+        "ros_rvl.mcap",
+        "ros_mono_jpeg.mcap",
+        "ros_sqlite_bag",
+        "ros_sqlite_bag/ros_sqlite_bag.db3",
+        "ros1_plain.bag",
+        "ros1_bz2.bag",
+        "ros1_lz4.bag",
+        "ros1_pictures.bag",
+        "foxglove_protobuf.mcap",
+        "foxglove_json.mcap",
+        "foxglove_json_lz4.mcap",
     ];
     for name in recordings {
-        let found = open(&run.dir.path().join(format!("{name}.mcap")));
+        let found = open(&run.dir.path().join(name));
         assert_eq!(found.n_frames(), Some(FRAMES), "{name}");
         assert_eq!(found.warnings(), &[] as &[String], "{name}");
         let (a, b) = (found.camera(), expected.camera());
@@ -99,11 +105,14 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
     assert!(of_folder.finish().success());
     let recording = run.dir.path().join("ros_raw.mcap");
     let kills = "sensor=sent:5;align=journaled:7";
-    let of_recording = room().of(&recording).frames(n).with(&["--camera", camera.to_str().unwrap()]);
-    let of_recording = of_recording.with_env("TESSERA_KILL_PLAN", kills);
-    assert!(of_recording.finish().success());
-    assert_eq!(of_recording.n_deaths(), 2, "{}", of_recording.log());
-    of_recording.assert_same_bytes(&of_folder, "from MCAP");
+    for name in ["ros_raw.mcap", "ros_sqlite_bag", "ros1_bz2.bag"] {
+        let of_recording =
+            room().of(&run.dir.path().join(name)).frames(n).with(&["--camera", camera.to_str().unwrap()]);
+        let of_recording = of_recording.with_env("TESSERA_KILL_PLAN", kills);
+        assert!(of_recording.finish().success());
+        assert_eq!(of_recording.n_deaths(), 2, "{}", of_recording.log());
+        of_recording.assert_same_bytes(&of_folder, name);
+    }
 
     let (code, text) = command(&["check", recording.to_str().unwrap()]);
     assert_eq!(code, Some(0), "{text}");

@@ -1,8 +1,8 @@
-"""Writes MCAP recordings of a folder in the TUM layout with other people's libraries.
+"""Writes recordings of a folder in the TUM layout with other people's libraries.
 
     python write_recordings.py FOLDER OUT
 
-rosbags writes ROS 2 (its own CDR), rvl the code of compressed depth, the mcap packages Foxglove's schemas in protobuf and JSON.
+rosbags writes ROS 2 in MCAP and SQLite (its own CDR) and bags of ROS 1, rvl the code of compressed depth, the mcap packages Foxglove's schemas in protobuf and JSON.
 """
 
 import base64
@@ -20,6 +20,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer as JsonWriter
 from mcap_protobuf.writer import Writer as ProtobufWriter
 from PIL import Image
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as RosWriter
 from rosbags.typesys import Stores, get_typestore
 
@@ -47,14 +48,14 @@ def picture(array, kind):
     return bytes_io.getvalue()
 
 
-def ros(name, depth_of, colour_of, depth_topic, colour_topic, compression=None):
+def ros(name, depth_of, colour_of, depth_topic, colour_topic, compression=None, storage=StoragePlugin.MCAP):
     store = get_typestore(Stores.ROS2_HUMBLE)
     types = store.types
     time, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
     image, compressed = types["sensor_msgs/msg/Image"], types["sensor_msgs/msg/CompressedImage"]
     info, region = types["sensor_msgs/msg/CameraInfo"], types["sensor_msgs/msg/RegionOfInterest"]
     folder = out / f"{name}_bag"
-    writer = RosWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer = RosWriter(folder, version=9, storage_plugin=storage)
     if compression:
         writer.set_compression(*compression)
     with writer:
@@ -79,7 +80,49 @@ def ros(name, depth_of, colour_of, depth_topic, colour_topic, compression=None):
                     write(topic, "sensor_msgs/msg/Image", message, nanos)
                 else:
                     write(topic, "sensor_msgs/msg/CompressedImage", compressed(head, form, data), nanos)
-    (next(folder.glob("*.mcap"))).rename(out / f"{name}.mcap")
+    if storage == StoragePlugin.MCAP:
+        (next(folder.glob("*.mcap"))).rename(out / f"{name}.mcap")
+
+
+def ros1(name, compression=None, metres=False, pictures=False):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = store.types
+    time, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+    image, compressed = types["sensor_msgs/msg/Image"], types["sensor_msgs/msg/CompressedImage"]
+    info, region = types["sensor_msgs/msg/CameraInfo"], types["sensor_msgs/msg/RegionOfInterest"]
+    writer = Ros1Writer(out / f"{name}.bag")
+    if compression:
+        writer.set_compression(compression)
+    with writer:
+        connections = {}
+
+        def write(topic, message, nanos):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], nanos, store.serialize_ros1(message, kind))
+
+        for at, (s, n, depth, colour) in enumerate(frames):
+            head, nanos = header(at, time(s, n), "camera"), s * 10**9 + n
+            calibration = info(
+                head, height, width, "plumb_bob", np.array(D), np.array(K), np.eye(3).flatten(), np.array(P),
+                0, 0, region(0, 0, 0, 0, False),
+            )
+            write("/camera/depth/camera_info", calibration, nanos)
+            bytes_of = lambda data: np.frombuffer(data, np.uint8)
+            if pictures:
+                data = header_of_compressed_depth() + picture(millimetres(depth), "PNG")
+                message = compressed(head, "16UC1; compressedDepth", bytes_of(data))
+                write("/camera/depth/image_raw/compressedDepth", message, nanos)
+                message = compressed(head, "rgb8; png compressed rgb8", bytes_of(picture(colour, "PNG")))
+                write("/camera/rgb/image_raw/compressed", message, nanos)
+                continue
+            form, size, data = "16UC1", 2, millimetres(depth).tobytes()
+            if metres:
+                form, size, data = "32FC1", 4, metres_of(depth).tobytes()
+            write("/camera/depth/image", image(head, height, width, form, 0, size * width, bytes_of(data)), nanos)
+            message = image(head, height, width, "rgb8", 0, 3 * width, bytes_of(colour.tobytes()))
+            write("/camera/rgb/image_color", message, nanos)
 
 
 def millimetres(depth):
@@ -97,10 +140,10 @@ ros(
     lambda colour: ("bgr8", colour[:, :, ::-1].tobytes(), 3 * width),
     "/camera/depth/image_raw", "/camera/color/image_raw", (CompressionMode.STORAGE, CompressionFormat.ZSTD),
 )
-metres = lambda depth: np.where(depth == 0, np.nan, depth / units).astype("<f4")
+metres_of = lambda depth: np.where(depth == 0, np.nan, depth / units).astype("<f4")
 ros(
     "ros_metres",
-    lambda depth: ("32FC1", metres(depth).tobytes(), 4 * width),
+    lambda depth: ("32FC1", metres_of(depth).tobytes(), 4 * width),
     lambda colour: ("rgb8", colour.tobytes(), 3 * width),
     "/camera/depth/image_raw", "/camera/color/image_raw",
 )
@@ -123,6 +166,17 @@ ros(
     lambda colour: ("jpeg", picture(colour, "JPEG"), 0),
     "/camera/depth/image_raw", "/camera/color/image_raw/compressed",
 )
+
+ros(
+    "ros_sqlite",
+    lambda depth: ("16UC1", millimetres(depth).tobytes(), 2 * width),
+    lambda colour: ("rgb8", colour.tobytes(), 3 * width),
+    "/camera/depth/image_raw", "/camera/color/image_raw", storage=StoragePlugin.SQLITE3,
+)
+ros1("ros1_plain")
+ros1("ros1_bz2", Ros1Writer.CompressionFormat.BZ2, metres=True)
+ros1("ros1_lz4", Ros1Writer.CompressionFormat.LZ4)
+ros1("ros1_pictures", pictures=True)
 
 with (out / "foxglove_protobuf.mcap").open("wb") as file, ProtobufWriter(file) as writer:
     for s, n, depth, colour in frames:

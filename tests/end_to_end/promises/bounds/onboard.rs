@@ -44,7 +44,7 @@ fn the_preset_runs_live_to_its_end() {
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let count = |key: &str| summary[key].as_u64().unwrap();
     assert_eq!(
-        count("frames_processed") + count("frames_dropped") + count("frames_lost"),
+        count("frames_processed") + count("frames_dropped") + count("frames_missing"),
         crate::common::FRAMES.parse::<u64>().unwrap()
     );
     assert!(count("frames_processed") > 0, "{summary}");

@@ -85,7 +85,7 @@ fn workload_goes_down_under_overload_and_comes_back_by_itself() {
     assert!((1..=3).contains(&look["workload"].as_u64().unwrap()), "{look}");
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let count = |key: &str| summary[key].as_u64().unwrap();
-    let n_left_out = count("frames_dropped") + count("frames_lost");
+    let n_left_out = count("frames_dropped") + count("frames_missing");
     assert_eq!(count("frames_processed") + n_left_out, count("frames_read"), "{summary}");
     assert!(n_left_out > n_rushed / 4, "{summary}");
     let workloads = workloads(&run);

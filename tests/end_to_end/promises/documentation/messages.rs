@@ -5,8 +5,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
+/// Tests of bags that are damaged or odd.
+const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
+
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 7] = [
+const ELSEWHERE: [(&str, &str, &str); 12] = [
+    ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
+    ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
+    ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
+    ("is an SQLite database that was cut", BAGS, r#"contains("an SQLite database that was cut")"#),
+    ("has a write-ahead log", BAGS, r#"contains("has a write-ahead log beside it")"#),
     ("/dev/shm has", "promises/bounds/small_machines.rs", r#"contains("/dev/shm has")"#),
     (
         "it sends is refused",
@@ -156,7 +164,7 @@ fn of_recordings(told: &mut Told) {
     check(told, &|r| {
         ["depth.txt", "rgb.txt"].iter().for_each(|list| std::fs::remove_file(r.path(list)).unwrap());
         std::fs::remove_dir_all(r.path("depth")).unwrap();
-        std::fs::write(r.path("a.bag"), "#ROSBAG V2.0\n").unwrap();
+        std::fs::write(r.path("a.zip"), "PK\x03\x04").unwrap();
     });
     check(told, &|r| r.write("depth.txt", "# nothing\n"));
     check(told, &|r| r.write("depth.txt", "1.0 depth/0.png\n1.0 depth/1.png\n"));
@@ -297,6 +305,10 @@ fn of_frames(told: &mut Told) {
     let run = room().frames(12).of(Path::new("wall")).with(&NO_TEXTURE);
     assert!(run.finish().success());
     told.add("a wall", states(&run));
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let verdict = &summary["verdict"];
+    assert_eq!(verdict["grade"], "doubtful", "{verdict}");
+    assert!(verdict.to_string().contains("of 12 frames are degenerate"), "{verdict}");
     let recording = Recording::new();
     for index in 3..N_FRAMES - 1 {
         recording.write_depth(index, &vec![0; N_PIXELS]);

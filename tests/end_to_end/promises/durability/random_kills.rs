@@ -117,6 +117,10 @@ fn live_runs_go_on() {
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let count = |key: &str| summary[key].as_u64().unwrap();
     // Every frame is accounted for.
-    assert_eq!(count("frames_processed") + count("frames_dropped") + count("frames_lost"), 90, "{summary}");
+    assert_eq!(
+        count("frames_processed") + count("frames_dropped") + count("frames_missing"),
+        90,
+        "{summary}"
+    );
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
 }

@@ -104,7 +104,7 @@ fn poison_frames_are_left_out_and_counted() {
     let count = |key: &str| summary[key].as_u64().unwrap();
     // Frame 0 may come before the stages are ready to take it; frame 4 finds all of them alive.
     let processed = count("frames_processed");
-    assert_eq!(processed + count("frames_dropped") + count("frames_lost"), 5, "{summary}");
+    assert_eq!(processed + count("frames_dropped") + count("frames_missing"), 5, "{summary}");
     assert!((1..=2).contains(&processed), "{summary}");
     let states = String::from_utf8(run.output("states.csv")).unwrap();
     assert!(states.contains("it ended align again and again"), "{states}");
@@ -128,7 +128,7 @@ fn a_poison_request_is_left_out_and_the_run_goes_on() {
     let count = |key: &str| summary[key].as_u64().unwrap();
     let n_frames = crate::common::FRAMES.parse::<u64>().unwrap();
     assert_eq!(
-        count("frames_processed") + count("frames_dropped") + count("frames_lost"),
+        count("frames_processed") + count("frames_dropped") + count("frames_missing"),
         n_frames,
         "{summary}"
     );

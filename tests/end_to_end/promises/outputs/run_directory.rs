@@ -27,9 +27,12 @@ fn every_frame_has_its_row() {
     assert_eq!(n_rows(&run.output("states.csv")), n_frames + 1);
     let summary = summary(&run);
     assert_eq!(summary["ended"], "finished");
-    for (key, expected) in
-        [("frames_read", n_frames), ("frames_processed", n_frames), ("frames_dropped", 0), ("frames_lost", 0)]
-    {
+    for (key, expected) in [
+        ("frames_read", n_frames),
+        ("frames_processed", n_frames),
+        ("frames_dropped", 0),
+        ("frames_missing", 0),
+    ] {
         assert_eq!(summary[key], expected, "{key}");
     }
     assert_eq!(summary["final_optimisation"], true);
@@ -94,7 +97,7 @@ fn live_mode_accounts_for_every_frame() {
     let number = |key: &str| summary[key].as_u64().unwrap();
     let n_frames: u64 = FRAMES.parse().unwrap();
     assert_eq!(number("frames_read"), n_frames);
-    assert_eq!(number("frames_processed") + number("frames_dropped") + number("frames_lost"), n_frames);
+    assert_eq!(number("frames_processed") + number("frames_dropped") + number("frames_missing"), n_frames);
     assert!(number("frames_processed") > 0);
     assert_eq!(n_rows(&run.output("trajectory.txt")) as u64, number("frames_processed"));
     assert_eq!(

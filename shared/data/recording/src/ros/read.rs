@@ -10,12 +10,20 @@ use std::borrow::Cow;
 /// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
 pub(crate) const STAMP_BYTES: u64 = 12;
 
+/// What stands there where the recorder compressed each message.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
 /// The four bytes before a message say in which order its bytes are.
 fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
     let wrong = |reason: String| MessageError::Kind { kind, reason };
     let (head, body) = data
         .split_at_checked(4)
         .ok_or_else(|| wrong(format!("{} bytes, expected at least 4", data.len())))?;
+    if head == ZSTD {
+        let remedy = "its messages are compressed one by one (compression_mode: message); convert the bag without \
+                      compression: ros2 bag convert";
+        return Err(wrong(remedy.to_owned()));
+    }
     let decoded = match head[1] {
         0 => from_bytes::<T, BigEndian>(body),
         1 => from_bytes::<T, LittleEndian>(body),

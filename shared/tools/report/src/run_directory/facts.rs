@@ -19,7 +19,7 @@ pub(super) fn of(summary: &Summary) -> Vec<(String, String)> {
     fact("frames processed", format!("{} of {}", summary.frames_processed, summary.frames_read));
     fact("not tracked", summary.frames_untracked.to_string());
     fact("dropped", summary.frames_dropped.to_string());
-    fact("missing", summary.frames_lost.to_string());
+    fact("missing", summary.frames_missing.to_string());
     fact("keyframes", summary.keyframes.to_string());
     if summary.map_keyframes > 0 {
         let found =

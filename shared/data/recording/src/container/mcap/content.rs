@@ -1,13 +1,15 @@
 //! The records at one place of an MCAP file as a stream: a record by itself, or those of a chunk.
 
+use super::FRAMING;
 use crate::compression::decompress;
+use crate::container::bytes::{Bytes, Section, fill};
+use crate::container::{MOST_BYTES, Place};
 use crate::error::RecordingError;
-use crate::file::{FRAMING, McapFile, Place};
 use mcap::records::op;
-use std::io::{self, BufReader, Read};
+use std::fs::File;
+use std::io::{self, Read};
+use std::os::unix::fs::FileExt;
 
-/// Largest content of a place: no image is that large.
-const MOST_BYTES: u64 = 1 << 30;
 /// Bytes of a chunk's record before the name of its compression: two times, size and checksum.
 const CHUNK_HEAD: u64 = 28;
 /// Bytes of the lengths before the name and before the records.
@@ -15,10 +17,6 @@ const NAME_LENGTH: u64 = 4;
 const RECORDS_LENGTH: u64 = 8;
 /// Longest name of a compression.
 const MOST_NAME: u32 = 32;
-/// Compressed bytes that are read at once.
-const READ_BYTES: usize = 1 << 16;
-/// Memory taken for a record before any of it has been read.
-const FIRST_BYTES: u64 = 4 << 20;
 
 /// The content of a place. Its bytes come as they are read; no more than a record is in memory.
 pub(super) struct Content<'a> {
@@ -34,29 +32,8 @@ pub(super) struct Content<'a> {
     is_broken: bool,
 }
 
-enum Bytes<'a> {
-    Plain(Section<'a>),
-    Compressed(Box<dyn Read + 'a>),
-}
-
-/// Bytes of the file, from the offset `at`.
-struct Section<'a> {
-    file: &'a McapFile,
-    at: u64,
-    end: u64,
-}
-
-impl Read for Section<'_> {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let n = (self.end - self.at).min(bytes.len() as u64) as usize;
-        let n = self.file.read_some(self.at, &mut bytes[..n])?;
-        self.at += n as u64;
-        Ok(n)
-    }
-}
-
 impl<'a> Content<'a> {
-    pub(super) fn open(file: &'a McapFile, place: &Place) -> Result<Self, RecordingError> {
+    pub(super) fn open(file: &'a File, place: &Place) -> Result<Self, RecordingError> {
         let (at, end) = (place.offset, place.offset + place.len);
         let mut content = Self {
             bytes: Bytes::Plain(Section { file, at, end }),
@@ -77,14 +54,14 @@ impl<'a> Content<'a> {
     }
 
     /// Reads the head of a chunk, whose body lies from `at` to `end`.
-    fn enter(&mut self, file: &'a McapFile, mut at: u64, end: u64) -> Result<(), RecordingError> {
+    fn enter(&mut self, file: &'a File, mut at: u64, end: u64) -> Result<(), RecordingError> {
         let place = self.place;
         let mut next = |n: u64| {
             if end - at < n {
                 return Err(place.damaged("it is shorter than a chunk's head"));
             }
             let mut bytes = vec![0; n as usize];
-            file.read(at, &mut bytes)?;
+            file.read_exact_at(&mut bytes, at)?;
             at += n;
             Ok(bytes)
         };
@@ -112,7 +89,8 @@ impl<'a> Content<'a> {
             name => {
                 let name = name.escape_ascii().to_string();
                 let unknown = || format!("its compression is '{name}', expected zstd, lz4 or none");
-                let bytes = decompress(&name, BufReader::with_capacity(READ_BYTES, stored));
+                let known = ["zstd", "lz4"].contains(&name.as_str());
+                let bytes = if known { decompress(&name, stored.buffered()) } else { None };
                 Bytes::Compressed(bytes.ok_or_else(|| place.damaged(unknown()))?)
             }
         };
@@ -159,12 +137,9 @@ impl<'a> Content<'a> {
         Ok(())
     }
 
-    /// Reads `n` bytes. Memory grows as they come: what a damaged head declares is not believed.
     fn fill(&mut self, n: u64, to: &mut Vec<u8>) -> Result<(), RecordingError> {
-        to.clear();
-        to.reserve(n.min(FIRST_BYTES) as usize);
-        let found = self.take(n).read_to_end(to);
-        self.expect(n, found.map(|found| found as u64))
+        let found = fill(&mut *self, n, to);
+        self.expect(n, found)
     }
 
     fn pass(&mut self, n: u64) -> Result<(), RecordingError> {
@@ -214,10 +189,7 @@ impl<'a> Content<'a> {
 
 impl Read for Content<'_> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let n = match &mut self.bytes {
-            Bytes::Plain(section) => section.read(bytes)?,
-            Bytes::Compressed(inside) => inside.read(bytes)?,
-        };
+        let n = self.bytes.read(bytes)?;
         self.n_left = self.n_left.saturating_sub(n as u64);
         if let Some(crc) = &mut self.crc {
             crc.update(&bytes[..n]);

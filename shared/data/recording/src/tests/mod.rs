@@ -1,7 +1,8 @@
 //! Files made by the mcap crate, for what no other writer would make: cut, damaged, odd. Files of
 //! other libraries are read in `tests/end_to_end/interfaces/files/recordings.rs`.
 
-#[path = "../tests/common/mod.rs"]
+mod bags;
+#[path = "../../tests/common/mod.rs"]
 mod common;
 
 use super::*;

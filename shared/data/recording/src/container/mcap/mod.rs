@@ -1,53 +1,32 @@
 //! The records of an MCAP file, by where they stand: top-level records and chunks.
 
-use crate::content::Content;
+mod content;
+
+use super::{Channel, Channels, Container, Place, Stored, Take};
 use crate::error::RecordingError;
+use content::Content;
 use mcap::records::{MessageHeader, Record, op};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io;
 use std::os::unix::fs::FileExt;
 
-const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+/// The first bytes of the file.
+pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Bytes of opcode and length before each record.
-pub(super) const FRAMING: u64 = 9;
-
-/// A record of the file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
-    /// Where its framing begins.
-    pub(super) offset: u64,
-    /// With its framing.
-    pub(super) len: u64,
-    pub(super) opcode: u8,
-}
-
-impl Place {
-    /// Says what is wrong here.
-    pub(super) fn damaged(&self, reason: impl Into<String>) -> RecordingError {
-        RecordingError::Damaged { offset: self.offset, reason: reason.into() }
-    }
-}
-
-/// A kind of message on a topic.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Channel {
-    pub(super) topic: String,
-    /// `cdr`, `protobuf`, `json`.
-    pub(super) encoding: String,
-    pub(super) schema: String,
-}
+const FRAMING: u64 = 9;
+/// Bytes of a message's record before its data: channel, sequence and two times.
+const MESSAGE_HEAD: u64 = 22;
 
 /// Schemas and channels, as they come.
 #[derive(Default)]
-pub(super) struct Channels {
+struct Described {
     schemas: BTreeMap<u16, String>,
-    pub(super) by_id: BTreeMap<u16, Channel>,
+    channels: Channels,
 }
 
-impl Channels {
+impl Described {
     /// Takes in a schema or a channel; other records are left.
-    pub(super) fn take(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+    fn take(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
         if opcode != op::SCHEMA && opcode != op::CHANNEL {
             return Ok(());
         }
@@ -58,7 +37,7 @@ impl Channels {
             Record::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 let (topic, encoding) = (channel.topic, channel.message_encoding);
-                self.by_id.insert(channel.id, Channel { topic, encoding, schema });
+                self.channels.insert(channel.id.into(), Channel { topic, encoding, schema });
             }
             _ => {}
         }
@@ -70,23 +49,17 @@ impl Channels {
 pub(super) struct McapFile {
     file: File,
     /// Schemas, channels, messages and chunks of the data section.
-    pub(super) data: Vec<Place>,
+    data: Vec<Place>,
     /// Schemas and channels of the summary; empty in a file that was cut.
-    pub(super) summary: Vec<Place>,
+    summary: Vec<Place>,
     /// Where and why the reading ended before the file did.
-    pub(super) cut: Option<String>,
+    cut: Option<String>,
 }
 
 impl McapFile {
-    pub(super) fn open(path: &std::path::Path) -> Result<Self, RecordingError> {
-        let file = File::open(path)?;
+    /// Finds the records of a file that begins with [`MAGIC`].
+    pub(super) fn open(file: File) -> Result<Self, RecordingError> {
         let n_bytes = file.metadata()?.len();
-        let mut magic = [0u8; 8];
-        let n = n_bytes.min(8) as usize;
-        file.read_exact_at(&mut magic[..n], 0)?;
-        if magic != *MAGIC {
-            return Err(RecordingError::Magic { found: magic[..n].escape_ascii().to_string() });
-        }
         let mut found = Self { file, data: Vec::new(), summary: Vec::new(), cut: None };
         let mut offset = 8;
         let mut is_summary = false;
@@ -117,30 +90,71 @@ impl McapFile {
         Ok(found)
     }
 
-    /// Reads bytes of the file, all of them.
-    pub(super) fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<(), RecordingError> {
-        Ok(self.file.read_exact_at(bytes, offset)?)
-    }
-
-    /// Reads bytes of the file, as many as come at once; 0 at its end.
-    pub(super) fn read_some(&self, offset: u64, bytes: &mut [u8]) -> io::Result<usize> {
-        self.file.read_at(bytes, offset)
-    }
-
     /// Gives each record of a place, those of a chunk one by one: opcode and body, of longer bodies
     /// the first `most` bytes for its opcode.
-    pub(super) fn records(
+    fn records(
         &self,
         place: &Place,
         most: impl Fn(u8) -> u64,
         take: impl FnMut(u8, &[u8]) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
-        Content::open(self, place)?.records(most, take)
+        Content::open(&self.file, place)?.records(most, take)
+    }
+}
+
+impl Container for McapFile {
+    fn name(&self) -> &'static str {
+        "MCAP recording"
+    }
+
+    /// From the summary, or from the whole file where it was cut or has none, then up to what is damaged.
+    fn channels(&self) -> (Channels, Option<RecordingError>) {
+        let mut described = Described::default();
+        let from_summary = self.cut.is_none() && self.summary.iter().any(|place| place.opcode == op::CHANNEL);
+        let places = if from_summary { &self.summary } else { &self.data };
+        let most = |opcode| if opcode == op::MESSAGE { 0 } else { u64::MAX };
+        for place in places {
+            let read = self.records(place, most, |opcode, body| {
+                described.take(opcode, body).map_err(|reason| place.damaged(reason))
+            });
+            if read.is_err() {
+                return (described.channels, read.err());
+            }
+        }
+        (described.channels, None)
+    }
+
+    fn places(&self) -> Vec<Place> {
+        let is_content = |place: &&Place| place.opcode == op::CHUNK || place.opcode == op::MESSAGE;
+        self.data.iter().filter(is_content).copied().collect()
+    }
+
+    fn cut(&self) -> Option<&str> {
+        self.cut.as_deref()
+    }
+
+    fn messages(&self, place: &Place, most: u64, take: &mut Take<'_>) -> Result<(), RecordingError> {
+        let mut number = 0;
+        let most = most.saturating_add(MESSAGE_HEAD);
+        self.records(
+            place,
+            |_| most,
+            |opcode, body| {
+                if opcode != op::MESSAGE {
+                    return Ok(());
+                }
+                let (header, data) = message(body).map_err(|reason| place.damaged(reason))?;
+                let (channel, sequence) = (header.channel_id.into(), header.sequence.into());
+                let stored = Stored { channel, place: *place, number, sequence, data };
+                number += 1;
+                take(&stored)
+            },
+        )
     }
 }
 
 /// Header and content of a message record.
-pub(super) fn message(body: &[u8]) -> Result<(MessageHeader, &[u8]), String> {
+fn message(body: &[u8]) -> Result<(MessageHeader, &[u8]), String> {
     match mcap::parse_record(op::MESSAGE, body).map_err(|error| error.to_string())? {
         Record::Message { header, data } => {
             let at = body.len() - data.len();
