@@ -211,8 +211,11 @@ impl Run {
     /// As [`Self::finish`], with the map as finally corrected.
     pub fn finish_with_map(mut self) -> (Records, SavedMap) {
         let next = self.tracker.next_index();
-        // As in the pipeline, a correction that is not due before the end has no effect: the final
-        // request takes its place.
+        // As in the pipeline: a correction that is due where the frames end takes effect; one that is due
+        // later does not, for the final request takes its place.
+        if self.tracker.correction_due(next).is_some() {
+            self.apply_correction(next);
+        }
         let request = self.tracker.final_request();
         self.take(AlignRecord::End { n_frames: next, request });
         self.solve();

@@ -60,6 +60,10 @@ pub struct Truth {
     pub scale: f64,
     /// Whether the factor explains most of the error.
     pub is_telling: bool,
+    /// Root mean square error of the positions, metres.
+    pub ate_m: f64,
+    /// Root mean square distance of the positions from their middle, by that factor, metres.
+    pub spread_m: f64,
 }
 
 /// The facts of a run.
@@ -223,7 +227,7 @@ fn lengths(replay: &Replay, truth: &Trajectory) -> Option<Truth> {
     let is_telling = spread_m > LEAST_SPREAD_M
         && scaled.ate_rmse_m < TELLING_SHARE * found.ate_rmse_m
         && scaled.ate_rmse_m < LEFT_SHARE * spread_m;
-    Some(Truth { scale: scaled.scale, is_telling })
+    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m })
 }
 
 /// Root mean square distance of the positions from their middle, metres.
@@ -291,5 +295,7 @@ mod tests {
         }
         let found = lengths(&replay, &truth).unwrap();
         assert!((found.scale - 5.0).abs() < 1e-6 && found.is_telling, "{found:?}");
+        // Four fifths of the spread are missing.
+        assert!((found.ate_m - 0.8 * found.spread_m).abs() < 1e-6, "{found:?}");
     }
 }

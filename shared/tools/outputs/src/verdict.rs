@@ -4,7 +4,7 @@
 
 use crate::facts::{Facts, Span};
 use crate::statistics::Ended;
-use crate::wrong_camera::{lens, units};
+use crate::wrong_camera::{lens, off_truth, units};
 use serde::Serialize;
 use std::fmt;
 
@@ -104,6 +104,7 @@ pub fn verdict(facts: &Facts) -> Verdict {
         ended(facts),
         units(facts),
         lens(facts),
+        off_truth(facts),
         untracked(facts),
         apart(facts),
         degenerate(facts),
@@ -400,8 +401,23 @@ mod tests {
     }
 
     #[test]
+    fn positions_far_from_the_ground_truth_are_doubtful() {
+        let off = |ate_m, spread_m| {
+            let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m });
+            verdict(&Facts { truth, ..good() })
+        };
+        let room = off(0.3, 1.2);
+        assert_eq!(room.grade, Grade::Doubtful);
+        assert!(room.reasons[0].found.contains("off by 0.30 m"), "{room:?}");
+        assert_eq!([off(0.09, 0.2).grade, off(0.3, 12.0).grade], [Grade::Good; 2], "a drift");
+    }
+
+    #[test]
     fn wrong_units_and_lenses_are_named_with_the_likely_value() {
-        let against = |scale, is_telling| Facts { truth: Some(Truth { scale, is_telling }), ..good() };
+        let against = |scale, is_telling| Facts {
+            truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0 }),
+            ..good()
+        };
         check(
             &against(5.02, true),
             Grade::Failed,

@@ -7,6 +7,10 @@ use crate::verdict::{Grade, Reason, reason};
 const WRONG_UNITS: f64 = 2.0;
 /// Depth units of cameras and data sets, a metre.
 const USUAL_UNITS: [f64; 6] = [256.0, 1000.0, 2000.0, 4000.0, 5000.0, 10_000.0];
+/// Error of the positions against the ground truth from which on they are doubtful: metres, and as a share
+/// of how far the motion extends.
+const OFF_TRUTH_M: f64 = 0.1;
+const OFF_TRUTH_SHARE: f64 = 0.1;
 /// Relative difference of focal lengths from which on the lens is wrong.
 const WRONG_LENS: f64 = 0.04;
 
@@ -26,6 +30,20 @@ pub(crate) fn units(facts: &Facts) -> Option<Reason> {
         if scale > 1.0 { "small" } else { "large" },
     );
     Some(reason(Grade::Failed, found, "the right units_per_metre in the camera file (docs/own_camera.md)"))
+}
+
+/// What the ground truth says of the positions, where no factor explains their error.
+pub(crate) fn off_truth(facts: &Facts) -> Option<Reason> {
+    let truth = facts.truth.filter(|_| units(facts).is_none())?;
+    if !(truth.ate_m > OFF_TRUTH_M && truth.ate_m > OFF_TRUTH_SHARE * truth.spread_m) {
+        return None;
+    }
+    let found = format!(
+        "against the ground truth positions are off by {:.2} m (root mean square) in a motion that extends over {:.2} m",
+        truth.ate_m, truth.spread_m
+    );
+    let advice = "another --camera, or tessera calibrate; whether the ground truth is this recording's";
+    Some(reason(Grade::Doubtful, found, advice))
 }
 
 /// The usual units nearest to what was measured.

@@ -8,6 +8,9 @@
 use crate::map::keyframe::KeyframeState;
 use serde::{Deserialize, Serialize};
 
+/// Submaps that a state holds at most: one for each second of twelve days.
+const MOST_SUBMAPS: u32 = 1 << 20;
+
 /// The components of all submaps.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Submaps {
@@ -36,9 +39,10 @@ impl Submaps {
         self.components.iter().zip(0..).filter(|(component, submap)| **component == *submap).count() as u32
     }
 
-    /// Submaps up to this one exist, each apart until it is joined.
+    /// Submaps up to this one exist, each apart until it is joined. A journal is untrusted input: beyond
+    /// [`MOST_SUBMAPS`] no memory is taken.
     pub(crate) fn extend_to(&mut self, submap: u32) {
-        let n = self.components.len() as u32;
+        let (n, submap) = (self.components.len() as u32, submap.min(MOST_SUBMAPS - 1));
         self.components.extend(n..=submap);
     }
 
@@ -100,6 +104,9 @@ mod tests {
         found.extend_to(3);
         found.extend_to(2);
         assert_eq!((found.n(), found.n_components()), (4, 4));
+        let mut hostile = found.clone();
+        hostile.extend_to(u32::MAX);
+        assert_eq!((hostile.n(), hostile.component(u32::MAX)), (MOST_SUBMAPS, u32::MAX));
         found.join(3, 2);
         found.join(0, 3);
         assert_eq!(found, submaps(&[0, 1, 0, 0]));
