@@ -63,12 +63,12 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
     let mut views: Vec<View> = active.map(|k| View::of(&state.submaps, k)).collect();
     let budget = if settings.keyframe.budget == 0 { usize::MAX } else { settings.keyframe.budget as usize };
     let mut culled = Vec::new();
-    // With the new one.
-    while views.len() + 1 > budget.min(KEPT_WHOLE) && culled.len() < MOST_AT_A_TIME {
+    // With the one that is made now.
+    while views.len() >= budget.min(KEPT_WHOLE) && culled.len() < MOST_AT_A_TIME {
         let Some(candidate) = least_needed(&views) else { break };
         let is_redundant =
-            candidate.nearest_m < settings.keyframe.redundant_within_m && views.len() + 1 > KEPT_WHOLE;
-        if !is_redundant && views.len() + 1 <= budget {
+            candidate.nearest_m < settings.keyframe.redundant_within_m && views.len() >= KEPT_WHOLE;
+        if !is_redundant && views.len() < budget {
             break;
         }
         views.retain(|view| view.id != candidate.id);
