@@ -11,7 +11,7 @@ use tessera_fleet::served::Served;
 use tessera_fleet::wire::{Kind, Piece, Refusal, Request};
 use tessera_numerics::SplitMix64;
 
-/// A way that cuts, loses, repeats, swaps and spoils pieces, and brings some of nobody's asking.
+/// A way that cuts, loses, repeats, swaps and spoils pieces, and brings some that were not asked for.
 struct Faulty {
     served: Served,
     random: SplitMix64,

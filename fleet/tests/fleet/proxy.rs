@@ -8,7 +8,7 @@ use std::time::Duration;
 
 #[derive(Default)]
 struct Faults {
-    /// Nothing gets through, and nobody is let in.
+    /// Nothing gets through, and no connection is accepted.
     is_cut: AtomicBool,
     delay_ms: AtomicU64,
     /// Bytes a second; 0: as fast as it goes.

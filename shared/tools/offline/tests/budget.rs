@@ -43,7 +43,6 @@ fn a_thinned_map_still_knows_where_the_camera_is() {
 
     let (full_m, thin_m) = (ate_m(&source, &indices, &all.last()), ate_m(&source, &indices, &some.last()));
     // A keyframe every 22 degrees instead of every 6.
-    println!("{thin_m} m with a budget, {full_m} m without");
     assert!(full_m < 0.01 && thin_m < 0.02, "{thin_m} m with a budget, {full_m} m without");
 
     // The same from the records alone, as an optimiser that restarted reads them.

@@ -1,0 +1,145 @@
+use super::*;
+use crate::facts::Truth;
+
+fn good() -> Facts {
+    Facts {
+        ended: Ended::Finished,
+        n_read: 400,
+        n_processed: 400,
+        n_loops_closed: 5,
+        units_per_metre: 1000.0,
+        ..Facts::default()
+    }
+}
+
+fn span(first: u64, last: u64) -> Span {
+    Span { first, last, from_s: first as f64 / 30.0, to_s: last as f64 / 30.0 }
+}
+
+fn check(facts: &Facts, grade: Grade, words: &[&str]) {
+    let verdict = verdict(facts);
+    assert_eq!(verdict.grade, grade, "{verdict:?}");
+    let text = verdict.for_people();
+    for word in words {
+        assert!(text.contains(word), "{text} lacks {word}");
+    }
+    for reason in &verdict.reasons {
+        assert_eq!(reason.advice.is_empty(), reason.grade == Grade::Good, "{reason:?}");
+    }
+}
+
+#[test]
+fn a_good_run_has_no_reasons_or_notes_alone() {
+    assert_eq!(verdict(&good()), Verdict::default());
+    assert_eq!(verdict(&good()).in_one_line(), "verdict good");
+    let short = Facts { n_untracked: 3, untracked: vec![span(10, 12)], n_loops_rejected: 1, ..good() };
+    check(
+        &short,
+        Grade::Good,
+        &["3 of 400 frames not tracked", "frames 10 to 12 (0.3 to 0.4 s)", "1 verified loops"],
+    );
+}
+
+#[test]
+fn frames_without_a_pose_make_it_doubtful_and_half_of_them_failed() {
+    let lost = Facts { n_untracked: 85, untracked: vec![span(315, 399)], ends_untracked: true, ..good() };
+    check(
+        &lost,
+        Grade::Doubtful,
+        &["verdict     doubtful", "85 of 400", "frames 315 to 399", "to the end", "try:"],
+    );
+    check(
+        &Facts { n_untracked: 200, untracked: vec![span(200, 399)], ..good() },
+        Grade::Failed,
+        &["200 of 400"],
+    );
+    let apart = |n| Facts { n_submaps: 2, apart: [(1, n)].into(), ..good() };
+    check(
+        &apart(150),
+        Grade::Doubtful,
+        &["1 submap was never joined: 150 frames are in files of their own (trajectory_submap_1.txt)"],
+    );
+    check(&apart(5), Grade::Good, &["5 frames are in files"]);
+    let many: Vec<Span> = (0..5).map(|k| span(20 * k, 20 * k + k)).collect();
+    check(
+        &Facts { n_untracked: 15, untracked: many, ..good() },
+        Grade::Doubtful,
+        &["frames 80 to 84", "2 more"],
+    );
+}
+
+#[test]
+fn deviations_drops_broken_images_and_rejected_loops_are_named() {
+    let uncertain = Facts { n_uncertain: 100, first_uncertain: Some(246), worst_deviation_m: 4.6, ..good() };
+    check(
+        &uncertain,
+        Grade::Doubtful,
+        &["100 of 400 frames are uncertain by more than 0.1 m, 4.60 m", "frame 246"],
+    );
+    check(&Facts { n_dropped: 10, ..good() }, Grade::Good, &["10 of 400 frames dropped"]);
+    check(&Facts { n_dropped: 100, ..good() }, Grade::Doubtful, &["without --live"]);
+    check(&Facts { n_missing: 1, ..good() }, Grade::Doubtful, &["1 missing"]);
+    let broken = |n: u64| (0..n).map(|k| (k, "d.png: gone".to_owned())).collect();
+    check(&Facts { broken: broken(1), ..good() }, Grade::Good, &["1 of 400", "frame 0: d.png: gone"]);
+    check(&Facts { broken: broken(9), ..good() }, Grade::Doubtful, &["again"]);
+    check(
+        &Facts { n_loops_rejected: 9, ..good() },
+        Grade::Doubtful,
+        &["9 verified loops rejected", "5 closed"],
+    );
+}
+
+#[test]
+fn degenerate_for_long_is_a_reason_and_for_a_moment_a_note() {
+    let with = |n, degenerate| Facts { n_degenerate: n, degenerate, ..good() };
+    check(&with(2, vec![span(10, 11)]), Grade::Good, &["2 of 400 frames are degenerate", "frames 10 to 11"]);
+    check(
+        &with(16, vec![span(10, 25)]),
+        Grade::Doubtful,
+        &["frames 10 to 25 (0.3 to 0.8 s)", "try: record with colour"],
+    );
+    let spread = (0..25).map(|k| span(10 * k, 10 * k)).collect();
+    check(&with(25, spread), Grade::Doubtful, &["25 of 400 frames are degenerate", "22 more"]);
+}
+
+#[test]
+fn how_a_run_ended_weighs_most() {
+    check(&Facts { n_processed: 0, ..good() }, Grade::Failed, &["no frame was processed"]);
+    check(&Facts { ended: Ended::Failed, ..good() }, Grade::Failed, &["a stage failed after 400 of 400"]);
+    let interrupted = Facts { ended: Ended::Interrupted, n_processed: 9, ..good() };
+    check(&interrupted, Grade::Doubtful, &["not finished: 9 of 400", "tessera resume"]);
+    check(&Facts { is_nowhere: true, ..good() }, Grade::Failed, &["no frame was found in the map"]);
+}
+
+#[test]
+fn positions_far_from_the_ground_truth_are_doubtful() {
+    let off = |ate_m, spread_m| {
+        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m });
+        verdict(&Facts { truth, ..good() })
+    };
+    let room = off(0.3, 1.2);
+    assert_eq!(room.grade, Grade::Doubtful);
+    assert!(room.reasons[0].found.contains("off by 0.30 m"), "{room:?}");
+    assert_eq!([off(0.09, 0.2).grade, off(0.3, 12.0).grade], [Grade::Good; 2], "a drift");
+}
+
+#[test]
+fn wrong_units_and_lenses_are_named_with_the_likely_value() {
+    let against = |scale, is_telling| Facts {
+        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0 }),
+        ..good()
+    };
+    check(
+        &against(5.02, true),
+        Grade::Failed,
+        &["5.02 times too small", "units_per_metre = 1000 is wrong, about 199 is"],
+    );
+    check(&against(0.21, true), Grade::Failed, &["4.76 times too large", "5000 is likely"]);
+    check(&against(5.0, false), Grade::Good, &[]);
+    check(&against(1.2, true), Grade::Good, &[]);
+    let refined = |to| Facts { refined_focal_px: Some([500.0, to]), ..good() };
+    check(&refined(560.0), Grade::Doubtful, &["560 px better than the camera's 500 px (+12 %)"]);
+    check(&refined(510.0), Grade::Good, &[]);
+    let doubt = Facts { source_doubts: vec!["median depth is 5.5 m".to_owned()], ..good() };
+    check(&doubt, Grade::Doubtful, &["median depth is 5.5 m", "--camera"]);
+}
