@@ -114,9 +114,9 @@ impl Inbox {
         self.held.get(&index)
     }
 
-    /// The newest surface (live mode).
-    pub(crate) fn newest(&self) -> Option<&Surface> {
-        self.held.values().next_back()
+    /// Index of the surface to work on next in live mode, `next` or above.
+    pub(crate) fn newest(&self, next: u64) -> Option<u64> {
+        newest_before_end(self.held.range(next..).map(|(&index, surface)| (index, surface.kind)))
     }
 
     /// The first index in `first..=next` that is not here, or `next` where only that may be missing.
@@ -137,5 +137,32 @@ impl Inbox {
     /// Releases all surfaces.
     pub(crate) fn clear(&mut self) {
         self.held.clear();
+    }
+}
+
+/// The newest frame, or the end where no frame is left: the last frame must not be left out
+/// because the end came with it.
+fn newest_before_end(held: impl DoubleEndedIterator<Item = (u64, Kind)>) -> Option<u64> {
+    let mut end = None;
+    for (index, kind) in held.rev() {
+        match kind {
+            Kind::Frame => return Some(index),
+            Kind::End => end = Some(index),
+        }
+    }
+    end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_does_not_displace_the_last_frame() {
+        let newest = |held: &[(u64, Kind)]| newest_before_end(held.iter().copied());
+        assert_eq!(newest(&[(3, Kind::Frame), (4, Kind::Frame), (5, Kind::End)]), Some(4));
+        assert_eq!(newest(&[(5, Kind::End)]), Some(5));
+        assert_eq!(newest(&[(3, Kind::Frame), (4, Kind::Frame)]), Some(4));
+        assert_eq!(newest(&[]), None);
     }
 }

@@ -46,7 +46,7 @@ pub(crate) fn run(
         let first = state.fold.tracker.first_recent_index().min(next);
         ports.inbox.release_below(first);
         ports.inbox.fill(first, None, &mut ports.pulse)?;
-        let Some(index) = ports.inbox.newest().map(|s| s.header.index).filter(|&index| index >= next) else {
+        let Some(index) = ports.inbox.newest(next) else {
             ports.wait(WaitingOn::Surfaces)?;
             has_waited = true;
             continue;

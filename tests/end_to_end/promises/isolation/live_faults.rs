@@ -51,16 +51,18 @@ fn slow_recording(run: &Run, n_frames: u64, gap_s: f64) {
     write_lists(&folder, (0..n_frames).map(|index| (format!("{:.6}", index as f64 * gap_s), index)));
 }
 
-/// Seconds from the first death of a stage until its last life was ready; `None`: it did not die.
+/// Seconds from the first blow at a stage until its last life was ready; `None`: it was not struck.
+/// They hold the time in which a panic writes its backtrace, which is long beside other work.
 fn recovery_s(log: &str, stage: &str) -> Option<f64> {
-    let died = log.lines().find(|line| line.contains(&format!("] {stage} died: ")));
-    let ready = log.lines().rfind(|line| line.contains(&format!(" {stage}[")) && line.contains("] ready"));
+    let of_stage = |line: &&str, word: &str| line.contains(&format!(" {stage}[")) && line.contains(word);
+    let struck = log.lines().find(|line| of_stage(line, "] struck by "));
+    let ready = log.lines().rfind(|line| of_stage(line, "] ready"));
     let seconds = |line: &str| {
         let time = line.split(['T', 'Z']).nth(1).unwrap_or_else(|| panic!("a line without a time: {line}"));
         time.split(':').fold(0.0, |sum, part| 60.0 * sum + part.parse::<f64>().unwrap())
     };
     // The clock may pass midnight.
-    Some((seconds(ready?) - seconds(died?)).rem_euclid(86_400.0))
+    Some((seconds(ready?) - seconds(struck?)).rem_euclid(86_400.0))
 }
 
 /// A run of five frames of which three are poison, each for another stage. The frames come so far
