@@ -7,7 +7,7 @@ use tessera_journal::Follower;
 use tessera_outputs::{Replay, read_settings};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, TrackerState};
-use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes, RunFile, RunFiles};
+use tessera_stage::{ALIGN_JOURNAL, StoredKeyframes, RunFile, RunFiles};
 
 /// A run up to some byte.
 pub struct Past {
@@ -22,7 +22,7 @@ pub struct Past {
     /// Its frames.
     pub replay: Replay,
     /// The surfaces of its keyframes.
-    pub surfaces: MappedKeyframes,
+    pub surfaces: StoredKeyframes,
     /// The journal that counts.
     pub journal: Prefix,
 }
@@ -70,8 +70,8 @@ impl Past {
         let files = RunFiles::new(&arrival.folder(base));
         let run = RunFile::read(&files)?;
         let settings = read_settings(&files)?;
-        let n_vertices = run.layout(&settings).grid.len();
-        let mut surfaces = MappedKeyframes::open(&files.store(), n_vertices)?;
+        let grid = run.layout(&settings).grid;
+        let mut surfaces = StoredKeyframes::open(&files.store(), grid)?;
         let (mut state, mut replay) = (TrackerState::default(), Replay::default());
         let journal = Prefix { path: files.align_journal(), bytes: align_bytes };
         let mut problem = Ok(());

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tessera_journal::Follower;
 use tessera_slam::{AlignRecord, FrameRecord, State};
-use tessera_stage::{ALIGN_JOURNAL, MappedKeyframes};
+use tessera_stage::{ALIGN_JOURNAL, StoredKeyframes};
 
 /// Time between two looks into the journal.
 const POLL: Duration = Duration::from_millis(30);
@@ -74,7 +74,7 @@ pub(crate) fn feed(
 fn open(
     run: &Run,
     is_stopped: &AtomicBool,
-) -> Result<Option<(Follower<AlignRecord>, MappedKeyframes)>, ViewError> {
+) -> Result<Option<(Follower<AlignRecord>, StoredKeyframes)>, ViewError> {
     let (journal, store) = (run.files.align_journal(), run.files.store());
     let is_there = || journal.is_file() && store.metadata().is_ok_and(|meta| meta.len() > 0);
     while !is_there() && run.is_alive()? {
@@ -83,8 +83,8 @@ fn open(
         }
         std::thread::sleep(POLL);
     }
-    let n_vertices = run.file.layout(&run.settings).grid.len();
-    let surfaces = MappedKeyframes::open(&store, n_vertices)?;
+    let grid = run.file.layout(&run.settings).grid;
+    let surfaces = StoredKeyframes::open(&store, grid)?;
     Ok(Some((Follower::open(&journal, ALIGN_JOURNAL)?, surfaces)))
 }
 

@@ -7,7 +7,7 @@ use re_sdk_types::archetypes::{LineStrips3D, Points3D};
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
 use tessera_slam::{AlignRecord, Correction, KeyframeRecord, KeyframeSurfaces, LoopVerdict, PoseHistory};
-use tessera_stage::MappedKeyframes;
+use tessera_stage::StoredKeyframes;
 
 /// Radius of a keyframe's points and of the graph's lines, metres.
 const POINT_M: f32 = 0.004;
@@ -15,7 +15,7 @@ const LINE_M: f32 = 0.003;
 
 /// A fold over the aligner's journal, and what of it has not been logged yet.
 pub(crate) struct Map {
-    surfaces: MappedKeyframes,
+    surfaces: StoredKeyframes,
     most_points: usize,
     /// Poses of keyframes and frames as corrected so far.
     poses: PoseHistory,
@@ -30,7 +30,7 @@ pub(crate) struct Map {
 }
 
 impl Map {
-    pub(crate) fn new(surfaces: MappedKeyframes, most_points: usize) -> Self {
+    pub(crate) fn new(surfaces: StoredKeyframes, most_points: usize) -> Self {
         Self {
             surfaces,
             most_points,

@@ -110,7 +110,7 @@ impl GrowingRun {
             position: [0.0, 0.0, z],
             flags_rgb: Vertex::pack(Vertex::VALID, 0, [9; 3]),
             normal: [0.0, 0.0, -1.0],
-            intensity: 0.5,
+            reserved: 0,
         };
         let surface: Vec<Vertex> =
             (0..16).map(|_| vertex(1.0 + self.random.below(1000) as f32 / 500.0)).collect();

@@ -4,13 +4,14 @@ use crate::journal_fold::{JournalFold, Snapshot};
 use std::collections::BTreeMap;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
+use tessera_messages::store_surface;
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker};
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt,
+    ALIGN_JOURNAL, Checkpoint, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt, StoredKeyframes,
     journal_slot, slots, store_slot,
 };
-use tessera_surface::Vertex;
+use tessera_surface::{Grid, Vertex};
 
 /// How long a predecessor may take to die before its lock is an error.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -18,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// The aligner's whole state; it can be thrown away and read back from disk at any time.
 pub(crate) struct DurableState {
     pub(crate) fold: JournalFold,
-    pub(crate) keyframes: MappedKeyframes,
+    pub(crate) keyframes: StoredKeyframes,
     journal: Journal<AlignRecord>,
     store: Store,
     corrections: Follower<OptimiseRecord>,
@@ -26,6 +27,7 @@ pub(crate) struct DurableState {
     pending: BTreeMap<u64, Correction>,
     fsync: Fsync,
     checkpoint: Checkpoint,
+    grid: Grid,
 }
 
 impl DurableState {
@@ -34,7 +36,7 @@ impl DurableState {
         let files = &context.files;
         let store_path = files.store();
         let mut store = Store::open(&store_path, PATIENCE)?;
-        let mut keyframes = MappedKeyframes::open(&store_path, context.layout.grid.len())?;
+        let mut keyframes = StoredKeyframes::open(&store_path, context.layout.grid)?;
         let flow = &context.settings.flow;
         let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), ALIGN_JOURNAL, flow.checkpoint_kb);
         let kept = checkpoint.read::<StateAt<Snapshot<'static>>>().filter(|kept| kept.marks.fits(files));
@@ -85,7 +87,8 @@ impl DurableState {
         }
         checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
         let (pending, fsync) = (BTreeMap::new(), flow.fsync);
-        Ok(Self { fold, keyframes, journal, store, corrections, pending, fsync, checkpoint })
+        let grid = context.layout.grid;
+        Ok(Self { fold, keyframes, journal, store, corrections, pending, fsync, checkpoint, grid })
     }
 
     /// Writes a checkpoint for a successor, where the journals have grown enough since the last
@@ -107,7 +110,7 @@ impl DurableState {
         surface: &[Vertex],
     ) -> Result<(), StageError> {
         let sync = self.fsync != Fsync::Never;
-        let slot = self.store.append(bytemuck::cast_slice(surface), sync)?;
+        let slot = self.store.append(&store_surface(self.grid, surface), sync)?;
         if let Some(keyframe) = &mut record.new_keyframe {
             keyframe.slot = store_slot(&slot);
         }
@@ -125,6 +128,7 @@ impl DurableState {
         };
         self.journal.append(&record, sync)?;
         self.keyframes.take_unread(&record)?;
+        self.keyframes.forget_unused();
         self.fold.apply(record);
         Ok(())
     }

@@ -5,7 +5,7 @@ use tessera_journal::{Follower, Journal};
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, OptimiseRecord, Optimiser, OptimiserState, RequestRecord};
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt,
+    ALIGN_JOURNAL, Checkpoint, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt, StoredKeyframes,
 };
 
 /// How long a predecessor may take to die before its lock is an error.
@@ -14,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// The optimiser's whole state; it can be thrown away and read back from disk at any time.
 pub(crate) struct DurableState {
     pub(crate) optimiser: Optimiser,
-    pub(crate) keyframes: MappedKeyframes,
+    pub(crate) keyframes: StoredKeyframes,
     records: Follower<AlignRecord>,
     journal: Journal<OptimiseRecord>,
     fsync: Fsync,
@@ -32,7 +32,7 @@ impl DurableState {
             Some(kept) => (Some(kept.marks), Optimiser::restore(context.mapping_context(), kept.state)),
             None => (None, Optimiser::new(context.mapping_context())),
         };
-        let mut keyframes = MappedKeyframes::open(&files.store(), context.layout.grid.len())?;
+        let mut keyframes = StoredKeyframes::open(&files.store(), context.layout.grid)?;
         for keyframe in &optimiser.state().keyframes {
             keyframes.add_unread(keyframe.id, &keyframe.slot)?;
         }

@@ -103,6 +103,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             })
         };
         state.keyframes.check()?;
+        state.keyframes.forget_unused();
         history.check()?;
         let Some(correction) = correction else {
             return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));

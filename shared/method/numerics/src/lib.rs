@@ -1,6 +1,6 @@
 //! Numerical tools of the method that know nothing of surfaces: vector instructions, the random
 //! generator, the sparse Cholesky factorisation of 6x6 blocks, parallel maps with a fixed order,
-//! checked setting ranges and the named steps of the work on a frame.
+//! checked setting ranges, codes of small integers and the named steps of the work on a frame.
 //!
 //! Every result has the same bits for any number of threads and any set of vector instructions.
 #![forbid(unsafe_code)]
@@ -12,10 +12,12 @@ pub mod lanes;
 pub mod parallel;
 mod random;
 mod range;
+mod rice;
 mod steps;
 
 pub use block_cholesky::{BlockCholesky, NotPositiveDefinite};
 pub use isa::{Isa, IsaMissing};
 pub use random::{SplitMix64, mix};
 pub use range::{SettingError, check_range};
+pub use rice::{RiceReader, RiceWriter, unzigzag, zigzag};
 pub use steps::*;

@@ -15,6 +15,8 @@ mod columns;
 mod filter;
 mod mesh;
 mod normals;
+mod octahedron;
+pub mod packed;
 mod planes;
 mod reconstruct;
 mod rings;

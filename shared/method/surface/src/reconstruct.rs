@@ -164,7 +164,7 @@ fn write_vertices(w: &Workspace, n_measured: usize, out: &mut [Vertex]) -> Surfa
     for (row, line) in out.chunks_exact_mut(n).enumerate().take(w.layout.grid.height) {
         let start = w.layout.row(row);
         let (p, u) = (w.points.run(start, n), w.normals.run(start, n));
-        let (n_quads, intensity) = (&w.mesh.n_quads[start..start + n], &w.intensity[start..start + n]);
+        let n_quads = &w.mesh.n_quads[start..start + n];
         let colour_row = &w.colour_row[row * n..(row + 1) * n];
         for (c, vertex) in line.iter_mut().enumerate() {
             let normal = u.at(c);
@@ -178,7 +178,7 @@ fn write_vertices(w: &Workspace, n_measured: usize, out: &mut [Vertex]) -> Surfa
                 position: p.at(c),
                 flags_rgb: Vertex::pack(flags, u32::from(row_offset), [r, g, b]),
                 normal,
-                intensity: intensity[c],
+                reserved: 0,
             };
         }
     }

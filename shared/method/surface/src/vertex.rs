@@ -14,8 +14,8 @@ pub struct Vertex {
     pub flags_rgb: u32,
     /// Unit normal in the camera frame, towards the camera; zero where there is none.
     pub normal: [f32; 3],
-    /// Brightness in `[0, 1]`.
-    pub intensity: f32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 impl Vertex {

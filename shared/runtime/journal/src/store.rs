@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const MAGIC: &[u8; 8] = b"TESSERAK";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Offset of the first block: a page, so that losing it loses no block.
 const FIRST_BLOCK: u64 = 4096;
 /// Blocks begin on cache lines.

@@ -119,7 +119,7 @@ fn all_finite(vertices: &[Vertex]) -> bool {
         chunk.iter().fold(0, |sum, v| {
             let [x, y, z] = v.position;
             let [nx, ny, nz] = v.normal;
-            sum | bad(x) | bad(y) | bad(z) | bad(nx) | bad(ny) | bad(nz) | bad(v.intensity)
+            sum | bad(x) | bad(y) | bad(z) | bad(nx) | bad(ny) | bad(nz)
         }) == 0
     })
 }

@@ -1,12 +1,13 @@
-//! Surfaces of keyframes, mapped from the store and read in place.
+//! Surfaces of keyframes, read from the store and unpacked.
 
 use crate::error::StageError;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 use tessera_features::Feature;
 use tessera_journal::{Block, JournalError, Slot, StoreView};
-use tessera_messages::{MAX_FEATURES, vertices_of_features};
+use tessera_messages::{load_surface, max_stored_bytes};
 use tessera_slam::{AlignRecord, KeyframeSurfaces, StoreSlot};
-use tessera_surface::Vertex;
+use tessera_surface::{Grid, Vertex};
 
 /// The store's slot of a journaled one.
 pub fn journal_slot(slot: &StoreSlot) -> Slot {
@@ -18,38 +19,53 @@ pub fn store_slot(slot: &Slot) -> StoreSlot {
     StoreSlot { offset: slot.offset, len: slot.len, crc: slot.crc }
 }
 
-/// All keyframes so far; each is mapped and checked once, when it is added or when it is first read.
+/// Most surfaces that are held unpacked while others may be forgotten.
+const MOST_UNPACKED: usize = 64;
+/// Calls of [`StoredKeyframes::forget_unused`] without a use before a surface is forgotten.
+const PATIENCE: u64 = 64;
+
+/// All keyframes so far; each is unpacked and checked when it is added or first read.
 #[derive(Debug)]
-pub struct MappedKeyframes {
+pub struct StoredKeyframes {
     view: StoreView,
+    grid: Grid,
     /// By keyframe id.
     keyframes: Vec<Keyframe>,
-    n_vertices: usize,
     /// What was found when a keyframe was read.
-    damage: OnceLock<JournalError>,
+    damage: OnceLock<StageError>,
     /// A surface without a measurement, in place of a damaged one.
     blank: OnceLock<Vec<Vertex>>,
+    /// Calls of [`Self::forget_unused`].
+    now: u64,
 }
 
 #[derive(Debug)]
 struct Keyframe {
     slot: StoreSlot,
     /// `None`: it is damaged.
-    block: OnceLock<Option<Block>>,
+    surface: OnceLock<Option<Surface>>,
+    last_use: AtomicU64,
 }
 
-impl MappedKeyframes {
-    /// No keyframe yet. Each will have `n_vertices` vertices.
+#[derive(Debug)]
+struct Surface {
+    vertices: Vec<Vertex>,
+    features: Vec<Feature>,
+}
+
+impl StoredKeyframes {
+    /// No keyframe yet. The surface of each will have the shape `grid`.
     ///
     /// # Errors
     /// Where the store cannot be opened.
-    pub fn open(store: &std::path::Path, n_vertices: usize) -> Result<Self, JournalError> {
+    pub fn open(store: &std::path::Path, grid: Grid) -> Result<Self, JournalError> {
         Ok(Self {
             view: StoreView::open(store)?,
+            grid,
             keyframes: Vec::new(),
-            n_vertices,
             damage: OnceLock::new(),
             blank: OnceLock::new(),
+            now: 0,
         })
     }
 
@@ -75,8 +91,8 @@ impl MappedKeyframes {
     /// # Errors
     /// Where it is not in the store, whole, or the id is not the next one.
     pub fn add(&mut self, id: u32, slot: &StoreSlot) -> Result<(), StageError> {
-        let block = OnceLock::from(Some(self.view.map(&self.checked(id, slot)?)?));
-        self.keyframes.push(Keyframe { slot: *slot, block });
+        self.add_unread(id, slot)?;
+        self.read(slot)?;
         Ok(())
     }
 
@@ -85,27 +101,23 @@ impl MappedKeyframes {
     /// # Errors
     /// Where it cannot be in the store, or the id is not the next one.
     pub fn add_unread(&mut self, id: u32, slot: &StoreSlot) -> Result<(), StageError> {
-        self.view.check(&self.checked(id, slot)?)?;
-        self.keyframes.push(Keyframe { slot: *slot, block: OnceLock::new() });
-        Ok(())
-    }
-
-    fn checked(&self, id: u32, slot: &StoreSlot) -> Result<Slot, StageError> {
         if id as usize != self.keyframes.len() {
             return Err(StageError::Inconsistent(format!(
                 "keyframe {id} was journaled, expected {}",
                 self.keyframes.len()
             )));
         }
-        let expected = (self.n_vertices * size_of::<Vertex>()) as u64;
-        let most = expected + (vertices_of_features(MAX_FEATURES) * size_of::<Vertex>()) as u64;
-        if slot.len < expected || slot.len > most {
+        let most = max_stored_bytes(self.grid) as u64;
+        if slot.len > most {
             return Err(StageError::Inconsistent(format!(
-                "the surface of keyframe {id} has {} bytes, expected {expected}",
+                "the surface of keyframe {id} has {} bytes, expected at most {most}",
                 slot.len
             )));
         }
-        Ok(journal_slot(slot))
+        self.view.check(&journal_slot(slot))?;
+        let (surface, last_use) = (OnceLock::new(), AtomicU64::new(self.now));
+        self.keyframes.push(Keyframe { slot: *slot, surface, last_use });
+        Ok(())
     }
 
     /// Whether every keyframe that was read so far was whole. To be asked before anything that was
@@ -114,20 +126,35 @@ impl MappedKeyframes {
     /// # Errors
     /// Names the first that was not.
     pub fn check(&mut self) -> Result<(), StageError> {
-        self.damage.take().map_or(Ok(()), |damage| Err(damage.into()))
+        self.damage.take().map_or(Ok(()), Err)
     }
 
-    /// Bytes of a keyframe's surface, as they stand in the store; none of one that is damaged.
-    pub fn bytes(&self, keyframe: u32) -> &[u8] {
-        let Some(keyframe) = self.keyframes.get(keyframe as usize) else { return &[] };
-        let block = keyframe.block.get_or_init(|| match self.view.map(&journal_slot(&keyframe.slot)) {
-            Ok(block) => Some(block),
-            Err(error) => {
-                let _ = self.damage.set(error);
-                None
+    /// A keyframe's surface as it stands in the store.
+    ///
+    /// # Errors
+    /// Where it is unknown or damaged.
+    pub fn stored(&self, keyframe: u32) -> Result<Block, StageError> {
+        let unknown = || StageError::Inconsistent(format!("there is no keyframe {keyframe}"));
+        let slot = self.keyframes.get(keyframe as usize).map(|keyframe| keyframe.slot).ok_or_else(unknown)?;
+        Ok(self.view.map(&journal_slot(&slot))?)
+    }
+
+    /// Forgets surfaces that have not been used for long, where many are held; what is needed again
+    /// is read again. To be called once a frame.
+    pub fn forget_unused(&mut self) {
+        self.now += 1;
+        if !self.now.is_multiple_of(PATIENCE) {
+            return;
+        }
+        let held = self.keyframes.iter().filter(|keyframe| keyframe.surface.get().is_some()).count();
+        if held > MOST_UNPACKED {
+            let now = self.now;
+            for keyframe in &mut self.keyframes {
+                if *keyframe.last_use.get_mut() + PATIENCE < now {
+                    keyframe.surface = OnceLock::new();
+                }
             }
-        });
-        block.as_ref().map_or(&[], Block::bytes)
+        }
     }
 
     /// Number of keyframes.
@@ -139,23 +166,34 @@ impl MappedKeyframes {
     pub fn is_empty(&self) -> bool {
         self.keyframes.is_empty()
     }
+
+    /// The surface of a keyframe; none of one that is unknown or damaged.
+    fn surface(&self, keyframe: u32) -> Option<&Surface> {
+        let keyframe = self.keyframes.get(keyframe as usize)?;
+        keyframe.last_use.store(self.now, Ordering::Relaxed);
+        let read = || self.read(&keyframe.slot).map_err(|error| self.damage.set(error)).ok();
+        keyframe.surface.get_or_init(read).as_ref()
+    }
+
+    fn read(&self, slot: &StoreSlot) -> Result<Surface, StageError> {
+        let block = self.view.map(&journal_slot(slot))?;
+        let (vertices, features) = load_surface(self.grid, block.bytes()).map_err(|error| {
+            StageError::Inconsistent(format!("at {} of the keyframe store: {error}", slot.offset))
+        })?;
+        Ok(Surface { vertices, features })
+    }
 }
 
-impl KeyframeSurfaces for MappedKeyframes {
+impl KeyframeSurfaces for StoredKeyframes {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
-        // Slots lie on 64-byte borders and their length was checked when they were added.
-        match bytemuck::try_cast_slice::<u8, Vertex>(self.bytes(keyframe)) {
-            Ok(vertices) if vertices.len() >= self.n_vertices => &vertices[..self.n_vertices],
-            _ => self.blank.get_or_init(|| vec![Vertex::default(); self.n_vertices]),
+        match self.surface(keyframe) {
+            Some(surface) => &surface.vertices,
+            None => self.blank.get_or_init(|| vec![Vertex::default(); self.grid.len()]),
         }
     }
 
     fn features(&self, keyframe: u32) -> &[Feature] {
-        // Behind the vertices, whose 32 bytes keep the descriptors aligned.
-        let bytes = self.bytes(keyframe);
-        let tail = bytes.get(self.n_vertices * size_of::<Vertex>()..).unwrap_or_default();
-        let n_bytes = tail.len() / size_of::<Feature>() * size_of::<Feature>();
-        bytemuck::try_cast_slice(&tail[..n_bytes]).unwrap_or_default()
+        self.surface(keyframe).map_or(&[], |surface| &surface.features)
     }
 }
 
@@ -176,19 +214,20 @@ mod tests {
     use std::os::unix::fs::FileExt;
     use std::time::Duration;
     use tessera_journal::Store;
+    use tessera_messages::store_surface;
 
     #[test]
     fn a_damaged_keyframe_is_found_when_it_is_read() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
         let mut store = Store::open(&path, Duration::ZERO).unwrap();
-        let surface = vec![Vertex::default(); 12];
-        let slots: Vec<StoreSlot> = (0..3)
-            .map(|_| store_slot(&store.append(bytemuck::cast_slice(&surface), false).unwrap()))
-            .collect();
+        let grid = Grid { width: 4, height: 3, step: 4 };
+        let surface = store_surface(grid, &[Vertex::default(); 12]);
+        let slots: Vec<StoreSlot> =
+            (0..3).map(|_| store_slot(&store.append(&surface, false).unwrap())).collect();
         let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
         file.write_all_at(&[1], slots[1].offset + 7).unwrap();
-        let mut keyframes = MappedKeyframes::open(&path, 12).unwrap();
+        let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
         for (id, slot) in slots.iter().enumerate() {
             keyframes.add_unread(id as u32, slot).unwrap();
         }
@@ -197,8 +236,35 @@ mod tests {
         assert_eq!(keyframes.vertices(1).len(), 12, "a surface without a measurement");
         let message = keyframes.check().unwrap_err().to_string();
         assert!(message.contains("checksum"), "{message}");
-        let mut eager = MappedKeyframes::open(&path, 12).unwrap();
+        let mut eager = StoredKeyframes::open(&path, grid).unwrap();
         eager.add(0, &slots[0]).unwrap();
         assert!(eager.add(1, &slots[1]).is_err());
+    }
+
+    #[test]
+    fn an_unused_surface_is_forgotten_and_read_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let grid = Grid { width: 2, height: 2, step: 4 };
+        let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
+        let surface = |id: u32| [Vertex { flags_rgb: id << 8, ..Vertex::default() }; 4];
+        let n_keyframes = 2 * MOST_UNPACKED as u32;
+        for id in 0..n_keyframes {
+            let slot = store.append(&store_surface(grid, &surface(id)), false).unwrap();
+            keyframes.add_unread(id, &store_slot(&slot)).unwrap();
+            assert_eq!(keyframes.vertices(id), surface(id));
+        }
+        let held = |keyframes: &StoredKeyframes| {
+            keyframes.keyframes.iter().filter(|keyframe| keyframe.surface.get().is_some()).count()
+        };
+        assert_eq!(held(&keyframes), n_keyframes as usize);
+        for _ in 0..3 * PATIENCE {
+            assert_eq!(keyframes.vertices(7), surface(7));
+            keyframes.forget_unused();
+        }
+        assert_eq!(held(&keyframes), 1);
+        assert_eq!(keyframes.vertices(9), surface(9));
+        assert!(keyframes.check().is_ok());
     }
 }

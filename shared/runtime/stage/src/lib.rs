@@ -28,7 +28,7 @@ pub use checkpoint::Checkpoint;
 pub use clock::{cpu_nanos, monotonic_nanos};
 pub use context::{IDLE, Outcome, POISON_VARIABLE, StageArgs, StageContext, stage_main};
 pub use error::StageError;
-pub use keyframes::{MappedKeyframes, journal_slot, slots, store_slot};
+pub use keyframes::{StoredKeyframes, journal_slot, slots, store_slot};
 pub use kill_point::{
     Delivery, KILL_POINTS, KILL_POINTS_VARIABLE, KillPoints, MESSAGE_POINTS, STRUCK, fault_names,
 };

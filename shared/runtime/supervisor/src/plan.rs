@@ -12,7 +12,7 @@ use tessera_messages::Stage;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, OptimiseRecord};
 use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, MappedKeyframes, OPTIMISE_JOURNAL, RunFile, RunFiles, start_log,
+    ALIGN_JOURNAL, Checkpoint, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes, start_log,
 };
 use tessera_transport::{Layout, RunClaim, check_space};
 
@@ -108,7 +108,7 @@ impl Plan {
         // store ends the journal, before anybody follows it.
         let mut store =
             Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
-        let mut keyframes = MappedKeyframes::open(&files.store(), layout.grid.len())
+        let mut keyframes = StoredKeyframes::open(&files.store(), layout.grid)
             .map_err(|e| directory("map", &files.store(), &e))?;
         let (mut journal, recovered) =
             Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {

@@ -11,13 +11,13 @@ use tessera_geometry::Camera;
 use tessera_journal::{Follower, Journal, Store, fingerprint, lock_file};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, MapRecord, TrackerState};
-use tessera_stage::{ALIGN_JOURNAL, MapIdentity, MappedKeyframes, RunFile, RunFiles, store_slot};
+use tessera_stage::{ALIGN_JOURNAL, MapIdentity, RunFile, RunFiles, StoredKeyframes, store_slot};
 use tessera_transport::registered_runs;
 
 /// An earlier run whose map can be used by a run with this camera and these settings.
 pub(crate) struct SavedMap {
     files: RunFiles,
-    keyframes: MappedKeyframes,
+    keyframes: StoredKeyframes,
     record: MapRecord,
 }
 
@@ -48,8 +48,8 @@ impl SavedMap {
             .map_err(|e| refuse(e.to_string()))?;
         check_alike((&run.camera, &old), (camera, settings)).map_err(&refuse)?;
         let grid = run.layout(&old).grid;
-        let mut keyframes = MappedKeyframes::open(&files.store(), grid.len())
-            .map_err(|e| directory("map", &files.store(), &e))?;
+        let mut keyframes =
+            StoredKeyframes::open(&files.store(), grid).map_err(|e| directory("map", &files.store(), &e))?;
         let mut state = TrackerState::default();
         let journal = files.align_journal();
         let unusable = |e: &dyn std::fmt::Display| directory("read", &journal, e);
@@ -85,7 +85,8 @@ impl SavedMap {
     ) -> Result<MapIdentity, SupervisorError> {
         let wrong = |e: &dyn std::fmt::Display| directory("copy the map of", &self.files.dir, e);
         for keyframe in &mut self.record.keyframes {
-            let slot = store.append(self.keyframes.bytes(keyframe.id), false).map_err(|e| wrong(&e))?;
+            let stored = self.keyframes.stored(keyframe.id).map_err(|e| wrong(&e))?;
+            let slot = store.append(stored.bytes(), false).map_err(|e| wrong(&e))?;
             if slot.crc != keyframe.slot.crc {
                 return Err(wrong(&format!("keyframe {} changed while it was read", keyframe.id)));
             }

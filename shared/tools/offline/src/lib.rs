@@ -25,7 +25,7 @@ use tessera_slam::{
 use tessera_sources::FrameBuffers;
 pub use tessera_sources::{Source, SourceError};
 pub use tessera_surface::SurfaceSettings;
-use tessera_surface::{Grid, Reconstructor, SurfaceView, Vertex, WorkloadLevel};
+use tessera_surface::{Grid, Reconstructor, SurfaceView, Vertex, WorkloadLevel, packed};
 
 /// One frame as the sensor delivers it.
 #[derive(Clone, Debug)]
@@ -187,7 +187,7 @@ impl Run {
         if let Some(keyframe) = &record.new_keyframe {
             let is_current = keyframe.frame_index == index;
             let source = if is_current { Some(&vertices) } else { self.previous.as_ref().map(|p| &p.2) };
-            self.keyframes.0.extend(source.cloned());
+            self.keyframes.0.extend(source.map(|vertices| packed::rounded(vertices)));
             let seen = if is_current { Some(&features) } else { self.previous.as_ref().map(|p| &p.3) };
             self.keyframes.1.extend(seen.cloned());
         }

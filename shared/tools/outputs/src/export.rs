@@ -16,7 +16,7 @@ use tessera_geometry::Camera;
 use tessera_journal::Follower;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, Context, KeyframeSurfaces};
-use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, MappedKeyframes, RunFile, RunFiles};
+use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, RunFile, RunFiles, StoredKeyframes};
 
 /// Name of the ground truth in the run directory.
 const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
@@ -147,12 +147,12 @@ pub fn map_keyframes(
     run: &RunFile,
     replay: &Replay,
     settings: &Settings,
-) -> Result<Option<MappedKeyframes>, ToolError> {
+) -> Result<Option<StoredKeyframes>, ToolError> {
     if replay.keyframes.is_empty() {
         return Ok(None);
     }
-    let n_vertices = run.layout(settings).grid.len();
-    let mut mapped = MappedKeyframes::open(&files.store(), n_vertices)?;
+    let grid = run.layout(settings).grid;
+    let mut mapped = StoredKeyframes::open(&files.store(), grid)?;
     for keyframe in &replay.keyframes {
         mapped.add(keyframe.id, &keyframe.slot)?;
     }

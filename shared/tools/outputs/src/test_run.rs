@@ -134,7 +134,7 @@ pub fn surface(_keyframe: usize) -> Vec<Vertex> {
         position: [0.0, 0.0, z],
         flags_rgb: Vertex::pack(flags, 0, [1, 2, 3]),
         normal: [0.0, 0.0, -1.0],
-        intensity: 0.5,
+        reserved: 0,
     };
     vertices[0] = vertex(2.0, Vertex::VALID);
     vertices[1] = vertex(2.1, 0);

@@ -32,7 +32,7 @@ fn plane(context: &Context, world_from_camera: &Pose) -> Vec<Vertex> {
         Vertex {
             position: [point.x, point.y, point.z].map(|v| v as f32),
             normal: [normal.x, normal.y, normal.z].map(|v| v as f32),
-            intensity: 0.5,
+            reserved: 0,
             flags_rgb: Vertex::pack(Vertex::VALID, 0, [0; 3]),
         }
     };

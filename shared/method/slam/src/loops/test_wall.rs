@@ -41,7 +41,7 @@ pub(crate) struct Walls(Vec<Vec<Vertex>>);
 impl Walls {
     /// The wall as each keyframe sees it.
     pub(crate) fn seen_by(context: &Context, keyframes: &[KeyframeState]) -> Self {
-        Self(keyframes.iter().map(|k| wall(context.grid, &Pose::from(&k.world_from_camera))).collect())
+        Self(keyframes.iter().map(|_| wall(context.grid)).collect())
     }
 }
 
@@ -51,18 +51,17 @@ impl KeyframeSurfaces for Walls {
     }
 }
 
-fn wall(grid: Grid, world_from_camera: &Pose) -> Vec<Vertex> {
+fn wall(grid: Grid) -> Vec<Vertex> {
     let step = grid.step as f64;
     let vertex = |i: usize| {
         let (row, column) = (i / grid.width, i % grid.width);
         let x = (column as f64 * step - 319.5) / 525.0 * DEPTH_M;
         let y = (row as f64 * step - 239.5) / 525.0 * DEPTH_M;
         let is_border = row == 0 || column == 0 || row + 1 == grid.height || column + 1 == grid.width;
-        let painted = x + world_from_camera.translation.x;
         Vertex {
             position: [x as f32, y as f32, DEPTH_M as f32],
             normal: [0.0, 0.0, -1.0],
-            intensity: (0.5 + 0.3 * libm::sin(6.0 * painted) + 0.15 * libm::cos(5.0 * y)) as f32,
+            reserved: 0,
             flags_rgb: Vertex::pack(
                 Vertex::VALID | if is_border { Vertex::BOUNDARY } else { 0 },
                 0,

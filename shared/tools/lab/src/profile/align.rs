@@ -9,7 +9,7 @@ use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
 use tessera_slam::{AlignRecord, AppliedCorrection, Context, FrameSurface, KeyframeSurfaces, Tracker};
-use tessera_surface::{Grid, SurfaceView, Vertex, WorkloadLevel};
+use tessera_surface::{Grid, SurfaceView, Vertex, WorkloadLevel, packed};
 
 /// Surfaces of keyframes in memory.
 #[derive(Default)]
@@ -112,7 +112,7 @@ fn pass(inputs: &[Input], context: Context, meter: &mut Meter) -> Result<(), Too
         if let Some(keyframe) = &record.new_keyframe {
             let is_own = keyframe.frame_index == surface.index;
             let of = if is_own { Some(surface) } else { previous };
-            keyframes.0.extend(of.map(|of| (of.vertices.clone(), of.features.clone())));
+            keyframes.0.extend(of.map(|of| (packed::rounded(&of.vertices), of.features.clone())));
         }
         let record = AlignRecord::Frame(Box::new(record));
         meter.check(fingerprint(&record)?, surface.expected, &format!("frame {}", surface.index))?;

@@ -8,6 +8,7 @@ use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
 use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, OptimiseRecord, Optimiser};
+use tessera_surface::packed;
 
 /// Answers each recorded request.
 pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
@@ -18,7 +19,10 @@ pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, 
         let (mut optimiser, mut keyframes) = (Optimiser::new(context), Keyframes::default());
         for entry in &recorded.entries {
             match entry {
-                Entry::Keyframe(surface) => keyframes.0.push(from_bytes(surface, grid.len())?),
+                Entry::Keyframe(surface) => {
+                    let (vertices, features) = from_bytes(surface, grid.len())?;
+                    keyframes.0.push((packed::rounded(&vertices), features));
+                }
                 Entry::Record(record) => optimiser.apply(record),
                 Entry::Answer(expected) => {
                     let pending = optimiser.next_request();

@@ -88,7 +88,7 @@ mod tests {
                     position: [u * z, (r - 60.0) / 131.0 * z, z],
                     flags_rgb: Vertex::pack(Vertex::VALID, 0, rgb),
                     normal: [0.0, 0.0, -1.0],
-                    intensity: 0.5,
+                    reserved: 0,
                 }
             })
             .collect();

@@ -1,0 +1,103 @@
+//! A keyframe's surface as it stands in the store: the length of the packed vertices, these, and
+//! behind them the features as they are.
+
+use crate::message::Refusal;
+use crate::surface_payload::{MAX_FEATURES, check_features, read_features};
+use tessera_features::Feature;
+use tessera_surface::packed::{UnpackError, pack, unpack};
+use tessera_surface::{Grid, Vertex};
+
+/// Bytes of the length in front.
+const LENGTH: usize = size_of::<u32>();
+
+/// Why bytes of a store are no surface.
+#[derive(Debug, thiserror::Error)]
+pub enum StoredSurfaceError {
+    /// The vertices.
+    #[error(transparent)]
+    Vertices(#[from] UnpackError),
+    /// The features.
+    #[error(transparent)]
+    Features(#[from] Refusal),
+    /// The lengths.
+    #[error("{found} bytes are no surface: expected {expected}")]
+    Length {
+        /// All bytes.
+        found: usize,
+        /// What they should hold.
+        expected: String,
+    },
+}
+
+/// The stored form of a surface message's payload: the vertices of the grid, and features.
+///
+/// # Panics
+/// Where the payload has fewer vertices than the grid.
+pub fn store_surface(grid: Grid, payload: &[Vertex]) -> Vec<u8> {
+    let vertices = pack(grid, &payload[..grid.len()]);
+    let features = read_features(payload, grid.len());
+    let mut bytes = Vec::with_capacity(LENGTH + vertices.len() + size_of_val(features.as_slice()));
+    bytes.extend((vertices.len() as u32).to_le_bytes());
+    bytes.extend(vertices);
+    bytes.extend(bytemuck::cast_slice::<_, u8>(&features));
+    bytes
+}
+
+/// Vertices and features of a stored surface.
+///
+/// # Errors
+/// Where the bytes are no surface of this grid.
+pub fn load_surface(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>), StoredSurfaceError> {
+    let wrong = |expected: String| StoredSurfaceError::Length { found: bytes.len(), expected };
+    let (length, rest) =
+        bytes.split_first_chunk::<LENGTH>().ok_or_else(|| wrong(format!("at least {LENGTH}")))?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let (packed, features) =
+        rest.split_at_checked(length).ok_or_else(|| wrong(format!("{length} of packed vertices")))?;
+    if features.len() > MAX_FEATURES * size_of::<Feature>() || features.len() % size_of::<Feature>() != 0 {
+        return Err(wrong(format!("at most {MAX_FEATURES} whole features behind the vertices")));
+    }
+    let features: Vec<Feature> = bytemuck::pod_collect_to_vec(features);
+    check_features(0, &features)?;
+    Ok((unpack(grid, packed)?, features))
+}
+
+/// Most bytes of a stored surface.
+pub fn max_stored_bytes(grid: Grid) -> usize {
+    // Each number takes at most 57 bits, where it is an escape.
+    LENGTH + 2 * size_of::<Vertex>() * grid.len() + 64 * grid.height + MAX_FEATURES * size_of::<Feature>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface_payload::{vertices_of_features, write_features};
+
+    #[test]
+    fn vertices_and_features_come_back() {
+        let grid = Grid { width: 8, height: 6, step: 4 };
+        let features: Vec<Feature> = (0..5)
+            .map(|k| Feature {
+                pixel: [k as f32, 2.0],
+                descriptor: [k; 4],
+                sigma_px: 1.0,
+                ..Feature::default()
+            })
+            .collect();
+        let mut payload = vec![Vertex { flags_rgb: 0x0102_0300, ..Vertex::default() }; grid.len()];
+        payload.resize(grid.len() + vertices_of_features(features.len()), Vertex::default());
+        write_features(&mut payload[grid.len()..], &features);
+        let bytes = store_surface(grid, &payload);
+        assert!(bytes.len() <= max_stored_bytes(grid));
+        let (vertices, back) = load_surface(grid, &bytes).unwrap();
+        assert_eq!(vertices, payload[..grid.len()]);
+        assert_eq!(back[..features.len()], features);
+        let message = |bytes: &[u8]| load_surface(grid, bytes).unwrap_err().to_string();
+        assert!(message(&bytes[..2]).contains("2 bytes are no surface: expected at least 4"));
+        assert!(message(&bytes[..20]).contains("of packed vertices"));
+        assert!(message(&bytes[..bytes.len() - 1]).contains("whole features"));
+        let mut damaged = bytes;
+        damaged[4] ^= 0xff;
+        assert!(load_surface(grid, &damaged).is_err());
+    }
+}
