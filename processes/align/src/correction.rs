@@ -1,6 +1,6 @@
 //! Corrections of the optimiser: when they take effect.
 
-use crate::durable_state::DurableState;
+use crate::durable_state::JournaledAligner;
 use crate::journal_fold::End;
 use crate::ports::Ports;
 use tessera_messages::WaitingOn;
@@ -8,7 +8,7 @@ use tessera_stage::StageError;
 
 /// Applies the correction of `request` before frame `before`, if it has been journaled.
 pub(crate) fn apply_correction(
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &mut Ports,
     request: u64,
     before: u64,
@@ -29,7 +29,7 @@ pub(crate) fn apply_correction(
 /// Applies the oldest correction that is pending before frame `before`, if there is one; in live
 /// mode no frame is fixed for it.
 pub(crate) fn apply_oldest_correction(
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &mut Ports,
     before: u64,
 ) -> Result<bool, StageError> {
@@ -44,7 +44,7 @@ pub(crate) fn apply_oldest_correction(
 }
 
 /// After the end: whether the final correction has taken effect.
-pub(crate) fn finish(state: &mut DurableState, ports: &mut Ports, end: End) -> Result<bool, StageError> {
+pub(crate) fn finish(state: &mut JournaledAligner, ports: &mut Ports, end: End) -> Result<bool, StageError> {
     ports.control.finish();
     ports.notify_sensor()?;
     match end.request {

@@ -1,6 +1,6 @@
 //! The aligner's durable state: a fold over its journal, and the files behind it.
 
-use crate::journal_fold::{JournalFold, Snapshot};
+use crate::journal_fold::{FoldSnapshot, JournalFold};
 use std::collections::BTreeMap;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
@@ -17,7 +17,7 @@ use tessera_surface::{Grid, Vertex};
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The aligner's whole state; it can be thrown away and read back from disk at any time.
-pub(crate) struct DurableState {
+pub(crate) struct JournaledAligner {
     pub(crate) fold: JournalFold,
     pub(crate) keyframes: StoredKeyframes,
     journal: Journal<AlignRecord>,
@@ -30,7 +30,7 @@ pub(crate) struct DurableState {
     grid: Grid,
 }
 
-impl DurableState {
+impl JournaledAligner {
     /// Reads the state back from the run directory; locks the journal and the store.
     pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let files = &context.files;
@@ -39,7 +39,7 @@ impl DurableState {
         let mut keyframes = StoredKeyframes::open(&store_path, context.layout.grid)?;
         let flow = &context.settings.flow;
         let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), ALIGN_JOURNAL, flow.checkpoint_kb);
-        let kept = checkpoint.read::<StateAt<Snapshot<'static>>>().filter(|kept| kept.marks.fits(files));
+        let kept = checkpoint.read::<StateAt<FoldSnapshot<'static>>>().filter(|kept| kept.marks.fits(files));
         let (marks, mut fold) = match kept {
             Some(kept) => (Some(kept.marks), JournalFold::restore(context.mapping_context(), kept.state)),
             None => (None, JournalFold::new(Tracker::new(context.mapping_context()))),

@@ -9,7 +9,7 @@ use tessera_surface::{Grid, SurfaceView, Vertex};
 use tessera_transport::{Link, Received, SliceSubscriber};
 
 /// A checked surface, read in place.
-pub(crate) struct Surface {
+pub(crate) struct ReceivedSurface {
     /// A private copy.
     pub(crate) header: SurfaceHeader,
     pub(crate) kind: Kind,
@@ -19,7 +19,7 @@ pub(crate) struct Surface {
     features: Vec<Feature>,
 }
 
-impl Surface {
+impl ReceivedSurface {
     /// The vertices, in place.
     pub(crate) fn vertices(&self) -> &[Vertex] {
         &self.received.payload()[..self.n_vertices]
@@ -45,12 +45,12 @@ impl Surface {
 }
 
 /// Index and epoch of each surface that was received and passed its checks.
-pub(crate) type Seen = Vec<(u64, u64)>;
+pub(crate) type SeenSurfaces = Vec<(u64, u64)>;
 
 /// Surfaces by index, as many as may be held.
 pub(crate) struct Inbox {
     subscriber: SliceSubscriber<SurfaceHeader, Vertex>,
-    held: BTreeMap<u64, Surface>,
+    held: BTreeMap<u64, ReceivedSurface>,
     capacity: usize,
     pub(crate) grid: Grid,
     /// Frames of the source, where known.
@@ -77,7 +77,7 @@ impl Inbox {
         first: u64,
         limit: Option<u64>,
         pulse: &mut Pulse,
-    ) -> Result<Seen, StageError> {
+    ) -> Result<SeenSurfaces, StageError> {
         let expected = SurfaceExpectation { grid: self.grid, limit };
         let mut seen = Vec::new();
         while self.held.len() < self.capacity {
@@ -96,7 +96,7 @@ impl Inbox {
                     seen.push((header.index, header.epoch));
                     let n_vertices = self.grid.len();
                     let features = read_features(received.payload(), n_vertices);
-                    let surface = Surface { header, kind, received, n_vertices, features };
+                    let surface = ReceivedSurface { header, kind, received, n_vertices, features };
                     self.held.insert(header.index, surface);
                 }
                 Err(refusal) => {
@@ -110,7 +110,7 @@ impl Inbox {
     }
 
     /// The surface of a frame.
-    pub(crate) fn get(&self, index: u64) -> Option<&Surface> {
+    pub(crate) fn get(&self, index: u64) -> Option<&ReceivedSurface> {
         self.held.get(&index)
     }
 

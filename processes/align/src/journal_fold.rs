@@ -31,7 +31,7 @@ pub(crate) struct JournalFold {
 
 /// The fold, as a checkpoint holds it.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Snapshot<'a> {
+pub(crate) struct FoldSnapshot<'a> {
     tracker: Cow<'a, TrackerState>,
     last_frame: Cow<'a, Option<FrameRecord>>,
     end: Option<End>,
@@ -54,8 +54,8 @@ impl JournalFold {
         }
     }
 
-    pub(crate) fn snapshot(&self) -> Snapshot<'_> {
-        Snapshot {
+    pub(crate) fn snapshot(&self) -> FoldSnapshot<'_> {
+        FoldSnapshot {
             tracker: Cow::Borrowed(self.tracker.state()),
             last_frame: Cow::Borrowed(&self.last_frame),
             end: self.end,
@@ -67,7 +67,7 @@ impl JournalFold {
     }
 
     /// The fold of all records before the snapshot.
-    pub(crate) fn restore(context: Context, snapshot: Snapshot<'_>) -> Self {
+    pub(crate) fn restore(context: Context, snapshot: FoldSnapshot<'_>) -> Self {
         Self {
             tracker: Tracker::restore(context, snapshot.tracker.into_owned()),
             last_frame: snapshot.last_frame.into_owned(),

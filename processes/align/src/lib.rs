@@ -17,7 +17,7 @@ mod ports;
 mod publish;
 mod step;
 
-use durable_state::DurableState;
+use durable_state::JournaledAligner;
 use ports::Ports;
 use std::process::ExitCode;
 use tessera_messages::Stage;
@@ -43,7 +43,7 @@ enum Pause {
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = StageContext::open(Stage::Align, args)?;
     // The journal first: it is what says where to go on.
-    let mut state = DurableState::open(&context)?;
+    let mut state = JournaledAligner::open(&context)?;
     let link = context.link(Stage::Align)?;
     let mut ports = Ports::open(&link, &context)?;
     context.kill_points.pass("opened", 0);
@@ -68,7 +68,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
                 // The lock on the journal goes with the old state.
                 drop(state);
                 ports.release();
-                state = DurableState::open(&context)?;
+                state = JournaledAligner::open(&context)?;
             }
         }
     }

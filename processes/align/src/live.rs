@@ -2,8 +2,8 @@
 
 use crate::Pause;
 use crate::correction::{apply_oldest_correction, finish};
-use crate::durable_state::DurableState;
-use crate::load_shedding::{LoadShedding, Pace};
+use crate::durable_state::JournaledAligner;
+use crate::load_shedding::{FramePace, LoadShedding};
 use crate::ports::Ports;
 use crate::step::{Acknowledge, MissingSurface, Policy, process_frame};
 use tessera_messages::WaitingOn;
@@ -16,7 +16,7 @@ const POLICY: Policy =
 /// Runs until the run is finished, the stage is told to stop, or the state is to be read back.
 pub(crate) fn run(
     context: &StageContext,
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &mut Ports,
 ) -> Result<Pause, StageError> {
     let forget_every = context.settings.run.forget_every;
@@ -51,7 +51,7 @@ pub(crate) fn run(
             has_waited = true;
             continue;
         };
-        let pace = Pace { n_left_out: index - next, has_waited: std::mem::take(&mut has_waited) };
+        let pace = FramePace { n_left_out: index - next, has_waited: std::mem::take(&mut has_waited) };
         let before = shedding.workload();
         if context.settings.flow.load_shedding && shedding.note(&pace) {
             log_workload(before, shedding.workload(), index);

@@ -12,7 +12,7 @@ const MOST_CALM: u32 = 16 * CALM;
 
 /// The pace at the moment when a frame is taken up.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct FramePace {
     /// Frames left out before it, wherever that was.
     pub(crate) n_left_out: u64,
     /// Whether the aligner had to wait for it.
@@ -42,7 +42,7 @@ impl LoadShedding {
     }
 
     /// Takes a frame in; `true` where the workload changes.
-    pub(crate) fn note(&mut self, pace: &Pace) -> bool {
+    pub(crate) fn note(&mut self, pace: &FramePace) -> bool {
         let before = self.workload;
         self.since_raise = self.since_raise.saturating_add(1);
         if pace.n_left_out > 0 || !pace.has_waited {
@@ -86,12 +86,12 @@ impl LoadShedding {
 mod tests {
     use super::*;
 
-    const EASY: Pace = Pace { n_left_out: 0, has_waited: true };
-    const BUSY: Pace = Pace { n_left_out: 0, has_waited: false };
-    const DROPPED: Pace = Pace { n_left_out: 2, has_waited: true };
+    const EASY: FramePace = FramePace { n_left_out: 0, has_waited: true };
+    const BUSY: FramePace = FramePace { n_left_out: 0, has_waited: false };
+    const DROPPED: FramePace = FramePace { n_left_out: 2, has_waited: true };
 
     /// Frames until the workload changes.
-    fn until_change(shedding: &mut LoadShedding, pace: &Pace) -> Option<u32> {
+    fn until_change(shedding: &mut LoadShedding, pace: &FramePace) -> Option<u32> {
         (1..=2 * MOST_CALM).find(|_| shedding.note(pace))
     }
 

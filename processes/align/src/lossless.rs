@@ -2,8 +2,8 @@
 
 use crate::Pause;
 use crate::correction::{apply_correction, finish};
-use crate::durable_state::DurableState;
-use crate::inbox::Seen;
+use crate::durable_state::JournaledAligner;
+use crate::inbox::SeenSurfaces;
 use crate::ports::Ports;
 use crate::step::{Acknowledge, MissingSurface, Policy, process_frame};
 use tessera_messages::WaitingOn;
@@ -21,7 +21,7 @@ const POLICY: Policy = Policy {
 /// Runs until the run is finished, the stage is told to stop, or the state is to be read back.
 pub(crate) fn run(
     context: &StageContext,
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &mut Ports,
 ) -> Result<Pause, StageError> {
     let forget_every = context.settings.run.forget_every;
@@ -72,10 +72,10 @@ fn await_history(
     ports: &mut Ports,
     first: u64,
     next: u64,
-) -> Result<Option<(u64, Seen)>, StageError> {
+) -> Result<Option<(u64, SeenSurfaces)>, StageError> {
     let limit = next.saturating_add(2 * u64::from(context.layout.window) + 1);
     let began = monotonic_nanos();
-    let mut seen = Seen::new();
+    let mut seen = SeenSurfaces::new();
     // At the run's first frame, and to a reader that was here before, no history comes.
     while std::mem::take(&mut ports.is_fresh) && first < next {
         seen.extend(ports.inbox.fill(first, Some(limit), &mut ports.pulse)?);
@@ -95,7 +95,7 @@ fn await_history(
 /// Whether the next surface and all recent ones are here; asks for what is missing.
 fn receive(
     context: &StageContext,
-    state: &DurableState,
+    state: &JournaledAligner,
     ports: &mut Ports,
     next: u64,
 ) -> Result<bool, StageError> {

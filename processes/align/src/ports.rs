@@ -1,6 +1,6 @@
 //! The aligner's connections: surfaces in; poses, flow and wake-ups out.
 
-use crate::durable_state::DurableState;
+use crate::durable_state::JournaledAligner;
 use crate::flow::FlowControl;
 use crate::inbox::Inbox;
 use crate::publish::pose_message;
@@ -58,7 +58,7 @@ impl Ports {
     }
 
     /// Publishes the last frame's pose again.
-    pub(crate) fn publish_again(&mut self, state: &DurableState) -> Result<(), StageError> {
+    pub(crate) fn publish_again(&mut self, state: &JournaledAligner) -> Result<(), StageError> {
         if let Some(record) = &state.fold.last_frame {
             self.poses.send(pose_message(record, StepTimes::default()))?;
         }
@@ -66,7 +66,11 @@ impl Ports {
     }
 
     /// Publishes the last frame's pose.
-    pub(crate) fn publish(&mut self, state: &DurableState, mut times: StepTimes) -> Result<(), StageError> {
+    pub(crate) fn publish(
+        &mut self,
+        state: &JournaledAligner,
+        mut times: StepTimes,
+    ) -> Result<(), StageError> {
         let Some(record) = &state.fold.last_frame else { return Ok(()) };
         times.pose_sent = monotonic_nanos();
         self.poses.send(pose_message(record, times))?;

@@ -1,8 +1,8 @@
 //! Work on one frame, the same in a lossless and in a live run but for a [`Policy`]: skip, align,
 //! store, journal, publish, acknowledge.
 
-use crate::durable_state::DurableState;
-use crate::inbox::Surface;
+use crate::durable_state::JournaledAligner;
+use crate::inbox::ReceivedSurface;
 use crate::ports::Ports;
 use tessera_messages::{Kind, Phase};
 use tessera_numerics::Step;
@@ -42,7 +42,7 @@ pub(crate) enum Acknowledge {
 pub(crate) fn process_frame(
     context: &StageContext,
     policy: &Policy,
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &mut Ports,
     index: u64,
 ) -> Result<(), StageError> {
@@ -106,7 +106,7 @@ pub(crate) fn process_frame(
 /// Journals the frames left out before `index`: the sensor left `dropped_upstream` of them out,
 /// this stage the rest.
 fn skip_frames(
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &mut Ports,
     index: u64,
     dropped_upstream: u64,
@@ -124,7 +124,7 @@ fn skip_frames(
 /// The pure step: a surface in shared memory to a record.
 fn align(
     context: &StageContext,
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &Ports,
     index: u64,
 ) -> Result<FrameRecord, StageError> {
@@ -132,7 +132,7 @@ fn align(
         return Err(StageError::Inconsistent(format!("the surface of frame {index} is not at hand")));
     };
     let recent = ports.inbox.recent(state.fold.tracker.first_recent_index(), index);
-    log_addresses(context, state, surface, &recent);
+    log_addresses(context, surface, &recent);
     let record = state.fold.tracker.align(&surface.view(ports.inbox.grid), &recent, &state.keyframes);
     state.keyframes.check()?;
     Ok(record)
@@ -141,7 +141,7 @@ fn align(
 /// Appends the surface of the new keyframe to the store.
 fn store_keyframe(
     policy: &Policy,
-    state: &mut DurableState,
+    state: &mut JournaledAligner,
     ports: &Ports,
     record: &mut FrameRecord,
 ) -> Result<(), StageError> {
@@ -161,7 +161,7 @@ fn store_keyframe(
     Ok(())
 }
 
-fn acknowledge(policy: &Policy, state: &DurableState, ports: &mut Ports) -> Result<(), StageError> {
+fn acknowledge(policy: &Policy, state: &JournaledAligner, ports: &mut Ports) -> Result<(), StageError> {
     let next = state.fold.tracker.next_index();
     let now = monotonic_nanos();
     let first_missing = match policy.acknowledge {
@@ -180,17 +180,9 @@ fn acknowledge(policy: &Policy, state: &DurableState, ports: &mut Ports) -> Resu
     Ok(())
 }
 
-/// Logs the addresses of the frame's surface, the recent ones and the last keyframe's, in tests.
-fn log_addresses(
-    context: &StageContext,
-    state: &DurableState,
-    surface: &Surface,
-    recent: &[FrameSurface<'_>],
-) {
+/// Logs the addresses of the frame's surface and the recent ones, in tests.
+fn log_addresses(context: &StageContext, surface: &ReceivedSurface, recent: &[FrameSurface<'_>]) {
     let (probe, index) = (context.probe, surface.header.index);
     probe.log_place("the surface", index, surface.vertices());
     recent.iter().for_each(|r| probe.log_place("a recent surface", index, r.surface.vertices));
-    if let Some(last) = state.keyframes.len().checked_sub(1) {
-        probe.log_place("a keyframe", index, state.keyframes.vertices(last as u32));
-    }
 }

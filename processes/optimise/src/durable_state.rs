@@ -12,7 +12,7 @@ use tessera_stage::{
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The optimiser's whole state; it can be thrown away and read back from disk at any time.
-pub(crate) struct DurableState {
+pub(crate) struct JournaledOptimiser {
     pub(crate) optimiser: Optimiser,
     pub(crate) keyframes: StoredKeyframes,
     records: Follower<AlignRecord>,
@@ -21,7 +21,7 @@ pub(crate) struct DurableState {
     checkpoint: Checkpoint,
 }
 
-impl DurableState {
+impl JournaledOptimiser {
     /// Reads the state back from the run directory; locks the journal.
     pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let (files, flow) = (&context.files, &context.settings.flow);

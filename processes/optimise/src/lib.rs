@@ -9,7 +9,7 @@
 mod durable_state;
 mod history;
 
-use durable_state::DurableState;
+use durable_state::JournaledOptimiser;
 use history::JournaledFrames;
 use std::process::ExitCode;
 use tessera_messages::{Phase, Stage, WaitingOn};
@@ -57,7 +57,7 @@ fn log_loops(correction: &Correction) {
 /// Where the run directory, the settings or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = StageContext::open(Stage::Optimise, args)?;
-    let mut state = DurableState::open(&context)?;
+    let mut state = JournaledOptimiser::open(&context)?;
     let link = context.link(Stage::Optimise)?;
     let listener = link.listener(Stage::Optimise)?;
     let align = link.notifier(Stage::Align)?;
@@ -128,7 +128,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         n_done += 1;
         if context.settings.run.forget_every > 0 && n_done % context.settings.run.forget_every == 0 {
             drop(state);
-            state = DurableState::open(&context)?;
+            state = JournaledOptimiser::open(&context)?;
         }
     }
 }

@@ -7,7 +7,7 @@ use tessera_surface::WorkloadLevel;
 use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
 
 /// A checked frame: a copy of its header, what it stands for, and the frame in place.
-pub(crate) type Frame = (FrameHeader, Kind, Received<FrameHeader, u16>);
+pub(crate) type CheckedFrame = (FrameHeader, Kind, Received<FrameHeader, u16>);
 
 /// Frames as they come from the sensor.
 pub(crate) struct Feed {
@@ -63,8 +63,8 @@ impl Feed {
     }
 
     /// The next frame worth working on; bad ones are counted and left out.
-    pub(crate) fn next(&mut self, pulse: &mut Pulse) -> Result<Option<Frame>, StageError> {
-        let mut newest: Option<Frame> = None;
+    pub(crate) fn next(&mut self, pulse: &mut Pulse) -> Result<Option<CheckedFrame>, StageError> {
+        let mut newest: Option<CheckedFrame> = None;
         while let Some(frame) = self.frames.receive()? {
             let header = frame.header();
             let checked = header.validate(self.shape, self.limit(header.epoch)).and_then(|kind| {

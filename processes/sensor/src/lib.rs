@@ -23,7 +23,7 @@ pub fn main(args: &StageArgs) -> ExitCode {
 }
 
 /// All connections of the sensor.
-struct Ports {
+struct SensorPorts {
     listener: Listener,
     frames: SlicePublisher<FrameHeader, u16>,
     flow: Subscriber<Flow>,
@@ -39,7 +39,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = StageContext::open(Stage::Sensor, args)?;
     let source = if context.settings.is_external() { None } else { Some(source::open(&context)?) };
     let link = context.link(Stage::Sensor)?;
-    let mut ports = Ports {
+    let mut ports = SensorPorts {
         listener: link.listener(Stage::Sensor)?,
         frames: link.frame_publisher()?,
         flow: link.flow_subscriber()?,

@@ -1,6 +1,6 @@
 //! Sending a frame.
 
-use crate::Ports;
+use crate::SensorPorts;
 use crate::frame::{PreparedFrame, is_delivered};
 use tessera_messages::{Flow, Phase};
 use tessera_numerics::Step;
@@ -12,7 +12,7 @@ pub(crate) fn send(
     mut frame: PreparedFrame,
     flow: &Flow,
     due_nanos: u64,
-    ports: &mut Ports,
+    ports: &mut SensorPorts,
 ) -> Result<(), StageError> {
     let index = frame.index;
     context.kill_points.pass("read", index);

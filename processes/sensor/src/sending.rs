@@ -1,6 +1,6 @@
 //! The loop of the sensor: one, with a [`Pace`] and a [`Supply`].
 
-use crate::Ports;
+use crate::SensorPorts;
 use crate::frame::{PreparedFrame, blank_frame};
 use crate::send::send;
 use tessera_messages::{Flow, Kind, WaitingOn};
@@ -49,7 +49,7 @@ pub(crate) trait Supply {
 /// What a supply needs to know of the loop, and what it counts.
 pub(crate) struct Turn<'a> {
     pub(crate) context: &'a StageContext,
-    pub(crate) ports: &'a mut Ports,
+    pub(crate) ports: &'a mut SensorPorts,
     pub(crate) flow: Flow,
     /// Frames below this index may be sent now.
     pub(crate) limit: u64,
@@ -85,7 +85,7 @@ impl Turn<'_> {
 /// of the aligner begins again at the first frame that it does not have.
 pub(crate) fn send_frames(
     context: &StageContext,
-    ports: &mut Ports,
+    ports: &mut SensorPorts,
     pace: Pace,
     supply: &mut dyn Supply,
 ) -> Result<Outcome, StageError> {
@@ -140,7 +140,7 @@ pub(crate) fn send_frames(
 
 /// The aligner's newest flow message since the last call; one that breaks a rule is refused and
 /// counted.
-fn receive_flow(ports: &mut Ports) -> Result<Option<Flow>, StageError> {
+fn receive_flow(ports: &mut SensorPorts) -> Result<Option<Flow>, StageError> {
     let Some(newest) = ports.flow.newest()? else { return Ok(None) };
     match newest.validate() {
         Ok(()) => Ok(Some(newest)),
@@ -174,7 +174,7 @@ impl SentEnd {
         pace: Pace,
         mut frame: PreparedFrame,
         flow: &Flow,
-        ports: &mut Ports,
+        ports: &mut SensorPorts,
     ) -> Result<(), StageError> {
         *self = Self { epoch: Some(flow.epoch), at_nanos: monotonic_nanos() };
         match pace {
@@ -190,7 +190,7 @@ impl SentEnd {
     }
 }
 
-impl Ports {
+impl SensorPorts {
     /// Sleeps until a notification, at most [`IDLE`].
     fn wait(&mut self, pace: Pace, on: WaitingOn) -> Result<(), StageError> {
         if matches!(pace, Pace::Window(_)) {

@@ -11,7 +11,7 @@ use tessera_messages::Stage;
 use tessera_outputs::{Ended, Recorder, RunStatistics, ToolError};
 use tessera_report::REPORT_FILE;
 use tessera_stage::log_line;
-use tessera_supervisor::{Outcome, Plan, Progress, Supervised, SupervisorError, hold, supervise};
+use tessera_supervisor::{Plan, Progress, RunOutcome, Supervised, SupervisorError, hold, supervise};
 use tessera_transport::RunClaim;
 
 /// Time between two looks that `tessera status` can take at the counters.
@@ -87,9 +87,9 @@ fn conclude(
 ) -> Result<Exit, CommandError> {
     let Supervised { outcome, stages, shared_memory_bytes, duration, .. } = supervised;
     let ended = match outcome {
-        Outcome::Finished => Ended::Finished,
-        Outcome::Interrupted => Ended::Interrupted,
-        Outcome::Failed(_) => Ended::Failed,
+        RunOutcome::Finished => Ended::Finished,
+        RunOutcome::Interrupted => Ended::Interrupted,
+        RunOutcome::Failed(_) => Ended::Failed,
     };
     let statistics = RunStatistics::new(ended, stages, *duration, *shared_memory_bytes);
     let written = tessera_outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
@@ -100,7 +100,7 @@ fn conclude(
         // What was asked for is the trajectory and the map: the run is no worse without a page.
         say_error(&format!("no report: {error}"));
     }
-    if let Outcome::Failed(failure) = outcome {
+    if let RunOutcome::Failed(failure) = outcome {
         // A stage that could not use its input or settings says so by its exit code.
         let exit = match failure.exit_code {
             Some(2) => Exit::Arguments,

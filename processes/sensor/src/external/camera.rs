@@ -8,14 +8,14 @@ use tessera_transport::{Link, Publisher, Received, SliceSubscriber};
 const LOG_INTERVAL_NANOS: u64 = 1_000_000_000;
 
 /// A checked image: a copy of its header, what it stands for, and the image in place.
-pub(super) struct Image {
+pub(super) struct ExternalImage {
     pub(super) header: CameraFrame,
     pub(super) kind: Kind,
     pub(super) received: Received<CameraFrame, u16>,
 }
 
 /// The sensor's side of the public services.
-pub(super) struct Camera {
+pub(super) struct ExternalCamera {
     images: SliceSubscriber<CameraFrame, u16>,
     flow: Publisher<CameraFlow>,
     published: Option<CameraFlow>,
@@ -36,7 +36,7 @@ struct Refused {
     logged_at: u64,
 }
 
-impl Camera {
+impl ExternalCamera {
     pub(super) fn open(context: &StageContext, link: &Link) -> Result<Self, StageError> {
         let run = &context.settings.run;
         Ok(Self {
@@ -52,11 +52,11 @@ impl Camera {
     }
 
     /// The next image that can be used; others are counted and logged.
-    pub(super) fn receive(&mut self, pulse: &mut Pulse) -> Result<Option<Image>, StageError> {
+    pub(super) fn receive(&mut self, pulse: &mut Pulse) -> Result<Option<ExternalImage>, StageError> {
         while let Some(received) = self.images.receive()? {
             let header = received.header();
             match self.check(&header, received.payload().len()) {
-                Ok(kind) => return Ok(Some(Image { header, kind, received })),
+                Ok(kind) => return Ok(Some(ExternalImage { header, kind, received })),
                 Err(reason) => self.refuse(reason, pulse),
             }
         }

@@ -1,6 +1,6 @@
 //! Every image, in order: the camera's program keeps a ring of them and sends again what is asked for.
 
-use super::camera::{Camera, Image};
+use super::camera::{ExternalCamera, ExternalImage};
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
 use tessera_messages::{CameraFlow, Kind, WaitingOn};
@@ -48,18 +48,18 @@ impl Request {
 
 /// The camera's images by their indices.
 pub(super) struct InOrder {
-    camera: Camera,
+    camera: ExternalCamera,
     request: Request,
     window: u64,
 }
 
 impl InOrder {
-    pub(super) fn new(camera: Camera, window: u64) -> Self {
+    pub(super) fn new(camera: ExternalCamera, window: u64) -> Self {
         Self { camera, request: Request::new(0), window }
     }
 
     /// Uses an image if it is the next one, else notes it.
-    fn take(&mut self, image: &Image, turn: &mut Turn<'_>) -> Result<Supplied, StageError> {
+    fn take(&mut self, image: &ExternalImage, turn: &mut Turn<'_>) -> Result<Supplied, StageError> {
         let (index, request) = (image.header.index, &mut self.request);
         if index < request.next {
             turn.ports.pulse.beat.duplicates += 1;

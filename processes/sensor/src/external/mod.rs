@@ -8,10 +8,10 @@ mod in_order;
 mod newest;
 mod session;
 
-use crate::Ports;
+use crate::SensorPorts;
 use crate::frame::{PreparedFrame, blank_frame};
 use crate::sending::Supply;
-use camera::{Camera, Image};
+use camera::{ExternalCamera, ExternalImage};
 use in_order::InOrder;
 use newest::Newest;
 use tessera_messages::Kind;
@@ -20,7 +20,7 @@ use tessera_transport::Link;
 
 /// The images of the camera's own program: each in order, or the newest.
 pub(crate) fn supply(context: &StageContext, link: &Link) -> Result<Box<dyn Supply>, StageError> {
-    let camera = Camera::open(context, link)?;
+    let camera = ExternalCamera::open(context, link)?;
     Ok(if context.settings.run.live {
         Box::new(Newest::new(camera))
     } else {
@@ -35,9 +35,9 @@ fn most_frames(context: &StageContext) -> Option<u64> {
 
 /// The frame as the pipeline has it: the one copy on the way.
 fn copy(
-    image: &Image,
+    image: &ExternalImage,
     index: u64,
-    ports: &Ports,
+    ports: &SensorPorts,
     context: &StageContext,
 ) -> Result<PreparedFrame, StageError> {
     let mut frame = blank_frame(index, Kind::Frame, context.layout.frame, &ports.frames)?;

@@ -1,6 +1,6 @@
 //! Images at the camera's own rate: the newest wins, what is left out is counted.
 
-use super::camera::{Camera, Image};
+use super::camera::{ExternalCamera, ExternalImage};
 use super::session::Session;
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
@@ -9,7 +9,7 @@ use tessera_stage::{StageContext, StageError};
 
 /// The camera's newest image.
 pub(super) struct Newest {
-    camera: Camera,
+    camera: ExternalCamera,
     /// `None` before the first epoch.
     position: Option<Position>,
 }
@@ -25,7 +25,7 @@ struct Position {
 }
 
 impl Newest {
-    pub(super) fn new(camera: Camera) -> Self {
+    pub(super) fn new(camera: ExternalCamera) -> Self {
         Self { camera, position: None }
     }
 }
@@ -70,10 +70,10 @@ impl Supply for Newest {
 /// The newest usable image and the frame that it is. An end is noted and ends the search.
 fn newest(
     turn: &mut Turn<'_>,
-    camera: &mut Camera,
+    camera: &mut ExternalCamera,
     at: &mut Position,
-) -> Result<Option<(Image, u64)>, StageError> {
-    let mut newest: Option<(Image, u64)> = None;
+) -> Result<Option<(ExternalImage, u64)>, StageError> {
+    let mut newest: Option<(ExternalImage, u64)> = None;
     while let Some(image) = camera.receive(&mut turn.ports.pulse)? {
         let header = image.header;
         let next = newest.as_ref().map_or(at.next, |(_, index)| index + 1);

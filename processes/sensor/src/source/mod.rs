@@ -6,7 +6,7 @@ mod frames;
 mod live_clock;
 mod read_ahead;
 
-use crate::Ports;
+use crate::SensorPorts;
 use crate::sending::Supply;
 use clocked::Clocked;
 use frames::Frames;
@@ -18,7 +18,7 @@ use tessera_stage::{StageContext, StageError};
 pub(crate) fn supply<'a>(
     context: &StageContext,
     source: &'a dyn Source,
-    ports: &mut Ports,
+    ports: &mut SensorPorts,
 ) -> Box<dyn Supply + 'a> {
     let mut frames = Frames::new(source, context);
     if context.settings.run.preload {

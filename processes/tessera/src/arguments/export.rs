@@ -22,14 +22,14 @@ pub(crate) struct ExportArguments {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) files: ExportFiles,
+    pub(crate) files: ExportSelection,
     #[command(flatten)]
     pub(crate) speech: Speech,
 }
 
 /// What other programs read.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct ExportFiles {
+pub(crate) struct ExportSelection {
     /// The fused map as coloured points with normals: FILE.ply or FILE.pcd
     #[arg(long, value_name = "FILE")]
     pub(crate) cloud: Option<PathBuf>,
@@ -56,9 +56,10 @@ pub(crate) struct ExportFiles {
     pub(crate) mcap: Option<PathBuf>,
 }
 
-impl From<&ExportFiles> for tessera_exchange::ExportFiles {
-    fn from(files: &ExportFiles) -> Self {
-        let ExportFiles { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap } = files.clone();
+impl From<&ExportSelection> for tessera_exchange::ExportFiles {
+    fn from(files: &ExportSelection) -> Self {
+        let ExportSelection { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap } =
+            files.clone();
         Self { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap }
     }
 }

@@ -5,13 +5,13 @@ use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::terminal::say;
 use std::path::Path;
-use tessera_lab::ablation::{Peers, Plan, Tables, columns, ground_truth, markdown, measure, svg};
+use tessera_lab::ablation::{AblationPlan, Peers, Tables, columns, ground_truth, markdown, measure, svg};
 use tessera_sources::{Source, SourceOptions, SourceSpec};
 
 /// Runs all columns on all sequences, prints the tables and writes the plot.
 pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> {
     let internal = |error: &dyn std::fmt::Display| CommandError::stage(error.to_string());
-    let plan = Plan {
+    let plan = AblationPlan {
         columns_base: arguments.config.clone(),
         whole_base: arguments.whole_config.clone(),
         overrides: arguments.overrides.clone(),

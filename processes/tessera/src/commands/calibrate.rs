@@ -46,7 +46,7 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
         CalibrateError::Frame(error) => error,
         error => CommandError::input(format!("{}: {error}", arguments.source)),
     })?;
-    let report = Report::of(&found);
+    let report = CalibrationReport::of(&found);
     let text = file_text(&arguments.source, &found, &report)?;
     std::fs::write(&arguments.out, text).map_err(|error| CommandError::write(&arguments.out, error))?;
     if arguments.json {
@@ -104,9 +104,9 @@ fn check_writable(path: &Path) -> Result<(), CommandError> {
 
 /// What came out, for `--json`.
 #[derive(Debug, Serialize)]
-struct Report {
+struct CalibrationReport {
     camera: Camera,
-    parameters: Vec<Row>,
+    parameters: Vec<ParameterRow>,
     /// Combinations of parameters that the motion does not determine.
     held: Vec<Held>,
     /// What cannot be known from depth and colour at all.
@@ -122,7 +122,7 @@ struct Report {
 }
 
 #[derive(Debug, Serialize)]
-struct Row {
+struct ParameterRow {
     name: &'static str,
     unit: &'static str,
     start: f64,
@@ -139,10 +139,10 @@ struct Held {
     standard_deviation_px: Option<f64>,
 }
 
-impl Report {
+impl CalibrationReport {
     fn of(found: &Calibrated) -> Self {
         let calibration = &found.calibration;
-        let row = |e: &tessera_offline::Estimate| Row {
+        let row = |e: &tessera_offline::Estimate| ParameterRow {
             name: e.parameter.name(),
             unit: e.parameter.unit(),
             start: e.start,
@@ -176,7 +176,7 @@ impl Report {
 
     /// One line for each parameter.
     fn lines(&self) -> Vec<String> {
-        let line = |row: &Row| {
+        let line = |row: &ParameterRow| {
             let std = match row.standard_deviation {
                 Some(std) => format!("+- {std:<10.6}"),
                 None => "held        ".to_owned(),
@@ -201,7 +201,7 @@ impl Report {
 }
 
 /// The camera file, with what is known of each value in its head.
-fn file_text(source: &str, found: &Calibrated, report: &Report) -> Result<String, CommandError> {
+fn file_text(source: &str, found: &Calibrated, report: &CalibrationReport) -> Result<String, CommandError> {
     let camera = toml::to_string(&found.calibration.camera);
     let camera = camera.map_err(|error| CommandError::stage(error.to_string()))?;
     let mut text =
@@ -217,7 +217,7 @@ fn file_text(source: &str, found: &Calibrated, report: &Report) -> Result<String
     Ok(text + &camera)
 }
 
-fn for_people(arguments: &CalibrateArguments, report: &Report) -> String {
+fn for_people(arguments: &CalibrateArguments, report: &CalibrationReport) -> String {
     let mut text = format!(
         "{}: {} frames, {} not tracked, {} keyframes, {} passes{}\n",
         arguments.source,

@@ -4,14 +4,14 @@ use crate::arguments::ChaosArguments;
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::terminal::{say, say_error, say_to_people};
-use tessera_lab::chaos::{FaultKind, Report, Target, attach, campaign};
+use tessera_lab::chaos::{ChaosReport, FaultKind, FaultTarget, attach, campaign};
 
 /// Disturbs runs and says whether the promise was kept.
 pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
     let targets = all(
         &arguments.stages,
         "stage",
-        Target::from_name,
+        FaultTarget::from_name,
         "sensor, reconstruct, align, optimise, supervisor, group",
     )?;
     let kind = |name: &str| FaultKind::ALL.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind);
@@ -38,7 +38,7 @@ pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
     conclude(&report, arguments.json)
 }
 
-fn conclude(report: &Report, json: bool) -> Result<Exit, CommandError> {
+fn conclude(report: &ChaosReport, json: bool) -> Result<Exit, CommandError> {
     if json {
         say(&report.to_json_lines()?);
     } else {

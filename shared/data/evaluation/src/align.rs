@@ -22,7 +22,7 @@ impl Similarity {
 /// `target_from_source` without scale: Horn 1987, the same optimum as Umeyama's without scale,
 /// never a reflection. Pairs are matched by order; both slices have the same length.
 pub fn align_rigid(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Pose {
-    let sums = Sums::new(source, target);
+    let sums = AlignmentSums::new(source, target);
     let rotation = sums.rotation();
     let translation = sums.target_mean - rotation * sums.source_mean;
     Pose::from_parts(Translation3::from(translation), rotation)
@@ -30,7 +30,7 @@ pub fn align_rigid(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Pose {
 
 /// `target_from_source` with scale (Umeyama 1991). The scale is 1 where the source is one point.
 pub fn align_similarity(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Similarity {
-    let sums = Sums::new(source, target);
+    let sums = AlignmentSums::new(source, target);
     let rotation = sums.rotation();
     let along = (rotation.to_rotation_matrix().matrix() * sums.cross).trace();
     let scale = if sums.source_spread > 0.0 { along / sums.source_spread } else { 1.0 };
@@ -38,7 +38,7 @@ pub fn align_similarity(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Sim
     Similarity { scale, rigid: Pose::from_parts(Translation3::from(translation), rotation) }
 }
 
-struct Sums {
+struct AlignmentSums {
     source_mean: Vector3<f64>,
     target_mean: Vector3<f64>,
     /// Sum of `source * target^T` about the means.
@@ -47,7 +47,7 @@ struct Sums {
     source_spread: f64,
 }
 
-impl Sums {
+impl AlignmentSums {
     fn new(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Self {
         let n = source.len().min(target.len()).max(1) as f64;
         let source_mean = source.iter().sum::<Vector3<f64>>() / n;

@@ -2,7 +2,7 @@
 
 use crate::container::{Channels, Container, Place, Stored};
 use crate::error::RecordingError;
-use crate::messages::{self, Kind};
+use crate::messages::{self, MessageKind};
 use crate::topics::Topics;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
@@ -19,7 +19,7 @@ const STATIC_TRANSFORMS: &str = "/tf_static";
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Spot {
     pub(super) stamp_nanos: i64,
-    pub(super) kind: Kind,
+    pub(super) kind: MessageKind,
     place: Place,
     /// Among the messages of its place.
     number: u32,
@@ -27,7 +27,7 @@ pub(super) struct Spot {
 
 /// All messages that matter.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct FoundMessage {
     pub(super) depth: Vec<Spot>,
     pub(super) colour: Vec<Spot>,
     /// The first.
@@ -59,34 +59,34 @@ pub(super) fn find(
     file: &dyn Container,
     channels: &Channels,
     topics: &Topics,
-) -> Result<Found, RecordingError> {
-    let mut roles: BTreeMap<u32, (Role, Kind)> = BTreeMap::new();
+) -> Result<FoundMessage, RecordingError> {
+    let mut roles: BTreeMap<u32, (Role, MessageKind)> = BTreeMap::new();
     for (&id, channel) in channels {
-        let Some(kind) = Kind::of(channel) else { continue };
+        let Some(kind) = MessageKind::of(channel) else { continue };
         let is = |topic: &Option<String>| topic.as_ref() == Some(&channel.topic);
         let role = match kind {
             kind if kind.is_image() && channel.topic == topics.depth => Role::Depth,
             kind if kind.is_image() && is(&topics.colour) => Role::Colour,
             kind if kind.is_camera() && is(&topics.camera) => Role::Camera,
             kind if kind.is_camera() && is(&topics.colour_camera) => Role::ColourCamera,
-            Kind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
-            Kind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
+            MessageKind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
+            MessageKind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
         };
         roles.insert(id, (role, kind));
     }
     let (places, is_cut) = (file.places(), file.cut().is_some());
     let n = places.len();
-    let read: Vec<Result<Found, RecordingError>> = places
+    let read: Vec<Result<FoundMessage, RecordingError>> = places
         .par_iter()
         .enumerate()
         .map(|(at, place)| {
-            let looking = Looking { roles: &roles, topics, found: Found::default() };
+            let looking = Looking { roles: &roles, topics, found: FoundMessage::default() };
             // Where a file was cut, only checksums tell whether all of its end was written.
             looking.through(file, place, is_cut && at + 1 == n)
         })
         .collect();
-    let mut all = Found::default();
+    let mut all = FoundMessage::default();
     for (at, found) in read.into_iter().enumerate() {
         match found {
             Ok(found) => {
@@ -108,9 +108,9 @@ pub(super) fn find(
 
 /// Going through the messages of a place.
 struct Looking<'a> {
-    roles: &'a BTreeMap<u32, (Role, Kind)>,
+    roles: &'a BTreeMap<u32, (Role, MessageKind)>,
     topics: &'a Topics,
-    found: Found,
+    found: FoundMessage,
 }
 
 impl Looking<'_> {
@@ -120,7 +120,7 @@ impl Looking<'_> {
         file: &dyn Container,
         place: &Place,
         must_check: bool,
-    ) -> Result<Found, RecordingError> {
+    ) -> Result<FoundMessage, RecordingError> {
         let stamp_bytes: Option<Vec<u64>> = self.roles.values().map(|(_, kind)| kind.stamp_bytes()).collect();
         let most = match stamp_bytes.and_then(|bytes| bytes.into_iter().max()) {
             Some(n) if !must_check => n,
@@ -170,12 +170,12 @@ struct Messages {
 }
 
 /// The data of a message, with the place that it stands in kept for as long as it is used.
-pub(super) struct Message {
+pub(super) struct RecordedMessage {
     of: Arc<Messages>,
     range: Range<usize>,
 }
 
-impl Deref for Message {
+impl Deref for RecordedMessage {
     type Target = [u8];
 
     fn deref(&self) -> &[u8] {
@@ -200,12 +200,12 @@ impl Chunks {
     }
 
     /// The data of a message.
-    pub(super) fn read(&self, spot: &Spot) -> Result<Message, RecordingError> {
+    pub(super) fn read(&self, spot: &Spot) -> Result<RecordedMessage, RecordingError> {
         let of = self.messages(&spot.place)?;
         // The file has changed since it was opened.
         let gone = || spot.place.damaged(format!("message {} is not there any more", spot.number));
         let range = of.ranges.get(spot.number as usize).cloned().ok_or_else(gone)?;
-        Ok(Message { of, range })
+        Ok(RecordedMessage { of, range })
     }
 
     fn messages(&self, place: &Place) -> Result<Arc<Messages>, RecordingError> {

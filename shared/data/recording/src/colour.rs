@@ -1,7 +1,7 @@
 //! How the colour of a recording comes to the pixels of depth: as it is, warped, or not at all.
 
 use crate::camera::{self, RecordedCamera};
-use crate::chunks::{Chunks, Found, Spot};
+use crate::chunks::{Chunks, FoundMessage, Spot};
 use crate::error::{MessageError, RecordingError};
 use crate::messages::{self, ImageForm, ImageMessage};
 use crate::pixels;
@@ -45,7 +45,7 @@ pub(super) struct Depth<'a> {
 }
 
 /// Looks at the first colour image, its camera, and where that stands.
-pub(super) fn choose(chunks: &Chunks, topics: &Topics, found: &Found, depth: &Depth<'_>) -> Choice {
+pub(super) fn choose(chunks: &Chunks, topics: &Topics, found: &FoundMessage, depth: &Depth<'_>) -> Choice {
     let choice = |colour, words: String| Choice { colour, words, warning: None };
     let (Some(topic), Some(first)) = (&topics.colour, found.colour.first()) else {
         return choice(ColourUse::None, "none".to_owned());
@@ -97,7 +97,7 @@ pub(super) fn decide(
     Choice { colour: ColourUse::None, words: format!("{topic} left out: {reason}"), warning: Some(warning) }
 }
 
-fn colour_camera(chunks: &Chunks, topics: &Topics, found: &Found) -> Option<RecordedCamera> {
+fn colour_camera(chunks: &Chunks, topics: &Topics, found: &FoundMessage) -> Option<RecordedCamera> {
     let (spot, topic) = found.colour_camera.as_ref().zip(topics.colour_camera.as_ref())?;
     camera::of_colour(chunks, spot, topics.colour.as_deref()?, topic).ok()
 }

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 
 /// A time: protobuf says `seconds` and `nanos`, JSON `sec` and `nsec`.
 #[derive(Clone, PartialEq, Message, Deserialize)]
-struct Time {
+struct FoxgloveTime {
     #[prost(int64, tag = "1")]
     #[serde(rename = "sec")]
     seconds: i64,
@@ -22,7 +22,7 @@ struct Time {
 #[derive(Clone, PartialEq, Message, Deserialize)]
 struct RawImage {
     #[prost(message, optional, tag = "1")]
-    timestamp: Option<Time>,
+    timestamp: Option<FoxgloveTime>,
     #[prost(fixed32, tag = "2")]
     width: u32,
     #[prost(fixed32, tag = "3")]
@@ -37,9 +37,9 @@ struct RawImage {
 }
 
 #[derive(Clone, PartialEq, Message, Deserialize)]
-struct CompressedImage {
+struct FoxgloveImage {
     #[prost(message, optional, tag = "1")]
-    timestamp: Option<Time>,
+    timestamp: Option<FoxgloveTime>,
     #[prost(bytes = "vec", tag = "2")]
     #[serde(deserialize_with = "base64_bytes")]
     data: Vec<u8>,
@@ -87,7 +87,7 @@ fn decode<T: Message + Default + for<'a> Deserialize<'a>>(
     }
 }
 
-fn stamp(kind: &'static str, time: Option<Time>) -> Result<i64, MessageError> {
+fn stamp(kind: &'static str, time: Option<FoxgloveTime>) -> Result<i64, MessageError> {
     let missing = || MessageError::Kind { kind, reason: "no timestamp".to_owned() };
     time.map(|time| nanos(time.seconds, time.nanos.into())).ok_or_else(missing)
 }
@@ -109,8 +109,8 @@ pub(super) fn image(form: Form, data: &[u8]) -> Result<ImageMessage<'_>, Message
 }
 
 pub(super) fn compressed(form: Form, data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
-    const KIND: &str = "foxglove.CompressedImage";
-    let image: CompressedImage = decode(KIND, form, data)?;
+    const KIND: &str = "foxglove.FoxgloveImage";
+    let image: FoxgloveImage = decode(KIND, form, data)?;
     Ok(ImageMessage {
         stamp_nanos: stamp(KIND, image.timestamp)?,
         data: Cow::Owned(image.data),

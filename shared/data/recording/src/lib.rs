@@ -24,7 +24,7 @@ mod rvl;
 mod topics;
 mod transforms;
 
-use chunks::{Chunks, Found, Spot};
+use chunks::{Chunks, FoundMessage, Spot};
 use colour::ColourUse;
 use container::{Channels, Container};
 pub use error::{MessageError, RecordingError};
@@ -178,7 +178,7 @@ impl Cameras {
     fn read(
         chunks: &Chunks,
         topics: &Topics,
-        found: &Found,
+        found: &FoundMessage,
         given: Option<(Camera, &str)>,
         warnings: &mut Vec<String>,
     ) -> Result<Self, RecordingError> {

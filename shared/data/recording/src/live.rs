@@ -218,7 +218,7 @@ fn convert(topic: &str, info: &[u8], units_per_metre: f64) -> Result<RecordedCam
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::{CameraInfo, Header, Image, PoseMessage, Time, TransformStamped, Transforms, encode};
+    use crate::ros::{CameraInfo, Header, Image, RosPose, Time, TransformStamped, Transforms, encode};
 
     const SIZE: (u32, u32) = (20, 16);
 
@@ -291,7 +291,7 @@ mod tests {
         let colour_topic = LiveTopic { topic: "/colour", image: &colour, info: Some(&colour_info) };
         let lost = LiveCamera::new(&topic, Some(&colour_topic), &FrameTree::default(), None).unwrap();
         assert!(!lost.uses_colour() && lost.warning().unwrap().contains("no /tf_static says"));
-        let transform = PoseMessage { position: [0.1, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] };
+        let transform = RosPose { position: [0.1, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] };
         let transforms =
             vec![TransformStamped { header: header("d"), child_frame_id: "c".into(), transform }];
         let mut frames = FrameTree::default();

@@ -7,17 +7,17 @@ use std::borrow::Cow;
 
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum MessageKind {
     /// `sensor_msgs/msg/Image`; in ROS 1 types are named without `msg`.
-    RosImage(Wire),
+    RosImage(MessageWire),
     /// `sensor_msgs/msg/CompressedImage`.
-    RosCompressed(Wire),
+    RosCompressed(MessageWire),
     /// `sensor_msgs/msg/CameraInfo`.
-    RosCamera(Wire),
+    RosCamera(MessageWire),
     /// `tf2_msgs/msg/TFMessage`.
-    RosTransforms(Wire),
+    RosTransforms(MessageWire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
-    RosExtrinsics(Wire),
+    RosExtrinsics(MessageWire),
     /// `foxglove.RawImage`.
     FoxgloveImage(Form),
     /// `foxglove.CompressedImage`.
@@ -28,7 +28,7 @@ pub(super) enum Kind {
 
 /// How ROS's messages are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wire {
+pub(super) enum MessageWire {
     /// ROS 2.
     Cdr,
     /// ROS 1.
@@ -42,12 +42,12 @@ pub(super) enum Form {
     Json,
 }
 
-impl Kind {
+impl MessageKind {
     /// `None` for a channel that has nothing for us.
     pub(super) fn of(channel: &Channel) -> Option<Self> {
         let form = match channel.encoding.as_str() {
-            "cdr" => return Self::of_ros(&channel.schema.replacen("/msg/", "/", 1), Wire::Cdr),
-            "ros1" => return Self::of_ros(&channel.schema, Wire::Ros1),
+            "cdr" => return Self::of_ros(&channel.schema.replacen("/msg/", "/", 1), MessageWire::Cdr),
+            "ros1" => return Self::of_ros(&channel.schema, MessageWire::Ros1),
             "protobuf" => Form::Protobuf,
             "json" => Form::Json,
             _ => return None,
@@ -61,7 +61,7 @@ impl Kind {
     }
 
     /// By the name that ROS 1 gives a type.
-    fn of_ros(schema: &str, wire: Wire) -> Option<Self> {
+    fn of_ros(schema: &str, wire: MessageWire) -> Option<Self> {
         match schema {
             "sensor_msgs/Image" => Some(Self::RosImage(wire)),
             "sensor_msgs/CompressedImage" => Some(Self::RosCompressed(wire)),
@@ -123,54 +123,58 @@ pub(super) struct CameraMessage {
 }
 
 /// Reads an image.
-pub(super) fn image(kind: Kind, data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
+pub(super) fn image(kind: MessageKind, data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
     match kind {
-        Kind::RosImage(Wire::Cdr) => ros::image(data),
-        Kind::RosImage(Wire::Ros1) => ros1::image(data),
-        Kind::RosCompressed(Wire::Cdr) => ros::compressed(data),
-        Kind::RosCompressed(Wire::Ros1) => ros1::compressed(data),
-        Kind::FoxgloveImage(form) => foxglove::image(form, data),
-        Kind::FoxgloveCompressed(form) => foxglove::compressed(form, data),
+        MessageKind::RosImage(MessageWire::Cdr) => ros::image(data),
+        MessageKind::RosImage(MessageWire::Ros1) => ros1::image(data),
+        MessageKind::RosCompressed(MessageWire::Cdr) => ros::compressed(data),
+        MessageKind::RosCompressed(MessageWire::Ros1) => ros1::compressed(data),
+        MessageKind::FoxgloveImage(form) => foxglove::image(form, data),
+        MessageKind::FoxgloveCompressed(form) => foxglove::compressed(form, data),
         _ => Err(MessageError::Kind { kind: "image", reason: "it is a camera or a transform".to_owned() }),
     }
 }
 
 /// Reads the time of an image, of which the front may be all that there is.
-pub(super) fn stamp_nanos(kind: Kind, data: &[u8]) -> Result<i64, MessageError> {
+pub(super) fn stamp_nanos(kind: MessageKind, data: &[u8]) -> Result<i64, MessageError> {
     match kind {
-        Kind::RosImage(Wire::Cdr) => ros::stamp_nanos("sensor_msgs/msg/Image", data),
-        Kind::RosCompressed(Wire::Cdr) => ros::stamp_nanos("sensor_msgs/msg/CompressedImage", data),
-        Kind::RosImage(Wire::Ros1) => ros1::stamp_nanos("sensor_msgs/Image", data),
-        Kind::RosCompressed(Wire::Ros1) => ros1::stamp_nanos("sensor_msgs/CompressedImage", data),
+        MessageKind::RosImage(MessageWire::Cdr) => ros::stamp_nanos("sensor_msgs/msg/Image", data),
+        MessageKind::RosCompressed(MessageWire::Cdr) => {
+            ros::stamp_nanos("sensor_msgs/msg/CompressedImage", data)
+        }
+        MessageKind::RosImage(MessageWire::Ros1) => ros1::stamp_nanos("sensor_msgs/Image", data),
+        MessageKind::RosCompressed(MessageWire::Ros1) => {
+            ros1::stamp_nanos("sensor_msgs/CompressedImage", data)
+        }
         _ => image(kind, data).map(|image| image.stamp_nanos),
     }
 }
 
 /// Reads a camera.
-pub(super) fn camera(kind: Kind, data: &[u8]) -> Result<CameraMessage, MessageError> {
+pub(super) fn camera(kind: MessageKind, data: &[u8]) -> Result<CameraMessage, MessageError> {
     match kind {
-        Kind::RosCamera(Wire::Cdr) => ros::camera(data),
-        Kind::RosCamera(Wire::Ros1) => ros1::camera(data),
-        Kind::FoxgloveCamera(form) => foxglove::camera(form, data),
+        MessageKind::RosCamera(MessageWire::Cdr) => ros::camera(data),
+        MessageKind::RosCamera(MessageWire::Ros1) => ros1::camera(data),
+        MessageKind::FoxgloveCamera(form) => foxglove::camera(form, data),
         _ => Err(MessageError::Kind { kind: "camera", reason: "it is an image".to_owned() }),
     }
 }
 
 /// Reads parent, child and `parent_from_child` of each transform.
 pub(super) fn transforms(
-    kind: Kind,
+    kind: MessageKind,
     data: &[u8],
-) -> Result<Vec<(String, String, ros::PoseMessage)>, MessageError> {
+) -> Result<Vec<(String, String, ros::RosPose)>, MessageError> {
     match kind {
-        Kind::RosTransforms(Wire::Ros1) => ros1::transforms(data),
+        MessageKind::RosTransforms(MessageWire::Ros1) => ros1::transforms(data),
         _ => ros::transforms(data),
     }
 }
 
 /// Reads where a RealSense's colour camera stands from its depth camera.
-pub(super) fn extrinsics(kind: Kind, data: &[u8]) -> Result<ros::Extrinsics, MessageError> {
+pub(super) fn extrinsics(kind: MessageKind, data: &[u8]) -> Result<ros::Extrinsics, MessageError> {
     match kind {
-        Kind::RosExtrinsics(Wire::Ros1) => ros1::extrinsics(data),
+        MessageKind::RosExtrinsics(MessageWire::Ros1) => ros1::extrinsics(data),
         _ => ros::extrinsics(data),
     }
 }

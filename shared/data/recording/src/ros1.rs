@@ -4,7 +4,7 @@
 
 use crate::error::MessageError;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage, nanos};
-use crate::ros::{Extrinsics, PoseMessage};
+use crate::ros::{Extrinsics, RosPose};
 use std::borrow::Cow;
 
 /// Most numbers of an array that is read: no distortion has more coefficients.
@@ -19,7 +19,7 @@ struct Fields<'a> {
 }
 
 /// `std_msgs/Header`.
-struct Header<'a> {
+struct ConnectionHeader<'a> {
     stamp_nanos: i64,
     frame: Cow<'a, str>,
 }
@@ -72,10 +72,10 @@ impl<'a> Fields<'a> {
     }
 
     /// Sequence, time and frame.
-    fn header(&mut self) -> Result<Header<'a>, MessageError> {
+    fn header(&mut self) -> Result<ConnectionHeader<'a>, MessageError> {
         let _sequence = self.word()?;
         let stamp_nanos = nanos(self.word()?.into(), self.word()?.into());
-        Ok(Header { stamp_nanos, frame: self.text()? })
+        Ok(ConnectionHeader { stamp_nanos, frame: self.text()? })
     }
 }
 
@@ -123,14 +123,14 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
 }
 
 /// Parent, child and `parent_from_child` of each transform of a message.
-pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, PoseMessage)>, MessageError> {
+pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, RosPose)>, MessageError> {
     let mut fields = Fields::of("tf2_msgs/TFMessage", data);
     let n = fields.word()? as usize;
     let name = |name: Cow<'_, str>| name.trim_start_matches('/').to_owned();
     let one = |fields: &mut Fields<'_>| {
         let (parent, child) = (name(fields.header()?.frame), name(fields.text()?));
         let (position, orientation_xyzw) = (fields.array()?, fields.array()?);
-        Ok((parent, child, PoseMessage { position, orientation_xyzw }))
+        Ok((parent, child, RosPose { position, orientation_xyzw }))
     };
     (0..n.min(MOST_TRANSFORMS)).map(|_| one(&mut fields)).collect()
 }

@@ -2,7 +2,7 @@
 
 use crate::container::{Channel, Channels};
 use crate::error::RecordingError;
-use crate::messages::Kind;
+use crate::messages::MessageKind;
 
 /// The options that name topics.
 const DEPTH_OPTION: &str = "--depth-topic TOPIC";
@@ -59,15 +59,15 @@ pub(super) fn choose(
     depth: Option<&str>,
     colour: Option<&str>,
 ) -> Result<Topics, RecordingError> {
-    let of = |wanted: fn(Kind) -> bool| -> Vec<&str> {
-        let is_wanted = |channel: &&Channel| Kind::of(channel).is_some_and(wanted);
+    let of = |wanted: fn(MessageKind) -> bool| -> Vec<&str> {
+        let is_wanted = |channel: &&Channel| MessageKind::of(channel).is_some_and(wanted);
         let mut topics: Vec<&str> =
             channels.values().filter(is_wanted).map(|channel| channel.topic.as_str()).collect();
         topics.sort_unstable();
         topics.dedup();
         topics
     };
-    let images = of(Kind::is_image);
+    let images = of(MessageKind::is_image);
     let there_are = if images.is_empty() { "no image topics".to_owned() } else { images.join(", ") };
     let given = |option, topic: &str| match images.contains(&topic) {
         true => Ok(topic.to_owned()),
@@ -89,10 +89,10 @@ pub(super) fn choose(
         Some(topic) => Some(given(COLOUR_OPTION, topic)?),
         None => best("colour", COLOUR_OPTION, &images, is_colour)?,
     };
-    let cameras = of(Kind::is_camera);
+    let cameras = of(MessageKind::is_camera);
     let camera = camera_of(&depth, &cameras);
     let colour_camera = colour.as_ref().and_then(|colour| camera_of(colour, &cameras));
-    let extrinsics = of(|kind| matches!(kind, Kind::RosExtrinsics(_)));
+    let extrinsics = of(|kind| matches!(kind, MessageKind::RosExtrinsics(_)));
     let extrinsics = extrinsics.into_iter().find(|topic| topic.ends_with("depth_to_color"));
     Ok(Topics {
         colour,

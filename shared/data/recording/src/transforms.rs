@@ -1,6 +1,6 @@
 //! Where the colour camera stands from the depth camera: a RealSense's extrinsics, or `/tf_static`.
 
-use crate::chunks::{Chunks, Found};
+use crate::chunks::{Chunks, FoundMessage};
 use crate::error::MessageError;
 use crate::messages;
 use crate::ros;
@@ -16,7 +16,7 @@ const MOST_SKEW: f64 = 0.01;
 /// The transform of points, metres; `None`: the recording does not say.
 pub(super) fn colour_from_depth(
     chunks: &Chunks,
-    found: &Found,
+    found: &FoundMessage,
     depth_frame: &str,
     colour_frame: &str,
 ) -> Option<Pose> {
@@ -56,7 +56,7 @@ impl FrameTree {
         Ok(())
     }
 
-    fn extend(&mut self, links: Vec<(String, String, ros::PoseMessage)>) {
+    fn extend(&mut self, links: Vec<(String, String, ros::RosPose)>) {
         for (parent, child, transform) in links {
             if let Some(pose) = pose(&transform) {
                 self.parents.insert(child, (parent, pose));
@@ -70,7 +70,7 @@ impl FrameTree {
     }
 }
 
-fn pose(message: &ros::PoseMessage) -> Option<Pose> {
+fn pose(message: &ros::RosPose) -> Option<Pose> {
     let ([x, y, z], [qx, qy, qz, qw]) = (message.position, message.orientation_xyzw);
     let quaternion = Quaternion::new(qw, qx, qy, qz);
     let is_pose = [x, y, z].iter().all(|v| v.is_finite()) && (0.9..1.1).contains(&quaternion.norm());

@@ -1,6 +1,6 @@
 //! Furniture: a few solids each, placed by position on the floor and a turn.
 
-use crate::material::{Material, Pattern};
+use crate::material::{Material, TexturePattern};
 use crate::solid::{Shape, Solid};
 
 const OAK: [f32; 3] = [0.72, 0.52, 0.33];
@@ -63,7 +63,7 @@ impl Builder {
 
     /// A table with things on it.
     pub(super) fn table(&mut self, width: f32, depth: f32) {
-        let wood = Material::patterned(OAK, Pattern::Stripes(0.09), 0.15);
+        let wood = Material::patterned(OAK, TexturePattern::Stripes(0.09), 0.15);
         self.block(0.0, 0.0, 0.70, [width, depth, 0.04], wood);
         for (sx, sy) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
             let (x, y) = (sx * (0.5 * width - 0.05), sy * (0.5 * depth - 0.05));
@@ -74,14 +74,14 @@ impl Builder {
             0.1 * depth,
             0.74,
             [0.24, 0.17, 0.13],
-            Material::patterned([0.8, 0.3, 0.25], Pattern::Patches(0.06), 0.6),
+            Material::patterned([0.8, 0.3, 0.25], TexturePattern::Patches(0.06), 0.6),
         );
         self.block(
             -0.27 * width,
             0.1 * depth,
             0.87,
             [0.16, 0.12, 0.05],
-            Material::patterned([0.3, 0.5, 0.8], Pattern::Stripes(0.02), 0.5),
+            Material::patterned([0.3, 0.5, 0.8], TexturePattern::Stripes(0.02), 0.5),
         );
         self.column(0.05 * width, -0.15 * depth, 0.74, 0.09, 0.11, Material::plain([0.25, 0.55, 0.7]));
         self.ball(
@@ -89,21 +89,33 @@ impl Builder {
             0.12 * depth,
             0.74,
             0.2,
-            Material::patterned([0.9, 0.6, 0.2], Pattern::Checks(0.05), 0.5),
+            Material::patterned([0.9, 0.6, 0.2], TexturePattern::Checks(0.05), 0.5),
         );
     }
 
     /// A desk with a screen.
     pub(super) fn desk(&mut self) {
-        self.block(0.0, 0.0, 0.72, [1.4, 0.7, 0.03], Material::patterned(PINE, Pattern::Stripes(0.12), 0.12));
-        self.block(-0.5, 0.0, 0.0, [0.38, 0.6, 0.72], Material::patterned(PINE, Pattern::Joints(0.24), 0.5));
+        self.block(
+            0.0,
+            0.0,
+            0.72,
+            [1.4, 0.7, 0.03],
+            Material::patterned(PINE, TexturePattern::Stripes(0.12), 0.12),
+        );
+        self.block(
+            -0.5,
+            0.0,
+            0.0,
+            [0.38, 0.6, 0.72],
+            Material::patterned(PINE, TexturePattern::Joints(0.24), 0.5),
+        );
         self.block(0.66, 0.0, 0.0, [0.05, 0.6, 0.72], Material::plain(PINE));
         self.block(
             0.1,
             0.18,
             0.83,
             [0.56, 0.04, 0.34],
-            Material::patterned([0.25, 0.3, 0.38], Pattern::Patches(0.11), 0.7),
+            Material::patterned([0.25, 0.3, 0.38], TexturePattern::Patches(0.11), 0.7),
         );
         self.block(0.1, 0.2, 0.75, [0.06, 0.05, 0.14], Material::plain(STEEL));
         self.block(0.1, 0.18, 0.75, [0.24, 0.18, 0.015], Material::plain(STEEL));
@@ -112,7 +124,7 @@ impl Builder {
             -0.12,
             0.75,
             [0.44, 0.15, 0.025],
-            Material::patterned([0.3; 3], Pattern::Joints(0.03), 0.6),
+            Material::patterned([0.3; 3], TexturePattern::Joints(0.03), 0.6),
         );
         self.column(
             -0.5,
@@ -120,13 +132,13 @@ impl Builder {
             0.75,
             0.14,
             0.26,
-            Material::patterned([0.6, 0.2, 0.3], Pattern::Stripes(0.05), 0.4),
+            Material::patterned([0.6, 0.2, 0.3], TexturePattern::Stripes(0.05), 0.4),
         );
     }
 
     /// A chair.
     pub(super) fn chair(&mut self, base: [f32; 3]) {
-        let cloth = Material::patterned(base, Pattern::Checks(0.07), 0.3);
+        let cloth = Material::patterned(base, TexturePattern::Checks(0.07), 0.3);
         self.block(0.0, 0.0, 0.43, [0.44, 0.44, 0.05], cloth);
         self.block(0.0, 0.2, 0.50, [0.42, 0.04, 0.44], cloth);
         for (x, y) in [(-0.19, -0.19), (0.19, -0.19), (-0.19, 0.19), (0.19, 0.19)] {
@@ -149,7 +161,7 @@ impl Builder {
                 let odd = board % 2 == 1;
                 let (x, wide) = if odd { (-0.14 * width, 0.64 * width) } else { (0.1 * width, 0.72 * width) };
                 let tall = if odd { 0.24 } else { 0.28 };
-                let books = Material::patterned([0.95; 3], Pattern::Books(0.035), 0.75);
+                let books = Material::patterned([0.95; 3], TexturePattern::Books(0.035), 0.75);
                 self.block(x, 0.02, z + 0.025, [wide, 0.2, tall], books);
             }
         }
@@ -162,7 +174,7 @@ impl Builder {
             0.0,
             0.06,
             [width, 0.5, height],
-            Material::patterned(WHITE, Pattern::Joints(0.45), 0.4),
+            Material::patterned(WHITE, TexturePattern::Joints(0.45), 0.4),
         );
         self.block(0.0, 0.0, 0.0, [width - 0.06, 0.44, 0.06], Material::plain(STEEL));
         for x in [-0.06, 0.06] {
@@ -174,20 +186,20 @@ impl Builder {
             height + 0.06,
             0.18,
             0.24,
-            Material::patterned([0.3, 0.55, 0.4], Pattern::Stripes(0.06), 0.4),
+            Material::patterned([0.3, 0.55, 0.4], TexturePattern::Stripes(0.06), 0.4),
         );
         self.block(
             -0.2 * width,
             0.0,
             height + 0.06,
             [0.34, 0.26, 0.18],
-            Material::patterned(OAK, Pattern::Patches(0.09), 0.5),
+            Material::patterned(OAK, TexturePattern::Patches(0.09), 0.5),
         );
     }
 
     /// A sofa with cushions.
     pub(super) fn sofa(&mut self, base: [f32; 3]) {
-        let cloth = Material::patterned(base, Pattern::Stripes(0.11), 0.2);
+        let cloth = Material::patterned(base, TexturePattern::Stripes(0.11), 0.2);
         self.block(0.0, 0.0, 0.1, [1.7, 0.8, 0.32], cloth);
         self.block(0.0, 0.32, 0.42, [1.7, 0.18, 0.38], cloth);
         for x in [-0.86, 0.86] {
@@ -198,9 +210,15 @@ impl Builder {
             0.15,
             0.42,
             [0.4, 0.14, 0.34],
-            Material::patterned([0.9, 0.8, 0.3], Pattern::Checks(0.08), 0.5),
+            Material::patterned([0.9, 0.8, 0.3], TexturePattern::Checks(0.08), 0.5),
         );
-        self.ball(0.4, 0.05, 0.40, 0.3, Material::patterned([0.8, 0.35, 0.3], Pattern::Patches(0.08), 0.5));
+        self.ball(
+            0.4,
+            0.05,
+            0.40,
+            0.3,
+            Material::patterned([0.8, 0.35, 0.3], TexturePattern::Patches(0.08), 0.5),
+        );
     }
 
     /// A lamp on a stand.
@@ -213,7 +231,7 @@ impl Builder {
             1.38,
             0.36,
             0.28,
-            Material::patterned([0.95, 0.88, 0.7], Pattern::Stripes(0.07), 0.25),
+            Material::patterned([0.95, 0.88, 0.7], TexturePattern::Stripes(0.07), 0.25),
         );
     }
 
@@ -225,10 +243,10 @@ impl Builder {
             0.0,
             0.32,
             0.3,
-            Material::patterned([0.7, 0.4, 0.3], Pattern::Stripes(0.06), 0.3),
+            Material::patterned([0.7, 0.4, 0.3], TexturePattern::Stripes(0.06), 0.3),
         );
         self.column(0.0, 0.0, 0.3, 0.05, 0.5, Material::plain(OAK));
-        let leaf = Material::patterned([0.3, 0.6, 0.25], Pattern::Patches(0.04), 0.5);
+        let leaf = Material::patterned([0.3, 0.6, 0.25], TexturePattern::Patches(0.04), 0.5);
         for (x, y, z, d) in [
             (0.0, 0.0, 0.7, 0.4),
             (0.16, 0.1, 0.95, 0.3),
@@ -241,7 +259,7 @@ impl Builder {
 
     /// A bin and a pile of boxes.
     pub(super) fn boxes(&mut self) {
-        let card = |size| Material::patterned([0.75, 0.6, 0.42], Pattern::Joints(size), 0.35);
+        let card = |size| Material::patterned([0.75, 0.6, 0.42], TexturePattern::Joints(size), 0.35);
         self.block(0.0, 0.0, 0.0, [0.55, 0.4, 0.38], card(0.2));
         self.at_offset(0.0, 0.0, 14.0).block(0.02, 0.0, 0.38, [0.42, 0.34, 0.3], card(0.15));
         self.block(
@@ -249,7 +267,7 @@ impl Builder {
             0.02,
             0.68,
             [0.24, 0.24, 0.22],
-            Material::patterned([0.4, 0.6, 0.75], Pattern::Checks(0.06), 0.4),
+            Material::patterned([0.4, 0.6, 0.75], TexturePattern::Checks(0.06), 0.4),
         );
         self.column(
             0.5,
@@ -257,14 +275,14 @@ impl Builder {
             0.0,
             0.28,
             0.42,
-            Material::patterned([0.35, 0.4, 0.45], Pattern::Stripes(0.07), 0.3),
+            Material::patterned([0.35, 0.4, 0.45], TexturePattern::Stripes(0.07), 0.3),
         );
     }
 
     /// A picture that hangs at the piece's back.
     pub(super) fn picture(&mut self, z: f32, width: f32, height: f32) {
         self.block(0.0, 0.0, z, [width, 0.05, height], Material::plain(OAK));
-        let canvas = Material::patterned([0.95; 3], Pattern::Patches(0.5 * height / 3.0), 0.7);
+        let canvas = Material::patterned([0.95; 3], TexturePattern::Patches(0.5 * height / 3.0), 0.7);
         self.block(0.0, -0.01, z + 0.04, [width - 0.08, 0.05, height - 0.08], canvas);
     }
 

@@ -8,7 +8,7 @@ const TEXELS_PER_METRE: f32 = 100.0;
 
 /// A pattern over a surface; sizes in metres.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Pattern {
+pub(super) enum TexturePattern {
     /// One colour.
     Plain,
     /// Light and dark squares.
@@ -28,7 +28,7 @@ pub(super) enum Pattern {
 pub(super) struct Material {
     /// Red, green, blue, 0 to 1.
     base: [f32; 3],
-    pattern: Pattern,
+    pattern: TexturePattern,
     /// How far the pattern goes from the base colour, 0 to 1.
     strength: f32,
     /// How far the grain goes from the base colour, 0 to 1.
@@ -39,10 +39,10 @@ pub(super) struct Material {
 
 impl Material {
     pub(super) fn plain(base: [f32; 3]) -> Self {
-        Self { base, pattern: Pattern::Plain, strength: 0.0, grain: 0.5, key: 0 }
+        Self { base, pattern: TexturePattern::Plain, strength: 0.0, grain: 0.5, key: 0 }
     }
 
-    pub(super) fn patterned(base: [f32; 3], pattern: Pattern, strength: f32) -> Self {
+    pub(super) fn patterned(base: [f32; 3], pattern: TexturePattern, strength: f32) -> Self {
         Self { base, pattern, strength, grain: 0.4, key: 0 }
     }
 
@@ -71,20 +71,20 @@ impl Material {
         let cell = |value: f32, size: f32| floor(value / size);
         let factor = |value: f32| [common * value; 3];
         let by = match self.pattern {
-            Pattern::Plain => factor(1.0),
-            Pattern::Checks(size) => {
+            TexturePattern::Plain => factor(1.0),
+            TexturePattern::Checks(size) => {
                 let dark = (cell(u, size) + cell(v, size)) & 1;
                 factor(1.0 - self.strength * dark as f32)
             }
-            Pattern::Stripes(size) => factor(1.0 - self.strength * (cell(v, size) & 1) as f32),
-            Pattern::Joints(size) => {
+            TexturePattern::Stripes(size) => factor(1.0 - self.strength * (cell(v, size) & 1) as f32),
+            TexturePattern::Joints(size) => {
                 let inside = |value: f32| value / size - cell(value, size) as f32;
                 let is_joint = inside(u) < 0.04 || inside(v) < 0.04;
                 let shade = random_shade(key, cell(u, size), cell(v, size));
                 factor(if is_joint { 1.0 - self.strength } else { 0.9 + 0.2 * shade })
             }
-            Pattern::Books(size) => self.random_colour(common, cell(u, size), 0),
-            Pattern::Patches(size) => self.random_colour(common, cell(u, size), cell(v, size)),
+            TexturePattern::Books(size) => self.random_colour(common, cell(u, size), 0),
+            TexturePattern::Patches(size) => self.random_colour(common, cell(u, size), cell(v, size)),
         };
         [self.base[0] * by[0], self.base[1] * by[1], self.base[2] * by[2]]
     }

@@ -1,13 +1,13 @@
 //! A person who walks about in front of the camera: what a static world has to survive.
 
-use crate::material::{Material, Pattern};
+use crate::material::{Material, TexturePattern};
 use crate::path::Walk;
 use crate::solid::{Shape, Solid};
 
 /// The person's solids, about the place where the feet are.
 pub(super) fn solids(seed: u64) -> Vec<Solid> {
     let trousers = Material::plain([0.2, 0.25, 0.4]);
-    let shirt = Material::patterned([0.75, 0.3, 0.25], Pattern::Stripes(0.06), 0.4);
+    let shirt = Material::patterned([0.75, 0.3, 0.25], TexturePattern::Stripes(0.06), 0.4);
     let skin = Material::plain([0.85, 0.65, 0.52]);
     let parts = [
         (Shape::Cylinder, [-0.1, 0.0, 0.42], [0.17, 0.17, 0.84], trousers),

@@ -1,7 +1,7 @@
 //! The four scenes, solid by solid. World axes: z up, the floor at z = 0.
 
 use crate::furniture::Builder;
-use crate::material::{Grain, Material, Pattern};
+use crate::material::{Grain, Material, TexturePattern};
 use crate::path::HOUSE_HALF;
 use crate::solid::{Shape, Solid};
 use crate::{SceneName, person, random};
@@ -34,14 +34,14 @@ impl Scene {
 }
 
 fn wallpaper(base: [f32; 3]) -> Material {
-    Material::patterned(base, Pattern::Joints(0.4), 0.12)
+    Material::patterned(base, TexturePattern::Joints(0.4), 0.12)
 }
 
 /// A closed space: four walls, floor and ceiling, with boards on the floor.
 fn space(builder: &mut Builder, centre: [f32; 2], size: [f32; 3], base: [f32; 3]) {
     builder.at(centre[0], centre[1], 0.0);
     builder.add(Shape::Shell, [0.0, 0.0, 0.5 * size[2]], size, wallpaper(base));
-    let boards = Material::patterned([0.6, 0.45, 0.32], Pattern::Joints(0.16), 0.35);
+    let boards = Material::patterned([0.6, 0.45, 0.32], TexturePattern::Joints(0.16), 0.35);
     builder.add(Shape::Box, [0.0, 0.0, -0.05], [size[0], size[1], 0.102], boards);
 }
 
@@ -125,13 +125,13 @@ fn wall_with_door(builder: &mut Builder, length: f32, height: f32, tint: [f32; 3
     // Something to hold on to on the way to a door, on both faces: a bare wall leaves a pose free.
     for face in [-1.0, 1.0] {
         let (x, y) = (face * (0.95 + 0.12 * length), face * 0.22);
-        let chest = Material::patterned([0.7, 0.62, 0.5], Pattern::Joints(0.26), 0.5);
+        let chest = Material::patterned([0.7, 0.62, 0.5], TexturePattern::Joints(0.26), 0.5);
         builder.add(Shape::Box, [x, y, 0.4], [0.6, 0.3, 0.8], chest);
-        let vase = Material::patterned([0.35, 0.5, 0.7], Pattern::Stripes(0.05), 0.5);
+        let vase = Material::patterned([0.35, 0.5, 0.7], TexturePattern::Stripes(0.05), 0.5);
         builder.add(Shape::Cylinder, [x + 0.1, y, 0.95], [0.15, 0.15, 0.3], vase);
-        let frame = Material::patterned([0.9, 0.85, 0.8], Pattern::Patches(0.1), 0.7);
+        let frame = Material::patterned([0.9, 0.85, 0.8], TexturePattern::Patches(0.1), 0.7);
         builder.add(Shape::Box, [-x, face * 0.09, 1.4], [0.5, 0.08, 0.4], frame);
-        let heater = Material::patterned([0.85; 3], Pattern::Books(0.06), 0.3);
+        let heater = Material::patterned([0.85; 3], TexturePattern::Books(0.06), 0.3);
         builder.add(Shape::Box, [-x, face * 0.13, 0.4], [0.7, 0.12, 0.5], heater);
     }
 }

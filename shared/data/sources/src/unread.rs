@@ -9,7 +9,7 @@ use std::path::Path;
 const HEAD_BYTES: u64 = 64;
 
 /// What a file is: by its first bytes, and by its name where those say too little.
-struct Kind {
+struct UnreadKind {
     begins: &'static [u8],
     /// End of the name; empty: any.
     ends: &'static str,
@@ -18,46 +18,46 @@ struct Kind {
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [Kind; 7] = [
-    Kind {
+const KINDS: [UnreadKind; 7] = [
+    UnreadKind {
         begins: b"PK\x03\x04",
         ends: ".r3d",
         what: "a recording of Record3D",
         remedy: "it is a zip file: unzip {in} -d {stem}, then run the folder {stem}, which says what is next",
     },
-    Kind {
+    UnreadKind {
         begins: b"PK\x03\x04",
         ends: "",
         what: "a zip file",
         remedy: "unpack it: unzip {in} -d {stem}, then run the folder {stem}",
     },
-    Kind {
+    UnreadKind {
         begins: b"\x1f\x8b",
         ends: "",
         what: "a compressed archive",
         remedy: "unpack it: tar -xzf {in}, then run the folder",
     },
-    Kind {
+    UnreadKind {
         begins: b"\x1a\x45\xdf\xa3",
         ends: "",
         what: "a Matroska video, as of Azure Kinect",
         remedy: "convert it to images: python azure_kinect_mkv_reader.py --input {in} --output {stem} (of Open3D's examples), \
                  then run the folder {stem}",
     },
-    Kind {
+    UnreadKind {
         begins: b"",
         ends: ".sens",
         what: "a recording of ScanNet",
         remedy: "export it: python reader.py --filename {in} --output_path {stem} --export_depth_images \
                  --export_color_images --export_poses --export_intrinsics (of ScanNet's SensReader), then run the folder {stem}",
     },
-    Kind {
+    UnreadKind {
         begins: b"",
         ends: ".tar",
         what: "an archive",
         remedy: "unpack it: tar -xf {in}, then run the folder",
     },
-    Kind {
+    UnreadKind {
         begins: b"",
         ends: ".oni",
         what: "a recording of OpenNI",

@@ -30,6 +30,6 @@ mod widths;
 pub use calibrate::calibrate;
 pub use pairs::{PairLimits, pairs};
 pub use parameters::{N_PARAMETERS, Parameter, Parameters};
-pub use problem::{Keyframe, Problem};
+pub use problem::{CalibrationKeyframe, Problem};
 pub use solution::{Calibration, CalibrationError, Estimate, HeldDirection};
 pub use warp::SurfaceWarp;

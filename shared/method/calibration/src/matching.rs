@@ -1,6 +1,6 @@
 //! The pairs of keyframes under the present camera: surfaces moved, matched and summed.
 
-use crate::problem::{Keyframe, Problem};
+use crate::problem::{CalibrationKeyframe, Problem};
 use crate::residuals::{self, PairSums, Rule, Sides};
 use crate::warp::SurfaceWarp;
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use tessera_surface::{SurfaceView, Vertex};
 const MIN_MATCHES: usize = 30;
 
 /// A keyframe made ready under the present camera.
-struct Prepared {
+struct PreparedKeyframe {
     vertices: Vec<Vertex>,
     queries: Queries,
     shutter: ShutterTable,
@@ -30,7 +30,7 @@ pub(crate) fn match_all(
 ) -> Vec<PairSums> {
     let grid = problem.grid;
     let warp = SurfaceWarp::new(problem.made_with, camera, grid, problem.offset_px);
-    let prepare = |keyframe: &Keyframe<'_>| {
+    let prepare = |keyframe: &CalibrationKeyframe<'_>| {
         let vertices = warp.apply(keyframe.vertices);
         let mut samples = Vec::new();
         let surface = SurfaceView { grid, vertices: &vertices };
@@ -39,9 +39,9 @@ pub(crate) fn match_all(
             ShutterTable::new(camera, &keyframe.velocity, grid.height, grid.step, problem.offset_px);
         let mut queries = Queries::default();
         queries.fill(&samples, &shutter);
-        Prepared { vertices, queries, shutter }
+        PreparedKeyframe { vertices, queries, shutter }
     };
-    let prepared: Vec<Prepared> = problem.keyframes.par_iter().map(prepare).collect();
+    let prepared: Vec<PreparedKeyframe> = problem.keyframes.par_iter().map(prepare).collect();
     let limits = MatchLimits {
         first_distance_m: problem.first_distance_m as f32,
         tightness: if iteration == 1 { 0.5 } else { 1.0 },

@@ -7,7 +7,7 @@ use tessera_surface::{Grid, Vertex};
 
 /// A keyframe with its surface as `made_with` saw it.
 #[derive(Clone, Copy, Debug)]
-pub struct Keyframe<'a> {
+pub struct CalibrationKeyframe<'a> {
     /// Frame index: the seed of its samples.
     pub frame_index: u64,
     /// Pose at the frame's stamp.
@@ -34,7 +34,7 @@ pub struct Problem<'a> {
     /// Sampling, search and weights.
     pub registration: &'a RegistrationSettings,
     /// Keyframes; the first one's pose is fixed.
-    pub keyframes: &'a [Keyframe<'a>],
+    pub keyframes: &'a [CalibrationKeyframe<'a>],
     /// Pairs `(query, target)` of keyframes that see the same.
     pub pairs: &'a [(usize, usize)],
     /// Queries of a pair.

@@ -13,7 +13,7 @@ type Border = SMatrix<f64, 6, N_PARAMETERS>;
 
 /// The border and the gradient of one pose: the right-hand sides of its six rows.
 const N_SIDES: usize = N_PARAMETERS + 1;
-type Sides = SMatrix<f64, 6, N_SIDES>;
+type SideTerms = SMatrix<f64, 6, N_SIDES>;
 
 /// Damping of the poses relative to their mean information: a pose direction that no pair sees
 /// (along a corridor) stays, and the weakest real one is far stronger.
@@ -144,11 +144,11 @@ impl PoseSystem {
         let damping = POSE_DAMPING * trace / (6 * self.diagonal.len()) as f64 + f64::MIN_POSITIVE;
         let mut factor = BlockCholesky::new(n_free, &self.pattern, Isa::Auto.arch());
         factor.factorise(&self.diagonal[1..], &self.blocks, damping, &mut || ()).ok()?;
-        let sides: Vec<Sides> = self.borders[1..]
+        let sides: Vec<SideTerms> = self.borders[1..]
             .iter()
             .zip(&self.gradients[1..])
             .map(|(border, gradient)| {
-                let mut sides = Sides::zeros();
+                let mut sides = SideTerms::zeros();
                 sides.fixed_columns_mut::<N_PARAMETERS>(0).copy_from(border);
                 sides.set_column(N_PARAMETERS, gradient);
                 sides

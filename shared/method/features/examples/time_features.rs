@@ -3,8 +3,8 @@
 
 use std::time::Instant;
 use tessera_features::{
-    Correspondence, Feature, FeatureSettings, Gate, MatchSettings, MatchWorkspace, Observation, Picture,
-    PointEstimate, PoseSettings, PoseWorkspace, Workspace, estimate_pose, extract, match_features,
+    Correspondence, ExtractWorkspace, Feature, FeatureSettings, Gate, MatchSettings, MatchWorkspace,
+    Observation, Picture, PointEstimate, PoseSettings, PoseWorkspace, estimate_pose, extract, match_features,
 };
 
 /// Repetitions of each step, of which the fastest counts.
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         std::fs::read_dir(folder)?.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>()?;
     paths.sort();
     let step = (paths.len() / n_images.max(1)).max(1);
-    let (settings, mut workspace) = (FeatureSettings::default(), Workspace::new(pulp::Arch::new()));
+    let (settings, mut workspace) = (FeatureSettings::default(), ExtractWorkspace::new(pulp::Arch::new()));
     let mut matching = MatchWorkspace::new(pulp::Arch::new());
     let mut estimation = PoseWorkspace::new(pulp::Arch::new());
     let mut times: [Vec<f64>; 4] = Default::default();

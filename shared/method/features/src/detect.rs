@@ -77,7 +77,7 @@ impl CellGrid {
 
 /// Where corners can be.
 #[derive(Clone, Debug)]
-struct Part {
+struct ImagePart {
     rows: Range<usize>,
     columns: Range<usize>,
 }
@@ -97,7 +97,7 @@ pub(crate) fn detect(
         return;
     }
     scores.rows.iter_mut().for_each(|row| row.resize(width + 2 * RUN, 0));
-    let all = Part { rows: MARGIN..height - MARGIN, columns: MARGIN..width - MARGIN };
+    let all = ImagePart { rows: MARGIN..height - MARGIN, columns: MARGIN..width - MARGIN };
     scan(plane, grid, &all, threshold, &mut scores.rows, corners);
     scores.is_taken.clear();
     scores.is_taken.resize(grid.n_cells(), low >= threshold);
@@ -108,7 +108,7 @@ pub(crate) fn detect(
             // Neighbouring cells without a corner are scanned together.
             let is_taken = &scores.is_taken[row * grid.columns..][first..grid.columns];
             let n_empty = is_taken.iter().take_while(|&&is_taken| !is_taken).count();
-            let part = Part {
+            let part = ImagePart {
                 rows: grid.pixels(row, 1, &all.rows),
                 columns: grid.pixels(first, n_empty, &all.columns),
             };
@@ -123,7 +123,7 @@ pub(crate) fn detect(
 fn scan(
     plane: &Plane,
     grid: &CellGrid,
-    part: &Part,
+    part: &ImagePart,
     floor: u8,
     score_rows: &mut [Vec<u8>; 3],
     corners: &mut Vec<Corner>,

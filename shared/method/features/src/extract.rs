@@ -12,7 +12,7 @@ use crate::spread::{Cells, quotas};
 
 /// Buffers of [`extract`], which grow with the first image and stay, and the instruction set.
 #[derive(Clone, Debug)]
-pub struct Workspace {
+pub struct ExtractWorkspace {
     arch: pulp::Arch,
     pattern: Pattern,
     planes: Vec<Plane>,
@@ -29,7 +29,7 @@ struct Level {
     cells: Cells,
 }
 
-impl Workspace {
+impl ExtractWorkspace {
     /// Buffers for loops compiled for `arch`; the instruction set does not change a bit of the result.
     pub fn new(arch: pulp::Arch) -> Self {
         Self {
@@ -48,7 +48,11 @@ impl Workspace {
 /// order of level, row and column.
 ///
 /// An image without contrast, or without a pixel 18 px away from every border, has none.
-pub fn extract(picture: &Picture<'_>, settings: &FeatureSettings, workspace: &mut Workspace) -> Vec<Feature> {
+pub fn extract(
+    picture: &Picture<'_>,
+    settings: &FeatureSettings,
+    workspace: &mut ExtractWorkspace,
+) -> Vec<Feature> {
     let mut features = Vec::with_capacity(settings.max_features as usize);
     let arch = workspace.arch;
     arch.dispatch(Extraction { picture, settings, workspace, features: &mut features });
@@ -59,7 +63,7 @@ pub fn extract(picture: &Picture<'_>, settings: &FeatureSettings, workspace: &mu
 struct Extraction<'a, 'b> {
     picture: &'a Picture<'b>,
     settings: &'a FeatureSettings,
-    workspace: &'a mut Workspace,
+    workspace: &'a mut ExtractWorkspace,
     features: &'a mut Vec<Feature>,
 }
 

@@ -1,6 +1,6 @@
 //! Extraction from the frames of one camera, with buffers kept from frame to frame.
 
-use crate::extract::{Workspace, extract};
+use crate::extract::{ExtractWorkspace, extract};
 use crate::feature::Feature;
 use crate::picture::Picture;
 use crate::settings::FeatureSettings;
@@ -10,13 +10,13 @@ pub struct Extractor {
     settings: Option<FeatureSettings>,
     /// Columns and rows.
     size_px: [usize; 2],
-    workspace: Workspace,
+    workspace: ExtractWorkspace,
 }
 
 impl Extractor {
     /// An extractor for images of `size_px` columns and rows; without settings it finds nothing.
     pub fn new(settings: Option<FeatureSettings>, size_px: [usize; 2], arch: pulp::Arch) -> Self {
-        Self { settings, size_px, workspace: Workspace::new(arch) }
+        Self { settings, size_px, workspace: ExtractWorkspace::new(arch) }
     }
 
     /// Features of an image of red, green and blue bytes, row by row; none without an image, or of

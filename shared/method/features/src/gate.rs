@@ -30,7 +30,7 @@ const MAX_CELLS: usize = 64;
 
 /// A target as the grid holds it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Target {
+pub(crate) struct GateTarget {
     pub(crate) descriptor: [u64; 4],
     pub(crate) pixel: [f32; 2],
     pub(crate) level: u8,
@@ -44,7 +44,7 @@ pub(crate) struct TargetGrid {
     size: [usize; 2],
     /// Cell `c` holds `targets[starts[c]..starts[c + 1]]`, row by row, in order of features.
     starts: Vec<u32>,
-    targets: Vec<Target>,
+    targets: Vec<GateTarget>,
 }
 
 impl TargetGrid {
@@ -63,18 +63,18 @@ impl TargetGrid {
         (2..self.starts.len()).for_each(|c| self.starts[c] += self.starts[c - 1]);
         self.targets.clear();
         self.targets
-            .resize(features.len(), Target { descriptor: [0; 4], pixel: [0.0; 2], level: 0, index: 0 });
+            .resize(features.len(), GateTarget { descriptor: [0; 4], pixel: [0.0; 2], level: 0, index: 0 });
         for (i, f) in features.iter().enumerate() {
             let next = &mut self.starts[cell(f) + 1];
             let (descriptor, pixel, level) = (f.descriptor, f.pixel, f.level);
-            self.targets[*next as usize] = Target { descriptor, pixel, level, index: i as u32 };
+            self.targets[*next as usize] = GateTarget { descriptor, pixel, level, index: i as u32 };
             *next += 1;
         }
     }
 
     /// The targets that the gate admits.
     #[inline(always)]
-    pub(crate) fn within(&self, gate: &Gate) -> impl Iterator<Item = &Target> {
+    pub(crate) fn within(&self, gate: &Gate) -> impl Iterator<Item = &GateTarget> {
         let gate = *gate;
         let [rows, columns] = [0, 1].map(|k| {
             let first = index(gate.pixel[k] - gate.radius_px, self.size[k]);

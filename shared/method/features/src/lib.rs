@@ -32,11 +32,11 @@ mod pyramid;
 mod settings;
 mod spread;
 
-pub use extract::{Workspace, extract};
+pub use extract::{ExtractWorkspace, extract};
 pub use extractor::Extractor;
 pub use feature::Feature;
 pub use gate::Gate;
-pub use matching::{Match, MatchWorkspace, hamming_distance, match_features};
+pub use matching::{FeatureMatch, MatchWorkspace, hamming_distance, match_features};
 pub use picture::{Picture, PictureError, Pixels};
 pub use pose::{Correspondence, Observation, PointEstimate, PoseEstimate, PoseWorkspace, estimate_pose};
 pub use settings::{FeatureSettings, MatchSettings, PoseSettings, RangeError};

@@ -1,12 +1,12 @@
 //! Data association by descriptor: mutual nearest neighbours with a ratio test.
 
 use crate::feature::Feature;
-use crate::gate::{Gate, Target, TargetGrid};
+use crate::gate::{Gate, GateTarget, TargetGrid};
 use crate::settings::MatchSettings;
 
 /// A query feature and the target feature that it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Match {
+pub struct FeatureMatch {
     /// Index of the query.
     pub query: u32,
     /// Index of the target.
@@ -21,7 +21,7 @@ pub struct MatchWorkspace {
     arch: pulp::Arch,
     grid: TargetGrid,
     inside: Vec<(u32, [f32; 2])>,
-    candidates: Candidates,
+    candidates: MatchCandidates,
     distances: Vec<u32>,
     /// Nearest target of each query and nearest query of each target: [`key`].
     of_query: Vec<u32>,
@@ -37,7 +37,7 @@ impl MatchWorkspace {
             arch,
             grid: TargetGrid::default(),
             inside: Vec::new(),
-            candidates: Candidates::default(),
+            candidates: MatchCandidates::default(),
             distances: Vec::new(),
             of_query: Vec::new(),
             of_target: Vec::new(),
@@ -77,18 +77,18 @@ pub fn match_features(
     gates: Option<&[Gate]>,
     settings: &MatchSettings,
     workspace: &mut MatchWorkspace,
-) -> Vec<Match> {
+) -> Vec<FeatureMatch> {
     assert!(gates.is_none_or(|gates| gates.len() == queries.len()), "one gate for each query");
     assert!(queries.len().max(targets.len()) < 1 << INDEX_BITS, "indices of features fit");
     let arch = workspace.arch;
     arch.dispatch(Matching { queries, targets, gates, settings, w: workspace });
     let w = workspace;
-    let passes = |q: usize| -> Option<Match> {
+    let passes = |q: usize| -> Option<FeatureMatch> {
         let (distance, target) = (w.of_query[q] >> INDEX_BITS, w.of_query[q] & ((1 << INDEX_BITS) - 1));
         let is_near = distance <= settings.max_distance.min(256);
         let is_mutual = is_near && w.of_target[target as usize] == key(distance, q as u32);
         let is_distinct = distance as f32 <= settings.max_ratio * w.second[q] as f32;
-        (is_mutual && is_distinct).then_some(Match { query: q as u32, target, distance })
+        (is_mutual && is_distinct).then_some(FeatureMatch { query: q as u32, target, distance })
     };
     (0..queries.len()).filter_map(passes).collect()
 }
@@ -137,7 +137,7 @@ impl MatchWorkspace {
     fn match_gated(&mut self, q: u32, (query, gate): (&Feature, &Gate), settings: &MatchSettings) {
         self.inside.clear();
         let (mut nearest, mut pixel) = (key(REFUSED, 0), [0.0; 2]);
-        for Target { descriptor, pixel: at, level, index } in self.grid.within(gate) {
+        for GateTarget { descriptor, pixel: at, level, index } in self.grid.within(gate) {
             if u32::from(query.level.abs_diff(*level)) > settings.max_level_difference {
                 continue;
             }
@@ -177,14 +177,14 @@ fn is_elsewhere(pixel: [f32; 2], corner: [f32; 2], same_corner_px: f32) -> bool 
 
 /// All targets as columns, so that loops over them vectorise.
 #[derive(Clone, Debug, Default)]
-struct Candidates {
+struct MatchCandidates {
     descriptor: Vec<[u64; 4]>,
     level: Vec<u32>,
     row: Vec<f32>,
     column: Vec<f32>,
 }
 
-impl Candidates {
+impl MatchCandidates {
     fn fill(&mut self, targets: &[Feature]) {
         self.descriptor.clear();
         self.descriptor.extend(targets.iter().map(|target| target.descriptor));
@@ -257,7 +257,12 @@ mod tests {
     }
 
     /// The definition, pair by pair.
-    fn reference(q: &[Feature], t: &[Feature], gates: Option<&[Gate]>, s: &MatchSettings) -> Vec<Match> {
+    fn reference(
+        q: &[Feature],
+        t: &[Feature],
+        gates: Option<&[Gate]>,
+        s: &MatchSettings,
+    ) -> Vec<FeatureMatch> {
         let distance = |i: usize, j: usize| {
             let gate = gates.map_or(Gate::ANYWHERE, |gates| gates[i]);
             let [row, column] = [0, 1].map(|k| t[j].pixel[k] - gate.pixel[k]);
@@ -273,7 +278,7 @@ mod tests {
             let second =
                 (0..t.len()).filter(is_elsewhere).filter_map(|k| distance(i, k)).min().unwrap_or(511);
             let passes = back == i && d <= s.max_distance && d as f32 <= s.max_ratio * second as f32;
-            passes.then_some(Match { query: i as u32, target: j as u32, distance: d })
+            passes.then_some(FeatureMatch { query: i as u32, target: j as u32, distance: d })
         };
         (0..q.len()).filter_map(of).collect()
     }
@@ -320,7 +325,7 @@ mod tests {
         let settings = MatchSettings { max_ratio: 1.0, ..MatchSettings::default() };
         let found =
             match_features(&queries, &targets, None, &settings, &mut MatchWorkspace::new(pulp::Arch::new()));
-        assert_eq!(found, [Match { query: 0, target: 1, distance: 0 }]);
+        assert_eq!(found, [FeatureMatch { query: 0, target: 1, distance: 0 }]);
         let strict = MatchSettings::default();
         targets[1].descriptor[0] ^= 1;
         targets[2].descriptor[0] ^= 2;

@@ -3,8 +3,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 use tessera_features::{
-    Feature, FeatureSettings, Match, MatchSettings, MatchWorkspace, Picture, Workspace, extract,
-    hamming_distance, match_features,
+    ExtractWorkspace, Feature, FeatureMatch, FeatureSettings, MatchSettings, MatchWorkspace, Picture,
+    extract, hamming_distance, match_features,
 };
 
 const SIZE: [usize; 2] = [640, 480];
@@ -65,10 +65,10 @@ impl Texture {
 
 fn features(image: &[u8], [width, height]: [usize; 2]) -> Vec<Feature> {
     let picture = Picture::grey(width, height, image).unwrap();
-    extract(&picture, &FeatureSettings::default(), &mut Workspace::new(pulp::Arch::new()))
+    extract(&picture, &FeatureSettings::default(), &mut ExtractWorkspace::new(pulp::Arch::new()))
 }
 
-fn matches(queries: &[Feature], targets: &[Feature]) -> Vec<Match> {
+fn matches(queries: &[Feature], targets: &[Feature]) -> Vec<FeatureMatch> {
     let mut workspace = MatchWorkspace::new(pulp::Arch::new());
     match_features(queries, targets, None, &MatchSettings::default(), &mut workspace)
 }
@@ -216,7 +216,7 @@ fn rgb_of_equal_channels_is_nearly_grey() {
     let grey = Texture::new(5).image(SIZE, |x, y| [x, y]);
     let rgb: Vec<u8> = grey.iter().flat_map(|&v| [v; 3]).collect();
     let picture = Picture::rgb(640, 480, &rgb).unwrap();
-    let found = extract(&picture, &FeatureSettings::default(), &mut Workspace::new(pulp::Arch::new()));
+    let found = extract(&picture, &FeatureSettings::default(), &mut ExtractWorkspace::new(pulp::Arch::new()));
     assert_eq!(found, features(&grey, SIZE));
 }
 
@@ -228,7 +228,7 @@ fn the_same_bits_for_every_instruction_set_and_whatever_came_before() {
     let settings = FeatureSettings::default();
     let first = features(&image, SIZE);
     assert_eq!(first.len(), settings.max_features as usize);
-    let mut scalar = Workspace::new(pulp::Arch::Scalar);
+    let mut scalar = ExtractWorkspace::new(pulp::Arch::Scalar);
     assert_eq!(extract(&picture, &settings, &mut scalar), first);
     let small = texture.image([176, 144], |x, y| [x, y]);
     extract(&Picture::grey(176, 144, &small).unwrap(), &settings, &mut scalar);

@@ -14,7 +14,7 @@ const PADDED_SIDE: i32 = SIDE + 2;
 
 /// A vertex, named by the cube of voxels that it lies in.
 #[derive(Clone, Copy)]
-struct Corner {
+struct VoxelCorner {
     cube: [i32; 3],
     position: [f32; 3],
     normal: [f32; 3],
@@ -24,7 +24,7 @@ struct Corner {
 /// Triangles of one block.
 #[derive(Default)]
 struct Piece {
-    vertices: Vec<Corner>,
+    vertices: Vec<VoxelCorner>,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -61,7 +61,7 @@ fn piece(volume: &Volume, place: &[i32; 3], buffer: &mut SurfaceNetsBuffer) -> P
     let field: Vec<f32> = voxels.iter().map(|v| if v.weight > 0.0 { v.distance } else { 1.0 }).collect();
     surface_nets(&field, &Padded {}, [0; 3], [PADDED_SIDE as u32 - 1; 3], buffer);
     let voxel_m = volume.voxel_m();
-    let vertices: Vec<Corner> = (0..buffer.positions.len())
+    let vertices: Vec<VoxelCorner> = (0..buffer.positions.len())
         .map(|k| {
             let corner = buffer.surface_points[k].map(|c| c as i32);
             let cube: [i32; 3] = std::array::from_fn(|axis| place[axis] * SIDE + corner[axis] - 1);
@@ -70,7 +70,7 @@ fn piece(volume: &Volume, place: &[i32; 3], buffer: &mut SurfaceNetsBuffer) -> P
                 let voxels = f64::from(buffer.positions[k][axis]) - 0.5 + f64::from(place[axis] * SIDE);
                 (voxels * voxel_m) as f32
             });
-            Corner { cube, position, normal: unit(buffer.normals[k]), rgb: colour(&voxels, corner) }
+            VoxelCorner { cube, position, normal: unit(buffer.normals[k]), rgb: colour(&voxels, corner) }
         })
         .collect();
     let is_seen: Vec<bool> = buffer

@@ -19,7 +19,7 @@ pub struct View<'a> {
 
 /// What a view knows of a point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct SeenPoint {
     /// Signed distance to the surface, metres; positive in front.
     pub(crate) distance_m: f32,
     /// Depth of the surface there, metres.
@@ -31,13 +31,13 @@ pub(crate) struct Seen {
 }
 
 /// A view with its poses tabulated for every row of the grid.
-pub(crate) struct Prepared<'a> {
+pub(crate) struct PreparedView<'a> {
     view: &'a View<'a>,
     camera_from_world: Vec<Isometry3<f32>>,
     world_from_camera: Vec<Pose>,
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedView<'a> {
     pub(crate) fn new(view: &'a View<'a>) -> Self {
         let grid = &view.surface.grid;
         let shutter = RollingShutter::new(view.camera, &view.velocity, grid.step);
@@ -62,7 +62,7 @@ impl<'a> Prepared<'a> {
     }
 
     /// How far a point of the world is from the surface; `None` where nothing was measured.
-    pub(crate) fn look(&self, point: &Vector3<f32>, max_depth_m: f32) -> Option<Seen> {
+    pub(crate) fn look(&self, point: &Vector3<f32>, max_depth_m: f32) -> Option<SeenPoint> {
         let grid = &self.view.surface.grid;
         // The row decides on the pose, and the pose on the row: once more from where it falls first.
         let middle = grid.height / 2;
@@ -97,8 +97,8 @@ impl<'a> Prepared<'a> {
     }
 
     /// The mean of the corners of a quad; none where it is no quad of one surface.
-    fn mean(&self, at: &Vector3<f32>, corners: [(usize, f32); 4], max_depth_m: f32) -> Option<Seen> {
-        let mut seen = Seen { distance_m: 0.0, depth_m: 0.0, cosine: 0.0, rgb: [0.0; 3] };
+    fn mean(&self, at: &Vector3<f32>, corners: [(usize, f32); 4], max_depth_m: f32) -> Option<SeenPoint> {
+        let mut seen = SeenPoint { distance_m: 0.0, depth_m: 0.0, cosine: 0.0, rgb: [0.0; 3] };
         let mut depths = [f32::INFINITY, f32::NEG_INFINITY];
         for (k, weight) in corners {
             let vertex = &self.view.surface.vertices[k];

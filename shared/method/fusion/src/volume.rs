@@ -4,7 +4,7 @@ use crate::block::{Block, N, SIDE, Voxel};
 use crate::extract;
 use crate::mesh::Mesh;
 use crate::settings::FusionSettings;
-use crate::view::{Prepared, View};
+use crate::view::{PreparedView, View};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -52,7 +52,7 @@ impl Volume {
     /// Where it would take more memory than allowed; the field then holds what it held before,
     /// and some blocks that nothing was fused into.
     pub fn integrate(&mut self, view: &View<'_>) -> Result<(), FusionError> {
-        let prepared = Prepared::new(view);
+        let prepared = PreparedView::new(view);
         let touched = self.touch(&prepared)?;
         let (voxel_m, truncation_m) = (self.settings.voxel_m as f32, self.truncation_m() as f32);
         let max_depth_m = self.settings.max_depth_m as f32;
@@ -90,7 +90,7 @@ impl Volume {
     }
 
     /// Makes the blocks near the view's surface; says of each block whether it is one of them.
-    fn touch(&mut self, prepared: &Prepared<'_>) -> Result<Vec<bool>, FusionError> {
+    fn touch(&mut self, prepared: &PreparedView<'_>) -> Result<Vec<bool>, FusionError> {
         let edge_m = self.settings.voxel_m * f64::from(SIDE);
         let truncation_m = self.truncation_m();
         let n_steps = (2.0 * truncation_m / (0.5 * edge_m)).ceil() as i32;

@@ -28,9 +28,9 @@ const PRODUCTS_OF_A_PART: usize = 1 << 16;
 /// A 6x6 block by columns.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Block([[f64; ROWS]; 6]);
+struct Block6([[f64; ROWS]; 6]);
 
-impl Block {
+impl Block6 {
     const ZERO: Self = Self([[0.0; ROWS]; 6]);
 
     fn add(&mut self, from: &Matrix6, is_transposed: bool) {
@@ -51,8 +51,8 @@ pub struct BlockCholesky {
     /// its place in `lower`.
     row_starts: Vec<usize>,
     in_row: Vec<(u32, u32)>,
-    diagonal: Vec<Block>,
-    lower: Vec<Block>,
+    diagonal: Vec<Block6>,
+    lower: Vec<Block6>,
     /// Place in `lower` of a row of the column at work.
     place_of_row: Vec<u32>,
     arch: pulp::Arch,
@@ -82,12 +82,12 @@ impl BlockCholesky {
                 *at += 1;
             }
         }
-        let lower = vec![Block::ZERO; elimination.rows.len()];
+        let lower = vec![Block6::ZERO; elimination.rows.len()];
         Self {
             goes,
             row_starts,
             in_row,
-            diagonal: vec![Block::ZERO; n],
+            diagonal: vec![Block6::ZERO; n],
             lower,
             place_of_row: vec![0; n],
             elimination,
@@ -107,8 +107,8 @@ impl BlockCholesky {
         lambda: f64,
         progress: &mut dyn FnMut(),
     ) -> Result<(), NotPositiveDefinite> {
-        self.diagonal.fill(Block::ZERO);
-        self.lower.fill(Block::ZERO);
+        self.diagonal.fill(Block6::ZERO);
+        self.lower.fill(Block6::ZERO);
         let damping = Matrix6::identity() * lambda;
         for (block, &place) in diagonal.iter().zip(&self.elimination.place) {
             self.diagonal[place].add(&(block + damping), false);
@@ -231,7 +231,7 @@ impl pulp::WithSimd for Factorise<'_, '_> {
 
 /// `c -= a b^T`.
 #[inline(always)]
-fn subtract_product(c: &mut Block, a: &Block, b: &Block) {
+fn subtract_product(c: &mut Block6, a: &Block6, b: &Block6) {
     for j in 0..6 {
         let mut column = c.0[j];
         for k in 0..6 {
@@ -246,7 +246,7 @@ fn subtract_product(c: &mut Block, a: &Block, b: &Block) {
 
 /// The lower triangle becomes `L` with `a = L L^T`; what is above it means nothing.
 #[inline(always)]
-fn factorise_block(a: &mut Block) -> Result<(), NotPositiveDefinite> {
+fn factorise_block(a: &mut Block6) -> Result<(), NotPositiveDefinite> {
     for k in 0..6 {
         let square = a.0[k][k];
         if !(square > 0.0 && square.is_finite()) {
@@ -268,7 +268,7 @@ fn factorise_block(a: &mut Block) -> Result<(), NotPositiveDefinite> {
 
 /// `x = x L^-T`.
 #[inline(always)]
-fn divide(x: &mut Block, l: &Block) {
+fn divide(x: &mut Block6, l: &Block6) {
     for k in 0..6 {
         let mut column = x.0[k];
         for m in 0..k {

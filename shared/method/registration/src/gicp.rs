@@ -39,7 +39,7 @@ impl pulp::WithSimd for Accumulate<'_> {
     }
 }
 
-type Sums = [Lanes; 73];
+type GicpSums = [Lanes; 73];
 
 #[inline(always)]
 fn accumulate(it: &Accumulate<'_>) -> BlockSums {
@@ -61,7 +61,7 @@ fn accumulate(it: &Accumulate<'_>) -> BlockSums {
 
 /// Adds eight places.
 #[inline(always)]
-fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut Sums) {
+fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut GicpSums) {
     let found = it.found;
     let w = Lanes::load(&found.weight, at);
     let (e, na, nb) = (found.e.load(at), found.na.load(at), found.nb.load(at));

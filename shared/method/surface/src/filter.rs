@@ -1,7 +1,7 @@
 //! The multilateral filter of points and normals over mesh rings (eq. 6-7; method 2).
 
 use crate::normals::towards_camera;
-use crate::planes::{Layout, RowSums, Run, Workspace};
+use crate::planes::{PlaneLayout, PlaneRun, RowSums, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{BoundaryRule, SurfaceSettings};
 
@@ -56,7 +56,7 @@ fn exp_negative(x: f32) -> f32 {
 /// what a row needs is still in the cache.
 #[inline(always)]
 fn one_ring(settings: &SurfaceSettings, w: &mut Workspace) {
-    let Layout { grid, stride } = w.layout;
+    let PlaneLayout { grid, stride } = w.layout;
     let n = grid.width;
     for row in 0..grid.height {
         let start = w.layout.row(row);
@@ -103,8 +103,8 @@ fn one_ring(settings: &SurfaceSettings, w: &mut Workspace) {
 #[inline(always)]
 fn weight_row(
     s: &SurfaceSettings,
-    points: [Run<'_>; 2],
-    normals: [Run<'_>; 2],
+    points: [PlaneRun<'_>; 2],
+    normals: [PlaneRun<'_>; 2],
     intensity: [&[f32]; 2],
     edge: &[f32],
     out: &mut [f32],
@@ -118,7 +118,7 @@ fn weight_row(
 }
 
 /// A vertex's own run of values, and those of its neighbours.
-type Around<'a> = (Run<'a>, [Run<'a>; 6]);
+type Around<'a> = (PlaneRun<'a>, [PlaneRun<'a>; 6]);
 
 impl RowSums {
     #[inline(always)]
@@ -158,7 +158,7 @@ fn weighted_sums(weights: [&[f32]; 6], at: &[f32], around: [&[f32]; 6], out: &mu
 fn finish_row(
     s: &SurfaceSettings,
     sums: &RowSums,
-    raw: (Run<'_>, Run<'_>),
+    raw: (PlaneRun<'_>, PlaneRun<'_>),
     n_quads: &[f32],
     [px, py, pz]: [&mut [f32]; 3],
     [ux, uy, uz]: [&mut [f32]; 3],
@@ -179,8 +179,8 @@ fn finish_row(
 fn point_row(
     boundary: BoundaryRule,
     weights: &[f32],
-    sum: Run<'_>,
-    (p, u): (Run<'_>, Run<'_>),
+    sum: PlaneRun<'_>,
+    (p, u): (PlaneRun<'_>, PlaneRun<'_>),
     n_quads: &[f32],
     x: &mut [f32],
     y: &mut [f32],
@@ -197,8 +197,8 @@ fn point_row(
 #[inline(always)]
 fn turn_row(
     weights: &[f32],
-    sum: Run<'_>,
-    (p, u): (Run<'_>, Run<'_>),
+    sum: PlaneRun<'_>,
+    (p, u): (PlaneRun<'_>, PlaneRun<'_>),
     x: &mut [f32],
     y: &mut [f32],
     z: &mut [f32],

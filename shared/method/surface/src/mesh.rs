@@ -1,6 +1,6 @@
 //! Edges between neighbours of the grid, and quads of four of them (eq. 1-4; method 1.2-1.5).
 
-use crate::planes::{Layout, QuadMesh, Run, Workspace};
+use crate::planes::{PlaneLayout, PlaneRun, QuadMesh, Workspace};
 use crate::settings::{EdgeRule, SurfaceSettings};
 use tessera_geometry::DepthNoise;
 
@@ -57,7 +57,7 @@ impl EdgeTest {
 /// Fills edges, quads and the number of quads around each vertex.
 #[inline(always)]
 pub(crate) fn build(test: EdgeTest, w: &mut Workspace) {
-    let Layout { grid, stride } = w.layout;
+    let PlaneLayout { grid, stride } = w.layout;
     let n = grid.width;
     for row in 0..grid.height {
         let start = w.layout.row(row);
@@ -91,7 +91,7 @@ pub(crate) fn build(test: EdgeTest, w: &mut Workspace) {
 // without that it makes no vectors of loops over so many planes.
 
 #[inline(always)]
-fn edge_row(test: EdgeTest, a: Run<'_>, b: Run<'_>, out: &mut [f32]) {
+fn edge_row(test: EdgeTest, a: PlaneRun<'_>, b: PlaneRun<'_>, out: &mut [f32]) {
     let n = out.len();
     let (ax, ay, az) = (&a.x[..n], &a.y[..n], &a.z[..n]);
     let (bx, by, bz) = (&b.x[..n], &b.y[..n], &b.z[..n]);

@@ -1,6 +1,6 @@
 //! Normals from the quads around a vertex (eq. 8; method 3).
 
-use crate::planes::{Layout, Run, Workspace};
+use crate::planes::{PlaneLayout, PlaneRun, Workspace};
 
 /// Least cosine between a normal and the line of sight, 81 degrees: beyond it noise flips normals
 /// (method T16), so the vertex is dropped.
@@ -20,7 +20,7 @@ pub(crate) enum From {
 #[inline(always)]
 pub(crate) fn fill(w: &mut Workspace, from: From) {
     quad_normals(w, from);
-    let Layout { grid, stride } = w.layout;
+    let PlaneLayout { grid, stride } = w.layout;
     let n = grid.width;
     let (points, normals) = match from {
         From::Raw => (&w.points, &mut w.normals),
@@ -36,7 +36,7 @@ pub(crate) fn fill(w: &mut Workspace, from: From) {
 }
 
 #[inline(always)]
-fn normal_row(quads: [Run<'_>; 4], p: Run<'_>, x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
+fn normal_row(quads: [PlaneRun<'_>; 4], p: PlaneRun<'_>, x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
     let n = x.len();
     let ([here, left, above, corner], p) = (quads.map(|q| q.first(n)), p.first(n));
     let (y, z) = (&mut y[..n], &mut z[..n]);
@@ -66,7 +66,7 @@ pub(crate) fn towards_camera(n: [f32; 3], p: [f32; 3], min_view_cosine: f32) -> 
 
 #[inline(always)]
 fn quad_normals(w: &mut Workspace, from: From) {
-    let Layout { grid, stride } = w.layout;
+    let PlaneLayout { grid, stride } = w.layout;
     let n = grid.width;
     let points = if from == From::Raw { &w.points } else { &w.filtered_points };
     for row in 0..grid.height {
@@ -78,7 +78,7 @@ fn quad_normals(w: &mut Workspace, from: From) {
 }
 
 #[inline(always)]
-fn quad_row(corners: [Run<'_>; 4], quad: &[f32], x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
+fn quad_row(corners: [PlaneRun<'_>; 4], quad: &[f32], x: &mut [f32], y: &mut [f32], z: &mut [f32]) {
     let n = x.len();
     let [a, b, c, d] = corners.map(|q| q.first(n));
     let (quad, y, z) = (&quad[..n], &mut y[..n], &mut z[..n]);

@@ -36,7 +36,7 @@ pub struct UnpackError {
 /// Where `vertices` are not as many as the grid has.
 pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
-    let mut rows = Rows::new(grid.width);
+    let mut rows = RoundedRows::new(grid.width);
     let mut writer = RiceWriter::default();
     let mut codes = Vec::with_capacity(grid.width);
     for line in vertices.chunks_exact(grid.width) {
@@ -63,7 +63,7 @@ pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
 /// Where the bytes are not of a surface of this grid.
 pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
     let error = UnpackError { width: grid.width, height: grid.height };
-    let mut rows = Rows::new(grid.width);
+    let mut rows = RoundedRows::new(grid.width);
     let mut reader = RiceReader::new(bytes);
     let mut vertices = Vec::with_capacity(grid.len());
     let mut codes = vec![0; grid.width];
@@ -86,7 +86,7 @@ pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
 
 /// What [`unpack`] makes of what [`pack`] makes of the vertices: a surface as a keyframe keeps it.
 pub fn rounded(vertices: &[Vertex]) -> Vec<Vertex> {
-    let mut rows = Rows::new(1);
+    let mut rows = RoundedRows::new(1);
     let round = |vertex| {
         rows.set(0, vertex);
         rows.vertex(0)
@@ -113,13 +113,13 @@ fn undo_changes(flags: &mut [u32]) {
 }
 
 /// The row in work and the one above it, as integers.
-struct Rows {
+struct RoundedRows {
     flags: Vec<u32>,
     current: [Vec<i32>; NUMBERS.len()],
     above: [Vec<i32>; NUMBERS.len()],
 }
 
-impl Rows {
+impl RoundedRows {
     fn new(width: usize) -> Self {
         let zeros = || std::array::from_fn(|_| vec![0; width]);
         Self { flags: vec![0; width], current: zeros(), above: zeros() }

@@ -7,12 +7,12 @@ use crate::vertex::Grid;
 
 /// Where a grid lies in a padded plane.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Layout {
+pub(crate) struct PlaneLayout {
     pub(crate) grid: Grid,
     pub(crate) stride: usize,
 }
 
-impl Layout {
+impl PlaneLayout {
     pub(crate) fn new(grid: Grid) -> Self {
         Self { grid, stride: grid.width + 2 }
     }
@@ -53,8 +53,8 @@ impl Planes3 {
 
     /// The three runs of `n` values from `start`.
     #[inline(always)]
-    pub(crate) fn run(&self, start: usize, n: usize) -> Run<'_> {
-        Run { x: &self.x[start..start + n], y: &self.y[start..start + n], z: &self.z[start..start + n] }
+    pub(crate) fn run(&self, start: usize, n: usize) -> PlaneRun<'_> {
+        PlaneRun { x: &self.x[start..start + n], y: &self.y[start..start + n], z: &self.z[start..start + n] }
     }
 
     /// The three runs of `n` values from `start`, to write.
@@ -66,13 +66,13 @@ impl Planes3 {
 
 /// A run of points or normals along a row.
 #[derive(Clone, Copy)]
-pub(crate) struct Run<'a> {
+pub(crate) struct PlaneRun<'a> {
     pub(crate) x: &'a [f32],
     pub(crate) y: &'a [f32],
     pub(crate) z: &'a [f32],
 }
 
-impl<'a> Run<'a> {
+impl<'a> PlaneRun<'a> {
     /// The first `n`, so that the compiler sees one length for all.
     #[inline(always)]
     pub(crate) fn first(self, n: usize) -> Self {
@@ -100,7 +100,7 @@ pub(crate) struct QuadMesh {
 /// All that is kept between the steps of one reconstruction; reused from frame to frame.
 #[derive(Debug)]
 pub(crate) struct Workspace {
-    pub(crate) layout: Layout,
+    pub(crate) layout: PlaneLayout,
     /// Points; `z == 0` where there is no measurement.
     pub(crate) points: Planes3,
     /// Brightness in `[0, 1]`.
@@ -130,7 +130,7 @@ pub(crate) struct RowSums {
 
 impl Workspace {
     pub(crate) fn new(grid: Grid) -> Self {
-        let layout = Layout::new(grid);
+        let layout = PlaneLayout::new(grid);
         let len = layout.len();
         let plane = || vec![0.0; len];
         Self {

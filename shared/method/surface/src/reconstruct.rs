@@ -4,7 +4,7 @@ use crate::cloud::CloudMaker;
 use crate::filter;
 use crate::mesh::{self, EdgeTest};
 use crate::normals::{self, From};
-use crate::planes::{Layout, Workspace};
+use crate::planes::{PlaneLayout, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SurfaceSettings};
 use crate::vertex::{Grid, Vertex};
@@ -58,7 +58,7 @@ impl Reconstructor {
             cloud: CloudMaker::new(camera, settings),
             test: EdgeTest::new(settings),
             workspace: Workspace::new(grid),
-            walk: (settings.filter_rings > 1).then(|| RingWalk::new(Layout::new(grid))),
+            walk: (settings.filter_rings > 1).then(|| RingWalk::new(PlaneLayout::new(grid))),
             n_measured: 0,
             arch: settings.isa.arch(),
             steps: Steps::default(),

@@ -1,6 +1,6 @@
 //! Neighbours of a vertex along valid mesh edges, up to four rings away (method 2.2).
 
-use crate::planes::{Layout, QuadMesh};
+use crate::planes::{PlaneLayout, QuadMesh};
 
 /// Collects the vertices at graph distance `1..=rings` of one, in order of distance.
 pub(crate) struct RingWalk {
@@ -11,7 +11,7 @@ pub(crate) struct RingWalk {
 }
 
 impl RingWalk {
-    pub(crate) fn new(layout: Layout) -> Self {
+    pub(crate) fn new(layout: PlaneLayout) -> Self {
         Self { found: Vec::with_capacity(61), reached: vec![0; layout.len()], walk: 0 }
     }
 

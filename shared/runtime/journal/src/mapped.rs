@@ -16,9 +16,9 @@ pub struct StoreView {
 
 /// A block, mapped and checked.
 #[derive(Debug)]
-pub struct Block(Mmap);
+pub struct StoredBlock(Mmap);
 
-impl Block {
+impl StoredBlock {
     /// Its bytes, on a 64-byte border.
     pub fn bytes(&self) -> &[u8] {
         &self.0
@@ -54,7 +54,7 @@ impl StoreView {
     ///
     /// # Errors
     /// Where the block lies outside the file or does not hold what its checksum says.
-    pub fn map(&self, slot: &Slot) -> Result<Block, JournalError> {
+    pub fn map(&self, slot: &Slot) -> Result<StoredBlock, JournalError> {
         self.check(slot)?;
         let len = usize::try_from(slot.len).map_err(|_| self.wrong(slot, "are too many".into()))?;
         // SAFETY: the store is append-only: the writer never shortens it and never writes to a
@@ -65,7 +65,7 @@ impl StoreView {
         if crc != slot.crc {
             return Err(self.wrong(slot, format!("have checksum {crc:08x}, expected {:08x}", slot.crc)));
         }
-        Ok(Block(block))
+        Ok(StoredBlock(block))
     }
 
     fn wrong(&self, slot: &Slot, problem: String) -> JournalError {

@@ -22,7 +22,7 @@ pub struct Chain {
 
 /// A whole part of a journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part<'b> {
+pub struct FilePart<'b> {
     /// All its bytes.
     pub len: usize,
     /// What it holds; nothing of the header.
@@ -55,12 +55,12 @@ impl Chain {
     ///
     /// # Errors
     /// Where they can never become such a part; names the file as `path`.
-    pub fn step<'b>(&mut self, bytes: &'b [u8], path: &Path) -> Result<Option<Part<'b>>, JournalError> {
+    pub fn step<'b>(&mut self, bytes: &'b [u8], path: &Path) -> Result<Option<FilePart<'b>>, JournalError> {
         if !self.has_header {
             let is_whole = bytes.len() >= FILE_HEADER_BYTES
                 && check_file_header(bytes, self.kind, path)? == FileStart::Whole;
             self.has_header = is_whole;
-            return Ok(is_whole.then_some(Part { len: FILE_HEADER_BYTES, payload: None }));
+            return Ok(is_whole.then_some(FilePart { len: FILE_HEADER_BYTES, payload: None }));
         }
         let Some(header) = bytes.get(..RECORD_HEADER_BYTES) else { return Ok(None) };
         let (len, crc) = record_header(header).ok_or_else(|| self.broken(path, "have no record header"))?;
@@ -69,7 +69,7 @@ impl Chain {
             return Err(self.broken(path, "have a checksum that does not match"));
         }
         self.mark = self.mark.behind(len, crc);
-        Ok(Some(Part { len: RECORD_HEADER_BYTES + len, payload: Some(payload) }))
+        Ok(Some(FilePart { len: RECORD_HEADER_BYTES + len, payload: Some(payload) }))
     }
 
     fn broken(&self, path: &Path, problem: &str) -> JournalError {

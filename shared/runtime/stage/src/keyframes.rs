@@ -4,7 +4,7 @@ use crate::error::StageError;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tessera_features::Feature;
-use tessera_journal::{Block, JournalError, Slot, StoreView};
+use tessera_journal::{JournalError, Slot, StoreView, StoredBlock};
 use tessera_messages::{load_surface, max_stored_bytes};
 use tessera_slam::{AlignRecord, KeyframeSurfaces, StoreSlot};
 use tessera_surface::{Grid, Vertex};
@@ -30,7 +30,7 @@ pub struct StoredKeyframes {
     view: StoreView,
     grid: Grid,
     /// By keyframe id.
-    keyframes: Vec<Keyframe>,
+    keyframes: Vec<StoredKeyframe>,
     /// What was found when a keyframe was read.
     damage: OnceLock<StageError>,
     /// A surface without a measurement, in place of a damaged one.
@@ -40,15 +40,15 @@ pub struct StoredKeyframes {
 }
 
 #[derive(Debug)]
-struct Keyframe {
+struct StoredKeyframe {
     slot: StoreSlot,
     /// `None`: it is damaged.
-    surface: OnceLock<Option<Surface>>,
+    surface: OnceLock<Option<UnpackedSurface>>,
     last_use: AtomicU64,
 }
 
 #[derive(Debug)]
-struct Surface {
+struct UnpackedSurface {
     vertices: Vec<Vertex>,
     features: Vec<Feature>,
 }
@@ -116,7 +116,7 @@ impl StoredKeyframes {
         }
         self.view.check(&journal_slot(slot))?;
         let (surface, last_use) = (OnceLock::new(), AtomicU64::new(self.now));
-        self.keyframes.push(Keyframe { slot: *slot, surface, last_use });
+        self.keyframes.push(StoredKeyframe { slot: *slot, surface, last_use });
         Ok(())
     }
 
@@ -133,7 +133,7 @@ impl StoredKeyframes {
     ///
     /// # Errors
     /// Where it is unknown or damaged.
-    pub fn stored(&self, keyframe: u32) -> Result<Block, StageError> {
+    pub fn stored(&self, keyframe: u32) -> Result<StoredBlock, StageError> {
         let unknown = || StageError::Inconsistent(format!("there is no keyframe {keyframe}"));
         let slot = self.keyframes.get(keyframe as usize).map(|keyframe| keyframe.slot).ok_or_else(unknown)?;
         Ok(self.view.map(&journal_slot(&slot))?)
@@ -168,19 +168,19 @@ impl StoredKeyframes {
     }
 
     /// The surface of a keyframe; none of one that is unknown or damaged.
-    fn surface(&self, keyframe: u32) -> Option<&Surface> {
+    fn surface(&self, keyframe: u32) -> Option<&UnpackedSurface> {
         let keyframe = self.keyframes.get(keyframe as usize)?;
         keyframe.last_use.store(self.now, Ordering::Relaxed);
         let read = || self.read(&keyframe.slot).map_err(|error| self.damage.set(error)).ok();
         keyframe.surface.get_or_init(read).as_ref()
     }
 
-    fn read(&self, slot: &StoreSlot) -> Result<Surface, StageError> {
+    fn read(&self, slot: &StoreSlot) -> Result<UnpackedSurface, StageError> {
         let block = self.view.map(&journal_slot(slot))?;
         let (vertices, features) = load_surface(self.grid, block.bytes()).map_err(|error| {
             StageError::Inconsistent(format!("at {} of the keyframe store: {error}", slot.offset))
         })?;
-        Ok(Surface { vertices, features })
+        Ok(UnpackedSurface { vertices, features })
     }
 }
 

@@ -41,5 +41,5 @@ pub use notify::{NOTIFY_VARIABLES, SystemdNotifier};
 pub use probe::{PROBE_VARIABLE, PROBED, Probe};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};
-pub use stopwatch::{Distributions, Span, Stopwatch};
+pub use stopwatch::{Distributions, StepSpan, Stopwatch};
 pub use tracer::{TRACE_VARIABLE, TraceEvent, Tracer, read_trace};

@@ -17,7 +17,7 @@ const LONGEST_NANOS: u64 = 100_000_000_000;
 
 /// A named step that was under way from one time of the monotonic clock to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Span {
+pub struct StepSpan {
     /// The step.
     pub step: Step,
     /// Its beginning, nanoseconds.
@@ -33,7 +33,7 @@ pub struct Stopwatch {
     since: AtomicU64,
     nanos: [AtomicU64; N_STEPS],
     /// Each span by itself, for a trace.
-    spans: Option<Mutex<Vec<Span>>>,
+    spans: Option<Mutex<Vec<StepSpan>>>,
 }
 
 impl Stopwatch {
@@ -58,7 +58,7 @@ impl Stopwatch {
     }
 
     /// The spans since this was last asked.
-    pub fn take_spans(&self) -> Vec<Span> {
+    pub fn take_spans(&self) -> Vec<StepSpan> {
         let Some(spans) = &self.spans else { return Vec::new() };
         std::mem::take(&mut *spans.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -76,7 +76,7 @@ impl Observer for Stopwatch {
         let sum = nanos.load(Ordering::Relaxed).saturating_add(now.saturating_sub(began));
         nanos.store(sum, Ordering::Relaxed);
         if let (Some(spans), Some(step)) = (&self.spans, Step::from_number(before)) {
-            let span = Span { step, began, ended: now };
+            let span = StepSpan { step, began, ended: now };
             spans.lock().unwrap_or_else(PoisonError::into_inner).push(span);
         }
     }

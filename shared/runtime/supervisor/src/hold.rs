@@ -5,7 +5,7 @@
 //! Stages that start without a supervisor clean up after their dead predecessors themselves.
 
 use crate::failure::SupervisorError;
-use crate::outcome::{Outcome, Progress, Supervised};
+use crate::outcome::{Progress, RunOutcome, Supervised};
 use crate::plan::Plan;
 use crate::signals::Signals;
 use crate::tally::{Counters, Tally};
@@ -44,7 +44,7 @@ pub fn hold(
     let link = Link::open(identity, &prepared.layout, "supervisor")?;
     let services = link.hold_services()?;
     let beats = link.beat_subscriber()?;
-    let mut end = End::follow(&prepared.files)?;
+    let mut end = HoldEnd::follow(&prepared.files)?;
     let mut heard = Heard::default();
     let mut shared_memory_bytes = 0;
     let mut ended_at = None;
@@ -65,16 +65,16 @@ pub fn hold(
             // The stages see it too and end by themselves.
             let came = *ended_at.get_or_insert_with(Instant::now);
             if heard.have_all_finished() || came.elapsed() > GRACE {
-                break Outcome::Finished;
+                break RunOutcome::Finished;
             }
         }
         if signals.wants_stop() {
-            break Outcome::Interrupted;
+            break RunOutcome::Interrupted;
         }
         notifier.alive();
     };
     notifier.stopping();
-    tracing::info!("{}", if outcome == Outcome::Finished { "the run is done" } else { "told to stop" });
+    tracing::info!("{}", if outcome == RunOutcome::Finished { "the run is done" } else { "told to stop" });
     let stages = heard.counters();
     drop((beats, services, link));
     remove_everything(identity)?;
@@ -82,14 +82,14 @@ pub fn hold(
 }
 
 /// Looks for the run's last record: the end of the source, and the final correction if there is one.
-struct End {
+struct HoldEnd {
     records: Follower<AlignRecord>,
     /// The final request, once the source has ended.
     last_request: Option<Option<u64>>,
     last_applied: Option<u64>,
 }
 
-impl End {
+impl HoldEnd {
     fn follow(files: &RunFiles) -> Result<Self, SupervisorError> {
         let records = Follower::open(&files.align_journal(), ALIGN_JOURNAL).map_err(StageError::from)?;
         Ok(Self { records, last_request: None, last_applied: None })

@@ -6,9 +6,9 @@ use tessera_stage::{TraceEvent, Tracer, monotonic_nanos};
 
 /// Puts marks into the trace, where the run has one.
 #[derive(Debug)]
-pub(crate) struct Marks(Option<Tracer>);
+pub(crate) struct SharedMemoryMarks(Option<Tracer>);
 
-impl Marks {
+impl SharedMemoryMarks {
     /// The marks of a plan's run; the log says where they cannot be written.
     pub(crate) fn of(plan: &Plan) -> Self {
         let tracer = plan.trace_folder().map(|folder| Tracer::open(&folder, "supervisor"));

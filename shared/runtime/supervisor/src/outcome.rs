@@ -9,7 +9,7 @@ use tessera_transport::RunClaim;
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum RunOutcome {
     /// All is done.
     Finished,
     /// By Ctrl-C or SIGTERM; `resume` goes on.
@@ -22,7 +22,7 @@ pub enum Outcome {
 #[derive(Debug)]
 pub struct Supervised {
     /// How it ended.
-    pub outcome: Outcome,
+    pub outcome: RunOutcome,
     /// What each stage did.
     pub stages: BTreeMap<Stage, Counters>,
     /// Most shared memory in use at a time, bytes.

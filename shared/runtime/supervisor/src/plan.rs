@@ -1,7 +1,7 @@
 //! Plan of a run, and the run directory in which every process finds it.
 
 use crate::failure::SupervisorError;
-use crate::saved_map::SavedMap;
+use crate::saved_map::MapOnDisk;
 use std::fs::DirBuilder;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ pub struct Plan {
 }
 
 /// A run directory that is ours alone.
-pub struct Prepared {
+pub struct PreparedRun {
     pub claim: RunClaim,
     pub files: RunFiles,
     pub layout: Layout,
@@ -67,14 +67,14 @@ impl Plan {
 
     /// Takes the name, unless it is taken already (`claim`), checks the room in shared memory and
     /// writes what every process reads.
-    pub fn prepare(&self, claim: Option<RunClaim>) -> Result<Prepared, SupervisorError> {
+    pub fn prepare(&self, claim: Option<RunClaim>) -> Result<PreparedRun, SupervisorError> {
         let files = RunFiles::new(&self.run_dir);
         let is_there = files.run_file().exists();
         if is_there && !self.resume {
             return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
         }
         // Refused before anything is made.
-        let map = if is_there { None } else { SavedMap::open(&self.camera, &self.settings)? };
+        let map = if is_there { None } else { MapOnDisk::open(&self.camera, &self.settings)? };
         let expected = if is_there { RunFile::read(&files)?.map } else { None };
         let claim = claim.map_or_else(|| RunClaim::take(&self.name, &self.run_dir), Ok)?;
         let mut run = RunFile {
@@ -122,7 +122,7 @@ impl Plan {
         if recovered.n_records == 0 {
             // Also where a run's journal was lost whole: it begins again as it began.
             let map =
-                map.map_or_else(|| SavedMap::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
+                map.map_or_else(|| MapOnDisk::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
             if let Some(map) = map {
                 run.map = Some(map.plant(&mut store, &mut journal, expected)?);
             }
@@ -143,7 +143,7 @@ impl Plan {
         let _ = std::fs::remove_file(files.live_clock());
         let _ = std::fs::remove_file(files.camera_session());
         run.write(&files)?;
-        Ok(Prepared { claim, files, layout, need_bytes })
+        Ok(PreparedRun { claim, files, layout, need_bytes })
     }
 }
 

@@ -15,13 +15,13 @@ use tessera_stage::{ALIGN_JOURNAL, MapIdentity, RunFile, RunFiles, StoredKeyfram
 use tessera_transport::registered_runs;
 
 /// An earlier run whose map can be used by a run with this camera and these settings.
-pub(crate) struct SavedMap {
+pub(crate) struct MapOnDisk {
     files: RunFiles,
     keyframes: StoredKeyframes,
     record: MapRecord,
 }
 
-impl SavedMap {
+impl MapOnDisk {
     /// Reads the map that `settings` name; `None` where they name none.
     ///
     /// # Errors

@@ -2,9 +2,9 @@
 
 use crate::failure::{StageFailure, SupervisorError};
 use crate::limits::ensure_open_files;
-use crate::marks::Marks;
-use crate::outcome::{Outcome, Progress, Supervised};
-use crate::plan::{Plan, Prepared};
+use crate::marks::SharedMemoryMarks;
+use crate::outcome::{Progress, RunOutcome, Supervised};
+use crate::plan::{Plan, PreparedRun};
 use crate::signals::Signals;
 use crate::stage_process::{Meaning, describe, meaning, spawn};
 use crate::tally::Counters;
@@ -26,7 +26,7 @@ const GRACE: Duration = Duration::from_millis(1500);
 /// progress some ten times a second.
 ///
 /// # Errors
-/// Where the run cannot be started at all; a stage that fails later is an [`Outcome`].
+/// Where the run cannot be started at all; a stage that fails later is an [`RunOutcome`].
 pub fn supervise(
     plan: &Plan,
     claim: Option<RunClaim>,
@@ -61,7 +61,7 @@ pub fn supervise(
         has_dead: false,
         cleaned_at: began,
         began,
-        marks: Marks::of(plan),
+        marks: SharedMemoryMarks::of(plan),
     };
     let outcome = supervisor.run(tell);
     // However it ended: no process is left behind.
@@ -77,7 +77,7 @@ pub fn supervise(
 
 struct Supervisor<'a> {
     plan: &'a Plan,
-    prepared: &'a Prepared,
+    prepared: &'a PreparedRun,
     link: &'a Link,
     beats: &'a Subscriber<Beat>,
     signals: Signals,
@@ -88,11 +88,11 @@ struct Supervisor<'a> {
     /// When a camera's own program was last looked after: only this notices its death.
     cleaned_at: Instant,
     began: Instant,
-    marks: Marks,
+    marks: SharedMemoryMarks,
 }
 
 impl Supervisor<'_> {
-    fn run(&mut self, tell: &mut dyn FnMut(&Progress)) -> Result<Outcome, SupervisorError> {
+    fn run(&mut self, tell: &mut dyn FnMut(&Progress)) -> Result<RunOutcome, SupervisorError> {
         let mut told_at: Option<Instant> = None;
         let mut notifier = SystemdNotifier::from_environment();
         notifier.ready();
@@ -109,7 +109,7 @@ impl Supervisor<'_> {
             self.signals.wait(self.next_wait());
             self.hear()?;
             if let Some(failure) = self.reap()? {
-                return Ok(Outcome::Failed(Box::new(failure)));
+                return Ok(RunOutcome::Failed(Box::new(failure)));
             }
             self.kill_hung();
             if told_at.is_none_or(|at| at.elapsed() >= LOOK) {
@@ -121,11 +121,11 @@ impl Supervisor<'_> {
             // What is done is done: this comes before a signal that came with the end.
             if [Stage::Align, Stage::Optimise].iter().all(|&stage| self.stages[stage as usize].is_finished) {
                 tell(&self.progress());
-                return Ok(Outcome::Finished);
+                return Ok(RunOutcome::Finished);
             }
             if self.signals.wants_stop() {
                 tracing::info!("told to stop");
-                return Ok(Outcome::Interrupted);
+                return Ok(RunOutcome::Interrupted);
             }
         }
     }

@@ -47,7 +47,7 @@ pub fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<String>, Too
     let cloud = wanted.cloud.as_deref().map(|path| cloud_form(path).map(|form| (path, form))).transpose()?;
     let mesh_file =
         wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
-    let trajectories = [(&wanted.kitti, poses::kitti as poses::Form), (&wanted.euroc, poses::euroc)];
+    let trajectories = [(&wanted.kitti, poses::kitti as poses::PoseForm), (&wanted.euroc, poses::euroc)];
     let mut written = Vec::new();
     let maps = [&wanted.cloud, &wanted.mesh, &wanted.mcap];
     if maps.iter().all(|path| path.is_none()) && wanted.kitti.is_none() && wanted.euroc.is_none() {

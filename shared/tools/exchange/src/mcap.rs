@@ -28,13 +28,13 @@ pub(crate) struct Contents<'a> {
 type Buffer = Cursor<Vec<u8>>;
 
 /// Channels as they are made, and messages behind them.
-struct Topics {
+struct ExportTopics {
     writer: Writer<Buffer>,
     channels: BTreeMap<&'static str, u16>,
     sequence: u32,
 }
 
-impl Topics {
+impl ExportTopics {
     fn write<T: Serialize>(
         &mut self,
         topic: &'static str,
@@ -67,7 +67,7 @@ impl Topics {
 pub(crate) fn write(contents: &Contents<'_>, out: &mut dyn Write) -> io::Result<()> {
     let options = WriteOptions::new().profile("ros2").library(concat!("tessera ", env!("CARGO_PKG_VERSION")));
     let writer = options.create(Cursor::new(Vec::new())).map_err(io::Error::other)?;
-    let mut topics = Topics { writer, channels: BTreeMap::new(), sequence: 0 };
+    let mut topics = ExportTopics { writer, channels: BTreeMap::new(), sequence: 0 };
     for (stamp_nanos, pose) in contents.frames {
         let header = header(*stamp_nanos);
         let transform = TransformStamped { header, child_frame_id: CAMERA.into(), transform: pose.into() };
@@ -94,7 +94,7 @@ fn stamped(stamp_nanos: i64, pose: &Pose) -> PoseStamped<'static> {
 }
 
 /// Position, packed colour and normal of each vertex, as the viewers of ROS expect them.
-fn write_map(topics: &mut Topics, map: &Mesh, stamp_nanos: i64) -> io::Result<()> {
+fn write_map(topics: &mut ExportTopics, map: &Mesh, stamp_nanos: i64) -> io::Result<()> {
     let names = ["x", "y", "z", "rgb", "normal_x", "normal_y", "normal_z"];
     let point_step = 4 * names.len() as u32;
     let mut data = Vec::with_capacity(point_step as usize * map.positions.len());

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use tessera_geometry::Pose;
 
 /// Writes rows of stamps and `world_from_camera`.
-pub(crate) type Form = fn(&[(i64, Pose)], &mut dyn Write) -> io::Result<()>;
+pub(crate) type PoseForm = fn(&[(i64, Pose)], &mut dyn Write) -> io::Result<()>;
 
 /// KITTI: the first three rows of the matrix on one line, no times.
 pub(crate) fn kitti(rows: &[(i64, Pose)], writer: &mut dyn Write) -> io::Result<()> {
@@ -37,7 +37,7 @@ pub(crate) fn euroc(rows: &[(i64, Pose)], writer: &mut dyn Write) -> io::Result<
 mod tests {
     use super::*;
 
-    fn text(form: Form) -> String {
+    fn text(form: PoseForm) -> String {
         let mut bytes = Vec::new();
         form(&[(1_305_031_102_175_304_000, Pose::translation(1.0, 2.0, -3.0))], &mut bytes).unwrap();
         String::from_utf8(bytes).unwrap()

@@ -5,7 +5,9 @@ use crate::motion::{Moment, velocity};
 use crate::smooth_surfaces::SmoothSurfaces;
 use crate::{Method, RawFrame, Records, Run, SavedMap};
 use std::collections::BTreeSet;
-use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Parameter, Problem};
+use tessera_calibration::{
+    Calibration, CalibrationError, CalibrationKeyframe, PairLimits, Parameter, Problem,
+};
 use tessera_geometry::{Camera, Pose, Twist, Vector6};
 use tessera_numerics::SettingError;
 use tessera_slam::{AlignRecord, Context, GlobalSettings, State};
@@ -157,10 +159,10 @@ fn solve<E>(
             world_from_camera: *pose,
         })
         .collect();
-    let keyframes: Vec<Keyframe<'_>> = states
+    let keyframes: Vec<CalibrationKeyframe<'_>> = states
         .iter()
         .zip(&smooth.keyframes)
-        .map(|(k, vertices)| Keyframe {
+        .map(|(k, vertices)| CalibrationKeyframe {
             frame_index: k.frame_index,
             world_from_camera: Pose::from(&k.world_from_camera),
             velocity: velocity(&frames, k.frame_index)

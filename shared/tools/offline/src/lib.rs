@@ -80,9 +80,9 @@ pub struct Method {
 
 /// Surfaces of keyframes, copied.
 #[derive(Default)]
-struct Keyframes(Vec<Vec<Vertex>>, Vec<Vec<Feature>>);
+struct RunKeyframes(Vec<Vec<Vertex>>, Vec<Vec<Feature>>);
 
-impl KeyframeSurfaces for Keyframes {
+impl KeyframeSurfaces for RunKeyframes {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
         &self.0[keyframe as usize]
     }
@@ -107,7 +107,7 @@ pub struct Run {
     reconstructor: Reconstructor,
     tracker: Tracker,
     optimiser: Optimiser,
-    keyframes: Keyframes,
+    keyframes: RunKeyframes,
     previous: Option<(u64, i64, Vec<Vertex>, Vec<Feature>)>,
     extractor: Extractor,
     correction: Option<Correction>,
@@ -127,7 +127,7 @@ impl Run {
             reconstructor: Reconstructor::new(camera, &method.surface)?,
             tracker: Tracker::new(context.clone()),
             optimiser: Optimiser::new(context),
-            keyframes: Keyframes::default(),
+            keyframes: RunKeyframes::default(),
             previous: None,
             extractor: method.mapping.features.extractor(camera, method.registration.isa),
             correction: None,
@@ -147,7 +147,7 @@ impl Run {
         start: Option<Pose>,
     ) -> Result<Self, SettingError> {
         let mut run = Self::new(camera, method)?;
-        run.keyframes = Keyframes(map.surfaces, vec![Vec::new(); map.keyframes.len()]);
+        run.keyframes = RunKeyframes(map.surfaces, vec![Vec::new(); map.keyframes.len()]);
         let start = start.as_ref().map(PoseBits::from);
         let record = MapRecord { keyframes: map.keyframes, submaps: map.submaps, start };
         run.take(AlignRecord::Map(Box::new(record)));

@@ -40,6 +40,6 @@ pub use ply::{PlyVertex, write_ply};
 pub use replay::Replay;
 pub use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};
 pub use summary::Summary;
-pub use timeline::{END_TO_END, Point, Recorder, Sample, Timeline, read_timeline, write_timeline};
+pub use timeline::{END_TO_END, Point, Recorder, Timeline, TimelineSample, read_timeline, write_timeline};
 pub use trajectories::{as_trajectory, final_rows, keyframe_rows};
 pub use verdict::{Grade, Verdict};

@@ -42,7 +42,7 @@ pub struct Point {
 /// All stages at one time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Sample {
+pub struct TimelineSample {
     /// Since the start of the run, over all resumptions, seconds.
     pub at_s: f64,
     /// By the name of the stage.
@@ -56,19 +56,19 @@ pub struct Timeline {
     /// Where the run was started last.
     pub machine: Machine,
     /// In the order of time.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<TimelineSample>,
     /// How often a frame took how long in each stage, in the buckets of `TimeCounts`.
     pub latency_counts: BTreeMap<String, Vec<u64>>,
 }
 
-type Snapshot = BTreeMap<Stage, Counters>;
+type TimelineSnapshot = BTreeMap<Stage, Counters>;
 
 /// Gathers a timeline while a run goes on; its memory has a bound.
 pub struct Recorder {
     before: Timeline,
     offset_s: f64,
     interval: Duration,
-    snapshots: Vec<(Duration, Snapshot)>,
+    snapshots: Vec<(Duration, TimelineSnapshot)>,
 }
 
 impl Recorder {
@@ -79,7 +79,7 @@ impl Recorder {
     }
 
     /// Takes a sample, if it is time for one or the last.
-    pub fn note(&mut self, elapsed: Duration, stages: &Snapshot, is_last: bool) {
+    pub fn note(&mut self, elapsed: Duration, stages: &TimelineSnapshot, is_last: bool) {
         let last = self.snapshots.last().map_or(Duration::ZERO, |(at, _)| *at);
         if !is_last && elapsed < last + self.interval {
             return;
@@ -99,14 +99,16 @@ impl Recorder {
     /// What is known until now.
     pub fn timeline(&self) -> Timeline {
         let mut timeline = self.before.clone();
-        let mut old: BTreeMap<String, Progress> = BTreeMap::new();
+        let mut old: BTreeMap<String, FrameProgress> = BTreeMap::new();
         for (at, snapshot) in &self.snapshots {
             let now = progresses(snapshot);
             let stages = now
                 .iter()
-                .map(|(name, now)| (name.clone(), now.since(old.get(name).unwrap_or(&Progress::default()))))
+                .map(|(name, now)| {
+                    (name.clone(), now.since(old.get(name).unwrap_or(&FrameProgress::default())))
+                })
                 .collect();
-            timeline.samples.push(Sample { at_s: self.offset_s + at.as_secs_f64(), stages });
+            timeline.samples.push(TimelineSample { at_s: self.offset_s + at.as_secs_f64(), stages });
             old = now;
         }
         for (name, progress) in &old {
@@ -120,28 +122,28 @@ impl Recorder {
 
 /// What a stage has done until one sample.
 #[derive(Clone, Copy, Default)]
-struct Progress {
+struct FrameProgress {
     counts: TimeCounts,
     dropped: u64,
     restarts: u64,
     peak_rss_bytes: u64,
 }
 
-fn progresses(snapshot: &Snapshot) -> BTreeMap<String, Progress> {
+fn progresses(snapshot: &TimelineSnapshot) -> BTreeMap<String, FrameProgress> {
     let mut all = BTreeMap::new();
     for (stage, counters) in snapshot {
         let Counters { dropped, restarts, peak_rss_bytes, latency_counts, end_to_end_counts, .. } = *counters;
-        let own = Progress { counts: latency_counts, dropped, restarts, peak_rss_bytes };
+        let own = FrameProgress { counts: latency_counts, dropped, restarts, peak_rss_bytes };
         all.insert(stage.name().to_owned(), own);
         if *stage == Stage::Align {
-            let whole = Progress { counts: end_to_end_counts, ..Progress::default() };
+            let whole = FrameProgress { counts: end_to_end_counts, ..FrameProgress::default() };
             all.insert(END_TO_END.to_owned(), whole);
         }
     }
     all
 }
 
-impl Progress {
+impl FrameProgress {
     fn since(&self, old: &Self) -> Point {
         let (mut frames, mut sum_ms, mut longest_ms) = (0, 0.0, None);
         for (bucket, (now, before)) in self.counts.0.iter().zip(old.counts.0).enumerate() {
@@ -180,7 +182,7 @@ pub fn write_timeline(run_folder: &Path, timeline: &Timeline) -> Result<(), Tool
 mod tests {
     use super::*;
 
-    fn snapshot(n_done: usize, restarts: u64) -> Snapshot {
+    fn snapshot(n_done: usize, restarts: u64) -> TimelineSnapshot {
         let mut counters = Counters { restarts, dropped: 2 * restarts, ..Counters::default() };
         (0..n_done).for_each(|_| counters.latency_counts.add(2_000_000));
         [(Stage::Align, counters)].into()

@@ -37,12 +37,12 @@ pub(crate) struct Series {
     pub(crate) points: Vec<(f64, f64)>,
     /// Width of the line or radius of the dots, pixels.
     pub(crate) size: f64,
-    pub(crate) form: Form,
+    pub(crate) form: ChartForm,
 }
 
 /// How points are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Form {
+pub(crate) enum ChartForm {
     /// Joined.
     Line,
     /// Apart.
@@ -61,7 +61,7 @@ pub(crate) struct Band {
 }
 
 /// A letter at a point.
-pub(crate) struct Mark {
+pub(crate) struct ChartMark {
     pub(crate) at: (f64, f64),
     pub(crate) letter: String,
 }
@@ -76,7 +76,7 @@ pub(crate) struct Chart {
     pub(crate) bands: Vec<Band>,
     /// Later ones lie on top.
     pub(crate) series: Vec<Series>,
-    pub(crate) marks: Vec<Mark>,
+    pub(crate) marks: Vec<ChartMark>,
     /// One metre is as long along x as along y.
     pub(crate) is_map: bool,
     /// x or y are decimal logarithms and labelled by what they stand for.
@@ -101,7 +101,7 @@ impl Chart {
     }
 
     fn legend(&self) -> String {
-        let class = |form| if form == Form::Dots { "dot" } else { "line" };
+        let class = |form| if form == ChartForm::Dots { "dot" } else { "line" };
         let own = self.series.iter().map(|s| (&s.name, s.colour, class(s.form)));
         let all = own.chain(self.also.iter().map(|(name, colour)| (name, *colour, "band")));
         let entries: String = all
@@ -166,13 +166,13 @@ impl Chart {
             let stroke = series.colour.stroke_width((series.size * f64::from(FINE)) as u32);
             let points = thinned(&series.points, series.form);
             match series.form {
-                Form::Line => chart.draw_series(LineSeries::new(points, stroke)).map(|_| ()),
-                Form::Dots => {
+                ChartForm::Line => chart.draw_series(LineSeries::new(points, stroke)).map(|_| ()),
+                ChartForm::Dots => {
                     let radius = (series.size * f64::from(FINE)) as i32;
                     let dots = points.into_iter().map(|at| Circle::new(at, radius, series.colour.filled()));
                     chart.draw_series(dots).map(|_| ())
                 }
-                Form::Segments => {
+                ChartForm::Segments => {
                     let pairs: Vec<_> = points.chunks_exact(2).map(<[_]>::to_vec).collect();
                     chart.draw_series(pairs.into_iter().map(|p| PathElement::new(p, stroke))).map(|_| ())
                 }
@@ -255,10 +255,10 @@ fn label(value: f64, is_log: bool, step: f64) -> String {
 }
 
 /// As many points as can be seen, the first and the last among them.
-fn thinned(points: &[(f64, f64)], form: Form) -> Vec<(f64, f64)> {
+fn thinned(points: &[(f64, f64)], form: ChartForm) -> Vec<(f64, f64)> {
     let finite = || points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite());
-    if form == Form::Segments || points.len() <= MOST_POINTS {
-        return if form == Form::Segments { points.to_vec() } else { finite().collect() };
+    if form == ChartForm::Segments || points.len() <= MOST_POINTS {
+        return if form == ChartForm::Segments { points.to_vec() } else { finite().collect() };
     }
     // Of each bunch the highest, so that no peak goes missing.
     let bunch = points.len().div_ceil(MOST_POINTS);
@@ -278,7 +278,7 @@ mod tests {
                 colour: BLUE,
                 points: vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, 1.0)],
                 size: 1.5,
-                form: Form::Line,
+                form: ChartForm::Line,
             }],
             ..Chart::default()
         }
@@ -315,7 +315,7 @@ mod tests {
     fn peaks_survive_thinning() {
         let mut points: Vec<(f64, f64)> = (0..100_000).map(|k| (f64::from(k), 0.0)).collect();
         points[54_321].1 = 7.0;
-        let kept = thinned(&points, Form::Line);
+        let kept = thinned(&points, ChartForm::Line);
         assert!(kept.len() <= MOST_POINTS);
         assert!(kept.contains(&(54_321.0, 7.0)));
     }

@@ -1,17 +1,17 @@
 //! Several runs side by side.
 
 use crate::ReportError;
-use crate::chart::{CYCLE, Chart, Form, Series};
+use crate::chart::{CYCLE, Chart, ChartForm, Series};
 use crate::html::table;
-use crate::run::Run;
+use crate::run::ReportedRun;
 use std::collections::BTreeSet;
 
 /// What differs between the runs: numbers, errors over time, settings.
-pub(crate) fn html(runs: &[Run]) -> Result<String, ReportError> {
+pub(crate) fn html(runs: &[ReportedRun]) -> Result<String, ReportError> {
     let mut head = vec![""];
     head.extend(runs.iter().map(|run| run.name.as_str()));
     let names = in_order(runs.iter().map(|run| run.facts.iter().map(|(name, _)| name.as_str()).collect()));
-    let value = |run: &Run, name: &str| {
+    let value = |run: &ReportedRun, name: &str| {
         let found = run.facts.iter().find(|(own, _)| own == name);
         found.map_or("–".to_owned(), |(_, value)| value.clone())
     };
@@ -36,7 +36,7 @@ fn in_order<'a>(lists: impl Iterator<Item = Vec<&'a str>>) -> Vec<&'a str> {
     lists.flatten().filter(|name| seen.insert(*name)).collect()
 }
 
-fn errors(runs: &[Run]) -> Result<String, ReportError> {
+fn errors(runs: &[ReportedRun]) -> Result<String, ReportError> {
     let series: Vec<Series> = runs
         .iter()
         .enumerate()
@@ -46,7 +46,7 @@ fn errors(runs: &[Run]) -> Result<String, ReportError> {
             colour: CYCLE[place % CYCLE.len()],
             points: run.frames.iter().filter_map(|f| f.error_m.map(|m| (f.time_s, 1e3 * m))).collect(),
             size: 1.4,
-            form: Form::Line,
+            form: ChartForm::Line,
         })
         .collect();
     if series.is_empty() {
@@ -63,9 +63,9 @@ fn errors(runs: &[Run]) -> Result<String, ReportError> {
     Ok(format!("<h3>Distance to the ground truth</h3>{}", chart.html()?))
 }
 
-fn settings(runs: &[Run], head: &[&str]) -> String {
+fn settings(runs: &[ReportedRun], head: &[&str]) -> String {
     let keys = in_order(runs.iter().map(|run| run.settings.iter().map(|s| s.key.as_str()).collect()));
-    let value = |run: &Run, key: &str| {
+    let value = |run: &ReportedRun, key: &str| {
         let found = run.settings.iter().find(|setting| setting.key == key);
         found.map_or("–".to_owned(), |setting| setting.value.clone())
     };

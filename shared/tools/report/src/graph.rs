@@ -1,23 +1,23 @@
 //! Keyframes, what they were aligned to, and the loops among them with their verdicts.
 
 use crate::ReportError;
-use crate::chart::{BLUE, Chart, Form, GREEN, GREY, ORANGE, PURPLE, Series, VERMILION};
+use crate::chart::{BLUE, Chart, ChartForm, GREEN, GREY, ORANGE, PURPLE, Series, VERMILION};
 use crate::html::table;
-use crate::run::{LoopPair, Run, Verdict};
+use crate::run::{LoopPair, ReportedRun, ReportedVerdict};
 
 /// Longest table of loops.
 const MOST_ROWS: usize = 200;
 
 /// What each verdict is called, and its colour.
-const VERDICTS: [(Verdict, &str, plotters::style::RGBColor); 4] = [
-    (Verdict::Refused, "loop not verified", ORANGE),
-    (Verdict::Outvoted, "loop rejected", VERMILION),
-    (Verdict::Untested, "loop closed by the aligner alone", PURPLE),
-    (Verdict::Accepted, "loop closed", GREEN),
+const VERDICTS: [(ReportedVerdict, &str, plotters::style::RGBColor); 4] = [
+    (ReportedVerdict::Refused, "loop not verified", ORANGE),
+    (ReportedVerdict::Outvoted, "loop rejected", VERMILION),
+    (ReportedVerdict::Untested, "loop closed by the aligner alone", PURPLE),
+    (ReportedVerdict::Accepted, "loop closed", GREEN),
 ];
 
 /// The graph from above and the table of its loops.
-pub(crate) fn html(run: &Run) -> Result<String, ReportError> {
+pub(crate) fn html(run: &ReportedRun) -> Result<String, ReportError> {
     let place = |id: u32| run.keyframes.get(id as usize).map(|k| (k.position_m[0], k.position_m[1]));
     let pair = |newer, older| Some([place(newer)?, place(older)?]);
     let is_loop = |newer, older| run.loops.iter().any(|pair| pair.newer == newer && pair.older == older);
@@ -28,14 +28,14 @@ pub(crate) fn html(run: &Run) -> Result<String, ReportError> {
         colour: GREY,
         points: plain.filter_map(|(newer, older)| pair(newer, older)).flatten().collect(),
         size: 0.8,
-        form: Form::Segments,
+        form: ChartForm::Segments,
     }];
     for (verdict, name, colour) in VERDICTS {
         let pairs = run.loops.iter().filter(|pair| pair.verdict == verdict);
         let points: Vec<_> = pairs.filter_map(|p| pair(p.newer, p.older)).flatten().collect();
         if !points.is_empty() {
             let name = format!("{name} ({})", points.len() / 2);
-            series.push(Series { name, colour, points, size: 1.4, form: Form::Segments });
+            series.push(Series { name, colour, points, size: 1.4, form: ChartForm::Segments });
         }
     }
     for (is_of_map, name, colour) in
@@ -44,7 +44,7 @@ pub(crate) fn html(run: &Run) -> Result<String, ReportError> {
         let own = run.keyframes.iter().filter(|k| k.is_of_map == is_of_map);
         let points: Vec<_> = own.map(|k| (k.position_m[0], k.position_m[1])).collect();
         if !points.is_empty() {
-            series.push(Series { name: name.into(), colour, points, size: 2.5, form: Form::Dots });
+            series.push(Series { name: name.into(), colour, points, size: 2.5, form: ChartForm::Dots });
         }
     }
     let chart = Chart {
@@ -58,7 +58,7 @@ pub(crate) fn html(run: &Run) -> Result<String, ReportError> {
     Ok(format!("{}{}", chart.html()?, loops(run)))
 }
 
-fn loops(run: &Run) -> String {
+fn loops(run: &ReportedRun) -> String {
     if run.loops.is_empty() {
         return "<p class=\"note\">No pair of keyframes that would close a loop.</p>".into();
     }

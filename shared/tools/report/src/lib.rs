@@ -1,7 +1,7 @@
 //! Report on one run or several, as one page of HTML: self-contained, without a script, good
 //! on a screen, on a phone and on paper.
 //!
-//! The page is a pure function of [`Run`]; the folder `run_directory` fills that in.
+//! The page is a pure function of [`ReportedRun`]; the folder `run_directory` fills that in.
 #![forbid(unsafe_code)]
 
 mod chart;
@@ -18,10 +18,10 @@ mod work;
 mod worst;
 
 pub use page::page;
-pub use picture::{Image, PictureError, depth_picture, photograph};
+pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
-    Event, Frame, FrameState, Keyframe, LoopPair, Run, Sample, Setting, Stage, StageSample, Verdict,
-    WorstFrame,
+    Event, Frame, FrameState, Keyframe, LoopPair, ProcessSample, ReportedRun, ReportedVerdict, Setting,
+    StageFigures, StageSample, WorstFrame,
 };
 pub use run_directory::{REPORT_FILE, write};
 

@@ -1,7 +1,7 @@
 //! The page around the sections.
 
 use crate::html::escaped;
-use crate::run::Run;
+use crate::run::ReportedRun;
 use crate::{ReportError, compare, sections};
 
 const STYLE: &str = include_str!("style.css");
@@ -10,7 +10,7 @@ const STYLE: &str = include_str!("style.css");
 ///
 /// # Errors
 /// Names the plot that could not be drawn.
-pub fn page(runs: &[Run]) -> Result<String, ReportError> {
+pub fn page(runs: &[ReportedRun]) -> Result<String, ReportError> {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let title = escaped(&names.join(", "));
     let mut body = String::new();
@@ -48,14 +48,14 @@ mod tests {
     use super::*;
     use crate::run::{Frame, Setting};
 
-    fn run(name: &str, n: f64) -> Run {
-        Run {
+    fn run(name: &str, n: f64) -> ReportedRun {
+        ReportedRun {
             name: name.into(),
             facts: vec![("ATE".into(), format!("{n} m"))],
             truth_m: vec![[0.0; 3], [n, 0.0, 0.0]],
             frames: vec![Frame { error_m: Some(n), ..Frame::default() }],
             settings: vec![Setting { key: "a.b".into(), value: n.to_string(), default: Some("1".into()) }],
-            ..Run::default()
+            ..ReportedRun::default()
         }
     }
 
@@ -92,6 +92,6 @@ mod tests {
 
     #[test]
     fn a_run_of_nothing_has_a_page() {
-        assert!(page(&[Run::default()]).unwrap().contains("</html>"));
+        assert!(page(&[ReportedRun::default()]).unwrap().contains("</html>"));
     }
 }

@@ -11,7 +11,7 @@ const MOST_COLUMNS: usize = 400;
 
 /// Why a picture could not be made.
 #[derive(Debug, thiserror::Error)]
-pub enum PictureError {
+pub enum ThumbnailError {
     /// Pixels and size do not fit.
     #[error("{found} values for {width}x{height} pixels, expected {expected}")]
     Size {
@@ -34,14 +34,14 @@ pub enum PictureError {
 
 /// An encoded picture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Image {
+pub struct ReportPicture {
     kind: &'static str,
     bytes: Vec<u8>,
     width: usize,
     height: usize,
 }
 
-impl Image {
+impl ReportPicture {
     /// The picture as an element of a page.
     pub(crate) fn html(&self, what: &str) -> String {
         let Self { kind, width, height, .. } = self;
@@ -57,12 +57,12 @@ impl Image {
 ///
 /// # Errors
 /// Where the bytes are not `3 * width * height`, or the encoder refuses.
-pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<Image, PictureError> {
+pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<ReportPicture, ThumbnailError> {
     check(rgb.len(), 3 * width * height, width, height)?;
     let (columns, rows, small) = smaller(width, height, |at| [rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
     let mut bytes = Vec::new();
     Encoder::new(&mut bytes, QUALITY).encode(&small, columns as u16, rows as u16, ColorType::Rgb)?;
-    Ok(Image { kind: "jpeg", bytes, width: columns, height: rows })
+    Ok(ReportPicture { kind: "jpeg", bytes, width: columns, height: rows })
 }
 
 /// A depth image: near is light, far is dark, nothing is white.
@@ -71,7 +71,7 @@ pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<Image, Pict
 ///
 /// # Errors
 /// As [`photograph`].
-pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<Image, PictureError> {
+pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<ReportPicture, ThumbnailError> {
     check(depth.len(), width * height, width, height)?;
     let is_measured = |d: u16| d != 0 && d != u16::MAX;
     let mut sorted: Vec<u16> = depth.iter().copied().filter(|&d| is_measured(d)).collect();
@@ -93,7 +93,7 @@ pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<Image
     let mut encoder = png::Encoder::new(&mut bytes, columns as u32, rows as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.write_header()?.write_image_data(&small)?;
-    Ok(Image { kind: "png", bytes, width: columns, height: rows })
+    Ok(ReportPicture { kind: "png", bytes, width: columns, height: rows })
 }
 
 /// From light yellow over green and blue to dark violet: brightness falls all the way, so that it
@@ -112,9 +112,9 @@ fn ramp(share: f64) -> [u8; 3] {
     std::array::from_fn(|k| (STOPS[first][k] * (1.0 - t) + STOPS[first + 1][k] * t) as u8)
 }
 
-fn check(found: usize, expected: usize, width: usize, height: usize) -> Result<(), PictureError> {
+fn check(found: usize, expected: usize, width: usize, height: usize) -> Result<(), ThumbnailError> {
     let is_right = found == expected && width > 0 && height > 0;
-    is_right.then_some(()).ok_or(PictureError::Size { found, expected, width, height })
+    is_right.then_some(()).ok_or(ThumbnailError::Size { found, expected, width, height })
 }
 
 /// Every k-th pixel of every k-th row, so that the picture is not wider than needed.

@@ -1,6 +1,6 @@
 //! All that a page tells of a run. Positions are metres along right, forward and up.
 
-use crate::picture::Image;
+use crate::picture::ReportPicture;
 
 /// Whether a frame's pose can be trusted, or why it has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,7 +50,7 @@ pub struct Keyframe {
 
 /// What became of a loop pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum ReportedVerdict {
     /// It takes part.
     Accepted,
     /// A test refused it.
@@ -69,7 +69,7 @@ pub struct LoopPair {
     /// The older keyframe.
     pub older: u32,
     /// What became of it.
-    pub verdict: Verdict,
+    pub verdict: ReportedVerdict,
     /// Why, in words.
     pub words: String,
     /// Overlap, share in front, inconsistency and residual in standard deviations, weight.
@@ -78,7 +78,7 @@ pub struct LoopPair {
 
 /// What a stage did over all its lives.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Stage {
+pub struct StageFigures {
     /// Its name.
     pub name: String,
     /// Frames (or requests) done.
@@ -112,7 +112,7 @@ pub struct StageSample {
 
 /// All stages at a time.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sample {
+pub struct ProcessSample {
     /// Since the start of the run, seconds.
     pub at_s: f64,
     /// Each stage.
@@ -149,12 +149,12 @@ pub struct WorstFrame {
     /// Why it is shown.
     pub words: String,
     /// What each picture is, and the picture.
-    pub pictures: Vec<(String, Image)>,
+    pub pictures: Vec<(String, ReportPicture)>,
 }
 
 /// A run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Run {
+pub struct ReportedRun {
     /// Name or folder.
     pub name: String,
     /// What was run.
@@ -178,9 +178,9 @@ pub struct Run {
     /// Loop pairs.
     pub loops: Vec<LoopPair>,
     /// Stages in the order of the flow.
-    pub stages: Vec<Stage>,
+    pub stages: Vec<StageFigures>,
     /// In the order of time; empty where they were not recorded.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<ProcessSample>,
     /// Lines of the log, oldest first.
     pub events: Vec<Event>,
     /// Of those, left out here.
@@ -193,7 +193,7 @@ pub struct Run {
     pub no_pictures: Option<String>,
 }
 
-impl Run {
+impl ReportedRun {
     /// Whether positions can be compared with the truth.
     pub(crate) fn has_truth(&self) -> bool {
         !self.truth_m.is_empty()

@@ -1,11 +1,11 @@
 //! The sections of one run, in their order.
 
 use crate::html::{escaped, table};
-use crate::run::{FrameState, Run};
+use crate::run::{FrameState, ReportedRun};
 use crate::{ReportError, graph, tracks, work, worst};
 
 /// Everything about one run. `prefix` tells its sections from those of other runs.
-pub(crate) fn of_run(run: &Run, prefix: &str) -> Result<String, ReportError> {
+pub(crate) fn of_run(run: &ReportedRun, prefix: &str) -> Result<String, ReportError> {
     let mut out = String::new();
     let mut section = |id: &str, title: &str, body: &str| {
         out.push_str(&format!("<section id=\"{prefix}{id}\"><h3>{title}</h3>{body}</section>"));
@@ -41,7 +41,7 @@ fn facts(facts: &[(String, String)]) -> String {
     format!("<dl>{items}</dl>")
 }
 
-fn error_note(run: &Run) -> &'static str {
+fn error_note(run: &ReportedRun) -> &'static str {
     if run.has_truth() {
         "<p class=\"note\">After the best rigid alignment of the whole, as the ATE is defined. Letters are the frames below.</p>"
     } else {
@@ -49,7 +49,7 @@ fn error_note(run: &Run) -> &'static str {
     }
 }
 
-fn states(run: &Run) -> String {
+fn states(run: &ReportedRun) -> String {
     let count = |state| run.frames.iter().filter(|frame| frame.state == state).count();
     let row = |name: &str, state| {
         let own: Vec<_> = run.frames.iter().filter(|frame| frame.state == state).collect();
@@ -66,7 +66,7 @@ fn states(run: &Run) -> String {
     table("states", &["state", "frames", "the first of them"], &rows)
 }
 
-fn settings(run: &Run) -> String {
+fn settings(run: &ReportedRun) -> String {
     let differs = |setting: &&crate::run::Setting| setting.default.as_ref() != Some(&setting.value);
     let changed: Vec<Vec<String>> = run
         .settings

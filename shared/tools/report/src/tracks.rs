@@ -1,12 +1,12 @@
 //! Trajectory of the camera, and its error.
 
 use crate::ReportError;
-use crate::chart::{BLUE, Band, Chart, Form, GREY, Mark, ORANGE, SKY, Series, VERMILION};
-use crate::run::{Frame, FrameState, Run};
+use crate::chart::{BLUE, Band, Chart, ChartForm, ChartMark, GREY, ORANGE, SKY, Series, VERMILION};
+use crate::run::{Frame, FrameState, ReportedRun};
 use crate::worst::letter;
 
 /// The way from above and from the side.
-pub(crate) fn trajectory(run: &Run) -> Result<String, ReportError> {
+pub(crate) fn trajectory(run: &ReportedRun) -> Result<String, ReportError> {
     let views =
         [("from above", [0, 1], "right, m", "forward, m"), ("from the side", [0, 2], "right, m", "up, m")];
     let mut out = String::from("<div class=\"pair\">");
@@ -19,7 +19,7 @@ pub(crate) fn trajectory(run: &Run) -> Result<String, ReportError> {
                 colour: GREY,
                 points: run.truth_m.iter().map(flat).collect(),
                 size: 3.0,
-                form: Form::Line,
+                form: ChartForm::Line,
             });
         }
         let own = run.frames.iter().filter(|frame| frame.state != FrameState::Dropped);
@@ -28,13 +28,13 @@ pub(crate) fn trajectory(run: &Run) -> Result<String, ReportError> {
             colour: BLUE,
             points: own.map(|frame| flat(&frame.position_m)).collect(),
             size: 1.4,
-            form: Form::Line,
+            form: ChartForm::Line,
         });
         let lost: Vec<_> =
             run.frames.iter().filter(|f| f.state == FrameState::Lost).map(|f| flat(&f.position_m)).collect();
         if !lost.is_empty() {
             let name = "lost".into();
-            series.push(Series { name, colour: VERMILION, points: lost, size: 2.5, form: Form::Dots });
+            series.push(Series { name, colour: VERMILION, points: lost, size: 2.5, form: ChartForm::Dots });
         }
         let marks = marks(run, |frame| Some(flat(&frame.position_m)));
         let chart = Chart {
@@ -52,30 +52,30 @@ pub(crate) fn trajectory(run: &Run) -> Result<String, ReportError> {
     Ok(out)
 }
 
-fn marks(run: &Run, at: impl Fn(&Frame) -> Option<(f64, f64)>) -> Vec<Mark> {
+fn marks(run: &ReportedRun, at: impl Fn(&Frame) -> Option<(f64, f64)>) -> Vec<ChartMark> {
     run.worst
         .iter()
         .enumerate()
         .filter_map(|(place, worst)| {
             let frame = run.frames.iter().find(|frame| frame.index == worst.index)?;
-            Some(Mark { at: at(frame)?, letter: letter(place) })
+            Some(ChartMark { at: at(frame)?, letter: letter(place) })
         })
         .collect()
 }
 
 /// Error over time, or the aligner's own standard deviations where there is no ground truth.
-pub(crate) fn error(run: &Run) -> Result<String, ReportError> {
+pub(crate) fn error(run: &ReportedRun) -> Result<String, ReportError> {
     let mut series = Vec::new();
     let millimetres = |value: fn(&Frame) -> Option<f64>| -> Vec<(f64, f64)> {
         run.frames.iter().filter_map(|f| value(f).map(|m| (f.time_s, 1e3 * m))).collect()
     };
     if run.has_truth() {
         let (points, name) = (millimetres(|f| f.error_m), "distance to the ground truth".into());
-        series.push(Series { name, colour: BLUE, points, size: 1.5, form: Form::Line });
+        series.push(Series { name, colour: BLUE, points, size: 1.5, form: ChartForm::Line });
     }
     let colour = if run.has_truth() { SKY } else { BLUE };
     let name = "standard deviation as the aligner sees it".into();
-    series.push(Series { name, colour, points: millimetres(|f| f.std_m), size: 1.0, form: Form::Line });
+    series.push(Series { name, colour, points: millimetres(|f| f.std_m), size: 1.0, form: ChartForm::Line });
     let value = |f: &Frame| f.error_m.or(f.std_m).map(|m| (f.time_s, 1e3 * m));
     Chart {
         what: "error over time".into(),
@@ -97,13 +97,13 @@ const BANDS: [(FrameState, &str, plotters::style::RGBColor); 3] = [
     (FrameState::Dropped, "dropped", GREY),
 ];
 
-fn band_names(run: &Run) -> Vec<(String, plotters::style::RGBColor)> {
+fn band_names(run: &ReportedRun) -> Vec<(String, plotters::style::RGBColor)> {
     let has = |state| run.frames.iter().any(|frame| frame.state == state);
     BANDS.iter().filter(|(state, ..)| has(*state)).map(|(_, name, c)| ((*name).into(), *c)).collect()
 }
 
 /// Frames in a row that were not tracked.
-fn bands(run: &Run) -> Vec<Band> {
+fn bands(run: &ReportedRun) -> Vec<Band> {
     let mut bands: Vec<(FrameState, Band)> = Vec::new();
     for (place, frame) in run.frames.iter().enumerate() {
         let Some((state, _, colour)) = BANDS.iter().find(|(state, ..)| *state == frame.state) else {
@@ -127,9 +127,9 @@ mod tests {
         let frame = |index: u64, state| Frame { index, time_s: index as f64, state, ..Frame::default() };
         use FrameState::{Dropped, Lost, Tracking};
         let states = [Tracking, Lost, Lost, Tracking, Dropped, Lost];
-        let run = Run {
+        let run = ReportedRun {
             frames: states.into_iter().enumerate().map(|(k, state)| frame(k as u64, state)).collect(),
-            ..Run::default()
+            ..ReportedRun::default()
         };
         let spans: Vec<_> = bands(&run).into_iter().map(|band| band.x).collect();
         assert_eq!(spans, [1.0..3.0, 4.0..5.0, 5.0..5.0]);

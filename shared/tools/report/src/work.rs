@@ -1,15 +1,15 @@
 //! Work of the processes: latency, restarts, drops, memory.
 
 use crate::ReportError;
-use crate::chart::{Band, CYCLE, Chart, Form, GREY, Series, VERMILION};
+use crate::chart::{Band, CYCLE, Chart, ChartForm, GREY, Series, VERMILION};
 use crate::html::{escaped, table};
-use crate::run::{Run, StageSample};
+use crate::run::{ReportedRun, StageSample};
 
 /// Fewer than so many are no distribution.
 const LEAST_COUNT: u64 = 10;
 
 /// Latency of each stage over the time of the run.
-pub(crate) fn latency_over_time(run: &Run) -> Result<String, ReportError> {
+pub(crate) fn latency_over_time(run: &ReportedRun) -> Result<String, ReportError> {
     if run.samples.is_empty() {
         return Ok(
             "<p class=\"note\">Not recorded: the supervisor was gone before it could write.</p>".into()
@@ -30,7 +30,7 @@ pub(crate) fn latency_over_time(run: &Run) -> Result<String, ReportError> {
 }
 
 /// How often a frame took how long.
-pub(crate) fn latency_distribution(run: &Run) -> Result<String, ReportError> {
+pub(crate) fn latency_distribution(run: &ReportedRun) -> Result<String, ReportError> {
     let series = run.stages.iter().enumerate().filter_map(|(place, stage)| {
         let all: u64 = stage.latency_counts.iter().map(|(_, n)| n).sum();
         if all < LEAST_COUNT {
@@ -47,7 +47,7 @@ pub(crate) fn latency_distribution(run: &Run) -> Result<String, ReportError> {
         let last = points.iter().rposition(|p| p.1 > 0.0)? + 1;
         let points = points[first..=last.min(points.len() - 1)].to_vec();
         let colour = CYCLE[place % CYCLE.len()];
-        Some(Series { name: title(&stage.name), colour, points, size: 1.5, form: Form::Line })
+        Some(Series { name: title(&stage.name), colour, points, size: 1.5, form: ChartForm::Line })
     });
     let series: Vec<Series> = series.collect();
     if series.is_empty() {
@@ -66,7 +66,7 @@ pub(crate) fn latency_distribution(run: &Run) -> Result<String, ReportError> {
 }
 
 /// Highest resident set of each stage over the time of the run.
-pub(crate) fn memory(run: &Run) -> Result<String, ReportError> {
+pub(crate) fn memory(run: &ReportedRun) -> Result<String, ReportError> {
     if run.samples.is_empty() {
         return Ok("<p class=\"note\">Not recorded.</p>".into());
     }
@@ -85,9 +85,9 @@ pub(crate) fn memory(run: &Run) -> Result<String, ReportError> {
 }
 
 /// Restarts, latency, CPU time and memory in numbers.
-pub(crate) fn stages(run: &Run) -> String {
+pub(crate) fn stages(run: &ReportedRun) -> String {
     let or_none = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.1}"));
-    let row = |stage: &crate::run::Stage| {
+    let row = |stage: &crate::run::StageFigures| {
         let [p50, p99, max] = stage.latency_ms;
         let mut row = vec![title(&stage.name)];
         row.push(stage.frames.to_string());
@@ -101,7 +101,7 @@ pub(crate) fn stages(run: &Run) -> String {
 }
 
 /// What the log warns of.
-pub(crate) fn events(run: &Run) -> String {
+pub(crate) fn events(run: &ReportedRun) -> String {
     if run.events.is_empty() {
         return "<p class=\"note\">Nothing: no death, no warning, no error.</p>".into();
     }
@@ -133,7 +133,7 @@ fn title(name: &str) -> String {
     name.replace('_', " ")
 }
 
-fn of_each_stage(run: &Run, value: impl Fn(&StageSample) -> Option<f64>) -> Vec<Series> {
+fn of_each_stage(run: &ReportedRun, value: impl Fn(&StageSample) -> Option<f64>) -> Vec<Series> {
     let series = run.stages.iter().enumerate().map(|(place, stage)| {
         let points = run.samples.iter().filter_map(|sample| {
             let own = sample.stages.iter().find(|own| own.stage == stage.name)?;
@@ -142,14 +142,14 @@ fn of_each_stage(run: &Run, value: impl Fn(&StageSample) -> Option<f64>) -> Vec<
         let colour = CYCLE[place % CYCLE.len()];
         let points: Vec<_> = points.collect();
         // A line through one point cannot be seen.
-        let (form, size) = if points.len() == 1 { (Form::Dots, 3.0) } else { (Form::Line, 1.4) };
+        let (form, size) = if points.len() == 1 { (ChartForm::Dots, 3.0) } else { (ChartForm::Line, 1.4) };
         Series { name: title(&stage.name), colour, points, size, form }
     });
     series.filter(|series| !series.points.is_empty()).collect()
 }
 
 /// Times between samples in which a stage was started again.
-fn restarts(run: &Run) -> Vec<Band> {
+fn restarts(run: &ReportedRun) -> Vec<Band> {
     let mut begin = 0.0;
     let mut bands = Vec::new();
     for sample in &run.samples {
@@ -163,7 +163,7 @@ fn restarts(run: &Run) -> Vec<Band> {
     bands
 }
 
-fn restart_name(run: &Run) -> Vec<(String, plotters::style::RGBColor)> {
+fn restart_name(run: &ReportedRun) -> Vec<(String, plotters::style::RGBColor)> {
     let any = |of: fn(&StageSample) -> u64| run.samples.iter().flat_map(|s| &s.stages).any(|s| of(s) > 0);
     let names = [(any(|s| s.restarts), "restart", VERMILION), (any(|s| s.dropped), "frames dropped", GREY)];
     names.into_iter().filter(|(is, ..)| *is).map(|(_, name, colour)| (name.to_owned(), colour)).collect()

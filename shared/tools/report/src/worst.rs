@@ -1,7 +1,7 @@
 //! Frames to look at: one row of pictures each.
 
 use crate::html::escaped;
-use crate::run::Run;
+use crate::run::ReportedRun;
 
 /// Letter of the n-th frame to look at, in plots and beside its pictures.
 pub(crate) fn letter(place: usize) -> String {
@@ -9,7 +9,7 @@ pub(crate) fn letter(place: usize) -> String {
 }
 
 /// The pictures, or why there are none.
-pub(crate) fn html(run: &Run) -> String {
+pub(crate) fn html(run: &ReportedRun) -> String {
     let mut out = String::new();
     for (place, worst) in run.worst.iter().enumerate() {
         out.push_str(&format!(

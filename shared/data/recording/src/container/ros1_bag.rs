@@ -38,9 +38,9 @@ pub(super) struct Ros1Bag {
 }
 
 /// The fields of a record's header.
-struct Fields<'a>(&'a [u8]);
+struct RecordFields<'a>(&'a [u8]);
 
-impl<'a> Fields<'a> {
+impl<'a> RecordFields<'a> {
     /// A field by its name; `None`: it is not there, or the header is torn before it.
     fn get(&self, name: &str) -> Option<&'a [u8]> {
         let mut left = self.0;
@@ -105,7 +105,7 @@ impl Ros1Bag {
                     Some(format!("the record at byte {offset} is not whole, the file has {n_bytes} bytes"));
                 return Ok(());
             };
-            let (data_at, fields) = (whole.at, Fields(&header));
+            let (data_at, fields) = (whole.at, RecordFields(&header));
             let end = data_at + n_data;
             match fields.op() {
                 Some(op @ (CHUNK | MESSAGE)) => {
@@ -159,7 +159,7 @@ impl Ros1Bag {
         &self,
         place: &Place,
         most: u64,
-        mut take: impl FnMut(&Fields<'_>, &[u8]) -> Result<(), RecordingError>,
+        mut take: impl FnMut(&RecordFields<'_>, &[u8]) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
         let broken = |error: io::Error| place.damaged(error.to_string());
         let torn = || place.damaged("a record in it is not whole");
@@ -167,7 +167,7 @@ impl Ros1Bag {
         let (mut header, mut data) = (Vec::new(), Vec::new());
         while n_left > 0 {
             let n_data = head(&mut bytes, &mut header).map_err(broken)?.ok_or_else(torn)?;
-            let fields = Fields(&header);
+            let fields = RecordFields(&header);
             let n_head = 8 + header.len() as u64;
             n_left = n_left.checked_sub(n_head + n_data).ok_or_else(torn)?;
             let n = if fields.op() == Some(MESSAGE) { n_data.min(most) } else { n_data };
@@ -191,7 +191,7 @@ impl Ros1Bag {
         }
         let mut header = Vec::new();
         let n_stored = head(&mut section, &mut header)?;
-        let fields = Fields(&header);
+        let fields = RecordFields(&header);
         let n_stored = n_stored.filter(|n| *n <= section.end - section.at);
         let n_stored =
             n_stored.ok_or_else(|| place.damaged("its head has changed since the file was opened"))?;
@@ -245,9 +245,9 @@ fn pass(bytes: &mut Bytes<'_>, n: u64) -> io::Result<u64> {
 }
 
 /// The channel of a connection; the data of its record are fields too.
-fn connection(fields: &Fields<'_>, data: &[u8]) -> Option<(u32, Channel)> {
-    let schema = Fields(data).text("type")?;
-    let topic = fields.text("topic").or_else(|| Fields(data).text("topic"))?;
+fn connection(fields: &RecordFields<'_>, data: &[u8]) -> Option<(u32, Channel)> {
+    let schema = RecordFields(data).text("type")?;
+    let topic = fields.text("topic").or_else(|| RecordFields(data).text("topic"))?;
     Some((fields.word("conn")?, Channel { topic, encoding: "ros1".to_owned(), schema }))
 }
 

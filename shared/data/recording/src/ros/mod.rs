@@ -15,7 +15,7 @@ pub use results::{
     TwistWithCovariance,
 };
 pub use structs::{
-    CameraInfo, CompressedImage, Extrinsics, Header, Image, Path, PointCloud, PointField, PoseMessage,
-    PoseStamped, Time, TransformStamped, Transforms,
+    CameraInfo, CompressedImage, Extrinsics, Header, Image, Path, PointCloud, PointField, PoseStamped,
+    RosPose, Time, TransformStamped, Transforms,
 };
 pub use write::encode;

@@ -1,6 +1,6 @@
 //! Images, cameras and times read from CDR.
 
-use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, PoseMessage, Time, Transforms};
+use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, RosPose, Time, Transforms};
 use crate::error::MessageError;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage};
 use re_cdr::{BigEndian, LittleEndian, from_bytes};
@@ -75,7 +75,7 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
 }
 
 /// Parent, child and `parent_from_child` of each transform of a message.
-pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, PoseMessage)>, MessageError> {
+pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, RosPose)>, MessageError> {
     let message: Transforms<'_> = decode("tf2_msgs/msg/TFMessage", data)?;
     let name = |name: &str| name.trim_start_matches('/').to_owned();
     let one = |t: &super::structs::TransformStamped<'_>| {

@@ -1,6 +1,6 @@
 //! Messages of what a run finds: odometry with covariance, and diagnostics.
 
-use super::structs::{Header, PoseMessage};
+use super::structs::{Header, RosPose};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -12,7 +12,7 @@ pub type Covariance = [[f64; 6]; 6];
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseWithCovariance {
     /// The pose.
-    pub pose: PoseMessage,
+    pub pose: RosPose,
     /// Its covariance.
     pub covariance: Covariance,
 }

@@ -109,14 +109,14 @@ pub struct Extrinsics {
 
 /// `geometry_msgs/msg/Pose`, and with it `geometry_msgs/msg/Transform`, whose layout is the same.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PoseMessage {
+pub struct RosPose {
     /// Translation, metres.
     pub position: [f64; 3],
     /// Rotation.
     pub orientation_xyzw: [f64; 4],
 }
 
-impl From<&Pose> for PoseMessage {
+impl From<&Pose> for RosPose {
     fn from(pose: &Pose) -> Self {
         let (t, q) = (&pose.translation.vector, pose.rotation.quaternion());
         Self { position: [t.x, t.y, t.z], orientation_xyzw: [q.i, q.j, q.k, q.w] }
@@ -130,7 +130,7 @@ pub struct PoseStamped<'a> {
     #[serde(borrow)]
     pub header: Header<'a>,
     /// The pose in the header's frame.
-    pub pose: PoseMessage,
+    pub pose: RosPose,
 }
 
 /// `nav_msgs/msg/Path`.
@@ -162,7 +162,7 @@ pub struct TransformStamped<'a> {
     #[serde(borrow)]
     pub child_frame_id: Cow<'a, str>,
     /// `parent_from_child`.
-    pub transform: PoseMessage,
+    pub transform: RosPose,
 }
 
 /// `sensor_msgs/msg/PointField`.
@@ -234,7 +234,7 @@ mod tests {
         };
         let bytes = to_vec::<_, LittleEndian>(&cloud).unwrap();
         assert_eq!(from_bytes::<PointCloud<'_>, LittleEndian>(&bytes).unwrap().0, cloud);
-        let pose = PoseMessage { position: [1.0, 2.0, 3.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] };
+        let pose = RosPose { position: [1.0, 2.0, 3.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] };
         let path = Path { header: header.clone(), poses: vec![PoseStamped { header, pose }] };
         let bytes = to_vec::<_, LittleEndian>(&path).unwrap();
         assert_eq!(from_bytes::<Path<'_>, LittleEndian>(&bytes).unwrap().0, path);

@@ -205,7 +205,7 @@ mod cameras {
     //! Depth and colour of two cameras, as `realsense2_camera` records them by default.
 
     use super::*;
-    use crate::ros::{CameraInfo, Extrinsics, Header, PoseMessage, Time, TransformStamped, Transforms};
+    use crate::ros::{CameraInfo, Extrinsics, Header, RosPose, Time, TransformStamped, Transforms};
     use serde::Serialize;
 
     const DEPTH: &str = "/camera/camera/depth/image_rect_raw";
@@ -262,7 +262,7 @@ mod cameras {
         let link = |child: &'static str, x: f64| TransformStamped {
             header: header("camera_link"),
             child_frame_id: child.into(),
-            transform: PoseMessage { position: [x, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] },
+            transform: RosPose { position: [x, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] },
         };
         let message = Transforms { transforms: vec![link("depth_optical", 0.0), link("color_optical", 0.1)] };
         Topic { topic: "/tf_static", schema: "tf2_msgs/msg/TFMessage", data: encoded(&message) }

@@ -7,7 +7,7 @@ mod list;
 use crate::{ImageError, SourceError, SourceOptions};
 use colour::ColourImages;
 pub(crate) use layouts::is_known;
-use layouts::{Asked, Found};
+use layouts::{Asked, FoundLayout};
 use list::ListEntry;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
@@ -68,8 +68,13 @@ impl FolderSource {
         Self::new(folder, found, &asked, options.frames)
     }
 
-    fn new(folder: &Path, found: Found, asked: &Asked, frames: Option<u64>) -> Result<Self, SourceError> {
-        let Found { layout, camera, camera_from, mut depth, colour, colour_camera, .. } = found;
+    fn new(
+        folder: &Path,
+        found: FoundLayout,
+        asked: &Asked,
+        frames: Option<u64>,
+    ) -> Result<Self, SourceError> {
+        let FoundLayout { layout, camera, camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
         let (colour, colour_images) = match asked.is_without_colour {
             true => (Vec::new(), ColourImages::without("left out, as asked for")),

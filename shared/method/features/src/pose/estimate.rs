@@ -1,7 +1,7 @@
 //! The robust estimate: hypotheses, the best of them refined, and what it is worth.
 
 use super::correspondence::Correspondence;
-use super::linearise::{Motion, Normal, linearise};
+use super::linearise::{NormalEquations, RelativeMotion, linearise};
 use super::refine::{limit_sq, refine};
 use super::sample::Pools;
 use super::score::{Score, Scored};
@@ -92,12 +92,12 @@ impl pulp::WithSimd for Estimation<'_> {
         let Self { correspondences, guesses, seed, settings, w } = self;
         // Hypotheses are rough: they are scored with twice the limit of the result.
         w.scored.fill(correspondences, 2.0 * settings.inlier_sigmas);
-        let mut search = Search { correspondences, settings, w, best: Best::default() };
+        let mut search = PoseSearch { correspondences, settings, w, best: BestPose::default() };
         for (index, guess) in guesses.iter().enumerate() {
             search.consider(guess, Some(index));
         }
         let n_iterations = if search.is_guess_sure() { 0 } else { search.sample(seed) };
-        let Best { pose, score, guess } = search.best;
+        let BestPose { pose, score, guess } = search.best;
         if score.n_inliers < 3 {
             return None;
         }
@@ -107,23 +107,23 @@ impl pulp::WithSimd for Estimation<'_> {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Best {
+struct BestPose {
     pose: Pose,
     score: Score,
     guess: Option<usize>,
 }
 
-struct Search<'a> {
+struct PoseSearch<'a> {
     correspondences: &'a [Correspondence],
     settings: &'a PoseSettings,
     w: &'a mut PoseWorkspace,
-    best: Best,
+    best: BestPose,
 }
 
-impl Search<'_> {
+impl PoseSearch<'_> {
     /// Whether a guess holds for so many that no sample needs to be drawn.
     fn is_guess_sure(&self) -> bool {
-        let Best { score, guess, .. } = &self.best;
+        let BestPose { score, guess, .. } = &self.best;
         let least = (SURE_SHARE * self.w.pools.n_usable() as f64) as usize;
         guess.is_some() && score.n_inliers >= SURE_INLIERS.max(least)
     }
@@ -136,7 +136,7 @@ impl Search<'_> {
         if !(score.value > self.best.score.value) {
             return;
         }
-        self.best = Best { pose: *pose, score, guess };
+        self.best = BestPose { pose: *pose, score, guess };
         // The result is refined in any case.
         if score.n_inliers < self.settings.min_inliers as usize || self.is_guess_sure() {
             return;
@@ -144,7 +144,7 @@ impl Search<'_> {
         if let Some(pose) = refine(self.correspondences, pose, self.settings, 2) {
             let score = self.w.scored.score(&pose);
             if score.value > self.best.score.value {
-                self.best = Best { pose, score, guess };
+                self.best = BestPose { pose, score, guess };
             }
         }
     }
@@ -191,8 +191,8 @@ fn judged(
     settings: &PoseSettings,
     w: &mut PoseWorkspace,
 ) -> Option<PoseEstimate> {
-    let motion = Motion::from(target_from_query);
-    let (mut normal, mut inliers, mut n_both) = (Normal::zero(), Vec::new(), 0);
+    let motion = RelativeMotion::from(target_from_query);
+    let (mut normal, mut inliers, mut n_both) = (NormalEquations::zero(), Vec::new(), 0);
     w.errors.clear();
     for (index, correspondence) in correspondences.iter().enumerate() {
         let Some(residual) = linearise(correspondence, &motion) else { continue };

@@ -14,7 +14,7 @@ const MIN_DEPTH_M: f64 = 0.01;
 
 /// A residual at a pose.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Residual {
+pub(crate) struct ReprojectionResidual {
     /// Squared error in standard deviations.
     pub(crate) squared: f64,
     /// 3 for two points, 2 for a point and a bearing.
@@ -27,12 +27,12 @@ pub(crate) struct Residual {
 
 /// A pose as a matrix, for many points.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Motion {
+pub(crate) struct RelativeMotion {
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
 }
 
-impl From<&Pose> for Motion {
+impl From<&Pose> for RelativeMotion {
     fn from(pose: &Pose) -> Self {
         Self {
             rotation: pose.rotation.to_rotation_matrix().into_inner(),
@@ -43,8 +43,11 @@ impl From<&Pose> for Motion {
 
 /// `None` without any point, behind a camera, or where a covariance has no inverse.
 #[inline(always)]
-pub(crate) fn linearise(c: &Correspondence, target_from_query: &Motion) -> Option<Residual> {
-    let Motion { rotation, translation } = target_from_query;
+pub(crate) fn linearise(
+    c: &Correspondence,
+    target_from_query: &RelativeMotion,
+) -> Option<ReprojectionResidual> {
+    let RelativeMotion { rotation, translation } = target_from_query;
     match (&c.query.point, &c.target.point) {
         (Some(q), Some(t)) => {
             let lever = q.position_m;
@@ -52,7 +55,13 @@ pub(crate) fn linearise(c: &Correspondence, target_from_query: &Motion) -> Optio
             let covariance = rotation.tr_mul(&(t.covariance_m2 * rotation)) + q.covariance_m2;
             let information = inverse_symmetric(&covariance)?;
             let gradient = information * error;
-            Some(Residual { squared: error.dot(&gradient), n_dimensions: 3.0, lever, information, gradient })
+            Some(ReprojectionResidual {
+                squared: error.dot(&gradient),
+                n_dimensions: 3.0,
+                lever,
+                information,
+                gradient,
+            })
         }
         (Some(q), None) => {
             let seen = rotation * q.position_m + translation;
@@ -87,12 +96,12 @@ impl Bearing {
         lever: Vector3<f64>,
         along: Matrix2x3<f64>,
         covariance: &Matrix3<f64>,
-    ) -> Option<Residual> {
+    ) -> Option<ReprojectionResidual> {
         let error = self.ray - Vector2::new(self.seen.x, self.seen.y) / self.seen.z;
         let of_ray = Matrix2::identity() * (self.sigma * self.sigma);
         let inverse = (of_ray + along * covariance * along.transpose()).try_inverse()?;
         let weighted = inverse * error;
-        Some(Residual {
+        Some(ReprojectionResidual {
             squared: error.dot(&weighted),
             n_dimensions: 2.0,
             lever,
@@ -129,20 +138,20 @@ fn inverse_symmetric(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
 
 /// Normal equations of a pose.
 #[derive(Clone, Debug)]
-pub(crate) struct Normal {
+pub(crate) struct NormalEquations {
     /// `J^T M J`.
     pub(crate) information: Matrix6,
     /// `J^T M e`.
     pub(crate) gradient: Vector6,
 }
 
-impl Normal {
+impl NormalEquations {
     pub(crate) fn zero() -> Self {
         Self { information: Matrix6::zeros(), gradient: Vector6::zeros() }
     }
 
     #[inline(always)]
-    pub(crate) fn add(&mut self, residual: &Residual, weight: f64) {
+    pub(crate) fn add(&mut self, residual: &ReprojectionResidual, weight: f64) {
         let m = residual.information * weight;
         let g = residual.gradient * weight;
         let p = hat(&residual.lever);

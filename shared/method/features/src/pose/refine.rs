@@ -1,13 +1,13 @@
 //! Iteratively reweighted least squares over all correspondences.
 
 use super::correspondence::Correspondence;
-use super::linearise::{Motion, Normal, Residual, linearise};
+use super::linearise::{NormalEquations, RelativeMotion, ReprojectionResidual, linearise};
 use crate::settings::PoseSettings;
 use tessera_geometry::{Pose, Twist, compose_normalised};
 
 /// Squared normalised error of an inlier at most: the same share of a chi-square distribution of
 /// two and of three dimensions.
-pub(crate) fn limit_sq(residual: &Residual, inlier_sigmas: f64) -> f64 {
+pub(crate) fn limit_sq(residual: &ReprojectionResidual, inlier_sigmas: f64) -> f64 {
     let of_dimensions = if residual.n_dimensions > 2.5 { 1.25 } else { 1.0 };
     inlier_sigmas * inlier_sigmas * of_dimensions
 }
@@ -25,8 +25,8 @@ pub(crate) fn refine(
 ) -> Option<Pose> {
     let mut target_from_query = *start;
     for _ in 0..n_iterations {
-        let motion = Motion::from(&target_from_query);
-        let mut normal = Normal::zero();
+        let motion = RelativeMotion::from(&target_from_query);
+        let mut normal = NormalEquations::zero();
         for residual in correspondences.iter().filter_map(|c| linearise(c, &motion)) {
             let relative = residual.squared / limit_sq(&residual, settings.inlier_sigmas);
             if relative < CUT {
@@ -48,8 +48,8 @@ pub(crate) fn refine(
 pub(crate) fn polish(sample: &[&Correspondence; 3], start: &Pose, n_iterations: u32) -> Option<Pose> {
     let mut target_from_query = *start;
     for _ in 0..n_iterations {
-        let motion = Motion::from(&target_from_query);
-        let mut normal = Normal::zero();
+        let motion = RelativeMotion::from(&target_from_query);
+        let mut normal = NormalEquations::zero();
         for correspondence in sample {
             normal.add(&linearise(correspondence, &motion)?, 1.0);
         }

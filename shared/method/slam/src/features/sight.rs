@@ -16,7 +16,7 @@ use tessera_graph::{BlockSums, PairBlock};
 use tessera_surface::SurfaceView;
 
 /// Names a surface: as [`Reference::key`].
-pub(crate) type Key = (bool, u64);
+pub(crate) type SurfaceKey = (bool, u64);
 
 /// Observations kept beside those of this frame.
 const KEPT: usize = 24;
@@ -26,7 +26,7 @@ const MOST_PAIRS: usize = 5;
 const AGREES_SQ: f64 = 25.0;
 
 /// Observations of one reference, with what they were made from.
-struct Known {
+struct KnownObservations {
     model: ColourModel,
     velocity: Twist,
     observations: Arc<[Observation]>,
@@ -38,13 +38,13 @@ const LEAST_CHANGE_RAD: f64 = 1e-3;
 /// The tracker's features: buffers and what is known of this frame. Nothing of it is state.
 pub(crate) struct Sight {
     pub(crate) finder: PairFinder,
-    known: BTreeMap<Key, Known>,
+    known: BTreeMap<SurfaceKey, KnownObservations>,
     index: u64,
     /// Motion that the observations were made with.
     velocity: Twist,
     features: Vec<Feature>,
     observations: Arc<[Observation]>,
-    pairs: BTreeMap<Key, Option<Arc<FeaturePair>>>,
+    pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
 }
 
 impl Sight {
@@ -134,7 +134,10 @@ impl Sight {
         while self.known.len() >= KEPT {
             self.known.pop_first();
         }
-        self.known.insert(reference.key, Known { model, velocity, observations: Arc::clone(&observations) });
+        self.known.insert(
+            reference.key,
+            KnownObservations { model, velocity, observations: Arc::clone(&observations) },
+        );
         observations
     }
 
@@ -179,7 +182,7 @@ impl Sight {
 
 /// A pair whose surfaces judge colour.
 pub(crate) struct Judged<'a> {
-    pub(crate) key: Key,
+    pub(crate) key: SurfaceKey,
     /// As aligned, and where the sums are about.
     pub(crate) target_from_query: Pose,
     pub(crate) origin: Pose,

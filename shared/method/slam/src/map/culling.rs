@@ -26,14 +26,14 @@ const METRES_PER_RADIAN: f64 = 0.573;
 
 /// Pose of a keyframe of the working map.
 #[derive(Clone, Copy)]
-struct View {
+struct CullingView {
     id: u32,
     component: u32,
     centre: Vector3<f64>,
     axis: Vector3<f64>,
 }
 
-impl View {
+impl CullingView {
     fn of(submaps: &Submaps, keyframe: &KeyframeState) -> Self {
         let pose = Pose::from(&keyframe.world_from_camera);
         let (centre, axis) = (pose.translation.vector, pose.rotation * Vector3::z());
@@ -48,7 +48,7 @@ impl View {
 }
 
 /// A view that could be culled.
-struct Candidate {
+struct CullingCandidate {
     id: u32,
     nearest: u32,
     nearest_m: f64,
@@ -60,7 +60,7 @@ struct Candidate {
 /// Keyframes to cull when one more is made.
 pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<RetiredRecord> {
     let active = state.keyframes.iter().filter(|k| k.is_active());
-    let mut views: Vec<View> = active.map(|k| View::of(&state.submaps, k)).collect();
+    let mut views: Vec<CullingView> = active.map(|k| CullingView::of(&state.submaps, k)).collect();
     let budget = if settings.keyframe.budget == 0 { usize::MAX } else { settings.keyframe.budget as usize };
     let mut culled = Vec::new();
     // With the one that is made now.
@@ -79,11 +79,11 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
 
 /// The view with the least room among those that are not the newest; the newest among equals. The
 /// first keyframe of each component is the origin of its gauge and stays.
-fn least_needed(views: &[View]) -> Option<Candidate> {
+fn least_needed(views: &[CullingView]) -> Option<CullingCandidate> {
     let settled = &views[..views.len().saturating_sub(NEWEST)];
-    let mut by_x: Vec<&View> = settled.iter().collect();
+    let mut by_x: Vec<&CullingView> = settled.iter().collect();
     by_x.sort_by(|a, b| a.centre.x.total_cmp(&b.centre.x).then(a.id.cmp(&b.id)));
-    let is_first = |view: &View| {
+    let is_first = |view: &CullingView| {
         settled
             .iter()
             .find(|other| other.component == view.component)
@@ -95,10 +95,10 @@ fn least_needed(views: &[View]) -> Option<Candidate> {
 
 /// A view with its two nearest others of the same component; `None` where it has none. `by_x`: sorted
 /// by the x of their centres, so that most need not be looked at.
-fn candidate(by_x: &[&View], at: usize) -> Option<Candidate> {
+fn candidate(by_x: &[&CullingView], at: usize) -> Option<CullingCandidate> {
     let view = by_x[at];
     let (mut nearest, mut first_m, mut second_m) = (None, f64::INFINITY, f64::INFINITY);
-    let mut look = |other: &View| {
+    let mut look = |other: &CullingView| {
         let is_beyond = (other.centre.x - view.centre.x).abs() > second_m;
         if !is_beyond && other.component == view.component {
             let distance_m = view.distance_m(other);
@@ -114,7 +114,7 @@ fn candidate(by_x: &[&View], at: usize) -> Option<Candidate> {
     let _ = by_x[at + 1..].iter().all(|other| look(other));
     // One of two views has no second neighbour.
     let room_m = first_m + if second_m.is_finite() { second_m } else { first_m };
-    Some(Candidate { id: view.id, nearest: nearest?, nearest_m: first_m, room_m })
+    Some(CullingCandidate { id: view.id, nearest: nearest?, nearest_m: first_m, room_m })
 }
 
 /// Poses of all keyframes from those of the active ones and of the `culled` ones that were solved for,

@@ -17,11 +17,11 @@ use tessera_geometry::Pose;
 pub struct JointMap {
     context: Context,
     state: TrackerState,
-    runs: Vec<Run>,
+    runs: Vec<MemberRun>,
 }
 
 /// Where a run's keyframes and submaps are.
-struct Run {
+struct MemberRun {
     keyframes: Range<usize>,
     submaps: Range<u32>,
 }
@@ -57,7 +57,7 @@ impl JointMap {
         for submap in 0..n_submaps {
             self.state.submaps.join(first_submap + submap, first_submap + map.submaps.component(submap));
         }
-        self.runs.push(Run {
+        self.runs.push(MemberRun {
             keyframes: first as usize..self.state.keyframes.len(),
             submaps: first_submap..first_submap + n_submaps,
         });

@@ -6,11 +6,11 @@ use tessera_geometry::{Pose, PoseBits, compose_normalised, log};
 
 /// When each frame was taken, whether its pose can be trusted, and its reference keyframe.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Timeline {
+pub(crate) struct PoseTimeline {
     frames: Vec<(u64, i64, State, u32)>,
 }
 
-impl Timeline {
+impl PoseTimeline {
     pub(crate) fn add(&mut self, frame: &FrameRecord) {
         self.frames.push((frame.index, frame.stamp_nanos, frame.state, frame.keyframe));
     }
@@ -60,7 +60,7 @@ mod tests {
         let frames = states.iter().enumerate().map(|(k, s)| (k as u64, k as i64 * 10, *s, 0)).collect();
         let known =
             BTreeMap::from([(1, Pose::translation(1.0, 0.0, 0.0)), (4, Pose::translation(4.0, 0.0, 0.3))]);
-        let mut timeline = Timeline { frames };
+        let mut timeline = PoseTimeline { frames };
         let filled = timeline.interpolated(&known, Some);
         assert_eq!(filled.iter().map(|f| f.0).collect::<Vec<_>>(), [2, 3]);
         assert!((filled[0].1.translation_m[0] - 2.0).abs() < 1e-12);

@@ -3,7 +3,7 @@
 use crate::map::records::{AlignRecord, FrameRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
-use crate::optimise::interpolation::Timeline;
+use crate::optimise::interpolation::PoseTimeline;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
@@ -97,7 +97,7 @@ impl Refiner<'_> {
     /// Every frame solved again against the keyframes; keyframes take their own pose, and lost
     /// frames one between those around them.
     pub(crate) fn solve(&self, history: &dyn FrameHistory) -> Vec<(u64, PoseBits)> {
-        let mut timeline = Timeline::default();
+        let mut timeline = PoseTimeline::default();
         let mut solved: Vec<(u64, Pose)> = Vec::new();
         let mut chunk: Vec<FrameBlocks> = Vec::new();
         history.visit(&mut |frame| {

@@ -8,7 +8,9 @@ use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::global::Solution;
 use crate::settings::GlobalSettings;
 use std::collections::BTreeSet;
-use tessera_calibration::{Calibration, CalibrationError, Keyframe, PairLimits, Problem, calibrate};
+use tessera_calibration::{
+    Calibration, CalibrationError, CalibrationKeyframe, PairLimits, Problem, calibrate,
+};
 use tessera_geometry::{Twist, Vector6};
 
 /// Neighbours of a keyframe: what a camera does to a surface is small, so many pairs are asked.
@@ -48,10 +50,10 @@ pub(crate) fn refine_camera(
     let mut pairs = tessera_calibration::pairs(&solution.poses, &chains, &limits);
     pairs.retain(|&(query, target)| origins[query].component == main && origins[target].component == main);
     pairs.retain(|&(query, target)| !refused.contains(&(keyframes[query].id, keyframes[target].id)));
-    let keyframes: Vec<Keyframe<'_>> = keyframes
+    let keyframes: Vec<CalibrationKeyframe<'_>> = keyframes
         .iter()
         .zip(&solution.poses)
-        .map(|(k, pose)| Keyframe {
+        .map(|(k, pose)| CalibrationKeyframe {
             frame_index: k.frame_index,
             world_from_camera: *pose,
             velocity: Twist::from_vector(&Vector6::from_column_slice(&k.velocity)),

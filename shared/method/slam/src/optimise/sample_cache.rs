@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A keyframe's id, the index of its frame and how many vertices it was drawn from.
-type Key = (u32, u64, usize);
+type SampleKey = (u32, u64, usize);
 
 /// Drawn vertices by keyframe. They are a function of the keyframe alone, so that it makes no
 /// difference which of them are known; some kilobytes for each, where its samples would take 64.
 #[derive(Debug, Default)]
-pub(crate) struct Drawn(Mutex<BTreeMap<Key, Arc<[u32]>>>);
+pub(crate) struct Drawn(Mutex<BTreeMap<SampleKey, Arc<[u32]>>>);
 
 impl Drawn {
     /// The drawn vertices of a keyframe, by `draw` where they are not known.
-    pub(crate) fn of(&self, key: Key, draw: impl FnOnce() -> Arc<[u32]>) -> Arc<[u32]> {
+    pub(crate) fn of(&self, key: SampleKey, draw: impl FnOnce() -> Arc<[u32]>) -> Arc<[u32]> {
         let known = self.known().get(&key).cloned();
         known.unwrap_or_else(|| {
             let drawn = draw();
@@ -27,7 +27,7 @@ impl Drawn {
         self.known().retain(|(id, ..), _| ids.binary_search(id).is_ok());
     }
 
-    fn known(&self) -> MutexGuard<'_, BTreeMap<Key, Arc<[u32]>>> {
+    fn known(&self) -> MutexGuard<'_, BTreeMap<SampleKey, Arc<[u32]>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -17,7 +17,7 @@ use tessera_geometry::{Pose, Twist};
 
 /// Outcome of the alignment from the prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
+enum Decision {
     /// It passed the strict tests, or needs none.
     Accepted,
     /// It passed the tests of an expected motion, but not the strict ones.
@@ -48,7 +48,7 @@ enum Acceptance {
 
 /// One way in which a frame may have moved.
 struct Hypothesis {
-    after: Verdict,
+    after: Decision,
     /// Initial guesses and their search settings.
     guesses: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Vec<Prediction>,
     search: Search,
@@ -61,28 +61,28 @@ struct Hypothesis {
 const HYPOTHESES: [Hypothesis; 4] = [
     // A camera that turned faster than predicted may have come to rest in a local minimum.
     Hypothesis {
-        after: Verdict::Doubtful,
+        after: Decision::Doubtful,
         guesses: rotated_prediction,
         search: Search::Window,
         acceptance: Acceptance::MoreSupport,
         name: None,
     },
     Hypothesis {
-        after: Verdict::Rejected,
+        after: Decision::Rejected,
         guesses: rotated_last_pose,
         search: Search::Window,
         acceptance: Acceptance::WellConditioned,
         name: None,
     },
     Hypothesis {
-        after: Verdict::Rejected,
+        after: Decision::Rejected,
         guesses: last_keyframe,
         search: Search::Window,
         acceptance: Acceptance::WellConditioned,
         name: None,
     },
     Hypothesis {
-        after: Verdict::Rejected,
+        after: Decision::Rejected,
         guesses: large_displacement::guesses,
         search: Search::CoarseToFine,
         acceptance: Acceptance::WithinReach,
@@ -108,11 +108,11 @@ pub(crate) fn track(
     let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
     let is_strict = acceptance::strict(&input.context.mapping.relocalise, &first.alignment).is_ok();
     let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {
-        (true, _) => Verdict::Accepted,
+        (true, _) => Decision::Accepted,
         // What features agree on is no guess of the motion.
-        (false, true) if is_seen => Verdict::Accepted,
-        (false, true) => Verdict::Doubtful,
-        (false, false) => Verdict::Rejected,
+        (false, true) if is_seen => Decision::Accepted,
+        (false, true) => Decision::Doubtful,
+        (false, false) => Decision::Rejected,
     };
     for hypothesis in HYPOTHESES.iter().filter(|h| h.after == verdict) {
         let Some((found, numbers)) = hypothesis.test(input, aligner, prediction, &first) else { continue };
@@ -122,7 +122,7 @@ pub(crate) fn track(
         });
         return Ok(WindowAlignment { reason, ..found });
     }
-    if verdict == Verdict::Accepted { Ok(first) } else { passed.map(|()| first) }
+    if verdict == Decision::Accepted { Ok(first) } else { passed.map(|()| first) }
 }
 
 impl Hypothesis {

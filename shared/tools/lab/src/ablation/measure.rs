@@ -3,7 +3,7 @@
 use super::columns::{Column, columns};
 use super::parts::PARTS;
 use super::peers::Peers;
-use super::table::{Cell, Row, Spread, Whole};
+use super::table::{AblationRow, Spread, TableCell, Whole};
 use rayon::prelude::*;
 use tessera_evaluation::{Evaluation, EvaluationOptions, Trajectory};
 use tessera_offline::{Method, RawFrame, Records, Run};
@@ -16,7 +16,7 @@ const BATCH: u64 = 8;
 
 /// Which settings an ablation starts from.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct AblationPlan {
     /// Preset or file of the columns.
     pub columns_base: String,
     /// Preset or file of the whole system.
@@ -28,7 +28,7 @@ pub struct Plan {
 }
 
 /// What one seed gave on one sequence.
-struct Sample {
+struct AblationSample {
     columns: Vec<Errors>,
     /// The whole system, then the system without each part.
     wholes: Vec<[Errors; 2]>,
@@ -40,7 +40,7 @@ struct Errors {
     frames_untracked: usize,
 }
 
-impl Plan {
+impl AblationPlan {
     /// Settings of the columns, of the whole system, and of the system without each part, in order.
     ///
     /// # Errors
@@ -68,10 +68,10 @@ impl Plan {
 pub fn measure(
     name: &str,
     source: &dyn Source,
-    plan: &Plan,
+    plan: &AblationPlan,
     peers: Option<&Peers>,
     progress: &mut dyn FnMut(u64),
-) -> Result<Row, ToolError> {
+) -> Result<AblationRow, ToolError> {
     let truth = ground_truth(name, source)?;
     let n_frames = source
         .n_frames()
@@ -117,7 +117,12 @@ fn read(source: &dyn Source, indices: std::ops::Range<u64>) -> Result<Vec<RawFra
     indices.into_par_iter().map(|index| Ok(RawFrame::read(source, index)?)).collect()
 }
 
-fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, wholes: Vec<Run>) -> Result<Sample, ToolError> {
+fn sample(
+    name: &str,
+    truth: &Trajectory,
+    runs: Vec<Run>,
+    wholes: Vec<Run>,
+) -> Result<AblationSample, ToolError> {
     let columns = runs
         .into_iter()
         .zip(columns())
@@ -132,7 +137,7 @@ fn sample(name: &str, truth: &Trajectory, runs: Vec<Run>, wholes: Vec<Run>) -> R
         let of = |trajectory: &Trajectory| errors(name, &records, trajectory, truth);
         Ok([of(&records.last())?, of(&records.online())?])
     };
-    Ok(Sample { columns, wholes: wholes.into_iter().map(whole).collect::<Result<_, ToolError>>()? })
+    Ok(AblationSample { columns, wholes: wholes.into_iter().map(whole).collect::<Result<_, ToolError>>()? })
 }
 
 fn errors(
@@ -157,8 +162,8 @@ fn errors(
     Ok(Errors { ate_m: ate_rmse_m, rpe_m_per_s, frames_untracked: records.n_untracked() })
 }
 
-fn row(name: &str, frames: u64, samples: &[Sample], peers: Option<&Peers>) -> Row {
-    let spread = |value: &dyn Fn(&Sample) -> f64| {
+fn row(name: &str, frames: u64, samples: &[AblationSample], peers: Option<&Peers>) -> AblationRow {
+    let spread = |value: &dyn Fn(&AblationSample) -> f64| {
         // There is at least one seed.
         Spread::of(samples.iter().map(value)).unwrap_or(Spread {
             median: f64::NAN,
@@ -166,9 +171,9 @@ fn row(name: &str, frames: u64, samples: &[Sample], peers: Option<&Peers>) -> Ro
             most: f64::NAN,
         })
     };
-    let most = |value: &dyn Fn(&Sample) -> usize| samples.iter().map(value).max().unwrap_or(0);
+    let most = |value: &dyn Fn(&AblationSample) -> usize| samples.iter().map(value).max().unwrap_or(0);
     let n_columns = samples.first().map_or(0, |s| s.columns.len());
-    let cells = (0..n_columns).map(|column| Cell {
+    let cells = (0..n_columns).map(|column| TableCell {
         rpe_m_per_s: spread(&|s| s.columns[column].rpe_m_per_s),
         frames_untracked: most(&|s| s.columns[column].frames_untracked),
     });
@@ -177,7 +182,7 @@ fn row(name: &str, frames: u64, samples: &[Sample], peers: Option<&Peers>) -> Ro
         rpe_online_m_per_s: spread(&|s| s.wholes[place][1].rpe_m_per_s),
         frames_untracked: most(&|s| s.wholes[place][0].frames_untracked),
     };
-    Row {
+    AblationRow {
         sequence: name.to_owned(),
         frames,
         cells: cells.collect(),

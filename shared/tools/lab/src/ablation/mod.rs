@@ -10,7 +10,7 @@ mod table;
 
 pub use columns::columns;
 pub use markdown::markdown;
-pub use measure::{Plan, ground_truth, measure};
+pub use measure::{AblationPlan, ground_truth, measure};
 pub use parts::Part;
 pub use peers::Peers;
 pub use plot::svg;

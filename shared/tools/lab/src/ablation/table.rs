@@ -31,7 +31,7 @@ impl Spread {
 
 /// The errors of one column on one sequence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Cell {
+pub struct TableCell {
     /// RPE over one second, translation, RMSE, metres per second.
     pub rpe_m_per_s: Spread,
     /// Frames that were not tracked, the largest number over the seeds.
@@ -51,13 +51,13 @@ pub struct Whole {
 
 /// One sequence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct AblationRow {
     /// Its name, without the path.
     pub sequence: String,
     /// Frames processed.
     pub frames: u64,
     /// One for each column.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<TableCell>,
     /// All parts together, with loops and the final optimisation.
     pub whole: Whole,
     /// The whole system without each part.
@@ -91,7 +91,7 @@ pub struct Tables {
     /// Parts of the whole system that are left out in turn.
     pub parts: Vec<Part>,
     /// A row for each sequence.
-    pub rows: Vec<Row>,
+    pub rows: Vec<AblationRow>,
     /// By how much a column lowers the RPE of pairwise n = 4 without filter, the mean over the
     /// sequences of the share, percent; negative where it is worse.
     pub average_improvement_percent: Vec<f64>,
@@ -99,7 +99,7 @@ pub struct Tables {
 
 impl Tables {
     /// Puts the measured rows of all sequences into tables.
-    pub fn new(bases: [&str; 2], seeds: u64, columns: &[Column], rows: Vec<Row>) -> Self {
+    pub fn new(bases: [&str; 2], seeds: u64, columns: &[Column], rows: Vec<AblationRow>) -> Self {
         let head = |c: &Column| Head { group: c.group, name: c.name.clone(), settings: c.overrides.clone() };
         Self {
             columns_base: bases[0].to_owned(),
@@ -113,8 +113,8 @@ impl Tables {
     }
 }
 
-fn average_improvement_percent(rows: &[Row], n_columns: usize) -> Vec<f64> {
-    let rpe = |row: &Row, column: usize| row.cells[column].rpe_m_per_s.median;
+fn average_improvement_percent(rows: &[AblationRow], n_columns: usize) -> Vec<f64> {
+    let rpe = |row: &AblationRow, column: usize| row.cells[column].rpe_m_per_s.median;
     (0..n_columns)
         .map(|column| {
             let sum: f64 = rows.iter().map(|row| 1.0 - rpe(row, column) / rpe(row, REFERENCE)).sum();
@@ -133,10 +133,10 @@ pub(super) mod tests {
         let spread = |v: f64| Spread { median: v, least: v, most: v };
         let rows = rows
             .iter()
-            .map(|(sequence, errors)| Row {
+            .map(|(sequence, errors)| AblationRow {
                 sequence: (*sequence).to_owned(),
                 frames: 100,
-                cells: errors.map(|e| Cell { rpe_m_per_s: spread(e), frames_untracked: 0 }).into(),
+                cells: errors.map(|e| TableCell { rpe_m_per_s: spread(e), frames_untracked: 0 }).into(),
                 whole: Whole {
                     ate_m: spread(0.0171),
                     rpe_online_m_per_s: spread(0.028),

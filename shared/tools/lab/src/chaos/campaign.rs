@@ -3,8 +3,8 @@
 use super::disturb::{Disturbance, Disturber};
 use super::plan_file;
 use super::recovery::{Sign, events};
-use super::report::Report;
-use super::schedule::{FaultKind, Random, Schedule, Target};
+use super::report::ChaosReport;
+use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random};
 use super::trial::{Pipeline, Trial};
 use super::verdict::{Judge, judge};
 use std::path::{Path, PathBuf};
@@ -54,10 +54,10 @@ pub type OnRun<'a> = &'a mut dyn FnMut(u64, u64);
 /// Where a run cannot be started, or the undisturbed one fails; a broken promise is in the report.
 pub fn campaign(
     arguments: &Campaign,
-    targets: &[Target],
+    targets: &[FaultTarget],
     kinds: &[FaultKind],
     on_run: OnRun<'_>,
-) -> Result<Report, ToolError> {
+) -> Result<ChaosReport, ToolError> {
     let plan = arguments.plan.as_ref().map(|path| {
         let wrong = |problem: String| ToolError::Arguments(format!("{}: {problem}", path.display()));
         let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
@@ -74,13 +74,13 @@ pub fn campaign(
     let patience = Duration::from_secs(arguments.patience_s);
     let mut reference =
         Trial::new(&pipeline, format!("chaos-{id}-0"), base.join("undisturbed"), String::new());
-    let quiet = Schedule::new(0, targets, &[], 1);
+    let quiet = FaultSchedule::new(0, targets, &[], 1);
     let undisturbed = Disturber { schedule: quiet, most: 0, patience }.run(&mut reference, Random::new(0))?;
     if !undisturbed.has_finished {
         return Err(ToolError::Stage(format!("the undisturbed run failed: {}", reference.errors())));
     }
     let n_frames = reference.count_frames()?.n_frames;
-    let mut report = Report::new(pipeline.arguments[0].clone(), arguments.seed, !arguments.live);
+    let mut report = ChaosReport::new(pipeline.arguments[0].clone(), arguments.seed, !arguments.live);
     let enough = plan.as_ref().map_or(arguments.kills, |(_, n)| *n);
     let mut number = 0;
     while report.n_faults() < enough && report.broken().is_empty() {
@@ -98,7 +98,7 @@ pub fn campaign(
             base.join(format!("run-{number}")),
             kill_plan,
         );
-        let schedule = Schedule::new(seed, targets, kinds, arguments.interval_ms);
+        let schedule = FaultSchedule::new(seed, targets, kinds, arguments.interval_ms);
         let disturbance = Disturber { schedule, most, patience }.run(&mut trial, random)?;
         let judge_by = Judge { number, reference: &reference, is_live: arguments.live };
         report.add(judge(&judge_by, &trial, &disturbance)?);
@@ -179,11 +179,11 @@ fn planned(kinds: &[FaultKind], n_frames: u64, random: &mut Random) -> String {
 pub fn attach(
     arguments: &Campaign,
     name: &str,
-    targets: &[Target],
+    targets: &[FaultTarget],
     kinds: &[FaultKind],
-) -> Result<Report, ToolError> {
+) -> Result<ChaosReport, ToolError> {
     let needs_own = kinds.iter().any(|kind| kind.is_planned() || *kind == FaultKind::Flip)
-        || targets.iter().any(|target| !matches!(target, Target::Stage(_)));
+        || targets.iter().any(|target| !matches!(target, FaultTarget::Stage(_)));
     if needs_own {
         return Err(ToolError::Arguments(
             "--attach cannot drop, corrupt or flip, nor strike supervisor or group: expected kill, stop, slow, segv, abort, memory or full, and stages".into(),
@@ -193,18 +193,18 @@ pub fn attach(
     let Some(run) = runs.into_iter().find(|run| run.is_alive && run.entry.name == name) else {
         return Err(ToolError::Arguments(format!("no run {name:?} is going on; see tessera status")));
     };
-    let schedule = Schedule::new(arguments.seed, targets, kinds, arguments.interval_ms);
+    let schedule = FaultSchedule::new(arguments.seed, targets, kinds, arguments.interval_ms);
     let patience = Duration::from_secs(arguments.patience_s);
     let mut disturber = Disturber { schedule, most: arguments.kills, patience };
     let disturbance = disturber.disturb_running(run.entry.pid, Random::new(arguments.seed));
     let log = std::fs::read_to_string(RunFiles::new(&run.entry.run_dir).log()).unwrap_or_default();
-    let mut report = Report::new(name.to_owned(), arguments.seed, false);
+    let mut report = ChaosReport::new(name.to_owned(), arguments.seed, false);
     report.add_faults(1, &disturbance, &log);
     Ok(report)
 }
 
 /// Faults that kill points carried out, by the run's log.
-pub(super) fn struck(log: &str) -> Vec<super::recovery::Event> {
+pub(super) fn struck(log: &str) -> Vec<super::recovery::ChaosEvent> {
     events(log).into_iter().filter(|event| matches!(event.sign, Sign::Struck(_))).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use super::process::{n_open_files, rss_bytes, stage_pid, stage_pids, stages_in};
 use super::recovery::Hit;
-use super::schedule::{FaultKind, Random, Schedule, Strike, Target};
+use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random, Strike};
 use super::strike::{Flip, flip, mend, strike};
 use super::trial::Trial;
 use std::process::Child;
@@ -22,7 +22,7 @@ const OWN_DEATHS: usize = 2;
 /// A fault that was carried out.
 #[derive(Clone, Debug)]
 pub(super) struct Struck {
-    pub(super) target: Target,
+    pub(super) target: FaultTarget,
     pub(super) kind: FaultKind,
     pub(super) at_nanos: u64,
     /// The stages that it should end.
@@ -31,7 +31,7 @@ pub(super) struct Struck {
 
 /// What the supervisor looked like after a fault.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
+pub(super) struct MemorySample {
     /// Its process: a resumed run has another one.
     pub(super) pid: u32,
     /// Faults before it.
@@ -44,7 +44,7 @@ pub(super) struct Sample {
 #[derive(Debug, Default)]
 pub(super) struct Disturbance {
     pub(super) strikes: Vec<Struck>,
-    pub(super) samples: Vec<Sample>,
+    pub(super) samples: Vec<MemorySample>,
     pub(super) has_finished: bool,
     pub(super) wall_s: f64,
     /// Damaged files that `resume` refused by name, with nothing written to them.
@@ -54,7 +54,7 @@ pub(super) struct Disturbance {
 
 /// Strikes by a schedule.
 pub(super) struct Disturber {
-    pub(super) schedule: Schedule,
+    pub(super) schedule: FaultSchedule,
     /// Faults at most.
     pub(super) most: u64,
     /// Longest time for the run.
@@ -100,7 +100,7 @@ impl Disturber {
                 break;
             }
             let Some(strike) = next else { continue };
-            if matches!(strike.targets[..], [Target::Group | Target::Supervisor]) {
+            if matches!(strike.targets[..], [FaultTarget::Group | FaultTarget::Supervisor]) {
                 flipped = kill_supervisor(&mut child, &strike, trial, &mut random, &mut done)?;
                 child = trial.start()?;
             } else {
@@ -144,7 +144,7 @@ fn wait(child: &mut Child, at_most: Duration) -> Result<Option<bool>, ToolError>
 
 fn strike_stages(supervisor: u32, planned: &Strike, random: &mut Random, done: &mut Disturbance) {
     for &target in &planned.targets {
-        let Target::Stage(stage) = target else { continue };
+        let FaultTarget::Stage(stage) = target else { continue };
         let Some(pid) = stage_pid(supervisor, stage) else { continue };
         let own = done.strikes.iter().filter(|s| s.target == target && s.kind.is_own_death()).count();
         let kind =
@@ -165,7 +165,7 @@ fn kill_supervisor(
     done: &mut Disturbance,
 ) -> Result<Option<Flip>, ToolError> {
     trial.remember();
-    let is_group = planned.targets == [Target::Group];
+    let is_group = planned.targets == [FaultTarget::Group];
     let stages = stage_pids(child.id());
     let at_nanos = monotonic_nanos();
     let _ = child.kill();
@@ -200,7 +200,7 @@ fn sample(pid: u32, done: &mut Disturbance) {
         return;
     }
     if let (Some(rss_bytes), Some(n_open_files)) = (rss_bytes(pid), n_open_files(pid)) {
-        done.samples.push(Sample { pid, n_strikes: done.n_strikes(), rss_bytes, n_open_files });
+        done.samples.push(MemorySample { pid, n_strikes: done.n_strikes(), rss_bytes, n_open_files });
     }
 }
 

@@ -17,5 +17,5 @@ mod trial;
 mod verdict;
 
 pub use campaign::{Campaign, OnRun, attach, campaign};
-pub use report::Report;
-pub use schedule::{FaultKind, Target};
+pub use report::ChaosReport;
+pub use schedule::{FaultKind, FaultTarget};

@@ -17,7 +17,7 @@ pub(super) enum Sign {
 
 /// A line of the log with a stamp.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Event {
+pub(super) struct ChaosEvent {
     /// Monotonic clock, nanoseconds.
     pub(super) at_nanos: u64,
     /// Which stage.
@@ -51,12 +51,12 @@ pub(super) enum Recovery {
 }
 
 /// The stamped lines of a log, in order.
-pub(super) fn events(log: &str) -> Vec<Event> {
+pub(super) fn events(log: &str) -> Vec<ChaosEvent> {
     log.lines().filter_map(event).collect()
 }
 
 /// `TIME LEVEL stage[pid] words at_nanos=…`.
-fn event(line: &str) -> Option<Event> {
+fn event(line: &str) -> Option<ChaosEvent> {
     let mut words = line.split_whitespace().skip(2);
     let (name, pid) = words.next()?.split_once('[')?;
     let (_, said) = line.split_once("] ")?;
@@ -68,7 +68,7 @@ fn event(line: &str) -> Option<Event> {
     } else {
         Sign::Struck(said.strip_prefix(STRUCK)?.split_whitespace().next()?.to_owned())
     };
-    Some(Event {
+    Some(ChaosEvent {
         at_nanos: at.parse().ok()?,
         stage: Stage::from_name(name)?,
         pid: pid.trim_end_matches(']').parse().ok()?,
@@ -77,10 +77,10 @@ fn event(line: &str) -> Option<Event> {
 }
 
 /// How long the stage of `hit` was away, given all hits and the log's events.
-pub(super) fn recovery(hit: &Hit, hits: &[Hit], events: &[Event]) -> Recovery {
+pub(super) fn recovery(hit: &Hit, hits: &[Hit], events: &[ChaosEvent]) -> Recovery {
     // The optimiser has nothing to put out unless it is asked.
     let wanted = if hit.stage == Stage::Optimise { Sign::Ready } else { Sign::Output };
-    let later = |event: &&Event| {
+    let later = |event: &&ChaosEvent| {
         event.stage == hit.stage
             && event.pid != hit.pid
             && event.at_nanos > hit.at_nanos

@@ -64,7 +64,7 @@ pub(super) struct RunReport {
 
 /// All runs of a campaign.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct ChaosReport {
     source: String,
     seed: u64,
     is_compared: bool,
@@ -75,7 +75,7 @@ pub struct Report {
 
 /// Recovery times of some faults, milliseconds.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct Times {
+struct RecoveryTimes {
     struck: usize,
     measured: usize,
     p50_ms: Option<f64>,
@@ -83,7 +83,7 @@ struct Times {
     max_ms: Option<f64>,
 }
 
-impl Report {
+impl ChaosReport {
     pub(super) fn new(source: String, seed: u64, is_compared: bool) -> Self {
         Self { source, seed, is_compared, runs: Vec::new(), faults: Vec::new(), kept: None }
     }
@@ -136,13 +136,13 @@ impl Report {
         bytes as f64 / self.sum(|run| run.growth_over_faults).max(1) as f64
     }
 
-    fn times(&self, of: impl Fn(&FaultReport) -> bool) -> Times {
+    fn times(&self, of: impl Fn(&FaultReport) -> bool) -> RecoveryTimes {
         let struck: Vec<&FaultReport> = self.faults.iter().filter(|fault| of(fault)).collect();
         let mut times: Vec<f64> = struck.iter().filter_map(|fault| fault.recovery_ms).collect();
         times.sort_by(f64::total_cmp);
         // The nearest rank: a time that was measured.
         let rank = |q: f64| times.get(((q * times.len() as f64).ceil() as usize).max(1) - 1).copied();
-        Times {
+        RecoveryTimes {
             struck: struck.len(),
             measured: times.len(),
             p50_ms: rank(0.5),
@@ -166,7 +166,7 @@ impl Report {
             runs: usize,
             faults: usize,
             kept: bool,
-            recovery: Times,
+            recovery: RecoveryTimes,
             growth_bytes_per_fault: f64,
             broken: Vec<String>,
         }
@@ -205,9 +205,9 @@ impl Report {
             "  {:<22}{:>8}{:>10}{:>10}{:>10}{:>10}",
             "", "struck", "measured", "p50 ms", "p99 ms", "max ms"
         );
-        let mut row = |name: &str, times: Times| {
+        let mut row = |name: &str, times: RecoveryTimes| {
             let ms = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.0}"));
-            let Times { struck, measured, p50_ms, p99_ms, max_ms } = times;
+            let RecoveryTimes { struck, measured, p50_ms, p99_ms, max_ms } = times;
             let (p50, p99, max) = (ms(p50_ms), ms(p99_ms), ms(max_ms));
             let _ = writeln!(text, "  {name:<22}{struck:>8}{measured:>10}{p50:>10}{p99:>10}{max:>10}");
         };

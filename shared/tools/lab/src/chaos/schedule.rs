@@ -63,7 +63,7 @@ impl FaultKind {
 
 /// Who is struck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Target {
+pub enum FaultTarget {
     /// One stage.
     Stage(Stage),
     /// The supervisor alone: the stages end by themselves, `resume` goes on.
@@ -72,22 +72,22 @@ pub enum Target {
     Group,
 }
 
-impl Target {
+impl FaultTarget {
     /// The target of that name.
-    pub fn from_name(name: &str) -> Option<Target> {
+    pub fn from_name(name: &str) -> Option<FaultTarget> {
         match name {
-            "supervisor" => Some(Target::Supervisor),
-            "group" => Some(Target::Group),
-            stage => Stage::from_name(stage).map(Target::Stage),
+            "supervisor" => Some(FaultTarget::Supervisor),
+            "group" => Some(FaultTarget::Group),
+            stage => Stage::from_name(stage).map(FaultTarget::Stage),
         }
     }
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
-            Target::Stage(stage) => stage.name(),
-            Target::Supervisor => "supervisor",
-            Target::Group => "group",
+            FaultTarget::Stage(stage) => stage.name(),
+            FaultTarget::Supervisor => "supervisor",
+            FaultTarget::Group => "group",
         }
     }
 }
@@ -98,7 +98,7 @@ pub(super) struct Strike {
     /// Since the strike before.
     pub after: Duration,
     /// One target, or two at once.
-    pub targets: Vec<Target>,
+    pub targets: Vec<FaultTarget>,
     /// What strikes them.
     pub kind: FaultKind,
 }
@@ -124,17 +124,17 @@ impl Random {
 
 /// An endless row of faults.
 #[derive(Clone, Debug)]
-pub(super) struct Schedule {
+pub(super) struct FaultSchedule {
     random: Random,
-    targets: Vec<Target>,
+    targets: Vec<FaultTarget>,
     kinds: Vec<FaultKind>,
     mean_ms: u64,
 }
 
-impl Schedule {
+impl FaultSchedule {
     /// Faults of these kinds on these targets, `mean_ms` apart on average. Kinds that are planned
     /// before a run are left out here.
-    pub(super) fn new(seed: u64, targets: &[Target], kinds: &[FaultKind], mean_ms: u64) -> Self {
+    pub(super) fn new(seed: u64, targets: &[FaultTarget], kinds: &[FaultKind], mean_ms: u64) -> Self {
         let kinds = kinds.iter().copied().filter(|kind| !kind.is_planned()).collect();
         Self { random: Random::new(seed), targets: targets.to_vec(), kinds, mean_ms }
     }
@@ -147,14 +147,14 @@ impl Schedule {
             0 => self.random.below(50),
             _ => 20 + self.random.below(2 * self.mean_ms),
         };
-        let mut targets: Vec<Target> = self.random.pick(&self.targets).into_iter().collect();
+        let mut targets: Vec<FaultTarget> = self.random.pick(&self.targets).into_iter().collect();
         if kind == FaultKind::Flip {
-            targets = vec![Target::Group];
+            targets = vec![FaultTarget::Group];
         }
         // One in eight strikes two stages at once.
         if self.random.below(8) == 0
-            && let Some(second @ Target::Stage(_)) = self.random.pick(&self.targets)
-            && matches!(targets[..], [Target::Stage(first)] if Target::Stage(first) != second)
+            && let Some(second @ FaultTarget::Stage(_)) = self.random.pick(&self.targets)
+            && matches!(targets[..], [FaultTarget::Stage(first)] if FaultTarget::Stage(first) != second)
         {
             targets.push(second);
         }
@@ -167,8 +167,8 @@ mod tests {
     use super::*;
 
     fn draw(seed: u64) -> Vec<Strike> {
-        let targets = [Stage::Sensor, Stage::Align, Stage::Optimise].map(Target::Stage);
-        let mut schedule = Schedule::new(seed, &targets, &[FaultKind::Kill, FaultKind::Stop], 200);
+        let targets = [Stage::Sensor, Stage::Align, Stage::Optimise].map(FaultTarget::Stage);
+        let mut schedule = FaultSchedule::new(seed, &targets, &[FaultKind::Kill, FaultKind::Stop], 200);
         (0..800).filter_map(|_| schedule.next_strike()).collect()
     }
 
@@ -182,7 +182,7 @@ mod tests {
     fn everybody_is_struck_sometimes_two_at_once() {
         let strikes = draw(1);
         for (kind, stage) in [(FaultKind::Kill, Stage::Align), (FaultKind::Stop, Stage::Sensor)] {
-            assert!(strikes.iter().any(|s| s.kind == kind && s.targets == [Target::Stage(stage)]));
+            assert!(strikes.iter().any(|s| s.kind == kind && s.targets == [FaultTarget::Stage(stage)]));
         }
         let pairs = strikes.iter().filter(|s| s.targets.len() == 2).count();
         assert!((20..200).contains(&pairs), "{pairs}");
@@ -194,8 +194,8 @@ mod tests {
     #[test]
     fn kinds_that_are_planned_are_not_drawn() {
         let only = [FaultKind::Drop, FaultKind::Corrupt];
-        assert_eq!(Schedule::new(1, &[Target::Group], &only, 100).next_strike(), None);
-        let mut flips = Schedule::new(1, &[Target::Stage(Stage::Align)], &[FaultKind::Flip], 100);
-        assert_eq!(flips.next_strike().unwrap().targets, [Target::Group]);
+        assert_eq!(FaultSchedule::new(1, &[FaultTarget::Group], &only, 100).next_strike(), None);
+        let mut flips = FaultSchedule::new(1, &[FaultTarget::Stage(Stage::Align)], &[FaultKind::Flip], 100);
+        assert_eq!(flips.next_strike().unwrap().targets, [FaultTarget::Group]);
     }
 }

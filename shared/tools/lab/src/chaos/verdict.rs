@@ -1,10 +1,10 @@
 //! Verdict on a run under faults.
 
 use super::campaign::{shown, struck};
-use super::disturb::{Disturbance, Sample};
+use super::disturb::{Disturbance, MemorySample};
 use super::recovery::{Hit, Recovery, Sign, events, recovery};
 use super::report::{FaultReport, RunReport};
-use super::schedule::Target;
+use super::schedule::FaultTarget;
 use super::trial::Trial;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
@@ -48,7 +48,7 @@ pub(super) fn judge(
         let died = format!("] {stage} died: ");
         let n_deaths =
             log.lines().filter(|line| line.contains(" supervisor[") && line.contains(&died)).count();
-        let target = Target::Stage(stage).name();
+        let target = FaultTarget::Stage(stage).name();
         let n_hits = faults.iter().filter(|fault| fault.target == target && fault.is_deadly).count();
         check(
             n_deaths <= n_hits,
@@ -95,27 +95,28 @@ pub(super) fn faults(run: u64, done: &Disturbance, log: &str) -> Vec<FaultReport
     let mut hits: Vec<Hit> = done.strikes.iter().flat_map(|strike| strike.hits.clone()).collect();
     let deadly = planned.iter().filter(|event| of_plan(&name_of(&event.sign)));
     hits.extend(deadly.map(|event| Hit { at_nanos: event.at_nanos, stage: event.stage, pid: event.pid }));
-    let report = |target: Target, fault: String, at_nanos: u64, hit: Option<&Hit>, place: Option<String>| {
-        let outcome = hit.map(|hit| recovery(hit, &hits, &events));
-        FaultReport {
-            run,
-            target: target.name(),
-            fault,
-            at_nanos,
-            place,
-            is_deadly: hit.is_some(),
-            recovery_ms: match outcome {
-                Some(Recovery::After(ms)) => Some(ms),
-                _ => None,
-            },
-            outcome: match outcome {
-                None => "no death",
-                Some(Recovery::After(_)) => "back",
-                Some(Recovery::Overtaken) => "overtaken by another",
-                Some(Recovery::Over) => "nothing more to do",
-            },
-        }
-    };
+    let report =
+        |target: FaultTarget, fault: String, at_nanos: u64, hit: Option<&Hit>, place: Option<String>| {
+            let outcome = hit.map(|hit| recovery(hit, &hits, &events));
+            FaultReport {
+                run,
+                target: target.name(),
+                fault,
+                at_nanos,
+                place,
+                is_deadly: hit.is_some(),
+                recovery_ms: match outcome {
+                    Some(Recovery::After(ms)) => Some(ms),
+                    _ => None,
+                },
+                outcome: match outcome {
+                    None => "no death",
+                    Some(Recovery::After(_)) => "back",
+                    Some(Recovery::Overtaken) => "overtaken by another",
+                    Some(Recovery::Over) => "nothing more to do",
+                },
+            }
+        };
     let mut reports: Vec<FaultReport> = done
         .strikes
         .iter()
@@ -125,14 +126,14 @@ pub(super) fn faults(run: u64, done: &Disturbance, log: &str) -> Vec<FaultReport
         let Sign::Struck(place) = &event.sign else { continue };
         let name = name_of(&event.sign);
         let hit = hits.iter().find(|hit| hit.at_nanos == event.at_nanos && hit.pid == event.pid);
-        reports.push(report(Target::Stage(event.stage), name, event.at_nanos, hit, Some(place.clone())));
+        reports.push(report(FaultTarget::Stage(event.stage), name, event.at_nanos, hit, Some(place.clone())));
     }
     reports.sort_by_key(|report| report.at_nanos);
     reports
 }
 
 /// How much a supervisor's memory and open files grew once it had settled, and over how many faults.
-fn growth(samples: &[Sample]) -> (i64, i64, u64) {
+fn growth(samples: &[MemorySample]) -> (i64, i64, u64) {
     let (mut bytes, mut files, mut over) = (0, 0, 0);
     let mut rest = samples;
     while let Some(first) = rest.first() {
@@ -160,7 +161,7 @@ mod tests {
 
     #[test]
     fn growth_counts_within_one_life_once_it_has_settled() {
-        let sample = |pid, n_strikes, rss_bytes| Sample { pid, n_strikes, rss_bytes, n_open_files: 30 };
+        let sample = |pid, n_strikes, rss_bytes| MemorySample { pid, n_strikes, rss_bytes, n_open_files: 30 };
         let samples = [sample(1, 1, 100), sample(1, 6, 140), sample(1, 9, 150), sample(2, 10, 90)];
         assert_eq!(growth(&samples), (10, 0, 3));
         assert_eq!(growth(&samples[3..]), (0, 0, 0));

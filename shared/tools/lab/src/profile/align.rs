@@ -2,7 +2,7 @@
 
 use super::measure::{Meter, Options};
 use super::recording::{Entry, Recorded, from_bytes};
-use super::report::Report;
+use super::report::ProfileReport;
 use tessera_features::Feature;
 use tessera_geometry::InertialRotation;
 use tessera_journal::fingerprint;
@@ -13,9 +13,9 @@ use tessera_surface::{Grid, SurfaceView, Vertex, WorkloadLevel, packed};
 
 /// Surfaces of keyframes in memory.
 #[derive(Default)]
-pub(super) struct Keyframes(pub(super) Vec<(Vec<Vertex>, Vec<Feature>)>);
+pub(super) struct ProfiledKeyframes(pub(super) Vec<(Vec<Vertex>, Vec<Feature>)>);
 
-impl KeyframeSurfaces for Keyframes {
+impl KeyframeSurfaces for ProfiledKeyframes {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
         self.0.get(keyframe as usize).map_or(&[], |keyframe| keyframe.0.as_slice())
     }
@@ -27,11 +27,11 @@ impl KeyframeSurfaces for Keyframes {
 
 /// One piece of input.
 enum Input {
-    Surface(Surface),
+    Surface(RecordedSurface),
     Correction(AppliedCorrection),
 }
 
-struct Surface {
+struct RecordedSurface {
     index: u64,
     stamp_nanos: i64,
     rotation: Option<InertialRotation>,
@@ -40,7 +40,7 @@ struct Surface {
     expected: u32,
 }
 
-impl Surface {
+impl RecordedSurface {
     fn view(&self, grid: Grid) -> FrameSurface<'_> {
         FrameSurface {
             index: self.index,
@@ -62,7 +62,7 @@ pub(super) fn context(recorded: &Recorded, meter: &Meter) -> Context {
 }
 
 /// Aligns each recorded surface.
-pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
+pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileReport, ToolError> {
     let mut meter = Meter::new(Stage::Align, options);
     let grid = context(recorded, &meter).grid;
     let mut inputs = Vec::new();
@@ -72,7 +72,7 @@ pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, 
                 let (vertices, features) = from_bytes(vertices, grid.len())?;
                 let (index, stamp_nanos, rotation) = (*index, *stamp_nanos, *rotation);
                 let expected = *expected;
-                let surface = Surface { index, stamp_nanos, rotation, vertices, features, expected };
+                let surface = RecordedSurface { index, stamp_nanos, rotation, vertices, features, expected };
                 inputs.push(Input::Surface(surface));
             }
             Entry::Correction(applied) => inputs.push(Input::Correction((**applied).clone())),
@@ -89,8 +89,8 @@ pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, 
 fn pass(inputs: &[Input], context: Context, meter: &mut Meter) -> Result<(), ToolError> {
     let grid = context.grid;
     let mut tracker = Tracker::new(context);
-    let mut keyframes = Keyframes::default();
-    let mut previous: Option<&Surface> = None;
+    let mut keyframes = ProfiledKeyframes::default();
+    let mut previous: Option<&RecordedSurface> = None;
     for input in inputs {
         let surface = match input {
             Input::Surface(surface) => surface,

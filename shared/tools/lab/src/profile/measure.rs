@@ -1,6 +1,6 @@
 //! The clock around one step of a stage, and the comparison with what was recorded.
 
-use super::report::Report;
+use super::report::ProfileReport;
 use std::sync::Arc;
 use tessera_messages::{Phase, Stage};
 use tessera_numerics::Steps;
@@ -70,9 +70,9 @@ impl Meter {
         Ok(())
     }
 
-    pub(super) fn report(self, options: &Options) -> Report {
+    pub(super) fn report(self, options: &Options) -> ProfileReport {
         let n_done = self.n_done / options.repeat.max(1);
-        Report::new(
+        ProfileReport::new(
             self.stage,
             n_done,
             options.repeat,

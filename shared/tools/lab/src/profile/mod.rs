@@ -11,13 +11,13 @@ mod report;
 pub use measure::Options;
 pub use record::record;
 pub use recording::{Recorded, Stages};
-pub use report::{Report, Times};
+pub use report::{ProfileReport, Times};
 
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
 
 /// Runs the stage of a recording on it.
-pub fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
+pub fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileReport, ToolError> {
     match recorded.stage {
         Stage::Reconstruct => reconstruct::profile(recorded, options),
         Stage::Align => align::profile(recorded, options),

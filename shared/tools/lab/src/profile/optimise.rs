@@ -1,9 +1,9 @@
 //! Optimisation alone.
 
-use super::align::{Keyframes, context};
+use super::align::{ProfiledKeyframes, context};
 use super::measure::{Meter, Options};
 use super::recording::{Entry, Recorded, from_bytes};
-use super::report::Report;
+use super::report::ProfileReport;
 use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
@@ -11,12 +11,12 @@ use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, OptimiseRecord, Optim
 use tessera_surface::packed;
 
 /// Answers each recorded request.
-pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
+pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileReport, ToolError> {
     let mut meter = Meter::new(Stage::Optimise, options);
     for _ in 0..options.repeat {
         let context = context(recorded, &meter);
         let grid = context.grid;
-        let (mut optimiser, mut keyframes) = (Optimiser::new(context), Keyframes::default());
+        let (mut optimiser, mut keyframes) = (Optimiser::new(context), ProfiledKeyframes::default());
         for entry in &recorded.entries {
             match entry {
                 Entry::Keyframe(surface) => {

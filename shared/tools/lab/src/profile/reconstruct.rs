@@ -2,14 +2,14 @@
 
 use super::measure::{Meter, Options};
 use super::recording::{Entry, Recorded, feature_extractor, to_bytes};
-use super::report::Report;
+use super::report::ProfileReport;
 use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
 use tessera_surface::{Reconstructor, Vertex};
 
 /// Makes the surface of each recorded frame.
-pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<Report, ToolError> {
+pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileReport, ToolError> {
     let wrong = |error: &dyn std::fmt::Display| ToolError::Input(error.to_string());
     let n_pixels = recorded.camera.width as usize * recorded.camera.height as usize;
     let mut images = Vec::new();

@@ -1,6 +1,6 @@
 //! Recording a stage's input: the whole pipeline in one process, whose bits are those of four.
 
-use super::recording::{Begin, Entry, Writer, to_bytes};
+use super::recording::{Begin, Entry, RecordingWriter, to_bytes};
 use serde_bytes::ByteBuf;
 use std::path::Path;
 use tessera_journal::fingerprint;
@@ -25,7 +25,7 @@ pub fn record(
 ) -> Result<u64, ToolError> {
     let camera = source.camera();
     let begin = Begin { stage: stage.name().into(), config: settings.to_toml()?, camera: camera.clone() };
-    let mut writer = Writer::create(path, begin)?;
+    let mut writer = RecordingWriter::create(path, begin)?;
     let method = Method {
         surface: settings.surface.clone(),
         registration: settings.registration.clone(),
@@ -50,7 +50,7 @@ pub fn record(
 /// Takes from the run what the stage gets.
 struct Tap<'a> {
     stage: Stage,
-    writer: &'a mut Writer,
+    writer: &'a mut RecordingWriter,
     /// The surface of the frame before, which a keyframe may be made of (optimise).
     previous: ByteBuf,
     n_records: usize,

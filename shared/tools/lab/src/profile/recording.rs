@@ -123,13 +123,13 @@ pub(super) fn from_bytes(bytes: &[u8], n_vertices: usize) -> Result<(Vec<Vertex>
 }
 
 /// Writes a recording under a temporary name until it is whole.
-pub(super) struct Writer {
+pub(super) struct RecordingWriter {
     journal: Journal<Entry>,
     temporary: PathBuf,
     path: PathBuf,
 }
 
-impl Writer {
+impl RecordingWriter {
     /// Begins a recording.
     ///
     /// # Errors
@@ -170,7 +170,7 @@ impl Writer {
     }
 }
 
-impl Drop for Writer {
+impl Drop for RecordingWriter {
     fn drop(&mut self) {
         // Gone already where the recording is whole.
         let _ = std::fs::remove_file(&self.temporary);

@@ -41,7 +41,7 @@ pub(super) struct StepReport {
 
 /// What a stage took by itself.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct ProfileReport {
     stage: &'static str,
     /// Frames (or requests) of the recording.
     frames: u64,
@@ -54,7 +54,7 @@ pub struct Report {
     steps: Vec<StepReport>,
 }
 
-impl Report {
+impl ProfileReport {
     pub(super) fn new(
         stage: Stage,
         frames: u64,

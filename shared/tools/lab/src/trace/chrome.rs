@@ -42,7 +42,7 @@ pub(super) struct ChromeEvent {
 }
 
 /// A stage with its slices and where each lies.
-struct Rows {
+struct TrackRows {
     stage: Stage,
     slices: Vec<Slice>,
     /// Thread of each slice.
@@ -51,7 +51,7 @@ struct Rows {
     names: Vec<String>,
 }
 
-impl Rows {
+impl TrackRows {
     fn new(stage: Stage, processes: &[Process], deaths: &[u64]) -> Self {
         let slices = slices(stage, processes, deaths);
         let mut by_row: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -114,7 +114,7 @@ pub(super) fn events(processes: &[Process], marks: &[TraceEvent]) -> Vec<ChromeE
     let rows = Stage::ALL.map(|stage| {
         let is_death = |(of, name, _): &&(&str, &str, u64)| *of == stage.name() && name.contains(" died: ");
         let deaths: Vec<u64> = marks.iter().filter(is_death).map(|mark| mark.2).collect();
-        Rows::new(stage, processes, &deaths)
+        TrackRows::new(stage, processes, &deaths)
     });
     let begins = rows.iter().flat_map(|rows| rows.slices.iter().map(|slice| slice.from));
     let clock = Clock { zero: begins.chain(marks.iter().map(|mark| mark.2)).min().unwrap_or(0) };
@@ -134,7 +134,7 @@ pub(super) fn events(processes: &[Process], marks: &[TraceEvent]) -> Vec<ChromeE
 }
 
 /// The names of a stage and of its rows, and their order.
-fn names(rows: &Rows, events: &mut Vec<ChromeEvent>) {
+fn names(rows: &TrackRows, events: &mut Vec<ChromeEvent>) {
     let mut name = |what: &str, tid: usize, key, value: serde_json::Value| {
         events.push(ChromeEvent {
             ph: "M",
@@ -163,7 +163,7 @@ impl Clock {
         nanos.saturating_sub(self.zero) as f64 * 1e-3
     }
 
-    fn slice(&self, rows: &Rows, slice: &Slice, tid: usize) -> ChromeEvent {
+    fn slice(&self, rows: &TrackRows, slice: &Slice, tid: usize) -> ChromeEvent {
         let what = if rows.stage == Stage::Optimise { "request" } else { "frame" };
         let name = match (slice.row.as_str(), slice.is_cut) {
             ("", false) => format!("{what} {}", slice.index),
@@ -184,9 +184,9 @@ impl Clock {
     }
 
     /// Arrows from sensor to reconstruct to align: one chain for each surface that was made.
-    fn arrows(&self, rows: &[Rows; 4], events: &mut Vec<ChromeEvent>) {
+    fn arrows(&self, rows: &[TrackRows; 4], events: &mut Vec<ChromeEvent>) {
         let [sensor, reconstruct, align, _] = rows;
-        let arrow = |ph, rows: &Rows, tid, at, id, frame: u64| ChromeEvent {
+        let arrow = |ph, rows: &TrackRows, tid, at, id, frame: u64| ChromeEvent {
             ph,
             name: "frame".to_owned(),
             cat: "flow",

@@ -16,14 +16,14 @@ pub(super) struct Placed {
     pub(super) truth_m: Vec<[f64; 3]>,
     /// From the map, through the alignment to the truth, to the axes of the report.
     pub(super) view_from_world: Pose,
-    view: View,
+    view: FrameView,
 }
 
 /// Which axes of the world are right, forward and up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct View([(usize, f64); 3]);
+struct FrameView([(usize, f64); 3]);
 
-impl View {
+impl FrameView {
     /// Takes for up the axis of the world that the tops of the images point along on average.
     fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
         let sum: Vector3<f64> = world_from_cameras.map(|pose| pose.rotation * -Vector3::y()).sum();
@@ -53,7 +53,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
     });
     let truth_from_world = compared.as_ref().map_or(Pose::identity(), |ate| ate.groundtruth_from_estimate);
     let poses: Vec<Pose> = rows.iter().map(|(_, pose)| truth_from_world * pose).collect();
-    let view = View::new(poses.iter());
+    let view = FrameView::new(poses.iter());
     let mut errors = vec![None; poses.len()];
     if let Some(ate) = &compared {
         for ((_, at), error) in ate.pairs.iter().zip(&ate.errors_m) {
@@ -147,11 +147,11 @@ mod tests {
 
     #[test]
     fn a_camera_s_own_axes_become_right_forward_and_up() {
-        let view = View::new([Pose::identity()].iter());
+        let view = FrameView::new([Pose::identity()].iter());
         assert_eq!(view.of(&Vector3::new(1.0, 2.0, 3.0)), [1.0, 3.0, -2.0]);
         // A world with z up, looked at by a camera that looks along its y.
         let turned = Pose::rotation(Vector3::x() * -std::f64::consts::FRAC_PI_2);
-        assert_eq!(View::new([turned].iter()).of(&Vector3::new(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0]);
+        assert_eq!(FrameView::new([turned].iter()).of(&Vector3::new(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Pairs of keyframes that would close a loop, and what became of them.
 
-use crate::{LoopPair, Verdict};
+use crate::{LoopPair, ReportedVerdict};
 use tessera_outputs::Replay;
 use tessera_slam::{LoopRecord, LoopVerdict};
 
@@ -19,7 +19,7 @@ pub(super) fn of(replay: &Replay) -> Vec<LoopPair> {
         .map(|(newer, edge)| LoopPair {
             newer,
             older: edge.to,
-            verdict: Verdict::Untested,
+            verdict: ReportedVerdict::Untested,
             words: if replay.is_finally_optimised { NOT_CHOSEN } else { NOT_YET }.into(),
             numbers: [f64::NAN; 5],
         });
@@ -29,13 +29,13 @@ pub(super) fn of(replay: &Replay) -> Vec<LoopPair> {
 
 fn judged(pair: &LoopRecord) -> LoopPair {
     let (verdict, words) = match pair.verdict {
-        LoopVerdict::Accepted => (Verdict::Accepted, "closed"),
-        LoopVerdict::LittleOverlap => (Verdict::Refused, "not verified: little overlap"),
+        LoopVerdict::Accepted => (ReportedVerdict::Accepted, "closed"),
+        LoopVerdict::LittleOverlap => (ReportedVerdict::Refused, "not verified: little overlap"),
         LoopVerdict::FreeSpaceViolated => {
-            (Verdict::Refused, "not verified: floats in space seen to be empty")
+            (ReportedVerdict::Refused, "not verified: floats in space seen to be empty")
         }
-        LoopVerdict::Inconsistent => (Verdict::Refused, "not verified: both directions disagree"),
-        LoopVerdict::Outvoted => (Verdict::Outvoted, "rejected: contradicts the rest of the graph"),
+        LoopVerdict::Inconsistent => (ReportedVerdict::Refused, "not verified: both directions disagree"),
+        LoopVerdict::Outvoted => (ReportedVerdict::Outvoted, "rejected: contradicts the rest of the graph"),
     };
     let numbers = [pair.overlap, pair.in_front, pair.inconsistency_sigmas, pair.residual_sigmas, pair.weight];
     LoopPair { newer: pair.newer, older: pair.older, verdict, words: words.into(), numbers }
@@ -50,6 +50,6 @@ mod tests {
     fn each_pair_is_there_once() {
         let pairs = of(&test_run::replay());
         assert_eq!(pairs.iter().map(|pair| (pair.newer, pair.older)).collect::<Vec<_>>(), [(2, 0), (2, 1)]);
-        assert_eq!((pairs[0].verdict, pairs[1].numbers[4]), (Verdict::Accepted, 0.1));
+        assert_eq!((pairs[0].verdict, pairs[1].numbers[4]), (ReportedVerdict::Accepted, 0.1));
     }
 }

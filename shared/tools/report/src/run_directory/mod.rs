@@ -10,7 +10,7 @@ mod processes;
 mod settings;
 mod worst;
 
-use crate::Run;
+use crate::ReportedRun;
 use std::path::Path;
 use tessera_outputs::ToolError;
 use tessera_outputs::{self as outputs, Summary, write_file};
@@ -24,7 +24,7 @@ pub const REPORT_FILE: &str = "report.html";
 /// # Errors
 /// Names the file of a run that cannot be read, or the report that cannot be written.
 pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
-    let runs: Vec<Run> = run_folders.iter().map(|folder| read(folder)).collect::<Result<_, _>>()?;
+    let runs: Vec<ReportedRun> = run_folders.iter().map(|folder| read(folder)).collect::<Result<_, _>>()?;
     let page = crate::page(&runs).map_err(|error| ToolError::Stage(error.to_string()))?;
     write_file(path, |writer| writer.write_all(page.as_bytes()))
 }
@@ -39,7 +39,7 @@ fn reasons(summary: &Summary) -> Vec<String> {
 }
 
 /// All that a report tells of a run.
-fn read(run_folder: &Path) -> Result<Run, ToolError> {
+fn read(run_folder: &Path) -> Result<ReportedRun, ToolError> {
     let files = RunFiles::new(run_folder);
     let settings = outputs::read_settings(&files)?;
     let replay = outputs::read_journal(&files)?;
@@ -57,7 +57,7 @@ fn read(run_folder: &Path) -> Result<Run, ToolError> {
     let mut worst = worst::pick(&placed.frames, groundtruth.is_some());
     let no_pictures = pictures::add(&mut worst, &replay, &settings).err();
     let (events, n_more_events) = events::read(&files.log());
-    Ok(Run {
+    Ok(ReportedRun {
         name,
         source: summary.source.clone(),
         ended: format!("{}: {}", summary.how_it_ended(), summary.verdict.grade),

@@ -1,6 +1,6 @@
 //! Colour, depth and mesh of single frames, read once more from the recording.
 
-use crate::{PictureError, WorstFrame, depth_picture, photograph};
+use crate::{ThumbnailError, WorstFrame, depth_picture, photograph};
 use tessera_geometry::Camera;
 use tessera_outputs::Replay;
 use tessera_settings::Settings;
@@ -46,7 +46,7 @@ fn add_to(frame: &mut WorstFrame, source: &dyn Source, surface: &mut Reconstruct
     let info = source
         .read(frame.index, &mut buffers)
         .map_err(|error| format!("the recording cannot be read: {error}"))?;
-    let words = |error: PictureError| error.to_string();
+    let words = |error: ThumbnailError| error.to_string();
     if info.has_colour {
         frame.pictures.push(("colour".into(), photograph(width, height, &colour).map_err(words)?));
     }

@@ -1,6 +1,6 @@
 //! Work of the processes, from the summary and the timeline.
 
-use crate::{Sample, Stage, StageSample};
+use crate::{ProcessSample, StageFigures, StageSample};
 use tessera_messages::TimeCounts;
 use tessera_outputs::{END_TO_END, Summary, Timeline};
 
@@ -8,13 +8,13 @@ use tessera_outputs::{END_TO_END, Summary, Timeline};
 const ROWS: [&str; 5] = ["sensor", "reconstruct", "align", "optimise", END_TO_END];
 
 /// What each stage did over all its lives.
-pub(super) fn stages(summary: &Summary, timeline: &Timeline) -> Vec<Stage> {
+pub(super) fn stages(summary: &Summary, timeline: &Timeline) -> Vec<StageFigures> {
     ROWS.iter()
         .map(|&name| {
             let latency = summary.latency_ms.get(name).copied().unwrap_or_default();
             let counts = timeline.latency_counts.get(name).map_or(&[][..], Vec::as_slice);
             let end_ms = |bucket: usize| TimeCounts::begin_nanos(bucket + 1) as f64 * 1e-6;
-            Stage {
+            StageFigures {
                 name: name.to_owned(),
                 frames: counts.iter().sum(),
                 restarts: summary.restarts.get(name).copied().unwrap_or(0),
@@ -28,7 +28,7 @@ pub(super) fn stages(summary: &Summary, timeline: &Timeline) -> Vec<Stage> {
 }
 
 /// The timeline in the report's form.
-pub(super) fn samples(timeline: &Timeline) -> Vec<Sample> {
+pub(super) fn samples(timeline: &Timeline) -> Vec<ProcessSample> {
     let stage = |(name, point): (&String, &tessera_outputs::Point)| StageSample {
         stage: name.clone(),
         mean_longest_ms: point.mean_ms.zip(point.longest_ms),
@@ -36,7 +36,7 @@ pub(super) fn samples(timeline: &Timeline) -> Vec<Sample> {
         restarts: point.restarts,
         peak_rss_mb: point.peak_rss_mb,
     };
-    let sample = |sample: &tessera_outputs::Sample| Sample {
+    let sample = |sample: &tessera_outputs::TimelineSample| ProcessSample {
         at_s: sample.at_s,
         stages: sample.stages.iter().map(stage).collect(),
     };

@@ -3,7 +3,7 @@
 
 use super::super::list::ListEntry;
 use super::files::{names, number_nanos, text, wrong};
-use super::{Asked, Found, tum};
+use super::{Asked, FoundLayout, tum};
 use crate::SourceError;
 use std::path::{Component, Path, PathBuf};
 use tessera_evaluation::{Trajectory, parse_stamp, read_tum};
@@ -18,15 +18,15 @@ pub(super) fn is(folder: &Path) -> bool {
     folder.join(LIST).is_file()
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let path = folder.join(LIST);
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<AssociationRow> = Vec::new();
     for (at, line) in text(&path)?.lines().enumerate() {
         let line = line.trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let row = Row::parse(line).ok_or_else(|| {
+        let row = AssociationRow::parse(line).ok_or_else(|| {
             wrong(
                 &path,
                 format!("line {}: found '{line}', expected: number depth/FILE number rgb/FILE", at + 1),
@@ -51,7 +51,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
     let (depth, mut colour): (Vec<ListEntry>, Vec<ListEntry>) =
         rows.into_iter().map(|row| (entry(row.depth), entry(row.colour))).unzip();
     colour.sort_by_key(|entry| entry.stamp_nanos);
-    let mut found = Found::new(NAME, camera, depth, colour);
+    let mut found = FoundLayout::new(NAME, camera, depth, colour);
     found.ground_truth = ground_truth(folder, &time)?;
     if is_numbered {
         found.notes.push(("times", stamps));
@@ -74,12 +74,12 @@ fn ground_truth(folder: &Path, time: &impl Fn(i64) -> i64) -> Result<Option<Traj
 }
 
 /// One pair of images.
-struct Row {
+struct AssociationRow {
     depth: ListEntry,
     colour: ListEntry,
 }
 
-impl Row {
+impl AssociationRow {
     /// Reads a line; which of the two images is depth is said by its path.
     fn parse(line: &str) -> Option<Self> {
         let words: Vec<&str> = line.split_whitespace().collect();

@@ -86,7 +86,7 @@ pub(super) struct ColourCamera {
 
 /// What a folder holds.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(super) struct FoundLayout {
     pub(super) layout: &'static str,
     pub(super) camera: Camera,
     /// Where the camera is from, for people.
@@ -105,7 +105,7 @@ pub(super) struct Found {
     pub(super) doubts: Vec<String>,
 }
 
-impl Found {
+impl FoundLayout {
     fn new(
         layout: &'static str,
         (camera, camera_from): (Camera, String),
@@ -129,21 +129,21 @@ impl Found {
 }
 
 /// A layout: its name, how it is recognised, and its reader.
-struct Layout {
+struct FolderLayout {
     name: &'static str,
     is: fn(&Path) -> bool,
-    read: fn(&Path, &Asked) -> Result<Found, SourceError>,
+    read: fn(&Path, &Asked) -> Result<FoundLayout, SourceError>,
 }
 
 /// The more telling first: several have folders `depth` and `color`.
-const LAYOUTS: [Layout; 7] = [
-    Layout { name: tum::NAME, is: tum::is, read: tum::read },
-    Layout { name: icl_nuim::NAME, is: icl_nuim::is, read: icl_nuim::read },
-    Layout { name: seven_scenes::NAME, is: seven_scenes::is, read: seven_scenes::read },
-    Layout { name: replica::NAME, is: replica::is, read: replica::read },
-    Layout { name: stray_scanner::NAME, is: stray_scanner::is, read: stray_scanner::read },
-    Layout { name: scannet::NAME, is: scannet::is, read: scannet::read },
-    Layout { name: open3d::NAME, is: open3d::is, read: open3d::read },
+const LAYOUTS: [FolderLayout; 7] = [
+    FolderLayout { name: tum::NAME, is: tum::is, read: tum::read },
+    FolderLayout { name: icl_nuim::NAME, is: icl_nuim::is, read: icl_nuim::read },
+    FolderLayout { name: seven_scenes::NAME, is: seven_scenes::is, read: seven_scenes::read },
+    FolderLayout { name: replica::NAME, is: replica::is, read: replica::read },
+    FolderLayout { name: stray_scanner::NAME, is: stray_scanner::is, read: stray_scanner::read },
+    FolderLayout { name: scannet::NAME, is: scannet::is, read: scannet::read },
+    FolderLayout { name: open3d::NAME, is: open3d::is, read: open3d::read },
 ];
 
 /// Whether the folder has a layout that is read.
@@ -155,7 +155,7 @@ pub(crate) fn is_known(folder: &Path) -> bool {
 ///
 /// # Errors
 /// The layout is not known, or one of its files is not as it says.
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     match LAYOUTS.iter().find(|layout| (layout.is)(folder)) {
         Some(layout) => (layout.read)(folder, asked),
         None => Err(unread::folder(folder).unwrap_or_else(|| unknown(folder))),

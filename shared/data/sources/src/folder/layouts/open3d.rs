@@ -3,7 +3,7 @@
 
 use super::super::list::ListEntry;
 use super::files::{names, number_nanos, pinhole, size_of, some_depth, text, wrong};
-use super::{Asked, Found, pose};
+use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -28,18 +28,18 @@ pub(super) fn is(folder: &Path) -> bool {
     folder.join("depth").is_dir() && names(&folder.join("depth")).iter().any(|name| name.ends_with(".png"))
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let depth = images(folder, "depth", &["png"]);
     let colour_folder = COLOUR_FOLDERS.into_iter().find(|name| folder.join(name).is_dir());
     let colour = colour_folder.map_or(Vec::new(), |name| images(folder, name, &["jpg", "jpeg", "png"]));
     let has_times = !depth.is_empty() && depth.iter().chain(&colour).all(|image| image.micros.is_some());
     let (fps, stamps) = asked.rate();
-    let at = |images: Vec<Image>| entries(images, has_times && asked.fps.is_none(), fps);
+    let at = |images: Vec<IntrinsicImage>| entries(images, has_times && asked.fps.is_none(), fps);
     let (depth, colour) = (some_depth(at(depth), folder, "depth/NUMBER.png")?, at(colour));
     let logs: Vec<String> = names(folder).into_iter().filter(|name| name.ends_with(".log")).collect();
     let is_redwood = has_times || !logs.is_empty();
     let camera = asked.camera(folder, || own_camera(folder, &depth, is_redwood))?;
-    let mut found = Found::new(NAME, camera, depth, colour);
+    let mut found = FoundLayout::new(NAME, camera, depth, colour);
     // Open3D's own sample has odometry.log beside trajectory.log: motions from frame to frame.
     if let Some(log) = logs.iter().find(|name| !name.contains("odometry")) {
         let times: Vec<i64> = found.depth.iter().map(|entry| entry.stamp_nanos).collect();
@@ -51,14 +51,14 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
 }
 
 /// An image whose name ends in a number, or in a number and microseconds.
-struct Image {
+struct IntrinsicImage {
     number: u64,
     micros: Option<u64>,
     file: PathBuf,
 }
 
-fn images(folder: &Path, sub: &str, ends: &[&str]) -> Vec<Image> {
-    let parse = |name: &str| -> Option<Image> {
+fn images(folder: &Path, sub: &str, ends: &[&str]) -> Vec<IntrinsicImage> {
+    let parse = |name: &str| -> Option<IntrinsicImage> {
         let (stem, end) = name.rsplit_once('.')?;
         if !ends.iter().any(|known| known.eq_ignore_ascii_case(end)) {
             return None;
@@ -67,10 +67,12 @@ fn images(folder: &Path, sub: &str, ends: &[&str]) -> Vec<Image> {
             stem.split(|c: char| !c.is_ascii_digit()).filter(|group| !group.is_empty()).collect();
         let file = Path::new(sub).join(name);
         match groups[..] {
-            [number, micros] if stem.len() == number.len() + 1 + micros.len() => {
-                Some(Image { number: number.parse().ok()?, micros: Some(micros.parse().ok()?), file })
-            }
-            [.., number] => Some(Image { number: number.parse().ok()?, micros: None, file }),
+            [number, micros] if stem.len() == number.len() + 1 + micros.len() => Some(IntrinsicImage {
+                number: number.parse().ok()?,
+                micros: Some(micros.parse().ok()?),
+                file,
+            }),
+            [.., number] => Some(IntrinsicImage { number: number.parse().ok()?, micros: None, file }),
             [] => None,
         }
     };
@@ -78,8 +80,8 @@ fn images(folder: &Path, sub: &str, ends: &[&str]) -> Vec<Image> {
 }
 
 /// Images by time; where two have the same, the first.
-fn entries(images: Vec<Image>, has_times: bool, fps: f64) -> Vec<ListEntry> {
-    let time = |image: &Image| match image.micros {
+fn entries(images: Vec<IntrinsicImage>, has_times: bool, fps: f64) -> Vec<ListEntry> {
+    let time = |image: &IntrinsicImage| match image.micros {
         Some(micros) if has_times => i64::try_from(micros).unwrap_or(i64::MAX).saturating_mul(1000),
         _ => number_nanos(image.number, fps),
     };

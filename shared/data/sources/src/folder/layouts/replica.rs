@@ -2,7 +2,7 @@
 //! `traj.txt` with a camera-to-world matrix a line, `cam_params.json` here or in the folder above.
 
 use super::files::{at_rate, json, numbered, pinhole, some_depth, wrong};
-use super::{Asked, Found, pose};
+use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use serde::Deserialize;
 use std::path::Path;
@@ -34,7 +34,7 @@ pub(super) fn is(folder: &Path) -> bool {
     folder.join(IMAGES).is_dir() && !numbered(folder, IMAGES, "depth", &[".png"]).is_empty()
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let (fps, stamps) = asked.rate();
     let depth = at_rate(&numbered(folder, IMAGES, "depth", &[".png"]), fps);
     let depth = some_depth(depth, folder, "results/depthNUMBER.png")?;
@@ -51,7 +51,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
         let Params { w, h, fx, fy, cx, cy, scale } = json::<CamParams>(&file)?.camera;
         Ok(Some((pinhole((w, h), [fx, fy, cx, cy], scale, &file)?, CAMERA.to_owned())))
     })?;
-    let mut found = Found::new(NAME, camera, depth, colour);
+    let mut found = FoundLayout::new(NAME, camera, depth, colour);
     let trajectory = folder.join("traj.txt");
     if trajectory.is_file() {
         let times: Vec<i64> = found.depth.iter().map(|entry| entry.stamp_nanos).collect();

@@ -3,7 +3,7 @@
 //! `intrinsic_color.txt`. Colour is larger than depth and seen from the same place.
 
 use super::files::{at_rate, numbered, numbers, pinhole, size_of, some_depth, text, wrong};
-use super::{Asked, ColourCamera, Found, pose};
+use super::{Asked, ColourCamera, FoundLayout, pose};
 use crate::SourceError;
 use std::path::Path;
 use tessera_geometry::{Camera, Pose};
@@ -18,7 +18,7 @@ pub(super) fn is(folder: &Path) -> bool {
     folder.join("depth").is_dir() && folder.join(DEPTH_CAMERA).is_file()
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let (fps, stamps) = asked.rate();
     let images = numbered(folder, "depth", "", &[".png"]);
     let depth = some_depth(at_rate(&images, fps), folder, "depth/NUMBER.png")?;
@@ -29,7 +29,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
     })?;
     let file = |number: u64| folder.join(format!("pose/{number}.txt"));
     let ground_truth = pose::of_files(images.iter().map(|image| image.number), fps, file)?;
-    let mut found = Found { ground_truth, ..Found::new(NAME, camera, depth, colour) };
+    let mut found = FoundLayout { ground_truth, ..FoundLayout::new(NAME, camera, depth, colour) };
     let colour_file = folder.join(COLOUR_CAMERA);
     if colour_file.is_file() {
         // Its size is that of the images.

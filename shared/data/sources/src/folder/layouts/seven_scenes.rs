@@ -2,7 +2,7 @@
 //! `.pose.txt`, a 4x4 camera-to-world matrix. The camera is that of its page: 585 px, middle 320, 240.
 
 use super::files::{at_rate, numbered, pinhole, size_of, some_depth, wrong};
-use super::{Asked, Found, pose};
+use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use std::path::Path;
 use tessera_geometry::Camera;
@@ -21,7 +21,7 @@ pub(super) fn is(folder: &Path) -> bool {
     !numbered(folder, "", PREFIX, DEPTH).is_empty()
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let (fps, stamps) = asked.rate();
     let images = numbered(folder, "", PREFIX, DEPTH);
     let depth = some_depth(at_rate(&images, fps), folder, "frame-NUMBER.depth.png")?;
@@ -41,7 +41,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
     })?;
     let file = |number: u64| folder.join(format!("{PREFIX}{number:06}.pose.txt"));
     let ground_truth = pose::of_files(images.iter().map(|image| image.number), fps, file)?;
-    let mut found = Found { ground_truth, ..Found::new(NAME, camera, depth, colour) };
+    let mut found = FoundLayout { ground_truth, ..FoundLayout::new(NAME, camera, depth, colour) };
     found.notes.push(("times", stamps));
     Ok(found)
 }

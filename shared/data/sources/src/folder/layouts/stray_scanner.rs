@@ -4,7 +4,7 @@
 use super::super::list::ListEntry;
 use super::files::{numbered, numbers, pinhole, size_of, some_depth, text, wrong};
 use super::pose::Poses;
-use super::{Asked, Found};
+use super::{Asked, FoundLayout};
 use crate::SourceError;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ pub(super) fn is(folder: &Path) -> bool {
     ["camera_matrix.csv", "odometry.csv"].iter().all(|file| folder.join(file).is_file())
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let odometry = odometry(&folder.join("odometry.csv"))?;
     let images = numbered(folder, "depth", "", &[".png"]);
     let (mut depth, mut confidence, mut poses) = (Vec::new(), Vec::new(), Poses::default());
@@ -41,7 +41,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
         let camera = camera(&folder.join("camera_matrix.csv"), size_of(folder, &depth)?)?;
         Ok(Some((camera, "camera_matrix.csv, scaled to depth".to_owned())))
     })?;
-    let mut found = Found::new(NAME, camera, depth, Vec::new());
+    let mut found = FoundLayout::new(NAME, camera, depth, Vec::new());
     if folder.join("confidence").is_dir() {
         found.confidence = confidence;
         found.notes.push(("confidence", "pixels of low confidence are left out".to_owned()));

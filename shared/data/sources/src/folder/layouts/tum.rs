@@ -4,7 +4,7 @@
 //! `rgbd_dataset_freiburg1_xyz`, and in the line `# file: '...bag'` of its lists.
 
 use super::super::list::{self, ListEntry};
-use super::{Asked, Found};
+use super::{Asked, FoundLayout};
 use crate::SourceError;
 use std::path::Path;
 use tessera_evaluation::read_tum;
@@ -24,7 +24,7 @@ pub(super) fn is(folder: &Path) -> bool {
     folder.join("depth.txt").is_file() || folder.join("rgb.txt").is_file()
 }
 
-pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let depth = list::read(&folder.join("depth.txt"))?;
     let mut warnings = Vec::new();
     let colour = colour(&folder.join("rgb.txt"), &mut warnings)?;
@@ -32,7 +32,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<Found, SourceError> {
     let truth = folder.join("groundtruth.txt");
     let ground_truth = if truth.exists() { Some(read_tum(&truth)?) } else { None };
     let doubts = doubt(folder, &camera.0)?.into_iter().collect();
-    Ok(Found { ground_truth, warnings, doubts, ..Found::new(NAME, camera, depth, colour) })
+    Ok(FoundLayout { ground_truth, warnings, doubts, ..FoundLayout::new(NAME, camera, depth, colour) })
 }
 
 /// A recording may be of depth alone: without `rgb.txt`, or with one that names nothing.
