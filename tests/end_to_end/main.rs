@@ -48,6 +48,7 @@ mod promises {
         mod exports;
         mod refine_camera;
         mod report;
+        mod report_scene;
         mod run_directory;
         mod submaps;
         mod trace;

@@ -6,7 +6,7 @@ use crate::inbox::ReceivedSurface;
 use crate::ports::Ports;
 use tessera_messages::{Kind, Phase};
 use tessera_numerics::Step;
-use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, KeyframeSurfaces};
+use tessera_slam::{AlignRecord, FrameRecord, FrameSurface};
 use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// Treatment of a frame by the kind of run.

@@ -7,6 +7,7 @@ use crate::map::{self, MapInput};
 use crate::replay::Replay;
 use crate::statistics::read_statistics;
 use crate::summary::Summary;
+use crate::voxels::VoxelCloud;
 use crate::{states, trajectories};
 use std::fs;
 use std::path::Path;
@@ -124,6 +125,18 @@ fn write_map(
     replay: &Replay,
     settings: &Settings,
 ) -> Result<(), ToolError> {
+    clouds(files, replay, settings, &[replay.main_component()])?
+        .iter()
+        .try_for_each(|main| map::write(main, out_folder))
+}
+
+/// The map of each of these components of submaps.
+pub(crate) fn clouds(
+    files: &RunFiles,
+    replay: &Replay,
+    settings: &Settings,
+    components: &[u32],
+) -> Result<Vec<VoxelCloud>, ToolError> {
     let run = RunFile::read(files)?;
     let step = settings.surface.step as usize;
     let warp = refined_warp(&run, replay, settings);
@@ -131,7 +144,8 @@ fn write_map(
     let input = MapInput { camera, step, settings: &settings.output, warp: warp.as_ref() };
     let keyframes = map_keyframes(files, &run, replay, settings)?;
     let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
-    map::write(&map::gather(replay, &input, surfaces), out_folder)
+    let gather = |component: &u32| map::gather((replay, *component), &input, surfaces);
+    Ok(components.iter().map(gather).collect())
 }
 
 /// From the surfaces in the store to those of the refined camera, where there is one.

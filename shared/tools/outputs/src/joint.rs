@@ -25,7 +25,8 @@ pub fn write_joint_map<'k>(
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(camera, &velocity, step);
         let world_from_camera = Pose::from(&keyframe.world_from_camera);
-        map::add_keyframe(&mut cloud, &input, surfaces.vertices(keyframe.id), &world_from_camera, &shutter);
+        let seen = (keyframe.id, surfaces.vertices(keyframe.id));
+        map::add_keyframe(&mut cloud, &input, seen, &world_from_camera, &shutter);
     }
     map::write_as(&cloud, folder, name)
 }

@@ -24,19 +24,21 @@ pub(crate) struct MapInput<'a> {
     pub warp: Option<&'a SurfaceWarp>,
 }
 
-/// Gathers the vertices of all keyframes, whose surfaces `vertices` gives by id.
+/// Gathers the vertices of the keyframes of one component of submaps; `vertices` gives their surfaces by
+/// id.
 pub(crate) fn gather<'s>(
-    replay: &Replay,
+    (replay, component): (&Replay, u32),
     input: &MapInput<'_>,
     vertices: impl Fn(u32) -> &'s [Vertex],
 ) -> VoxelCloud {
     let mut cloud = VoxelCloud::new(input.settings.map_voxel_m);
-    for (keyframe, world_from_camera) in replay.main_keyframes() {
+    for (keyframe, world_from_camera) in replay.keyframes_of(component) {
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(input.camera, &velocity, input.step);
         let stored = vertices(keyframe.id);
         let moved = input.warp.map(|warp| warp.apply(stored));
-        add_keyframe(&mut cloud, input, moved.as_deref().unwrap_or(stored), &world_from_camera, &shutter);
+        let seen = (keyframe.id, moved.as_deref().unwrap_or(stored));
+        add_keyframe(&mut cloud, input, seen, &world_from_camera, &shutter);
     }
     cloud
 }
@@ -44,7 +46,7 @@ pub(crate) fn gather<'s>(
 pub(crate) fn add_keyframe(
     cloud: &mut VoxelCloud,
     input: &MapInput<'_>,
-    vertices: &[Vertex],
+    (keyframe, vertices): (u32, &[Vertex]),
     world_from_camera: &Pose,
     shutter: &RollingShutter,
 ) {
@@ -62,6 +64,7 @@ pub(crate) fn add_keyframe(
                 position: world_from_row.rotation * point_in_camera + world_from_row.translation.vector,
                 normal: world_from_row.rotation * Vector3::from(vertex.normal.map(f64::from)),
                 rgb: vertex.rgb(),
+                keyframe,
             });
         }
     }
@@ -95,7 +98,7 @@ mod tests {
         let (camera, settings) = (test_run::camera(), OutputSettings::default());
         let input = MapInput { camera: &camera, step: 4, settings: &settings, warp: None };
         let surfaces: Vec<Vec<Vertex>> = (0..3).map(test_run::surface).collect();
-        gather(&test_run::replay(), &input, |id| &surfaces[id as usize][..])
+        gather((&test_run::replay(), 0), &input, |id| &surfaces[id as usize][..])
     }
 
     #[test]
@@ -104,6 +107,7 @@ mod tests {
         // One valid vertex each, 2 m ahead of keyframes at x = 0, 1.2 and 1.4; others are invalid or far.
         let x: Vec<f64> = points.iter().map(|point| (point.position.x * 1e6).round() / 1e6).collect();
         assert_eq!(x, [0.0, 1.2, 1.4]);
+        assert_eq!(points.iter().map(|point| point.keyframe).collect::<Vec<_>>(), [0, 1, 2]);
         assert_eq!(points[0].rgb, [1, 2, 3]);
         assert_eq!(points[0].normal, -Vector3::z());
         // The first row is exposed 15 ms before the stamp, while the camera moves at 1 m/s along y.

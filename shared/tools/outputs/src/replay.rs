@@ -143,9 +143,13 @@ impl Replay {
 
     /// The keyframes of the main component, each with its corrected `world_from_camera`.
     pub fn main_keyframes(&self) -> impl Iterator<Item = (&KeyframeRecord, Pose)> {
-        let main = self.main_component();
+        self.keyframes_of(self.main_component())
+    }
+
+    /// The keyframes of a component, each with its corrected `world_from_camera`.
+    pub fn keyframes_of(&self, component: u32) -> impl Iterator<Item = (&KeyframeRecord, Pose)> {
         let keyframes = self.keyframes.iter().zip(self.keyframe_poses());
-        keyframes.filter(move |(k, _)| self.poses.component_of_keyframe(k.id) == Some(main))
+        keyframes.filter(move |(k, _)| self.poses.component_of_keyframe(k.id) == Some(component))
     }
 
     /// Corrected `world_from_camera` of each keyframe, by id.

@@ -5,13 +5,15 @@ use std::collections::HashMap;
 
 /// A coloured point with its normal, in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct MapPoint {
+pub struct MapPoint {
     /// Metres.
     pub position: Vector3<f64>,
     /// Unit length.
     pub normal: Vector3<f64>,
     /// Red, green, blue.
     pub rgb: [u8; 3],
+    /// The keyframe that saw it first.
+    pub keyframe: u32,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -20,6 +22,7 @@ struct Sum {
     normal: [f32; 3],
     rgb: [u32; 3],
     n: u32,
+    keyframe: u32,
 }
 
 /// A cloud with the mean of its points in each voxel, voxels in the order of their first point.
@@ -44,7 +47,7 @@ impl VoxelCloud {
         let next = self.sums.len() as u32;
         let slot = *self.index.entry([cell.x as i32, cell.y as i32, cell.z as i32]).or_insert(next);
         if slot == next {
-            self.sums.push(Sum::default());
+            self.sums.push(Sum { keyframe: point.keyframe, ..Sum::default() });
         }
         let sum = &mut self.sums[slot as usize];
         for axis in 0..3 {
@@ -53,6 +56,13 @@ impl VoxelCloud {
             sum.rgb[axis] += u32::from(point.rgb[axis]);
         }
         sum.n += 1;
+    }
+
+    /// The same cloud in voxels of another edge, metres.
+    pub(crate) fn thinned(&self, edge_m: f64) -> Self {
+        let mut thinned = Self::new(edge_m);
+        self.points().for_each(|point| thinned.add(&point));
+        thinned
     }
 
     /// Number of voxels with a point.
@@ -70,6 +80,7 @@ impl VoxelCloud {
                 // Normals of the two sides of a thin wall can cancel out.
                 normal: normal.try_normalize(1e-6).unwrap_or_else(Vector3::zeros),
                 rgb: sum.rgb.map(|c| ((c + sum.n / 2) / sum.n) as u8),
+                keyframe: sum.keyframe,
             }
         })
     }
@@ -80,7 +91,12 @@ mod tests {
     use super::*;
 
     fn point(x: f64, rgb: [u8; 3]) -> MapPoint {
-        MapPoint { position: Vector3::new(x, 0.0, 0.0), normal: Vector3::z(), rgb }
+        MapPoint {
+            position: Vector3::new(x, 0.0, 0.0),
+            normal: Vector3::z(),
+            rgb,
+            keyframe: u32::from(rgb[0]),
+        }
     }
 
     #[test]
@@ -92,7 +108,7 @@ mod tests {
         let points: Vec<MapPoint> = cloud.points().collect();
         assert_eq!(cloud.len(), 2);
         assert!((points[0].position.x - 0.52).abs() < 1e-12);
-        assert_eq!((points[0].rgb, points[0].normal), ([15; 3], Vector3::z()));
+        assert_eq!((points[0].rgb, points[0].normal, points[0].keyframe), ([15; 3], Vector3::z(), 10));
         assert_eq!(points[1].position.x, -0.01);
     }
 

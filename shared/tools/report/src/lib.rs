@@ -1,5 +1,5 @@
-//! Report on one run or several, as one page of HTML: self-contained, without a script, good
-//! on a screen, on a phone and on paper.
+//! Report on one run or several, as one page of HTML: self-contained, with one script of its
+//! own that draws the map in 3D, good on a screen, on a phone and on paper.
 //!
 //! The page is a pure function of [`ReportedRun`]; the folder `run_directory` fills that in.
 #![forbid(unsafe_code)]
@@ -12,6 +12,7 @@ mod page;
 mod picture;
 mod run;
 mod run_directory;
+mod scene;
 mod sections;
 mod tracks;
 mod work;
@@ -24,6 +25,7 @@ pub use run::{
     StageFigures, StageSample, WorstFrame,
 };
 pub use run_directory::{REPORT_FILE, write};
+pub use scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
 
 /// Why a page could not be drawn.
 #[derive(Debug, thiserror::Error)]

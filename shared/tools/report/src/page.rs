@@ -2,6 +2,7 @@
 
 use crate::html::escaped;
 use crate::run::ReportedRun;
+use crate::scene::VIEWER;
 use crate::{ReportError, compare, sections};
 
 const STYLE: &str = include_str!("style.css");
@@ -34,12 +35,17 @@ pub fn page(runs: &[ReportedRun]) -> Result<String, ReportError> {
             sections::of_run(run, &prefix)?
         ));
     }
+    // It finds each run's data by itself.
+    let script = match body.contains("<canvas") {
+        true => format!("<script>\n{VIEWER}</script>"),
+        false => String::new(),
+    };
     // No address of an icon, so that a browser does not go and look for one.
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
          <link rel=\"icon\" href=\"data:,\"><title>{title} · Tessera</title><style>{STYLE}</style></head>\n\
-         <body><main>{body}</main></body></html>\n"
+         <body><main>{body}</main>{script}</body></html>\n"
     ))
 }
 
@@ -64,6 +70,7 @@ mod tests {
         let page = page(&[run("<one>", 1.0)]).unwrap();
         for id in [
             "summary",
+            "scene",
             "trajectory",
             "error",
             "worst",
@@ -77,8 +84,21 @@ mod tests {
             assert_eq!(page.matches(&format!("<section id=\"{id}\">")).count(), 1, "{id}");
         }
         assert!(page.contains("&lt;one&gt;") && !page.contains("<one>"));
-        assert!(!page.contains("<script") && !page.contains("src=\"http") && !page.contains("url("));
+        assert!(!page.contains("<script"), "nothing to draw in 3D");
+        assert!(!page.contains("src=\"http") && !page.contains("url("));
         assert!(page.contains("All settings are those of the default"));
+    }
+
+    #[test]
+    fn the_script_of_the_view_in_3d_is_there_once() {
+        let scene = crate::ReportScene {
+            frames: vec![crate::SceneFrame::default()],
+            ..crate::ReportScene::default()
+        };
+        let with = |name: &str| ReportedRun { scene: Some(scene.clone()), ..run(name, 1.0) };
+        let page = page(&[with("one"), with("two")]).unwrap();
+        assert_eq!((page.matches("<canvas").count(), page.matches(VIEWER).count()), (2, 1));
+        assert_eq!(page.matches("<script").count(), 3);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! All that a page tells of a run. Positions are metres along right, forward and up.
 
 use crate::picture::ReportPicture;
+use crate::scene::ReportScene;
 
 /// Whether a frame's pose can be trusted, or why it has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -177,6 +178,8 @@ pub struct ReportedRun {
     pub keyframes: Vec<Keyframe>,
     /// Loop pairs.
     pub loops: Vec<LoopPair>,
+    /// The map and the trajectory in 3D; `None`: see the run's own report.
+    pub scene: Option<ReportScene>,
     /// Stages in the order of the flow.
     pub stages: Vec<StageFigures>,
     /// In the order of time; empty where they were not recorded.

@@ -11,6 +11,7 @@ pub(crate) fn of_run(run: &ReportedRun, prefix: &str) -> Result<String, ReportEr
         out.push_str(&format!("<section id=\"{prefix}{id}\"><h3>{title}</h3>{body}</section>"));
     };
     section("summary", "Summary", &facts(&run.facts));
+    section("scene", "Map and trajectory in 3D", &scene(run));
     section("trajectory", "Trajectory", &tracks::trajectory(run)?);
     let title = if run.has_truth() { "Error over time" } else { "Certainty over time" };
     section("error", title, &format!("{}{}", error_note(run), tracks::error(run)?));
@@ -31,6 +32,11 @@ pub(crate) fn of_run(run: &ReportedRun, prefix: &str) -> Result<String, ReportEr
     section("settings", "Configuration", &settings(run));
     section("machine", "Machine", &facts(&run.machine));
     Ok(out)
+}
+
+fn scene(run: &ReportedRun) -> String {
+    let elsewhere = "<p class=\"note\">Too many runs for one page: the report of this run alone has it.</p>";
+    run.scene.as_ref().map_or_else(|| elsewhere.into(), crate::scene::ReportScene::html)
 }
 
 fn facts(facts: &[(String, String)]) -> String {

@@ -5,8 +5,9 @@ use crate::requirements::missing;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SECTIONS: [&str; 10] = [
+const SECTIONS: [&str; 11] = [
     "summary",
+    "scene",
     "trajectory",
     "error",
     "worst",
@@ -34,7 +35,8 @@ fn a_run_leaves_a_report_that_needs_nothing_else() {
     for id in SECTIONS {
         assert_eq!(first.matches(&format!("<section id=\"{id}\">")).count(), 1, "{id}");
     }
-    for word in ["<script", "src=\"http", "href=\"http", "url(", "@import"] {
+    assert_eq!(first.matches("<script").count(), 2, "the data of the view in 3D, and what draws them");
+    for word in ["<script src", "src=\"http", "fetch(", "href=\"http", "url(", "@import"] {
         assert!(!first.contains(word), "{word}");
     }
     assert!(first.contains("surface.filter_rings"), "what differs from the default is told");

@@ -1,7 +1,7 @@
 //! Positions of frames and keyframes in the axes of the report: right, forward, up.
 
 use crate::{Frame, FrameState, Keyframe};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use tessera_evaluation::{AteOptions, Trajectory, ate};
 use tessera_geometry::Pose;
 use tessera_outputs::{Replay, as_trajectory, final_rows};
@@ -16,16 +16,16 @@ pub(super) struct Placed {
     pub(super) truth_m: Vec<[f64; 3]>,
     /// From the map, through the alignment to the truth, to the axes of the report.
     pub(super) view_from_world: Pose,
-    view: FrameView,
+    pub(super) view: FrameView,
 }
 
 /// Which axes of the world are right, forward and up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct FrameView([(usize, f64); 3]);
+pub(super) struct FrameView([(usize, f64); 3]);
 
 impl FrameView {
     /// Takes for up the axis of the world that the tops of the images point along on average.
-    fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
+    pub(super) fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
         let sum: Vector3<f64> = world_from_cameras.map(|pose| pose.rotation * -Vector3::y()).sum();
         let up = sum.iamax();
         let sign = if sum[up] < 0.0 { -1.0 } else { 1.0 };
@@ -39,6 +39,13 @@ impl FrameView {
 
     fn of(&self, point: &Vector3<f64>) -> [f64; 3] {
         self.0.map(|(axis, sign)| sign * point[axis])
+    }
+
+    /// The same as a rotation.
+    pub(super) fn pose(&self) -> Pose {
+        let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| Vector3::from(self.of(&axis)));
+        let matrix = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns));
+        Pose::from_parts(Translation3::identity(), UnitQuaternion::from_rotation_matrix(&matrix))
     }
 }
 
@@ -96,7 +103,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
     Placed { frames, truth_m, view_from_world: truth_from_world, view }
 }
 
-fn state(state: State) -> FrameState {
+pub(super) fn state(state: State) -> FrameState {
     match state {
         State::Tracking => FrameState::Tracking,
         State::Lost => FrameState::Lost,
@@ -105,7 +112,7 @@ fn state(state: State) -> FrameState {
 }
 
 /// Standard deviation of the position, from the diagonal of the covariance.
-fn std_m(record: &FrameRecord) -> Option<f64> {
+pub(super) fn std_m(record: &FrameRecord) -> Option<f64> {
     let variances = [0, 6, 11].map(|place| record.covariance.get(place).copied());
     let [Some(x), Some(y), Some(z)] = variances else { return None };
     Some((x + y + z).max(0.0).sqrt()).filter(|std| std.is_finite())
@@ -152,6 +159,9 @@ mod tests {
         // A world with z up, looked at by a camera that looks along its y.
         let turned = Pose::rotation(Vector3::x() * -std::f64::consts::FRAC_PI_2);
         assert_eq!(FrameView::new([turned].iter()).of(&Vector3::new(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0]);
+        // As a rotation it is the same.
+        let point = Vector3::new(1.0, 2.0, 3.0);
+        assert!((view.pose().rotation * point - Vector3::new(1.0, 3.0, -2.0)).norm() < 1e-12);
     }
 
     #[test]

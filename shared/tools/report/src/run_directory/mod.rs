@@ -7,10 +7,12 @@ mod frames;
 mod loops;
 mod pictures;
 mod processes;
+mod scene;
 mod settings;
 mod worst;
 
 use crate::ReportedRun;
+use crate::scene::{MOST_POINTS, MOST_SCENES};
 use std::path::Path;
 use tessera_outputs::ToolError;
 use tessera_outputs::{self as outputs, Summary, write_file};
@@ -24,7 +26,13 @@ pub const REPORT_FILE: &str = "report.html";
 /// # Errors
 /// Names the file of a run that cannot be read, or the report that cannot be written.
 pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
-    let runs: Vec<ReportedRun> = run_folders.iter().map(|folder| read(folder)).collect::<Result<_, _>>()?;
+    // Runs side by side share what one page may hold.
+    let most_points = MOST_POINTS / run_folders.len().clamp(1, MOST_SCENES);
+    let runs: Vec<ReportedRun> = run_folders
+        .iter()
+        .enumerate()
+        .map(|(place, folder)| read(folder, (place < MOST_SCENES).then_some(most_points)))
+        .collect::<Result<_, _>>()?;
     let page = crate::page(&runs).map_err(|error| ToolError::Stage(error.to_string()))?;
     write_file(path, |writer| writer.write_all(page.as_bytes()))
 }
@@ -38,8 +46,8 @@ fn reasons(summary: &Summary) -> Vec<String> {
     summary.verdict.reasons.iter().map(|reason| words(&reason.found, &reason.advice)).collect()
 }
 
-/// All that a report tells of a run.
-fn read(run_folder: &Path) -> Result<ReportedRun, ToolError> {
+/// All that a report tells of a run, with its map in at most so many points.
+fn read(run_folder: &Path, most_points: Option<usize>) -> Result<ReportedRun, ToolError> {
     let files = RunFiles::new(run_folder);
     let settings = outputs::read_settings(&files)?;
     let replay = outputs::read_journal(&files)?;
@@ -57,6 +65,9 @@ fn read(run_folder: &Path) -> Result<ReportedRun, ToolError> {
     let mut worst = worst::pick(&placed.frames, groundtruth.is_some());
     let no_pictures = pictures::add(&mut worst, &replay, &settings).err();
     let (events, n_more_events) = events::read(&files.log());
+    let loops = loops::of(&replay);
+    let scene =
+        most_points.map(|most_points| scene::of((&files, &settings), &replay, &placed, &loops, most_points));
     Ok(ReportedRun {
         name,
         source: summary.source.clone(),
@@ -66,7 +77,8 @@ fn read(run_folder: &Path) -> Result<ReportedRun, ToolError> {
         facts: facts::of(&summary),
         machine: facts::machine(&summary, &timeline.machine),
         keyframes: frames::keyframes(&replay, &placed),
-        loops: loops::of(&replay),
+        loops,
+        scene,
         frames: placed.frames,
         truth_m: placed.truth_m,
         stages: processes::stages(&summary, &timeline),

@@ -1,0 +1,221 @@
+//! The map and the trajectory in 3D: data for the script `viewer.js`, which draws them.
+
+mod encode;
+
+use crate::html::escaped;
+use crate::run::{FrameState, ReportedVerdict};
+
+/// The script that draws; a page has it once.
+pub(crate) const VIEWER: &str = include_str!("viewer.js");
+
+/// Most points of the map in a page.
+pub(crate) const MOST_POINTS: usize = 60_000;
+/// Most frames; of more, every k-th is shown.
+const MOST_FRAMES: usize = 10_000;
+/// Most keyframes; of more, every k-th is shown.
+const MOST_KEYFRAMES: usize = 5_000;
+/// Most loops; of more, every k-th is shown.
+const MOST_LOOPS: usize = 5_000;
+/// Most positions of the ground truth; of more, every k-th is shown.
+const MOST_TRUTH: usize = 5_000;
+/// Most runs of a page that are shown in 3D: browsers draw about 16 such pictures at once.
+pub(crate) const MOST_SCENES: usize = 8;
+
+/// A point of the map; axes are right, forward and up, metres.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScenePoint {
+    /// Position.
+    pub position_m: [f64; 3],
+    /// Unit normal, towards the camera that saw it.
+    pub normal: [f64; 3],
+    /// Red, green, blue.
+    pub rgb: [u8; 3],
+    /// Place, in the list of keyframes, of the first that saw it.
+    pub keyframe: usize,
+}
+
+/// A processed frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneFrame {
+    /// As the source counts.
+    pub index: u64,
+    /// Since the first frame, seconds.
+    pub time_s: f64,
+    /// Whether it was tracked.
+    pub state: FrameState,
+    /// Place of its part in the list of parts.
+    pub part: usize,
+    /// Position of the camera.
+    pub position_m: [f64; 3],
+    /// From the camera's axes (right, down, forward) to those of the page: x, y, z, w of a quaternion.
+    pub rotation: [f64; 4],
+    /// Standard deviation of the position as the aligner sees it, metres.
+    pub std_m: Option<f64>,
+}
+
+/// A keyframe.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneKeyframe {
+    /// Position of the camera.
+    pub position_m: [f64; 3],
+    /// Whether an earlier run made it.
+    pub is_of_map: bool,
+    /// Standard deviation of the position as the aligner saw it in that frame, metres.
+    pub std_m: Option<f64>,
+}
+
+/// A loop pair as a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneLoop {
+    /// Positions of the newer and the older keyframe.
+    pub ends_m: [[f64; 3]; 2],
+    /// What became of it.
+    pub verdict: ReportedVerdict,
+}
+
+/// A map with a world frame of its own: the main one, or that of a submap that is apart.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScenePart {
+    /// What it is called.
+    pub name: String,
+    /// Where its name stands.
+    pub label_m: [f64; 3],
+    /// Rows of the 3x4 matrix from its world frame, which that of the files is, to the page.
+    pub page_from_world: [[f64; 4]; 3],
+    /// Its points.
+    pub n_points: usize,
+}
+
+/// All that is drawn; parts stand beside each other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReportScene {
+    /// The main map first.
+    pub parts: Vec<ScenePart>,
+    /// Edge of the voxels that the points are means of, metres.
+    pub voxel_m: f64,
+    /// Part after part.
+    pub points: Vec<ScenePoint>,
+    /// In the order of their index.
+    pub frames: Vec<SceneFrame>,
+    /// By id.
+    pub keyframes: Vec<SceneKeyframe>,
+    /// As the table of loops has them.
+    pub loops: Vec<SceneLoop>,
+    /// True positions beside the main map.
+    pub truth_m: Vec<[f64; 3]>,
+    /// Why there is no map, where there is none.
+    pub no_map: Option<String>,
+}
+
+impl ReportScene {
+    /// Whether there is nothing to draw.
+    fn is_empty(&self) -> bool {
+        self.points.is_empty() && self.frames.is_empty()
+    }
+
+    /// The section's inside: a canvas with its controls, or why there is none.
+    pub(crate) fn html(&self) -> String {
+        let note = |words: &str| format!("<p class=\"note\">{}</p>", escaped(words));
+        let missing = match &self.no_map {
+            Some(reason) => note(&format!("No map: {reason}")),
+            None if self.points.is_empty() => {
+                note("The map is empty: no keyframe has a surface within the range of the map.")
+            }
+            None => String::new(),
+        };
+        if self.is_empty() {
+            return missing;
+        }
+        let last = self.frames.len().min(encode::every(self.frames.len(), MOST_FRAMES)).saturating_sub(1);
+        let apart = if self.parts.len() > 1 {
+            note(&format!(
+                "{} maps that could not be joined stand beside each other; how they lie to each other is not known.",
+                self.parts.len()
+            ))
+        } else {
+            String::new()
+        };
+        format!(
+            "{missing}{apart}<div class=\"scene\">\
+             <div class=\"stage\"><canvas aria-label=\"map and trajectory in 3D\"></canvas>\
+             <p class=\"fault\" hidden></p></div>\
+             <div class=\"walk\"><button type=\"button\" data-do=\"play\">play</button>\
+             <input type=\"range\" min=\"0\" max=\"{last}\" value=\"0\" aria-label=\"frame\"><output></output></div>\
+             {CONTROLS}<p class=\"note\">Drag to turn, scroll or pinch to zoom, shift-drag or two fingers to move. \
+             {}</p><script type=\"application/json\">{}</script></div>\
+             <noscript><p class=\"note\">The view in 3D needs scripts; the plots below do not.</p></noscript>",
+            self.words_of_thinning(),
+            encode::json(self)
+        )
+    }
+
+    fn words_of_thinning(&self) -> String {
+        if self.points.is_empty() {
+            return String::new();
+        }
+        format!("{} points, one for each {:.0} mm.", self.points.len(), 1e3 * self.voxel_m)
+    }
+}
+
+/// What is shown, in which colours and from where.
+const CONTROLS: &str = "<div class=\"controls\">\
+    <label>colour <select data-set=\"colour\"><option value=\"image\">image</option>\
+    <option value=\"height\">height</option><option value=\"uncertainty\">uncertainty</option></select></label>\
+    <label><input type=\"checkbox\" data-show=\"trajectory\" checked> trajectory</label>\
+    <label><input type=\"checkbox\" data-show=\"truth\" checked> ground truth</label>\
+    <label><input type=\"checkbox\" data-show=\"keyframes\" checked> keyframes</label>\
+    <label><input type=\"checkbox\" data-show=\"loops\" checked> loops closed</label>\
+    <label><input type=\"checkbox\" data-show=\"refused\"> loops not closed</label>\
+    <label><input type=\"checkbox\" data-show=\"backs\"> walls from behind</label>\
+    <button type=\"button\" data-do=\"whole\">whole map</button>\
+    <button type=\"button\" data-do=\"above\">from above</button>\
+    <button type=\"button\" data-do=\"camera\">through the camera</button>\
+    <span class=\"ramp\" hidden><i></i><b></b></span></div>";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_and_a_reason_are_told_in_words() {
+        let nothing = ReportScene::default().html();
+        assert!(nothing.contains("The map is empty") && !nothing.contains("<canvas"), "{nothing}");
+        let gone =
+            ReportScene { no_map: Some("the store <x> is gone".into()), ..ReportScene::default() }.html();
+        assert!(gone.contains("No map: the store &lt;x&gt; is gone"), "{gone}");
+        let frames = vec![SceneFrame::default()];
+        let lost = ReportScene { frames, parts: vec![ScenePart::default()], ..ReportScene::default() }.html();
+        assert!(lost.contains("The map is empty") && lost.contains("<canvas"), "{lost}");
+    }
+
+    #[test]
+    fn submaps_that_are_apart_are_told() {
+        let parts = vec![ScenePart::default(), ScenePart { name: "submap 3".into(), ..ScenePart::default() }];
+        let scene = ReportScene { parts, frames: vec![SceneFrame::default()], ..ReportScene::default() };
+        let html = scene.html();
+        assert!(html.contains("2 maps that could not be joined") && html.contains("submap 3"), "{html}");
+    }
+
+    #[test]
+    fn the_largest_scene_takes_less_than_two_megabytes() {
+        let n = 100_000;
+        let scene = ReportScene {
+            parts: vec![ScenePart::default()],
+            points: vec![ScenePoint::default(); MOST_POINTS],
+            frames: vec![SceneFrame::default(); n],
+            keyframes: vec![SceneKeyframe::default(); n],
+            loops: vec![SceneLoop { ends_m: [[0.0; 3]; 2], verdict: ReportedVerdict::Accepted }; n],
+            truth_m: vec![[0.0; 3]; n],
+            ..ReportScene::default()
+        };
+        let bytes = scene.html().len() + VIEWER.len();
+        assert!((1_000_000..2_000_000).contains(&bytes), "{bytes}");
+    }
+
+    #[test]
+    fn the_script_loads_nothing_and_ends_where_it_ends() {
+        for word in ["http", "fetch", "import ", "XMLHttp", "</script", "eval"] {
+            assert!(!VIEWER.contains(word), "{word}");
+        }
+    }
+}
