@@ -7,7 +7,7 @@ use tessera_journal::Follower;
 use tessera_outputs::{Replay, read_settings};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, TrackerState};
-use tessera_stage::{ALIGN_JOURNAL, StoredKeyframes, RunFile, RunFiles};
+use tessera_stage::{ALIGN_JOURNAL, RunFile, RunFiles, StoredKeyframes};
 
 /// A run up to some byte.
 pub struct Past {

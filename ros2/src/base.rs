@@ -82,9 +82,9 @@ mod tests {
     use super::*;
     use nalgebra::{Point3, Vector3};
     use tessera_geometry::{Twist, exp};
-    use tessera_recording::ros::{Header, PoseMessage, Time, TransformStamped, Transforms, encode};
+    use tessera_recording::ros::{Header, RosPose, Time, TransformStamped, Transforms, encode};
 
-    fn tree(parent: &str, child: &str, transform: PoseMessage) -> FrameTree {
+    fn tree(parent: &str, child: &str, transform: RosPose) -> FrameTree {
         let header = Header { stamp: Time::from_nanos(0), frame_id: parent.into() };
         let child_frame_id = child.into();
         let message = Transforms { transforms: vec![TransformStamped { header, child_frame_id, transform }] };
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn with_tf_the_base_is_where_it_says() {
         // The camera's optical frame is 0.2 m before the base and 1 m above it.
-        let transform = PoseMessage { position: [0.2, 0.0, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
+        let transform = RosPose { position: [0.2, 0.0, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
         let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
         assert!(base.words.contains("where /tf_static has it"));
         // The camera turns left by a quarter turn: about its y by minus that.
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn covariance_is_that_of_perturbed_poses() {
-        let transform = PoseMessage { position: [0.2, -0.1, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
+        let transform = RosPose { position: [0.2, -0.1, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
         let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
         let camera = exp(&Twist { rho: Vector3::new(1.0, 2.0, 3.0), phi: Vector3::new(0.3, -0.7, 0.2) });
         let odom_from_base = base.of_base(&camera);

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_journal::{Journal, Store};
+use tessera_messages::store_surface;
 use tessera_numerics::SplitMix64;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, Correction, FrameRecord, KeyframeRecord, OptimiseRecord, State, Submaps};
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
-use tessera_surface::{Vertex, WorkloadLevel};
+use tessera_surface::{Grid, Vertex, WorkloadLevel};
 use tessera_transport::RunIdentity;
 
 /// Frames from one keyframe to the next.
@@ -114,9 +115,9 @@ impl GrowingRun {
         };
         let surface: Vec<Vertex> =
             (0..16).map(|_| vertex(1.0 + self.random.below(1000) as f32 / 500.0)).collect();
-        // Features, of a number of their own.
-        let mut bytes: Vec<u8> = bytemuck::cast_slice(&surface).to_vec();
-        bytes.extend((0..self.random.below(300) * 32).map(|k| k as u8));
+        let grid = Grid { width: 4, height: 4, step: 4 };
+        // Of a number of bytes of its own, as its depths are random.
+        let bytes = store_surface(grid, &surface);
         let slot = store_slot(&self.store.append(&bytes, false).unwrap());
         self.n_keyframes += 1;
         KeyframeRecord {

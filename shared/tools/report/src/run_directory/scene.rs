@@ -138,9 +138,9 @@ fn placed_point(page_from_world: &Pose, point: &MapPoint) -> ScenePoint {
 }
 
 /// Place among the parts, and pose, of the world of each component.
-type RunSurfaces = BTreeMap<u32, (usize, Pose)>;
+type ComponentPlaces = BTreeMap<u32, (usize, Pose)>;
 
-fn frames(replay: &Replay, pages: &RunSurfaces) -> Vec<SceneFrame> {
+fn frames(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneFrame> {
     let begin = replay.frames.first().map_or(0, |frame| frame.stamp_nanos);
     let frame = |record| {
         let (part, page_from_world) = pages.get(&replay.component(record))?;
@@ -158,7 +158,7 @@ fn frames(replay: &Replay, pages: &RunSurfaces) -> Vec<SceneFrame> {
     replay.frames.iter().filter_map(frame).collect()
 }
 
-fn keyframes(replay: &Replay, pages: &RunSurfaces) -> Vec<SceneKeyframe> {
+fn keyframes(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneKeyframe> {
     let std_of_frame: BTreeMap<u64, f64> =
         replay.frames.iter().filter_map(|record| Some((record.index, std_m(record)?))).collect();
     // A component without a frame of this run has no part; its keyframes stand in the main map's world.
