@@ -14,7 +14,7 @@ use tessera_offline::Method;
 use tessera_registration::{
     GridCamera, KdTree, MatchLimits, Matcher, Queries, Sample, Sampler, Selection, ShutterTable, Target,
 };
-use tessera_surface::{Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex};
+use tessera_surface::{Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex, packed};
 
 fn main() {
     divan::main();
@@ -94,6 +94,21 @@ fn samples(method: &Method, grid: Grid, vertices: &[Vertex]) -> Vec<Sample> {
     let mut samples = Vec::new();
     Sampler::default().draw(&SurfaceView { grid, vertices }, 1, &method.registration, &mut samples);
     samples
+}
+
+/// A keyframe's surface into the bytes of the store.
+#[divan::bench]
+fn pack_surface(bencher: Bencher<'_, '_>) {
+    let pair = PairOfFrames::new();
+    bencher.bench_local(|| packed::pack(pair.grid, &pair.surfaces[0]));
+}
+
+/// The bytes of the store into a keyframe's surface.
+#[divan::bench]
+fn unpack_surface(bencher: Bencher<'_, '_>) {
+    let pair = PairOfFrames::new();
+    let bytes = packed::pack(pair.grid, &pair.surfaces[0]);
+    bencher.bench_local(|| packed::unpack(pair.grid, &bytes));
 }
 
 /// Samples by place and by direction of the normal.
