@@ -30,7 +30,8 @@ pub use colour::ColourSummary;
 pub use comparison::comparison;
 pub use error::ToolError;
 pub use export::{
-    export, map_keyframes, read_beside, read_groundtruth, read_journal, read_settings, refined_warp,
+    export, map_keyframes, map_points, read_beside, read_groundtruth, read_journal, read_map, read_settings,
+    refined_warp,
     write_groundtruth,
 };
 pub use files::write_file;

@@ -24,6 +24,7 @@ const COMMANDS: [&str; 17] = [
     "profile",
     "clean",
     "completions",
+    "man",
 ];
 
 fn tessera(arguments: &[&str]) -> Output {

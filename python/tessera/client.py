@@ -1,10 +1,12 @@
-"""Tessera's public services from Python: send a camera's images, read poses.
+"""Services of a run that goes on in processes of its own: send it a camera's images, read its poses.
 
-Needs `pip install iceoryx2==0.10.0`. docs/camera.md tells what each field means.
+Needs `pip install iceoryx2==0.10.0` and no other part of this package. docs/camera.md tells what each
+field means.
 """
 
 import ctypes
 import json
+import math
 import os
 import pathlib
 import struct
@@ -107,14 +109,19 @@ class Link:
                 time.sleep(0.05)
 
 
-def pixels(name, values, kind, n_values):
-    """The bytes of an image, checked: `kind` is H for 16-bit and B for 8-bit values."""
+def pixels(name, values, kind, shape):
+    """The bytes of an image of `shape`, checked: `kind` is H for 16-bit and B for 8-bit values.
+
+    Bytes and flat arrays need the right length alone.
+    """
     view = memoryview(values)
     # Plain bytes may hold either; an array says what it holds.
     if view.format not in (kind, "<" + kind) and not isinstance(values, (bytes, bytearray)):
         expected = {"H": "uint16", "B": "uint8"}[kind]
         raise TypeError(f"{name} holds values of format '{view.format}', expected {expected}")
-    expected = n_values * struct.calcsize(kind)
+    if view.ndim > 1 and view.shape != shape:
+        raise ValueError(f"{name} has shape {view.shape}, expected {shape}")
+    expected = math.prod(shape) * struct.calcsize(kind)
     if view.nbytes != expected:
         raise ValueError(f"{name} has {view.nbytes} bytes, expected {expected}")
     return view.tobytes()
@@ -158,11 +165,12 @@ class Camera:
     def send(self, index, stamp_nanos, depth, colour=None):
         """Sends depth (16-bit values) and colour (bytes red, green, blue), row by row.
 
-        Both are bytes or anything with the buffer protocol, such as numpy arrays of uint16 and uint8.
+        Both are bytes or anything with the buffer protocol, such as numpy arrays of uint16 (height x width)
+        and uint8 (height x width x 3). Raises TypeError or ValueError for any other; nothing is then sent.
         """
-        n_pixels = self.size[0] * self.size[1]
-        depth = pixels("depth", depth, "H", n_pixels)
-        colour = None if colour is None else pixels("colour", colour, "B", 3 * n_pixels)
+        width, height = self.size
+        depth = pixels("depth", depth, "H", (height, width))
+        colour = None if colour is None else pixels("colour", colour, "B", (height, width, 3))
         header = self.header
         header.index, header.stamp_nanos, header.kind = index, stamp_nanos, 0
         header.has_colour = int(colour is not None)

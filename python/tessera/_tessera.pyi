@@ -1,0 +1,76 @@
+"""The compiled part: images and columns are bytes, little-endian."""
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any, Optional, Union
+
+#: Indices (i64), stamps (i64), states, poses (7 x f64), matrices (16 x f64).
+TrajectoryColumns = tuple[bytes, bytes, list[str], bytes, bytes]
+#: Positions (3 x f32), normals (3 x f32), colours (3 x u8).
+MapColumns = tuple[bytes, bytes, bytes]
+
+class Camera:
+    """A depth camera without distortion, pixels; raw depth divided by `units_per_metre` is metres.
+
+    Pixel (0, 0) is the centre of the first one. `from_dict` has the other parameters.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        units_per_metre: float = 1000.0,
+    ) -> None: ...
+    @staticmethod
+    def load(name_or_file: str) -> Camera:
+        """A built-in camera (`freiburg1`, `freiburg2`, `freiburg3`, `icl`) or a camera file."""
+    @staticmethod
+    def from_dict(values: dict[str, Any]) -> Camera:
+        """From the keys of a camera file: `width`, `height`, `fx`, `fy`, `cx`, `cy`, `units_per_metre`, and
+        where they are wanted `distortion` (k1 k2 p1 p2 k3), `readout_s`, `depth_offset_m` and
+        `colour_registered`."""
+    @staticmethod
+    def from_matrix(
+        matrix: Iterable[Iterable[float]],
+        width: int,
+        height: int,
+        units_per_metre: float = 1000.0,
+        distortion: Optional[Iterable[float]] = None,
+    ) -> Camera:
+        """From the 3x3 matrix of a pinhole, pixels, and its distortion `k1 k2 p1 p2 k3`."""
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of a camera file with their values."""
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def units_per_metre(self) -> float: ...
+
+class Slam:
+    def __init__(self, camera: Camera, config: Optional[str], overrides: list[str]) -> None: ...
+    def track(
+        self,
+        depth: bytes,
+        colour: Optional[bytes],
+        stamp_nanos: int,
+        rotation: Optional[list[float]],
+    ) -> tuple[int, str, str, list[float], list[float]]: ...
+    def finish(self) -> None: ...
+    def trajectory(self) -> TrajectoryColumns: ...
+    def keyframes(self) -> TrajectoryColumns: ...
+    def map(self) -> MapColumns: ...
+
+class Source:
+    def __init__(self, config: Optional[str], overrides: list[str]) -> None: ...
+    def camera(self) -> Camera: ...
+    def n_frames(self) -> int: ...
+    def read(
+        self, index: int
+    ) -> tuple[int, bytes, Optional[bytes], Optional[list[float]], Optional[str]]: ...
+
+def read_run(folder: str) -> tuple[TrajectoryColumns, TrajectoryColumns, MapColumns]: ...
