@@ -1,14 +1,11 @@
 """The compiled part: images and columns are bytes, little-endian."""
 
-import os
-from collections.abc import Iterable, Mapping
-from typing import Any, Optional, Union
+from collections.abc import Iterable
+from typing import Any, Optional, final
 
-#: Indices (i64), stamps (i64), states, poses (7 x f64), matrices (16 x f64).
-TrajectoryColumns = tuple[bytes, bytes, list[str], bytes, bytes]
-#: Positions (3 x f32), normals (3 x f32), colours (3 x u8).
-MapColumns = tuple[bytes, bytes, bytes]
+from ._types import MapColumns, TrajectoryColumns
 
+@final
 class Camera:
     """A depth camera without distortion, pixels; raw depth divided by `units_per_metre` is metres.
 
@@ -51,6 +48,7 @@ class Camera:
     @property
     def units_per_metre(self) -> float: ...
 
+@final
 class Slam:
     def __init__(self, camera: Camera, config: Optional[str], overrides: list[str]) -> None: ...
     def track(
@@ -65,6 +63,7 @@ class Slam:
     def keyframes(self) -> TrajectoryColumns: ...
     def map(self) -> MapColumns: ...
 
+@final
 class Source:
     def __init__(self, config: Optional[str], overrides: list[str]) -> None: ...
     def camera(self) -> Camera: ...

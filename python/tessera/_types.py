@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, List, Tuple
 
 import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from ._tessera import Camera, MapColumns, TrajectoryColumns
+    from ._tessera import Camera
 
 Floats = npt.NDArray[np.float64]
+
+#: Indices (i64), stamps (i64), states, poses (7 x f64), matrices (16 x f64), as the compiled part gives them.
+TrajectoryColumns = Tuple[bytes, bytes, List[str], bytes, bytes]
+#: Positions (3 x f32), normals (3 x f32), colours (3 x u8).
+MapColumns = Tuple[bytes, bytes, bytes]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +38,7 @@ class Trajectory:
     @property
     def stamps(self) -> Floats:
         """N, seconds."""
-        return self.stamps_nanos * 1e-9
+        return self.stamps_nanos.astype(np.float64) * 1e-9
 
     @property
     def is_tracked(self) -> npt.NDArray[np.bool_]:
