@@ -49,12 +49,15 @@ class Trajectory:
         return len(self.indices)
 
     def write_tum(self, path: str | os.PathLike[str]) -> None:
-        """Writes the poses as the TUM tools read them: `timestamp tx ty tz qx qy qz qw`, nine digits."""
+        """Writes the poses as the TUM tools read them: `timestamp tx ty tz qx qy qz qw`."""
         with open(path, "w", encoding="ascii", newline="\n") as file:
             for nanos, pose in zip(self.stamps_nanos.tolist(), self.positions_quaternions.tolist()):
                 # Adding zero turns -0 into 0.
                 words = " ".join(f"{value + 0.0:.9f}" for value in pose)
-                file.write(f"{nanos // 10**9}.{nanos % 10**9:09d} {words}\n")
+                # As the command writes it: microseconds, and nanoseconds where there are any.
+                stamp, nine = divmod(nanos, 10**9)
+                digits = f"{nine:09d}"
+                file.write(f"{stamp}.{digits[:6]}{digits[6:].rstrip('0')} {words}\n")
 
 
 @dataclasses.dataclass(frozen=True)
