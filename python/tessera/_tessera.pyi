@@ -5,6 +5,8 @@ from typing import Any, Optional, final
 
 from ._types import MapColumns, TrajectoryColumns
 
+__all__ = ["Camera", "Slam", "Source", "read_run"]
+
 @final
 class Camera:
     """A depth camera without distortion, pixels; raw depth divided by `units_per_metre` is metres.
@@ -12,8 +14,8 @@ class Camera:
     Pixel (0, 0) is the centre of the first one. `from_dict` has the other parameters.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         width: int,
         height: int,
         fx: float,
@@ -21,7 +23,7 @@ class Camera:
         cx: float,
         cy: float,
         units_per_metre: float = 1000.0,
-    ) -> None: ...
+    ) -> Camera: ...
     @staticmethod
     def load(name_or_file: str) -> Camera:
         """A built-in camera (`freiburg1`, `freiburg2`, `freiburg3`, `icl`) or a camera file."""
@@ -50,7 +52,7 @@ class Camera:
 
 @final
 class Slam:
-    def __init__(self, camera: Camera, config: Optional[str], overrides: list[str]) -> None: ...
+    def __new__(cls, camera: Camera, config: Optional[str], overrides: list[str]) -> Slam: ...
     def track(
         self,
         depth: bytes,
@@ -65,7 +67,7 @@ class Slam:
 
 @final
 class Source:
-    def __init__(self, config: Optional[str], overrides: list[str]) -> None: ...
+    def __new__(cls, config: Optional[str], overrides: list[str]) -> Source: ...
     def camera(self) -> Camera: ...
     def n_frames(self) -> int: ...
     def read(

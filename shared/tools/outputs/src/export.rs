@@ -125,11 +125,7 @@ fn write_camera(camera: &Camera, source: &str, out_folder: &Path) -> Result<(), 
 ///
 /// # Errors
 /// Names the file that cannot be read, and why.
-pub fn read_map(
-    files: &RunFiles,
-    replay: &Replay,
-    settings: &Settings,
-) -> Result<Vec<PlyVertex>, ToolError> {
+pub fn read_map(files: &RunFiles, replay: &Replay, settings: &Settings) -> Result<Vec<PlyVertex>, ToolError> {
     Ok(map::ply_vertices(&read_cloud(files, replay, settings)?).collect())
 }
 

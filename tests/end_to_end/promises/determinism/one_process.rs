@@ -125,8 +125,7 @@ fn four_processes_and_one_write_the_same_map() {
         map_points(source.camera(), &replay, &settings, |keyframe| going.keyframe_surface(keyframe)).len();
     let (records, map) = going.finish_with_map();
     records.records.into_iter().skip(n_records).for_each(|record| replay.apply(record));
-    let points =
-        map_points(source.camera(), &replay, &settings, |keyframe| &map.surfaces[keyframe as usize]);
+    let points = map_points(source.camera(), &replay, &settings, |keyframe| &map.surfaces[keyframe as usize]);
     let mut bytes = Vec::new();
     write_ply(points.len(), points.iter().copied(), &[], &mut bytes).unwrap();
     assert!(bytes == run.output("map.ply"), "map.ply differs from the offline runner's");
