@@ -7,6 +7,9 @@ out=$PWD/target/packages
 rm -rf "$out"
 mkdir -p "$out"
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
+# The same tree gives the same bytes: times of files are those of the commit.
+SOURCE_DATE_EPOCH=$(git log -1 --format=%ct 2> /dev/null || date +%s)
+export SOURCE_DATE_EPOCH
 cargo build --release --locked
 program=target/release/tessera
 
@@ -55,7 +58,7 @@ deb() {
 Package: tessera-slam
 Version: $version
 Architecture: $architecture
-Maintainer: The Tessera authors <tessera@localhost>
+Maintainer: The Tessera authors
 Section: science
 Priority: optional
 Installed-Size: $(du -sk "$tree/usr" | cut -f 1)
