@@ -8,7 +8,7 @@ Needs `pip install iceoryx2==0.10.0`.
 import sys
 import time
 
-import tessera
+import tessera_client
 
 STATES = ["tracking", "lost", "relocalising"]
 
@@ -33,8 +33,8 @@ def compose(a, b):
 
 
 def main():
-    link = tessera.Link(sys.argv[1])
-    poses = link.open("poses", tessera.Pose).subscriber_builder().create()
+    link = tessera_client.Link(sys.argv[1])
+    poses = link.open("poses", tessera_client.Pose).subscriber_builder().create()
     while True:
         # Before the last look: what came until then is printed.
         is_current = link.is_current()

@@ -16,7 +16,7 @@ import tomllib
 
 from PIL import Image
 
-import tessera
+import tessera_client
 
 
 def rows(path):
@@ -43,7 +43,7 @@ def main():
     calibration = tomllib.loads((arguments.folder / "camera.toml").read_text())
     width, height = calibration.pop("width"), calibration.pop("height")
     images = list(frames(arguments.folder))[: arguments.frames]
-    camera = tessera.Camera(arguments.run, width, height, calibration, arguments.ring)
+    camera = tessera_client.Camera(arguments.run, width, height, calibration, arguments.ring)
 
     def send(index):
         stamp, depth, colour = images[index]

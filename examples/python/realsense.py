@@ -7,7 +7,7 @@ import sys
 
 import pyrealsense2 as rs
 
-import tessera
+import tessera_client
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
 
@@ -25,7 +25,7 @@ calibration = {
     # The SDK's order is k1 k2 p1 p2 k3 as well. Its "inverse" model is close to none on these cameras.
     "distortion": lens.coeffs if lens.model == rs.distortion.brown_conrady else [0.0] * 5,
 }
-camera = tessera.Camera(sys.argv[1], WIDTH, HEIGHT, calibration)
+camera = tessera_client.Camera(sys.argv[1], WIDTH, HEIGHT, calibration)
 first_number = None
 while camera.is_wanted():
     frames = to_colour.process(pipeline.wait_for_frames())

@@ -109,6 +109,12 @@ pub(crate) enum Command {
         /// The shell
         shell: Shell,
     },
+    /// Write the manual pages of all commands
+    #[command(after_help = "Examples:\n  tessera man ~/.local/share/man/man1")]
+    Man {
+        /// The folder to write them into; it is made
+        folder: PathBuf,
+    },
 }
 
 /// `tessera resume`.

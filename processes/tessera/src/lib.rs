@@ -50,6 +50,7 @@ pub fn main() -> ExitCode {
         Command::Base(arguments) => commands::fleet("base", &arguments),
         Command::Clean => commands::clean(),
         Command::Completions { shell } => commands::completions(shell),
+        Command::Man { folder } => commands::man(&folder),
     };
     match result {
         Ok(exit) => exit.into(),

@@ -3,7 +3,9 @@
 mod colour;
 mod fit;
 
+use crate::exit::{CommandError, Exit};
 pub(crate) use fit::{WIDTH, fit};
+use serde::Serialize;
 use std::io::{IsTerminal, Write};
 
 /// Prints an error once, as every error of Tessera is printed: in one line where a program reads
@@ -25,6 +27,25 @@ pub(crate) fn say(text: &str) {
 /// Prints text for people to standard output, in lines that fit.
 pub(crate) fn say_to_people(text: &str) {
     print(std::io::stdout().lock(), &fit(text.trim_end()));
+}
+
+/// Prints a report as JSON or, with `text`, for people.
+pub(crate) fn say_report(
+    as_json: bool,
+    report: &impl Serialize,
+    text: impl FnOnce() -> String,
+) -> Result<Exit, CommandError> {
+    if as_json {
+        say(&json(report)?);
+    } else {
+        say_to_people(&text());
+    }
+    Ok(Exit::Done)
+}
+
+/// The JSON of a report.
+pub(crate) fn json(report: &impl Serialize) -> Result<String, CommandError> {
+    serde_json::to_string_pretty(report).map_err(|error| CommandError::stage(error.to_string()))
 }
 
 fn print(mut stream: impl Write + IsTerminal, text: &str) {

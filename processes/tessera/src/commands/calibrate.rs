@@ -3,7 +3,7 @@
 use crate::arguments::CalibrateArguments;
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
-use crate::terminal::{say, say_to_people};
+use crate::terminal::say_report;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -49,13 +49,7 @@ pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandE
     let report = CalibrationReport::of(&found);
     let text = file_text(&arguments.source, &found, &report)?;
     std::fs::write(&arguments.out, text).map_err(|error| CommandError::write(&arguments.out, error))?;
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&report);
-        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
-    } else {
-        say_to_people(&for_people(arguments, &report));
-    }
-    Ok(Exit::Done)
+    say_report(arguments.json, &report, || for_people(arguments, &report))
 }
 
 /// A scene is rendered with its own camera, whatever the start; a folder has no other.

@@ -2,7 +2,7 @@
 
 use crate::arguments::CheckArguments;
 use crate::exit::{CommandError, Exit};
-use crate::terminal::{say, say_to_people};
+use crate::terminal::say_report;
 use tessera_sources::{SourceOptions, SourceSpec};
 
 /// Frames looked at, spread over the source.
@@ -20,11 +20,5 @@ pub(crate) fn check(arguments: &CheckArguments) -> Result<Exit, CommandError> {
     };
     let source = tessera_sources::open(&spec, &options)?;
     let report = tessera_sources::check(&*source, FRAMES_LOOKED_AT)?;
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&report);
-        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
-    } else {
-        say_to_people(&format!("{spec}\n{}", report.for_people()));
-    }
-    Ok(Exit::Done)
+    say_report(arguments.json, &report, || format!("{spec}\n{}", report.for_people()))
 }

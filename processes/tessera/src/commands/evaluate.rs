@@ -3,7 +3,7 @@
 use crate::arguments::EvaluateArguments;
 use crate::exit::{CommandError, Exit};
 use crate::run_folder;
-use crate::terminal::{say, say_to_people};
+use crate::terminal::say_report;
 use std::fmt::Write;
 use std::path::PathBuf;
 use tessera_evaluation::{Evaluation, EvaluationOptions, Statistics, read_tum};
@@ -22,13 +22,7 @@ pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandErr
             source,
         }
     })?;
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&evaluation);
-        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
-    } else {
-        say_to_people(&for_people(&evaluation, &options));
-    }
-    Ok(Exit::Done)
+    say_report(arguments.json, &evaluation, || for_people(&evaluation, &options))
 }
 
 /// The two trajectories: two files, or those of a run by its name.

@@ -28,7 +28,7 @@ pub(crate) use calibrate::calibrate;
 pub(crate) use chaos::chaos;
 pub(crate) use check::check;
 pub(crate) use clean::clean;
-pub(crate) use completions::completions;
+pub(crate) use completions::{completions, man};
 pub(crate) use evaluate::evaluate;
 pub(crate) use export::{exit_of, export, say_summary};
 pub(crate) use passed_on::{fleet, ros2};

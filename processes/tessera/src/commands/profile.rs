@@ -2,7 +2,7 @@
 
 use crate::arguments::ProfileArguments;
 use crate::exit::{CommandError, Exit};
-use crate::terminal::{say, say_to_people};
+use crate::terminal::say_report;
 use tessera_lab::profile::{self, Options, Recorded, Stages};
 
 /// Runs the stage and prints where its time went.
@@ -18,11 +18,5 @@ pub(crate) fn profile(arguments: &ProfileArguments) -> Result<Exit, CommandError
     }
     let options = Options { repeat: arguments.repeat, steps: !arguments.no_steps };
     let report = profile::profile(&recorded, &options)?;
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&report);
-        say(&json.map_err(|error| CommandError::stage(error.to_string()))?);
-    } else {
-        say_to_people(&report.for_people());
-    }
-    Ok(Exit::Done)
+    say_report(arguments.json, &report, || report.for_people())
 }

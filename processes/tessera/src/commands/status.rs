@@ -3,7 +3,7 @@
 use crate::arguments::StatusArguments;
 use crate::exit::{CommandError, Exit};
 use crate::run_folder;
-use crate::terminal::{say, say_to_people};
+use crate::terminal::{json, say, say_report, say_to_people};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -53,7 +53,7 @@ pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> 
         let of_any = |run: &Registered| of_running(&run.entry).unwrap_or_else(|e| of_unread(&run.entry, &e));
         let alive: Vec<RunStatus> = runs.iter().filter(|run| run.is_alive).map(of_any).collect();
         if arguments.json {
-            say(&to_json(&alive)?);
+            say(&json(&alive)?);
         } else if alive.is_empty() {
             say("no run is going on");
         } else {
@@ -65,12 +65,7 @@ pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> 
         Some(run) => of_running(&run.entry)?,
         None => of_ended(wanted)?,
     };
-    if arguments.json {
-        say(&to_json(&status)?);
-    } else {
-        say_to_people(&for_people(&status));
-    }
-    Ok(Exit::Done)
+    say_report(arguments.json, &status, || for_people(&status))
 }
 
 fn is_named(run: &Registered, wanted: &str) -> bool {
@@ -166,10 +161,6 @@ fn listen(run: &RunEntry) -> Result<BTreeMap<Stage, Beat>, CommandError> {
 
 fn read(path: &Path) -> Result<String, CommandError> {
     std::fs::read_to_string(path).map_err(|error| CommandError::input(format!("{}: {error}", path.display())))
-}
-
-fn to_json(status: &impl Serialize) -> Result<String, CommandError> {
-    serde_json::to_string_pretty(status).map_err(|error| CommandError::stage(error.to_string()))
 }
 
 fn for_people(run: &RunStatus) -> String {

@@ -23,7 +23,7 @@ pub(crate) fn fuse(files: &RunFiles, replay: &Replay, wanted: &ExportFiles) -> R
         return Ok(Mesh::default());
     };
     let grid = run.layout(&settings).grid;
-    let warp = outputs::refined_warp(&run, replay, &settings);
+    let warp = outputs::refined_warp(&run.camera, replay, &settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
     for (keyframe, world_from_camera) in replay.main_keyframes() {
         let stored = surfaces.vertices(keyframe.id);

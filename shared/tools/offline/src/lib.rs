@@ -12,20 +12,24 @@ pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrat
 pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
 
 pub use tessera_evaluation::Trajectory;
-use tessera_features::{Extractor, Feature};
+use tessera_features::Extractor;
+pub use tessera_features::Feature;
 use tessera_geometry::PoseBits;
 pub use tessera_geometry::{Camera, InertialRotation, Pose};
 pub use tessera_numerics::SettingError;
 pub use tessera_registration::RegistrationSettings;
-pub use tessera_slam::{AlignRecord, MappingSettings, State, Submaps};
+pub use tessera_slam::{
+    AlignRecord, ColourState, Correction, FrameRecord, KeyframeState, MappingSettings, RefinedCamera, State,
+    Submaps,
+};
 use tessera_slam::{
-    ColourState, Context, Correction, FrameSurface, KeyframeState, KeyframeSurfaces, MapRecord,
-    OptimiseRecord, Optimiser, PoseHistory, RefinedCamera, Refinement, Tracker, TrackerState,
+    Context, FrameSurface, KeyframeSurfaces, MapRecord, OptimiseRecord, Optimiser, PoseHistory, Refinement,
+    Tracker, TrackerState,
 };
 use tessera_sources::FrameBuffers;
 pub use tessera_sources::{Source, SourceError};
-pub use tessera_surface::SurfaceSettings;
-use tessera_surface::{Grid, Reconstructor, SurfaceView, Vertex, WorkloadLevel, packed};
+pub use tessera_surface::{Grid, SurfaceSettings, Vertex};
+use tessera_surface::{Reconstructor, SurfaceView, WorkloadLevel, packed};
 
 /// One frame as the sensor delivers it.
 #[derive(Clone, Debug)]
@@ -61,6 +65,10 @@ pub struct Tracked {
     pub index: u64,
     /// Whether the pose was measured or only predicted.
     pub state: State,
+    /// Whether it was measured but for a degenerate direction, along which it is predicted.
+    pub is_degenerate: bool,
+    /// Why the pose is not wholly measured, in words and numbers; empty while tracking normally.
+    pub reason: String,
     /// Pose in the map's frame as first published; later corrections are in [`Records::last`].
     pub world_from_camera: Pose,
     /// 6x6 covariance (upper triangle, row by row, translation first), m and rad; empty where lost.
@@ -195,6 +203,8 @@ impl Run {
         let tracked = Tracked {
             index,
             state: record.state,
+            is_degenerate: record.is_degenerate(),
+            reason: record.reason.clone(),
             world_from_camera: Pose::from(&record.world_from_camera),
             covariance: record.covariance.clone(),
         };
@@ -254,6 +264,11 @@ impl Run {
     /// Features of the last frame's colour image; none before the first.
     pub fn last_features(&self) -> &[Feature] {
         self.previous.as_ref().map_or(&[], |(.., features)| features)
+    }
+
+    /// The surface of a keyframe by its id, row by row; empty where there is none of this id.
+    pub fn keyframe_surface(&self, keyframe: u32) -> &[Vertex] {
+        self.keyframes.0.get(keyframe as usize).map_or(&[], Vec::as_slice)
     }
 
     /// The correction of the last request that has no effect yet.
@@ -345,7 +360,7 @@ impl Records {
     }
 
     /// Frames in order.
-    pub fn frames(&self) -> impl Iterator<Item = &tessera_slam::FrameRecord> {
+    pub fn frames(&self) -> impl Iterator<Item = &FrameRecord> {
         self.records.iter().filter_map(|record| match record {
             AlignRecord::Frame(frame) => Some(&**frame),
             _ => None,

@@ -4,6 +4,7 @@ use crate::ToolError;
 use crate::facts::Beside;
 use crate::files::write_whole;
 use crate::map::{self, MapInput};
+use crate::ply::PlyVertex;
 use crate::replay::Replay;
 use crate::statistics::read_statistics;
 use crate::summary::Summary;
@@ -18,6 +19,7 @@ use tessera_journal::Follower;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, Context, KeyframeSurfaces};
 use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, RunFile, RunFiles, StoredKeyframes};
+use tessera_surface::Vertex;
 
 /// Name of the ground truth in the run directory.
 const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
@@ -39,7 +41,7 @@ pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError
     fs::create_dir_all(out_folder).map_err(|error| ToolError::write(out_folder, error))?;
     trajectories::write(replay, out_folder)?;
     states::write(replay, out_folder)?;
-    write_map(&files, out_folder, replay, &settings)?;
+    map::write(&read_cloud(&files, replay, &settings)?, out_folder)?;
     let beside = read_beside(&files);
     let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if let Some(refined) = replay.refined() {
@@ -138,21 +140,49 @@ pub(crate) fn clouds(
     components: &[u32],
 ) -> Result<Vec<VoxelCloud>, ToolError> {
     let run = RunFile::read(files)?;
-    let step = settings.surface.step as usize;
-    let warp = refined_warp(&run, replay, settings);
-    let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
-    let input = MapInput { camera, step, settings: &settings.output, warp: warp.as_ref() };
     let keyframes = map_keyframes(files, &run, replay, settings)?;
-    let surfaces = |id| keyframes.as_ref().map_or(&[][..], |mapped| mapped.vertices(id));
-    let gather = |component: &u32| map::gather((replay, *component), &input, surfaces);
-    Ok(components.iter().map(gather).collect())
+    let surfaces = |id| keyframes.as_ref().map_or(&[][..], |stored| stored.vertices(id));
+    let of = |component: &u32| cloud(&run.camera, (replay, *component), settings, surfaces);
+    Ok(components.iter().map(of).collect())
 }
 
-/// From the surfaces in the store to those of the refined camera, where there is one.
-pub fn refined_warp(run: &RunFile, replay: &Replay, settings: &Settings) -> Option<SurfaceWarp> {
-    let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping);
+/// The points of `map.ply` of a run directory; `replay`: as the refined camera saw it, where there is one.
+///
+/// # Errors
+/// Names the file that cannot be read, and why.
+pub fn read_map(files: &RunFiles, replay: &Replay, settings: &Settings) -> Result<Vec<PlyVertex>, ToolError> {
+    let clouds = clouds(files, replay, settings, &[replay.main_component()])?;
+    Ok(clouds.iter().flat_map(map::ply_vertices).collect())
+}
+
+/// As [`read_map`], of a run without a directory, whose keyframes' surfaces `vertices` gives by id.
+pub fn map_points<'s>(
+    camera: &Camera,
+    replay: &Replay,
+    settings: &Settings,
+    vertices: impl Fn(u32) -> &'s [Vertex],
+) -> Vec<PlyVertex> {
+    map::ply_vertices(&cloud(camera, (replay, replay.main_component()), settings, vertices)).collect()
+}
+
+fn cloud<'s>(
+    camera: &Camera,
+    (replay, component): (&Replay, u32),
+    settings: &Settings,
+    vertices: impl Fn(u32) -> &'s [Vertex],
+) -> VoxelCloud {
+    let warp = refined_warp(camera, replay, settings);
+    let refined = replay.refined().map_or(camera, |refined| &refined.camera);
+    let step = settings.surface.step as usize;
+    let input = MapInput { camera: refined, step, settings: &settings.output, warp: warp.as_ref() };
+    map::gather((replay, component), &input, vertices)
+}
+
+/// From the surfaces of keyframes, as `camera` saw them, to those of the refined camera, where there is one.
+pub fn refined_warp(camera: &Camera, replay: &Replay, settings: &Settings) -> Option<SurfaceWarp> {
+    let context = Context::new(camera, &settings.surface, &settings.registration, &settings.mapping);
     let refined = replay.refined()?;
-    Some(SurfaceWarp::new(&run.camera, &refined.camera, context.grid, context.offset_px))
+    Some(SurfaceWarp::new(camera, &refined.camera, context.grid, context.offset_px))
 }
 
 /// The surfaces of all keyframes; `None` where there is no keyframe.

@@ -11,8 +11,6 @@ use tessera_slam::{FrameRecord, State};
 
 /// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
 const POSITION: [usize; 3] = [0, 6, 11];
-/// What the record of a frame says of a degenerate direction (docs/messages.md).
-const DEGENERATE: &str = "degenerate, held by the prediction";
 /// Poses that a comparison of lengths needs.
 const LEAST_POSES: usize = 20;
 /// A scale tells something where it takes the error down to this share of what it was,
@@ -155,8 +153,8 @@ impl Facts {
             n_untracked: replay.n_untracked(),
             ends_untracked: replay.frames.last().is_some_and(|frame| frame.state != State::Tracking),
             untracked,
-            n_degenerate: replay.frames.iter().filter(|frame| is_degenerate(frame)).count() as u64,
-            degenerate: spans(&replay.frames, is_degenerate),
+            n_degenerate: replay.frames.iter().filter(|frame| frame.is_degenerate()).count() as u64,
+            degenerate: spans(&replay.frames, FrameRecord::is_degenerate),
             n_uncertain: deviations().filter(|(_, deviation)| *deviation > UNCERTAIN_M).count() as u64,
             first_uncertain: deviations()
                 .find(|(_, deviation)| *deviation > UNCERTAIN_M)
@@ -179,11 +177,6 @@ impl Facts {
 /// Spans of frames that were not tracked.
 pub(crate) fn untracked(frames: &[FrameRecord]) -> Vec<Span> {
     spans(frames, |frame| frame.state != State::Tracking)
-}
-
-/// Whether a frame was tracked with a direction that its surfaces do not determine.
-fn is_degenerate(frame: &FrameRecord) -> bool {
-    frame.state == State::Tracking && frame.reason.contains(DEGENERATE)
 }
 
 /// Spans of frames of one kind.

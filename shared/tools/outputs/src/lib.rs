@@ -31,8 +31,8 @@ pub use colour::ColourSummary;
 pub use comparison::comparison;
 pub use error::ToolError;
 pub use export::{
-    export, map_keyframes, read_beside, read_groundtruth, read_journal, read_settings, refined_warp,
-    write_groundtruth,
+    export, map_keyframes, map_points, read_beside, read_groundtruth, read_journal, read_map, read_settings,
+    refined_warp, write_groundtruth,
 };
 pub use files::write_file;
 pub use joint::write_joint_map;

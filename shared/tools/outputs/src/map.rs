@@ -81,7 +81,7 @@ pub(crate) fn write_as(cloud: &VoxelCloud, folder: &Path, name: &str) -> Result<
 }
 
 /// The points as they are written.
-fn ply_vertices(cloud: &VoxelCloud) -> impl Iterator<Item = PlyVertex> {
+pub(crate) fn ply_vertices(cloud: &VoxelCloud) -> impl Iterator<Item = PlyVertex> {
     cloud.points().map(|point| PlyVertex {
         position: point.position.map(|v| v as f32).into(),
         normal: point.normal.map(|v| v as f32).into(),

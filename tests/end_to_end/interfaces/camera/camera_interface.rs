@@ -264,18 +264,20 @@ fn a_program_in_python_is_a_camera_and_another_reads_the_poses() {
 fn python_refuses_images_of_another_length_or_type() {
     let Some(python) = python() else { return };
     let program = "
-import array, tessera
+import array, tessera_client
 def refusal(*arguments):
     try:
-        return len(tessera.pixels(*arguments))
+        return len(tessera_client.pixels(*arguments))
     except (TypeError, ValueError) as error:
         return error
-print(refusal('depth', bytes(24), 'H', 12))
-print(refusal('depth', array.array('H', range(12)), 'H', 12))
-print(refusal('depth', array.array('f', range(12)), 'H', 12))
-print(refusal('depth', array.array('f', range(6)), 'H', 12))
-print(refusal('depth', bytes(26), 'H', 12))
-print(refusal('colour', bytes(35), 'B', 36))
+print(refusal('depth', bytes(24), 'H', (3, 4)))
+print(refusal('depth', array.array('H', range(12)), 'H', (3, 4)))
+print(refusal('depth', memoryview(bytes(24)).cast('H', (3, 4)), 'H', (3, 4)))
+print(refusal('depth', memoryview(bytes(24)).cast('H', (4, 3)), 'H', (3, 4)))
+print(refusal('depth', array.array('f', range(12)), 'H', (3, 4)))
+print(refusal('depth', array.array('f', range(6)), 'H', (3, 4)))
+print(refusal('depth', bytes(26), 'H', (3, 4)))
+print(refusal('colour', bytes(35), 'B', (3, 4, 3)))
 ";
     let output = Command::new(python)
         .args(["-c", program])
@@ -283,7 +285,8 @@ print(refusal('colour', bytes(35), 'B', 36))
         .output()
         .unwrap();
     let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-    let expected = "24\n24\n\
+    let expected = "24\n24\n24\n\
+        depth has shape (4, 3), expected (3, 4)\n\
         depth holds values of format 'f', expected uint16\n\
         depth holds values of format 'f', expected uint16\n\
         depth has 26 bytes, expected 24\n\

@@ -48,6 +48,7 @@ fn help_has_examples_and_exit_codes() {
         "ablate",
         "clean",
         "completions",
+        "man",
     ] {
         assert!(help.contains(command), "{command} is not in the help");
         assert!(stdout(&[command, "--help"]).contains("Examples:"), "{command}");
@@ -192,6 +193,19 @@ fn completions_are_printed_for_each_shell() {
     for shell in ["bash", "zsh", "fish"] {
         assert!(stdout(&["completions", shell]).contains("tessera"), "{shell}");
     }
+}
+
+#[test]
+fn each_command_has_its_manual_page() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("share/man1");
+    stdout(&["man", folder.to_str().unwrap()]);
+    let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert!(page("tessera.1").contains(".TH tessera 1"), "{}", page("tessera.1"));
+    assert!(page("tessera-run.1").contains("frames"), "{}", page("tessera-run.1"));
+    let file = dir.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    assert!(refusal(&["man", file.to_str().unwrap()], 4).contains("file: "));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 const WIDTH: usize = 80;
-const COMMANDS: [&str; 17] = [
+const COMMANDS: [&str; 18] = [
     "run",
     "resume",
     "export",
@@ -24,6 +24,7 @@ const COMMANDS: [&str; 17] = [
     "profile",
     "clean",
     "completions",
+    "man",
 ];
 
 fn tessera(arguments: &[&str]) -> Output {

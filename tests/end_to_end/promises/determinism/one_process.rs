@@ -4,7 +4,8 @@
 use std::process::Command;
 use tessera_evaluation::write_tum;
 use tessera_journal::Follower;
-use tessera_offline::{Method, RawFrame, Records, Run};
+use tessera_offline::{Method, RawFrame, Records, Run, Source};
+use tessera_outputs::{Replay, map_points, write_ply};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, StoreSlot};
 
@@ -20,7 +21,11 @@ fn without_slot(mut record: AlignRecord) -> AlignRecord {
 
 fn offline(settings: &Settings) -> Vec<AlignRecord> {
     let (spec, options) = settings.source();
-    let source = tessera_sources::open(&spec, &options).unwrap();
+    pushed(settings, &*tessera_sources::open(&spec, &options).unwrap()).finish().records
+}
+
+/// A run that has seen all frames of the source.
+fn pushed(settings: &Settings, source: &dyn Source) -> Run {
     let method = Method {
         surface: settings.surface.clone(),
         registration: settings.registration.clone(),
@@ -28,9 +33,9 @@ fn offline(settings: &Settings) -> Vec<AlignRecord> {
     };
     let mut run = Run::new(source.camera(), &method).unwrap();
     for index in 0..source.n_frames().unwrap() {
-        run.push(&RawFrame::read(&*source, index).unwrap());
+        run.push(&RawFrame::read(source, index).unwrap());
     }
-    run.finish().records
+    run
 }
 
 /// Settings under which a short walk has loops and corrections before its end.
@@ -101,6 +106,30 @@ fn four_processes_and_one_write_the_same_records() {
     let run = crate::common::room();
     assert!(run.finish().success());
     assert!(is_ended(&assert_same_trajectory(&run)));
+}
+
+#[test]
+fn four_processes_and_one_write_the_same_map() {
+    let run = crate::common::room().frames(30);
+    assert!(run.finish().success());
+    let text = String::from_utf8(run.output("config.toml")).unwrap();
+    let settings = Settings::from_toml(&text, "config.toml").unwrap();
+    let (spec, options) = settings.source();
+    let source = tessera_sources::open(&spec, &options).unwrap();
+    let going = pushed(&settings, &*source);
+    let mut replay = Replay::default();
+    going.records().iter().for_each(|record| replay.apply(record.clone()));
+    let n_records = going.records().len();
+    // The map can be had at any time.
+    let early =
+        map_points(source.camera(), &replay, &settings, |keyframe| going.keyframe_surface(keyframe)).len();
+    let (records, map) = going.finish_with_map();
+    records.records.into_iter().skip(n_records).for_each(|record| replay.apply(record));
+    let points = map_points(source.camera(), &replay, &settings, |keyframe| &map.surfaces[keyframe as usize]);
+    let mut bytes = Vec::new();
+    write_ply(points.len(), points.iter().copied(), &[], &mut bytes).unwrap();
+    assert!(bytes == run.output("map.ply"), "map.ply differs from the offline runner's");
+    assert!(early > 1000 && early.abs_diff(points.len()) < points.len() / 10, "{early} of {}", points.len());
 }
 
 #[test]

@@ -15,6 +15,9 @@ use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, PoseBits};
 use tessera_surface::WorkloadLevel;
 
+/// Beginning of the part of a reason that names degenerate directions.
+pub(crate) const DEGENERATE: &str = "degenerate, held by the prediction";
+
 /// Whether a frame's pose can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -82,6 +85,14 @@ pub struct FrameRecord {
     pub new_keyframe: Option<KeyframeRecord>,
     /// An optimisation asked for at this step.
     pub request: Option<RequestRecord>,
+}
+
+impl FrameRecord {
+    /// Whether the frame was tracked with a direction that its surfaces do not determine: the pose along
+    /// it is the prediction.
+    pub fn is_degenerate(&self) -> bool {
+        self.state == State::Tracking && self.reason.contains(DEGENERATE)
+    }
 }
 
 /// All matches between a frame and one keyframe: the exact sufficient statistics (method 5.4).

@@ -4,6 +4,7 @@
 //! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
+use crate::map::records::DEGENERATE;
 use crate::settings::WindowSettings;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use tessera_geometry::{Matrix6, Vector6, hat};
@@ -125,7 +126,7 @@ pub(crate) fn describe(degenerate: &[DegenerateDirection]) -> String {
             }
         })
         .collect();
-    format!("degenerate, held by the prediction: {}", words.join("; "))
+    format!("{DEGENERATE}: {}", words.join("; "))
 }
 
 #[cfg(test)]

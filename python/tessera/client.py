@@ -1,14 +1,20 @@
-"""Tessera's public services from Python: send a camera's images, read poses.
+"""Services of a run that goes on in processes of its own: send it a camera's images, read its poses.
 
-Needs `pip install iceoryx2==0.10.0`. docs/camera.md tells what each field means.
+Needs `pip install iceoryx2==0.10.0` and no other part of this package. docs/camera.md tells what each
+field means.
 """
+
+from __future__ import annotations
 
 import ctypes
 import json
+import math
 import os
 import pathlib
 import struct
 import time
+from collections.abc import Mapping
+from typing import Any
 
 import iceoryx2 as iox2
 
@@ -26,7 +32,7 @@ class CameraFrame(ctypes.Structure):
     ]
 
     @staticmethod
-    def type_name():
+    def type_name() -> str:
         return "tessera.CameraFrame.v1"
 
 
@@ -34,7 +40,7 @@ class CameraFlow(ctypes.Structure):
     _fields_ = [("epoch", u64), ("send_from", u64), ("send_below", u64), ("finished", u64)]
 
     @staticmethod
-    def type_name():
+    def type_name() -> str:
         return "tessera.CameraFlow.v1"
 
 
@@ -46,11 +52,11 @@ class Pose(ctypes.Structure):
     ]
 
     @staticmethod
-    def type_name():
+    def type_name() -> str:
         return "tessera.Pose.v1"
 
 
-def private_folder():
+def private_folder() -> pathlib.Path:
     """Where this user's runs are registered, as shared/transport/src/identity.rs chooses it."""
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")
     if runtime.startswith("/") and os.path.isdir(runtime) and len(runtime) <= 30:
@@ -58,11 +64,11 @@ def private_folder():
     return pathlib.Path(f"/dev/shm/tessera-{os.getuid()}")
 
 
-def config_of(run):
+def config_of(run: str) -> str | None:
     """Path of the iceoryx2 configuration of a run that is going on; None where there is none."""
     try:
         entry = json.loads((private_folder() / f"{run}.run").read_text())
-        return entry["identity"]["config_file"]
+        return str(entry["identity"]["config_file"])
     except (FileNotFoundError, json.JSONDecodeError, KeyError):
         return None
 
@@ -70,7 +76,7 @@ def config_of(run):
 class Link:
     """A node in the shared memory of a run."""
 
-    def __init__(self, run, timeout_s=60.0):
+    def __init__(self, run: str, timeout_s: float = 60.0) -> None:
         iox2.set_log_level(iox2.LogLevel.Fatal)
         self.run, deadline = run, time.monotonic() + timeout_s
         while (path := config_of(run)) is None or not os.path.exists(path):
@@ -88,11 +94,11 @@ class Link:
             .create(iox2.ServiceType.Ipc)
         )
 
-    def is_current(self):
+    def is_current(self) -> bool:
         """False once the run has ended or begun again under another configuration."""
         return config_of(self.run) == self.path
 
-    def open(self, name, payload, header=None, timeout_s=60.0):
+    def open(self, name: str, payload: Any, header: Any = None, timeout_s: float = 60.0) -> Any:
         """Opens a service that the run has made; it is there a moment after the run is."""
         deadline = time.monotonic() + timeout_s
         while True:
@@ -107,14 +113,19 @@ class Link:
                 time.sleep(0.05)
 
 
-def pixels(name, values, kind, n_values):
-    """The bytes of an image, checked: `kind` is H for 16-bit and B for 8-bit values."""
+def pixels(name: str, values: Any, kind: str, shape: tuple[int, ...]) -> bytes:
+    """The bytes of an image of `shape`, checked: `kind` is H for 16-bit and B for 8-bit values.
+
+    Bytes and flat arrays need the right length alone.
+    """
     view = memoryview(values)
     # Plain bytes may hold either; an array says what it holds.
     if view.format not in (kind, "<" + kind) and not isinstance(values, (bytes, bytearray)):
-        expected = {"H": "uint16", "B": "uint8"}[kind]
-        raise TypeError(f"{name} holds values of format '{view.format}', expected {expected}")
-    expected = n_values * struct.calcsize(kind)
+        wanted = {"H": "uint16", "B": "uint8"}[kind]
+        raise TypeError(f"{name} holds values of format '{view.format}', expected {wanted}")
+    if view.ndim > 1 and view.shape != shape:
+        raise ValueError(f"{name} has shape {view.shape}, expected {shape}")
+    expected = math.prod(shape) * struct.calcsize(kind)
     if view.nbytes != expected:
         raise ValueError(f"{name} has {view.nbytes} bytes, expected {expected}")
     return view.tobytes()
@@ -127,7 +138,9 @@ class Camera:
     many it keeps, sends only what `wanted()` allows, and loses none.
     """
 
-    def __init__(self, run, width, height, calibration, ring_frames=0):
+    def __init__(
+        self, run: str, width: int, height: int, calibration: Mapping[str, Any], ring_frames: int = 0
+    ) -> None:
         self.link = Link(run)
         self.size = (width, height)
         n_pixels = width * height
@@ -142,27 +155,28 @@ class Camera:
         )
         for name, value in calibration.items():
             setattr(self.header, name, (f64 * 5)(*value) if name == "distortion" else value)
-        self.flow = None
+        self.flow: CameraFlow | None = None
 
-    def is_wanted(self):
+    def is_wanted(self) -> bool:
         """False once the run is done or gone."""
         self.read_flow()
         return self.link.is_current() and not (self.flow and self.flow.finished)
 
-    def read_flow(self):
+    def read_flow(self) -> CameraFlow | None:
         """The newest word of the run: which images a publisher with a ring may send."""
         while (sample := self.flows.receive()) is not None:
             self.flow = CameraFlow.from_buffer_copy(sample.payload().contents)
         return self.flow
 
-    def send(self, index, stamp_nanos, depth, colour=None):
+    def send(self, index: int, stamp_nanos: int, depth: Any, colour: Any = None) -> None:
         """Sends depth (16-bit values) and colour (bytes red, green, blue), row by row.
 
-        Both are bytes or anything with the buffer protocol, such as numpy arrays of uint16 and uint8.
+        Both are bytes or anything with the buffer protocol, such as numpy arrays of uint16 (height x width)
+        and uint8 (height x width x 3). Raises TypeError or ValueError for any other; nothing is then sent.
         """
-        n_pixels = self.size[0] * self.size[1]
-        depth = pixels("depth", depth, "H", n_pixels)
-        colour = None if colour is None else pixels("colour", colour, "B", 3 * n_pixels)
+        width, height = self.size
+        depth = pixels("depth", depth, "H", (height, width))
+        colour = None if colour is None else pixels("colour", colour, "B", (height, width, 3))
         header = self.header
         header.index, header.stamp_nanos, header.kind = index, stamp_nanos, 0
         header.has_colour = int(colour is not None)
@@ -172,11 +186,11 @@ class Camera:
             ctypes.memmove(sample.payload_ptr + len(depth), colour, len(colour))
         self._send(sample)
 
-    def end(self, n_images):
+    def end(self, n_images: int) -> None:
         """Says that there are no more."""
         self.header.index, self.header.kind = n_images, 1
         self._send(self.publisher.loan_slice_uninit(1))
 
-    def _send(self, sample):
+    def _send(self, sample: Any) -> None:
         ctypes.memmove(sample.user_header_ptr, ctypes.byref(self.header), ctypes.sizeof(self.header))
         sample.assume_init().send()

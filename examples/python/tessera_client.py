@@ -1,0 +1,1 @@
+../../python/tessera/client.py

@@ -1,0 +1,23 @@
+//! The folder of a run, read as the command reads it: from its journal, also where the run crashed.
+
+use crate::columns::{Points, Trajectory};
+use crate::detached::{detached, refuse};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use std::path::PathBuf;
+use tessera_outputs::{read_journal, read_map, read_settings};
+use tessera_stage::RunFiles;
+
+/// Frames, keyframes and map of the run in `folder`.
+#[pyfunction]
+pub(crate) fn read_run(py: Python<'_>, folder: PathBuf) -> PyResult<Bound<'_, PyTuple>> {
+    let (frames, keyframes, points) = detached(py, || {
+        let files = RunFiles::new(&folder);
+        let settings = read_settings(&files).map_err(refuse)?;
+        let as_mapped = read_journal(&files).map_err(refuse)?;
+        let replay = as_mapped.with_refined_camera().unwrap_or(as_mapped);
+        let points = read_map(&files, &replay, &settings).map_err(refuse)?;
+        Ok((Trajectory::of_frames(&replay), Trajectory::of_keyframes(&replay), Points::new(&points)))
+    })?;
+    (frames.into_python(py)?, keyframes.into_python(py)?, points.into_python(py)?).into_pyobject(py)
+}

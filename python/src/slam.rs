@@ -1,0 +1,198 @@
+//! A run in this process.
+
+use crate::camera::PyCamera;
+use crate::columns::{Points, Trajectory, matrix, state_name};
+use crate::detached::{detached, refuse};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use std::sync::{Mutex, MutexGuard};
+use tessera_geometry::{Camera, InertialRotation};
+use tessera_offline::{Method, RawFrame, Run, SavedMap};
+use tessera_outputs::{Replay, map_points};
+use tessera_settings::Settings;
+
+/// Seconds of the latest stamp: the difference of two stamps must fit 64 bits of nanoseconds.
+const LATEST_S: i64 = 9_000_000_000;
+
+/// Index, state, reason, `world_from_camera` row by row, and the upper triangle of its covariance.
+type Tracked = (u64, &'static str, String, [f64; 16], Vec<f64>);
+
+/// A run in this process.
+#[pyclass(name = "Slam", frozen, module = "tessera._tessera")]
+pub(crate) struct PySlam {
+    camera: Camera,
+    settings: Settings,
+    progress: Mutex<Progress>,
+}
+
+struct Progress {
+    state: Phase,
+    /// What the records so far amount to.
+    replay: Replay,
+    /// Records that are in `replay`.
+    n_records: usize,
+    last_nanos: Option<i64>,
+}
+
+enum Phase {
+    Going(Box<Run>),
+    Finished(SavedMap),
+    /// The final optimisation did not come to its end.
+    Failed,
+}
+
+impl Progress {
+    /// Takes the records that have come since into the replay.
+    fn follow(&mut self) -> &Replay {
+        if let Phase::Going(run) = &self.state {
+            for record in &run.records()[self.n_records..] {
+                self.replay.apply(record.clone());
+            }
+            self.n_records = run.records().len();
+        }
+        &self.replay
+    }
+
+    fn track(&mut self, frame: &RawFrame) -> PyResult<Tracked> {
+        let Phase::Going(run) = &mut self.state else {
+            return Err(refuse("the run is finished, expected no more frames"));
+        };
+        let (found, seconds) = (frame.stamp_nanos, |nanos: i64| nanos as f64 * 1e-9);
+        if !(0..=LATEST_S * 1_000_000_000).contains(&found) {
+            return Err(refuse(format!("t is {} s, expected 0 to {LATEST_S} s", seconds(found))));
+        }
+        if let Some(last) = self.last_nanos.filter(|last| found <= *last) {
+            let (found, last) = (seconds(found), seconds(last));
+            return Err(refuse(format!(
+                "t is {found} s, expected more than the {last} s of the frame before"
+            )));
+        }
+        let tracked = run.push(frame);
+        self.last_nanos = Some(found);
+        let state = state_name(tracked.state, tracked.is_degenerate);
+        let pose = matrix(&tracked.world_from_camera);
+        Ok((tracked.index, state, tracked.reason, pose, tracked.covariance))
+    }
+
+    fn finish(&mut self) {
+        self.follow();
+        match std::mem::replace(&mut self.state, Phase::Failed) {
+            Phase::Going(run) => {
+                let (records, map) = run.finish_with_map();
+                for record in records.records.into_iter().skip(self.n_records) {
+                    self.replay.apply(record);
+                }
+                if let Some(refined) = self.replay.with_refined_camera() {
+                    self.replay = refined;
+                }
+                self.state = Phase::Finished(map);
+            }
+            other => self.state = other,
+        }
+    }
+}
+
+impl PySlam {
+    fn lock(&self) -> PyResult<MutexGuard<'_, Progress>> {
+        self.progress.lock().map_err(|_| PyRuntimeError::new_err("an earlier call met a bug of tessera"))
+    }
+
+    fn check_size(&self, depth: &[u8], colour: Option<&[u8]>) -> PyResult<()> {
+        let n_pixels = self.camera.width as usize * self.camera.height as usize;
+        let expected_colour = 3 * n_pixels;
+        for (what, found, expected) in [
+            ("depth", depth.len(), 2 * n_pixels),
+            ("colour", colour.map_or(expected_colour, <[u8]>::len), expected_colour),
+        ] {
+            if found != expected {
+                return Err(refuse(format!("{what} has {found} bytes, expected {expected}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The rotation of a gyroscope: quaternion `x y z w`, variance and bias of [`InertialRotation`].
+fn checked_rotation(numbers: [f64; 6]) -> PyResult<InertialRotation> {
+    let [x, y, z, w, variance_rad2, bias_sigma_rad_per_s] = numbers;
+    let rotation =
+        InertialRotation { start_from_camera_xyzw: [x, y, z, w], variance_rad2, bias_sigma_rad_per_s };
+    if !rotation.is_valid() {
+        let expected = "a unit quaternion x y z w, then a variance and a standard deviation of the bias";
+        return Err(refuse(format!("rotation is {numbers:?}, expected {expected}")));
+    }
+    Ok(rotation)
+}
+
+// The lock of `progress` is taken only where the interpreter's is not held: a thread that waits for it
+// with the other one in hand would stop the thread that has it.
+#[pymethods]
+impl PySlam {
+    #[new]
+    fn new(camera: &PyCamera, config: Option<&str>, overrides: Vec<String>) -> PyResult<Self> {
+        let camera = camera.0.clone();
+        let mut settings = Settings::load(config, &overrides).map_err(refuse)?;
+        settings.set_isa(settings.run.isa.resolve().map_err(refuse)?);
+        let method = Method {
+            surface: settings.surface.clone(),
+            registration: settings.registration.clone(),
+            mapping: settings.mapping.clone(),
+        };
+        let run = Box::new(Run::new(&camera, &method).map_err(refuse)?);
+        let progress =
+            Progress { state: Phase::Going(run), replay: Replay::default(), n_records: 0, last_nanos: None };
+        Ok(Self { camera, settings, progress: Mutex::new(progress) })
+    }
+
+    /// Processes the next frame: depth in raw units (16 bits, little-endian), colour as red, green, blue.
+    fn track(
+        &self,
+        py: Python<'_>,
+        depth: &[u8],
+        colour: Option<&[u8]>,
+        stamp_nanos: i64,
+        rotation: Option<[f64; 6]>,
+    ) -> PyResult<Tracked> {
+        self.check_size(depth, colour)?;
+        let rotation = rotation.map(checked_rotation).transpose()?;
+        detached(py, || {
+            let depth = depth.chunks_exact(2).map(|raw| u16::from_le_bytes([raw[0], raw[1]])).collect();
+            let frame = RawFrame { stamp_nanos, rotation, depth, colour: colour.map(<[u8]>::to_vec) };
+            self.lock()?.track(&frame)
+        })
+    }
+
+    /// The final optimisation of all keyframes; a second call changes nothing.
+    fn finish(&self, py: Python<'_>) -> PyResult<()> {
+        detached(py, || {
+            self.lock()?.finish();
+            Ok(())
+        })
+    }
+
+    /// All frames so far with the corrections so far.
+    fn trajectory<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        detached(py, || Ok(Trajectory::of_frames(self.lock()?.follow())))?.into_python(py)
+    }
+
+    /// All keyframes so far with the corrections so far.
+    fn keyframes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        detached(py, || Ok(Trajectory::of_keyframes(self.lock()?.follow())))?.into_python(py)
+    }
+
+    /// The map so far, with the corrections so far.
+    fn map<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let points = detached(py, || {
+            let mut progress = self.lock()?;
+            progress.follow();
+            let surface = |keyframe: u32| match &progress.state {
+                Phase::Going(run) => run.keyframe_surface(keyframe),
+                Phase::Finished(map) => map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice),
+                Phase::Failed => &[],
+            };
+            Ok(Points::new(&map_points(&self.camera, &progress.replay, &self.settings, surface)))
+        })?;
+        points.into_python(py)
+    }
+}

@@ -1,0 +1,91 @@
+"""Recordings, and the folders that runs leave."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import pathlib
+from collections.abc import Iterator, Mapping
+from typing import Any, Optional
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _tessera
+from ._slam import overrides
+from ._tessera import Camera
+from ._types import Map, Trajectory, cloud, trajectory
+
+
+@dataclasses.dataclass(frozen=True)
+class SourceFrame:
+    """A frame of a source."""
+
+    #: Nanoseconds.
+    stamp_nanos: int
+    #: Height x width, uint16, in the camera's units.
+    depth: npt.NDArray[np.uint16]
+    #: Height x width x 3, uint8: red, green, blue; `None` where the frame has none.
+    colour: Optional[npt.NDArray[np.uint8]]
+    #: Of the gyroscope, since the first frame, where there is one: quaternion x y z w, then the variance
+    #: about each axis (rad^2) and the standard deviation of the constant error of the rate (rad/s).
+    rotation: Optional[list[float]]
+    #: What is wrong with an image of this frame: without depth `depth` is 0, without colour it is `None`.
+    problem: Optional[str]
+
+
+class Source:
+    """A recording, or a simulated world (`room`, `corridor`, `wall`, `house`), as the command reads it.
+
+    `name`: a folder of images, a bag, an MCAP file or a world. `settings`: as {"run.frames": 100} or
+    {"run.camera": "camera.toml"}. A sequence of `SourceFrame`; the same index always has the same bytes.
+    """
+
+    def __init__(
+        self, name: str | os.PathLike[str], settings: Optional[Mapping[str, Any]] = None, config: Optional[str] = None
+    ) -> None:
+        self._source = _tessera.Source(config, overrides({**(settings or {}), "run.source": os.fspath(name)}))
+        #: Camera of the depth images.
+        self.camera: Camera = self._source.camera()
+
+    def __len__(self) -> int:
+        return self._source.n_frames()
+
+    def __getitem__(self, index: int) -> SourceFrame:
+        wanted = index + len(self) if index < 0 else index
+        if not 0 <= wanted < len(self):
+            raise IndexError(f"frame {index} is not there, expected {-len(self)} to {len(self) - 1}")
+        stamp_nanos, depth, colour, rotation, problem = self._source.read(wanted)
+        height, width = self.camera.height, self.camera.width
+        raw = np.frombuffer(depth, "<u2").reshape(height, width).astype(np.uint16)
+        rgb = None if colour is None else np.frombuffer(colour, np.uint8).reshape(height, width, 3).copy()
+        return SourceFrame(stamp_nanos, raw, rgb, rotation, problem)
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        return (self[index] for index in range(len(self)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """What a run of the command left."""
+
+    #: `summary.json`; `None` where the run was cut off before it was written.
+    summary: Optional[dict[str, Any]]
+    #: Every frame with all corrections, as `trajectory.txt`.
+    trajectory: Trajectory
+    #: Every keyframe with all corrections, as `keyframes.txt`.
+    keyframes: Trajectory
+    #: The points of `map.ply`.
+    map: Map
+
+
+def read_run(folder: str | os.PathLike[str]) -> Run:
+    """Reads the folder of a run, from its journal: also of one that crashed or goes on.
+
+    Raises ValueError, which names the file and what is wrong with it.
+    """
+    frames, keyframes, points = _tessera.read_run(os.fspath(folder))
+    summary = pathlib.Path(folder) / "summary.json"
+    words = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else None
+    return Run(words, trajectory(frames), trajectory(keyframes), cloud(points))

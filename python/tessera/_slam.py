@@ -1,0 +1,149 @@
+"""A run in this process."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _tessera
+from ._tessera import Camera
+from ._types import Floats, Map, Trajectory, cloud, colour_bytes, depth_bytes, trajectory
+
+#: A camera; the keys of a camera file; or a built-in camera's name or a camera file.
+CameraLike = Union[Camera, Mapping[str, Any], str, "os.PathLike[str]"]
+
+#: Between frames without a time.
+FRAME_NANOS = 10**9 / 30
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """What became of a frame."""
+
+    #: Counted from 0.
+    index: int
+    #: Nanoseconds.
+    stamp_nanos: int
+    #: `tracking`: the pose was measured. `degenerate`: it was measured but for a direction that the
+    #: surfaces do not determine, as along a wall, where it is a prediction. `lost`: all of it is a
+    #: prediction. `relocalising`: it was found again, and the next frames must confirm that.
+    state: str
+    #: Why it is not `tracking`, in words and numbers; docs/messages.md explains them.
+    reason: str
+    #: 4x4, metres, as first known; `Slam.trajectory` has it with later corrections.
+    world_from_camera: Floats
+    #: 6x6 of the pose, translation first, along the camera's axes, m and rad; `None` where it is lost.
+    covariance: Optional[Floats]
+
+    @property
+    def is_tracked(self) -> bool:
+        """Whether the pose was measured, but for a direction at most."""
+        return self.state in ("tracking", "degenerate")
+
+
+def as_camera(camera: CameraLike) -> Camera:
+    if isinstance(camera, Camera):
+        return camera
+    if isinstance(camera, Mapping):
+        return Camera.from_dict(dict(camera))
+    return Camera.load(os.fspath(camera))
+
+
+def overrides(settings: Optional[Mapping[str, Any]]) -> list[str]:
+    # What JSON and TOML have in common: numbers, truth values, text and lists of them.
+    return [f"{key}={json.dumps(value)}" for key, value in (settings or {}).items()]
+
+
+class Slam:
+    """A run in this process: give it frames, one after the other.
+
+    `camera`: a `Camera`, the keys of a camera file as a dict, a camera file, or the name of a built-in
+    camera. `config`: a preset (`fast`, `onboard`, `paper`) or a file. `settings`: single settings, as
+    {"surface.step": 2}; those of processes have no effect here.
+
+    Any thread may call any method; calls wait for one another and let other threads go on.
+    """
+
+    def __init__(
+        self,
+        camera: CameraLike,
+        config: Optional[str | os.PathLike[str]] = None,
+        settings: Optional[Mapping[str, Any]] = None,
+    ) -> None:
+        self.camera = as_camera(camera)
+        self._slam = _tessera.Slam(self.camera, None if config is None else os.fspath(config), overrides(settings))
+        self._n_untimed = 0
+
+    def track(
+        self,
+        depth: npt.ArrayLike,
+        colour: Optional[npt.ArrayLike] = None,
+        t: Optional[float] = None,
+        *,
+        stamp_nanos: Optional[int] = None,
+        rotation: Optional[Sequence[float]] = None,
+    ) -> Frame:
+        """Processes the next frame.
+
+        `depth`: height x width; uint16 in the camera's units, or float32 or float64 in metres, which are
+        rounded to these units; 0, NaN and infinity are no measurement. `colour`: height x width x 3, uint8,
+        red, green, blue, registered to depth. `t`: seconds, rising, or `stamp_nanos`, which is exact for
+        times since 1970; without either 30 frames a second are assumed. `rotation`: a gyroscope's, as
+        `SourceFrame.rotation`.
+
+        Raises ValueError or TypeError, which say what was found and what was expected; the run then stands
+        where it stood.
+        """
+        raw = depth_bytes(depth, self.camera)
+        rgb = None if colour is None else colour_bytes(colour, self.camera)
+        nanos = self._nanos(t, stamp_nanos)
+        turned = None if rotation is None else [float(value) for value in rotation]
+        index, state, reason, pose, upper = self._slam.track(raw, rgb, nanos, turned)
+        self._n_untimed += t is None and stamp_nanos is None
+        return Frame(index, nanos, state, reason, np.array(pose).reshape(4, 4), _covariance(upper))
+
+    def _nanos(self, t: Optional[float], stamp_nanos: Optional[int]) -> int:
+        if t is not None and stamp_nanos is not None:
+            raise ValueError("found t and stamp_nanos, expected one of them")
+        if stamp_nanos is not None:
+            return int(stamp_nanos)
+        if t is None:
+            return round(self._n_untimed * FRAME_NANOS)
+        if not (math.isfinite(t) and abs(t) < 9.2e9):
+            raise ValueError(f"t is {t}, expected seconds")
+        return round(float(t) * 1e9)
+
+    def finish(self) -> None:
+        """The final optimisation of all keyframes. After it no frame can be given."""
+        self._slam.finish()
+
+    def trajectory(self) -> Trajectory:
+        """All frames so far with the corrections so far; after `finish` the poses of `trajectory.txt`.
+
+        Frames of a submap that is not joined to the others (docs/concepts.md) are left out: `indices` says
+        which are there.
+        """
+        return trajectory(self._slam.trajectory())
+
+    def keyframes(self) -> Trajectory:
+        """All keyframes so far with the corrections so far; after `finish` the poses of `keyframes.txt`."""
+        return trajectory(self._slam.keyframes())
+
+    def map(self) -> Map:
+        """The map so far with the corrections so far; after `finish` the points of `map.ply`."""
+        return cloud(self._slam.map())
+
+
+def _covariance(upper: list[float]) -> Optional[Floats]:
+    if not upper:
+        return None
+    covariance = np.zeros((6, 6))
+    covariance[np.triu_indices(6)] = upper
+    return covariance + np.triu(covariance, 1).T
