@@ -113,7 +113,7 @@ async function wide() {
     await after(page, `colour by ${colour}`, 0.03, () => page.select('[data-set=colour]', colour));
   }
   await after(page, 'no trajectory', 0.0002, () => page.click('[data-show=trajectory]'));
-  await after(page, 'walls from behind', 0.01, () => page.click('[data-show=backs]'));
+  await after(page, 'walls from behind', 0.001, () => page.click('[data-show=backs]'));
   await after(page, 'from above', 0.05, () => page.click('[data-do=above]'));
   await after(page, 'through the camera', 0.05, () => page.click('[data-do=camera]'));
   await after(page, 'playing', 0.01, async () => {
