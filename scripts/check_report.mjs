@@ -101,6 +101,11 @@ async function wide() {
     await page.keyboard.up('Shift');
   });
   await after(page, 'the wheel', 0.05, () => page.mouse.wheel({ deltaY: -200 }));
+  const before = await pixels(page);
+  await page.reload();
+  await drawn(page);
+  const moved = difference(before, await pixels(page));
+  assert.ok(moved < 0.01, `loaded again: ${moved} of the picture changes`);
   await after(page, 'the whole map', 0.05, () => page.click('[data-do=whole]'));
   const words = () => page.$eval('.scene output', output => output.textContent);
   const said = await words();
