@@ -7,12 +7,14 @@ use crate::http::{Answer, answer};
 use crate::run_directory::page_of;
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-use tessera_outputs::ToolError;
+use std::time::{Duration, Instant, SystemTime};
+use tessera_outputs::{STATISTICS_FILE, ToolError};
 use tessera_stage::RunFiles;
 
-/// Time after which a browser asks again, while the run goes on, seconds.
+/// Time after which a browser asks again, while the run goes on, seconds, at least.
 const REFRESH_S: u64 = 5;
+/// The same as a multiple of the time that the page took to make: the run needs the processor more.
+const REFRESH_SHARE: u64 = 10;
 /// A journal that has not grown for so long is that of a run that is over, or waits.
 const IDLE: Duration = Duration::from_secs(15);
 
@@ -61,33 +63,38 @@ fn cannot(error: std::io::Error) -> ToolError {
 /// The page as it was last made.
 #[derive(Default)]
 struct Page {
-    /// Of the journal then, bytes.
-    length: Option<u64>,
+    /// Bytes of the journal then, and when the run's end was last written.
+    of: Option<(u64, Option<SystemTime>)>,
     body: Vec<u8>,
+    /// Time that it took to make.
+    took: Duration,
 }
 
 impl Page {
-    /// The page as it is now; made again only where the journal has grown.
+    /// The page as it is now; made again only where the run has gone on or ended.
     fn answer(&mut self, run_folder: &Path) -> Answer {
         let journal = std::fs::metadata(RunFiles::new(run_folder).align_journal());
-        let length = journal.as_ref().ok().map(std::fs::Metadata::len);
+        let end = std::fs::metadata(run_folder.join(STATISTICS_FILE)).and_then(|about| about.modified());
+        let of = journal.as_ref().ok().map(|about| (about.len(), end.ok()));
         let age = journal.and_then(|about| about.modified()).ok().and_then(|at| at.elapsed().ok());
         let goes_on = age.is_none_or(|age| age < IDLE);
-        let head = format!(
-            "Content-Type: text/html; charset=utf-8\r\nCache-Control: no-store\r\n{}",
-            if goes_on { format!("Refresh: {REFRESH_S}\r\n") } else { String::new() }
-        );
-        if self.length != length || length.is_none() {
+        let begin = Instant::now();
+        let head = |took: Duration| {
+            let refresh_s = REFRESH_S.max(REFRESH_SHARE * took.as_secs());
+            let refresh = if goes_on { format!("Refresh: {refresh_s}\r\n") } else { String::new() };
+            format!("Content-Type: text/html; charset=utf-8\r\nCache-Control: no-store\r\n{refresh}")
+        };
+        if self.of != of || of.is_none() {
             match page_of(&[run_folder]) {
-                Ok(page) => *self = Self { length, body: page.into_bytes() },
+                Ok(page) => *self = Self { of, body: page.into_bytes(), took: begin.elapsed() },
                 // A run that has only begun; asked again a little later it has a page.
                 Err(error) => {
                     let body = format!("no page yet: {error}\n").into_bytes();
-                    return Answer { status: "503 Service Unavailable", head, body };
+                    return Answer { status: "503 Service Unavailable", head: head(begin.elapsed()), body };
                 }
             }
         }
-        Answer { status: "200 OK", head, body: self.body.clone() }
+        Answer { status: "200 OK", head: head(self.took), body: self.body.clone() }
     }
 }
 

@@ -71,7 +71,10 @@ fn browsers_follow_a_run_and_change_no_byte_of_it() {
 
     signal(stopped, "CONT");
     assert!(child.wait().unwrap().success(), "{}", run.log());
-    assert!(server.page().contains("<dd>40 of 40</dd>"), "the page follows the run to its end");
+    let ended = server.page();
+    assert!(ended.contains("<dd>40 of 40</dd>"), "the page follows the run to its end");
+    let report = String::from_utf8(run.output("report.html")).unwrap();
+    assert!(ended.split_once("\r\n\r\n").unwrap().1 == report, "and is its report then");
     silent.write_all(b"GET / HTTP/1.1\r\n\r\n").ok();
     drop((frozen, silent, server));
     run.assert_same_bytes(&undisturbed, "it was looked at in browsers");
