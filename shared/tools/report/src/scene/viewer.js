@@ -197,7 +197,12 @@ function marker(scene, k, size) {
 function view(box, place) {
   const find = selector => box.querySelector(selector);
   const canvas = find('canvas'), slider = find('input[type=range]'), output = find('output');
-  const fail = words => { find('.fault').textContent = words; find('.fault').hidden = false; canvas.hidden = true; };
+  const fail = words => {
+    find('.fault').textContent = words;
+    find('.fault').hidden = false;
+    canvas.hidden = true;
+    box.querySelectorAll('.walk, .controls, .note').forEach(control => { control.style.display = 'none'; });
+  };
   const gl = canvas.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true });
   if (!gl) return fail('This browser cannot draw in 3D (WebGL 2): the plots below show the same from above.');
   canvas.addEventListener('webglcontextlost', () => fail('The browser gave up the view in 3D: load the page again.'));
