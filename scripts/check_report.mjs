@@ -101,6 +101,11 @@ async function wide() {
     await page.keyboard.up('Shift');
   });
   await after(page, 'the wheel', 0.05, () => page.mouse.wheel({ deltaY: -200 }));
+  const before = await pixels(page);
+  await page.reload();
+  await drawn(page);
+  const moved = difference(before, await pixels(page));
+  assert.ok(moved < 0.01, `loaded again: ${moved} of the picture changes`);
   await after(page, 'the whole map', 0.05, () => page.click('[data-do=whole]'));
   const words = () => page.$eval('.scene output', output => output.textContent);
   const said = await words();
@@ -113,7 +118,7 @@ async function wide() {
     await after(page, `colour by ${colour}`, 0.03, () => page.select('[data-set=colour]', colour));
   }
   await after(page, 'no trajectory', 0.0002, () => page.click('[data-show=trajectory]'));
-  await after(page, 'walls from behind', 0.01, () => page.click('[data-show=backs]'));
+  await after(page, 'walls from behind', 0.001, () => page.click('[data-show=backs]'));
   await after(page, 'from above', 0.05, () => page.click('[data-do=above]'));
   await after(page, 'through the camera', 0.05, () => page.click('[data-do=camera]'));
   await after(page, 'playing', 0.01, async () => {

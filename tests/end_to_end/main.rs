@@ -34,6 +34,7 @@ mod promises {
         mod rerun;
         mod strangers;
         mod viewers;
+        mod web;
     }
     /// Work, memory, disk and delay have bounds, and each too small machine its outcome.
     mod bounds {

@@ -6,15 +6,19 @@ use std::path::PathBuf;
 /// `tessera view`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-A program of its own does it, tessera-view, which is built apart (docs/viewer.md). It reads the run's folder and the recording, and listens to the poses; the run does not notice.
+Without --web a program of its own does it, tessera-view, which is built apart (docs/viewer.md). It reads the run's folder and the recording, and listens to the poses; the run does not notice.
 
 Examples:
   tessera view room-1                     open the viewer, live or afterwards
+  tessera view room-1 --web               the report in a browser, live or afterwards
   tessera view room-1 --save room.rrd     write a file for `rerun room.rrd`
   tessera run FOLDER --rerun desk.rrd     write it while the run goes on")]
 pub(crate) struct ViewArguments {
     /// Name of the run, or its folder
     pub(crate) run: String,
+    /// Show the report to browsers on this machine instead; it follows the run
+    #[arg(long, conflicts_with_all = ["save", "connect"])]
+    pub(crate) web: bool,
     /// Write a file instead of opening a viewer
     #[arg(long, value_name = "FILE.rrd", conflicts_with = "connect")]
     pub(crate) save: Option<PathBuf>,

@@ -3,17 +3,15 @@
 use crate::exit::CommandError;
 use crate::terminal::say;
 use crate::top::{Watcher, metrics};
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener};
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+use tessera_report::{Answer, answer};
 
 /// Time between two looks for a question.
 const POLL: Duration = Duration::from_millis(50);
-/// Longest that a client may take to ask or to read.
-const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Set for a server whose standard input is the socket to answer at.
 const SOCKET_VARIABLE: &str = "TESSERA_METRICS_SOCKET";
@@ -80,23 +78,13 @@ pub(crate) fn serve(
         watcher.listen(POLL)?;
         while let Ok((stream, _)) = listener.accept() {
             // A client that goes away harms itself alone.
-            let _ = answer(stream, &metrics(&watcher.look()));
+            let _ = answer(stream, "/metrics", || figures(metrics(&watcher.look())));
         }
     }
     Ok(())
 }
 
-fn answer(mut stream: TcpStream, text: &str) -> std::io::Result<()> {
-    stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    let mut request = [0; 1024];
-    let n = stream.read(&mut request)?;
-    let is_asked = request[..n].starts_with(b"GET /metrics ");
-    let (status, body) = if is_asked { ("200 OK", text) } else { ("404 Not Found", "ask for /metrics\n") };
-    write!(
-        stream,
-        "HTTP/1.1 {status}\r\nContent-Type: text/plain; version=0.0.4\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
-        body.len()
-    )
+fn figures(text: String) -> Answer {
+    let head = "Content-Type: text/plain; version=0.0.4\r\n".into();
+    Answer { status: "200 OK", head, body: text.into() }
 }

@@ -1,11 +1,19 @@
-//! `tessera view`: a run in Rerun, by a program of its own.
+//! `tessera view`: a run in Rerun, by a program of its own, or its report in a browser.
 
 use crate::arguments::ViewArguments;
 use crate::companion::{VIEWER, become_program};
 use crate::exit::{CommandError, Exit};
+use crate::run_folder;
+use crate::terminal::say;
+use tessera_report::PageServer;
 
-/// Becomes the viewer's program; comes back only where it cannot.
+/// Becomes the viewer's program, or the server of the page; comes back only where it cannot.
 pub(crate) fn view(arguments: &ViewArguments) -> Result<Exit, CommandError> {
+    if arguments.web {
+        let server = PageServer::open(&run_folder::find(&arguments.run)?)?;
+        say(&format!("{} shows the run to browsers on this machine; Ctrl-C ends this", server.url()?));
+        return Err(server.serve().into());
+    }
     let mut command = VIEWER.command()?;
     command.arg(&arguments.run);
     if let Some(file) = &arguments.save {

@@ -40,7 +40,7 @@ pub use machine::Machine;
 pub use ply::{PlyVertex, write_ply};
 pub use preview::{Preview, preview};
 pub use replay::Replay;
-pub use statistics::{Ended, LatencyMs, RunStatistics, read_statistics, write_statistics};
+pub use statistics::{Ended, LatencyMs, RunStatistics, STATISTICS_FILE, read_statistics, write_statistics};
 pub use summary::Summary;
 pub use timeline::{END_TO_END, Point, Recorder, Timeline, TimelineSample, read_timeline, write_timeline};
 pub use trajectories::{as_trajectory, final_rows, keyframe_rows};

@@ -10,7 +10,7 @@ use tessera_messages::{Latency, Stage};
 use tessera_supervisor::Counters;
 
 /// Name of the file in the run directory.
-pub(crate) const STATISTICS_FILE: &str = "statistics.json";
+pub const STATISTICS_FILE: &str = "statistics.json";
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -8,16 +8,19 @@ mod chart;
 mod compare;
 mod graph;
 mod html;
+mod http;
 mod page;
 mod picture;
 mod run;
 mod run_directory;
 mod scene;
 mod sections;
+mod serve;
 mod tracks;
 mod work;
 mod worst;
 
+pub use http::{Answer, answer};
 pub use page::page;
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
@@ -26,6 +29,7 @@ pub use run::{
 };
 pub use run_directory::{REPORT_FILE, write};
 pub use scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
+pub use serve::PageServer;
 
 /// Why a page could not be drawn.
 #[derive(Debug, thiserror::Error)]

@@ -26,6 +26,15 @@ pub const REPORT_FILE: &str = "report.html";
 /// # Errors
 /// Names the file of a run that cannot be read, or the report that cannot be written.
 pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
+    let page = page_of(run_folders)?;
+    write_file(path, |writer| writer.write_all(page.as_bytes()))
+}
+
+/// The report of runs as a page.
+///
+/// # Errors
+/// Names the file of a run that cannot be read.
+pub(crate) fn page_of(run_folders: &[&Path]) -> Result<String, ToolError> {
     // Runs side by side share what one page may hold.
     let most_points = MOST_POINTS / run_folders.len().clamp(1, MOST_SCENES);
     let runs: Vec<ReportedRun> = run_folders
@@ -33,8 +42,7 @@ pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
         .enumerate()
         .map(|(place, folder)| read(folder, (place < MOST_SCENES).then_some(most_points)))
         .collect::<Result<_, _>>()?;
-    let page = crate::page(&runs).map_err(|error| ToolError::Stage(error.to_string()))?;
-    write_file(path, |writer| writer.write_all(page.as_bytes()))
+    crate::page(&runs).map_err(|error| ToolError::Stage(error.to_string()))
 }
 
 /// The reasons of the verdict, each with what to try.

@@ -194,10 +194,15 @@ function marker(scene, k, size) {
   ]);
 }
 
-function view(box) {
+function view(box, place) {
   const find = selector => box.querySelector(selector);
   const canvas = find('canvas'), slider = find('input[type=range]'), output = find('output');
-  const fail = words => { find('.fault').textContent = words; find('.fault').hidden = false; canvas.hidden = true; };
+  const fail = words => {
+    find('.fault').textContent = words;
+    find('.fault').hidden = false;
+    canvas.hidden = true;
+    box.querySelectorAll('.walk, .controls, .note').forEach(control => { control.style.display = 'none'; });
+  };
   const gl = canvas.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true });
   if (!gl) return fail('This browser cannot draw in 3D (WebGL 2): the plots below show the same from above.');
   canvas.addEventListener('webglcontextlost', () => fail('The browser gave up the view in 3D: load the page again.'));
@@ -394,6 +399,21 @@ function view(box) {
     redraw();
   }, { passive: false });
 
+  // A page that is loaded again, as that of a run that goes on, is seen from the same place.
+  const name = `tessera ${location.pathname} ${place}`;
+  window.addEventListener('pagehide', () => {
+    const value = { eye, mode, is_through, k: Number(slider.value), is_last: slider.value === slider.max };
+    try { sessionStorage.setItem(name, JSON.stringify(value)); } catch { /* It is forgotten. */ }
+  });
+  const restore = () => {
+    let kept = null;
+    try { kept = JSON.parse(sessionStorage.getItem(name)); } catch { /* There is none. */ }
+    if (!kept?.eye?.target) return;
+    ({ eye, mode, is_through } = kept);
+    find('[data-set=colour]').value = mode;
+    slider.value = kept.is_last ? slider.max : kept.k;
+  };
+
   // Controls.
   box.querySelectorAll('[data-show]').forEach(check => {
     const follow = () => { shown[check.dataset.show] = check.checked; redraw(); };
@@ -406,6 +426,7 @@ function view(box) {
   box.querySelectorAll('[data-do]').forEach(button => button.addEventListener('click', () => { buttons[button.dataset.do](); walk(); }));
   new ResizeObserver(redraw).observe(canvas);
   whole(0.6);
+  restore();
   recolour();
   walk();
 }
