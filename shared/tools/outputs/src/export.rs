@@ -41,7 +41,7 @@ pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError
     fs::create_dir_all(out_folder).map_err(|error| ToolError::write(out_folder, error))?;
     trajectories::write(replay, out_folder)?;
     states::write(replay, out_folder)?;
-    map::write(&read_cloud(&files, replay, &settings)?, out_folder)?;
+    write_map(&files, out_folder, replay, &settings)?;
     let beside = read_beside(&files);
     let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if let Some(refined) = replay.refined() {
