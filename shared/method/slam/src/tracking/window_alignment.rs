@@ -132,14 +132,18 @@ pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option
         }
         Member::Keyframe(id) => {
             let keyframe = input.map.keyframe(id)?;
-            // A keyframe made at this step is not in the store yet; the recent frame has its bits.
+            // A keyframe made at this step is not in the store yet: as long as its frame is recent, its
+            // surface is that of the frame, not yet rounded, and has the frame's key.
             let is_own = input.map.is_own(keyframe);
             let fresh = surfaces.recent.iter().find(|s| is_own && s.index == keyframe.frame_index);
-            let (surface, features) = fresh.map(|s| (s.surface, s.features)).unwrap_or_else(|| {
-                let vertices = surfaces.keyframes.vertices(id);
-                (SurfaceView { grid: input.context.grid, vertices }, surfaces.keyframes.features(id))
-            });
-            let key = (true, u64::from(id));
+            let (key, surface, features) = match fresh {
+                Some(seen) => ((false, seen.index), seen.surface, seen.features),
+                None => {
+                    let vertices = surfaces.keyframes.vertices(id);
+                    let surface = SurfaceView { grid: input.context.grid, vertices };
+                    ((true, u64::from(id)), surface, surfaces.keyframes.features(id))
+                }
+            };
             (&keyframe.world_from_camera, &keyframe.velocity, key, surface, features)
         }
     };
