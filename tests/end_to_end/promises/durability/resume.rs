@@ -95,11 +95,13 @@ fn with_torn_files() {
 
 #[test]
 fn a_full_disk_is_told_and_loses_nothing() {
+    // With many keyframes the store is larger than any segment of shared memory.
+    let many = ["--set", "mapping.keyframe.translation_m=0.02", "--set", "mapping.keyframe.rotation_deg=1"];
     let frames = 400;
-    let whole = room().frames(frames);
+    let whole = room().frames(frames).with(&many);
     assert!(whole.finish().success());
     let store_bytes = std::fs::metadata(whole.out().join("keyframes.store")).unwrap().len();
-    let run = room().frames(frames).with(&["--set", "flow.window=1"]);
+    let run = room().frames(frames).with(&many).with(&["--set", "flow.window=1"]);
     // A limit on the size of files, in kB, stands in for a full disk: the store is the largest file.
     let limit = store_bytes * 2 / 3 / 1024;
     let script = format!("trap '' XFSZ; ulimit -f {limit}; exec \"$@\"");

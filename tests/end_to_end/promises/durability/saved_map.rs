@@ -89,7 +89,7 @@ fn a_start_in_the_middle_is_found_and_the_map_grows() {
         let place = truth.stamps_nanos.iter().position(|t| (t - stamp).abs() < 1_000_000).unwrap();
         let error: Pose = truth.poses[place].inverse() * (world_from_map * pose);
         let (m, r) = translation_rotation_norms(&error);
-        assert!(m < 0.02 && r.to_degrees() < 1.0, "at {stamp}: {m} m, {r} rad");
+        assert!(m < 0.03 && r.to_degrees() < 1.0, "at {stamp}: {m} m, {r} rad");
     }
     // The map holds both parts, the list of keyframes this run's.
     assert!(run.output("map.ply").len() > mapped().output("map.ply").len());
