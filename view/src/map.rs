@@ -6,7 +6,7 @@ use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D};
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
-use tessera_slam::{AlignRecord, Correction, KeyframeRecord, KeyframeSurfaces, LoopVerdict, PoseHistory};
+use tessera_slam::{AlignRecord, Correction, KeyframeRecord, LoopVerdict, PoseHistory};
 use tessera_stage::StoredKeyframes;
 
 /// Radius of a keyframe's points and of the graph's lines, metres.
@@ -94,7 +94,7 @@ impl Map {
         }
         let fresh = std::mem::take(&mut self.fresh);
         for id in fresh {
-            let (positions, colours) = points(self.surfaces.vertices(id), self.most_points);
+            let (positions, colours) = points(&self.surfaces.load(id)?, self.most_points);
             let surface = Points3D::new(positions).with_colors(colours).with_radii([POINT_M]);
             log(recording, &format!("world/map/{id}/surface"), &surface)?;
         }

@@ -13,6 +13,8 @@ use tessera_stage::{
 };
 use tessera_surface::{Grid, Vertex};
 
+/// Records after which a keyframe's surface that was not needed is forgotten.
+const FORGET_AFTER_RECORDS: u64 = 64;
 /// How long a predecessor may take to die before its lock is an error.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -128,7 +130,7 @@ impl JournaledAligner {
         };
         self.journal.append(&record, sync)?;
         self.keyframes.take_unread(&record)?;
-        self.keyframes.forget_unused();
+        self.keyframes.forget_unused(FORGET_AFTER_RECORDS);
         self.fold.apply(record);
         Ok(())
     }

@@ -103,7 +103,8 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             })
         };
         state.keyframes.check()?;
-        state.keyframes.forget_unused();
+        // Culled keyframes are not needed again.
+        state.keyframes.forget_unused(1);
         history.check()?;
         let Some(correction) = correction else {
             return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));

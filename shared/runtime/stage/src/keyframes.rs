@@ -21,10 +21,8 @@ pub fn store_slot(slot: &Slot) -> StoreSlot {
 
 /// Most surfaces that are held unpacked while others may be forgotten.
 const MOST_UNPACKED: usize = 64;
-/// Calls of [`StoredKeyframes::forget_unused`] without a use before a surface is forgotten.
-const PATIENCE: u64 = 64;
 
-/// All keyframes so far; each is unpacked and checked when it is added or first read.
+/// All keyframes so far; each is unpacked when it is first read.
 #[derive(Debug)]
 pub struct StoredKeyframes {
     view: StoreView,
@@ -69,7 +67,7 @@ impl StoredKeyframes {
         })
     }
 
-    /// Takes in the keyframes that a record brings, if any, and reads them; ids come in order.
+    /// Takes in the keyframes that a record brings, if any, and checks their bytes; ids come in order.
     ///
     /// # Errors
     /// As [`Self::add`].
@@ -86,13 +84,13 @@ impl StoredKeyframes {
         slots(record).try_for_each(|(id, slot)| self.add_unread(id, slot))
     }
 
-    /// Takes the surface of a keyframe in and reads it; ids come in order.
+    /// Takes the surface of a keyframe in and checks its bytes; ids come in order.
     ///
     /// # Errors
     /// Where it is not in the store, whole, or the id is not the next one.
     pub fn add(&mut self, id: u32, slot: &StoreSlot) -> Result<(), StageError> {
         self.add_unread(id, slot)?;
-        self.read(slot)?;
+        self.view.map(&journal_slot(slot))?;
         Ok(())
     }
 
@@ -134,23 +132,35 @@ impl StoredKeyframes {
     /// # Errors
     /// Where it is unknown or damaged.
     pub fn stored(&self, keyframe: u32) -> Result<StoredBlock, StageError> {
-        let unknown = || StageError::Inconsistent(format!("there is no keyframe {keyframe}"));
-        let slot = self.keyframes.get(keyframe as usize).map(|keyframe| keyframe.slot).ok_or_else(unknown)?;
-        Ok(self.view.map(&journal_slot(&slot))?)
+        Ok(self.view.map(&journal_slot(&self.slot(keyframe)?))?)
     }
 
-    /// Forgets surfaces that have not been used for long, where many are held; what is needed again
-    /// is read again. To be called once a frame.
-    pub fn forget_unused(&mut self) {
+    /// The vertices of a keyframe, which are not held: for those who look at each surface once.
+    ///
+    /// # Errors
+    /// As [`Self::stored`].
+    pub fn load(&self, keyframe: u32) -> Result<Vec<Vertex>, StageError> {
+        Ok(self.read(&self.slot(keyframe)?)?.vertices)
+    }
+
+    fn slot(&self, keyframe: u32) -> Result<StoreSlot, StageError> {
+        let n = self.keyframes.len();
+        let unknown = || StageError::Inconsistent(format!("there is no keyframe {keyframe}, there are {n}"));
+        Ok(self.keyframes.get(keyframe as usize).ok_or_else(unknown)?.slot)
+    }
+
+    /// Forgets the surfaces that were not used within the last `n_calls` calls, where many are held;
+    /// what is needed again is read again.
+    pub fn forget_unused(&mut self, n_calls: u64) {
         self.now += 1;
-        if !self.now.is_multiple_of(PATIENCE) {
+        if !self.now.is_multiple_of(n_calls) {
             return;
         }
         let held = self.keyframes.iter().filter(|keyframe| keyframe.surface.get().is_some()).count();
         if held > MOST_UNPACKED {
             let now = self.now;
             for keyframe in &mut self.keyframes {
-                if *keyframe.last_use.get_mut() + PATIENCE < now {
+                if *keyframe.last_use.get_mut() + n_calls < now {
                     keyframe.surface = OnceLock::new();
                 }
             }
@@ -259,11 +269,14 @@ mod tests {
             keyframes.keyframes.iter().filter(|keyframe| keyframe.surface.get().is_some()).count()
         };
         assert_eq!(held(&keyframes), n_keyframes as usize);
-        for _ in 0..3 * PATIENCE {
+        for _ in 0..12 {
             assert_eq!(keyframes.vertices(7), surface(7));
-            keyframes.forget_unused();
+            keyframes.forget_unused(4);
         }
         assert_eq!(held(&keyframes), 1);
+        assert_eq!(keyframes.load(8).unwrap(), surface(8));
+        assert_eq!(held(&keyframes), 1);
+        assert!(keyframes.load(n_keyframes).unwrap_err().to_string().contains("there are 128"));
         assert_eq!(keyframes.vertices(9), surface(9));
         assert!(keyframes.check().is_ok());
     }

@@ -5,7 +5,6 @@ use tessera_fusion::{FusionSettings, Mesh, View, Volume};
 use tessera_geometry::{Twist, Vector6};
 use tessera_outputs::ToolError;
 use tessera_outputs::{self as outputs, Replay};
-use tessera_slam::KeyframeSurfaces;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_surface::SurfaceView;
 
@@ -26,11 +25,11 @@ pub(crate) fn fuse(files: &RunFiles, replay: &Replay, wanted: &ExportFiles) -> R
     let warp = outputs::refined_warp(&run.camera, replay, &settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
     for (keyframe, world_from_camera) in replay.main_keyframes() {
-        let stored = surfaces.vertices(keyframe.id);
-        let moved = warp.as_ref().map(|warp| warp.apply(stored));
+        let stored = surfaces.load(keyframe.id)?;
+        let moved = warp.as_ref().map(|warp| warp.apply(&stored));
         let view = View {
             camera,
-            surface: SurfaceView { grid, vertices: moved.as_deref().unwrap_or(stored) },
+            surface: SurfaceView { grid, vertices: moved.as_deref().unwrap_or(&stored) },
             world_from_camera,
             velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),
         };

@@ -10,6 +10,8 @@ use crate::statistics::read_statistics;
 use crate::summary::Summary;
 use crate::voxels::VoxelCloud;
 use crate::{states, trajectories};
+use std::borrow::Cow;
+use std::convert::Infallible;
 use std::fs;
 use std::path::Path;
 use tessera_calibration::SurfaceWarp;
@@ -17,7 +19,7 @@ use tessera_evaluation::{Trajectory, read_tum, write_tum};
 use tessera_geometry::Camera;
 use tessera_journal::Follower;
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, Context, KeyframeSurfaces};
+use tessera_slam::{AlignRecord, Context};
 use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, RunFile, RunFiles, StoredKeyframes};
 use tessera_surface::Vertex;
 
@@ -141,9 +143,12 @@ pub(crate) fn clouds(
 ) -> Result<Vec<VoxelCloud>, ToolError> {
     let run = RunFile::read(files)?;
     let keyframes = map_keyframes(files, &run, replay, settings)?;
-    let surfaces = |id| keyframes.as_ref().map_or(&[][..], |stored| stored.vertices(id));
-    let of = |component: &u32| cloud(&run.camera, (replay, *component), settings, surfaces);
-    Ok(components.iter().map(of).collect())
+    // One at a time: a map may have more surfaces than fit into memory.
+    let surfaces = |id| -> Result<_, ToolError> {
+        let vertices = keyframes.as_ref().map_or(Ok(Vec::new()), |stored| stored.load(id))?;
+        Ok(Cow::Owned(vertices))
+    };
+    components.iter().map(|main| cloud(&run.camera, (replay, *main), settings, surfaces)).collect()
 }
 
 /// The points of `map.ply` of a run directory; `replay`: as the refined camera saw it, where there is one.
@@ -162,15 +167,17 @@ pub fn map_points<'s>(
     settings: &Settings,
     vertices: impl Fn(u32) -> &'s [Vertex],
 ) -> Vec<PlyVertex> {
-    map::ply_vertices(&cloud(camera, (replay, replay.main_component()), settings, vertices)).collect()
+    let surfaces = |id| Ok::<_, Infallible>(Cow::Borrowed(vertices(id)));
+    let Ok(cloud) = cloud(camera, (replay, replay.main_component()), settings, surfaces);
+    map::ply_vertices(&cloud).collect()
 }
 
-fn cloud<'s>(
+fn cloud<'s, E>(
     camera: &Camera,
     (replay, component): (&Replay, u32),
     settings: &Settings,
-    vertices: impl Fn(u32) -> &'s [Vertex],
-) -> VoxelCloud {
+    vertices: impl Fn(u32) -> Result<Cow<'s, [Vertex]>, E>,
+) -> Result<VoxelCloud, E> {
     let warp = refined_warp(camera, replay, settings);
     let refined = replay.refined().map_or(camera, |refined| &refined.camera);
     let step = settings.surface.step as usize;

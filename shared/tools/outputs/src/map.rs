@@ -6,6 +6,7 @@ use crate::ply::{PlyVertex, write_ply};
 use crate::replay::Replay;
 use crate::voxels::{MapPoint, VoxelCloud};
 use nalgebra::Vector3;
+use std::borrow::Cow;
 use std::path::Path;
 use tessera_calibration::SurfaceWarp;
 use tessera_geometry::{Camera, Pose, RollingShutter, Twist, Vector6};
@@ -26,21 +27,24 @@ pub(crate) struct MapInput<'a> {
 
 /// Gathers the vertices of the keyframes of one component of submaps; `vertices` gives their surfaces by
 /// id.
-pub(crate) fn gather<'s>(
+///
+/// # Errors
+/// Those of `vertices`.
+pub(crate) fn gather<'s, E>(
     (replay, component): (&Replay, u32),
     input: &MapInput<'_>,
-    vertices: impl Fn(u32) -> &'s [Vertex],
-) -> VoxelCloud {
+    vertices: impl Fn(u32) -> Result<Cow<'s, [Vertex]>, E>,
+) -> Result<VoxelCloud, E> {
     let mut cloud = VoxelCloud::new(input.settings.map_voxel_m);
     for (keyframe, world_from_camera) in replay.keyframes_of(component) {
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(input.camera, &velocity, input.step);
-        let stored = vertices(keyframe.id);
-        let moved = input.warp.map(|warp| warp.apply(stored));
-        let seen = (keyframe.id, moved.as_deref().unwrap_or(stored));
+        let stored = vertices(keyframe.id)?;
+        let moved = input.warp.map(|warp| warp.apply(&stored));
+        let seen = (keyframe.id, moved.as_deref().unwrap_or(&stored));
         add_keyframe(&mut cloud, input, seen, &world_from_camera, &shutter);
     }
-    cloud
+    Ok(cloud)
 }
 
 pub(crate) fn add_keyframe(
@@ -93,12 +97,15 @@ pub(crate) fn ply_vertices(cloud: &VoxelCloud) -> impl Iterator<Item = PlyVertex
 mod tests {
     use super::*;
     use crate::test_run;
+    use std::convert::Infallible;
 
     fn cloud() -> VoxelCloud {
         let (camera, settings) = (test_run::camera(), OutputSettings::default());
         let input = MapInput { camera: &camera, step: 4, settings: &settings, warp: None };
         let surfaces: Vec<Vec<Vertex>> = (0..3).map(test_run::surface).collect();
-        gather((&test_run::replay(), 0), &input, |id| &surfaces[id as usize][..])
+        let surface = |id| Ok::<_, Infallible>(Cow::Borrowed(&surfaces[id as usize][..]));
+        let Ok(cloud) = gather((&test_run::replay(), 0), &input, surface);
+        cloud
     }
 
     #[test]
