@@ -74,6 +74,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         slot: StoreSlot::default(),
         edges: Vec::new(),
         place,
+        alike: Vec::new(),
         retires: Vec::new(),
     });
     FrameRecord {

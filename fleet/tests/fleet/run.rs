@@ -129,6 +129,7 @@ impl GrowingRun {
             slot,
             edges: Vec::new(),
             place: Vec::new(),
+            alike: Vec::new(),
             retires: Vec::new(),
         }
     }

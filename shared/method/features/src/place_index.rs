@@ -124,7 +124,7 @@ impl PlaceIndex {
         is_admitted: impl Fn(u32) -> bool,
     ) -> Vec<PlaceMatch> {
         let mut n_words = vec![0u32; self.words.len()];
-        self.arch.dispatch(Search { index: self, features, is_admitted, n_words: &mut n_words });
+        self.arch.dispatch(PlaceSearch { index: self, features, is_admitted, n_words: &mut n_words });
         let found = (0..).zip(n_words).filter(|(_, n_words)| *n_words >= min_words.max(1));
         let mut found: Vec<PlaceMatch> =
             found.map(|(place, n_words)| PlaceMatch { place, n_words }).collect();
@@ -135,7 +135,7 @@ impl PlaceIndex {
 }
 
 /// A search compiled for each instruction set.
-struct Search<'a, A> {
+struct PlaceSearch<'a, A> {
     index: &'a PlaceIndex,
     features: &'a [Feature],
     is_admitted: A,
@@ -143,7 +143,7 @@ struct Search<'a, A> {
     n_words: &'a mut [u32],
 }
 
-impl<A: Fn(u32) -> bool> pulp::WithSimd for Search<'_, A> {
+impl<A: Fn(u32) -> bool> pulp::WithSimd for PlaceSearch<'_, A> {
     type Output = ();
 
     #[inline(always)]

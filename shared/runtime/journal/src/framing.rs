@@ -10,7 +10,7 @@ use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TESSERAJ";
 /// Version of the framing and of the records in it.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 /// Bytes before the first record.
 pub(crate) const FILE_HEADER_BYTES: usize = 32;
 /// Bytes before each record's payload: length, version, checksum.
@@ -109,7 +109,7 @@ mod tests {
         assert!(check(&file_header("optimise")).unwrap_err().to_string().contains("not a Tessera align"));
         assert!(check(b"ply\nformat ascii 1.0\nelement v").unwrap_err().to_string().contains("ply"));
         let mut newer = file_header("align");
-        newer[8] = 9;
-        assert!(check(&newer).unwrap_err().to_string().contains("version 9"));
+        newer[8] = 10;
+        assert!(check(&newer).unwrap_err().to_string().contains("version 10"));
     }
 }

@@ -48,6 +48,24 @@ pub fn store_surface(grid: Grid, payload: &[Vertex]) -> Vec<u8> {
 /// # Errors
 /// Where the bytes are no surface of this grid.
 pub fn load_surface(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>), StoredSurfaceError> {
+    let features = load_features(bytes)?;
+    let (packed, _) = parts(bytes)?;
+    Ok((unpack(grid, packed)?, features))
+}
+
+/// Features of a stored surface alone.
+///
+/// # Errors
+/// Where the bytes are no stored surface; the vertices are not looked at.
+pub fn load_features(bytes: &[u8]) -> Result<Vec<Feature>, StoredSurfaceError> {
+    let (_, features) = parts(bytes)?;
+    let features: Vec<Feature> = bytemuck::pod_collect_to_vec(features);
+    check_features(0, &features)?;
+    Ok(features)
+}
+
+/// The packed vertices, and the features behind them.
+fn parts(bytes: &[u8]) -> Result<(&[u8], &[u8]), StoredSurfaceError> {
     let wrong = |expected: String| StoredSurfaceError::Length { found: bytes.len(), expected };
     let (length, rest) =
         bytes.split_first_chunk::<LENGTH>().ok_or_else(|| wrong(format!("at least {LENGTH}")))?;
@@ -57,9 +75,7 @@ pub fn load_surface(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Featur
     if features.len() > MAX_FEATURES * size_of::<Feature>() || features.len() % size_of::<Feature>() != 0 {
         return Err(wrong(format!("at most {MAX_FEATURES} whole features behind the vertices")));
     }
-    let features: Vec<Feature> = bytemuck::pod_collect_to_vec(features);
-    check_features(0, &features)?;
-    Ok((unpack(grid, packed)?, features))
+    Ok((packed, features))
 }
 
 /// Most bytes of a stored surface.
@@ -92,6 +108,7 @@ mod tests {
         let (vertices, back) = load_surface(grid, &bytes).unwrap();
         assert_eq!(vertices, payload[..grid.len()]);
         assert_eq!(back[..features.len()], features);
+        assert_eq!(load_features(&bytes).unwrap(), back);
         let message = |bytes: &[u8]| load_surface(grid, bytes).unwrap_err().to_string();
         assert!(message(&bytes[..2]).contains("2 bytes are no surface: expected at least 4"));
         assert!(message(&bytes[..20]).contains("of packed vertices"));

@@ -31,7 +31,7 @@ const WRONG_M: f64 = 2.0;
 const WRONG_DEG: f64 = 60.0;
 
 /// One frame, as recognition sees it.
-struct View {
+struct TrueView {
     features: Vec<Feature>,
     code: PlaceCode,
     world_from_camera: Pose,
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn views(source: &dyn Source, every: u64) -> Result<Vec<View>, Box<dyn Error>> {
+fn views(source: &dyn Source, every: u64) -> Result<Vec<TrueView>, Box<dyn Error>> {
     let settings = Settings::default();
     let truth = source.ground_truth().ok_or("a sequence with ground truth is needed")?;
     let mut extractor = settings.mapping.features.extractor(source.camera(), settings.registration.isa);
@@ -83,7 +83,11 @@ fn views(source: &dyn Source, every: u64) -> Result<Vec<View>, Box<dyn Error>> {
         let Some(world_from_camera) = true_pose(truth, frame.stamp_nanos) else { continue };
         reconstructor.reconstruct(&frame.depth, frame.colour.as_deref(), &mut vertices);
         let code = ferns.code(&SurfaceView { grid, vertices: &vertices });
-        views.push(View { features: extractor.extract(frame.colour.as_deref()), code, world_from_camera });
+        views.push(TrueView {
+            features: extractor.extract(frame.colour.as_deref()),
+            code,
+            world_from_camera,
+        });
     }
     Ok(views)
 }
@@ -100,25 +104,25 @@ fn true_pose(truth: &Trajectory, stamp_nanos: i64) -> Option<Pose> {
 }
 
 /// Metres and degrees between two views.
-fn apart(a: &View, b: &View) -> (f64, f64) {
+fn apart(a: &TrueView, b: &TrueView) -> (f64, f64) {
     let (metres, radians) =
         translation_rotation_norms(&(a.world_from_camera.inverse() * b.world_from_camera));
     (metres, radians.to_degrees())
 }
 
-fn is_right(a: &View, b: &View) -> bool {
+fn is_right(a: &TrueView, b: &TrueView) -> bool {
     let (metres, degrees) = apart(a, b);
     metres <= RIGHT_M && degrees <= RIGHT_DEG
 }
 
-fn is_wrong(a: &View, b: &View) -> bool {
+fn is_wrong(a: &TrueView, b: &TrueView) -> bool {
     let (metres, degrees) = apart(a, b);
     metres > WRONG_M || degrees > WRONG_DEG
 }
 
 /// What one search found: the score of its best answer, whether that is right, and whether one of
 /// the first three is.
-struct Search {
+struct SearchOutcome {
     score: f64,
     is_right: bool,
     is_wrong: bool,
@@ -127,7 +131,7 @@ struct Search {
     is_known: bool,
 }
 
-fn by_features(views: &[View], gap: usize) {
+fn by_features(views: &[TrueView], gap: usize) {
     let mut index = PlaceIndex::new(Settings::default().registration.isa.arch());
     let (mut searches, mut times_ms) = (Vec::new(), Vec::new());
     for at in (0..views.len()).step_by(SEARCH_EVERY) {
@@ -144,7 +148,7 @@ fn by_features(views: &[View], gap: usize) {
     print_result("features", &mut searches, &mut times_ms);
 }
 
-fn by_ferns(views: &[View], gap: usize) {
+fn by_ferns(views: &[TrueView], gap: usize) {
     let (mut searches, mut times_ms) = (Vec::new(), Vec::new());
     for at in (0..views.len()).step_by(SEARCH_EVERY) {
         let Some(last) = at.checked_sub(gap) else { continue };
@@ -161,13 +165,13 @@ fn by_ferns(views: &[View], gap: usize) {
 }
 
 fn search(
-    views: &[View],
+    views: &[TrueView],
     at: usize,
     mut places: impl Iterator<Item = usize>,
     answers: &[(f64, usize)],
-) -> Search {
+) -> SearchOutcome {
     let right = |place: usize| is_right(&views[place], &views[at]);
-    Search {
+    SearchOutcome {
         score: answers.first().map_or(0.0, |best| best.0),
         is_right: answers.first().is_some_and(|best| right(best.1)),
         is_wrong: answers.first().is_some_and(|best| is_wrong(&views[best.1], &views[at])),
@@ -176,7 +180,7 @@ fn search(
     }
 }
 
-fn print_result(name: &str, searches: &mut [Search], times_ms: &mut [f64]) {
+fn print_result(name: &str, searches: &mut [SearchOutcome], times_ms: &mut [f64]) {
     let n_known = searches.iter().filter(|search| search.is_known).count();
     let share = |n: usize| 100.0 * n as f64 / n_known.max(1) as f64;
     searches.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -198,7 +202,7 @@ fn print_result(name: &str, searches: &mut [Search], times_ms: &mut [f64]) {
 }
 
 /// The time of a search among many places: the views again and again, each time with other bits turned.
-fn scale(views: &[View], n_places: u32) {
+fn scale(views: &[TrueView], n_places: u32) {
     let mut random = SplitMix64::new(1);
     let mut places: Vec<Vec<Feature>> = Vec::new();
     for place in 0..n_places as usize {

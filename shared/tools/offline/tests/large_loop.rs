@@ -3,10 +3,9 @@
 use rayon::prelude::*;
 use tessera_geometry::{Pose, PoseBits, Twist, exp, translation_rotation_norms};
 use tessera_offline::Method;
-use tessera_slam::Ferns;
 use tessera_slam::{
-    AlignRecord, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, Optimiser, RequestRecord, State,
-    StoreSlot,
+    AlignRecord, Context, Ferns, FrameRecord, KeyframeRecord, KeyframeSurfaces, Optimiser, PlaceCode,
+    RequestRecord, State, StoreSlot, similarity,
 };
 use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{Reconstructor, SurfaceView, Vertex};
@@ -24,10 +23,9 @@ const SPACING: u64 = 6;
 const N_FRAMES: u64 = 360;
 
 /// Largest error after one outer iteration from drifted poses, metres, and loops that count.
-fn solved(min_similarity: f64) -> (f64, usize) {
+fn solved(is_recognised: bool) -> (f64, usize) {
     let source = SimulatedSource::open(SceneName::Room, None, None, &SimulationOptions::default()).unwrap();
     let mut method = Method::default();
-    method.mapping.loops.min_similarity = min_similarity;
     // With more of them the poses come near enough for loops to be found without recognition.
     method.mapping.global.final_iterations = 1;
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
@@ -61,9 +59,12 @@ fn solved(min_similarity: f64) -> (f64, usize) {
 
     let mut optimiser = Optimiser::new(context.clone());
     let ferns = Ferns::default();
+    let codes: Vec<PlaceCode> =
+        surfaces.iter().map(|vertices| ferns.code(&SurfaceView { grid: context.grid, vertices })).collect();
     for (id, (index, pose)) in indices.iter().zip(&drifted).enumerate() {
-        let surface = SurfaceView { grid: context.grid, vertices: &surfaces[id] };
-        optimiser.apply(&AlignRecord::Frame(Box::new(frame(id as u32, *index, pose, ferns.code(&surface)))));
+        let alike = if is_recognised { most_alike(&indices, &codes, id) } else { None };
+        let alike = alike.into_iter().collect();
+        optimiser.apply(&AlignRecord::Frame(Box::new(frame(id as u32, *index, pose, alike))));
     }
     let request = RequestRecord {
         request: 0,
@@ -82,13 +83,25 @@ fn solved(min_similarity: f64) -> (f64, usize) {
 
 #[test]
 fn a_loop_that_drift_hides_is_recognised_by_its_looks() {
-    let (without, n_without) = solved(1.0);
-    let (with, n_with) = solved(Method::default().mapping.loops.min_similarity);
+    let (without, n_without) = solved(false);
+    let (with, n_with) = solved(true);
     assert!(n_with >= 3 && n_without == 0, "{n_with} loops, {n_without} without recognition");
     assert!(with < 0.5 * without, "{with} m, {without} m without recognition");
 }
 
-fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
+/// The keyframe of long before that looks most like one, as the tracker would name it.
+fn most_alike(indices: &[u64], codes: &[PlaceCode], newer: usize) -> Option<u32> {
+    let settings = Method::default().mapping.loops;
+    let closes_loop = |older: &usize| {
+        indices[newer] - indices[*older] > settings.min_frames
+            && newer - older > settings.min_keyframes as usize
+    };
+    let alike = (0..newer).filter(closes_loop).map(|older| (similarity(&codes[newer], &codes[older]), older));
+    let best = alike.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (best.0 >= settings.min_similarity).then_some(best.1 as u32)
+}
+
+fn frame(id: u32, index: u64, pose: &Pose, alike: Vec<u32>) -> FrameRecord {
     let world_from_camera = PoseBits::from(pose);
     let stamp_nanos = index as i64 * 33_333_333;
     FrameRecord {
@@ -121,7 +134,8 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
             velocity: [0.0; 6],
             slot: StoreSlot::default(),
             edges: Vec::new(),
-            place,
+            place: Vec::new(),
+            alike,
             retires: Vec::new(),
         }),
         request: None,

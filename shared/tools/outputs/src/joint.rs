@@ -62,6 +62,7 @@ mod tests {
             edges: Vec::new(),
             covariance: Vec::new(),
             place: Vec::new(),
+            alike: Vec::new(),
             anchored_to: None,
         };
         let keyframes = [keyframe(0, 0.0), keyframe(1, 1.0)];

@@ -76,6 +76,7 @@ impl Replay {
                 slot,
                 edges,
                 place,
+                alike: Vec::new(),
                 retires: Vec::new(),
             });
         }

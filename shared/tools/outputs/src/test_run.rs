@@ -28,6 +28,7 @@ fn keyframe(id: u32, frame_index: u64, x: f64, edges: Vec<EdgeRecord>) -> Option
         slot: StoreSlot::default(),
         edges,
         place: Vec::new(),
+        alike: Vec::new(),
         retires: Vec::new(),
     })
 }

@@ -60,7 +60,7 @@ fn workloads(run: &Run) -> Vec<WorkloadLevel> {
 #[test]
 fn workload_goes_down_under_overload_and_comes_back_by_itself() {
     // More calm frames than a slow machine takes to come back; the run is ended when it has.
-    let (n_rushed, n_calm) = (4000, 4000);
+    let (n_rushed, n_calm) = (10_000, 4000);
     let run = room();
     rushed_recording(&run, n_rushed, n_calm);
     let folder = run.dir.path().join("recording");
@@ -68,10 +68,16 @@ fn workload_goes_down_under_overload_and_comes_back_by_itself() {
     let burners = Burners::start(2);
     let mut child = run.start();
     wait_for("the lowest level", || run.log().contains("workload is lowered to level 3 of 3"));
-    let look = Command::new(env!("CARGO_BIN_EXE_tessera"))
-        .args(["top", &run.name, "--json", "--interval", "0.3", "--count", "1"])
-        .output()
-        .unwrap();
+    // What comes in while it looks is all that `top` knows: on a busy machine it looks again.
+    wait_for("a lower level in top", || {
+        let look = Command::new(env!("CARGO_BIN_EXE_tessera"))
+            .args(["top", &run.name, "--json", "--interval", "1", "--count", "1"])
+            .output()
+            .unwrap();
+        let line = String::from_utf8(look.stdout).unwrap();
+        let look: serde_json::Value = serde_json::from_str(line.trim()).unwrap();
+        (1..=3).contains(&look["workload"].as_u64().unwrap())
+    });
     drop(burners);
     let is_back = |log: &str| log.contains("workload is raised to level 0 of 3");
     wait_for("all of the workload", || {
@@ -80,9 +86,6 @@ fn workload_goes_down_under_overload_and_comes_back_by_itself() {
     signal(child.id(), "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130), "{}", run.log());
 
-    let line = String::from_utf8(look.stdout).unwrap();
-    let look: serde_json::Value = serde_json::from_str(line.trim()).unwrap();
-    assert!((1..=3).contains(&look["workload"].as_u64().unwrap()), "{look}");
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let count = |key: &str| summary[key].as_u64().unwrap();
     let n_left_out = count("frames_dropped") + count("frames_missing");

@@ -6,11 +6,12 @@ use crate::features::matching::{FeaturePair, PairFinder, Reach, Seen};
 use crate::features::residuals;
 use crate::features::weighted_pair::WeightedPair;
 use crate::map::context::Context;
-use crate::tracking::input::FrameSurface;
+use crate::map::state::KeyframeState;
+use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::prediction::Reference;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use tessera_features::{Feature, Observation};
+use tessera_features::{Feature, Observation, PlaceIndex};
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
 use tessera_graph::{BlockSums, PairBlock};
 use tessera_surface::SurfaceView;
@@ -22,6 +23,9 @@ pub(crate) type SurfaceKey = (bool, u64);
 const KEPT: usize = 24;
 /// References whose features are matched: the first of a window.
 const MOST_PAIRS: usize = 5;
+/// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
+const NEAR_IN_TIME: u32 = 4;
+const NEIGHBOURS: usize = 10;
 /// Squared normalised error of a feature that agrees with a pose, at most.
 const AGREES_SQ: f64 = 25.0;
 
@@ -45,6 +49,8 @@ pub(crate) struct Sight {
     features: Vec<Feature>,
     observations: Arc<[Observation]>,
     pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
+    /// The active keyframes of all submaps, as of the last recognition.
+    places: PlaceIndex,
 }
 
 impl Sight {
@@ -57,6 +63,7 @@ impl Sight {
             features: Vec::new(),
             observations: Arc::new([]),
             pairs: BTreeMap::new(),
+            places: PlaceIndex::new(context.registration.isa.arch()),
         }
     }
 
@@ -117,6 +124,42 @@ impl Sight {
         let found = self.finder.find(context, [query, target], &guess, reach, seed);
         let found = found.map(Arc::new);
         self.pairs.insert(reference.key, found.clone());
+        found
+    }
+
+    /// Keyframes that show most of these features, the best first: at most `n`, of neighbours in time
+    /// the best one, and with at least `min_words` of them.
+    pub(crate) fn recognise(
+        &mut self,
+        input: &TrackingInput<'_>,
+        features: &[Feature],
+        [n, min_words]: [usize; 2],
+        is_admitted: impl Fn(&KeyframeState) -> bool,
+    ) -> Vec<u32> {
+        let keyframes = &input.map.state().keyframes;
+        let active = keyframes.iter().filter(|keyframe| keyframe.is_active()).map(|keyframe| keyframe.id);
+        self.places.hold_only(active, |id| input.surfaces.keyframes.features_once(id));
+        let is_admitted = |id: u32| keyframes.get(id as usize).is_some_and(&is_admitted);
+        let found = self.places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
+        let mut chosen: Vec<u32> = Vec::new();
+        for place in found.iter().map(|found| found.place) {
+            if chosen.len() < n && chosen.iter().all(|other| other.abs_diff(place) > NEAR_IN_TIME) {
+                chosen.push(place);
+            }
+        }
+        chosen
+    }
+
+    /// As [`Self::recognise`], for the frame's own features.
+    pub(crate) fn recognise_frame(
+        &mut self,
+        input: &TrackingInput<'_>,
+        n: [usize; 2],
+        is_admitted: impl Fn(&KeyframeState) -> bool,
+    ) -> Vec<u32> {
+        let features = std::mem::take(&mut self.features);
+        let found = self.recognise(input, &features, n, is_admitted);
+        self.features = features;
         found
     }
 

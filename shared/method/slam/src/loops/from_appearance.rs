@@ -1,7 +1,7 @@
-//! Loop closures by appearance, where drift hides them from the poses: keyframes with similar
-//! descriptors are aligned without an initial guess.
+//! Loop closures by appearance, where drift hides them from the poses: keyframes that look alike are
+//! aligned from where their features agree, or without an initial guess.
 
-use crate::loops::appearance::similarity;
+use crate::features::matching::{PairFinder, Reach};
 use crate::loops::detection::{self, TrackPoint};
 use crate::loops::matchable::Matchable;
 use crate::loops::pair_alignment::PairAlignment;
@@ -21,30 +21,22 @@ const FIRST_DISTANCE_M: f64 = 0.5;
 /// Outer iterations of an alignment from scratch.
 const ITERATIONS: u32 = 6;
 
-/// The keyframe before `newer` in its component that looks most like it and is far enough away to close
-/// a loop.
-pub(crate) fn most_alike(
+/// The keyframes that `newer` was said to look like, in that order, as far as they are of its component
+/// and far enough away to close a loop.
+fn candidates(
     context: &Context,
     keyframes: &[KeyframeState],
     origins: &[Origin],
     newer: usize,
-) -> Option<usize> {
-    let mapping = &context.mapping;
-    let (similarity, older) = keyframes[..newer]
-        .iter()
-        .enumerate()
-        .filter(|(place, older)| {
-            origins[*place].component == origins[newer].component
-                && detection::closes_loop(
-                    &mapping.loops,
-                    &TrackPoint::of_keyframe(&keyframes[newer]),
-                    &TrackPoint::of_keyframe(older),
-                )
-        })
-        .map(|(place, older)| (similarity(&keyframes[newer].place, &older.place), place))
-        // The first among equals.
-        .fold((0.0, None), |best, next| if next.0 > best.0 { (next.0, Some(next.1)) } else { best });
-    older.filter(|_| similarity >= mapping.loops.min_similarity)
+) -> impl Iterator<Item = usize> {
+    let alike = keyframes[newer].alike.iter();
+    let places = alike.filter_map(|id| keyframes.binary_search_by_key(id, |keyframe| keyframe.id).ok());
+    places.filter(move |&older| {
+        let [new, old] = [newer, older].map(|place| TrackPoint::of_keyframe(&keyframes[place]));
+        older < newer
+            && origins[older].component == origins[newer].component
+            && detection::closes_loop(&context.mapping.loops, &new, &old)
+    })
 }
 
 /// Pairs found by their looks among `newer`, with their matches at the pose that the pair alone
@@ -58,32 +50,55 @@ pub(crate) fn pairs(
 ) -> Vec<(Pair, Tested)> {
     let found = map_in_parts(
         newer,
-        || context.matcher(),
-        |matcher, &query| {
-            let target = most_alike(context, keyframes, origins, query)?;
-            let (newer, older) = (&matchable[query], &matchable[target]);
-            let (at, block) = from_scratch(matcher, newer, older);
-            let settings = &context.mapping.global;
-            let tested = verification::test(settings, matcher, newer, older, &at);
-            // No pose speaks for this pair: it must overlap well in both directions.
-            let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
-            is_good.then(|| (Pair { is_loop: true, ..Pair::new(query, target, block) }, tested))
+        || (context.matcher(), PairFinder::new(context)),
+        |(matcher, finder), &query| {
+            candidates(context, keyframes, origins, query).find_map(|target| {
+                let (newer, older) = (&matchable[query], &matchable[target]);
+                let ids = [query, target].map(|k| u64::from(keyframes[k].id));
+                let guess = by_features(context, finder, newer, older, ids[0] << 32 | ids[1]);
+                let (at, block) = aligned(matcher, newer, older, guess);
+                let settings = &context.mapping.global;
+                let tested = verification::test(settings, matcher, newer, older, &at);
+                // No pose speaks for this pair: it must overlap well in both directions.
+                let is_good =
+                    tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+                is_good.then(|| (Pair { is_loop: true, ..Pair::new(query, target, block) }, tested))
+            })
         },
         progress,
     );
     found.into_iter().flatten().collect()
 }
 
-/// `older_from_newer` from no initial guess, and the tightest matches there.
-fn from_scratch(matcher: &mut Matcher, newer: &Matchable<'_>, older: &Matchable<'_>) -> (Pose, PairBlock) {
+/// `older_from_newer` on which features agree.
+fn by_features(
+    context: &Context,
+    finder: &mut PairFinder,
+    newer: &Matchable<'_>,
+    older: &Matchable<'_>,
+    seed: u64,
+) -> Option<Pose> {
+    let sides = [newer.seen(), older.seen()];
+    let found = finder.find(context, sides, &Pose::identity(), Reach::ANYWHERE, seed)?;
+    Some(found.target_from_query)
+}
+
+/// `older_from_newer` from a guess or from none, and the tightest matches there.
+fn aligned(
+    matcher: &mut Matcher,
+    newer: &Matchable<'_>,
+    older: &Matchable<'_>,
+    guess: Option<Pose>,
+) -> (Pose, PairBlock) {
+    let first_m = if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { FIRST_DISTANCE_M };
     let alignment = PairAlignment {
         query: newer,
         target: older,
         n_queries: GlobalSettings::QUERIES_PER_PAIR,
-        limits: &|tightness| MatchLimits::new(FIRST_DISTANCE_M, tightness),
+        limits: &|tightness| MatchLimits::new(first_m, tightness),
     };
     let schedule = Schedule::shrinking(ITERATIONS, 0).tightness;
     let wider = &schedule[..schedule.len() - 1];
-    let at = alignment.solve(matcher, &Pose::identity(), wider).target_from_query;
+    let at = alignment.solve(matcher, &guess.unwrap_or_else(Pose::identity), wider).target_from_query;
     (at, alignment.search(matcher, &at, 1.0).0)
 }

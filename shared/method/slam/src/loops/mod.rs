@@ -1,5 +1,6 @@
 //! Loop closure (III-G): candidates, verification, and the extended window.
 
+pub(crate) mod alike;
 pub(crate) mod appearance;
 pub(crate) mod conflict;
 pub(crate) mod covisibility;

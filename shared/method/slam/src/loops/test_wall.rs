@@ -31,6 +31,7 @@ pub(crate) fn keyframe(id: u32, session: u32, x_m: f64) -> KeyframeState {
         edges: Vec::new(),
         covariance: Vec::new(),
         place: vec![1],
+        alike: Vec::new(),
         anchored_to: None,
     }
 }

@@ -161,6 +161,7 @@ mod tests {
             edges: Vec::new(),
             covariance: Vec::new(),
             place: vec![1],
+            alike: Vec::new(),
             anchored_to: None,
         }
     }

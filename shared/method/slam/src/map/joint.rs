@@ -48,6 +48,7 @@ impl JointMap {
             keyframe.session += session;
             keyframe.submap += first_submap;
             keyframe.edges.iter_mut().for_each(|edge| edge.to += first);
+            keyframe.alike.iter_mut().for_each(|id| *id += first);
             keyframe.anchored_to = k.anchored_to.map(|id| id + first);
             keyframe
         }));

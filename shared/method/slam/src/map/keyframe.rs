@@ -34,6 +34,8 @@ pub struct KeyframeRecord {
     pub edges: Vec<EdgeRecord>,
     /// What the place looks like, to recognise it.
     pub place: PlaceCode,
+    /// Keyframes of long before that look like it, the most alike first: with them it may close a loop.
+    pub alike: Vec<u32>,
     /// Keyframes that leave the working map for it, because there are more than the budget.
     pub retires: Vec<RetiredRecord>,
 }
@@ -90,6 +92,8 @@ pub struct KeyframeState {
     pub covariance: Vec<f64>,
     /// What the place looks like.
     pub place: PlaceCode,
+    /// Keyframes that look like it, as journaled.
+    pub alike: Vec<u32>,
     /// The keyframe that this one moves along with since it left the working map.
     pub anchored_to: Option<u32>,
 }

@@ -101,6 +101,7 @@ mod tests {
             edges: Vec::new(),
             covariance: Vec::new(),
             place: Vec::new(),
+            alike: Vec::new(),
             anchored_to: None,
         }
     }

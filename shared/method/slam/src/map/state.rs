@@ -134,6 +134,7 @@ impl TrackerState {
                     .find(|r| r.index == keyframe.frame_index)
                     .map_or(Vec::new(), |r| r.covariance.clone()),
                 place: keyframe.place.clone(),
+                alike: keyframe.alike.clone(),
                 anchored_to: None,
             });
             keyframe.retires.iter().for_each(|retired| self.retire(retired));
@@ -203,9 +204,15 @@ impl TrackerState {
         for keyframe in self.keyframes.iter_mut().filter(|k| k.anchored_to == Some(retired.keyframe)) {
             keyframe.anchored_to = Some(retired.anchored_to);
         }
+        for alike in self.keyframes.iter_mut().flat_map(|keyframe| &mut keyframe.alike) {
+            if *alike == retired.keyframe {
+                *alike = retired.anchored_to;
+            }
+        }
         if let Some(keyframe) = self.keyframes.get_mut(retired.keyframe as usize) {
             keyframe.anchored_to = Some(retired.anchored_to);
-            (keyframe.edges, keyframe.covariance, keyframe.place) = Default::default();
+            (keyframe.edges, keyframe.covariance) = Default::default();
+            (keyframe.place, keyframe.alike) = Default::default();
         }
     }
 

@@ -1,5 +1,6 @@
 //! Access to the surfaces of keyframes.
 
+use std::borrow::Cow;
 use tessera_features::Feature;
 use tessera_surface::Vertex;
 
@@ -11,5 +12,10 @@ pub trait KeyframeSurfaces: Sync {
     /// Features of a keyframe's colour image; none where there is no colour.
     fn features(&self, _keyframe: u32) -> &[Feature] {
         &[]
+    }
+
+    /// The same for a single look: they need not stay at hand.
+    fn features_once(&self, keyframe: u32) -> Cow<'_, [Feature]> {
+        self.features(keyframe).into()
     }
 }

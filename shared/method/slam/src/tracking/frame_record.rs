@@ -60,6 +60,7 @@ pub(crate) fn first_record(
         slot: StoreSlot::default(),
         edges: Vec::new(),
         place: input.ferns.code(&frame.surface),
+        alike: Vec::new(),
         retires: Vec::new(),
     };
     FrameRecord {

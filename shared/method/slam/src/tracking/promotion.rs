@@ -1,6 +1,7 @@
 //! The previous frame becomes a keyframe, and the alignment is repeated with it in the window
 //! (III-H, method 9).
 
+use crate::loops::alike::alike;
 use crate::loops::detection;
 use crate::map::culling;
 use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
@@ -28,14 +29,18 @@ pub(crate) fn with_keyframe(
     aligned: WindowAlignment,
     record: FrameRecord,
 ) -> (WindowAlignment, FrameRecord) {
-    match new_keyframe(input, &record) {
+    match new_keyframe(input, aligner, &record) {
         Some(keyframe) => realign(input, aligner, aligned, record, keyframe),
         None => (aligned, record),
     }
 }
 
 /// The previous frame as a keyframe, where the new one is too far from the last (method 9.1).
-fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<KeyframeRecord> {
+fn new_keyframe(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+) -> Option<KeyframeRecord> {
     let state = input.map.state();
     let last_keyframe = input.map.last_keyframe()?;
     let previous = state.recent.last()?;
@@ -52,6 +57,7 @@ fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<Keyfr
     {
         return None;
     }
+    let place = input.ferns.code(&surface.surface);
     Some(KeyframeRecord {
         id: input.map.n_keyframes() as u32,
         frame_index: previous.index,
@@ -60,7 +66,8 @@ fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<Keyfr
         velocity: central_velocity(input, previous, &Pose::from(&record.world_from_camera)),
         slot: StoreSlot::default(),
         edges: Vec::new(),
-        place: input.ferns.code(&surface.surface),
+        alike: alike(input, &mut aligner.sight, surface, &place),
+        place,
         retires: culling::culled(state, &input.context.mapping),
     })
 }
@@ -122,6 +129,7 @@ fn candidate(input: &TrackingInput<'_>, keyframe: &KeyframeRecord) -> KeyframeSt
         edges: Vec::new(),
         covariance: state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
         place: Vec::new(),
+        alike: Vec::new(),
         anchored_to: None,
     }
 }

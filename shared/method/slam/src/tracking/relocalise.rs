@@ -1,7 +1,7 @@
 //! Relocalisation: the place in the map of a frame that could not be tracked.
 //!
-//! Candidates are the last pose, the keyframes whose descriptors are most similar to the frame's,
-//! and views turned and shifted against both, a few in each frame. A candidate must pass the strict
+//! Candidates are the last pose, the keyframes that show most of the frame's features, those whose fern
+//! codes are most similar, and views turned and shifted against both, a few in each frame. A candidate must pass the strict
 //! tests once aligned, and the map changes again only after several frames in a row have passed.
 
 use crate::features::matching::Reach;
@@ -21,6 +21,8 @@ use tessera_geometry::{Pose, Twist, exp};
 
 /// Newest keyframes whose features are matched.
 const N_NEWEST: usize = 2;
+/// Words of a frame that a keyframe shows at least to be tried.
+const MIN_WORDS: usize = 4;
 
 /// A pose from which an alignment is tried.
 struct Candidate {
@@ -130,8 +132,8 @@ fn supposed_candidates(
     candidates
 }
 
-/// Where the features of keyframes say that the camera is, the most inliers first: the most similar
-/// keyframes, the newest, and others in turn.
+/// Where the features of keyframes say that the camera is, the most inliers first: the keyframes that
+/// show most of them, the newest, and others in turn.
 fn seen_candidates(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -141,15 +143,13 @@ fn seen_candidates(
     if aligner.sight.n_features() == 0 || !input.context.is_colour_trusted {
         return Vec::new();
     }
-    let descriptor = input.ferns.code(&input.frame.surface);
-    let mut similar: Vec<(f64, u32)> =
-        keyframes.iter().map(|k| (similarity(&descriptor, &k.place), k.id)).collect();
-    similar.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    similar.truncate(input.context.mapping.relocalise.n_recognised as usize);
+    let n = input.context.mapping.relocalise.n_recognised as usize;
+    let is_asked =
+        |keyframe: &KeyframeState| keyframes.binary_search_by_key(&keyframe.id, |asked| asked.id).is_ok();
+    let known = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
     let newest = keyframes.iter().rev().take(N_NEWEST).map(|k| k.id);
     let in_turn = keyframes.get(N_NEWEST * turn % keyframes.len().max(1));
-    let mut ids: Vec<u32> =
-        similar.iter().map(|(_, id)| *id).chain(newest).chain(in_turn.map(|k| k.id)).collect();
+    let mut ids: Vec<u32> = known.into_iter().chain(newest).chain(in_turn.map(|k| k.id)).collect();
     ids.sort_unstable();
     ids.dedup();
     let mut found: Vec<(usize, Candidate)> = Vec::new();

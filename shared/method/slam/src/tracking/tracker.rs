@@ -150,7 +150,7 @@ impl Tracker {
                         let record = FrameRecord { colour, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
                         let record = with_sighting(&input, &mut self.aligner, record);
-                        with_request(&input, &aligned, record)
+                        with_request(&input, &mut self.aligner, &aligned, record)
                     } else {
                         FrameRecord { lost_nanos: self.state.lost_nanos, ..record }
                     }
