@@ -47,6 +47,9 @@ pub(crate) struct Arguments {
     /// Where odometry and path are published
     #[arg(long, value_name = "NAMESPACE", default_value = "/tessera", value_parser = namespace)]
     pub(crate) namespace: String,
+    /// Distance of neighbouring points of the map, metres
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    pub(crate) map_spacing: f64,
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
     pub(crate) domain: Option<u16>,
@@ -69,6 +72,11 @@ fn namespace(text: &str) -> Result<String, String> {
     }
 }
 
+fn metres(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|metres| (0.005..=1.0).contains(metres));
+    found.ok_or_else(|| "expected 0.005 to 1 m".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,8 +88,12 @@ mod tests {
         let words = ["tessera-ros2", "desk", "--run", "--domain", "7", "--", "--frames", "3"];
         let arguments = Arguments::try_parse_from(words).unwrap();
         assert_eq!((arguments.domain, arguments.run_arguments.len()), (Some(7), 2));
-        for wrong in [["x", "--namespace", "tessera"], ["x", "--domain", "233"], ["x", "--network", "wlan0"]]
-        {
+        for wrong in [
+            ["x", "--namespace", "tessera"],
+            ["x", "--domain", "233"],
+            ["x", "--network", "wlan0"],
+            ["x", "--map-spacing", "nan"],
+        ] {
             assert!(Arguments::try_parse_from(["tessera-ros2"].into_iter().chain(wrong)).is_err());
         }
     }

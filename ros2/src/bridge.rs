@@ -5,6 +5,7 @@ use crate::carrier::Carrier;
 use crate::dds::Dds;
 use crate::error::Ros2Error;
 use crate::input::Input;
+use crate::map::{MapOptions, MapSide};
 use crate::network::{Network, Reach, doubt_buffers};
 use crate::output::Output;
 use crate::own_sockets::keep_to_loopback;
@@ -49,6 +50,8 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         report.say(&words);
     }
     let input = Input::new(arguments, &mut carrier)?;
+    let map =
+        MapSide::new(&mut carrier, &arguments.namespace, MapOptions { spacing_m: arguments.map_spacing })?;
     let output = Output::new(&mut carrier, &arguments.namespace, !arguments.no_tf)?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
@@ -58,6 +61,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
             run,
             input,
             output,
+            map,
             poses: None,
             report,
             n_dropped: 0,
@@ -101,6 +105,7 @@ struct Bridge<'a> {
     carrier: &'a mut dyn Carrier,
     input: Input,
     output: Output,
+    map: MapSide,
     poses: Option<Subscriber<PoseMessage>>,
     report: Report,
     /// Frames that the run left out, as the gaps between its poses tell.
@@ -126,6 +131,7 @@ impl Bridge<'_> {
                 if !self.run.is_current()? {
                     break;
                 }
+                self.map.look(self.carrier, &self.run.entry, self.input.base());
                 if self.poses.is_none() {
                     self.poses = self.run.guest.pose_subscriber()?;
                 }
@@ -139,12 +145,16 @@ impl Bridge<'_> {
         if self.run.is_current()? {
             self.take_poses()?;
         }
+        if !is_stopped.load(Ordering::Relaxed) {
+            self.map.finish(&self.input.clock, &mut self.report)?;
+        }
         self.report.say(&format!("the run {} is over", self.run.entry.name));
         self.tell()
     }
 
     fn step(&mut self) -> Result<(), Ros2Error> {
         self.take_poses()?;
+        self.map.step(&self.input.clock, &mut self.report)?;
         self.input.step(self.carrier, &self.run.guest, &mut self.report)
     }
 

@@ -1,6 +1,8 @@
 //! What carries messages of ROS 2: topics with types and qualities of service, messages as bytes of
 //! CDR behind their encapsulation of four bytes.
 
+use std::collections::BTreeSet;
+
 /// A message type of ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RosType {
@@ -26,6 +28,7 @@ types! {
     ODOMETRY, "nav_msgs/msg/Odometry", "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0";
     PATH, "nav_msgs/msg/Path", "1957a5bb3cee5da65c4e52e52b65a93df227efce4c20f8458b36e73066ca334b";
     TRANSFORMS, "tf2_msgs/msg/TFMessage", "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
+    CLOUD, "sensor_msgs/msg/PointCloud2", "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5";
     DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e";
 }
 
@@ -64,6 +67,8 @@ impl Quality {
     pub(crate) const DEFAULT: Self = Self { is_reliable: true, is_kept: false, depth: 10 };
     /// `/tf`.
     pub(crate) const TRANSFORMS: Self = Self { is_reliable: true, is_kept: false, depth: 100 };
+    /// What late readers are to have too, as `/map`.
+    pub(crate) const LATCHED: Self = Self { is_reliable: true, is_kept: true, depth: 1 };
     /// `/tf_static` as it is read.
     pub(crate) const STATIC: Self = Self { is_reliable: true, is_kept: true, depth: 100 };
 
@@ -119,6 +124,8 @@ pub(crate) trait Carrier {
     ) -> Result<Box<dyn Publication>, CarrierError>;
     /// The topics that others write, in order, each once for each type.
     fn seen(&self) -> Vec<Seen>;
+    /// The topics that others read.
+    fn read_topics(&self) -> BTreeSet<String>;
     /// Readers and writers of others on our topics that cannot be joined to ours, each with the reason.
     fn unmatched(&self) -> Vec<String>;
     /// On what it listens, for people.

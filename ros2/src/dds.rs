@@ -141,6 +141,13 @@ impl Carrier for Dds {
         seen.into_iter().collect()
     }
 
+    fn read_topics(&self) -> BTreeSet<String> {
+        let own = self.participant.guid_prefix();
+        let readers = self.participant.discovered_readers();
+        let others = readers.iter().map(|r| &r.subscription_topic_data).filter(|d| d.key().prefix != own);
+        others.filter_map(|data| data.topic_name().strip_prefix(PREFIX).map(str::to_owned)).collect()
+    }
+
     fn unmatched(&self) -> Vec<String> {
         let own = self.participant.guid_prefix();
         let mut found = BTreeSet::new();

@@ -14,6 +14,7 @@ mod dds;
 mod error;
 mod first;
 mod input;
+mod map;
 mod network;
 mod output;
 mod own_sockets;

@@ -32,6 +32,8 @@ pub(crate) enum Event {
     Carrier,
     /// What others have and cannot be joined.
     Unmatched,
+    /// A run directory that cannot be read.
+    Map,
 }
 
 impl Event {
@@ -49,6 +51,7 @@ impl Event {
             Self::NotSent => "images not sent",
             Self::Carrier => "network errors",
             Self::Unmatched => "not matched",
+            Self::Map => "map not read",
         }
     }
 }

@@ -183,9 +183,9 @@ impl Network {
         Program::start(command, true)
     }
 
-    pub(crate) fn listen(&self) -> Listener {
+    pub(crate) fn listen(&self, arguments: &[&str]) -> Listener {
         let mut command = self.script("listen.py");
-        command.arg(&self.domain);
+        command.arg(&self.domain).args(arguments);
         Listener(Program::start(command, true))
     }
 

@@ -1,10 +1,12 @@
 """Prints what a run publishes into a ROS 2 network, a line of JSON each, until it is ended.
 
-    python listen.py DOMAIN
+    python listen.py DOMAIN [map]
 
+With `map` it reads the topics of the map as well.
 Each message is decoded by rosbags; `same` says that rosbags makes the same bytes of it again.
 """
 
+import base64
 import json
 import sys
 import time
@@ -14,6 +16,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from rosbags.typesys import Stores, get_typestore
 
+import map_messages
 import messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -56,6 +59,13 @@ def diagnostics(m):
     return {"status": [one(s) for s in m.status]}
 
 
+def cloud(m):
+    fields = [[f.name, f.offset, f.datatype, f.count] for f in m.fields]
+    shape = [m.height, m.width, m.point_step, m.row_step, m.is_bigendian, m.is_dense]
+    data = base64.b64encode(m.data.tobytes()).decode()
+    return {"stamp": nanos(m.header), "frame": m.header.frame_id, "fields": fields, "shape": shape, "data": data}
+
+
 TOPICS = [
     ("/tessera/odom", messages.Odometry, "nav_msgs/msg/Odometry", odometry),
     ("/tf", messages.TFMessage, "tf2_msgs/msg/TFMessage", transforms),
@@ -64,11 +74,19 @@ TOPICS = [
 ]
 
 
+MAP_TOPICS = [
+    ("/tessera/map_points", map_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
+    ("/tessera/map_cloud", map_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
+]
+KEPT = ["/tessera/map_cloud"]
+
+
 def main():
     participant = DomainParticipant(int(sys.argv[1]))
     readers = []
-    for topic, kind, name, words in TOPICS:
-        reader = DataReader(participant, Topic(participant, "rt" + topic, kind), qos=messages.RELIABLE)
+    for topic, kind, name, words in TOPICS + (MAP_TOPICS if "map" in sys.argv[2:] else []):
+        qos = messages.STATIC if topic in KEPT else messages.RELIABLE
+        reader = DataReader(participant, Topic(participant, "rt" + topic, kind), qos=qos)
         readers.append((reader, topic, name, words))
     # One that wants more than is offered gets nothing, and the other side is to say why.
     greedy = DataReader(participant, Topic(participant, "rt/tessera/odom", messages.Odometry), qos=messages.STATIC)
