@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::map::MapOptions;
 use crate::network::{Reach, parse_reach};
 use clap::Parser;
 
@@ -50,6 +51,21 @@ pub(crate) struct Arguments {
     /// Distance of neighbouring points of the map, metres
     #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
     pub(crate) map_spacing: f64,
+    /// Topic of the occupancy grid [default: NAMESPACE/grid]
+    #[arg(long, value_name = "TOPIC", value_parser = namespace)]
+    pub(crate) grid_topic: Option<String>,
+    /// Edge of the grid's cells, metres
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    pub(crate) grid_cell: f64,
+    /// Heights of obstacles above the origin of map, metres
+    #[arg(
+        long,
+        value_name = "LOW,HIGH",
+        default_value = "0.1,1.0",
+        value_parser = heights,
+        allow_hyphen_values = true
+    )]
+    pub(crate) grid_heights: (f64, f64),
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
     pub(crate) domain: Option<u16>,
@@ -77,6 +93,24 @@ fn metres(text: &str) -> Result<f64, String> {
     found.ok_or_else(|| "expected 0.005 to 1 m".to_owned())
 }
 
+fn heights(text: &str) -> Result<(f64, f64), String> {
+    let numbers = text.split_once(',').and_then(|(low, high)| Some((low.parse().ok()?, high.parse().ok()?)));
+    let is_band = |(low, high): &(f64, f64)| low.abs() <= 100.0 && (0.1..=3.0).contains(&(high - low));
+    numbers.filter(is_band).ok_or_else(|| "expected two heights 0.1 to 3 m apart, such as 0.1,1.0".to_owned())
+}
+
+impl Arguments {
+    /// How the map is published.
+    pub(crate) fn map(&self) -> MapOptions {
+        MapOptions { spacing_m: self.map_spacing, cell_m: self.grid_cell, heights_m: self.grid_heights }
+    }
+
+    /// Topic of the occupancy grid.
+    pub(crate) fn grid_topic(&self) -> String {
+        self.grid_topic.clone().unwrap_or_else(|| format!("{}/grid", self.namespace))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,6 +127,7 @@ mod tests {
             ["x", "--domain", "233"],
             ["x", "--network", "wlan0"],
             ["x", "--map-spacing", "nan"],
+            ["x", "--grid-heights", "1,0"],
         ] {
             assert!(Arguments::try_parse_from(["tessera-ros2"].into_iter().chain(wrong)).is_err());
         }

@@ -5,7 +5,7 @@ use crate::carrier::Carrier;
 use crate::dds::Dds;
 use crate::error::Ros2Error;
 use crate::input::Input;
-use crate::map::{MapOptions, MapSide};
+use crate::map::MapSide;
 use crate::network::{Network, Reach, doubt_buffers};
 use crate::output::Output;
 use crate::own_sockets::keep_to_loopback;
@@ -50,8 +50,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         report.say(&words);
     }
     let input = Input::new(arguments, &mut carrier)?;
-    let map =
-        MapSide::new(&mut carrier, &arguments.namespace, MapOptions { spacing_m: arguments.map_spacing })?;
+    let map = MapSide::new(&mut carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
     let output = Output::new(&mut carrier, &arguments.namespace, !arguments.no_tf)?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;

@@ -3,9 +3,15 @@
 
 mod cloud;
 mod follow;
+mod grid;
+mod lattice;
+mod making;
+mod mapper;
 mod pace;
 mod points;
+mod scan;
 mod side;
+mod votes;
 mod worker;
 
 pub(crate) use side::MapSide;

@@ -1,51 +1,54 @@
-//! When what shows the whole map is due again: not while nothing moved, and not more often than a
-//! network and its readers can bear.
+//! How often what is large or takes long is made again: not more often than a network and a
+//! processor that have other work can bear.
 
-use super::follow::Scene;
 use std::time::{Duration, Instant};
 
-/// Least time between two of a kind.
-const PERIOD: Duration = Duration::from_secs(5);
 /// Bytes a second on average, at most.
 const BYTES_PER_S: f64 = 2e6;
+/// Time of a processor, at most.
+const SHARE: f64 = 0.1;
 
-/// The keyframes as they were shown last, and when they may be shown again.
-#[derive(Debug, Default)]
+/// When something may be made again.
+#[derive(Debug)]
 pub(crate) struct Pace {
-    shown: Scene,
+    period: Duration,
     next: Option<Instant>,
 }
 
 impl Pace {
-    /// Whether this is to be shown now; `is_last` waits for nothing.
-    pub(crate) fn is_due(&self, scene: &Scene, now: Instant, is_last: bool) -> bool {
-        *scene != self.shown && (is_last || self.next.is_none_or(|next| now >= next))
+    /// Now, and then after that time at least.
+    pub(crate) fn new(period: Duration) -> Self {
+        Self { period, next: None }
     }
 
-    /// Notes that it was shown with so many bytes.
-    pub(crate) fn show(&mut self, scene: Scene, now: Instant, n_bytes: usize) {
-        let wait = PERIOD.max(Duration::from_secs_f64(n_bytes as f64 / BYTES_PER_S));
-        (self.shown, self.next) = (scene, Some(now + wait));
+    /// Whether it may be made now.
+    pub(crate) fn is_open(&self, now: Instant) -> bool {
+        self.next.is_none_or(|next| now >= next)
+    }
+
+    /// Notes that it was made, from when to when, and has so many bytes.
+    pub(crate) fn close(&mut self, began: Instant, now: Instant, n_bytes: usize) {
+        let took = now.saturating_duration_since(began);
+        let wait = self.period.max(Duration::from_secs_f64(n_bytes as f64 / BYTES_PER_S));
+        self.next = Some(now + wait.max(took.div_f64(SHARE)));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tessera_geometry::Pose;
 
     #[test]
-    fn what_moved_is_shown_again_after_a_while() {
-        let (mut pace, now) = (Pace::default(), Instant::now());
-        let scene = |x| vec![(0, Pose::translation(x, 0.0, 0.0))];
+    fn what_is_large_or_takes_long_is_made_less_often() {
+        let now = Instant::now();
         let after = |seconds| now + Duration::from_secs(seconds);
-        assert!(!pace.is_due(&Vec::new(), now, true), "there is no keyframe");
-        assert!(pace.is_due(&scene(0.0), now, false));
-        pace.show(scene(0.0), now, 1000);
-        assert!(!pace.is_due(&scene(0.0), after(60), true));
-        assert!(!pace.is_due(&scene(1.0), after(4), false) && pace.is_due(&scene(1.0), after(4), true));
-        assert!(pace.is_due(&scene(1.0), after(5), false));
-        pace.show(scene(1.0), now, 40_000_000);
-        assert!(!pace.is_due(&scene(2.0), after(19), false) && pace.is_due(&scene(2.0), after(20), false));
+        let mut pace = Pace::new(Duration::from_secs(5));
+        assert!(pace.is_open(now));
+        pace.close(now, now, 1000);
+        assert!(!pace.is_open(after(4)) && pace.is_open(after(5)));
+        pace.close(now, now, 40_000_000);
+        assert!(!pace.is_open(after(19)) && pace.is_open(after(20)));
+        pace.close(now, after(3), 1000);
+        assert!(!pace.is_open(after(32)) && pace.is_open(after(33)));
     }
 }

@@ -1,8 +1,9 @@
 //! The map's side of the network: its topics, and what the thread makes for them.
 
+use super::mapper::GridUpdate;
 use super::worker::{MapOptions, Update, Wanted, Worker};
 use crate::base::Base;
-use crate::carrier::{CLOUD, Carrier, CarrierError, Publication, Quality};
+use crate::carrier::{CLOUD, Carrier, CarrierError, GRID, GRID_UPDATE, Publication, Quality};
 use crate::clock::Clock;
 use crate::error::Ros2Error;
 use crate::report::{Event, Report};
@@ -24,6 +25,8 @@ pub(crate) struct MapSide {
     options: MapOptions,
     points: Topic,
     cloud: Topic,
+    grid: Topic,
+    grid_updates: Topic,
     wanted: Arc<Wanted>,
     updates: Option<Receiver<Update>>,
 }
@@ -40,7 +43,7 @@ impl MapSide {
     /// Where the network refuses one.
     pub(crate) fn new(
         carrier: &mut dyn Carrier,
-        namespace: &str,
+        (namespace, grid): (&str, &str),
         options: MapOptions,
     ) -> Result<Self, CarrierError> {
         let mut topic =
@@ -49,6 +52,8 @@ impl MapSide {
             options,
             points: topic(format!("{namespace}/map_points"), CLOUD, Quality::DEFAULT)?,
             cloud: topic(format!("{namespace}/map_cloud"), CLOUD, Quality::LATCHED)?,
+            grid: topic(grid.to_owned(), GRID, Quality::LATCHED)?,
+            grid_updates: topic(format!("{grid}_updates"), GRID_UPDATE, Quality::DEFAULT)?,
             wanted: Arc::default(),
             updates: None,
         })
@@ -59,6 +64,7 @@ impl MapSide {
         let read = carrier.read_topics();
         self.wanted.points.store(read.contains(&self.points.name), Ordering::Relaxed);
         self.wanted.cloud.store(read.contains(&self.cloud.name), Ordering::Relaxed);
+        self.wanted.grid.store(read.contains(&self.grid.name), Ordering::Relaxed);
         if self.updates.is_none()
             && let Some(base) = base
         {
@@ -110,6 +116,12 @@ impl MapSide {
         let sent = match update {
             Update::Points(at, packed) => self.points.to.send(&encode(&packed.message(header(*at)))?),
             Update::Cloud(at, packed) => self.cloud.to.send(&encode(&packed.message(header(*at)))?),
+            Update::Grid(at, GridUpdate::Whole(grid)) => {
+                self.grid.to.send(&encode(&grid.message(header(*at), self.options.cell_m))?)
+            }
+            Update::Grid(at, GridUpdate::Part(part)) => {
+                self.grid_updates.to.send(&encode(&part.message(header(*at)))?)
+            }
             Update::Trouble(why) => {
                 report.note(Event::Map, || format!("the map cannot be read: {why}"));
                 return Ok(());

@@ -153,7 +153,15 @@ pub(crate) struct Listener(Program);
 impl Listener {
     /// Ends it; all lines that it printed whole.
     pub(crate) fn finish(self) -> Vec<Value> {
-        let text = self.0.end();
+        Self::lines(&self.0.end())
+    }
+
+    /// All lines, once it has ended by itself.
+    pub(crate) fn await_end(self) -> Vec<Value> {
+        Self::lines(&self.0.finish())
+    }
+
+    fn lines(text: &str) -> Vec<Value> {
         text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
     }
 }

@@ -20,7 +20,7 @@ fn points(line: &Value) -> Vec<(Point3<f64>, [u8; 3])> {
     data.chunks_exact(16).map(of).collect()
 }
 
-fn base64(text: &str) -> Vec<u8> {
+pub(crate) fn base64(text: &str) -> Vec<u8> {
     let digit = |byte: u8| match byte {
         b'A'..=b'Z' => byte - b'A',
         b'a'..=b'z' => byte - b'a' + 26,
@@ -39,7 +39,7 @@ fn base64(text: &str) -> Vec<u8> {
 }
 
 /// The points of `map.ply` in the frame `map`.
-fn written(setup: &Setup) -> Vec<Point3<f64>> {
+pub(crate) fn written(setup: &Setup) -> Vec<Point3<f64>> {
     let bytes = std::fs::read(setup.out().join("map.ply")).unwrap();
     let end = b"end_header\n";
     let begin = bytes.windows(end.len()).position(|window| window == end).unwrap() + end.len();
@@ -52,7 +52,7 @@ fn written(setup: &Setup) -> Vec<Point3<f64>> {
 }
 
 /// Answers whether a point is near one of these.
-fn near(points: impl Iterator<Item = Point3<f64>>) -> impl Fn(&Point3<f64>) -> bool {
+pub(crate) fn near(points: impl Iterator<Item = Point3<f64>>) -> impl Fn(&Point3<f64>) -> bool {
     let cell = |point: &Point3<f64>| point.coords.map(|metres| (metres / NEAR_M).floor() as i64);
     let mut cells: HashMap<_, Vec<Point3<f64>>> = HashMap::new();
     points.for_each(|point| cells.entry(cell(&point)).or_default().push(point));

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import sequence, uint8, uint32
+from cyclonedds.idl.types import float32, int8, int32, sequence, uint8, uint32
+from rosbags.typesys import get_types_from_msg
 
 import messages
+
+UPDATE = "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data\n"
 
 
 @dataclass
@@ -29,4 +32,35 @@ class PointCloud2(IdlStruct, typename="sensor_msgs::msg::dds_::PointCloud2_"):
     is_dense: bool
 
 
-messages.raw(PointCloud2)
+@dataclass
+class MapMetaData(IdlStruct, typename="nav_msgs::msg::dds_::MapMetaData_"):
+    map_load_time: messages.Time
+    resolution: float32
+    width: uint32
+    height: uint32
+    origin: messages.Pose
+
+
+@dataclass
+class OccupancyGrid(IdlStruct, typename="nav_msgs::msg::dds_::OccupancyGrid_"):
+    header: messages.Header
+    info: MapMetaData
+    data: sequence[int8]
+
+
+@dataclass
+class OccupancyGridUpdate(IdlStruct, typename="map_msgs::msg::dds_::OccupancyGridUpdate_"):
+    header: messages.Header
+    x: int32
+    y: int32
+    width: uint32
+    height: uint32
+    data: sequence[int8]
+
+
+messages.raw(PointCloud2, OccupancyGrid, OccupancyGridUpdate)
+
+
+def register(store):
+    """Teaches rosbags the types that its stores lack."""
+    store.register(get_types_from_msg(UPDATE, "map_msgs/msg/OccupancyGridUpdate"))
