@@ -11,6 +11,7 @@ use crate::output::Output;
 use crate::own_sockets::keep_to_loopback;
 use crate::report::{Event, Report};
 use crate::run::{Run, Started};
+use crate::save::SaveMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tessera_messages::PoseMessage;
@@ -51,6 +52,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     }
     let input = Input::new(arguments, &mut carrier)?;
     let map = MapSide::new(&mut carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
+    let save = SaveMap::new(&mut carrier, &arguments.namespace)?;
     let output = Output::new(&mut carrier, &arguments.namespace, !arguments.no_tf)?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
@@ -61,6 +63,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
             input,
             output,
             map,
+            save,
             poses: None,
             report,
             n_dropped: 0,
@@ -105,6 +108,7 @@ struct Bridge<'a> {
     input: Input,
     output: Output,
     map: MapSide,
+    save: SaveMap,
     poses: Option<Subscriber<PoseMessage>>,
     report: Report,
     /// Frames that the run left out, as the gaps between its poses tell.
@@ -154,6 +158,7 @@ impl Bridge<'_> {
     fn step(&mut self) -> Result<(), Ros2Error> {
         self.take_poses()?;
         self.map.step(&self.input.clock, &mut self.report)?;
+        self.save.step(&self.run.entry.run_dir, &mut self.report)?;
         self.input.step(self.carrier, &self.run.guest, &mut self.report)
     }
 

@@ -51,6 +51,20 @@ pub(crate) fn from_dds(name: &str) -> String {
     }
 }
 
+/// A service: what is asked and what is answered. Their hash is that of the service, which nothing
+/// here needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Service {
+    pub(crate) request: RosType,
+    pub(crate) response: RosType,
+}
+
+/// `std_srvs/srv/Trigger`.
+pub(crate) const TRIGGER: Service = Service {
+    request: RosType { name: "std_srvs/srv/Trigger_Request", hash: "" },
+    response: RosType { name: "std_srvs/srv/Trigger_Response", hash: "" },
+};
+
 /// Quality of service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Quality {
@@ -93,6 +107,9 @@ pub(crate) struct Seen {
     pub(crate) kind: String,
 }
 
+/// Bytes before a message that say how it is written.
+pub(crate) const ENCAPSULATION: usize = 4;
+
 /// What was received: bytes with their encapsulation.
 pub(crate) type Bytes = Vec<u8>;
 
@@ -106,6 +123,18 @@ pub(crate) trait Subscription {
 pub(crate) trait Publication {
     /// Sends a message, given with its encapsulation. Never waits for a reader.
     fn send(&mut self, message: &[u8]) -> Result<(), CarrierError>;
+}
+
+/// One who asked, as the carrier knows them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Client(pub(crate) Vec<u8>);
+
+/// Answers requests that have no content.
+pub(crate) trait Server {
+    /// The one who asked first of those that wait.
+    fn take(&mut self) -> Result<Option<Client>, CarrierError>;
+    /// Answers, with a message that has its encapsulation.
+    fn answer(&mut self, client: &Client, message: &[u8]) -> Result<(), CarrierError>;
 }
 
 /// Carries messages between this process and a ROS 2 network.
@@ -124,6 +153,8 @@ pub(crate) trait Carrier {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Publication>, CarrierError>;
+    /// Answers requests of a service from now on.
+    fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError>;
     /// The topics that others write, in order, each once for each type.
     fn seen(&self) -> Vec<Seen>;
     /// The topics that others read.

@@ -22,6 +22,7 @@ mod pairing;
 mod path;
 mod report;
 mod run;
+mod save;
 mod sender;
 mod topics;
 

@@ -9,6 +9,8 @@ mod grid;
 mod map;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
+#[path = "network/services.rs"]
+mod services;
 
 use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;

@@ -197,6 +197,13 @@ impl Network {
         Listener(Program::start(command, true))
     }
 
+    /// Calls the service; what the client prints.
+    pub(crate) fn call(&self, form: &str) -> Vec<Value> {
+        let mut command = self.script("call.py");
+        command.args([&self.domain, form]);
+        Listener(Program::start(command, true)).await_end()
+    }
+
     /// Starts `tessera-ros2`.
     pub(crate) fn join(&self, setup: &Setup, arguments: &[&str]) -> Program {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));

@@ -1,24 +1,28 @@
 //! DDS, by RustDDS: messages pass as bytes, and what they mean is not its business.
 
+mod raw;
+mod service;
+
 use crate::carrier::{
-    Bytes, Carrier, CarrierError, Publication, Quality, RosType, Seen, Subscription, from_dds,
+    Carrier, CarrierError, Publication, Quality, RosType, Seen, Server, Service, Subscription, from_dds,
 };
 use crate::network::{Network, Reach};
-use rustdds::bytes::Bytes as Body;
+use raw::{Reader, Writer};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
     DomainParticipant, DomainParticipantBuilder, Duration, QosPolicies, QosPolicyBuilder, RTPSEntity,
-    RepresentationIdentifier, TopicKind, no_key,
+    TopicKind,
 };
+use service::DdsServer;
 use std::collections::BTreeSet;
-use std::io;
 use std::net::{IpAddr, Ipv4Addr};
 
-/// Topics of ROS have this before their name.
+/// Topics of ROS have this before their name, requests and replies of services these.
 const PREFIX: &str = "rt";
+const REQUEST_PREFIX: &str = "rq";
+const REPLY_PREFIX: &str = "rr";
 /// Time that a write may wait: none worth speaking of.
 const MAX_BLOCKING: Duration = Duration::from_millis(10);
-const HEAD: usize = 4;
 
 /// A participant, and which of its readers and writers there are.
 pub(crate) struct Dds {
@@ -53,6 +57,27 @@ impl Dds {
         let participant =
             builder.build().map_err(|error| wrong(&format!("join DDS domain {}", network.domain), &error))?;
         Ok(Self { participant, network: network.clone(), readers: Vec::new(), writers: Vec::new() })
+    }
+
+    fn reader(&mut self, end: End) -> Result<Reader, CarrierError> {
+        let (topic, qos) = self.topic(&end)?;
+        let action = format!("subscribe {}", end.topic);
+        let subscriber = self.participant.create_subscriber(&qos).map_err(|e| wrong(&action, &e))?;
+        let reader =
+            subscriber.create_datareader_no_key(&topic, Some(qos)).map_err(|e| wrong(&action, &e))?;
+        let name = end.topic.clone();
+        self.readers.push(end);
+        Ok(Reader { reader, topic: name })
+    }
+
+    fn writer(&mut self, end: End) -> Result<Writer, CarrierError> {
+        let (topic, qos) = self.topic(&end)?;
+        let action = format!("publish {}", end.topic);
+        let publisher = self.participant.create_publisher(&qos).map_err(|e| wrong(&action, &e))?;
+        let writer = publisher.create_datawriter_no_key(&topic, Some(qos)).map_err(|e| wrong(&action, &e))?;
+        let name = end.topic.clone();
+        self.writers.push(end);
+        Ok(Writer { writer, topic: name })
     }
 
     fn topic(&self, end: &End) -> Result<(rustdds::Topic, QosPolicies), CarrierError> {
@@ -97,15 +122,7 @@ impl Carrier for Dds {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Subscription>, CarrierError> {
-        let end = end(topic, kind, quality);
-        let (made, qos) = self.topic(&end)?;
-        let action = format!("subscribe {topic}");
-        let subscriber = self.participant.create_subscriber(&qos).map_err(|e| wrong(&action, &e))?;
-        let reader = subscriber
-            .create_datareader_no_key::<Bytes, Raw>(&made, Some(qos))
-            .map_err(|e| wrong(&action, &e))?;
-        self.readers.push(end);
-        Ok(Box::new(Reader { reader, topic: topic.to_owned() }))
+        Ok(Box::new(self.reader(end(topic, kind, quality))?))
     }
 
     fn publish(
@@ -114,15 +131,15 @@ impl Carrier for Dds {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Publication>, CarrierError> {
-        let end = end(topic, kind, quality);
-        let (made, qos) = self.topic(&end)?;
-        let action = format!("publish {topic}");
-        let publisher = self.participant.create_publisher(&qos).map_err(|e| wrong(&action, &e))?;
-        let writer = publisher
-            .create_datawriter_no_key::<Body, Raw>(&made, Some(qos))
-            .map_err(|e| wrong(&action, &e))?;
-        self.writers.push(end);
-        Ok(Box::new(Writer { writer, topic: topic.to_owned() }))
+        Ok(Box::new(self.writer(end(topic, kind, quality))?))
+    }
+
+    fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError> {
+        let quality = Quality::DEFAULT;
+        let end = |topic: String, kind: RosType| End { topic, kind: kind.in_dds(), quality };
+        let requests = self.reader(end(format!("{REQUEST_PREFIX}{name}Request"), service.request))?;
+        let replies = self.writer(end(format!("{REPLY_PREFIX}{name}Reply"), service.response))?;
+        Ok(Box::new(DdsServer { requests, replies }))
     }
 
     fn seen(&self) -> Vec<Seen> {
@@ -200,78 +217,4 @@ fn refused(ours: &End, kind: &str, mismatch: Option<&'static str>) -> Option<Str
         return Some(format!("{topic}: another program has type {found}, expected {expected}"));
     }
     mismatch.map(|why| format!("{topic}: {why}"))
-}
-
-/// Passes bytes through, behind their encapsulation.
-struct Raw;
-
-#[derive(Clone)]
-struct RawDecoder;
-
-impl no_key::DeserializerAdapter<Bytes> for Raw {
-    type Error = io::Error;
-    type Decoded = Bytes;
-
-    fn supported_encodings() -> &'static [RepresentationIdentifier] {
-        &[RepresentationIdentifier::CDR_LE, RepresentationIdentifier::CDR_BE]
-    }
-
-    fn transform_decoded(decoded: Bytes) -> Bytes {
-        decoded
-    }
-}
-
-impl<'de> no_key::Decode<'de, Bytes> for RawDecoder {
-    type Error = io::Error;
-
-    fn decode_bytes(self, body: &'de [u8], encoding: RepresentationIdentifier) -> Result<Bytes, io::Error> {
-        let order = u8::from(encoding == RepresentationIdentifier::CDR_LE);
-        let mut message = Vec::with_capacity(HEAD + body.len());
-        message.extend([0, order, 0, 0]);
-        message.extend(body);
-        Ok(message)
-    }
-}
-
-impl no_key::DefaultDecoder<Bytes> for Raw {
-    type Decoder = RawDecoder;
-    const DECODER: RawDecoder = RawDecoder;
-}
-
-impl no_key::SerializerAdapter<Body> for Raw {
-    type Error = io::Error;
-
-    fn output_encoding() -> RepresentationIdentifier {
-        RepresentationIdentifier::CDR_LE
-    }
-
-    fn to_bytes(value: &Body) -> Result<Body, io::Error> {
-        Ok(value.clone())
-    }
-}
-
-struct Reader {
-    reader: no_key::DataReader<Bytes, Raw>,
-    topic: String,
-}
-
-impl Subscription for Reader {
-    fn take(&mut self) -> Result<Option<Bytes>, CarrierError> {
-        match self.reader.take_next_sample() {
-            Ok(sample) => Ok(sample.map(no_key::DataSample::into_value)),
-            Err(error) => Err(wrong(&format!("read {}", self.topic), &error)),
-        }
-    }
-}
-
-struct Writer {
-    writer: no_key::DataWriter<Body, Raw>,
-    topic: String,
-}
-
-impl Publication for Writer {
-    fn send(&mut self, message: &[u8]) -> Result<(), CarrierError> {
-        let body = Body::copy_from_slice(message.get(HEAD..).unwrap_or_default());
-        self.writer.write(body, None).map_err(|error| wrong(&format!("write {}", self.topic), &error))
-    }
 }
