@@ -66,6 +66,9 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     pub(crate) grid_heights: (f64, f64),
+    /// Distribution of ROS 2 of the others: humble has node names of its own form [default: ROS_DISTRO]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) ros_distro: Option<String>,
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
     pub(crate) domain: Option<u16>,
@@ -103,6 +106,12 @@ impl Arguments {
     /// How the map is published.
     pub(crate) fn map(&self) -> MapOptions {
         MapOptions { spacing_m: self.map_spacing, cell_m: self.grid_cell, heights_m: self.grid_heights }
+    }
+
+    /// Whether node names have the form of ROS 2 Humble.
+    pub(crate) fn is_humble(&self) -> bool {
+        let distro = self.ros_distro.clone().or_else(|| std::env::var("ROS_DISTRO").ok());
+        distro.is_some_and(|name| name == "humble")
     }
 
     /// Topic of the occupancy grid.

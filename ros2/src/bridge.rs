@@ -2,7 +2,7 @@
 
 use crate::arguments::Arguments;
 use crate::carrier::Carrier;
-use crate::dds::Dds;
+use crate::dds::{Dds, NodeName};
 use crate::error::Ros2Error;
 use crate::input::Input;
 use crate::map::MapSide;
@@ -38,7 +38,8 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     let report = Report::new(arguments.quiet);
     let network = Network::choose(arguments.domain, arguments.network, |name| std::env::var(name).ok())
         .map_err(Ros2Error::Arguments)?;
-    let mut carrier = Dds::open(&network)?;
+    let name = NodeName { path: arguments.namespace.clone(), is_humble: arguments.is_humble() };
+    let mut carrier = Dds::open(&network, name)?;
     report.say(&carrier.words());
     if network.reach == Reach::Loopback
         && let Err(error) = keep_to_loopback()
@@ -54,6 +55,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     let map = MapSide::new(&mut carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
     let save = SaveMap::new(&mut carrier, &arguments.namespace)?;
     let output = Output::new(&mut carrier, &arguments.namespace, !arguments.no_tf)?;
+    carrier.introduce()?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
     if let Some(run) = await_run(&arguments.name, started.as_mut(), is_stopped, &report)? {
@@ -133,6 +135,9 @@ impl Bridge<'_> {
                 looked = Instant::now();
                 if !self.run.is_current()? {
                     break;
+                }
+                if let Err(error) = self.carrier.introduce() {
+                    self.report.note(Event::Carrier, || error.to_string());
                 }
                 self.map.look(self.carrier, &self.run.entry, self.input.base());
                 if self.poses.is_none() {

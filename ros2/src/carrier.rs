@@ -155,6 +155,8 @@ pub(crate) trait Carrier {
     ) -> Result<Box<dyn Publication>, CarrierError>;
     /// Answers requests of a service from now on.
     fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError>;
+    /// Tells by name what this program reads and writes, where that has changed.
+    fn introduce(&mut self) -> Result<(), CarrierError>;
     /// The topics that others write, in order, each once for each type.
     fn seen(&self) -> Vec<Seen>;
     /// The topics that others read.

@@ -1,5 +1,6 @@
 //! DDS, by RustDDS: messages pass as bytes, and what they mean is not its business.
 
+mod node;
 mod raw;
 mod service;
 
@@ -7,10 +8,12 @@ use crate::carrier::{
     Carrier, CarrierError, Publication, Quality, RosType, Seen, Server, Service, Subscription, from_dds,
 };
 use crate::network::{Network, Reach};
+pub(crate) use node::NodeName;
+use node::{Ends, Node};
 use raw::{Reader, Writer};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, Duration, QosPolicies, QosPolicyBuilder, RTPSEntity,
+    DomainParticipant, DomainParticipantBuilder, Duration, GUID, QosPolicies, QosPolicyBuilder, RTPSEntity,
     TopicKind,
 };
 use service::DdsServer;
@@ -30,6 +33,7 @@ pub(crate) struct Dds {
     network: Network,
     readers: Vec<End>,
     writers: Vec<End>,
+    node: Node,
 }
 
 /// A reader or writer: topic and type as DDS has them.
@@ -38,14 +42,15 @@ struct End {
     topic: String,
     kind: String,
     quality: Quality,
+    guid: GUID,
 }
 
 impl Dds {
-    /// Joins a domain.
+    /// Joins a domain as a node of that name.
     ///
     /// # Errors
     /// Where the sockets cannot be had.
-    pub(crate) fn open(network: &Network) -> Result<Self, CarrierError> {
+    pub(crate) fn open(network: &Network, name: NodeName) -> Result<Self, CarrierError> {
         let builder = DomainParticipantBuilder::new(network.domain);
         let builder = match network.reach {
             Reach::Loopback => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
@@ -56,43 +61,54 @@ impl Dds {
         };
         let participant =
             builder.build().map_err(|error| wrong(&format!("join DDS domain {}", network.domain), &error))?;
-        Ok(Self { participant, network: network.clone(), readers: Vec::new(), writers: Vec::new() })
+        let to = make_writer(&participant, node::TOPIC, (node::KIND, &Quality::LATCHED))?;
+        let node = Node { name, to, told: Vec::new() };
+        Ok(Self { participant, network: network.clone(), readers: Vec::new(), writers: Vec::new(), node })
     }
 
-    fn reader(&mut self, end: End) -> Result<Reader, CarrierError> {
-        let (topic, qos) = self.topic(&end)?;
-        let action = format!("subscribe {}", end.topic);
+    fn reader(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Reader, CarrierError> {
+        let kind = kind.in_dds();
+        let (made, qos) = make_topic(&self.participant, &topic, (&kind, &quality))?;
+        let action = format!("subscribe {topic}");
         let subscriber = self.participant.create_subscriber(&qos).map_err(|e| wrong(&action, &e))?;
-        let reader =
-            subscriber.create_datareader_no_key(&topic, Some(qos)).map_err(|e| wrong(&action, &e))?;
-        let name = end.topic.clone();
-        self.readers.push(end);
-        Ok(Reader { reader, topic: name })
+        let reader = subscriber.create_datareader_no_key(&made, Some(qos)).map_err(|e| wrong(&action, &e))?;
+        let reader = Reader { reader, topic: topic.clone() };
+        self.readers.push(End { topic, kind, quality, guid: reader.reader.guid() });
+        Ok(reader)
     }
 
-    fn writer(&mut self, end: End) -> Result<Writer, CarrierError> {
-        let (topic, qos) = self.topic(&end)?;
-        let action = format!("publish {}", end.topic);
-        let publisher = self.participant.create_publisher(&qos).map_err(|e| wrong(&action, &e))?;
-        let writer = publisher.create_datawriter_no_key(&topic, Some(qos)).map_err(|e| wrong(&action, &e))?;
-        let name = end.topic.clone();
-        self.writers.push(end);
-        Ok(Writer { writer, topic: name })
+    fn writer(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Writer, CarrierError> {
+        let kind = kind.in_dds();
+        let writer = make_writer(&self.participant, &topic, (&kind, &quality))?;
+        self.writers.push(End { topic, kind, quality, guid: writer.writer.guid() });
+        Ok(writer)
     }
+}
 
-    fn topic(&self, end: &End) -> Result<(rustdds::Topic, QosPolicies), CarrierError> {
-        let qos = qos(&end.quality);
-        let made = self.participant.create_topic(end.topic.clone(), end.kind.clone(), &qos, TopicKind::NoKey);
-        Ok((made.map_err(|error| wrong(&format!("make topic {}", end.topic), &error))?, qos))
-    }
+fn make_topic(
+    participant: &DomainParticipant,
+    name: &str,
+    (kind, quality): (&str, &Quality),
+) -> Result<(rustdds::Topic, QosPolicies), CarrierError> {
+    let qos = qos(quality);
+    let made = participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey);
+    Ok((made.map_err(|error| wrong(&format!("make topic {name}"), &error))?, qos))
+}
+
+fn make_writer(
+    participant: &DomainParticipant,
+    name: &str,
+    of: (&str, &Quality),
+) -> Result<Writer, CarrierError> {
+    let (topic, qos) = make_topic(participant, name, of)?;
+    let action = format!("publish {name}");
+    let publisher = participant.create_publisher(&qos).map_err(|e| wrong(&action, &e))?;
+    let writer = publisher.create_datawriter_no_key(&topic, Some(qos)).map_err(|e| wrong(&action, &e))?;
+    Ok(Writer { writer, topic: name.to_owned() })
 }
 
 fn wrong(action: &str, reason: &dyn std::fmt::Debug) -> CarrierError {
     CarrierError { action: action.to_owned(), reason: format!("{reason:?}") }
-}
-
-fn end(topic: &str, kind: RosType, quality: Quality) -> End {
-    End { topic: format!("{PREFIX}{topic}"), kind: kind.in_dds(), quality }
 }
 
 fn qos(quality: &Quality) -> QosPolicies {
@@ -122,7 +138,7 @@ impl Carrier for Dds {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Subscription>, CarrierError> {
-        Ok(Box::new(self.reader(end(topic, kind, quality))?))
+        Ok(Box::new(self.reader(format!("{PREFIX}{topic}"), kind, quality)?))
     }
 
     fn publish(
@@ -131,15 +147,23 @@ impl Carrier for Dds {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Publication>, CarrierError> {
-        Ok(Box::new(self.writer(end(topic, kind, quality))?))
+        Ok(Box::new(self.writer(format!("{PREFIX}{topic}"), kind, quality)?))
     }
 
     fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError> {
         let quality = Quality::DEFAULT;
-        let end = |topic: String, kind: RosType| End { topic, kind: kind.in_dds(), quality };
-        let requests = self.reader(end(format!("{REQUEST_PREFIX}{name}Request"), service.request))?;
-        let replies = self.writer(end(format!("{REPLY_PREFIX}{name}Reply"), service.response))?;
+        let requests = self.reader(format!("{REQUEST_PREFIX}{name}Request"), service.request, quality)?;
+        let replies = self.writer(format!("{REPLY_PREFIX}{name}Reply"), service.response, quality)?;
         Ok(Box::new(DdsServer { requests, replies }))
+    }
+
+    fn introduce(&mut self) -> Result<(), CarrierError> {
+        let guids = |ends: &[End]| ends.iter().map(|end| end.guid).collect();
+        self.node.tell(&Ends {
+            participant: self.participant.guid(),
+            readers: guids(&self.readers),
+            writers: guids(&self.writers),
+        })
     }
 
     fn seen(&self) -> Vec<Seen> {

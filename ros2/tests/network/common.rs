@@ -197,10 +197,10 @@ impl Network {
         Listener(Program::start(command, true))
     }
 
-    /// Calls the service; what the client prints.
-    pub(crate) fn call(&self, form: &str) -> Vec<Value> {
-        let mut command = self.script("call.py");
-        command.args([&self.domain, form]);
+    /// Runs a program to its end; what it prints.
+    pub(crate) fn ask(&self, script: &str, word: &str) -> Vec<Value> {
+        let mut command = self.script(script);
+        command.args([&self.domain, word]);
         Listener(Program::start(command, true)).await_end()
     }
 

@@ -1,10 +1,10 @@
-//! Services that others call.
+//! Services that others call, and the name that they see.
 
 use crate::common::{Network, Setup, room};
 use serde_json::Value;
 
 fn call(network: &Network, form: &str) -> Value {
-    let line = network.call(form).pop().expect("a reply");
+    let line = network.ask("call.py", form).pop().expect("a reply");
     assert_eq!(line["same"], true, "{line}");
     line
 }
@@ -39,4 +39,28 @@ fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
     ros2.terminate();
     let words = ros2.finish();
     assert!(map.exists(), "{words}");
+}
+
+#[test]
+fn the_node_has_a_name_and_its_own_topics() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(10);
+    for (distro, namespace, expected) in
+        [("jazzy", "/tessera", ["/", "tessera"]), ("humble", "/robot/slam", ["/robot", "slam"])]
+    {
+        let ros2 = network.join(&setup, &["--ros-distro", distro, "--namespace", namespace]);
+        let node = network.ask("nodes.py", distro).pop().expect("a node");
+        assert_eq!(node["same"], true, "{node}");
+        assert_eq!([&node["namespace"], &node["name"]], expected);
+        let has =
+            |ends: &str, topic: String| node[ends].as_array().unwrap().iter().any(|name| *name == topic);
+        assert!(
+            has("writers", format!("rt{namespace}/odom")) && has("writers", "rt/tf".to_owned()),
+            "{node}"
+        );
+        assert!(has("readers", "rt/tf_static".to_owned()), "{node}");
+        assert!(has("readers", format!("rq{namespace}/save_mapRequest")), "{node}");
+        ros2.terminate();
+        ros2.finish();
+    }
 }
