@@ -44,20 +44,21 @@ impl Lattice {
 pub(crate) fn traverse(from: [f64; 3], to: [f64; 3], mut visit: impl FnMut([i32; 3])) {
     let mut at = from.map(|units| units.floor() as i32);
     let end = to.map(|units| units.floor() as i32);
-    // Share of the way at which the next border is crossed, along each axis; beyond the end at the last.
-    let crossing = |axis: usize, at: i32| {
-        if at == end[axis] {
-            return f64::INFINITY;
-        }
-        let border = f64::from(if end[axis] > at { at + 1 } else { at });
-        (border - from[axis]) / (to[axis] - from[axis])
-    };
-    let mut next = [0, 1, 2].map(|axis| crossing(axis, at[axis]));
+    let step = [0, 1, 2].map(|axis: usize| (end[axis] - at[axis]).signum());
+    // Share of the way from border to border along each axis, and at which the next one is crossed.
+    let share = [0, 1, 2].map(|axis: usize| (to[axis] - from[axis]).abs().recip());
+    let mut next = [0, 1, 2].map(|axis: usize| match step[axis] {
+        0 => f64::INFINITY,
+        1 => (f64::from(at[axis] + 1) - from[axis]) * share[axis],
+        _ => (from[axis] - f64::from(at[axis])) * share[axis],
+    });
     while at != end {
         visit(at);
-        let axis = (0..3).min_by(|a, b| next[*a].total_cmp(&next[*b])).unwrap_or(0);
-        at[axis] += (end[axis] - at[axis]).signum();
-        next[axis] = crossing(axis, at[axis]);
+        let flat = usize::from(next[1] < next[0]);
+        let axis = if next[2] < next[flat] { 2 } else { flat };
+        at[axis] += step[axis];
+        // Beyond the end there is no border, whatever rounding says.
+        next[axis] = if at[axis] == end[axis] { f64::INFINITY } else { next[axis] + share[axis] };
     }
 }
 

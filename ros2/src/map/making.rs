@@ -20,8 +20,8 @@ pub(crate) struct Making<'a> {
     follow: Follow,
     /// Points of keyframes in their cameras' axes, by id; read once something is wanted.
     held: Vec<Vec<Point>>,
-    /// Keyframes that are not new any more.
-    n_known: u32,
+    /// Keyframes that are not new any more; `None` before the first look: what is there then is not new.
+    n_known: Option<u32>,
     /// The keyframes as the last cloud shows them.
     shown: Scene,
     cloud: Pace,
@@ -32,7 +32,7 @@ impl<'a> Making<'a> {
     pub(crate) fn new(worker: &'a Worker, follow: Follow) -> Self {
         let lattice = Lattice::new(worker.options.cell_m, worker.options.heights_m);
         let (shown, cloud) = (Scene::new(), Pace::new(CLOUD));
-        Self { worker, follow, held: Vec::new(), n_known: 0, shown, cloud, mapper: Mapper::new(lattice) }
+        Self { worker, follow, held: Vec::new(), n_known: None, shown, cloud, mapper: Mapper::new(lattice) }
     }
 
     /// Takes in what the run wrote, and makes what is wanted; `is_last` waits for nothing.
@@ -57,7 +57,7 @@ impl<'a> Making<'a> {
                 self.send_cloud(scene)?;
             }
         }
-        self.n_known = self.follow.n_keyframes();
+        self.n_known = Some(self.follow.n_keyframes());
         Ok(())
     }
 
@@ -89,7 +89,8 @@ impl<'a> Making<'a> {
     }
 
     fn send_points(&self, scene: &Scene) -> Result<(), End> {
-        for keyframe in scene.iter().filter(|(id, _)| *id >= self.n_known) {
+        let Some(n_known) = self.n_known else { return Ok(()) };
+        for keyframe in scene.iter().filter(|(id, _)| *id >= n_known) {
             let packed = self.thinned(std::iter::once(keyframe));
             self.worker.to.send(Update::Points(self.follow.stamp_nanos(keyframe.0), packed))?;
         }

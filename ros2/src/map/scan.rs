@@ -1,6 +1,7 @@
 //! What one keyframe says of the boxes of a lattice: seen through, or with something in them.
 
 use super::lattice::{Lattice, N_FLOOR, traverse};
+use std::collections::HashSet;
 
 /// Points farther than this from the camera say nothing, metres.
 const MOST_RANGE_M: f64 = 10.0;
@@ -37,8 +38,13 @@ impl Scan {
         let ends: Vec<(f64, [f64; 3])> =
             near.filter_map(|(range_m, point)| Some((range_m, lattice.place(point)?))).collect();
         let mut scan = Self::new(lattice, from, &ends);
+        let mut reached = HashSet::new();
         for (range_m, to) in ends {
             let end = to.map(|units| units.floor() as i32);
+            // Another ray into the same box says the same.
+            if !reached.insert(end) {
+                continue;
+            }
             if end[2] < N_FLOOR as i32 {
                 traverse(from, to, |at| scan.say(lattice, at, Word::Free));
                 scan.say(lattice, end, Word::Free);

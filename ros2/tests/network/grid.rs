@@ -60,13 +60,14 @@ impl Grid {
 #[test]
 fn the_grid_goes_out_whole_and_in_parts_and_late_readers_get_it() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(90);
+    let setup = Setup::new(120);
     room(setup.frames());
     let listener = network.listen(&["map"]);
     let run = setup.start();
-    let ros2 = network.join(&setup, &[]);
+    // A cloud of more than a datagram.
+    let ros2 = network.join(&setup, &["--map-spacing", "0.01"]);
     let camera = network.camera(&setup, &[]);
-    setup.wait_for_growth("the first frames");
+    (0..4).for_each(|_| setup.wait_for_growth("the first frames"));
     // While nothing changes any more, one who comes late gets the map.
     drop(camera);
     let late = network.listen(&["map", "once"]).await_end();
@@ -78,7 +79,8 @@ fn the_grid_goes_out_whole_and_in_parts_and_late_readers_get_it() {
     for line in late.iter().chain(&lines).filter(|line| line["topic"] != "ready") {
         assert_eq!(line["same"], true, "{line}");
     }
-    assert!(late.iter().any(|line| line["topic"] == "/tessera/map_cloud"));
+    let cloud = late.iter().find(|line| line["topic"] == "/tessera/map_cloud").expect("a cloud");
+    assert!(cloud["length"].as_u64().unwrap() > 66_000, "{}", cloud["length"]);
     let first = late.iter().find(|line| line["topic"] == "/tessera/grid").map(Grid::whole);
     assert!(first.unwrap().cells.contains(&100));
     let mut grid: Option<Grid> = None;

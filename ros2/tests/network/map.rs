@@ -67,7 +67,7 @@ pub(crate) fn near(points: impl Iterator<Item = Point3<f64>>) -> impl Fn(&Point3
 #[test]
 fn the_map_goes_out_as_the_run_has_it() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(60);
+    let setup = Setup::new(120);
     room(setup.frames());
     let listener = network.listen(&["map"]);
     let run = setup.start();
