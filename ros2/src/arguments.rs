@@ -30,6 +30,9 @@ pub(crate) struct Arguments {
     /// CameraInfo of depth [default: that of the nearest name]
     #[arg(long, value_name = "TOPIC")]
     pub(crate) camera_info: Option<String>,
+    /// A sensor_msgs/msg/Imu fixed to the camera: its gyroscope is used
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) imu_topic: Option<String>,
     /// Take no colour
     #[arg(long, conflicts_with = "color_topic")]
     pub(crate) no_color: bool,

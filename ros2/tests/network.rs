@@ -5,6 +5,8 @@
 mod common;
 #[path = "network/grid.rs"]
 mod grid;
+#[path = "network/gyro.rs"]
+mod gyro;
 #[path = "network/map.rs"]
 mod map;
 #[path = "../../tests/requirements.rs"]
@@ -213,11 +215,11 @@ fn types_have_the_hashes_that_others_compute() {
         let words: Vec<&str> = line.split('"').collect();
         arguments.extend([words[1].to_owned(), format!("RIHS01_{}", words[3])]);
     }
-    assert_eq!(arguments.len(), 20);
+    assert_eq!(arguments.len(), 22);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "10");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "11");
 }
 
 #[test]

@@ -17,11 +17,11 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from rosbags.typesys import Stores, get_typestore
 
-import map_messages
+import more_messages
 import messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
-map_messages.register(STORE)
+more_messages.register(STORE)
 
 
 def nanos(header):
@@ -90,10 +90,10 @@ TOPICS = [
 
 
 MAP_TOPICS = [
-    ("/tessera/map_points", map_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
-    ("/tessera/map_cloud", map_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
-    ("/tessera/grid", map_messages.OccupancyGrid, "nav_msgs/msg/OccupancyGrid", grid),
-    ("/tessera/grid_updates", map_messages.OccupancyGridUpdate, "map_msgs/msg/OccupancyGridUpdate", update),
+    ("/tessera/map_points", more_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
+    ("/tessera/map_cloud", more_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
+    ("/tessera/grid", more_messages.OccupancyGrid, "nav_msgs/msg/OccupancyGrid", grid),
+    ("/tessera/grid_updates", more_messages.OccupancyGridUpdate, "map_msgs/msg/OccupancyGridUpdate", update),
 ]
 KEPT = ["/tessera/map_cloud", "/tessera/grid"]
 

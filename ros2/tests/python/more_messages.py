@@ -1,9 +1,9 @@
-"""Messages of a map for cyclonedds, as their interface definitions have them."""
+"""Messages of a map and of a gyroscope for cyclonedds, as their interface definitions have them."""
 
 from dataclasses import dataclass
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float32, int8, int32, sequence, uint8, uint32
+from cyclonedds.idl.types import array, float32, float64, int8, int32, sequence, uint8, uint32
 from rosbags.typesys import get_types_from_msg
 
 import messages
@@ -58,7 +58,18 @@ class OccupancyGridUpdate(IdlStruct, typename="map_msgs::msg::dds_::OccupancyGri
     data: sequence[int8]
 
 
-messages.raw(PointCloud2, OccupancyGrid, OccupancyGridUpdate)
+@dataclass
+class Imu(IdlStruct, typename="sensor_msgs::msg::dds_::Imu_"):
+    header: messages.Header
+    orientation: messages.Quaternion
+    orientation_covariance: array[float64, 9]
+    angular_velocity: messages.Vector3
+    angular_velocity_covariance: array[float64, 9]
+    linear_acceleration: messages.Vector3
+    linear_acceleration_covariance: array[float64, 9]
+
+
+messages.raw(PointCloud2, OccupancyGrid, OccupancyGridUpdate, Imu)
 
 
 def register(store):
