@@ -34,8 +34,8 @@ impl Base {
         Self { base_from_camera, frame: base_frame.to_owned(), words }
     }
 
-    /// The base as seen from the camera.
-    pub(crate) fn from_camera(&self) -> Pose {
+    /// Maps points of the camera's optical frame to the base.
+    pub(crate) fn base_from_camera(&self) -> Pose {
         self.base_from_camera
     }
 

@@ -57,13 +57,14 @@ impl Mapper {
     ) -> Option<GridUpdate> {
         let has_changed = self.take(scene, held, now, is_last);
         let may_be_whole = is_last || self.whole.is_open(now);
-        if !has_changed && !(self.is_old && may_be_whole) {
+        let is_whole_due = self.is_old && may_be_whole;
+        if !has_changed && !is_whole_due {
             return None;
         }
         let grid = self.votes.grid()?;
         let before = self.sent.as_ref().filter(|before| grid.fits(before));
         if let Some(before) = before
-            && !(self.is_old && may_be_whole)
+            && !is_whole_due
         {
             let part = grid.change(before)?;
             (self.sent, self.is_old) = (Some(grid), true);

@@ -55,10 +55,8 @@ impl Thinner {
             self.sums.push(Sum::default());
         }
         let sum = &mut self.sums[slot as usize];
-        for axis in 0..3 {
-            sum.position[axis] += position[axis];
-            sum.rgb[axis] += u32::from(point.rgb[axis]);
-        }
+        sum.position.iter_mut().zip(position).for_each(|(total, metres)| *total += metres);
+        sum.rgb.iter_mut().zip(point.rgb).for_each(|(total, part)| *total += u32::from(part));
         sum.n += 1;
     }
 

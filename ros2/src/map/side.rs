@@ -72,7 +72,7 @@ impl MapSide {
             let worker = Worker {
                 entry: entry.clone(),
                 options: self.options,
-                base_from_camera: base.from_camera(),
+                base_from_camera: base.base_from_camera(),
                 wanted: Arc::clone(&self.wanted),
                 to,
             };
