@@ -136,3 +136,23 @@ impl Follow {
         Ok(thinned_surface(&vertices, &seen, self.max_depth_m, edge_m))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_transport::RunIdentity;
+
+    #[test]
+    fn a_folder_is_waited_for_and_one_of_something_else_is_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let identity = RunIdentity { root: "r".into(), prefix: "p".into(), config_file: "c".into() };
+        let entry = RunEntry { name: "x".to_owned(), pid: 1, run_dir: dir.path().to_owned(), identity };
+        assert!(Follow::open(&entry).unwrap().is_none());
+        for name in ["run.json", "align.journal", "keyframes.store"] {
+            std::fs::write(dir.path().join(name), "{}").unwrap();
+        }
+        let words = Follow::open(&entry).err().unwrap().to_string();
+        assert!(words.contains("run.json"), "{words}");
+        assert!(Follow::open(&RunEntry { run_dir: dir.path().join("no"), ..entry }).unwrap().is_none());
+    }
+}

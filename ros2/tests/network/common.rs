@@ -38,7 +38,7 @@ pub(crate) fn domain() -> u32 {
     1 + (8 * std::process::id() + number()) % 100
 }
 
-fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+pub(crate) fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(180);
     while !holds() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
@@ -177,6 +177,10 @@ impl Network {
     /// `None`, with the reason printed, where something is missing.
     pub(crate) fn new() -> Option<Self> {
         Some(Self { tessera: tessera()?, python: python()?, domain: domain().to_string() })
+    }
+
+    pub(crate) fn domain(&self) -> &str {
+        &self.domain
     }
 
     fn script(&self, name: &str) -> Command {

@@ -1,6 +1,12 @@
 //! Services that others call, and the name that they see.
 
-use crate::common::{Network, Setup, room};
+use crate::common::{Network, Setup, room, wait_for};
+use rustdds::bytes::Bytes;
+use rustdds::policy::Reliability;
+use rustdds::{
+    DomainParticipantBuilder, QosPolicyBuilder, RTPSEntity, RepresentationIdentifier, SampleIdentity,
+    SequenceNumber, TopicKind, WriteOptionsBuilder, no_key,
+};
 use serde_json::Value;
 
 fn call(network: &Network, form: &str) -> Value {
@@ -63,4 +69,95 @@ fn the_node_has_a_name_and_its_own_topics() {
         ros2.terminate();
         ros2.finish();
     }
+}
+
+/// Passes the bytes of requests and replies, without their encapsulation.
+struct Raw;
+
+impl no_key::SerializerAdapter<Bytes> for Raw {
+    type Error = std::io::Error;
+
+    fn output_encoding() -> RepresentationIdentifier {
+        RepresentationIdentifier::CDR_LE
+    }
+
+    fn to_bytes(value: &Bytes) -> Result<Bytes, Self::Error> {
+        Ok(value.clone())
+    }
+}
+
+#[derive(Clone)]
+struct Decoder;
+
+impl<'de> no_key::Decode<'de, Vec<u8>> for Decoder {
+    type Error = std::io::Error;
+
+    fn decode_bytes(self, body: &'de [u8], _: RepresentationIdentifier) -> Result<Vec<u8>, Self::Error> {
+        Ok(body.to_vec())
+    }
+}
+
+impl no_key::DeserializerAdapter<Vec<u8>> for Raw {
+    type Error = std::io::Error;
+    type Decoded = Vec<u8>;
+
+    fn supported_encodings() -> &'static [RepresentationIdentifier] {
+        &[RepresentationIdentifier::CDR_LE]
+    }
+
+    fn transform_decoded(decoded: Vec<u8>) -> Vec<u8> {
+        decoded
+    }
+}
+
+impl no_key::DefaultDecoder<Vec<u8>> for Raw {
+    type Decoder = Decoder;
+    const DECODER: Decoder = Decoder;
+}
+
+/// As rmw_fastrtps does it: the request names the end that waits for the reply, and the reply has the
+/// identity of that end and the number of the request beside it.
+#[test]
+fn a_reply_has_the_identity_of_its_request_beside_it() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    let _run = setup.start();
+    let _ros2 = network.join(&setup, &[]);
+    setup.wait_for_growth("the first frames");
+    let builder = DomainParticipantBuilder::new(network.domain().parse().unwrap());
+    let participant = builder.with_only_networks([std::net::Ipv4Addr::LOCALHOST]).build().unwrap();
+    let reliability = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
+    let qos = QosPolicyBuilder::new().reliability(reliability).build();
+    let topic = |name: &str, kind: &str| {
+        let kind = format!("std_srvs::srv::dds_::Trigger_{kind}_");
+        participant.create_topic(name.to_owned(), kind, &qos, TopicKind::NoKey).unwrap()
+    };
+    let requests = topic("rq/tessera/save_mapRequest", "Request");
+    let replies = topic("rr/tessera/save_mapReply", "Response");
+    let writer: no_key::DataWriter<Bytes, Raw> =
+        participant.create_publisher(&qos).unwrap().create_datawriter_no_key(&requests, None).unwrap();
+    let mut reader: no_key::DataReader<Vec<u8>, Raw> =
+        participant.create_subscriber(&qos).unwrap().create_datareader_no_key(&replies, None).unwrap();
+    let waiting = SampleIdentity { writer_guid: reader.guid(), sequence_number: SequenceNumber::from(0) };
+    let mut sent = Vec::new();
+    let mut answered = None;
+    wait_for("a reply", || {
+        // What is sent before the server is discovered is lost.
+        if sent.len() < 200 {
+            let options = WriteOptionsBuilder::new().related_sample_identity(waiting).build();
+            sent.push(writer.write_with_options(Bytes::from_static(&[0; 4]), options).unwrap());
+        }
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        answered = reader
+            .take_next_sample()
+            .unwrap()
+            .map(|reply| (reply.sample_info().related_sample_identity().unwrap(), reply.into_value()));
+        answered.is_some()
+    });
+    let (identity, content) = answered.unwrap();
+    assert_eq!(identity.writer_guid, reader.guid());
+    assert!(sent.iter().any(|request| request.sequence_number == identity.sequence_number));
+    assert_eq!(content[0], 1, "{content:?}");
 }
