@@ -6,7 +6,7 @@ use super::lattice::Lattice;
 use super::mapper::Mapper;
 use super::pace::Pace;
 use super::points::{Point, Thinner};
-use super::worker::{End, Update, Worker};
+use super::worker::{End, MapOptions, Update, Worker};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tessera_geometry::Pose;
@@ -30,9 +30,9 @@ pub(crate) struct Making<'a> {
 
 impl<'a> Making<'a> {
     pub(crate) fn new(worker: &'a Worker, follow: Follow) -> Self {
-        let lattice = Lattice::new(worker.options.cell_m, worker.options.heights_m);
         let (shown, cloud) = (Scene::new(), Pace::new(CLOUD));
-        Self { worker, follow, held: Vec::new(), n_known: None, shown, cloud, mapper: Mapper::new(lattice) }
+        let mapper = mapper(&worker.options);
+        Self { worker, follow, held: Vec::new(), n_known: None, shown, cloud, mapper }
     }
 
     /// Takes in what the run wrote, and makes what is wanted; `is_last` waits for nothing.
@@ -56,6 +56,8 @@ impl<'a> Making<'a> {
             if cloud && scene != self.shown && (is_last || self.cloud.is_open(Instant::now())) {
                 self.send_cloud(scene)?;
             }
+        } else if !self.held.is_empty() {
+            self.release();
         }
         self.n_known = Some(self.follow.n_keyframes());
         Ok(())
@@ -69,6 +71,12 @@ impl<'a> Making<'a> {
             self.held.push(self.follow.points(id, edge_m)?);
         }
         Ok(())
+    }
+
+    /// Gives back what the keyframes need while nothing is wanted; it is made again when something is.
+    fn release(&mut self) {
+        (self.held, self.shown) = (Vec::new(), Scene::new());
+        self.mapper = mapper(&self.worker.options);
     }
 
     /// The keyframes, each with the pose that takes its points to the frame `map`.
@@ -105,4 +113,8 @@ impl<'a> Making<'a> {
         self.shown = scene;
         Ok(())
     }
+}
+
+fn mapper(options: &MapOptions) -> Mapper {
+    Mapper::new(Lattice::new(options.cell_m, options.heights_m))
 }
