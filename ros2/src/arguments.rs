@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::map::MapOptions;
 use crate::network::{Reach, parse_reach};
 use clap::Parser;
 
@@ -29,6 +30,9 @@ pub(crate) struct Arguments {
     /// CameraInfo of depth [default: that of the nearest name]
     #[arg(long, value_name = "TOPIC")]
     pub(crate) camera_info: Option<String>,
+    /// A sensor_msgs/msg/Imu fixed to the camera: its gyroscope is used
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) imu_topic: Option<String>,
     /// Take no colour
     #[arg(long, conflicts_with = "color_topic")]
     pub(crate) no_color: bool,
@@ -47,6 +51,27 @@ pub(crate) struct Arguments {
     /// Where odometry and path are published
     #[arg(long, value_name = "NAMESPACE", default_value = "/tessera", value_parser = namespace)]
     pub(crate) namespace: String,
+    /// Distance of neighbouring points of the map, metres
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    pub(crate) map_spacing: f64,
+    /// Topic of the occupancy grid [default: NAMESPACE/grid]
+    #[arg(long, value_name = "TOPIC", value_parser = namespace)]
+    pub(crate) grid_topic: Option<String>,
+    /// Edge of the grid's cells, metres
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    pub(crate) grid_cell: f64,
+    /// Heights of obstacles above the origin of map, metres
+    #[arg(
+        long,
+        value_name = "LOW,HIGH",
+        default_value = "0.1,1.0",
+        value_parser = heights,
+        allow_hyphen_values = true
+    )]
+    pub(crate) grid_heights: (f64, f64),
+    /// Distribution of ROS 2 of the others: humble has node names of its own form [default: ROS_DISTRO]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) ros_distro: Option<String>,
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
     pub(crate) domain: Option<u16>,
@@ -69,6 +94,35 @@ fn namespace(text: &str) -> Result<String, String> {
     }
 }
 
+fn metres(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|metres| (0.005..=1.0).contains(metres));
+    found.ok_or_else(|| "expected 0.005 to 1 m".to_owned())
+}
+
+fn heights(text: &str) -> Result<(f64, f64), String> {
+    let numbers = text.split_once(',').and_then(|(low, high)| Some((low.parse().ok()?, high.parse().ok()?)));
+    let is_band = |(low, high): &(f64, f64)| low.abs() <= 100.0 && (0.1..=3.0).contains(&(high - low));
+    numbers.filter(is_band).ok_or_else(|| "expected two heights 0.1 to 3 m apart, such as 0.1,1.0".to_owned())
+}
+
+impl Arguments {
+    /// How the map is published.
+    pub(crate) fn map(&self) -> MapOptions {
+        MapOptions { spacing_m: self.map_spacing, cell_m: self.grid_cell, heights_m: self.grid_heights }
+    }
+
+    /// Whether node names have the form of ROS 2 Humble.
+    pub(crate) fn is_humble(&self) -> bool {
+        let distro = self.ros_distro.clone().or_else(|| std::env::var("ROS_DISTRO").ok());
+        distro.is_some_and(|name| name == "humble")
+    }
+
+    /// Topic of the occupancy grid.
+    pub(crate) fn grid_topic(&self) -> String {
+        self.grid_topic.clone().unwrap_or_else(|| format!("{}/grid", self.namespace))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,8 +134,13 @@ mod tests {
         let words = ["tessera-ros2", "desk", "--run", "--domain", "7", "--", "--frames", "3"];
         let arguments = Arguments::try_parse_from(words).unwrap();
         assert_eq!((arguments.domain, arguments.run_arguments.len()), (Some(7), 2));
-        for wrong in [["x", "--namespace", "tessera"], ["x", "--domain", "233"], ["x", "--network", "wlan0"]]
-        {
+        for wrong in [
+            ["x", "--namespace", "tessera"],
+            ["x", "--domain", "233"],
+            ["x", "--network", "wlan0"],
+            ["x", "--map-spacing", "nan"],
+            ["x", "--grid-heights", "1,0"],
+        ] {
             assert!(Arguments::try_parse_from(["tessera-ros2"].into_iter().chain(wrong)).is_err());
         }
     }

@@ -34,6 +34,11 @@ impl Base {
         Self { base_from_camera, frame: base_frame.to_owned(), words }
     }
 
+    /// Maps points of the camera's optical frame to the base.
+    pub(crate) fn base_from_camera(&self) -> Pose {
+        self.base_from_camera
+    }
+
     /// `a_from_b` of two places of the camera as `a_from_b` of the base: what both saw as their own
     /// frame is each the frame of the base.
     pub(crate) fn of_base(&self, a_from_b: &Pose) -> Pose {

@@ -2,14 +2,16 @@
 
 use crate::arguments::Arguments;
 use crate::carrier::Carrier;
-use crate::dds::Dds;
+use crate::dds::{Dds, NodeName};
 use crate::error::Ros2Error;
 use crate::input::Input;
+use crate::map::MapSide;
 use crate::network::{Network, Reach, doubt_buffers};
 use crate::output::Output;
 use crate::own_sockets::keep_to_loopback;
 use crate::report::{Event, Report};
 use crate::run::{Run, Started};
+use crate::save::SaveMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tessera_messages::PoseMessage;
@@ -36,7 +38,8 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     let report = Report::new(arguments.quiet);
     let network = Network::choose(arguments.domain, arguments.network, |name| std::env::var(name).ok())
         .map_err(Ros2Error::Arguments)?;
-    let mut carrier = Dds::open(&network)?;
+    let name = NodeName { path: arguments.namespace.clone(), is_humble: arguments.is_humble() };
+    let mut carrier = Dds::open(&network, name)?;
     report.say(&carrier.words());
     if network.reach == Reach::Loopback
         && let Err(error) = keep_to_loopback()
@@ -49,7 +52,10 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         report.say(&words);
     }
     let input = Input::new(arguments, &mut carrier)?;
+    let map = MapSide::new(&mut carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
+    let save = SaveMap::new(&mut carrier, &arguments.namespace)?;
     let output = Output::new(&mut carrier, &arguments.namespace, !arguments.no_tf)?;
+    carrier.introduce()?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
     if let Some(run) = await_run(&arguments.name, started.as_mut(), is_stopped, &report)? {
@@ -58,6 +64,8 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
             run,
             input,
             output,
+            map,
+            save,
             poses: None,
             report,
             n_dropped: 0,
@@ -101,6 +109,8 @@ struct Bridge<'a> {
     carrier: &'a mut dyn Carrier,
     input: Input,
     output: Output,
+    map: MapSide,
+    save: SaveMap,
     poses: Option<Subscriber<PoseMessage>>,
     report: Report,
     /// Frames that the run left out, as the gaps between its poses tell.
@@ -126,6 +136,10 @@ impl Bridge<'_> {
                 if !self.run.is_current()? {
                     break;
                 }
+                if let Err(error) = self.carrier.introduce() {
+                    self.report.note(Event::Carrier, || error.to_string());
+                }
+                self.map.look(self.carrier, &self.run.entry, self.input.base());
                 if self.poses.is_none() {
                     self.poses = self.run.guest.pose_subscriber()?;
                 }
@@ -139,12 +153,17 @@ impl Bridge<'_> {
         if self.run.is_current()? {
             self.take_poses()?;
         }
+        if !is_stopped.load(Ordering::Relaxed) {
+            self.map.finish(&self.input.clock, &mut self.report)?;
+        }
         self.report.say(&format!("the run {} is over", self.run.entry.name));
         self.tell()
     }
 
     fn step(&mut self) -> Result<(), Ros2Error> {
         self.take_poses()?;
+        self.map.step(&self.input.clock, &mut self.report)?;
+        self.save.step(&self.run.entry.run_dir, &mut self.report)?;
         self.input.step(self.carrier, &self.run.guest, &mut self.report)
     }
 

@@ -1,6 +1,8 @@
 //! What carries messages of ROS 2: topics with types and qualities of service, messages as bytes of
 //! CDR behind their encapsulation of four bytes.
 
+use std::collections::BTreeSet;
+
 /// A message type of ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RosType {
@@ -26,6 +28,10 @@ types! {
     ODOMETRY, "nav_msgs/msg/Odometry", "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0";
     PATH, "nav_msgs/msg/Path", "1957a5bb3cee5da65c4e52e52b65a93df227efce4c20f8458b36e73066ca334b";
     TRANSFORMS, "tf2_msgs/msg/TFMessage", "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
+    CLOUD, "sensor_msgs/msg/PointCloud2", "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5";
+    GRID, "nav_msgs/msg/OccupancyGrid", "8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7";
+    GRID_UPDATE, "map_msgs/msg/OccupancyGridUpdate", "c4095b0be2e4363f8978a1570e0293ee093436f1e1c61d99b48502ac317025e8";
+    IMU, "sensor_msgs/msg/Imu", "7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b";
     DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e";
 }
 
@@ -46,6 +52,20 @@ pub(crate) fn from_dds(name: &str) -> String {
     }
 }
 
+/// A service: what is asked and what is answered. Their hash is that of the service, which nothing
+/// here needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Service {
+    pub(crate) request: RosType,
+    pub(crate) response: RosType,
+}
+
+/// `std_srvs/srv/Trigger`.
+pub(crate) const TRIGGER: Service = Service {
+    request: RosType { name: "std_srvs/srv/Trigger_Request", hash: "" },
+    response: RosType { name: "std_srvs/srv/Trigger_Response", hash: "" },
+};
+
 /// Quality of service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Quality {
@@ -64,6 +84,8 @@ impl Quality {
     pub(crate) const DEFAULT: Self = Self { is_reliable: true, is_kept: false, depth: 10 };
     /// `/tf`.
     pub(crate) const TRANSFORMS: Self = Self { is_reliable: true, is_kept: false, depth: 100 };
+    /// What late readers are to have too, as `/map`.
+    pub(crate) const LATCHED: Self = Self { is_reliable: true, is_kept: true, depth: 1 };
     /// `/tf_static` as it is read.
     pub(crate) const STATIC: Self = Self { is_reliable: true, is_kept: true, depth: 100 };
 
@@ -86,6 +108,9 @@ pub(crate) struct Seen {
     pub(crate) kind: String,
 }
 
+/// Bytes before a message that say how it is written.
+pub(crate) const ENCAPSULATION: usize = 4;
+
 /// What was received: bytes with their encapsulation.
 pub(crate) type Bytes = Vec<u8>;
 
@@ -99,6 +124,18 @@ pub(crate) trait Subscription {
 pub(crate) trait Publication {
     /// Sends a message, given with its encapsulation. Never waits for a reader.
     fn send(&mut self, message: &[u8]) -> Result<(), CarrierError>;
+}
+
+/// One who asked, as the carrier knows them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Client(pub(crate) Vec<u8>);
+
+/// Answers requests that have no content.
+pub(crate) trait Server {
+    /// The one who asked first of those that wait.
+    fn take(&mut self) -> Result<Option<Client>, CarrierError>;
+    /// Answers, with a message that has its encapsulation.
+    fn answer(&mut self, client: &Client, message: &[u8]) -> Result<(), CarrierError>;
 }
 
 /// Carries messages between this process and a ROS 2 network.
@@ -117,8 +154,14 @@ pub(crate) trait Carrier {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Publication>, CarrierError>;
+    /// Answers requests of a service from now on.
+    fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError>;
+    /// Tells by name what this program reads and writes, where that has changed.
+    fn introduce(&mut self) -> Result<(), CarrierError>;
     /// The topics that others write, in order, each once for each type.
     fn seen(&self) -> Vec<Seen>;
+    /// The topics that others read.
+    fn read_topics(&self) -> BTreeSet<String>;
     /// Readers and writers of others on our topics that cannot be joined to ours, each with the reason.
     fn unmatched(&self) -> Vec<String>;
     /// On what it listens, for people.

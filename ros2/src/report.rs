@@ -32,6 +32,10 @@ pub(crate) enum Event {
     Carrier,
     /// What others have and cannot be joined.
     Unmatched,
+    /// A gyroscope that cannot be used.
+    Imu,
+    /// A run directory that cannot be read.
+    Map,
 }
 
 impl Event {
@@ -49,6 +53,8 @@ impl Event {
             Self::NotSent => "images not sent",
             Self::Carrier => "network errors",
             Self::Unmatched => "not matched",
+            Self::Imu => "gyroscope left out",
+            Self::Map => "map not read",
         }
     }
 }

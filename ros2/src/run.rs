@@ -3,7 +3,6 @@
 use crate::error::Ros2Error;
 use rustix::process::{Pid, Signal};
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::{Child, Command};
 use tessera_transport::{Guest, RunEntry, check_name, registered_runs};
 
@@ -32,24 +31,24 @@ impl Run {
     }
 }
 
+/// The command: the program that started this one, or that beside it or on `PATH`.
+pub(crate) fn tessera() -> Command {
+    Command::new(std::env::var_os("TESSERA_PROGRAM").unwrap_or_else(|| {
+        let beside = std::env::current_exe().unwrap_or_default().with_file_name("tessera");
+        if beside.is_file() { beside.into_os_string() } else { OsString::from("tessera") }
+    }))
+}
+
 /// `tessera run external` as a child: dropped, it is told to end, and writes its outputs.
 pub(crate) struct Started(Child);
 
 impl Started {
-    /// Starts it: the program that started this one, or that beside it or on `PATH`.
+    /// Starts it.
     pub(crate) fn start(name: &str, arguments: &[String]) -> Result<Self, Ros2Error> {
-        let program = std::env::var_os("TESSERA_PROGRAM").unwrap_or_else(|| {
-            let beside = std::env::current_exe().unwrap_or_default().with_file_name("tessera");
-            if beside.is_file() { beside.into_os_string() } else { OsString::from("tessera") }
-        });
-        let child = Command::new(&program)
-            .args(["run", "external", "--name", name])
-            .args(arguments)
-            .spawn()
-            .map_err(|error| {
-                Ros2Error::Run(format!("cannot start {}: {error}", PathBuf::from(program).display()))
-            })?;
-        Ok(Self(child))
+        let mut command = tessera();
+        let started = command.args(["run", "external", "--name", name]).args(arguments).spawn();
+        let program = command.get_program().display();
+        Ok(Self(started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))?))
     }
 
     /// Whether it has ended.

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
-use tessera_geometry::Camera;
+use tessera_geometry::{Camera, InertialRotation};
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
 use tessera_transport::{Guest, Notifier, SlicePublisher, Subscriber, TransportError};
 
@@ -60,6 +60,11 @@ impl Sender {
             n_sent: 0,
             awaited: VecDeque::new(),
         }
+    }
+
+    /// Number of this start of the program: its time, nanoseconds since 1970.
+    pub(crate) fn session(&self) -> u64 {
+        self.header.session
     }
 
     /// Images sent so far.
@@ -123,6 +128,7 @@ impl Sender {
         *loan.header_mut() = CameraFrame {
             index: image.index,
             stamp_nanos: image.stamp_nanos,
+            rotation: image.rotation.into(),
             has_colour: u32::from(image.has_colour),
             ..self.header
         };
@@ -145,6 +151,8 @@ pub(crate) struct Image {
     pub(crate) index: u64,
     /// Time in the run.
     pub(crate) stamp_nanos: i64,
+    /// By a gyroscope.
+    pub(crate) rotation: Option<InertialRotation>,
     pub(crate) has_colour: bool,
     pub(crate) received_at: Instant,
 }

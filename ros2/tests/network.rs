@@ -3,8 +3,16 @@
 
 #[path = "network/common.rs"]
 mod common;
+#[path = "network/grid.rs"]
+mod grid;
+#[path = "network/gyro.rs"]
+mod gyro;
+#[path = "network/map.rs"]
+mod map;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
+#[path = "network/services.rs"]
+mod services;
 
 use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;
@@ -41,7 +49,7 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let Some(network) = Network::new() else { return };
     let setup = Setup::new(40);
     room(setup.frames());
-    let listener = network.listen();
+    let listener = network.listen(&[]);
     let run = setup.start();
     let ros2 = network.join(&setup, &[]);
     let camera = network.camera(&setup, &[]);
@@ -98,7 +106,7 @@ fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
     let Some(network) = Network::new() else { return };
     let setup = Setup::new(250);
     room(setup.frames());
-    let listener = network.listen();
+    let listener = network.listen(&[]);
     let run = setup.start();
     let ros2 = network.join(&setup, &[]);
     let _camera = network.camera(&setup, &["--faults", "--rate", "20"]);
@@ -207,11 +215,11 @@ fn types_have_the_hashes_that_others_compute() {
         let words: Vec<&str> = line.split('"').collect();
         arguments.extend([words[1].to_owned(), format!("RIHS01_{}", words[3])]);
     }
-    assert_eq!(arguments.len(), 14);
+    assert_eq!(arguments.len(), 22);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "7");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "11");
 }
 
 #[test]

@@ -38,7 +38,7 @@ pub(crate) fn domain() -> u32 {
     1 + (8 * std::process::id() + number()) % 100
 }
 
-fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+pub(crate) fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(180);
     while !holds() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
@@ -153,7 +153,15 @@ pub(crate) struct Listener(Program);
 impl Listener {
     /// Ends it; all lines that it printed whole.
     pub(crate) fn finish(self) -> Vec<Value> {
-        let text = self.0.end();
+        Self::lines(&self.0.end())
+    }
+
+    /// All lines, once it has ended by itself.
+    pub(crate) fn await_end(self) -> Vec<Value> {
+        Self::lines(&self.0.finish())
+    }
+
+    fn lines(text: &str) -> Vec<Value> {
         text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
     }
 }
@@ -171,6 +179,10 @@ impl Network {
         Some(Self { tessera: tessera()?, python: python()?, domain: domain().to_string() })
     }
 
+    pub(crate) fn domain(&self) -> &str {
+        &self.domain
+    }
+
     fn script(&self, name: &str) -> Command {
         let mut command = Command::new(&self.python);
         command.arg(root().join("ros2/tests/python").join(name)).env("CYCLONEDDS_URI", CYCLONE);
@@ -183,10 +195,17 @@ impl Network {
         Program::start(command, true)
     }
 
-    pub(crate) fn listen(&self) -> Listener {
+    pub(crate) fn listen(&self, arguments: &[&str]) -> Listener {
         let mut command = self.script("listen.py");
-        command.arg(&self.domain);
+        command.arg(&self.domain).args(arguments);
         Listener(Program::start(command, true))
+    }
+
+    /// Runs a program to its end; what it prints.
+    pub(crate) fn ask(&self, script: &str, word: &str) -> Vec<Value> {
+        let mut command = self.script(script);
+        command.args([&self.domain, word]);
+        Listener(Program::start(command, true)).await_end()
     }
 
     /// Starts `tessera-ros2`.

@@ -1,6 +1,6 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--start N] [--rate HZ]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--start N] [--rate HZ]
 
 FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
@@ -18,11 +18,15 @@ from cyclonedds.topic import Topic
 from PIL import Image as Picture
 from rosbags.typesys import Stores, get_typestore
 
+import more_messages
 import messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
 FRAME = "camera_optical"
+# A rate that does not change, radians per second about the axes of the frame imu.
+IMU_RATE = (0.2, -0.1, 0.4)
+IMU_PERIOD = 5_000_000
 
 
 def make(name, *fields):
@@ -74,6 +78,17 @@ def transforms(links):
     return STORE.serialize_cdr(make("tf2_msgs/msg/TFMessage", made), "tf2_msgs/msg/TFMessage")
 
 
+def imu(nanos):
+    vector, covariance = lambda *xyz: make("geometry_msgs/msg/Vector3", *xyz), numpy.zeros(9)
+    orientation = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    unknown = numpy.array([-1.0] + 8 * [0.0])
+    message = make(
+        "sensor_msgs/msg/Imu", header(nanos, "imu"), orientation, unknown, vector(*IMU_RATE), covariance,
+        vector(0.0, 0.0, 9.81), covariance,
+    )
+    return STORE.serialize_cdr(message, "sensor_msgs/msg/Imu")
+
+
 def png(array):
     buffer = io.BytesIO()
     Picture.fromarray(array).save(buffer, "png")
@@ -86,6 +101,7 @@ def main():
     parser.add_argument("domain", type=int)
     parser.add_argument("--compressed", action="store_true")
     parser.add_argument("--faults", action="store_true")
+    parser.add_argument("--imu", action="store_true")
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--rate", type=float, default=10.0)
     arguments = parser.parse_args()
@@ -107,8 +123,11 @@ def main():
     links = [
         ("base_link", "camera_link", (0.2, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)),
         ("camera_link", FRAME, (0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5)),
+        ("base_link", "imu", (0.0, 0.1, 0.0), (0.0, 0.0, 0.6, 0.8)),
     ]
     statics.write(messages.of(messages.TFMessage, transforms(links)))
+    imus = writer("/imu", more_messages.Imu, messages.RELIABLE) if arguments.imu else None
+    imu_nanos = camera["stamps"][0]
     period = camera["stamps"][1] - camera["stamps"][0]
     # Another program with an image of its own making.
     other = DomainParticipant(arguments.domain)
@@ -145,6 +164,9 @@ def main():
             torn.write(messages.of(messages.Torn, STORE.serialize_cdr(header(nanos), "std_msgs/msg/Header")))
         if 10 <= fault < 13:
             depth = image(nanos, width // 2, height, "16UC1", bytes(width * height))
+        while imus is not None and imu_nanos <= nanos + 2 * IMU_PERIOD:
+            imus.write(messages.of(more_messages.Imu, imu(imu_nanos)))
+            imu_nanos += IMU_PERIOD
         colours.write(messages.of(kind, colour))
         depths.write(messages.of(kind, depth))
         at += 1

@@ -4,8 +4,11 @@ import sys
 
 from rosbags.typesys import Stores, get_typestore
 
+import more_messages
+
 for store in (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY, Stores.ROS2_KILTED):
     types = get_typestore(store)
+    more_messages.register(types)
     for name, expected in zip(sys.argv[1::2], sys.argv[2::2]):
         found = types.hash_rihs01(name)
         assert found == expected, f"{name} of {store}: {found}, expected {expected}"

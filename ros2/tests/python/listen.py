@@ -1,10 +1,13 @@
 """Prints what a run publishes into a ROS 2 network, a line of JSON each, until it is ended.
 
-    python listen.py DOMAIN
+    python listen.py DOMAIN [map] [once]
 
+With `map` it reads the topics of the map as well, with `once` until each that keeps its last message
+has sent one.
 Each message is decoded by rosbags; `same` says that rosbags makes the same bytes of it again.
 """
 
+import base64
 import json
 import sys
 import time
@@ -14,9 +17,11 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from rosbags.typesys import Stores, get_typestore
 
+import more_messages
 import messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
+more_messages.register(STORE)
 
 
 def nanos(header):
@@ -56,6 +61,26 @@ def diagnostics(m):
     return {"status": [one(s) for s in m.status]}
 
 
+def cloud(m):
+    fields = [[f.name, f.offset, f.datatype, f.count] for f in m.fields]
+    shape = [m.height, m.width, m.point_step, m.row_step, m.is_bigendian, m.is_dense]
+    data = base64.b64encode(m.data.tobytes()).decode()
+    return {"stamp": nanos(m.header), "frame": m.header.frame_id, "fields": fields, "shape": shape, "data": data}
+
+
+def grid(m):
+    origin = numbers(m.info.origin.position, m.info.origin.orientation)
+    return {
+        "stamp": nanos(m.header), "frame": m.header.frame_id, "cell": float(m.info.resolution), "origin": origin,
+        "size": [m.info.width, m.info.height], "data": base64.b64encode(m.data.tobytes()).decode(),
+    }
+
+
+def update(m):
+    data = base64.b64encode(m.data.tobytes()).decode()
+    return {"stamp": nanos(m.header), "frame": m.header.frame_id, "at": [m.x, m.y], "size": [m.width, m.height], "data": data}
+
+
 TOPICS = [
     ("/tessera/odom", messages.Odometry, "nav_msgs/msg/Odometry", odometry),
     ("/tf", messages.TFMessage, "tf2_msgs/msg/TFMessage", transforms),
@@ -64,16 +89,27 @@ TOPICS = [
 ]
 
 
+MAP_TOPICS = [
+    ("/tessera/map_points", more_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
+    ("/tessera/map_cloud", more_messages.PointCloud2, "sensor_msgs/msg/PointCloud2", cloud),
+    ("/tessera/grid", more_messages.OccupancyGrid, "nav_msgs/msg/OccupancyGrid", grid),
+    ("/tessera/grid_updates", more_messages.OccupancyGridUpdate, "map_msgs/msg/OccupancyGridUpdate", update),
+]
+KEPT = ["/tessera/map_cloud", "/tessera/grid"]
+
+
 def main():
     participant = DomainParticipant(int(sys.argv[1]))
     readers = []
-    for topic, kind, name, words in TOPICS:
-        reader = DataReader(participant, Topic(participant, "rt" + topic, kind), qos=messages.RELIABLE)
+    for topic, kind, name, words in TOPICS + (MAP_TOPICS if "map" in sys.argv[2:] else []):
+        qos = messages.STATIC if topic in KEPT else messages.RELIABLE
+        reader = DataReader(participant, Topic(participant, "rt" + topic, kind), qos=qos)
         readers.append((reader, topic, name, words))
     # One that wants more than is offered gets nothing, and the other side is to say why.
     greedy = DataReader(participant, Topic(participant, "rt/tessera/odom", messages.Odometry), qos=messages.STATIC)
     print(json.dumps({"topic": "ready"}), flush=True)
-    while True:
+    awaited = set(KEPT)
+    while awaited or "once" not in sys.argv[2:]:
         for reader, topic, name, words in readers:
             for sample in reader.take(N=100):
                 if not isinstance(sample, messages.Raw):
@@ -85,6 +121,7 @@ def main():
                 same = same and abs(len(sample.data) - len(again)) < 4
                 line = {"topic": topic, "same": same, "length": len(again)}
                 print(json.dumps(line | words(message)), flush=True)
+                awaited.discard(topic)
         assert not greedy.take()
         time.sleep(0.005)
 

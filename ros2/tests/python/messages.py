@@ -174,10 +174,14 @@ class Raw:
         self.data = bytes(data)
 
 
-for kind in (Image, CompressedImage, CameraInfo, TFMessage, Odometry, Path, DiagnosticArray, Torn):
-    # Cyclone checks that the bytes are of the type; they are made and read by rosbags.
-    kind.serialize = lambda self, *arguments, **named: self.raw
-    kind.deserialize = classmethod(lambda cls, data, *arguments, **named: Raw(data))
+def raw(*kinds):
+    """Messages of these types pass as bytes: Cyclone checks that they fit, rosbags makes and reads them."""
+    for kind in kinds:
+        kind.serialize = lambda self, *arguments, **named: self.raw
+        kind.deserialize = classmethod(lambda cls, data, *arguments, **named: Raw(data))
+
+
+raw(Image, CompressedImage, CameraInfo, TFMessage, Odometry, Path, DiagnosticArray, Torn)
 
 
 def of(kind, raw):

@@ -1,24 +1,31 @@
 //! DDS, by RustDDS: messages pass as bytes, and what they mean is not its business.
 
+mod node;
+mod raw;
+mod service;
+
 use crate::carrier::{
-    Bytes, Carrier, CarrierError, Publication, Quality, RosType, Seen, Subscription, from_dds,
+    Carrier, CarrierError, Publication, Quality, RosType, Seen, Server, Service, Subscription, from_dds,
 };
 use crate::network::{Network, Reach};
-use rustdds::bytes::Bytes as Body;
+pub(crate) use node::NodeName;
+use node::{Ends, Node};
+use raw::{Reader, Writer};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, Duration, QosPolicies, QosPolicyBuilder, RTPSEntity,
-    RepresentationIdentifier, TopicKind, no_key,
+    DomainParticipant, DomainParticipantBuilder, Duration, GUID, QosPolicies, QosPolicyBuilder, RTPSEntity,
+    TopicKind,
 };
+use service::DdsServer;
 use std::collections::BTreeSet;
-use std::io;
 use std::net::{IpAddr, Ipv4Addr};
 
-/// Topics of ROS have this before their name.
+/// Topics of ROS have this before their name, requests and replies of services these.
 const PREFIX: &str = "rt";
+const REQUEST_PREFIX: &str = "rq";
+const REPLY_PREFIX: &str = "rr";
 /// Time that a write may wait: none worth speaking of.
 const MAX_BLOCKING: Duration = Duration::from_millis(10);
-const HEAD: usize = 4;
 
 /// A participant, and which of its readers and writers there are.
 pub(crate) struct Dds {
@@ -26,6 +33,7 @@ pub(crate) struct Dds {
     network: Network,
     readers: Vec<End>,
     writers: Vec<End>,
+    node: Node,
 }
 
 /// A reader or writer: topic and type as DDS has them.
@@ -34,14 +42,15 @@ struct End {
     topic: String,
     kind: String,
     quality: Quality,
+    guid: GUID,
 }
 
 impl Dds {
-    /// Joins a domain.
+    /// Joins a domain as a node of that name.
     ///
     /// # Errors
     /// Where the sockets cannot be had.
-    pub(crate) fn open(network: &Network) -> Result<Self, CarrierError> {
+    pub(crate) fn open(network: &Network, name: NodeName) -> Result<Self, CarrierError> {
         let builder = DomainParticipantBuilder::new(network.domain);
         let builder = match network.reach {
             Reach::Loopback => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
@@ -52,22 +61,54 @@ impl Dds {
         };
         let participant =
             builder.build().map_err(|error| wrong(&format!("join DDS domain {}", network.domain), &error))?;
-        Ok(Self { participant, network: network.clone(), readers: Vec::new(), writers: Vec::new() })
+        let to = make_writer(&participant, node::TOPIC, (node::KIND, &Quality::LATCHED))?;
+        let node = Node { name, to, told: Vec::new() };
+        Ok(Self { participant, network: network.clone(), readers: Vec::new(), writers: Vec::new(), node })
     }
 
-    fn topic(&self, end: &End) -> Result<(rustdds::Topic, QosPolicies), CarrierError> {
-        let qos = qos(&end.quality);
-        let made = self.participant.create_topic(end.topic.clone(), end.kind.clone(), &qos, TopicKind::NoKey);
-        Ok((made.map_err(|error| wrong(&format!("make topic {}", end.topic), &error))?, qos))
+    fn reader(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Reader, CarrierError> {
+        let kind = kind.in_dds();
+        let (made, qos) = make_topic(&self.participant, &topic, (&kind, &quality))?;
+        let action = format!("subscribe {topic}");
+        let subscriber = self.participant.create_subscriber(&qos).map_err(|e| wrong(&action, &e))?;
+        let reader = subscriber.create_datareader_no_key(&made, Some(qos)).map_err(|e| wrong(&action, &e))?;
+        let reader = Reader { reader, topic: topic.clone() };
+        self.readers.push(End { topic, kind, quality, guid: reader.reader.guid() });
+        Ok(reader)
     }
+
+    fn writer(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Writer, CarrierError> {
+        let kind = kind.in_dds();
+        let writer = make_writer(&self.participant, &topic, (&kind, &quality))?;
+        self.writers.push(End { topic, kind, quality, guid: writer.writer.guid() });
+        Ok(writer)
+    }
+}
+
+fn make_topic(
+    participant: &DomainParticipant,
+    name: &str,
+    (kind, quality): (&str, &Quality),
+) -> Result<(rustdds::Topic, QosPolicies), CarrierError> {
+    let qos = qos(quality);
+    let made = participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey);
+    Ok((made.map_err(|error| wrong(&format!("make topic {name}"), &error))?, qos))
+}
+
+fn make_writer(
+    participant: &DomainParticipant,
+    name: &str,
+    of: (&str, &Quality),
+) -> Result<Writer, CarrierError> {
+    let (topic, qos) = make_topic(participant, name, of)?;
+    let action = format!("publish {name}");
+    let publisher = participant.create_publisher(&qos).map_err(|e| wrong(&action, &e))?;
+    let writer = publisher.create_datawriter_no_key(&topic, Some(qos)).map_err(|e| wrong(&action, &e))?;
+    Ok(Writer { writer, topic: name.to_owned() })
 }
 
 fn wrong(action: &str, reason: &dyn std::fmt::Debug) -> CarrierError {
     CarrierError { action: action.to_owned(), reason: format!("{reason:?}") }
-}
-
-fn end(topic: &str, kind: RosType, quality: Quality) -> End {
-    End { topic: format!("{PREFIX}{topic}"), kind: kind.in_dds(), quality }
 }
 
 fn qos(quality: &Quality) -> QosPolicies {
@@ -97,15 +138,7 @@ impl Carrier for Dds {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Subscription>, CarrierError> {
-        let end = end(topic, kind, quality);
-        let (made, qos) = self.topic(&end)?;
-        let action = format!("subscribe {topic}");
-        let subscriber = self.participant.create_subscriber(&qos).map_err(|e| wrong(&action, &e))?;
-        let reader = subscriber
-            .create_datareader_no_key::<Bytes, Raw>(&made, Some(qos))
-            .map_err(|e| wrong(&action, &e))?;
-        self.readers.push(end);
-        Ok(Box::new(Reader { reader, topic: topic.to_owned() }))
+        Ok(Box::new(self.reader(format!("{PREFIX}{topic}"), kind, quality)?))
     }
 
     fn publish(
@@ -114,15 +147,23 @@ impl Carrier for Dds {
         kind: RosType,
         quality: Quality,
     ) -> Result<Box<dyn Publication>, CarrierError> {
-        let end = end(topic, kind, quality);
-        let (made, qos) = self.topic(&end)?;
-        let action = format!("publish {topic}");
-        let publisher = self.participant.create_publisher(&qos).map_err(|e| wrong(&action, &e))?;
-        let writer = publisher
-            .create_datawriter_no_key::<Body, Raw>(&made, Some(qos))
-            .map_err(|e| wrong(&action, &e))?;
-        self.writers.push(end);
-        Ok(Box::new(Writer { writer, topic: topic.to_owned() }))
+        Ok(Box::new(self.writer(format!("{PREFIX}{topic}"), kind, quality)?))
+    }
+
+    fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError> {
+        let quality = Quality::DEFAULT;
+        let requests = self.reader(format!("{REQUEST_PREFIX}{name}Request"), service.request, quality)?;
+        let replies = self.writer(format!("{REPLY_PREFIX}{name}Reply"), service.response, quality)?;
+        Ok(Box::new(DdsServer { requests, replies }))
+    }
+
+    fn introduce(&mut self) -> Result<(), CarrierError> {
+        let guids = |ends: &[End]| ends.iter().map(|end| end.guid).collect();
+        self.node.tell(&Ends {
+            participant: self.participant.guid(),
+            readers: guids(&self.readers),
+            writers: guids(&self.writers),
+        })
     }
 
     fn seen(&self) -> Vec<Seen> {
@@ -139,6 +180,13 @@ impl Carrier for Dds {
             })
             .collect();
         seen.into_iter().collect()
+    }
+
+    fn read_topics(&self) -> BTreeSet<String> {
+        let own = self.participant.guid_prefix();
+        let readers = self.participant.discovered_readers();
+        let others = readers.iter().map(|r| &r.subscription_topic_data).filter(|d| d.key().prefix != own);
+        others.filter_map(|data| data.topic_name().strip_prefix(PREFIX).map(str::to_owned)).collect()
     }
 
     fn unmatched(&self) -> Vec<String> {
@@ -193,78 +241,4 @@ fn refused(ours: &End, kind: &str, mismatch: Option<&'static str>) -> Option<Str
         return Some(format!("{topic}: another program has type {found}, expected {expected}"));
     }
     mismatch.map(|why| format!("{topic}: {why}"))
-}
-
-/// Passes bytes through, behind their encapsulation.
-struct Raw;
-
-#[derive(Clone)]
-struct RawDecoder;
-
-impl no_key::DeserializerAdapter<Bytes> for Raw {
-    type Error = io::Error;
-    type Decoded = Bytes;
-
-    fn supported_encodings() -> &'static [RepresentationIdentifier] {
-        &[RepresentationIdentifier::CDR_LE, RepresentationIdentifier::CDR_BE]
-    }
-
-    fn transform_decoded(decoded: Bytes) -> Bytes {
-        decoded
-    }
-}
-
-impl<'de> no_key::Decode<'de, Bytes> for RawDecoder {
-    type Error = io::Error;
-
-    fn decode_bytes(self, body: &'de [u8], encoding: RepresentationIdentifier) -> Result<Bytes, io::Error> {
-        let order = u8::from(encoding == RepresentationIdentifier::CDR_LE);
-        let mut message = Vec::with_capacity(HEAD + body.len());
-        message.extend([0, order, 0, 0]);
-        message.extend(body);
-        Ok(message)
-    }
-}
-
-impl no_key::DefaultDecoder<Bytes> for Raw {
-    type Decoder = RawDecoder;
-    const DECODER: RawDecoder = RawDecoder;
-}
-
-impl no_key::SerializerAdapter<Body> for Raw {
-    type Error = io::Error;
-
-    fn output_encoding() -> RepresentationIdentifier {
-        RepresentationIdentifier::CDR_LE
-    }
-
-    fn to_bytes(value: &Body) -> Result<Body, io::Error> {
-        Ok(value.clone())
-    }
-}
-
-struct Reader {
-    reader: no_key::DataReader<Bytes, Raw>,
-    topic: String,
-}
-
-impl Subscription for Reader {
-    fn take(&mut self) -> Result<Option<Bytes>, CarrierError> {
-        match self.reader.take_next_sample() {
-            Ok(sample) => Ok(sample.map(no_key::DataSample::into_value)),
-            Err(error) => Err(wrong(&format!("read {}", self.topic), &error)),
-        }
-    }
-}
-
-struct Writer {
-    writer: no_key::DataWriter<Body, Raw>,
-    topic: String,
-}
-
-impl Publication for Writer {
-    fn send(&mut self, message: &[u8]) -> Result<(), CarrierError> {
-        let body = Body::copy_from_slice(message.get(HEAD..).unwrap_or_default());
-        self.writer.write(body, None).map_err(|error| wrong(&format!("write {}", self.topic), &error))
-    }
 }

@@ -1,0 +1,238 @@
+//! Each image, once the camera is known: paired, decoded in place and sent. What cannot be used is told,
+//! counted and left out.
+
+use crate::base::Base;
+use crate::clock::{Clock, Tick};
+use crate::error::Ros2Error;
+use crate::gyro::Gyro;
+use crate::imu;
+use crate::input::take;
+use crate::pairing::{Pairing, Stamped};
+use crate::report::{Event, Report};
+use crate::sender::{Image, Outcome, Sender};
+use crate::topics::{Images, Topics};
+use nalgebra::{UnitQuaternion, Vector3};
+use std::time::Instant;
+use tessera_geometry::InertialRotation;
+use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage};
+use tessera_transport::Guest;
+
+/// Bytes of a message up to the end of its time.
+const STAMP_BYTES: usize = 12;
+
+/// What is needed for each image, once the camera is known.
+pub(crate) struct Going {
+    camera: LiveCamera,
+    pub(crate) base: Base,
+    pub(crate) sender: Sender,
+    pairing: Pairing,
+    /// Of the newest CameraInfo, what follows its time.
+    info: Vec<u8>,
+    is_other_camera: bool,
+    n_colour: u64,
+    gyro: Gyro,
+    /// Frame of the gyroscope's rates, and how it stands to the camera, once both are known.
+    camera_from_imu: Option<(String, UnitQuaternion<f64>)>,
+}
+
+impl Going {
+    pub(crate) fn new(camera: LiveCamera, base: Base) -> Self {
+        let sender = Sender::new(camera.camera());
+        Self {
+            gyro: Gyro::new(sender.session()),
+            camera_from_imu: None,
+            sender,
+            base,
+            pairing: Pairing::default(),
+            info: Vec::new(),
+            is_other_camera: false,
+            n_colour: 0,
+            camera,
+        }
+    }
+
+    /// Takes a message of the gyroscope.
+    pub(crate) fn take_imu(&mut self, message: &[u8], frames: &FrameTree, report: &mut Report) {
+        let rate = match imu::read(message) {
+            Ok(rate) => rate,
+            Err(words) => return report.note(Event::Malformed, || words),
+        };
+        if self.camera_from_imu.as_ref().is_none_or(|(frame, _)| *frame != rate.frame) {
+            let camera = self.camera.frame();
+            let known = match camera == rate.frame {
+                true => Some(UnitQuaternion::identity()),
+                false => frames.between(&rate.frame, camera).map(|pose| pose.rotation),
+            };
+            let Some(camera_from_imu) = known else {
+                return report.note(Event::Imu, || {
+                    format!(
+                        "/tf_static has no way from {:?} to {camera:?}: the gyroscope is left out",
+                        rate.frame
+                    )
+                });
+            };
+            self.camera_from_imu = Some((rate.frame, camera_from_imu));
+        }
+        if let Some((_, camera_from_imu)) = &self.camera_from_imu {
+            self.gyro.add(rate.stamp_nanos, camera_from_imu * Vector3::from(rate.rate_rad_per_s));
+        }
+    }
+
+    /// Compares each CameraInfo with the first one.
+    pub(crate) fn take_infos(&mut self, topics: &mut Topics, report: &mut Report) {
+        if let Some(infos) = &mut topics.colour_info {
+            // Only the first one counts.
+            while take(&mut **infos, report).is_some() {}
+        }
+        let Some(infos) = &mut topics.info else { return };
+        while let Some(message) = take(&mut **infos, report) {
+            let rest = message.get(STAMP_BYTES..).unwrap_or_default();
+            if rest == self.info {
+                continue;
+            }
+            self.info = rest.to_owned();
+            let (topic, first) = (&topics.depth.topic, self.camera.camera());
+            match self.camera.compare(&message) {
+                Ok(Change::None) => self.is_other_camera = false,
+                Ok(Change::Small(found)) => {
+                    self.is_other_camera = false;
+                    report.note(Event::CameraChanged, || {
+                        format!(
+                            "{topic}: the CameraInfo changed a little, fx {} to {}: the run keeps the first",
+                            first.fx, found.fx
+                        )
+                    });
+                }
+                Ok(Change::Large(found)) => {
+                    self.is_other_camera = true;
+                    report.note(Event::CameraChanged, || {
+                        format!(
+                            "{topic}: the CameraInfo is {}x{} px, fx {}, expected {}x{} px, fx {} as the run began with: images are left out until it is back; another camera needs another run",
+                            found.width, found.height, found.fx, first.width, first.height, first.fx
+                        )
+                    });
+                }
+                Err(error) => report.note(Event::Malformed, || format!("CameraInfo of {topic}: {error}")),
+            }
+        }
+    }
+
+    pub(crate) fn take_colours(&mut self, topics: &mut Topics, report: &mut Report) {
+        let Some(colour) = &mut topics.colour else { return };
+        while let Some(message) = take(&mut *colour.messages, report) {
+            self.n_colour += 1;
+            let read = LiveImage::read(colour.kind, &message).map(|image| image.stamp_nanos());
+            match read {
+                Ok(stamp_nanos) if self.camera.uses_colour() => {
+                    self.pairing.add_colour(Stamped { stamp_nanos, index: self.n_colour, message });
+                }
+                Ok(_) => {}
+                Err(error) => report.note(Event::Malformed, || format!("{}: {error}", colour.topic)),
+            }
+        }
+    }
+
+    pub(crate) fn take_depth(
+        &mut self,
+        images: &Images,
+        mut depth: Stamped,
+        now: Instant,
+        report: &mut Report,
+    ) {
+        if self.is_other_camera {
+            return report.count(Event::OtherCamera);
+        }
+        let read = LiveImage::read(images.kind, &depth.message).map(|image| image.stamp_nanos());
+        match read {
+            Ok(stamp_nanos) => {
+                depth.stamp_nanos = stamp_nanos;
+                self.pairing.add_depth(depth, now);
+            }
+            Err(error) => report.note(Event::Malformed, || format!("{}: {error}", images.topic)),
+        }
+    }
+
+    /// Sends all images whose colour is known.
+    pub(crate) fn send(
+        &mut self,
+        topics: &Topics,
+        guest: &Guest,
+        clock: &mut Clock,
+        report: &mut Report,
+    ) -> Result<(), Ros2Error> {
+        let (name, has_colour) = (&topics.depth.topic, self.camera.uses_colour());
+        while let Some((depth, colour)) = self.pairing.next(has_colour, Instant::now()) {
+            let stamp_nanos = match clock.tick(depth.stamp_nanos) {
+                Tick::At(stamp_nanos) => stamp_nanos,
+                Tick::Jumped(back, stamp_nanos) => {
+                    report.note(Event::ClockJump, || {
+                        format!(
+                            "{name}: the clock jumped back by {:.3} s; the run's time goes on",
+                            back as f64 * 1e-9
+                        )
+                    });
+                    self.gyro.forget();
+                    stamp_nanos
+                }
+                Tick::Late => {
+                    let at = depth.stamp_nanos;
+                    report.note(Event::OutOfOrder, || {
+                        format!("{name}: time {at} ns is not after that of the image before it: left out")
+                    });
+                    continue;
+                }
+            };
+            if has_colour && colour.is_none() {
+                report.count(Event::WithoutColour);
+            }
+            let rotation = self.gyro.rotation(depth.stamp_nanos);
+            self.send_one(topics, guest, (&depth, colour.as_ref()), (stamp_nanos, rotation), report)?;
+        }
+        Ok(())
+    }
+
+    fn send_one(
+        &mut self,
+        topics: &Topics,
+        guest: &Guest,
+        (depth, colour): (&Stamped, Option<&Stamped>),
+        (stamp_nanos, rotation): (i64, Option<InertialRotation>),
+        report: &mut Report,
+    ) -> Result<(), Ros2Error> {
+        let camera = &self.camera;
+        let colour = topics.colour.as_ref().zip(colour);
+        let mut wrong_colour = None;
+        let decode = |raw: &mut [u16], rgb: Option<&mut [u8]>| {
+            let image = LiveImage::read(topics.depth.kind, &depth.message).map_err(|e| e.to_string())?;
+            camera.read_depth(&image, raw).map_err(|e| e.to_string())?;
+            if let (Some(rgb), Some((images, colour))) = (rgb, colour) {
+                let read = LiveImage::read(images.kind, &colour.message)
+                    .and_then(|image| camera.read_colour(&image, raw, rgb));
+                if let Err(error) = read {
+                    rgb.fill(0);
+                    wrong_colour = Some(format!("{}: {error}", images.topic));
+                }
+            }
+            Ok(())
+        };
+        let image = Image {
+            index: depth.index,
+            stamp_nanos,
+            rotation,
+            has_colour: colour.is_some(),
+            received_at: Instant::now(),
+        };
+        let sent = self.sender.send(guest, &image, decode)?;
+        if let Some(words) = wrong_colour {
+            report.note(Event::Unusable, || words);
+        }
+        match sent {
+            Outcome::Sent => {}
+            Outcome::NotWanted => report.count(Event::NotSent),
+            Outcome::Refused(why) => {
+                report.note(Event::Unusable, || format!("{}: {why}", topics.depth.topic));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,158 @@
+//! Keyframes of a run that goes on, read from its directory: nothing in it is written or locked.
+
+use super::points::{Point, Seen, thinned_surface};
+use tessera_geometry::{Camera, Pose};
+use tessera_journal::{Follower, JournalError};
+use tessera_settings::{Settings, SettingsError};
+use tessera_slam::{AlignRecord, KeyframeRecord, PoseHistory};
+use tessera_stage::{ALIGN_JOURNAL, RunFile, RunFiles, StageError, StoredKeyframes};
+use tessera_transport::RunEntry;
+
+/// Why the keyframes of a run cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum FollowError {
+    /// Its journal.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// Its files, or a damaged keyframe.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// Its configuration.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// Its folder.
+    #[error("cannot read {0}: {1}")]
+    Read(String, std::io::Error),
+}
+
+/// Where the keyframes of a map stand: each with `world_from_camera`, by id.
+pub(crate) type Scene = Vec<(u32, Pose)>;
+
+/// A fold over the aligner's journal.
+pub(crate) struct Follow {
+    journal: Follower<AlignRecord>,
+    surfaces: StoredKeyframes,
+    camera: Camera,
+    step: usize,
+    max_depth_m: f64,
+    poses: PoseHistory,
+    /// Stamp and velocity of each keyframe.
+    made: Vec<(i64, [f64; 6])>,
+    /// Submap of the newest frame.
+    submap: u32,
+    newest_nanos: i64,
+}
+
+impl Follow {
+    /// Opens the directory of a run; `None` where the run has not written it yet.
+    ///
+    /// # Errors
+    /// Where one of its files is something else or cannot be read.
+    pub(crate) fn open(entry: &RunEntry) -> Result<Option<Self>, FollowError> {
+        let files = RunFiles::new(&entry.run_dir);
+        let (journal, store) = (files.align_journal(), files.store());
+        let is_there = files.run_file().is_file()
+            && journal.is_file()
+            && store.metadata().is_ok_and(|meta| meta.len() > 0);
+        if !is_there {
+            return Ok(None);
+        }
+        let run = RunFile::read(&files)?;
+        if run.identity != entry.identity {
+            // That of a run which used the folder before.
+            return Ok(None);
+        }
+        let path = files.config().display().to_string();
+        let text = std::fs::read_to_string(&path).map_err(|error| FollowError::Read(path.clone(), error))?;
+        let settings = Settings::from_toml(&text, &path)?;
+        Ok(Some(Self {
+            journal: Follower::open(&journal, ALIGN_JOURNAL)?,
+            surfaces: StoredKeyframes::open(&store, run.layout(&settings).grid)?,
+            camera: run.camera,
+            step: settings.surface.step as usize,
+            max_depth_m: settings.output.map_max_depth_m,
+            poses: PoseHistory::default(),
+            made: Vec::new(),
+            submap: 0,
+            newest_nanos: 0,
+        }))
+    }
+
+    /// Takes in what was written since; a record that is not whole yet is read later.
+    ///
+    /// # Errors
+    /// Where the journal is damaged.
+    pub(crate) fn drain(&mut self) -> Result<(), FollowError> {
+        while let Some(record) = self.journal.next()? {
+            self.surfaces.take_unread(&record)?;
+            self.poses.apply(&record);
+            match record {
+                AlignRecord::Map(map) => {
+                    self.made.extend(map.keyframes.iter().map(|k| (k.stamp_nanos, k.velocity)));
+                }
+                AlignRecord::Frame(frame) => {
+                    let made = |keyframe: &KeyframeRecord| (keyframe.stamp_nanos, keyframe.velocity);
+                    self.made.extend(frame.new_keyframe.as_ref().map(made));
+                    (self.submap, self.newest_nanos) = (frame.submap, frame.stamp_nanos);
+                }
+                AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::End { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// The keyframes of the map that the camera is in now. Those of a submap that is not joined to it
+    /// have no known place in it and are left out.
+    pub(crate) fn scene(&self) -> Scene {
+        let component = self.poses.submaps().component(self.submap);
+        let poses = self.poses.keyframe_poses().zip(0..);
+        let own = poses.filter(|(_, id)| self.poses.component_of_keyframe(*id) == Some(component));
+        own.map(|(pose, id)| (id, pose)).collect()
+    }
+
+    /// Number of keyframes.
+    pub(crate) fn n_keyframes(&self) -> u32 {
+        self.made.len() as u32
+    }
+
+    /// Stamp of a keyframe.
+    pub(crate) fn stamp_nanos(&self, keyframe: u32) -> i64 {
+        self.made.get(keyframe as usize).map_or(self.newest_nanos, |(stamp_nanos, _)| *stamp_nanos)
+    }
+
+    /// Stamp of the newest frame.
+    pub(crate) fn newest_nanos(&self) -> i64 {
+        self.newest_nanos
+    }
+
+    /// Points of a keyframe in its camera's axes, one a voxel of that edge.
+    ///
+    /// # Errors
+    /// Where it is unknown, or damaged in the store.
+    pub(crate) fn points(&self, keyframe: u32, edge_m: f64) -> Result<Vec<Point>, FollowError> {
+        let vertices = self.surfaces.load(keyframe)?;
+        let velocity = self.made.get(keyframe as usize).map_or([0.0; 6], |(_, velocity)| *velocity);
+        let seen = Seen { camera: &self.camera, step: self.step, velocity };
+        Ok(thinned_surface(&vertices, &seen, self.max_depth_m, edge_m))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_transport::RunIdentity;
+
+    #[test]
+    fn a_folder_is_waited_for_and_one_of_something_else_is_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let identity = RunIdentity { root: "r".into(), prefix: "p".into(), config_file: "c".into() };
+        let entry = RunEntry { name: "x".to_owned(), pid: 1, run_dir: dir.path().to_owned(), identity };
+        assert!(Follow::open(&entry).unwrap().is_none());
+        for name in ["run.json", "align.journal", "keyframes.store"] {
+            std::fs::write(dir.path().join(name), "{}").unwrap();
+        }
+        let words = Follow::open(&entry).err().unwrap().to_string();
+        assert!(words.contains("run.json"), "{words}");
+        assert!(Follow::open(&RunEntry { run_dir: dir.path().join("no"), ..entry }).unwrap().is_none());
+    }
+}

@@ -1,0 +1,18 @@
+//! The map of a run as the network has it. Where keyframes stand is read from the run's directory by
+//! a thread of its own; nothing of this is a part of the run.
+
+mod cloud;
+mod follow;
+mod grid;
+mod lattice;
+mod making;
+mod mapper;
+mod pace;
+mod points;
+mod scan;
+mod side;
+mod votes;
+mod worker;
+
+pub(crate) use side::MapSide;
+pub(crate) use worker::MapOptions;

@@ -1,0 +1,151 @@
+//! The service `save_map`: `tessera export` as a child writes the outputs of the run into its folder,
+//! while everything else goes on.
+
+use crate::carrier::{Carrier, CarrierError, Client, Server, TRIGGER};
+use crate::error::Ros2Error;
+use crate::report::{Event, Report};
+use crate::run::tessera;
+use serde::Serialize;
+use std::collections::VecDeque;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use tessera_recording::ros::encode;
+
+/// Requests that wait at most; more are refused.
+const MOST_WAITING: usize = 16;
+
+/// `std_srvs/srv/Trigger_Response`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+struct Response {
+    success: bool,
+    message: String,
+}
+
+impl Response {
+    fn refused(message: String) -> Self {
+        Self { success: false, message }
+    }
+}
+
+/// The service, and the export that goes on.
+pub(crate) struct SaveMap {
+    server: Box<dyn Server>,
+    waiting: VecDeque<Client>,
+    export: Option<(Client, Export)>,
+}
+
+/// A child, which is ended when it is dropped.
+struct Export(Child);
+
+impl Drop for Export {
+    fn drop(&mut self) {
+        // Both fail where it has ended.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl SaveMap {
+    /// Announces the service.
+    ///
+    /// # Errors
+    /// Where the network refuses it.
+    pub(crate) fn new(carrier: &mut dyn Carrier, namespace: &str) -> Result<Self, CarrierError> {
+        let server = carrier.serve(&format!("{namespace}/save_map"), TRIGGER)?;
+        Ok(Self { server, waiting: VecDeque::new(), export: None })
+    }
+
+    /// Takes requests in and answers those that are done. Requests are served one after the other, each
+    /// with the map at that time.
+    ///
+    /// # Errors
+    /// Where a reply cannot be written as CDR.
+    pub(crate) fn step(&mut self, run_dir: &Path, report: &mut Report) -> Result<(), Ros2Error> {
+        loop {
+            match self.server.take() {
+                Ok(None) => break,
+                Ok(Some(client)) if self.waiting.len() < MOST_WAITING => self.waiting.push_back(client),
+                Ok(Some(client)) => {
+                    self.answer(&client, &Response::refused("too many requests wait".to_owned()), report)?;
+                }
+                Err(error) => report.note(Event::Carrier, || error.to_string()),
+            }
+        }
+        if let Some((client, export)) = &mut self.export
+            && let Some(response) = outcome(&mut export.0, run_dir)
+        {
+            let client = client.clone();
+            self.export = None;
+            report.say(&format!("save_map: {}", response.message));
+            self.answer(&client, &response, report)?;
+        }
+        if self.export.is_none()
+            && let Some(client) = self.waiting.pop_front()
+        {
+            let mut command = tessera();
+            command.args(["export", "--quiet"]).arg(run_dir);
+            command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+            match command.spawn() {
+                Ok(child) => self.export = Some((client, Export(child))),
+                Err(error) => {
+                    let program = command.get_program().display();
+                    let response = Response::refused(format!("cannot start {program}: {error}"));
+                    self.answer(&client, &response, report)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self, client: &Client, response: &Response, report: &mut Report) -> Result<(), Ros2Error> {
+        if let Err(error) = self.server.answer(client, &encode(response)?) {
+            report.note(Event::Carrier, || error.to_string());
+        }
+        Ok(())
+    }
+}
+
+/// What came of an export; `None` while it goes on.
+fn outcome(child: &mut Child, run_dir: &Path) -> Option<Response> {
+    let status = match child.try_wait() {
+        Ok(status) => status?,
+        Err(error) => return Some(Response::refused(error.to_string())),
+    };
+    if status.success() {
+        return Some(Response { success: true, message: run_dir.display().to_string() });
+    }
+    let mut words = String::new();
+    if let Some(errors) = &mut child.stderr {
+        // What cannot be read is no reason either.
+        let _ = errors.read_to_string(&mut words);
+    }
+    let words = words.trim();
+    let message =
+        if words.is_empty() { format!("tessera export ended with {status}") } else { words.to_owned() };
+    Some(Response::refused(message))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::process::Command;
+
+    fn outcome_of(script: &str) -> Response {
+        let mut command = Command::new("sh");
+        let mut child = command.args(["-c", script]).stderr(Stdio::piped()).spawn().unwrap();
+        loop {
+            if let Some(response) = outcome(&mut child, Path::new("/runs/desk")) {
+                return response;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+    }
+
+    #[test]
+    fn the_answer_is_the_folder_or_the_error() {
+        assert_eq!(outcome_of("exit 0"), Response { success: true, message: "/runs/desk".to_owned() });
+        assert_eq!(outcome_of("echo no disk >&2; exit 4"), Response::refused("no disk".to_owned()));
+        assert!(outcome_of("exit 3").message.contains("exit status: 3"));
+    }
+}
