@@ -94,6 +94,8 @@ impl PyCamera {
         values.set_item("readout_s", camera.readout_s)?;
         values.set_item("depth_offset_m", camera.depth_offset_m)?;
         values.set_item("colour_registered", camera.colour_registered)?;
+        values.set_item("colour_lag_s", camera.colour_lag_s)?;
+        values.set_item("colour_focal_ratio", camera.colour_focal_ratio)?;
         Ok(values)
     }
 

@@ -30,8 +30,8 @@ class Camera:
     @staticmethod
     def from_dict(values: dict[str, Any]) -> Camera:
         """From the keys of a camera file: `width`, `height`, `fx`, `fy`, `cx`, `cy`, `units_per_metre`, and
-        where they are wanted `distortion` (k1 k2 p1 p2 k3), `readout_s`, `depth_offset_m` and
-        `colour_registered`."""
+        where they are wanted `distortion` (k1 k2 p1 p2 k3), `readout_s`, `depth_offset_m`,
+        `colour_registered`, `colour_lag_s` and `colour_focal_ratio`."""
     @staticmethod
     def from_matrix(
         matrix: Iterable[Iterable[float]],

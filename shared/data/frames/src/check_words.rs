@@ -2,6 +2,7 @@
 
 use crate::CheckReport;
 use std::fmt::Write;
+use tessera_geometry::Camera;
 
 impl CheckReport {
     /// A line for each fact, warnings last.
@@ -32,6 +33,7 @@ impl CheckReport {
                 if camera.is_distorted() { format!("{:?}", camera.distortion) } else { "none".into() },
             ),
             ("rolling shutter", format!("{:.1} ms", 1e3 * camera.readout_s)),
+            ("colour", colour(camera)),
             ("depth units", format!("{} a metre", camera.units_per_metre)),
             ("median depth", depth),
             ("valid pixels", format!("{:.1} %", 100.0 * self.depth.valid_share)),
@@ -47,6 +49,15 @@ impl CheckReport {
         }
         text
     }
+}
+
+/// How colour lies against depth, as the camera file has it.
+fn colour(camera: &Camera) -> String {
+    if !camera.colour_registered {
+        return "of another camera".into();
+    }
+    let (lag_ms, ratio) = (1e3 * camera.colour_lag_s, camera.colour_focal_ratio);
+    format!("{lag_ms:.1} ms newer than depth, {ratio} times its focal length")
 }
 
 fn pairs(report: &CheckReport) -> String {

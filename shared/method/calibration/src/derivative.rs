@@ -92,6 +92,8 @@ mod tests {
             readout_s: 0.03,
             depth_offset_m: 0.01,
             colour_registered: true,
+            colour_lag_s: 0.0,
+            colour_focal_ratio: 1.0,
         }
     }
 

@@ -92,6 +92,8 @@ mod tests {
             readout_s: 0.0,
             depth_offset_m,
             colour_registered: true,
+            colour_lag_s: 0.0,
+            colour_focal_ratio: 1.0,
         }
     }
 

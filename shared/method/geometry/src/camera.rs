@@ -69,6 +69,17 @@ pub struct Camera {
     /// Whether colour is registered to depth, pixel by pixel.
     #[serde(default = "yes")]
     pub colour_registered: bool,
+    /// Seconds by which colour is newer than the depth of the same stamp. A start: what the frames say
+    /// goes on from it (method 14.4), and so below.
+    #[serde(default)]
+    pub colour_lag_s: f64,
+    /// Focal length of the colour images over that of depth.
+    #[serde(default = "one")]
+    pub colour_focal_ratio: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 fn yes() -> bool {
@@ -91,6 +102,8 @@ impl Camera {
             readout_s: 0.0,
             depth_offset_m: 0.0,
             colour_registered: true,
+            colour_lag_s: 0.0,
+            colour_focal_ratio: 1.0,
         }
     }
 
@@ -100,6 +113,7 @@ impl Camera {
     /// Names the first value that cannot be, what it is and what it must be.
     pub fn check(&self) -> Result<(), CameraError> {
         let &Self { width, height, fx, fy, cx, cy, units_per_metre, readout_s, depth_offset_m, .. } = self;
+        let &Self { colour_lag_s, colour_focal_ratio, .. } = self;
         let fits = |side: u32, most: u32| (16..=most).contains(&side);
         if !(fits(width, 1920) && fits(height, 1080)) {
             return Err(CameraError::Size { width, height });
@@ -125,6 +139,13 @@ impl Camera {
                 depth_offset_m,
                 depth_offset_m.abs() <= 0.2,
                 "an offset from -0.2 to 0.2 metres",
+            ),
+            ("colour_lag_s", colour_lag_s, colour_lag_s.abs() <= 0.1, "a lag from -0.1 to 0.1 seconds"),
+            (
+                "colour_focal_ratio",
+                colour_focal_ratio,
+                (0.75..=1.25).contains(&colour_focal_ratio),
+                "a ratio from 0.75 to 1.25",
             ),
         ];
         for (name, value, holds, rule) in rules {
@@ -230,6 +251,8 @@ mod tests {
             readout_s: 0.03,
             depth_offset_m: 0.0,
             colour_registered: true,
+            colour_lag_s: 0.0,
+            colour_focal_ratio: 1.0,
         }
     }
 

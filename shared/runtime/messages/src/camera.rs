@@ -81,18 +81,13 @@ impl CameraFrame {
         if self.fx == 0.0 {
             return Ok(None);
         }
+        let focal_and_centre = [self.fx, self.fy, self.cx, self.cy];
         let camera = Camera {
-            width: self.width,
-            height: self.height,
-            fx: self.fx,
-            fy: self.fy,
-            cx: self.cx,
-            cy: self.cy,
-            units_per_metre: self.units_per_metre,
             distortion: self.distortion,
             readout_s: self.readout_s,
             depth_offset_m: self.depth_offset_m,
             colour_registered: self.colour_registered == 1,
+            ..Camera::pinhole((self.width, self.height), focal_and_centre, self.units_per_metre)
         };
         camera.check().map(|()| Some(camera))
     }

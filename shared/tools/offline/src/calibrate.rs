@@ -114,6 +114,7 @@ pub fn calibrate<E>(
             n_frames += 1;
             progress();
         }
+        let colour = run.colour().model;
         let (records, map) = run.finish_with_map();
         let (calibration, n_untracked) =
             solve(&records, &map, &smooth, (&camera, start), method, options, progress)?;
@@ -125,8 +126,11 @@ pub fn calibrate<E>(
             moved_px: calibration.moved_px,
         });
         camera = calibration.camera.clone();
+        // As far as it is certain; the next pass begins there.
+        (camera.colour_lag_s, camera.colour_focal_ratio) = (colour.lag_s, colour.focal_ratio);
         let is_converged = calibration.moved_px < (CONVERGED_SHARE * calibration.std_px).max(CONVERGED_PX);
         if is_converged || passes.len() >= options.max_passes as usize {
+            let calibration = Calibration { camera, ..calibration };
             return Ok(Calibrated { calibration, passes, is_converged });
         }
     }

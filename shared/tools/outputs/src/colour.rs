@@ -1,7 +1,7 @@
 //! How colour lies against depth, as a run found it.
 
 use serde::Serialize;
-use tessera_slam::{ColourState, FrameRecord};
+use tessera_slam::{ColourModel, ColourState, FrameRecord};
 
 /// Lag and focal ratio of colour against depth, as estimated at the end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -20,8 +20,8 @@ pub struct ColourSummary {
 
 impl ColourSummary {
     /// `None` where no frame's features could be judged.
-    pub fn new(frames: &[FrameRecord]) -> Option<Self> {
-        let state = ColourState::of_records(frames.iter().filter_map(|frame| frame.colour.as_ref()));
+    pub fn new(stated: ColourModel, frames: &[FrameRecord]) -> Option<Self> {
+        let state = ColourState::of_records(stated, frames.iter().filter_map(|frame| frame.colour.as_ref()));
         let [lag, [ratio, ratio_sigma]] = state.estimate().filter(|_| state.n_frames > 0)?;
         Some(Self {
             colour_lag_s: lag,
@@ -42,7 +42,8 @@ mod tests {
     #[test]
     fn estimates_come_from_the_records_of_all_frames() {
         let frame = test_run::replay().frames[0].clone();
-        assert_eq!(ColourSummary::new(std::slice::from_ref(&frame)), None);
+        let none = ColourModel::default();
+        assert_eq!(ColourSummary::new(none, std::slice::from_ref(&frame)), None);
         // A lag of 20 ms and a ratio of 0.9, as normal equations.
         let colour = ColourRecord {
             n_pairs: 100,
@@ -51,10 +52,14 @@ mod tests {
             gradient: [2e6, -1e6],
         };
         let frames = vec![FrameRecord { colour: Some(colour), ..frame }; 40];
-        let found = ColourSummary::new(&frames).unwrap();
+        let found = ColourSummary::new(none, &frames).unwrap();
         assert!((found.colour_lag_s[0] - 0.02).abs() < 1e-9 && found.colour_lag_s[1] < 1e-3);
         assert!((found.colour_focal_ratio[0] - 0.9).abs() < 1e-9);
         assert!((found.applied_lag_s - 0.02).abs() < 1e-9);
         assert!((found.applied_focal_ratio - 0.9).abs() < 1e-9);
+        // What the camera file states is applied before anything is certain.
+        let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95 };
+        let found = ColourSummary::new(stated, &frames[..1]).unwrap();
+        assert_eq!((found.applied_lag_s, found.applied_focal_ratio), (0.015, 0.95));
     }
 }

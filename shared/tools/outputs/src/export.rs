@@ -19,7 +19,7 @@ use tessera_evaluation::{Trajectory, read_tum, write_tum};
 use tessera_geometry::Camera;
 use tessera_journal::Follower;
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, Context};
+use tessera_slam::{AlignRecord, ColourModel, Context};
 use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, RunFile, RunFiles, StoredKeyframes};
 use tessera_surface::Vertex;
 
@@ -91,6 +91,7 @@ pub fn read_beside(files: &RunFiles) -> Beside {
             source_doubts: run.doubts,
             units_per_metre: run.camera.units_per_metre,
             focal_px: run.camera.fx,
+            stated_colour: ColourModel::of_camera(&run.camera),
         },
         Err(_) => Beside { broken, ..Beside::default() },
     }

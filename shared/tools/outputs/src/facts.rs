@@ -7,7 +7,7 @@ use crate::verdict::UNCERTAIN_M;
 use std::collections::BTreeMap;
 use std::fmt;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
-use tessera_slam::{FrameRecord, State};
+use tessera_slam::{ColourModel, FrameRecord, State};
 
 /// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
 const POSITION: [usize; 3] = [0, 6, 11];
@@ -126,6 +126,8 @@ pub struct Beside {
     pub units_per_metre: f64,
     /// Focal length along x, pixels.
     pub focal_px: f64,
+    /// What the camera file states of colour.
+    pub stated_colour: ColourModel,
 }
 
 impl Facts {

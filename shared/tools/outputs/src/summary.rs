@@ -170,7 +170,7 @@ impl Summary {
             wall_s: statistics.wall_s,
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
-            colour: ColourSummary::new(&replay.frames),
+            colour: ColourSummary::new(beside.stated_colour, &replay.frames),
             refinement: settings
                 .mapping
                 .global

@@ -26,6 +26,11 @@ impl Default for ColourModel {
 }
 
 impl ColourModel {
+    /// What a camera file states.
+    pub fn of_camera(camera: &Camera) -> Self {
+        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
+    }
+
     /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
     /// image, both without distortion.
     pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
@@ -108,10 +113,31 @@ impl Default for ColourState {
     }
 }
 
+/// Standard deviations of what a camera file states.
+const STATED_LAG_SIGMA_S: f64 = 0.001;
+const STATED_RATIO_SIGMA: f64 = 0.002;
+
 impl ColourState {
+    /// The state before the first frame: what the camera file states is applied, and the frames go on
+    /// from there; where it states nothing, nothing is known.
+    pub fn stated(model: ColourModel) -> Self {
+        if model == ColourModel::default() {
+            return Self::default();
+        }
+        // As an estimate with these deviations: see `estimate`.
+        let sigmas = [STATED_LAG_SIGMA_S, STATED_RATIO_SIGMA];
+        let [lag, ratio] = sigmas.map(|sigma| 1.0 / (INDEPENDENT * sigma * sigma));
+        Self {
+            information: [lag, 0.0, ratio],
+            gradient: [lag * model.lag_s, ratio * (model.focal_ratio - 1.0)],
+            model,
+            ..Self::default()
+        }
+    }
+
     /// The state as of these records, in order of frames.
-    pub fn of_records<'a>(records: impl IntoIterator<Item = &'a ColourRecord>) -> Self {
-        let mut state = Self::default();
+    pub fn of_records<'a>(stated: ColourModel, records: impl IntoIterator<Item = &'a ColourRecord>) -> Self {
+        let mut state = Self::stated(stated);
         records.into_iter().for_each(|record| state.apply(record));
         state
     }

@@ -74,9 +74,10 @@ fn observed(context: &Context, truth: &ColourModel, k: u64) -> Vec<Observation> 
 }
 
 /// Pairs of frames with each other: what an estimate finds, applied again and again.
-fn estimate(truth: &ColourModel) -> ColourState {
+fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
     let mut context = context();
-    let mut state = ColourState::default();
+    let mut state = ColourState::stated(stated);
+    assert_eq!(state.model, stated, "applied from the first frame on");
     for k in 0..120 {
         context = context.with_colour(&state);
         let sides = [k, k + 1].map(|k| observed(&context, truth, k));
@@ -125,11 +126,21 @@ fn a_planted_lag_and_a_planted_focal_length_are_found_and_none_where_there_is_no
         ColourModel { lag_s: 0.0, focal_ratio: 0.9 },
         ColourModel { lag_s: -0.015, focal_ratio: 1.04 },
     ] {
-        let found = estimate(&truth);
+        let found = estimate(&truth, ColourModel::default());
         assert!((found.model.lag_s - truth.lag_s).abs() < 1e-3, "{truth:?}: {found:?}");
         assert!((found.model.focal_ratio - truth.focal_ratio).abs() < 3e-3, "{truth:?}: {found:?}");
         assert!(found.residual_px < 1.0, "{truth:?}: {found:?}");
         assert_eq!(found.weight(), 1.0);
+    }
+}
+
+#[test]
+fn what_the_camera_file_states_is_the_start_and_not_the_last_word() {
+    let truth = ColourModel { lag_s: 0.02, focal_ratio: 0.95 };
+    for stated in [truth, ColourModel { lag_s: -0.01, focal_ratio: 1.03 }] {
+        let found = estimate(&truth, stated).model;
+        assert!((found.lag_s - truth.lag_s).abs() < 2e-3, "{stated:?}: {found:?}");
+        assert!((found.focal_ratio - truth.focal_ratio).abs() < 5e-3, "{stated:?}: {found:?}");
     }
 }
 

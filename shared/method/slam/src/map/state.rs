@@ -1,6 +1,6 @@
 //! State of the tracker between two frames, as a fold over its journal.
 
-use crate::features::colour_model::ColourState;
+use crate::features::colour_model::{ColourModel, ColourState};
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
 use crate::map::pose_history::{RigidMotion, apply_correction, apply_join, apply_poses};
@@ -9,7 +9,7 @@ use crate::map::records::{
 };
 use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{InertialRotation, PoseBits};
+use tessera_geometry::{Camera, InertialRotation, PoseBits};
 
 /// One of the last frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,6 +80,11 @@ pub struct TrackerState {
 }
 
 impl TrackerState {
+    /// The state before the first frame of a camera.
+    pub(crate) fn of_camera(camera: &Camera) -> Self {
+        Self { colour: ColourState::stated(ColourModel::of_camera(camera)), ..Self::default() }
+    }
+
     /// Takes one record in. The only way the state changes, live and in replay.
     pub fn apply(&mut self, record: &AlignRecord) {
         match record {

@@ -59,8 +59,8 @@ impl Optimiser {
     /// An optimiser that has seen nothing.
     pub fn new(context: Context) -> Self {
         Self {
+            state: TrackerState::of_camera(&context.camera),
             context,
-            state: TrackerState::default(),
             pending: VecDeque::new(),
             n_answered: 0,
             known: KnownLoops::new(),

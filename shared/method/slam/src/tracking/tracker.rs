@@ -40,7 +40,7 @@ impl Tracker {
     /// A tracker that has seen nothing.
     pub fn new(context: Context) -> Self {
         Self {
-            state: TrackerState::default(),
+            state: TrackerState::of_camera(&context.camera),
             workload: Workload::new(&context),
             aligner: Aligner::new(&context),
             ferns: Ferns::default(),
