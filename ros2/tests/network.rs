@@ -13,6 +13,9 @@ mod map;
 mod requirements;
 #[path = "network/services.rs"]
 mod services;
+#[cfg(feature = "zenoh")]
+#[path = "network/zenoh.rs"]
+mod zenoh;
 
 use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;
@@ -47,6 +50,12 @@ fn difference(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
 #[test]
 fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let Some(network) = Network::new() else { return };
+    let words = exchange(&network);
+    assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
+}
+
+/// Frames come in and poses go out, as programs of others read them; what the program says.
+fn exchange(network: &Network) -> String {
     let setup = Setup::new(40);
     room(setup.frames());
     let listener = network.listen(&[]);
@@ -57,7 +66,6 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let words = ros2.finish();
     drop(camera);
     let lines = listener.finish();
-    assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
     assert!(words.contains("base_link is where /tf_static has it"), "{words}");
     let unmatched = "/tessera/odom: the writer is volatile, the reader wants transient local";
     assert!(words.contains(unmatched), "{words}");
@@ -99,6 +107,7 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
     assert_eq!(status["name"], format!("tessera: {}", setup.name));
     assert!(status["values"]["poses"].as_str().unwrap().parse::<u64>().unwrap() >= 10, "{status}");
     assert!(status["values"]["latency ms"].is_string(), "{status}");
+    words
 }
 
 #[test]
@@ -150,6 +159,10 @@ fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
 #[test]
 fn the_camera_and_the_program_may_be_killed_and_the_run_goes_on() {
     let Some(network) = Network::new() else { return };
+    kill(&network);
+}
+
+fn kill(network: &Network) {
     let setup = Setup::new(120);
     room(setup.frames());
     let run = setup.start();
