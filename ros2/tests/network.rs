@@ -228,11 +228,13 @@ fn types_have_the_hashes_that_others_compute() {
         let words: Vec<&str> = line.split('"').collect();
         arguments.extend([words[1].to_owned(), format!("RIHS01_{}", words[3])]);
     }
-    assert_eq!(arguments.len(), 22);
+    let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
+    arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
+    assert_eq!(arguments.len(), 24);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "11");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "12");
 }
 
 #[test]
@@ -246,6 +248,11 @@ fn what_cannot_be_is_told_before_anything_begins() {
     assert!(code == Some(2) && words.contains("no topic would be found"), "{words}");
     let (code, words) = told(&["x"], ("ROS_DOMAIN_ID", "300"));
     assert!(code == Some(2) && words.contains("expected 0 to 232"), "{words}");
+    let zenoh = ["x", "--carrier", "zenoh"];
+    let far = ("ZENOH_CONFIG_OVERRIDE", "connect/endpoints=[\"tcp/192.0.2.1:7447\"]");
+    let expected = if cfg!(feature = "zenoh") { "--network all opens it" } else { "--features zenoh" };
+    let (code, words) = told(&zenoh, far);
+    assert!(code == Some(2) && words.contains(expected), "{words}");
     let domain = common::domain().to_string();
     let (code, words) = told(&["x", "--camera", "no/such.toml", "--domain", &domain], ("A", ""));
     assert!(code == Some(3) && words.contains("no/such.toml"), "{words}");
