@@ -9,6 +9,8 @@ mod grid;
 mod gyro;
 #[path = "network/map.rs"]
 mod map;
+#[path = "network/program.rs"]
+mod program;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
 #[path = "network/services.rs"]

@@ -1,7 +1,8 @@
 //! The same over Zenoh as rmw_zenoh has it: the other side is eclipse-zenoh in Python, with a router of
 //! its own for each test.
 
-use crate::common::{Network, Program, Setup, python, room, root, wait_for};
+use crate::common::{Network, Setup, python, room, root, wait_for};
+use crate::program::Program;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::Command;
