@@ -19,4 +19,5 @@ if ! words=$(cargo fetch --locked 2>&1); then
     esac
 fi
 cargo clippy --locked --all-targets -- -D warnings
-cargo test --locked
+cargo clippy --locked --all-targets --features zenoh -- -D warnings
+cargo test --locked --features zenoh

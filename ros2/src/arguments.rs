@@ -2,6 +2,7 @@
 
 use crate::map::MapOptions;
 use crate::network::{Reach, parse_reach};
+use crate::open::CarrierKind;
 use clap::Parser;
 
 /// Join a run to a ROS 2 network: images of its camera in, odometry and transforms out
@@ -69,10 +70,13 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     pub(crate) grid_heights: (f64, f64),
-    /// Distribution of ROS 2 of the others: humble has node names of its own form [default: ROS_DISTRO]
+    /// What carries messages [default: zenoh where RMW_IMPLEMENTATION is rmw_zenoh_cpp, else dds]
+    #[arg(long, value_name = "CARRIER")]
+    pub(crate) carrier: Option<CarrierKind>,
+    /// Distribution of ROS 2 of the others: humble has names of its own form [default: ROS_DISTRO]
     #[arg(long, value_name = "NAME")]
     pub(crate) ros_distro: Option<String>,
-    /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    /// Domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
     pub(crate) domain: Option<u16>,
     /// loopback, all, or the address of an interface [default: by ROS 2's variables, else loopback]

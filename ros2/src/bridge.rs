@@ -1,14 +1,13 @@
 //! The run and the network together: one loop that looks at both.
 
 use crate::arguments::Arguments;
-use crate::carrier::Carrier;
-use crate::dds::{Dds, NodeName};
+use crate::carrier::{Carrier, NodeName};
 use crate::error::Ros2Error;
 use crate::input::Input;
 use crate::map::MapSide;
-use crate::network::{Network, Reach, doubt_buffers};
+use crate::network::Network;
+use crate::open::open;
 use crate::output::Output;
-use crate::own_sockets::keep_to_loopback;
 use crate::report::{Event, Report};
 use crate::run::{Run, Started};
 use crate::save::SaveMap;
@@ -39,28 +38,21 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     let network = Network::choose(arguments.domain, arguments.network, |name| std::env::var(name).ok())
         .map_err(Ros2Error::Arguments)?;
     let name = NodeName { path: arguments.namespace.clone(), is_humble: arguments.is_humble() };
-    let mut carrier = Dds::open(&network, name)?;
-    report.say(&carrier.words());
-    if network.reach == Reach::Loopback
-        && let Err(error) = keep_to_loopback()
-    {
-        report.say(&format!(
-            "its UDP ports are open to other networks too ({error}): close them with a firewall"
-        ));
-    }
-    for words in network.warning.into_iter().chain(doubt_buffers()) {
+    let mut carrier = open(arguments.carrier, &network, name)?;
+    let carrier = &mut *carrier;
+    for words in carrier.words().into_iter().chain(network.warning) {
         report.say(&words);
     }
-    let input = Input::new(arguments, &mut carrier)?;
-    let map = MapSide::new(&mut carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
-    let save = SaveMap::new(&mut carrier, &arguments.namespace)?;
-    let output = Output::new(&mut carrier, &arguments.namespace, !arguments.no_tf)?;
+    let input = Input::new(arguments, carrier)?;
+    let map = MapSide::new(carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
+    let save = SaveMap::new(carrier, &arguments.namespace)?;
+    let output = Output::new(carrier, &arguments.namespace, !arguments.no_tf)?;
     carrier.introduce()?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
     if let Some(run) = await_run(&arguments.name, started.as_mut(), is_stopped, &report)? {
         let mut bridge = Bridge {
-            carrier: &mut carrier,
+            carrier,
             run,
             input,
             output,

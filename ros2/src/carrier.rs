@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-/// A message type of ROS 2.
+/// A type of ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RosType {
     /// As `sensor_msgs/msg/Image`.
@@ -36,7 +36,7 @@ types! {
 }
 
 impl RosType {
-    /// As DDS has it: `sensor_msgs::msg::dds_::Image_`.
+    /// As DDS has it, and rmw_zenoh too: `sensor_msgs::msg::dds_::Image_`.
     pub(crate) fn in_dds(&self) -> String {
         let (package, rest) = self.name.split_once('/').unwrap_or(("", self.name));
         let (kind, name) = rest.split_once('/').unwrap_or(("msg", rest));
@@ -52,16 +52,21 @@ pub(crate) fn from_dds(name: &str) -> String {
     }
 }
 
-/// A service: what is asked and what is answered. Their hash is that of the service, which nothing
-/// here needs.
+/// A service: what is asked and what is answered, each without a hash of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Service {
+    /// The service itself.
+    pub(crate) kind: RosType,
     pub(crate) request: RosType,
     pub(crate) response: RosType,
 }
 
 /// `std_srvs/srv/Trigger`.
 pub(crate) const TRIGGER: Service = Service {
+    kind: RosType {
+        name: "std_srvs/srv/Trigger",
+        hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    },
     request: RosType { name: "std_srvs/srv/Trigger_Request", hash: "" },
     response: RosType { name: "std_srvs/srv/Trigger_Response", hash: "" },
 };
@@ -96,6 +101,27 @@ impl Quality {
         }
         (self.is_kept && !offered.is_kept)
             .then_some("the writer is volatile, the reader wants transient local")
+    }
+}
+
+/// A node's name.
+#[derive(Clone, Debug)]
+pub(crate) struct NodeName {
+    /// With its namespace, as `/robot/tessera`.
+    pub(crate) path: String,
+    /// Whether others are of ROS 2 Humble, which has no type hashes, and identities of 24 bytes in DDS;
+    /// later they have 16.
+    pub(crate) is_humble: bool,
+}
+
+impl NodeName {
+    /// Namespace and name: `/robot` and `tessera`, or `/` and `tessera`.
+    pub(crate) fn split(&self) -> (&str, &str) {
+        match self.path.rsplit_once('/') {
+            Some(("", name)) => ("/", name),
+            Some(split) => split,
+            None => ("/", &self.path),
+        }
     }
 }
 
@@ -162,10 +188,11 @@ pub(crate) trait Carrier {
     fn seen(&self) -> Vec<Seen>;
     /// The topics that others read.
     fn read_topics(&self) -> BTreeSet<String>;
-    /// Readers and writers of others on our topics that cannot be joined to ours, each with the reason.
+    /// What keeps messages from being carried, each with the reason: readers and writers of others on our
+    /// topics that cannot be joined to ours, or a program that must be there and is not.
     fn unmatched(&self) -> Vec<String>;
-    /// On what it listens, for people.
-    fn words(&self) -> String;
+    /// On what it listens and what may go wrong there, for people, a line each.
+    fn words(&self) -> Vec<String>;
 }
 
 /// Why messages cannot be carried.

@@ -19,8 +19,8 @@ mod imu;
 mod input;
 mod map;
 mod network;
+mod open;
 mod output;
-mod own_sockets;
 mod pairing;
 mod path;
 mod report;
@@ -28,6 +28,8 @@ mod run;
 mod save;
 mod sender;
 mod topics;
+#[cfg(feature = "zenoh")]
+mod zenoh;
 
 use arguments::Arguments;
 use clap::Parser;

@@ -1,14 +1,9 @@
 //! Which network is joined: by options, then by the variables of ROS 2, else loopback alone.
 
 use std::net::IpAddr;
-use std::path::Path;
 
 /// Largest domain whose ports exist.
 const LAST_DOMAIN: u16 = 232;
-/// Receive buffer that holds the images of two cameras.
-const NEEDED_BYTES: u64 = 4 << 20;
-const ENOUGH_BYTES: u64 = 8 << 20;
-const LIMIT: &str = "/proc/sys/net/core/rmem_max";
 
 /// How far messages go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,21 +94,6 @@ pub(crate) fn parse_reach(text: &str) -> Result<Reach, String> {
     }
 }
 
-/// Words where the kernel's receive buffers are too small for images; `None` where they are not,
-/// or it cannot be known.
-pub(crate) fn doubt_buffers() -> Option<String> {
-    let limit = std::fs::read_to_string(Path::new(LIMIT)).ok()?.trim().parse().ok()?;
-    doubt_limit(limit)
-}
-
-fn doubt_limit(limit: u64) -> Option<String> {
-    (limit < NEEDED_BYTES).then(|| {
-        format!(
-            "net.core.rmem_max is {limit} bytes: images of DDS are larger and get lost; raise it: sudo sysctl -w net.core.rmem_max={ENOUGH_BYTES}"
-        )
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,11 +132,5 @@ mod tests {
             assert!(error.contains(words), "{error}");
         }
         assert!(parse_reach("wlan0").is_err() && parse_reach("10.0.0.2").is_ok());
-    }
-
-    #[test]
-    fn small_buffers_are_told_with_the_command_that_raises_them() {
-        assert!(doubt_limit(212_992).unwrap().contains("sudo sysctl -w net.core.rmem_max=8388608"));
-        assert_eq!(doubt_limit(4 << 20), None);
     }
 }

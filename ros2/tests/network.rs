@@ -9,10 +9,15 @@ mod grid;
 mod gyro;
 #[path = "network/map.rs"]
 mod map;
+#[path = "network/program.rs"]
+mod program;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
 #[path = "network/services.rs"]
 mod services;
+#[cfg(feature = "zenoh")]
+#[path = "network/zenoh.rs"]
+mod zenoh;
 
 use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;
@@ -47,6 +52,12 @@ fn difference(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
 #[test]
 fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let Some(network) = Network::new() else { return };
+    let words = exchange(&network);
+    assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
+}
+
+/// Frames come in and poses go out, as programs of others read them; what the program says.
+fn exchange(network: &Network) -> String {
     let setup = Setup::new(40);
     room(setup.frames());
     let listener = network.listen(&[]);
@@ -57,7 +68,6 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let words = ros2.finish();
     drop(camera);
     let lines = listener.finish();
-    assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
     assert!(words.contains("base_link is where /tf_static has it"), "{words}");
     let unmatched = "/tessera/odom: the writer is volatile, the reader wants transient local";
     assert!(words.contains(unmatched), "{words}");
@@ -99,6 +109,7 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
     assert_eq!(status["name"], format!("tessera: {}", setup.name));
     assert!(status["values"]["poses"].as_str().unwrap().parse::<u64>().unwrap() >= 10, "{status}");
     assert!(status["values"]["latency ms"].is_string(), "{status}");
+    words
 }
 
 #[test]
@@ -150,6 +161,10 @@ fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
 #[test]
 fn the_camera_and_the_program_may_be_killed_and_the_run_goes_on() {
     let Some(network) = Network::new() else { return };
+    kill(&network);
+}
+
+fn kill(network: &Network) {
     let setup = Setup::new(120);
     room(setup.frames());
     let run = setup.start();
@@ -215,11 +230,13 @@ fn types_have_the_hashes_that_others_compute() {
         let words: Vec<&str> = line.split('"').collect();
         arguments.extend([words[1].to_owned(), format!("RIHS01_{}", words[3])]);
     }
-    assert_eq!(arguments.len(), 22);
+    let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
+    arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
+    assert_eq!(arguments.len(), 24);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "11");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "12");
 }
 
 #[test]
@@ -233,6 +250,11 @@ fn what_cannot_be_is_told_before_anything_begins() {
     assert!(code == Some(2) && words.contains("no topic would be found"), "{words}");
     let (code, words) = told(&["x"], ("ROS_DOMAIN_ID", "300"));
     assert!(code == Some(2) && words.contains("expected 0 to 232"), "{words}");
+    let zenoh = ["x", "--carrier", "zenoh"];
+    let far = ("ZENOH_CONFIG_OVERRIDE", "connect/endpoints=[\"tcp/192.0.2.1:7447\"]");
+    let expected = if cfg!(feature = "zenoh") { "--network all opens it" } else { "--features zenoh" };
+    let (code, words) = told(&zenoh, far);
+    assert!(code == Some(2) && words.contains(expected), "{words}");
     let domain = common::domain().to_string();
     let (code, words) = told(&["x", "--camera", "no/such.toml", "--domain", &domain], ("A", ""));
     assert!(code == Some(3) && words.contains("no/such.toml"), "{words}");

@@ -1,15 +1,19 @@
 //! DDS, by RustDDS: messages pass as bytes, and what they mean is not its business.
 
+mod buffers;
 mod node;
+mod own_sockets;
 mod raw;
 mod service;
 
 use crate::carrier::{
-    Carrier, CarrierError, Publication, Quality, RosType, Seen, Server, Service, Subscription, from_dds,
+    Carrier, CarrierError, NodeName, Publication, Quality, RosType, Seen, Server, Service, Subscription,
+    from_dds,
 };
 use crate::network::{Network, Reach};
-pub(crate) use node::NodeName;
+use buffers::doubt_buffers;
 use node::{Ends, Node};
+use own_sockets::keep_to_loopback;
 use raw::{Reader, Writer};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
@@ -34,6 +38,8 @@ pub(crate) struct Dds {
     readers: Vec<End>,
     writers: Vec<End>,
     node: Node,
+    /// What may go wrong with its sockets.
+    doubts: Vec<String>,
 }
 
 /// A reader or writer: topic and type as DDS has them.
@@ -63,7 +69,17 @@ impl Dds {
             builder.build().map_err(|error| wrong(&format!("join DDS domain {}", network.domain), &error))?;
         let to = make_writer(&participant, node::TOPIC, (node::KIND, &Quality::LATCHED))?;
         let node = Node { name, to, told: Vec::new() };
-        Ok(Self { participant, network: network.clone(), readers: Vec::new(), writers: Vec::new(), node })
+        let mut doubts = Vec::new();
+        if network.reach == Reach::Loopback
+            && let Err(error) = keep_to_loopback()
+        {
+            doubts.push(format!(
+                "its UDP ports are open to other networks too ({error}): close them with a firewall"
+            ));
+        }
+        doubts.extend(doubt_buffers());
+        let network = network.clone();
+        Ok(Self { participant, network, readers: Vec::new(), writers: Vec::new(), node, doubts })
     }
 
     fn reader(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Reader, CarrierError> {
@@ -215,7 +231,7 @@ impl Carrier for Dds {
         found.into_iter().collect()
     }
 
-    fn words(&self) -> String {
+    fn words(&self) -> Vec<String> {
         let (domain, index) = (self.network.domain, self.participant.participant_id());
         let (multicast, own) = (7400 + 250 * u32::from(domain), u32::from(index));
         let place = match self.network.reach {
@@ -223,13 +239,14 @@ impl Carrier for Dds {
             Reach::Interface(address) => format!("{address} and 127.0.0.1"),
             Reach::All => "all interfaces".to_owned(),
         };
-        format!(
+        let joined = format!(
             "DDS domain {domain}, discovery and data on {place} ({}); UDP ports {multicast}, {}, {}, {}",
             self.network.from,
             multicast + 1,
             multicast + 10 + 2 * own,
             multicast + 11 + 2 * own
-        )
+        );
+        [joined].into_iter().chain(self.doubts.iter().cloned()).collect()
     }
 }
 

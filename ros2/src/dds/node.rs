@@ -2,22 +2,13 @@
 //! and nodes of ROS say on `ros_discovery_info` which ends are theirs.
 
 use super::raw::Writer;
-use crate::carrier::{CarrierError, Publication};
+use crate::carrier::{CarrierError, NodeName, Publication};
 use rustdds::GUID;
 use serde::Serialize;
 use tessera_recording::ros::encode;
 
 pub(super) const TOPIC: &str = "ros_discovery_info";
 pub(super) const KIND: &str = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_";
-
-/// A node's name.
-#[derive(Clone, Debug)]
-pub(crate) struct NodeName {
-    /// With its namespace, as `/robot/tessera`.
-    pub(crate) path: String,
-    /// Whether others are of ROS 2 Humble, where identities have 24 bytes; later they have 16.
-    pub(crate) is_humble: bool,
-}
 
 /// `rmw_dds_common/msg/Gid`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -71,7 +62,7 @@ impl Node {
 }
 
 fn message(name: &NodeName, ends: &Ends) -> Result<Vec<u8>, tessera_recording::MessageError> {
-    let (namespace, own) = name.path.rsplit_once('/').unwrap_or(("", &name.path));
+    let (node_namespace, node_name) = name.split();
     let gid = |guid: &GUID| {
         let bytes = guid.to_bytes();
         if !name.is_humble {
@@ -84,8 +75,8 @@ fn message(name: &NodeName, ends: &Ends) -> Result<Vec<u8>, tessera_recording::M
     encode(&ParticipantEntitiesInfo {
         gid: gid(&ends.participant),
         node_entities_info_seq: vec![NodeEntitiesInfo {
-            node_namespace: if namespace.is_empty() { "/" } else { namespace },
-            node_name: own,
+            node_namespace,
+            node_name,
             reader_gid_seq: ends.readers.iter().map(gid).collect(),
             writer_gid_seq: ends.writers.iter().map(gid).collect(),
         }],

@@ -1,13 +1,12 @@
 //! A run, a network of its own, and programs in Python that take part in it.
 
+use crate::program::{Listener, Program};
 use crate::requirements::missing;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde_json::{Value, json};
-use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
@@ -15,7 +14,8 @@ const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 
                       units_per_metre = 1000.0\n";
 /// Images that a camera plays to and fro.
 const N_IMAGES: u64 = 30;
-const PACKAGES: [&str; 4] = ["cyclonedds==11.0.1", "rosbags==0.11.9", "numpy", "pillow"];
+const PACKAGES: [&str; 5] =
+    ["cyclonedds==11.0.1", "eclipse-zenoh==1.10.2", "rosbags==0.11.9", "numpy", "pillow"];
 /// Cyclone on loopback, without multicast.
 const CYCLONE: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces>\
     <NetworkInterface address=\"127.0.0.1\" multicast=\"false\"/></Interfaces>\
@@ -86,97 +86,26 @@ pub(crate) fn python() -> Option<PathBuf> {
     Some(python)
 }
 
-/// A program that is killed when it is dropped, with what it printed.
-pub(crate) struct Program {
-    child: Child,
-    printed: Option<JoinHandle<String>>,
-}
-
-impl Program {
-    /// Starts it; `is_output` takes what it prints, else its errors.
-    fn start(mut command: Command, is_output: bool) -> Self {
-        command.stdin(Stdio::null());
-        if is_output {
-            command.stdout(Stdio::piped());
-        } else {
-            command.stderr(Stdio::piped());
-        }
-        let mut child = command.spawn().unwrap();
-        let mut from: Box<dyn Read + Send> = match is_output {
-            true => Box::new(child.stdout.take().unwrap()),
-            false => Box::new(child.stderr.take().unwrap()),
-        };
-        let printed = std::thread::spawn(move || {
-            let mut text = String::new();
-            let _ = from.read_to_string(&mut text);
-            text
-        });
-        Self { child, printed: Some(printed) }
-    }
-
-    /// What it printed, once it has ended by itself and well.
-    pub(crate) fn finish(mut self) -> String {
-        let mut status = None;
-        wait_for("the end of a program", || {
-            status = self.child.try_wait().unwrap();
-            status.is_some()
-        });
-        let status = status.unwrap();
-        let text = self.printed.take().unwrap().join().unwrap();
-        assert!(status.success(), "{status}: {text}");
-        text
-    }
-
-    /// Tells it to end.
-    pub(crate) fn terminate(&self) {
-        let pid = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
-    }
-
-    fn end(mut self) -> String {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        self.printed.take().unwrap().join().unwrap()
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// A listener to what the run publishes.
-pub(crate) struct Listener(Program);
-
-impl Listener {
-    /// Ends it; all lines that it printed whole.
-    pub(crate) fn finish(self) -> Vec<Value> {
-        Self::lines(&self.0.end())
-    }
-
-    /// All lines, once it has ended by itself.
-    pub(crate) fn await_end(self) -> Vec<Value> {
-        Self::lines(&self.0.finish())
-    }
-
-    fn lines(text: &str) -> Vec<Value> {
-        text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
-    }
-}
-
 /// A ROS 2 network of one's own.
 pub(crate) struct Network {
     domain: String,
     python: PathBuf,
     tessera: PathBuf,
+    /// The router of Zenoh, where it is none of DDS.
+    router: Option<String>,
 }
 
 impl Network {
     /// `None`, with the reason printed, where something is missing.
     pub(crate) fn new() -> Option<Self> {
-        Some(Self { tessera: tessera()?, python: python()?, domain: domain().to_string() })
+        let domain = domain().to_string();
+        Some(Self { tessera: tessera()?, python: python()?, domain, router: None })
+    }
+
+    /// The same over Zenoh.
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn over(self, router: String) -> Self {
+        Self { router: Some(router), ..self }
     }
 
     pub(crate) fn domain(&self) -> &str {
@@ -192,19 +121,22 @@ impl Network {
     pub(crate) fn camera(&self, setup: &Setup, arguments: &[&str]) -> Program {
         let mut command = self.script("camera.py");
         command.arg(setup.frames()).arg(&self.domain).args(arguments);
+        if let Some(router) = &self.router {
+            command.args(["--router", router.as_str()]);
+        }
         Program::start(command, true)
     }
 
     pub(crate) fn listen(&self, arguments: &[&str]) -> Listener {
         let mut command = self.script("listen.py");
-        command.arg(&self.domain).args(arguments);
+        command.arg(&self.domain).args(arguments).args(&self.router);
         Listener(Program::start(command, true))
     }
 
     /// Runs a program to its end; what it prints.
     pub(crate) fn ask(&self, script: &str, word: &str) -> Vec<Value> {
         let mut command = self.script(script);
-        command.args([&self.domain, word]);
+        command.arg(&self.domain).args(&self.router).arg(word);
         Listener(Program::start(command, true)).await_end()
     }
 
@@ -214,6 +146,11 @@ impl Network {
         command.args([&setup.name, "--domain", &self.domain]).args(arguments);
         for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"] {
             command.env_remove(variable);
+        }
+        command.env_remove("RMW_IMPLEMENTATION");
+        if let Some(router) = &self.router {
+            command.args(["--carrier", "zenoh"]);
+            command.env("ZENOH_CONFIG_OVERRIDE", format!("connect/endpoints=[{router:?}]"));
         }
         command.env("TESSERA_PROGRAM", &self.tessera);
         Program::start(command, false)
@@ -256,10 +193,9 @@ impl Setup {
     }
 
     /// Waits for the run's end; one that failed shows its log.
-    pub(crate) fn finish(&self, mut run: Program) {
-        let status = run.child.wait().unwrap();
+    pub(crate) fn finish(&self, run: Program) {
+        let (status, words) = run.wait();
         let log = std::fs::read_to_string(self.out().join("log.txt")).unwrap_or_default();
-        let words = run.printed.take().unwrap().join().unwrap();
         assert!(status.success(), "{status}: {words}\n{log}");
     }
 

@@ -1,8 +1,8 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--start N] [--rate HZ]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--start N] [--rate HZ] [--router ENDPOINT]
 
-FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
+It is one of DDS, and with a router one of Zenoh. FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
 
 import argparse
@@ -95,6 +95,18 @@ def png(array):
     return buffer.getvalue()
 
 
+def writers(arguments, name):
+    """What makes writers of topics, of a node of that name."""
+    if arguments.router:
+        import rmw_zenoh
+
+        return rmw_zenoh.Node(arguments.domain, arguments.router, STORE, name).writer
+    participant = DomainParticipant(arguments.domain)
+    return lambda topic, kind, qos=messages.SENSOR: DataWriter(
+        participant, Topic(participant, "rt" + topic, kind), qos=qos
+    )
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
@@ -104,14 +116,12 @@ def main():
     parser.add_argument("--imu", action="store_true")
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--rate", type=float, default=10.0)
+    parser.add_argument("--router")
     arguments = parser.parse_args()
     camera = json.loads((arguments.folder / "camera.json").read_text())
     width, height, n = camera["width"], camera["height"], camera["n"]
     read = lambda name: (arguments.folder / name).read_bytes()
-    participant = DomainParticipant(arguments.domain)
-
-    def writer(topic, kind, qos=messages.SENSOR):
-        return DataWriter(participant, Topic(participant, "rt" + topic, kind), qos=qos)
+    writer = writers(arguments, "driver")
 
     kind = messages.CompressedImage if arguments.compressed else messages.Image
     tail = ("/compressedDepth", "/compressed") if arguments.compressed else ("", "")
@@ -130,10 +140,8 @@ def main():
     imu_nanos = camera["stamps"][0]
     period = camera["stamps"][1] - camera["stamps"][0]
     # Another program with an image of its own making.
-    other = DomainParticipant(arguments.domain)
-    torn = DataWriter(
-        other, Topic(other, "rt/camera/depth/image_rect_raw", messages.Torn), qos=messages.SENSOR
-    ) if arguments.faults else None
+    other = writers(arguments, "other")
+    torn = other("/camera/depth/image_rect_raw", messages.Torn) if arguments.faults else None
     at, first_fault = arguments.start, None
     while True:
         began = time.monotonic()
@@ -162,6 +170,8 @@ def main():
             colour = image(nanos, width, height, "rgb8", colour)
         if 0 <= fault < 3:
             torn.write(messages.of(messages.Torn, STORE.serialize_cdr(header(nanos), "std_msgs/msg/Header")))
+            if arguments.router:
+                torn.write_nonsense()
         if 10 <= fault < 13:
             depth = image(nanos, width // 2, height, "16UC1", bytes(width * height))
         while imus is not None and imu_nanos <= nanos + 2 * IMU_PERIOD:

@@ -1,7 +1,8 @@
 """Prints what a run publishes into a ROS 2 network, a line of JSON each, until it is ended.
 
-    python listen.py DOMAIN [map] [once]
+    python listen.py DOMAIN [map] [once] [humble] [ENDPOINT]
 
+It is one of DDS, and with the endpoint of a router one of Zenoh, there with `humble` as of ROS 2 Humble.
 With `map` it reads the topics of the map as well, with `once` until each that keeps its last message
 has sent one.
 Each message is decoded by rosbags; `same` says that rosbags makes the same bytes of it again.
@@ -98,15 +99,25 @@ MAP_TOPICS = [
 KEPT = ["/tessera/map_cloud", "/tessera/grid"]
 
 
+def makes_readers(domain, words):
+    """What makes readers of topics."""
+    for endpoint in words:
+        if endpoint.startswith("tcp/"):
+            import rmw_zenoh
+
+            return rmw_zenoh.Node(domain, endpoint, STORE, "listener", "humble" in words).reader
+    participant = DomainParticipant(domain)
+    return lambda topic, kind, qos: DataReader(participant, Topic(participant, "rt" + topic, kind), qos=qos)
+
+
 def main():
-    participant = DomainParticipant(int(sys.argv[1]))
+    make = makes_readers(int(sys.argv[1]), sys.argv[2:])
     readers = []
     for topic, kind, name, words in TOPICS + (MAP_TOPICS if "map" in sys.argv[2:] else []):
         qos = messages.STATIC if topic in KEPT else messages.RELIABLE
-        reader = DataReader(participant, Topic(participant, "rt" + topic, kind), qos=qos)
-        readers.append((reader, topic, name, words))
-    # One that wants more than is offered gets nothing, and the other side is to say why.
-    greedy = DataReader(participant, Topic(participant, "rt/tessera/odom", messages.Odometry), qos=messages.STATIC)
+        readers.append((make(topic, kind, qos), topic, name, words))
+    # One that wants more than is offered: with DDS it gets nothing, and the other side is to say why.
+    greedy = make("/tessera/odom", messages.Odometry, messages.STATIC)
     print(json.dumps({"topic": "ready"}), flush=True)
     awaited = set(KEPT)
     while awaited or "once" not in sys.argv[2:]:
@@ -122,7 +133,7 @@ def main():
                 line = {"topic": topic, "same": same, "length": len(again)}
                 print(json.dumps(line | words(message)), flush=True)
                 awaited.discard(topic)
-        assert not greedy.take()
+        assert not isinstance(greedy, DataReader) or not greedy.take()
         time.sleep(0.005)
 
 

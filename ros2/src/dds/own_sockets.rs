@@ -11,7 +11,7 @@ use std::io;
 ///
 /// # Errors
 /// Where the system does not let a process look at its own descriptors, or bind them.
-pub(crate) fn keep_to_loopback() -> io::Result<usize> {
+pub(super) fn keep_to_loopback() -> io::Result<usize> {
     let own = pidfd_open(getpid(), PidfdFlags::empty())?;
     let mut n_bound = 0;
     for entry in std::fs::read_dir("/proc/self/fd")? {
