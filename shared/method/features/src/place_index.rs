@@ -19,7 +19,7 @@ const SEARCHED_WORDS: usize = 128;
 const PARTS: usize = 4;
 /// Neighbours that are looked at in each direction, and entries that are passed over for them.
 const NEAR: usize = 8;
-const MOST_PASSED: usize = 160;
+const MOST_PASSED: usize = 64;
 /// Bits of a part, and of the whole descriptor, in which words of one corner differ at most.
 const MAX_PART_BITS: u32 = 8;
 const MAX_DISTANCE: u32 = 36;

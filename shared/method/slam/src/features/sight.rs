@@ -139,7 +139,11 @@ impl Sight {
         let keyframes = &input.map.state().keyframes;
         let active = keyframes.iter().filter(|keyframe| keyframe.is_active()).map(|keyframe| keyframe.id);
         self.places.hold_only(active, |id| input.surfaces.keyframes.features_once(id));
-        let is_admitted = |id: u32| keyframes.get(id as usize).is_some_and(&is_admitted);
+        let is_admitted: Vec<bool> = keyframes.iter().map(|k| k.is_active() && is_admitted(k)).collect();
+        if !is_admitted.contains(&true) {
+            return Vec::new();
+        }
+        let is_admitted = |id: u32| is_admitted.get(id as usize) == Some(&true);
         let found = self.places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
         let mut chosen: Vec<u32> = Vec::new();
         for place in found.iter().map(|found| found.place) {

@@ -25,11 +25,14 @@ pub(crate) fn with_request(
     aligned: &WindowAlignment,
     mut record: FrameRecord,
 ) -> FrameRecord {
-    if record.request.is_some() {
-        return record;
-    }
     let settings = &input.context.mapping.loops;
     let frame = input.frame;
+    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
+    let is_urgent = !record.moved.is_empty();
+    let request = detection::request(settings, input.map.state(), frame.index, n_keyframes, is_urgent);
+    if record.request.is_some() || request.is_none() {
+        return record;
+    }
     let sees_loop = aligned.members.iter().any(|m| match m {
         Member::Keyframe(id) => {
             input.map.keyframe(*id).is_some_and(|k| detection::is_loop(settings, input.map, k, frame.index))
@@ -38,9 +41,7 @@ pub(crate) fn with_request(
     });
     let at = Pose::from(&record.world_from_camera);
     if sees_loop || record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &at)) {
-        let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
-        let is_urgent = !record.moved.is_empty();
-        record.request = detection::request(settings, input.map.state(), frame.index, n_keyframes, is_urgent);
+        record.request = request;
     }
     record
 }
