@@ -1,7 +1,7 @@
 //! Recognition of places by their features: which of many images shows what this one shows?
 //!
-//! Binary words without a vocabulary. A descriptor is cut into parts of 32 bits, and each part of all
-//! descriptors is kept in order. Descriptors of one corner share leading bits of some part and are
+//! Binary words without a vocabulary. A descriptor has eight parts of 32 bits; each of four of them is kept
+//! in order over all descriptors. Descriptors of one corner share leading bits of some part and are
 //! neighbours in that order; the distance of the whole descriptors decides. This is locality-sensitive
 //! hashing with prefixes of any length (Bawa, Condie and Ganesan, "LSH forest", WWW 2005): nothing is
 //! trained, a search takes a logarithm of the number of places, and the answer is a function of the
@@ -11,10 +11,8 @@ use crate::feature::Feature;
 use crate::matching::hamming_distance;
 use std::collections::BTreeSet;
 
-/// Words of a place: its strongest features.
+/// Words of a place and of a search: the strongest features.
 const WORDS: usize = 128;
-/// Words of a search.
-const SEARCHED_WORDS: usize = 128;
 /// Parts of a descriptor that are kept in order.
 const PARTS: usize = 4;
 /// Neighbours that are looked at in each direction, and entries that are passed over for them.
@@ -47,7 +45,6 @@ pub struct PlaceIndex {
     arch: pulp::Arch,
     /// By place; none of a place that is not there.
     words: Vec<Option<Box<[Descriptor]>>>,
-    n_places: usize,
     /// Entries `part << 32 | place << WORD_BITS | word`, in order.
     parts: [BTreeSet<u64>; PARTS],
 }
@@ -55,17 +52,17 @@ pub struct PlaceIndex {
 impl PlaceIndex {
     /// No places; loops are compiled for `arch`, which does not change an answer.
     pub fn new(arch: pulp::Arch) -> Self {
-        Self { arch, words: Vec::new(), n_places: 0, parts: Default::default() }
+        Self { arch, words: Vec::new(), parts: Default::default() }
     }
 
     /// Number of places.
     pub fn len(&self) -> usize {
-        self.n_places
+        self.words.iter().flatten().count()
     }
 
     /// Whether there is no place.
     pub fn is_empty(&self) -> bool {
-        self.n_places == 0
+        self.len() == 0
     }
 
     /// Makes the places those of `places`: what is new there is read by `features`, what is not there
@@ -86,7 +83,7 @@ impl PlaceIndex {
             is_held[at] = true;
             if self.words[at].is_none() {
                 let features = features(place);
-                let words = strongest(features.as_ref(), WORDS);
+                let words = strongest(features.as_ref());
                 let words: Box<[Descriptor]> = words.iter().map(|feature| feature.descriptor).collect();
                 for (k, added) in added.iter_mut().enumerate() {
                     added.extend(entries(place, &words, k));
@@ -103,7 +100,6 @@ impl PlaceIndex {
                 }
             }
         }
-        self.n_places = self.words.iter().flatten().count();
         for (part, added) in self.parts.iter_mut().zip(added) {
             if part.is_empty() {
                 // Made at once, in order.
@@ -150,7 +146,7 @@ impl<A: Fn(u32) -> bool> pulp::WithSimd for PlaceSearch<'_, A> {
     fn with_simd<S: pulp::Simd>(self, _simd: S) {
         let Self { index, features, is_admitted, n_words } = self;
         let mut seen: Vec<u32> = Vec::new();
-        for feature in strongest(features, SEARCHED_WORDS) {
+        for feature in strongest(features) {
             seen.clear();
             let descriptor = &feature.descriptor;
             for (k, part) in index.parts.iter().enumerate() {
@@ -207,10 +203,10 @@ fn entries(place: u32, words: &[Descriptor], part: usize) -> impl Iterator<Item 
 }
 
 /// The strongest features, equals in their order.
-fn strongest(features: &[Feature], n: usize) -> Vec<&Feature> {
+fn strongest(features: &[Feature]) -> Vec<&Feature> {
     let mut chosen: Vec<&Feature> = features.iter().collect();
     chosen.sort_by(|a, b| b.response.total_cmp(&a.response));
-    chosen.truncate(n);
+    chosen.truncate(WORDS);
     chosen
 }
 
@@ -229,9 +225,9 @@ mod tests {
     }
 
     /// The same corners from elsewhere: a third of them gone, and `n_bits` turned in the others.
-    fn seen_again(image: &[Feature], n_bits: usize, random: &mut SplitMix64) -> Vec<Feature> {
-        let mut other = super::tests::image(random);
-        for (feature, known) in other.iter_mut().zip(image).skip(67) {
+    fn seen_again(known: &[Feature], n_bits: usize, random: &mut SplitMix64) -> Vec<Feature> {
+        let mut other = image(random);
+        for (feature, known) in other.iter_mut().zip(known).skip(67) {
             *feature = *known;
             (0..n_bits).for_each(|_| feature.descriptor[random.below(4)] ^= 1 << random.below(64));
         }

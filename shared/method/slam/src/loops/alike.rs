@@ -8,8 +8,8 @@ use crate::tracking::input::{FrameSurface, TrackingInput};
 
 /// Keyframes that share the most features.
 const MOST_BY_FEATURES: usize = 2;
-/// Words that they share at least: in the simulated house no other room shares as many.
-const MIN_WORDS: u32 = 12;
+/// Words that they share at least: of places in the simulated house the first wrong answer has ten.
+const MIN_WORDS: usize = 12;
 
 /// Keyframes with which a new one, made of `frame`, may close a loop, the most alike first. The
 /// optimiser verifies them.
@@ -25,7 +25,7 @@ pub(crate) fn alike(
     };
     let mut alike = Vec::new();
     if input.context.mapping.features.enabled && input.context.is_colour_trusted {
-        alike = sight.recognise(input, frame.features, [MOST_BY_FEATURES, MIN_WORDS as usize], closes_loop);
+        alike = sight.recognise(input, frame.features, [MOST_BY_FEATURES, MIN_WORDS], closes_loop);
     }
     let older = input.map.keyframes().filter(|older| older.is_active() && closes_loop(older));
     let best = older
