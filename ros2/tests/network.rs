@@ -193,9 +193,7 @@ fn compressed_images_are_decoded_and_run_starts_the_run() {
     let setup = Setup::new(12);
     room(setup.frames());
     let camera = network.camera(&setup, &["--compressed"]);
-    let run = setup.run_arguments();
-    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
-    let ros2 = network.join(&setup, &arguments);
+    let ros2 = network.join_and_run(&setup);
     let words = ros2.finish();
     drop(camera);
     assert!(words.contains("/camera/depth/image_rect_raw/compressedDepth"), "{words}");
@@ -209,9 +207,7 @@ fn a_run_that_was_started_ends_with_the_program() {
     let setup = Setup::new(100_000);
     room(setup.frames());
     let _camera = network.camera(&setup, &[]);
-    let run = setup.run_arguments();
-    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
-    let ros2 = network.join(&setup, &arguments);
+    let ros2 = network.join_and_run(&setup);
     setup.wait_for_growth("the first frames");
     ros2.terminate();
     let words = ros2.finish();

@@ -3,6 +3,7 @@
 
 use crate::error::Ros2Error;
 use crate::network::{Network, Reach};
+use serde_json::Value;
 use std::net::IpAddr;
 use zenoh::Config;
 
@@ -108,10 +109,22 @@ fn keep_to_loopback(config: &mut Config, from: &str) -> Result<(), Ros2Error> {
 
 /// All endpoints that are connected to, also where they are given for each mode.
 fn endpoints(config: &Config) -> Result<Vec<String>, Ros2Error> {
-    let json = config.get_json(CONNECT);
-    let json = json.map_err(|error| Ros2Error::Arguments(format!("{CONNECT}: {error}")))?;
-    let texts = json.split('"').skip(1).step_by(2);
-    Ok(texts.filter(|text| text.contains('/')).map(str::to_owned).collect())
+    let wrong = |error: String| Ros2Error::Arguments(format!("{CONNECT}: {error}"));
+    let json = config.get_json(CONNECT).map_err(|error| wrong(error.to_string()))?;
+    let value: Value = serde_json::from_str(&json).map_err(|error| wrong(error.to_string()))?;
+    let mut found = Vec::new();
+    collect(&value, &mut found);
+    Ok(found)
+}
+
+/// All texts below a value.
+fn collect(value: &Value, found: &mut Vec<String>) {
+    match value {
+        Value::String(text) => found.push(text.clone()),
+        Value::Array(items) => items.iter().for_each(|item| collect(item, found)),
+        Value::Object(items) => items.values().for_each(|item| collect(item, found)),
+        Value::Null | Value::Bool(_) | Value::Number(_) => {}
+    }
 }
 
 /// Whether an endpoint such as `tcp/127.0.0.1:7447` is on this machine.

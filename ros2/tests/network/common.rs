@@ -140,6 +140,14 @@ impl Network {
         Listener(Program::start(command, true)).await_end()
     }
 
+    /// As [`Self::join`], with the program starting the run itself.
+    pub(crate) fn join_and_run(&self, setup: &Setup) -> Program {
+        let run = setup.run_arguments();
+        let arguments: Vec<&str> =
+            ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
+        self.join(setup, &arguments)
+    }
+
     /// Starts `tessera-ros2`.
     pub(crate) fn join(&self, setup: &Setup, arguments: &[&str]) -> Program {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));

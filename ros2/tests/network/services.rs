@@ -21,9 +21,7 @@ fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
     let setup = Setup::new(100_000);
     room(setup.frames());
     let _camera = network.camera(&setup, &[]);
-    let run = setup.run_arguments();
-    let arguments: Vec<&str> = ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
-    let ros2 = network.join(&setup, &arguments);
+    let ros2 = network.join_and_run(&setup);
     setup.wait_for_growth("the first frames");
     let (map, config) = (setup.out().join("map.ply"), setup.out().join("config.toml"));
     assert!(!map.exists());
