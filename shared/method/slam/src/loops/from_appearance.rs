@@ -3,6 +3,7 @@
 
 use crate::features::matching::{PairFinder, Reach};
 use crate::loops::detection::{self, TrackPoint};
+use crate::loops::feature_cache::{AlikePair, FeatureCache};
 use crate::loops::matchable::Matchable;
 use crate::loops::pair_alignment::PairAlignment;
 use crate::loops::verification::{self, Tested};
@@ -11,6 +12,7 @@ use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::settings::GlobalSettings;
+use std::sync::Arc;
 use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock, Schedule};
 use tessera_numerics::parallel::map_in_parts;
@@ -44,30 +46,41 @@ fn candidates(
 pub(crate) fn pairs(
     context: &Context,
     (keyframes, origins): (&[KeyframeState], &[Origin]),
-    matchable: &[Matchable<'_>],
+    (matchable, cache): (&[Matchable<'_>], &FeatureCache),
     newer: &[usize],
     progress: &mut dyn FnMut(),
 ) -> Vec<(Pair, Tested)> {
     let found = map_in_parts(
         newer,
         || (context.matcher(), PairFinder::new(context)),
-        |(matcher, finder), &query| {
+        |searchers, &query| {
             candidates(context, keyframes, origins, query).find_map(|target| {
-                let (newer, older) = (&matchable[query], &matchable[target]);
-                let ids = [query, target].map(|k| u64::from(keyframes[k].id));
-                let guess = by_features(context, finder, newer, older, ids[0] << 32 | ids[1]);
-                let (at, block) = aligned(matcher, newer, older, guess);
-                let settings = &context.mapping.global;
-                let tested = verification::test(settings, matcher, newer, older, &at);
-                // No pose speaks for this pair: it must overlap well in both directions.
-                let is_good =
-                    tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
-                is_good.then(|| (Pair { is_loop: true, ..Pair::new(query, target, block) }, tested))
+                let ids = (keyframes[query].id, keyframes[target].id);
+                let sides = [&matchable[query], &matchable[target]];
+                let pair = cache.alike(ids, || alike(context, searchers, sides, ids).map(Arc::new))?;
+                Some((Pair { is_loop: true, ..Pair::new(query, target, pair.block.clone()) }, pair.tested))
             })
         },
         progress,
     );
     found.into_iter().flatten().collect()
+}
+
+/// A pair aligned by itself; `None` where it does not pass the tests.
+fn alike(
+    context: &Context,
+    (matcher, finder): &mut (Matcher, PairFinder),
+    [newer, older]: [&Matchable<'_>; 2],
+    ids: (u32, u32),
+) -> Option<AlikePair> {
+    let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
+    let guess = by_features(context, finder, newer, older, seed);
+    let (at, block) = aligned(matcher, newer, older, guess);
+    let settings = &context.mapping.global;
+    let tested = verification::test(settings, matcher, newer, older, &at);
+    // No pose speaks for this pair: it must overlap well in both directions.
+    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+    is_good.then_some(AlikePair { block, tested })
 }
 
 /// `older_from_newer` on which features agree.
@@ -78,7 +91,7 @@ fn by_features(
     older: &Matchable<'_>,
     seed: u64,
 ) -> Option<Pose> {
-    let sides = [newer.seen(), older.seen()];
+    let sides = [newer, older].map(|side| side.seen(context));
     let found = finder.find(context, sides, &Pose::identity(), Reach::ANYWHERE, seed)?;
     Some(found.target_from_query)
 }

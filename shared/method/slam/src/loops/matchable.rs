@@ -5,6 +5,7 @@ use crate::features::matching::Seen;
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
+use std::sync::OnceLock;
 use tessera_features::{Feature, Observation};
 use tessera_geometry::{Twist, Vector6};
 use tessera_registration::{KdTree, Queries, Sample, Sampler, ShutterTable, Target};
@@ -19,7 +20,7 @@ pub(crate) struct Matchable<'a> {
     tree: Option<KdTree>,
     velocity: Twist,
     features: &'a [Feature],
-    observations: Vec<Observation>,
+    observations: OnceLock<Vec<Observation>>,
 }
 
 impl<'a> Matchable<'a> {
@@ -48,20 +49,18 @@ impl<'a> Matchable<'a> {
         let mut queries = Queries::default();
         queries.fill(samples, &shutter);
         let tree = context.tree(&surface, &shutter);
-        Self { queries, shutter, surface, tree, velocity, features: &[], observations: Vec::new() }
+        Self { queries, shutter, surface, tree, velocity, features: &[], observations: OnceLock::new() }
     }
 
     /// The keyframe with its features.
-    pub(crate) fn with_features(mut self, context: &Context, features: &'a [Feature]) -> Self {
-        if context.mapping.features.enabled {
-            self.features = features;
-            self.observations = lift(context, features, &self.surface, &self.velocity);
-        }
-        self
+    pub(crate) fn with_features(self, context: &Context, features: &'a [Feature]) -> Self {
+        if context.mapping.features.enabled { Self { features, ..self } } else { self }
     }
 
-    pub(crate) fn seen(&self) -> Seen<'_> {
-        Seen { features: self.features, observations: &self.observations }
+    /// Its features with their observations, which are made when they are first asked for.
+    pub(crate) fn seen(&self, context: &Context) -> Seen<'_> {
+        let observe = || lift(context, self.features, &self.surface, &self.velocity);
+        Seen { features: self.features, observations: self.observations.get_or_init(observe) }
     }
 
     pub(crate) fn target(&self) -> Target<'_> {

@@ -6,6 +6,7 @@ pub(crate) mod conflict;
 pub(crate) mod covisibility;
 pub(crate) mod detection;
 pub(crate) mod extended_window;
+pub(crate) mod feature_cache;
 pub(crate) mod from_appearance;
 pub(crate) mod join;
 pub(crate) mod keyframe_pair;

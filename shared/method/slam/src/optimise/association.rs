@@ -5,6 +5,7 @@ use crate::features::matching::{FeaturePair, PairFinder, Reach};
 use crate::features::weighted_pair::WeightedPair;
 use crate::loops::covisibility;
 use crate::loops::detection::{self, TrackPoint};
+use crate::loops::feature_cache::{FeatureCache, PairIds, RoundedGuess};
 use crate::loops::from_appearance;
 use crate::loops::keyframe_pair::{MIN_FEATURES, PairSearch};
 use crate::loops::matchable::Matchable;
@@ -28,6 +29,7 @@ pub(crate) struct KeyframeAssociation<'a> {
     pub(crate) keyframes: &'a [KeyframeState],
     pub(crate) origins: &'a [Origin],
     pub(crate) matchable: Vec<Matchable<'a>>,
+    pub(crate) cache: &'a FeatureCache,
     /// Loops that are not tested again.
     pub(crate) known: KnownLoops,
     /// Pairs that are part of each iteration as they are.
@@ -41,7 +43,7 @@ pub(crate) struct KeyframeAssociation<'a> {
 }
 
 /// Features that two keyframes share, by the ids of the newer and the older.
-type SeenPairs = BTreeMap<(u32, u32), Option<Arc<FeaturePair>>>;
+type SeenPairs = BTreeMap<PairIds, Option<Arc<FeaturePair>>>;
 
 /// A pair with the tests that it had to pass, if it closes a loop.
 struct SearchedPair {
@@ -54,12 +56,12 @@ impl<'a> KeyframeAssociation<'a> {
     pub(crate) fn new(
         context: &'a Context,
         (keyframes, origins): (&'a [KeyframeState], &'a [Origin]),
-        matchable: Vec<Matchable<'a>>,
+        (matchable, cache): (Vec<Matchable<'a>>, &'a FeatureCache),
         known: KnownLoops,
     ) -> Self {
         let (seen, tests, rejected) = (SeenPairs::new(), Vec::new(), Vec::new());
         let fixed_pairs = Vec::new();
-        Self { context, keyframes, origins, matchable, known, fixed_pairs, seen, tests, rejected }
+        Self { context, keyframes, origins, matchable, cache, known, fixed_pairs, seen, tests, rejected }
     }
 
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
@@ -130,12 +132,14 @@ impl<'a> KeyframeAssociation<'a> {
         if let Some(known) = self.seen.get(&ids) {
             return known.clone();
         }
-        let sides = [query, target].map(|k| self.matchable[k].seen());
-        let guess = poses[target].inverse() * poses[query];
-        let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
-        let found = finder.find(self.context, sides, &guess, reach, seed);
-        // Their sums are all that the graph needs.
-        found.map(|pair| Arc::new(FeaturePair { inliers: Vec::new(), ..pair }))
+        let guess = RoundedGuess::of(&(poses[target].inverse() * poses[query]));
+        self.cache.shared(ids, guess, || {
+            let sides = [query, target].map(|k| self.matchable[k].seen(self.context));
+            let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
+            let found = finder.find(self.context, sides, &guess.pose(), reach, seed);
+            // Their sums are all that the graph needs.
+            found.map(|pair| Arc::new(FeaturePair { inliers: Vec::new(), ..pair }))
+        })
     }
 
     /// Pairs by appearance for the keyframes that no loop holds yet.
@@ -146,8 +150,9 @@ impl<'a> KeyframeAssociation<'a> {
             (is_closed[pair.query], is_closed[pair.target]) = (true, true);
         }
         let open: Vec<usize> = (0..self.keyframes.len()).filter(|&i| !is_closed[i]).collect();
-        let (context, keyframes) = (self.context, (self.keyframes, self.origins));
-        for (pair, tested) in from_appearance::pairs(context, keyframes, &self.matchable, &open, progress) {
+        let keyframes = (self.keyframes, self.origins);
+        let matchable = (&self.matchable[..], self.cache);
+        for (pair, tested) in from_appearance::pairs(self.context, keyframes, matchable, &open, progress) {
             pairs.push(pair);
             self.tests.push(Some(tested));
             // The poses will move: what was refused where they were may fit then.

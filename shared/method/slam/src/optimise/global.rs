@@ -1,6 +1,7 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
+use crate::loops::feature_cache::FeatureCache;
 use crate::loops::matchable::Matchable;
 use crate::loops::verification::KnownLoops;
 use crate::map::context::Context;
@@ -46,6 +47,7 @@ pub(crate) struct Start<'a> {
     pub(crate) active: &'a [KeyframeState],
     pub(crate) surfaces: &'a dyn KeyframeSurfaces,
     pub(crate) drawn: &'a Drawn,
+    pub(crate) cache: &'a FeatureCache,
     /// Loops that are not tested again.
     pub(crate) known: &'a KnownLoops,
     /// The frames of this run by its number among those of the map, where culled keyframes are
@@ -96,6 +98,7 @@ fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()
         }),
         isa: context.registration.isa,
     };
+    let matchable = (matchable, start.cache);
     let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
     association.fixed_pairs = culled.pairs(keyframes);
     let solved = problem.solve(&mut association, progress);

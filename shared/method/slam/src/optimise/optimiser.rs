@@ -1,6 +1,7 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
 use crate::features::colour_model::ColourState;
+use crate::loops::feature_cache::FeatureCache;
 use crate::loops::verification::{KnownLoops, Tested};
 use crate::map::context::Context;
 use crate::map::culling::with_retired;
@@ -37,6 +38,7 @@ pub struct Optimiser {
     /// Loop pairs that passed their tests in the last correction.
     known: KnownLoops,
     drawn: Drawn,
+    cache: FeatureCache,
 }
 
 /// A request with the map as it was at its record.
@@ -65,6 +67,7 @@ impl Optimiser {
             n_answered: 0,
             known: KnownLoops::new(),
             drawn: Drawn::default(),
+            cache: FeatureCache::default(),
         }
     }
 
@@ -145,6 +148,7 @@ impl Optimiser {
             n_answered: snapshot.n_answered,
             known: snapshot.known.into_iter().collect(),
             drawn: Drawn::default(),
+            cache: FeatureCache::default(),
         }
     }
 
@@ -163,12 +167,14 @@ impl Optimiser {
         let iterations =
             if request.is_final { settings.final_iterations } else { GlobalSettings::OUTER_ITERATIONS };
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
+        self.cache.begin(context.colour, &active.iter().map(|k| k.id).collect::<Vec<_>>());
         let start = Start {
             context: &context,
             keyframes,
             active: &active,
             surfaces,
             drawn: &self.drawn,
+            cache: &self.cache,
             known: &self.known,
             history: request.is_final.then_some((self.state.session, history)),
             outer_iterations: iterations,
