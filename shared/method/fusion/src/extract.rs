@@ -28,7 +28,7 @@ struct Piece {
     triangles: Vec<[u32; 3]>,
 }
 
-/// The mesh of all blocks without pieces of fewer than `min_triangles`.
+/// The mesh of all blocks, manifold and without pieces of fewer than `min_triangles`.
 pub(crate) fn mesh(volume: &Volume, min_triangles: usize) -> Mesh {
     let places = volume.in_order();
     let pieces: Vec<Piece> = places
@@ -52,7 +52,7 @@ pub(crate) fn mesh(volume: &Volume, min_triangles: usize) -> Mesh {
             .collect();
         mesh.triangles.extend(piece.triangles.iter().map(|t| t.map(|k| ids[k as usize])));
     }
-    mesh.without_small_pieces(min_triangles)
+    mesh.manifold().without_small_pieces(min_triangles)
 }
 
 fn piece(volume: &Volume, place: &[i32; 3], buffer: &mut SurfaceNetsBuffer) -> Piece {

@@ -49,7 +49,8 @@ impl Mesh {
     }
 }
 
-fn root(parents: &mut [u32], mut k: u32) -> u32 {
+/// The representative of a set of joined items.
+pub(crate) fn root(parents: &mut [u32], mut k: u32) -> u32 {
     while parents[k as usize] != k {
         // Every second link is cut short on the way.
         parents[k as usize] = parents[parents[k as usize] as usize];

@@ -1,0 +1,209 @@
+//! A mesh whose edges have at most two triangles.
+//!
+//! Surface nets have one vertex in a cube of voxels, also where two sheets of the surface pass through
+//! it; there an edge has four triangles. Each sheet gets vertices of its own.
+
+use crate::mesh::{Mesh, root};
+
+/// One side of a triangle, as it stands in an undirected edge.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct HalfEdge {
+    /// The vertices of the edge, the lower one first.
+    ends: [u32; 2],
+    triangle: u32,
+    /// Corners of the triangle at these ends.
+    corners: [u32; 2],
+}
+
+impl HalfEdge {
+    /// Whether the triangle runs from the lower vertex to the higher one.
+    fn is_forward(&self) -> bool {
+        (self.corners[0] + 1) % 3 == self.corners[1]
+    }
+
+    /// Numbers of its corners among those of all triangles.
+    fn places(&self) -> [u32; 2] {
+        self.corners.map(|corner| 3 * self.triangle + corner)
+    }
+}
+
+impl Mesh {
+    /// The same triangles with no edge in more than two of them, and no vertex in more than one fan:
+    /// vertices at which sheets touch are there once for each sheet.
+    pub(crate) fn manifold(self) -> Self {
+        let mut parents: Vec<u32> = (0..3 * self.triangles.len() as u32).collect();
+        let mut join = |a: u32, b: u32| {
+            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
+            parents[a.max(b) as usize] = a.min(b);
+        };
+        for edge in self.half_edges(|triangle, corner| self.triangles[triangle][corner]).chunk_by(is_same) {
+            for [a, b] in self.partners(edge) {
+                let (a, b) = (a.places(), b.places());
+                (0..2).for_each(|end| join(a[end], b[end]));
+            }
+        }
+        let fans: Vec<u32> = (0..parents.len() as u32).map(|corner| root(&mut parents, corner)).collect();
+        let fans = self.loosened(fans);
+        self.with_vertices(&fans)
+    }
+
+    /// All sides of all triangles by the vertices that `vertex` names for a triangle's corner, in order
+    /// of edges.
+    fn half_edges(&self, vertex: impl Fn(usize, usize) -> u32) -> Vec<HalfEdge> {
+        let side = |triangle: usize, corner: usize| {
+            let corners = [corner, (corner + 1) % 3];
+            let ends = corners.map(|corner| vertex(triangle, corner));
+            let (ends, corners) = if ends[0] < ends[1] {
+                (ends, corners)
+            } else {
+                ([ends[1], ends[0]], [corners[1], corners[0]])
+            };
+            HalfEdge { ends, triangle: triangle as u32, corners: corners.map(|corner| corner as u32) }
+        };
+        let sides = |triangle| (0..3).map(move |corner| (triangle, corner));
+        let mut edges: Vec<HalfEdge> =
+            (0..self.triangles.len()).flat_map(sides).map(|(t, corner)| side(t, corner)).collect();
+        edges.sort_unstable();
+        edges
+    }
+
+    /// The triangles of an edge in pairs that go on into each other: one each way, and of several those
+    /// whose normals agree best.
+    fn partners(&self, edge: &[HalfEdge]) -> Vec<[HalfEdge; 2]> {
+        let (forward, mut backward): (Vec<HalfEdge>, Vec<HalfEdge>) =
+            edge.iter().partition(|e| e.is_forward());
+        let mut pairs = Vec::new();
+        for one in forward {
+            let agreement = |other: &HalfEdge| self.agreement(one.triangle, other.triangle);
+            let best = (0..backward.len())
+                .max_by(|&i, &j| agreement(&backward[i]).total_cmp(&agreement(&backward[j])).then(j.cmp(&i)));
+            pairs.extend(best.map(|best| [one, backward.remove(best)]));
+        }
+        pairs
+    }
+
+    /// Cosine of the angle between two triangles.
+    fn agreement(&self, a: u32, b: u32) -> f32 {
+        let [a, b] = [a, b].map(|triangle| {
+            let [p, q, r] = self.triangles[triangle as usize]
+                .map(|k| nalgebra::Vector3::from(self.positions[k as usize]));
+            (q - p).cross(&(r - p)).try_normalize(0.0).unwrap_or_default()
+        });
+        a.dot(&b)
+    }
+
+    /// The fans of the corners, where triangles that would still be too many at an edge have fans of
+    /// their own: sheets that touch along an edge and are one sheet round both of its ends.
+    fn loosened(&self, mut fans: Vec<u32>) -> Vec<u32> {
+        let edges = self.half_edges(|triangle, corner| fans[3 * triangle + corner]);
+        let pairs_of = |edge: &[HalfEdge]| {
+            let first = |forward| edge.iter().find(|e| e.is_forward() == forward).map(|e| e.triangle);
+            [first(true), first(false)]
+        };
+        let too_many: Vec<u32> = edges
+            .chunk_by(is_same)
+            .filter(|edge| edge.len() > 1)
+            .flat_map(|edge| {
+                let kept = pairs_of(edge);
+                edge.iter().map(|e| e.triangle).filter(move |triangle| !kept.contains(&Some(*triangle)))
+            })
+            .collect();
+        for triangle in too_many {
+            (3 * triangle..3 * triangle + 3).for_each(|corner| fans[corner as usize] = corner);
+        }
+        fans
+    }
+
+    /// The mesh with one vertex for each fan of corners, named by one of them.
+    fn with_vertices(&self, fans: &[u32]) -> Self {
+        let mut new = vec![u32::MAX; fans.len()];
+        let mut mesh = Self::default();
+        for (triangle, old) in self.triangles.iter().enumerate() {
+            let own = [0, 1, 2].map(|corner| {
+                let (fan, old) = (fans[3 * triangle + corner] as usize, old[corner] as usize);
+                if new[fan] == u32::MAX {
+                    new[fan] = mesh.positions.len() as u32;
+                    mesh.positions.push(self.positions[old]);
+                    mesh.normals.push(self.normals[old]);
+                    mesh.colours.push(self.colours[old]);
+                }
+                new[fan]
+            });
+            mesh.triangles.push(own);
+        }
+        mesh
+    }
+}
+
+fn is_same(a: &HalfEdge, b: &HalfEdge) -> bool {
+    a.ends == b.ends
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
+        Mesh {
+            positions: positions.to_vec(),
+            normals: vec![[0.0, 0.0, 1.0]; positions.len()],
+            colours: vec![[0; 3]; positions.len()],
+            triangles: triangles.to_vec(),
+        }
+    }
+
+    /// Most triangles at an edge.
+    fn most(mesh: &Mesh) -> usize {
+        let mut n = BTreeMap::new();
+        for t in &mesh.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *n.entry((a.min(b), a.max(b))).or_insert(0) += 1;
+            }
+        }
+        n.into_values().max().unwrap()
+    }
+
+    #[test]
+    fn two_sheets_that_touch_along_an_edge_come_apart() {
+        // Two roofs back to back whose ridges are the same edge.
+        let positions = [
+            [0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [-1.0, 0.5, -0.3],
+            [1.0, 0.5, -0.3],
+            [-1.0, 0.5, 0.3],
+            [1.0, 0.5, 0.3],
+        ];
+        let touching = mesh(&positions, &[[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 1, 5]]);
+        assert_eq!(most(&touching), 4);
+        let apart = touching.clone().manifold();
+        assert_eq!(most(&apart), 2);
+        assert_eq!((apart.triangles.len(), apart.positions.len()), (4, 8));
+        for (new, old) in apart.triangles.iter().zip(&touching.triangles) {
+            let at = |mesh: &Mesh, t: &[u32; 3]| t.map(|k| mesh.positions[k as usize]);
+            assert_eq!(at(&apart, new), at(&touching, old));
+        }
+        // The upper roof's halves stay together, and so do the lower one's.
+        let is_together =
+            |a: usize, b: usize| apart.triangles[a].iter().any(|k| apart.triangles[b].contains(k));
+        assert!(is_together(0, 1) && is_together(2, 3) && !is_together(0, 2) && !is_together(1, 3));
+    }
+
+    #[test]
+    fn a_vertex_of_two_fans_is_there_twice_and_a_plain_mesh_stays() {
+        let positions = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, -1.0, 0.0]];
+        let pinched = mesh(&positions, &[[0, 1, 2], [0, 3, 4]]);
+        assert_eq!(pinched.manifold().positions.len(), 6);
+        let plain = mesh(&positions[..4], &[[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(plain.clone().manifold(), plain);
+    }
+
+    #[test]
+    fn what_cannot_be_paired_stands_alone() {
+        let positions = [[0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+        let fins = mesh(&positions, &[[0, 1, 2], [0, 1, 3], [0, 1, 4]]);
+        let apart = fins.manifold();
+        assert_eq!((most(&apart), apart.triangles.len(), apart.positions.len()), (1, 3, 9));
+    }
+}
