@@ -78,7 +78,7 @@ impl StoreCopy {
     }
 
     fn is_whole(&self, slot: &StoreSlot) -> bool {
-        StoreView::open(&self.path).and_then(|view| view.map(&journal_slot(slot))).is_ok()
+        StoreView::open(&self.path).and_then(|view| view.read(&journal_slot(slot))).is_ok()
     }
 }
 

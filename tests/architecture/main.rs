@@ -48,8 +48,8 @@ const PAPER: [(&str, &str); 11] = [
     ("IV, Table I", "shared/tools/lab/src/ablation"),
 ];
 
-/// The only files with unsafe code, beside `shared/transport`.
-const UNSAFE_FILES: [&str; 1] = ["shared/runtime/journal/src/mapped.rs"];
+/// The only crate with unsafe code.
+const WITH_UNSAFE: &str = "shared/runtime/transport";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -280,18 +280,14 @@ fn results_do_not_depend_on_the_machine_s_c_library() {
 #[test]
 fn unsafe_code_stands_where_it_may_and_nowhere_else() {
     for name in crates() {
-        let forbids = ["shared/runtime/transport", "shared/runtime/journal"]
-            .iter()
-            .all(|with_unsafe| *with_unsafe != name);
+        let forbids = name != WITH_UNSAFE;
         let level = if forbids { "#![forbid(unsafe_code)]" } else { "#![deny(unsafe_code)]" };
         for (path, text) in code(&name) {
             let file = path.file_name().unwrap().to_str().unwrap();
             let is_root = path.parent().unwrap().ends_with("src") && ["lib.rs", "main.rs"].contains(&file);
             assert!(!is_root || text.contains(level), "{} lacks {level}", path.display());
-            let may = name == "shared/runtime/transport"
-                || UNSAFE_FILES.iter().any(|allowed| path == Path::new(allowed));
             let words = ["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code", "expect(unsafe_code"];
-            assert!(may || lines_with(&text, &words).is_empty(), "{} has unsafe code", path.display());
+            assert!(!forbids || lines_with(&text, &words).is_empty(), "{} has unsafe code", path.display());
         }
     }
 }

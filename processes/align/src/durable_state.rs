@@ -1,12 +1,12 @@
 //! The aligner's durable state: a fold over its journal, and the files behind it.
 
 use crate::journal_fold::{FoldSnapshot, JournalFold};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
 use tessera_messages::store_surface;
 use tessera_settings::Fsync;
-use tessera_slam::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker};
+use tessera_slam::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker, given_up};
 use tessera_stage::{
     ALIGN_JOURNAL, Checkpoint, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt, StoredKeyframes,
     journal_slot, slots, store_slot,
@@ -30,6 +30,10 @@ pub(crate) struct JournaledAligner {
     fsync: Fsync,
     checkpoint: Checkpoint,
     grid: Grid,
+    /// Bytes that the surfaces of culled keyframes may take.
+    culled_bytes: u64,
+    /// Keyframes whose surfaces this process has given up.
+    given_up: BTreeSet<u32>,
 }
 
 impl JournaledAligner {
@@ -90,7 +94,23 @@ impl JournaledAligner {
         checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
         let (pending, fsync) = (BTreeMap::new(), flow.fsync);
         let grid = context.layout.grid;
-        Ok(Self { fold, keyframes, journal, store, corrections, pending, fsync, checkpoint, grid })
+        let culled_bytes = u64::from(flow.culled_mb) * 1_000_000;
+        let given_up = BTreeSet::new();
+        let mut state = Self {
+            fold,
+            keyframes,
+            journal,
+            store,
+            corrections,
+            pending,
+            fsync,
+            checkpoint,
+            grid,
+            culled_bytes,
+            given_up,
+        };
+        state.give_up_culled()?;
+        Ok(state)
     }
 
     /// Writes a checkpoint for a successor, where the journals have grown enough since the last
@@ -132,6 +152,22 @@ impl JournaledAligner {
         self.keyframes.take_unread(&record)?;
         self.keyframes.forget_unused(FORGET_AFTER_RECORDS);
         self.fold.apply(record);
+        if is_plain { Ok(()) } else { self.give_up_culled() }
+    }
+
+    /// Gives up the surfaces of culled keyframes that are too many, oldest first: a function of the
+    /// journal, done again by each successor. A request that is under way may need those that were
+    /// active when it was made.
+    fn give_up_culled(&mut self) -> Result<(), StageError> {
+        let state = self.fold.tracker.state();
+        if state.pending.is_some() {
+            return Ok(());
+        }
+        for keyframe in given_up(&state.keyframes, self.culled_bytes) {
+            if self.given_up.insert(keyframe.id) {
+                self.store.give_up(&journal_slot(&keyframe.slot))?;
+            }
+        }
         Ok(())
     }
 

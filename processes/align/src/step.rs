@@ -135,6 +135,7 @@ fn align(
     log_addresses(context, surface, &recent);
     let record = state.fold.tracker.align(&surface.view(ports.inbox.grid), &recent, &state.keyframes);
     state.keyframes.check()?;
+    state.keyframes.check_held()?;
     Ok(record)
 }
 

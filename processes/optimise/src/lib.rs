@@ -103,6 +103,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             })
         };
         state.keyframes.check()?;
+        state.keyframes.check_held()?;
         // Culled keyframes are not needed again.
         state.keyframes.forget_unused(1);
         history.check()?;

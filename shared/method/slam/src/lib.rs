@@ -18,6 +18,7 @@ pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;
 pub use loops::meeting::Meeting;
 pub use map::context::Context;
+pub use map::culling::given_up;
 pub use map::joint::JointMap;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{

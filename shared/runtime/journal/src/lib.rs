@@ -1,5 +1,4 @@
-//! Durable files: append-only journals of records, and a store of large byte blocks that
-//! readers map.
+//! Durable files: append-only journals of records, and a store of large byte blocks.
 //!
 //! The state of a stage is a fold over its journal, so a journal that is whole up to some record
 //! is a run that went up to that record. Files are untrusted input: a checksum first, then the
@@ -10,8 +9,8 @@
 //!   whole records is what happened.
 //! * One writer: the lock is taken before the file is read and goes away with the process.
 //! * A checkpoint is a short cut through a journal and never more: its readers can do without it.
-//! * A file that may be mapped (the store) is never shortened.
-#![deny(unsafe_code)]
+//! * A block of the store is whole, or it was given up and says so.
+#![forbid(unsafe_code)]
 
 mod atomic_file;
 mod checkpoint;
@@ -20,10 +19,10 @@ mod error;
 mod follower;
 mod framing;
 mod lock;
-mod mapped;
 mod raw;
 mod scan;
 mod store;
+mod store_view;
 mod writer;
 
 pub use atomic_file::{Durability, partial_path, write_atomically};
@@ -33,8 +32,8 @@ pub use error::JournalError;
 pub use follower::Follower;
 pub use framing::RECORD_HEADER_BYTES;
 pub use lock::{end_holder, lock_file};
-pub use mapped::{StoreView, StoredBlock};
 pub use raw::{Chain, FilePart, MAX_FRAMED_BYTES, checksum_in, decode};
 pub use scan::Mark;
 pub use store::{Slot, Store};
+pub use store_view::StoreView;
 pub use writer::{Journal, Recovered};

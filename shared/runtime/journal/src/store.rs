@@ -1,6 +1,8 @@
-//! The writing end of the keyframe store: an append-only file of aligned byte blocks.
+//! The writing end of the keyframe store: a file of aligned byte blocks, appended one by one.
 //!
-//! What is in use is what a journal names; bytes behind the last named block are overwritten.
+//! What is in use is what a journal names; bytes behind the last named block are overwritten. A block
+//! that is given up keeps its place, with a tombstone at its beginning, and its space goes back to the
+//! file system.
 
 use crate::error::JournalError;
 use crate::lock::lock_file;
@@ -26,6 +28,25 @@ pub struct Slot {
     pub len: u64,
     /// CRC-32 of the bytes.
     pub crc: u32,
+}
+
+/// What stands at the beginning of a block that was given up: these words and its checksum.
+pub(crate) struct Tombstone([u8; Tombstone::LEN]);
+
+impl Tombstone {
+    const WORDS: &[u8; 12] = b"TESSERA gone";
+    const LEN: usize = Self::WORDS.len() + size_of::<u32>();
+
+    pub(crate) fn of(slot: &Slot) -> Self {
+        let mut bytes = [0; Self::LEN];
+        bytes[..Self::WORDS.len()].copy_from_slice(Self::WORDS);
+        bytes[Self::WORDS.len()..].copy_from_slice(&slot.crc.to_le_bytes());
+        Self(bytes)
+    }
+
+    pub(crate) fn begins(&self, block: &[u8]) -> bool {
+        block.starts_with(&self.0)
+    }
 }
 
 /// The store, open for writing by this process alone.
@@ -98,6 +119,36 @@ impl Store {
 }
 
 impl Store {
+    /// Appends a block that was given up elsewhere.
+    ///
+    /// # Errors
+    /// As [`Self::append`].
+    pub fn append_given_up(&mut self) -> Result<Slot, JournalError> {
+        // No checksum of these bytes: they stand for themselves.
+        let slot = self.append(&Tombstone::of(&Slot::default()).0, false)?;
+        Ok(Slot { crc: 0, ..slot })
+    }
+
+    /// Gives a block up for good: its readers find none, and its space is the file system's again,
+    /// where that can take it back. Done twice it is as if done once.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub fn give_up(&self, slot: &Slot) -> Result<(), JournalError> {
+        let tombstone = Tombstone::of(slot).0;
+        let behind = tombstone.len() as u64;
+        if slot.len < behind {
+            return Ok(());
+        }
+        // First the words, so that a death in between leaves no damaged block.
+        self.file.write_all_at(&tombstone, slot.offset).map_err(JournalError::io("write", &self.path))?;
+        let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
+        match fallocate(&self.file, hole, slot.offset + behind, (slot.len - behind).max(1)) {
+            Ok(()) | Err(rustix::io::Errno::OPNOTSUPP) => Ok(()),
+            Err(errno) => Err(JournalError::io("give back space of", &self.path)(errno.into())),
+        }
+    }
+
     /// Forces what was written to disk.
     ///
     /// # Errors
@@ -124,9 +175,8 @@ mod tests {
             slots.push(store.append(block, false).unwrap());
         }
         for (slot, block) in slots.iter().zip(&blocks) {
-            let mapped = view.map(slot).unwrap();
-            assert_eq!(mapped.bytes(), block);
-            assert_eq!(mapped.bytes().as_ptr() as usize % 64, 0);
+            assert_eq!(view.read(slot).unwrap().as_ref(), Some(block));
+            assert_eq!(slot.offset % 64, 0);
         }
         drop(store);
         // A writer that comes back knows from its journal what is in use: the rest is overwritten.
@@ -136,12 +186,36 @@ mod tests {
     }
 
     #[test]
+    fn a_block_that_is_given_up_says_so_and_takes_no_space() {
+        use std::os::unix::fs::MetadataExt;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let slots: Vec<Slot> = (1..4).map(|k| store.append(&[k; 300_000], false).unwrap()).collect();
+        let blocks = || std::fs::metadata(&path).unwrap().blocks();
+        let before = blocks();
+        store.give_up(&slots[1]).unwrap();
+        store.give_up(&slots[1]).unwrap();
+        // File systems without holes keep the space.
+        assert!(blocks() <= before);
+        let view = StoreView::open(&path).unwrap();
+        assert_eq!(view.read(&slots[1]).unwrap(), None);
+        for k in [0, 2] {
+            assert_eq!(view.read(&slots[k]).unwrap(), Some(vec![k as u8 + 1; 300_000]));
+        }
+        assert!(view.read(&Slot { crc: 7, ..slots[1] }).is_err(), "another block's tombstone");
+        let elsewhere = store.append_given_up().unwrap();
+        assert_eq!(view.read(&elsewhere).unwrap(), None);
+        assert_eq!(elsewhere.offset, slots[2].offset + 300_032);
+    }
+
+    #[test]
     fn damage_is_found_before_it_is_read() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
         let mut store = Store::open(&path, Duration::ZERO).unwrap();
         let slot = store.append(&[7; 9000], false).unwrap();
-        let text = |slot: Slot| StoreView::open(&path).unwrap().map(&slot).unwrap_err().to_string();
+        let text = |slot: Slot| StoreView::open(&path).unwrap().read(&slot).unwrap_err().to_string();
         assert!(text(Slot { len: 1 << 40, ..slot }).contains("lie behind its end"));
         assert!(text(Slot { offset: u64::MAX - 63, ..slot }).contains("lie behind its end"));
         assert!(text(Slot { offset: slot.offset + 1, ..slot }).contains("not begin on a cache line"));

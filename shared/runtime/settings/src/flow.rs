@@ -30,6 +30,9 @@ pub struct FlowSettings {
     /// Journal between two checkpoints, kB: what a stage that is started again reads beside the last
     /// one; 0: no checkpoints, it reads all of its journal.
     pub checkpoint_kb: u32,
+    /// Disk for the surfaces of culled keyframes, megabytes. Beyond it the oldest of them are given up:
+    /// the trajectory stays as it is, `map.ply` and exports lack them.
+    pub culled_mb: u32,
     /// Load shedding: whether an overloaded live run puts less work into each frame before it leaves
     /// frames out.
     pub load_shedding: bool,
@@ -37,7 +40,14 @@ pub struct FlowSettings {
 
 impl Default for FlowSettings {
     fn default() -> Self {
-        Self { window: 4, fsync: Fsync::Never, hang_s: 10.0, checkpoint_kb: 1024, load_shedding: true }
+        Self {
+            window: 4,
+            fsync: Fsync::Never,
+            hang_s: 10.0,
+            checkpoint_kb: 1024,
+            culled_mb: 250,
+            load_shedding: true,
+        }
     }
 }
 
@@ -51,6 +61,7 @@ impl FlowSettings {
             ("window", f64::from(self.window), 1.0, 64.0),
             ("hang_s", self.hang_s, 0.5, 1e6),
             ("checkpoint_kb", f64::from(self.checkpoint_kb), 0.0, 1e6),
+            ("culled_mb", f64::from(self.culled_mb), 0.0, 1e9),
         ];
         for (key, value, low, high) in ranges {
             if !(low..=high).contains(&value) {

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tessera_features::Feature;
-use tessera_journal::{JournalError, Slot, StoreView, StoredBlock};
+use tessera_journal::{JournalError, Slot, StoreView};
 use tessera_messages::{StoredSurfaceError, load_features, load_surface, max_stored_bytes};
 use tessera_slam::{AlignRecord, KeyframeSurfaces, StoreSlot};
 use tessera_surface::{Grid, Vertex};
@@ -32,7 +32,9 @@ pub struct StoredKeyframes {
     keyframes: Vec<StoredKeyframe>,
     /// What was found when a keyframe was read.
     damage: OnceLock<StageError>,
-    /// A surface without a measurement, in place of a damaged one.
+    /// The first keyframe that was read and whose surface had been given up.
+    given_up: OnceLock<u32>,
+    /// A surface without a measurement, in place of one that is damaged or was given up.
     blank: OnceLock<Vec<Vertex>>,
     /// Calls of [`Self::forget_unused`].
     now: u64,
@@ -48,6 +50,7 @@ struct StoredKeyframe {
 
 #[derive(Debug)]
 struct UnpackedSurface {
+    /// Empty: it was given up.
     vertices: Vec<Vertex>,
     features: Vec<Feature>,
 }
@@ -63,6 +66,7 @@ impl StoredKeyframes {
             grid,
             keyframes: Vec::new(),
             damage: OnceLock::new(),
+            given_up: OnceLock::new(),
             blank: OnceLock::new(),
             now: 0,
         })
@@ -91,7 +95,7 @@ impl StoredKeyframes {
     /// Where it is not in the store, whole, or the id is not the next one.
     pub fn add(&mut self, id: u32, slot: &StoreSlot) -> Result<(), StageError> {
         self.add_unread(id, slot)?;
-        self.view.map(&journal_slot(slot))?;
+        self.view.read(&journal_slot(slot))?;
         Ok(())
     }
 
@@ -128,20 +132,36 @@ impl StoredKeyframes {
         self.damage.take().map_or(Ok(()), Err)
     }
 
-    /// A keyframe's surface as it stands in the store.
+    /// The bytes of a keyframe's surface as they stand in the store; `None`: it was given up.
     ///
     /// # Errors
     /// Where it is unknown or damaged.
-    pub fn stored(&self, keyframe: u32) -> Result<StoredBlock, StageError> {
-        Ok(self.view.map(&journal_slot(&self.slot(keyframe)?))?)
+    pub fn stored(&self, keyframe: u32) -> Result<Option<Vec<u8>>, StageError> {
+        Ok(self.view.read(&journal_slot(&self.slot(keyframe)?))?)
     }
 
-    /// The vertices of a keyframe, which are not held: for those who look at each surface once.
+    /// The vertices of a keyframe, which are not held: for those who look at each surface once. One that
+    /// was given up has no measurement.
     ///
     /// # Errors
     /// As [`Self::stored`].
     pub fn load(&self, keyframe: u32) -> Result<Vec<Vertex>, StageError> {
-        Ok(self.read(&self.slot(keyframe)?)?.vertices)
+        let vertices = self.read(&self.slot(keyframe)?)?.vertices;
+        Ok(if vertices.is_empty() { self.blank().to_vec() } else { vertices })
+    }
+
+    /// Whether every keyframe that was read so far, but by [`Self::load`], had its surface still: for
+    /// those who need active keyframes alone.
+    ///
+    /// # Errors
+    /// Names the first whose surface was given up.
+    pub fn check_held(&self) -> Result<(), StageError> {
+        self.given_up.get().map_or(Ok(()), |id| {
+            Err(StageError::Inconsistent(format!(
+                "keyframe {id} is needed, but its surface was given up after it had been culled; \
+                 a run with a larger flow.culled_mb keeps it"
+            )))
+        })
     }
 
     fn slot(&self, keyframe: u32) -> Result<StoreSlot, StageError> {
@@ -179,18 +199,30 @@ impl StoredKeyframes {
     }
 
     /// The surface of a keyframe; none of one that is unknown or damaged.
-    fn surface(&self, keyframe: u32) -> Option<&UnpackedSurface> {
-        let keyframe = self.keyframes.get(keyframe as usize)?;
+    fn surface(&self, id: u32) -> Option<&UnpackedSurface> {
+        let keyframe = self.keyframes.get(id as usize)?;
         keyframe.last_use.store(self.now, Ordering::Relaxed);
-        let read = || self.read(&keyframe.slot).map_err(|error| self.damage.set(error)).ok();
+        let read = || {
+            let surface = self.read(&keyframe.slot).map_err(|error| self.damage.set(error)).ok()?;
+            if surface.vertices.is_empty() {
+                self.given_up.get_or_init(|| id);
+            }
+            Some(surface)
+        };
         keyframe.surface.get_or_init(read).as_ref()
     }
 
     fn read(&self, slot: &StoreSlot) -> Result<UnpackedSurface, StageError> {
-        let block = self.view.map(&journal_slot(slot))?;
+        let Some(bytes) = self.view.read(&journal_slot(slot))? else {
+            return Ok(UnpackedSurface { vertices: Vec::new(), features: Vec::new() });
+        };
         let (vertices, features) =
-            load_surface(self.grid, block.bytes()).map_err(|error| not_a_surface(slot, &error))?;
+            load_surface(self.grid, &bytes).map_err(|error| not_a_surface(slot, &error))?;
         Ok(UnpackedSurface { vertices, features })
+    }
+
+    fn blank(&self) -> &[Vertex] {
+        self.blank.get_or_init(|| vec![Vertex::default(); self.grid.len()])
     }
 }
 
@@ -201,8 +233,8 @@ fn not_a_surface(slot: &StoreSlot, error: &StoredSurfaceError) -> StageError {
 impl KeyframeSurfaces for StoredKeyframes {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
         match self.surface(keyframe) {
-            Some(surface) => &surface.vertices,
-            None => self.blank.get_or_init(|| vec![Vertex::default(); self.grid.len()]),
+            Some(surface) if !surface.vertices.is_empty() => &surface.vertices,
+            _ => self.blank(),
         }
     }
 
@@ -217,8 +249,8 @@ impl KeyframeSurfaces for StoredKeyframes {
             return self.features(keyframe).into();
         }
         let read = || -> Result<Vec<Feature>, StageError> {
-            let block = self.view.map(&journal_slot(&known.slot))?;
-            load_features(block.bytes()).map_err(|error| not_a_surface(&known.slot, &error))
+            let Some(bytes) = self.view.read(&journal_slot(&known.slot))? else { return Ok(Vec::new()) };
+            load_features(&bytes).map_err(|error| not_a_surface(&known.slot, &error))
         };
         read().map_err(|error| self.damage.set(error)).unwrap_or_default().into()
     }
@@ -266,6 +298,30 @@ mod tests {
         let mut eager = StoredKeyframes::open(&path, grid).unwrap();
         eager.add(0, &slots[0]).unwrap();
         assert!(eager.add(1, &slots[1]).is_err());
+    }
+
+    #[test]
+    fn a_surface_that_was_given_up_has_no_measurement_and_is_named_where_it_is_needed() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let grid = Grid { width: 4, height: 3, step: 4 };
+        let surface = store_surface(grid, &[Vertex { flags_rgb: 7 << 8, ..Vertex::default() }; 12]);
+        let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
+        for id in 0..2 {
+            let slot = store.append(&surface, false).unwrap();
+            keyframes.add(id, &store_slot(&slot)).unwrap();
+        }
+        store.give_up(&journal_slot(&keyframes.slot(1).unwrap())).unwrap();
+        assert_eq!(keyframes.load(1).unwrap(), vec![Vertex::default(); 12]);
+        assert_eq!(keyframes.vertices(0).len(), 12);
+        keyframes.check_held().unwrap();
+        assert_eq!(keyframes.vertices(1), vec![Vertex::default(); 12]);
+        assert!(keyframes.features(1).is_empty() && keyframes.features_once(1).is_empty());
+        assert!(keyframes.stored(1).unwrap().is_none());
+        keyframes.check().unwrap();
+        let message = keyframes.check_held().unwrap_err().to_string();
+        assert!(message.contains("keyframe 1 is needed"), "{message}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The preset `onboard`: threads that change no byte, a map with a budget, a live run to its end.
 
-use crate::common::room;
+use crate::common::{Run, room};
 
 #[test]
 fn one_thread_in_each_stage_changes_no_byte() {
@@ -35,6 +35,35 @@ fn a_map_with_a_budget_survives_deaths_to_the_bit() {
     assert!(killed.finish().success());
     assert!(killed.n_deaths() == 5, "{}", killed.log());
     killed.assert_same_bytes(&plain, "a budget, and deaths");
+    surfaces_are_given_up(&plain, &state, BUDGET);
+}
+
+/// What becomes of the culled keyframes of `plain`, with its `budget`, where none of their surfaces is
+/// kept.
+fn surfaces_are_given_up(plain: &Run, state: &tessera_slam::TrackerState, budget: &str) {
+    let none_kept = ["--set", budget, "--set", "flow.culled_mb=0"];
+    let sparse = room().frames(240).with(&none_kept).with(&["--forget-every", "1"]);
+    assert!(sparse.finish().success(), "{}", sparse.log());
+    for name in ["trajectory.txt", "trajectory_online.txt", "keyframes.txt"] {
+        assert!(sparse.output(name) == plain.output(name), "{name}: what is given up moves nothing");
+    }
+    let store = tessera_journal::StoreView::open(&sparse.out().join("keyframes.store")).unwrap();
+    for keyframe in &state.keyframes {
+        let is_there = store.read(&tessera_stage::journal_slot(&keyframe.slot)).unwrap().is_some();
+        assert_eq!(is_there, keyframe.is_active(), "keyframe {}", keyframe.id);
+    }
+    assert!(sparse.output("map.ply").len() < plain.output("map.ply").len());
+    let killed = room()
+        .frames(240)
+        .with(&none_kept)
+        .with_env("TESSERA_KILL_PLAN", "align=journaled:90+,stored:180+,ended:240;optimise=solving:0");
+    assert!(killed.finish().success(), "{}", killed.log());
+    killed.assert_same_bytes(&sparse, "surfaces given up, and deaths");
+    // A map without them is a map; whether so small a camera finds its place in it is another matter.
+    let next = room().with(&["--map", sparse.out().to_str().unwrap()]);
+    next.finish();
+    let summary: serde_json::Value = serde_json::from_slice(&next.output("summary.json")).unwrap();
+    assert_eq!(summary["map_keyframes"], state.keyframes.len(), "{}", next.log());
 }
 
 #[test]

@@ -117,6 +117,18 @@ fn candidate(by_x: &[&CullingView], at: usize) -> Option<CullingCandidate> {
     Some(CullingCandidate { id: view.id, nearest: nearest?, nearest_m: first_m, room_m })
 }
 
+/// Culled keyframes whose surfaces are given up, so that those of the others take `kept_bytes` at most in
+/// the store: the oldest ones. What is given up stays so, however the map grows.
+pub fn given_up(keyframes: &[KeyframeState], kept_bytes: u64) -> impl Iterator<Item = &KeyframeState> {
+    let mut kept = 0u64;
+    let mut fits = |keyframe: &KeyframeState| {
+        kept = kept.saturating_add(if keyframe.is_active() { 0 } else { keyframe.slot.len });
+        kept <= kept_bytes
+    };
+    let n_kept = keyframes.iter().rev().take_while(|keyframe| fits(keyframe)).count();
+    keyframes[..keyframes.len() - n_kept].iter().filter(|keyframe| !keyframe.is_active())
+}
+
 /// Poses of all keyframes from those of the active ones and of the `culled` ones that were solved for,
 /// by id: the others move along with their anchors.
 pub(crate) fn with_retired(
@@ -211,6 +223,27 @@ mod tests {
         });
         turned.keyframes[20].world_from_camera = PoseBits::from(&(Pose::translation(9.56, 0.0, 0.0) * turn));
         assert_eq!(culled(&turned, &settings(0)), []);
+    }
+
+    #[test]
+    fn the_oldest_of_the_culled_are_given_up_and_none_comes_back() {
+        let mut state = line(&[0.0; 8]);
+        state.keyframes.iter_mut().for_each(|k| k.slot.len = 10);
+        let given_up = |state: &TrackerState, bytes| -> Vec<u32> {
+            given_up(&state.keyframes, bytes).map(|keyframe| keyframe.id).collect()
+        };
+        let mut before = Vec::new();
+        for (culled, expected) in
+            [(2, vec![]), (5, vec![]), (4, vec![2]), (1, vec![1, 2]), (6, vec![1, 2, 4])]
+        {
+            state.retire(&RetiredRecord { keyframe: culled, anchored_to: 0 });
+            let now = given_up(&state, 20);
+            assert_eq!(now, expected);
+            assert!(before.iter().all(|id| now.contains(id)));
+            before = now;
+        }
+        assert_eq!(given_up(&state, 0), [1, 2, 4, 5, 6]);
+        assert_eq!(given_up(&state, 50), []);
     }
 
     #[test]

@@ -1,10 +1,9 @@
-//! The one module that maps files: blocks of the keyframe store, read in place.
-#![expect(unsafe_code, reason = "mapping a file is unsafe: its bytes could change under the reader")]
+//! The reading end of the keyframe store.
 
 use crate::error::JournalError;
-use crate::store::Slot;
-use memmap2::{Mmap, MmapOptions};
+use crate::store::{Slot, Tombstone};
 use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// A reader of the store.
@@ -12,17 +11,6 @@ use std::path::{Path, PathBuf};
 pub struct StoreView {
     file: File,
     path: PathBuf,
-}
-
-/// A block, mapped and checked.
-#[derive(Debug)]
-pub struct StoredBlock(Mmap);
-
-impl StoredBlock {
-    /// Its bytes, on a 64-byte border.
-    pub fn bytes(&self) -> &[u8] {
-        &self.0
-    }
 }
 
 impl StoreView {
@@ -50,22 +38,23 @@ impl StoreView {
         Ok(())
     }
 
-    /// Maps a block and checks its checksum.
+    /// The bytes of a block; `None` where it was given up.
     ///
     /// # Errors
     /// Where the block lies outside the file or does not hold what its checksum says.
-    pub fn map(&self, slot: &Slot) -> Result<StoredBlock, JournalError> {
+    pub fn read(&self, slot: &Slot) -> Result<Option<Vec<u8>>, JournalError> {
         self.check(slot)?;
         let len = usize::try_from(slot.len).map_err(|_| self.wrong(slot, "are too many".into()))?;
-        // SAFETY: the store is append-only: the writer never shortens it and never writes to a
-        // block that a record names, and no record names a block before its bytes are complete.
-        let block = unsafe { MmapOptions::new().offset(slot.offset).len(len).map(&self.file) }
-            .map_err(JournalError::io("map", &self.path))?;
-        let crc = crc32fast::hash(&block);
-        if crc != slot.crc {
-            return Err(self.wrong(slot, format!("have checksum {crc:08x}, expected {:08x}", slot.crc)));
+        let mut bytes = vec![0; len];
+        self.file.read_exact_at(&mut bytes, slot.offset).map_err(JournalError::io("read", &self.path))?;
+        let crc = crc32fast::hash(&bytes);
+        if crc == slot.crc {
+            return Ok(Some(bytes));
         }
-        Ok(StoredBlock(block))
+        if Tombstone::of(slot).begins(&bytes) {
+            return Ok(None);
+        }
+        Err(self.wrong(slot, format!("have checksum {crc:08x}, expected {:08x}", slot.crc)))
     }
 
     fn wrong(&self, slot: &Slot, problem: String) -> JournalError {
