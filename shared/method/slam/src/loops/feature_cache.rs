@@ -42,10 +42,10 @@ pub(crate) struct AlikePair {
 
 /// The features that pairs of keyframes share, and pairs that look alike with their tests.
 #[derive(Debug, Default)]
-pub(crate) struct FeatureCache(Mutex<Kept>);
+pub(crate) struct FeatureCache(Mutex<CachedPairs>);
 
 #[derive(Debug, Default)]
-struct Kept {
+struct CachedPairs {
     model: ColourModel,
     shared: BTreeMap<PairIds, (RoundedGuess, Option<Arc<FeaturePair>>)>,
     alike: BTreeMap<PairIds, Option<Arc<AlikePair>>>,
@@ -56,7 +56,7 @@ impl FeatureCache {
     pub(crate) fn begin(&self, model: ColourModel, ids: &[u32]) {
         let mut kept = self.kept();
         if kept.model != model {
-            *kept = Kept { model, ..Kept::default() };
+            *kept = CachedPairs { model, ..CachedPairs::default() };
         }
         let is_held = |pair: &PairIds| [pair.0, pair.1].iter().all(|id| ids.binary_search(id).is_ok());
         kept.shared.retain(|pair, _| is_held(pair));
@@ -92,7 +92,7 @@ impl FeatureCache {
         })
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept> {
+    fn kept(&self) -> MutexGuard<'_, CachedPairs> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
