@@ -3,6 +3,7 @@
 //! What is kept of a surface is its tangent plane in inverse depth: `1 / z` is linear in the ray
 //! `(x, y, 1)`, so a sensor that looks a little beside its pixel needs no second cast.
 
+use crate::building::Bounds;
 use crate::path::Walk;
 use crate::person;
 use crate::scenes::Scene;
@@ -12,7 +13,7 @@ use tessera_geometry::{Camera, Pose, RayTable};
 const TILE_ROWS: usize = 16;
 const TILE_COLUMNS: usize = LINE;
 /// Slack of the image's bounds for lenses and for what moves while a rolling shutter reads it.
-const VIEW_SLACK: f32 = 0.3;
+const VIEW_SLACK: f32 = 0.15;
 /// Slack of the tiles' bounds for what moves within sixteen rows of a rolling shutter.
 const SLACK: f32 = 0.01;
 
@@ -94,9 +95,9 @@ impl Exposure<'_> {
         for (bound, more) in bounds.iter_mut().zip([-1.0, 1.0, -1.0, 1.0]) {
             *bound += more * VIEW_SLACK;
         }
-        let is_in_view = |cell: &[[f32; 3]; 2]| {
-            let rays = LocalRays::upright(view, &cell[0]);
-            CameraBox::new(&rays, &cell[1]).may_be_seen(&bounds)
+        let is_in_view = |[middle, half]: &Bounds| {
+            let rays = LocalRays::upright(view, middle);
+            CameraBox::new(&rays, half).may_be_seen(&bounds)
         };
         self.scene.fill_visible(&view.position, is_in_view, visible);
     }

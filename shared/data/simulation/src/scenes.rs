@@ -1,6 +1,6 @@
 //! The scenes, solid by solid. World axes: z up, the floor at z = 0.
 
-use crate::building::{self, Cell};
+use crate::building::{self, Bounds, Cell};
 use crate::furniture::Builder;
 use crate::material::{Grain, Material, TexturePattern};
 use crate::path::HOUSE_HALF;
@@ -41,23 +41,18 @@ impl Scene {
         Self { solids, grain: Grain::new(key), has_person, cells }
     }
 
-    /// Numbers of the solids that may be seen from a place, in order: those of the cells that are open to it
-    /// and of which `is_in_view` holds, which is given the middle and the half sides of a box.
+    /// Numbers of the solids that may be seen from a place, in order; `is_in_view` tells what is in the image.
     pub(super) fn fill_visible(
         &self,
         place: &[f32; 3],
-        is_in_view: impl Fn(&[[f32; 3]; 2]) -> bool,
+        is_in_view: impl Fn(&Bounds) -> bool,
         visible: &mut Vec<u32>,
     ) {
         visible.clear();
         if self.cells.is_empty() {
             visible.extend(0..self.solids.len() as u32);
         }
-        for cell in building::near(&self.cells, place) {
-            if cell.bounds.as_ref().is_none_or(&is_in_view) {
-                visible.extend(building::solids(cell));
-            }
-        }
+        visible.extend(building::visible(&self.cells, place, is_in_view).flatten());
     }
 }
 

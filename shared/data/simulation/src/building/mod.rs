@@ -11,7 +11,7 @@ mod rooms;
 mod storey;
 mod way;
 
-pub(super) use cells::Cell;
+pub(super) use cells::{Bounds, Cell};
 pub(super) use way::Way;
 
 use crate::furniture::Builder;
@@ -66,13 +66,14 @@ pub(super) fn carried(way: &Way, way_s: f64, time_s: f64) -> Carried {
     }
 }
 
-/// The solids that may be seen from a place, as ranges.
-pub(super) fn near<'a>(cells: &'a [Cell], place: &[f32; 3]) -> impl Iterator<Item = &'a Cell> {
+/// Numbers of the solids that may be seen from a place where `is_in_view` tells what a camera has in its
+/// image, cell by cell.
+pub(super) fn visible(
+    cells: &[Cell],
+    place: &[f32; 3],
+    is_in_view: impl Fn(&Bounds) -> bool,
+) -> impl Iterator<Item = Range<u32>> {
     let here = cells::Place::of(place);
-    cells.iter().filter(move |cell| cell.is_open_to(&here))
-}
-
-/// Solids of a cell.
-pub(super) fn solids(cell: &Cell) -> Range<u32> {
-    cell.solids.start as u32..cell.solids.end as u32
+    let seen = cells.iter().filter(move |cell| cell.may_be_seen(&here, &is_in_view));
+    seen.map(|cell| cell.solids.start as u32..cell.solids.end as u32)
 }

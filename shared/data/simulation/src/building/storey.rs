@@ -69,7 +69,7 @@ fn cell(
     fill(builder, [middle[0] as f32, middle[1] as f32, floor_m as f32]);
     let low = [middle[0] - half[0] - 0.1, middle[1] - half[1] - 0.1, floor_m - 0.1];
     let high = [middle[0] + half[0] + 0.1, middle[1] + half[1] + 0.1, floor_m + f64::from(HEIGHT_M) + 0.1];
-    cells.push(Cell::new(Place { storey, zone }, first..builder.solids.len(), low, high));
+    cells.push(Cell::new(Place { storey, zone, end: 0 }, first..builder.solids.len(), low, high));
 }
 
 /// A room with a door at either end, the same for each of its kind.
@@ -142,8 +142,8 @@ fn passer(builder: &mut Builder, key: u64, storey: usize, who: usize, cells: &mu
     let floor_m = storey as f64 * STOREY_M;
     let low = [from[0].min(to[0]) - 0.5, from[1].min(to[1]) - 0.5, floor_m];
     let high = [from[0].max(to[0]) + 0.5, from[1].max(to[1]) + 0.5, floor_m + 2.0];
-    let zone = Place::of(&[from[0] as f32, from[1] as f32, floor_m as f32]).zone;
-    cells.push(Cell::new(Place { storey, zone }, first..builder.solids.len(), low, high));
+    let place = Place::of(&[from[0] as f32, from[1] as f32, floor_m as f32]);
+    cells.push(Cell::new(place, first..builder.solids.len(), low, high));
 }
 
 /// Where the feet of a person are at a time, by number over all storeys.
