@@ -12,10 +12,11 @@ use tessera_sources::{SceneName, SimulationOptions, Source};
 fn lost_on_the_way_to_a_lobby_never_seen_and_back_in_the_workshop() {
     let source = scene(SceneName::Building, &SimulationOptions::default());
     // Half of the last room of the northern row; then, the lens uncovered in the eastern lobby, back from there.
+    // The camera is so fast that each frame becomes a keyframe.
     let mut steps: Vec<Step> = (1830..2000).step_by(3).map(Step::See).collect();
     let n_seen = steps.len();
     steps.extend([Step::Covered; 15]);
-    steps.extend((2060..2440).rev().step_by(3).map(Step::See));
+    steps.extend((2040..2440).rev().step_by(3).map(Step::See));
     let mut run = Run::new(source.camera(), &Method::default()).unwrap();
     let numbered: Vec<(usize, Step)> = steps.iter().copied().enumerate().collect();
     for some in numbered.chunks(16) {
