@@ -7,6 +7,8 @@
 //! frame is taken; the least distance of a loop in frames is that of the settings divided by it.
 //! A loop is wrong where the optimiser accepts it and puts its two keyframes more than 1 m or 30 degrees
 //! from where they truly are to each other.
+//! Verified and accepted are the pairs of a correction's last iteration. What appearance alone proposed is
+//! weighed in its first one: a wrong pair that is kept there shows in the poses, and so in the last.
 #![forbid(unsafe_code)]
 
 use rayon::prelude::*;
@@ -45,6 +47,9 @@ struct Counts {
     /// Kept pairs that are wrong, in the last correction and in any of them.
     wrong: usize,
     wrong_ever: usize,
+    /// Corrections, and those in which a loop did not fit at full weight: graduated non-convexity decided.
+    corrections: usize,
+    decided: usize,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -80,6 +85,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             accepted: sum.accepted + counts.accepted,
             wrong: sum.wrong + counts.wrong,
             wrong_ever: sum.wrong_ever + counts.wrong_ever,
+            corrections: sum.corrections + counts.corrections,
+            decided: sum.decided + counts.decided,
         };
     }
     println!("{n_seeds} seeds: {}; {n_with_wrong} seeds with a wrong loop", told(&sum));
@@ -89,13 +96,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn told(counts: &Counts) -> String {
     format!(
         "{} proposed by appearance ({} of another place), {} verified, {} accepted, {} wrong at the end, {} in any \
-         correction",
+         correction; {} of {} corrections decided by graduated non-convexity",
         counts.proposed,
         counts.proposed_apart,
         counts.verified,
         counts.accepted,
         counts.wrong,
-        counts.wrong_ever
+        counts.wrong_ever,
+        counts.decided,
+        counts.corrections
     )
 }
 
@@ -141,6 +150,8 @@ fn counted(records: &Records, true_pose: &dyn Fn(u64) -> Pose) -> Counts {
     for record in &records.records {
         let AlignRecord::Correction(applied) = record else { continue };
         let correction = &applied.correction;
+        counts.corrections += 1;
+        counts.decided += usize::from(correction.n_graduated_rounds > 0);
         let of = |verdict: LoopVerdict| correction.loops.iter().filter(move |l| l.verdict == verdict).count();
         counts.accepted = of(LoopVerdict::Accepted);
         counts.verified = counts.accepted + of(LoopVerdict::Outvoted);
