@@ -2,6 +2,7 @@
 # A long test: runs under faults, then one long live run; memory, files and shared memory before,
 # during and after.
 #   scripts/soak.sh [SOURCE] [RUNS] [FAULTS] [LIVE_MINUTES]      (room 20 50 30)
+#   scripts/soak.sh building 0 0 60      an hour through the building, five laps and a bit
 # TESSERA names the program [target/release/tessera]. Ends with 1 where a promise was broken or
 # one of these runs left something behind. The counts are the machine's, with those of others.
 set -euo pipefail
@@ -18,8 +19,8 @@ child=
 trap '[ -z "$child" ] || kill "$child" 2>/dev/null || true; rm -rf "$folder"' EXIT
 
 private=${XDG_RUNTIME_DIR:+$XDG_RUNTIME_DIR/tessera}
-[ -d "${private:-}" ] || private=/tmp/tessera-$(id -u)
-count() { find "$@" -mindepth 1 2>/dev/null | wc -l; }
+[ -d "${private:-}" ] || private=/dev/shm/tessera-$(id -u)
+count() { { find "$@" -mindepth 1 2>/dev/null || true; } | wc -l; }
 shared_bytes() { find /dev/shm -type f -printf '%s\n' 2>/dev/null | awk '{ s += $1 } END { print s + 0 }'; }
 say() {
     printf '%-28s %10s MB available  %5s files and %9s bytes in /dev/shm  %4s in %s\n' "$1" \
@@ -41,6 +42,18 @@ done
 # Memory of a process's own, without mapped files, megabytes.
 resident() { awk '/RssAnon/ { printf "%.1f", $2 / 1000 }' "/proc/$1/status" 2>/dev/null || echo -; }
 open_files() { count "/proc/$1/fd"; }
+# Keyframes, loops, and the latency of each stage so far (median, 99 %), by one look at the run.
+state() {
+    "$tessera" top "soak-$$" --json --interval 1 --count 1 2>/dev/null | python3 -c '
+import json, sys
+for line in sys.stdin:
+    look = json.loads(line)
+    ms = ["{} {:.0f}/{:.0f} ms".format(s["stage"], s["latency_ms"]["p50"], s["latency_ms"]["p99"]) for s in look["stages"]]
+    dropped = sum(s["dropped"] for s in look["stages"])
+    print("{} keyframes, {} loops, {} dropped, {}".format(look["keyframes"], look["loops"], dropped, ", ".join(ms)))
+' || true
+}
+disk_mb() { du -sm "$1" 2>/dev/null | cut -f1; }
 live_line() {
     local line pid name
     line="live, minute $1:"
@@ -49,6 +62,7 @@ live_line() {
         [ -n "$pid" ] && line="$line  $name $(resident "$pid") MB $(open_files "$pid") files"
     done
     echo "$line"
+    echo "    $(disk_mb "$folder/live") MB on disk; $(state)"
 }
 if [ "$minutes" -gt 0 ]; then
     seconds=$((60 * minutes))
@@ -65,7 +79,7 @@ if [ "$minutes" -gt 0 ]; then
     "$tessera" export "$folder/live" || failed=$((failed + 1))
     # `tessera chaos` looks for what its runs left by itself.
     prefix=$(sed -n 's/.*"prefix": "\(.*\)".*/\1/p' "$folder/live/run.json")
-    left=$(find /dev/shm "$private" -mindepth 1 -name "$prefix*" | wc -l)
+    left=$({ find /dev/shm "$private" -mindepth 1 -name "$prefix*" 2>/dev/null || true; } | sort -u | wc -l)
     echo "the live run left $left files in shared memory"
     [ "$left" -eq 0 ] || failed=$((failed + 1))
 fi

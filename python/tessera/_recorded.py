@@ -36,9 +36,10 @@ class SourceFrame:
 
 
 class Source:
-    """A recording, or a simulated world (`room`, `corridor`, `wall`, `house`), as the command reads it.
+    """A recording, or a simulated world, as the command reads it.
 
-    `name`: a folder of images, a bag, an MCAP file or a world. `settings`: as {"run.frames": 100} or
+    `name`: a folder of images, a bag, an MCAP file or a world (`room`, `corridor`, `wall`, `house`,
+    `building`). `settings`: as {"run.frames": 100} or
     {"run.camera": "camera.toml"}. A sequence of `SourceFrame`; the same index always has the same bytes.
     """
 

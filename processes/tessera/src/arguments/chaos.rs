@@ -20,7 +20,7 @@ Examples:
                                                 such as `align 12 stored kill`
   tessera chaos --attach NAME --stages align    a run that is going on")]
 pub(crate) struct ChaosArguments {
-    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house [default: room]
+    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house, building [default: room]
     #[arg(conflicts_with = "attach")]
     pub(crate) source: Option<String>,
     /// Faults in all, over as many runs as it takes

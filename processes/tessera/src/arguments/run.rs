@@ -23,7 +23,7 @@ Examples:
   tessera run FOLDER --live                at the rate of the recording")]
 pub(crate) struct RunArguments {
     /// A recording (folder of images, bag of ROS 1 or 2, FILE.mcap), a simulated world (room, corridor, wall,
-    /// house), or external: a camera's own program sends the frames [default: room]. Several are run
+    /// house, building), or external: a camera's own program sends the frames [default: room]. Several are run
     /// one after the other and compared
     #[arg(value_name = "SOURCE")]
     pub(crate) sources: Vec<String>,

@@ -10,7 +10,7 @@ use tessera_geometry::CameraError;
 pub enum SourceError {
     /// The source is neither a scene nor anything that is there.
     #[error(
-        "no source '{}': expected room, corridor, wall, house or a folder of images, FILE.mcap, FILE.bag (ROS 1), FILE.db3 or the folder of a ROS 2 bag, or external", path.display()
+        "no source '{}': expected room, corridor, wall, house, building or a folder of images, FILE.mcap, FILE.bag (ROS 1), FILE.db3 or the folder of a ROS 2 bag, or external", path.display()
     )]
     NoFolder {
         /// What was given.

@@ -1,7 +1,7 @@
 //! Furniture: a few solids each, placed by position on the floor and a turn.
 
 use crate::material::{Material, TexturePattern};
-use crate::solid::{Shape, Solid};
+use crate::solid::{Carrier, Shape, Solid};
 
 const OAK: [f32; 3] = [0.72, 0.52, 0.33];
 const PINE: [f32; 3] = [0.85, 0.70, 0.48];
@@ -11,21 +11,43 @@ const STEEL: [f32; 3] = [0.45, 0.47, 0.50];
 /// A growing list of solids with a place where the next piece goes.
 pub(super) struct Builder {
     pub(super) solids: Vec<Solid>,
+    /// What moves the solids that follow.
+    pub(super) carrier: Carrier,
     seed: u64,
+    /// Number of the first solid that takes its looks from `seed`.
+    first: usize,
+    /// Where the coordinates of places begin, world, metres.
+    base: [f32; 3],
     origin: [f32; 3],
     turn: [f32; 2],
 }
 
 impl Builder {
     pub(super) fn new(seed: u64) -> Self {
-        Self { solids: Vec::new(), seed, origin: [0.0; 3], turn: [1.0, 0.0] }
+        Self {
+            solids: Vec::new(),
+            carrier: Carrier::World,
+            seed,
+            first: 0,
+            base: [0.0; 3],
+            origin: [0.0; 3],
+            turn: [1.0, 0.0],
+        }
+    }
+
+    /// Begins a part with a place and a seed of its own: parts that are built alike from the same seed
+    /// look the same.
+    pub(super) fn begin(&mut self, seed: u64, base: [f32; 3], carrier: Carrier) {
+        let solids = std::mem::take(&mut self.solids);
+        let first = solids.len();
+        *self = Self { solids, carrier, first, base, origin: base, ..Self::new(seed) };
     }
 
     /// Puts what follows at `x`, `y` on the floor, turned by degrees about the vertical.
     /// A piece's front looks along its own -y.
     pub(super) fn at(&mut self, x: f32, y: f32, turn_deg: f64) -> &mut Self {
         let turn = turn_deg.to_radians();
-        self.origin = [x, y, 0.0];
+        self.origin = [self.base[0] + x, self.base[1] + y, self.base[2]];
         self.turn = [libm::cos(turn) as f32, libm::sin(turn) as f32];
         self
     }
@@ -37,14 +59,14 @@ impl Builder {
             self.origin[1] + s * centre[0] + c * centre[1],
             self.origin[2] + centre[2],
         ];
-        let key = self.seed.wrapping_mul(1000).wrapping_add(self.solids.len() as u64);
+        let key = self.seed.wrapping_mul(1000).wrapping_add((self.solids.len() - self.first) as u64);
         self.solids.push(Solid {
             shape,
             centre,
             half: size.map(|side| 0.5 * side),
             turn: self.turn,
             material: material.keyed(key),
-            walks: false,
+            carrier: self.carrier,
         });
     }
 

@@ -4,6 +4,7 @@
 //! can be rendered at any time, by any thread, with the same bytes.
 #![forbid(unsafe_code)]
 
+mod building;
 mod furniture;
 mod gyroscope;
 mod kinect;
@@ -15,6 +16,7 @@ mod random;
 mod render;
 mod scenes;
 mod solid;
+mod track;
 
 pub use options::SimulationOptions;
 
@@ -45,11 +47,14 @@ pub enum SceneName {
     Wall,
     /// Six rooms; a loop of more than 25 m through all of them, back to its start.
     House,
+    /// Three storeys of rooms that look alike, bare corridors, glass and people; a way of more than 500 m
+    /// through all of them, joined by a lift, back to its start.
+    Building,
 }
 
 impl SceneName {
     /// All scenes.
-    pub const ALL: [Self; 4] = [Self::Room, Self::Corridor, Self::Wall, Self::House];
+    pub const ALL: [Self; 5] = [Self::Room, Self::Corridor, Self::Wall, Self::House, Self::Building];
 
     /// Reads a name.
     pub fn parse(text: &str) -> Option<Self> {
@@ -63,6 +68,7 @@ impl SceneName {
             Self::Corridor => "corridor",
             Self::Wall => "wall",
             Self::House => "house",
+            Self::Building => "building",
         }
     }
 
@@ -72,6 +78,7 @@ impl SceneName {
             Self::Room => 360,
             Self::Corridor | Self::Wall => 300,
             Self::House => 1800,
+            Self::Building => 20_400,
         }
     }
 }

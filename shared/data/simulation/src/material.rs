@@ -35,15 +35,28 @@ pub(super) struct Material {
     grain: f32,
     /// Where in the grain this surface begins, and the key of its random colours.
     key: u32,
+    /// Whether it is glass: depth is not measured, and colour is that of what lies behind, tinted.
+    pub(super) is_glass: bool,
 }
 
 impl Material {
     pub(super) fn plain(base: [f32; 3]) -> Self {
-        Self { base, pattern: TexturePattern::Plain, strength: 0.0, grain: 0.5, key: 0 }
+        Self { base, pattern: TexturePattern::Plain, strength: 0.0, grain: 0.5, key: 0, is_glass: false }
     }
 
     pub(super) fn patterned(base: [f32; 3], pattern: TexturePattern, strength: f32) -> Self {
-        Self { base, pattern, strength, grain: 0.4, key: 0 }
+        Self { base, pattern, strength, grain: 0.4, key: 0, is_glass: false }
+    }
+
+    /// Glass that lets a share of each colour through.
+    pub(super) fn glass(tint: [f32; 3]) -> Self {
+        Self { is_glass: true, ..Self::plain(tint) }
+    }
+
+    /// What is seen of a colour through glass.
+    pub(super) fn seen_through(&self, rgb: [u8; 3]) -> [u8; 3] {
+        // A little of the sky is reflected.
+        std::array::from_fn(|k| (f32::from(rgb[k]) * self.base[k] + 24.5) as u8)
     }
 
     /// The same looks with another grain and other random colours.

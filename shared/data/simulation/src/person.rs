@@ -2,10 +2,10 @@
 
 use crate::material::{Material, TexturePattern};
 use crate::path::Walk;
-use crate::solid::{Shape, Solid};
+use crate::solid::{Carrier, Shape, Solid};
 
-/// The person's solids, about the place where the feet are.
-pub(super) fn solids(seed: u64) -> Vec<Solid> {
+/// A person's solids, about the place where the feet are.
+pub(super) fn solids(seed: u64, carrier: Carrier) -> Vec<Solid> {
     let trousers = Material::plain([0.2, 0.25, 0.4]);
     let shirt = Material::patterned([0.75, 0.3, 0.25], TexturePattern::Stripes(0.06), 0.4);
     let skin = Material::plain([0.85, 0.65, 0.52]);
@@ -25,12 +25,12 @@ pub(super) fn solids(seed: u64) -> Vec<Solid> {
             half: size.map(|side| 0.5 * side),
             turn: [1.0, 0.0],
             material: material.keyed(seed.wrapping_add(0x9e25 + at as u64)),
-            walks: true,
+            carrier,
         };
     parts.into_iter().enumerate().map(solid).collect()
 }
 
-/// Where the feet are at a time: about 1.4 m ahead, crossing the view from side to side.
+/// Where the companion's feet are at a time: about 1.4 m ahead, crossing the view from side to side.
 pub(super) fn place(walk: &Walk, time_s: f64) -> [f32; 3] {
     let gaze = walk.gaze(time_s);
     let angle = gaze.yaw + 0.75 * libm::sin(0.8 * time_s);
@@ -38,6 +38,6 @@ pub(super) fn place(walk: &Walk, time_s: f64) -> [f32; 3] {
     [
         (gaze.position.x + away_m * libm::cos(angle)) as f32,
         (gaze.position.y + away_m * libm::sin(angle)) as f32,
-        (0.02 * libm::sin(9.0 * time_s).abs()) as f32,
+        (walk.floor_m(time_s) + 0.02 * libm::sin(9.0 * time_s).abs()) as f32,
     ]
 }

@@ -3,24 +3,29 @@
 //! What is kept of a surface is its tangent plane in inverse depth: `1 / z` is linear in the ray
 //! `(x, y, 1)`, so a sensor that looks a little beside its pixel needs no second cast.
 
+use crate::building::Bounds;
 use crate::path::Walk;
 use crate::person;
 use crate::scenes::Scene;
-use crate::solid::{LINE, LocalRays, RayLine, Shape, Solid, Viewpoint};
+use crate::solid::{Carried, LINE, LocalRays, RayLine, Shape, Solid, Viewpoint};
 use tessera_geometry::{Camera, Pose, RayTable};
 
 const TILE_ROWS: usize = 16;
 const TILE_COLUMNS: usize = LINE;
+/// Slack of the image's bounds for lenses and for what moves while a rolling shutter reads it.
+const VIEW_SLACK: f32 = 0.15;
 /// Slack of the tiles' bounds for what moves within sixteen rows of a rolling shutter.
 const SLACK: f32 = 0.01;
 
 /// Buffers that are used again from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
-    /// For each pixel `m` with `1 / z = m . (x, y, 1)`.
+    /// For each pixel `m` with `1 / z = m . (x, y, 1)`; 0: no depth, as behind glass.
     pub(super) planes: Vec<[f32; 3]>,
     pub(super) fields: [Vec<f32>; 3],
     pub(super) work: Vec<f32>,
+    /// Numbers of the solids that may be in the image; what follows counts in this list.
+    pub(super) visible: Vec<u32>,
     local: Vec<LocalRays>,
     tiles: Vec<Vec<(f32, u32)>>,
 }
@@ -44,22 +49,24 @@ impl Exposure<'_> {
         scratch.planes.resize(width * height, [0.0; 3]);
         let is_rolling = self.camera.readout_s != 0.0;
         let global = self.viewpoint(self.stamp_s);
+        self.fill_visible(&global, &mut scratch.visible);
         if !is_rolling {
-            self.localise(&global, &mut scratch.local);
+            self.localise(&global, &scratch.visible, &mut scratch.local);
         }
         for first_row in (0..height).step_by(TILE_ROWS) {
             let rows = first_row..(first_row + TILE_ROWS).min(height);
             let middle = 0.5 * (rows.start + rows.end - 1) as f64;
             let view = if is_rolling { self.viewpoint(self.row_time_s(middle)) } else { global };
-            self.fill_tiles(rows.clone(), &view, &mut scratch.tiles);
+            self.fill_tiles(rows.clone(), &view, &scratch.visible, &mut scratch.tiles);
             for row in rows {
                 if is_rolling {
                     let view = self.viewpoint(self.row_time_s(row as f64));
-                    self.localise(&view, &mut scratch.local);
+                    self.localise(&view, &scratch.visible, &mut scratch.local);
                 }
-                let planes = &mut scratch.planes[row * width..(row + 1) * width];
+                let Scratch { planes, visible, local, tiles, .. } = &mut *scratch;
+                let planes = &mut planes[row * width..(row + 1) * width];
                 let rgb = rgb.as_deref_mut().map(|rgb| &mut rgb[3 * row * width..3 * (row + 1) * width]);
-                self.cast_row(row, &scratch.local, &scratch.tiles, planes, rgb);
+                self.cast_row(row, (&*visible, &*local), tiles, planes, rgb);
             }
         }
     }
@@ -68,32 +75,60 @@ impl Exposure<'_> {
         self.stamp_s + self.camera.row_time_s(row)
     }
 
-    fn viewpoint(&self, time_s: f64) -> Viewpoint {
+    pub(super) fn viewpoint(&self, time_s: f64) -> Viewpoint {
         let pose: Pose = self.walk.world_from_camera(time_s);
         let r = pose.rotation.to_rotation_matrix();
         let t = pose.translation.vector;
         Viewpoint {
             position: [t.x as f32, t.y as f32, t.z as f32],
             rotation: std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)] as f32)),
-            person: if self.scene.has_person { person::place(self.walk, time_s) } else { [0.0; 3] },
+            carried: Carried {
+                companion: if self.scene.has_person { person::place(self.walk, time_s) } else { [0.0; 3] },
+                ..self.walk.carried(time_s)
+            },
         }
     }
 
-    fn localise(&self, view: &Viewpoint, local: &mut Vec<LocalRays>) {
+    /// Chooses the solids that may be seen in the image.
+    pub(super) fn fill_visible(&self, view: &Viewpoint, visible: &mut Vec<u32>) {
+        let mut bounds = self.ray_bounds(0..self.rays.height, 0..self.rays.width);
+        for (bound, more) in bounds.iter_mut().zip([-1.0, 1.0, -1.0, 1.0]) {
+            *bound += more * VIEW_SLACK;
+        }
+        let is_in_view = |[middle, half]: &Bounds| {
+            let rays = LocalRays::upright(view, middle);
+            CameraBox::new(&rays, half).may_be_seen(&bounds)
+        };
+        self.scene.fill_visible(&view.position, is_in_view, visible);
+    }
+
+    fn visible<'s>(&'s self, visible: &'s [u32]) -> impl Iterator<Item = &'s Solid> {
+        visible.iter().map(|&at| &self.scene.solids[at as usize])
+    }
+
+    fn localise(&self, view: &Viewpoint, visible: &[u32], local: &mut Vec<LocalRays>) {
         local.clear();
-        local.extend(self.scene.solids.iter().map(|solid| solid.local_rays(view)));
+        local.extend(self.visible(visible).map(|solid| solid.local_rays(view)));
     }
 
     /// For each tile of a band of rows the solids that may be seen in it, nearest first.
-    fn fill_tiles(&self, rows: std::ops::Range<usize>, view: &Viewpoint, tiles: &mut Vec<Vec<(f32, u32)>>) {
+    fn fill_tiles(
+        &self,
+        rows: std::ops::Range<usize>,
+        view: &Viewpoint,
+        visible: &[u32],
+        tiles: &mut Vec<Vec<(f32, u32)>>,
+    ) {
         let width = self.rays.width;
-        let boxes: Vec<CameraBox> = self.scene.solids.iter().map(|s| CameraBox::new(s, view)).collect();
+        let solids: Vec<&Solid> = self.visible(visible).collect();
+        let boxed = |solid: &&Solid| CameraBox::new(&solid.local_rays(view), &solid.half);
+        let boxes: Vec<CameraBox> = solids.iter().map(boxed).collect();
         tiles.resize(width.div_ceil(TILE_COLUMNS), Vec::new());
         for (tile, seen) in tiles.iter_mut().enumerate() {
             let columns = tile * TILE_COLUMNS..((tile + 1) * TILE_COLUMNS).min(width);
             let bounds = self.ray_bounds(rows.clone(), columns);
             seen.clear();
-            for (at, solid) in self.scene.solids.iter().enumerate() {
+            for (at, solid) in solids.iter().enumerate() {
                 if solid.shape == Shape::Shell {
                     // A closed space lies behind everything in it.
                     seen.push((f32::MAX, at as u32));
@@ -121,30 +156,47 @@ impl Exposure<'_> {
     fn cast_row(
         &self,
         row: usize,
-        local: &[LocalRays],
+        (visible, local): (&[u32], &[LocalRays]),
         tiles: &[Vec<(f32, u32)>],
         planes: &mut [[f32; 3]],
         mut rgb: Option<&mut [u8]>,
     ) {
         let width = self.rays.width;
-        let solids = &self.scene.solids;
+        let solid = |at: u32| &self.scene.solids[visible[at as usize] as usize];
         for (tile, seen) in tiles.iter().enumerate() {
             let columns = tile * TILE_COLUMNS..((tile + 1) * TILE_COLUMNS).min(width);
             let rays = row * width + columns.start..row * width + columns.end;
             let mut line = RayLine::new(&self.rays.x[rays.clone()], &self.rays.y[rays]);
+            // What lies behind glass is seen too: glass is cast apart.
+            let mut glass: Option<RayLine> = None;
             let mut farthest_m = f32::MAX;
             for &(nearest_m, at) in seen {
                 // The space itself comes last and must be tried whatever was met before.
                 if nearest_m <= farthest_m || nearest_m == f32::MAX {
-                    solids[at as usize].cast(&local[at as usize], &mut line, at);
-                    farthest_m = line.farthest_m();
+                    let solid = solid(at);
+                    if solid.material.is_glass {
+                        let glass = glass.get_or_insert_with(|| line.unmet());
+                        solid.cast(&local[at as usize], glass, at);
+                    } else {
+                        solid.cast(&local[at as usize], &mut line, at);
+                        farthest_m = line.farthest_m();
+                    }
                 }
             }
             for (k, column) in columns.enumerate() {
-                let at = line.seen[k] as usize;
-                let Some(solid) = solids.get(at) else { continue };
-                let (plane, colour) =
-                    self.surface(solid, &local[at], [line.x[k], line.y[k]], line.depth_m[k]);
+                let at = line.seen[k];
+                if at == u32::MAX {
+                    continue;
+                }
+                let ray = [line.x[k], line.y[k]];
+                let (mut plane, mut colour) =
+                    self.surface(solid(at), &local[at as usize], ray, line.depth_m[k]);
+                if let Some(glass) = &glass
+                    && glass.depth_m[k] < line.depth_m[k]
+                {
+                    colour = solid(glass.seen[k]).material.seen_through(colour);
+                    plane = [0.0; 3];
+                }
                 planes[column] = plane;
                 if let Some(rgb) = rgb.as_deref_mut() {
                     rgb[3 * column..3 * column + 3].copy_from_slice(&colour);
@@ -188,9 +240,9 @@ struct CameraBox {
 }
 
 impl CameraBox {
-    fn new(solid: &Solid, view: &Viewpoint) -> Self {
-        let rays = solid.local_rays(view);
-        let sides: [[f32; 3]; 3] = std::array::from_fn(|k| rays.axes[k].map(|v| v * solid.half[k]));
+    /// The box with these half sides in the axes of `rays`.
+    fn new(rays: &LocalRays, half: &[f32; 3]) -> Self {
+        let sides: [[f32; 3]; 3] = std::array::from_fn(|k| rays.axes[k].map(|v| v * half[k]));
         let centre: [f32; 3] =
             std::array::from_fn(|j| -(0..3).map(|k| rays.axes[k][j] * rays.origin[k]).sum::<f32>());
         let reach: f32 = sides.iter().map(|side| side[2].abs()).sum();

@@ -1,9 +1,10 @@
-//! The four scenes, solid by solid. World axes: z up, the floor at z = 0.
+//! The scenes, solid by solid. World axes: z up, the floor at z = 0.
 
+use crate::building::{self, Bounds, Cell};
 use crate::furniture::Builder;
 use crate::material::{Grain, Material, TexturePattern};
 use crate::path::HOUSE_HALF;
-use crate::solid::{Shape, Solid};
+use crate::solid::{Carrier, Shape, Solid};
 use crate::{SceneName, person, random};
 
 /// Everything that can be seen.
@@ -13,23 +14,45 @@ pub(super) struct Scene {
     pub(super) grain: Grain,
     /// Whether a person walks about.
     pub(super) has_person: bool,
+    /// What may be seen from where; none: all of it from everywhere.
+    cells: Vec<Cell>,
 }
 
 impl Scene {
     pub(super) fn new(name: SceneName, seed: u64, has_person: bool) -> Self {
         let key = random::word(seed, 0x5ce2e);
         let mut builder = Builder::new(key);
+        let mut cells = Vec::new();
         match name {
             SceneName::Room => room(&mut builder),
             SceneName::Corridor => corridor(&mut builder),
             SceneName::Wall => wall(&mut builder),
             SceneName::House => house(&mut builder),
+            SceneName::Building => cells = building::build(&mut builder, key),
         }
         let mut solids = builder.solids;
         if has_person {
-            solids.extend(person::solids(key));
+            let first = solids.len();
+            solids.extend(person::solids(key, Carrier::Companion));
+            if !cells.is_empty() {
+                cells.push(Cell::everywhere(first..solids.len()));
+            }
         }
-        Self { solids, grain: Grain::new(key), has_person }
+        Self { solids, grain: Grain::new(key), has_person, cells }
+    }
+
+    /// Numbers of the solids that may be seen from a place, in order; `is_in_view` tells what is in the image.
+    pub(super) fn fill_visible(
+        &self,
+        place: &[f32; 3],
+        is_in_view: impl Fn(&Bounds) -> bool,
+        visible: &mut Vec<u32>,
+    ) {
+        visible.clear();
+        if self.cells.is_empty() {
+            visible.extend(0..self.solids.len() as u32);
+        }
+        visible.extend(building::visible(&self.cells, place, is_in_view).flatten());
     }
 }
 

@@ -29,8 +29,46 @@ pub(super) struct Solid {
     /// Cosine and sine of the turn about z.
     pub(super) turn: [f32; 2],
     pub(super) material: Material,
-    /// Whether it belongs to the person who walks about.
-    pub(super) walks: bool,
+    pub(super) carrier: Carrier,
+}
+
+/// What a solid moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Carrier {
+    /// Nothing: it stands still.
+    World,
+    /// The person who walks about before the camera.
+    Companion,
+    /// The lift's cabin.
+    Cabin,
+    /// The lift's door.
+    Leaf,
+    /// A person who walks to and fro, by number.
+    Passer(usize),
+}
+
+/// People who walk to and fro.
+pub(super) const N_PASSERS: usize = 6;
+
+/// Where all that moves is at a moment: displacements, world, metres.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Carried {
+    pub(super) companion: [f32; 3],
+    pub(super) cabin: [f32; 3],
+    pub(super) leaf: [f32; 3],
+    pub(super) passers: [[f32; 3]; N_PASSERS],
+}
+
+impl Carried {
+    fn by(&self, carrier: Carrier) -> [f32; 3] {
+        match carrier {
+            Carrier::World => [0.0; 3],
+            Carrier::Companion => self.companion,
+            Carrier::Cabin => self.cabin,
+            Carrier::Leaf => self.leaf,
+            Carrier::Passer(who) => self.passers[who],
+        }
+    }
 }
 
 /// Rays of one camera pose in a solid's own axes: `origin + t * axes * (x, y, 1)`.
@@ -70,6 +108,11 @@ impl RayLine {
         line
     }
 
+    /// The same rays before they met anything.
+    pub(super) fn unmet(&self) -> Self {
+        Self { depth_m: [f32::MAX; LINE], seen: [u32::MAX; LINE], ..*self }
+    }
+
     /// Depth beyond which nothing can be seen any more.
     pub(super) fn farthest_m(&self) -> f32 {
         self.depth_m.iter().fold(0.0, |most, &depth_m| if depth_m > most { depth_m } else { most })
@@ -83,11 +126,15 @@ pub(super) struct Viewpoint {
     pub(super) position: [f32; 3],
     /// Rows of `world_from_camera`.
     pub(super) rotation: [[f32; 3]; 3],
-    /// Where the walking person is, world, metres.
-    pub(super) person: [f32; 3],
+    pub(super) carried: Carried,
 }
 
 impl LocalRays {
+    /// The camera's rays in the world's axes about a point.
+    pub(super) fn upright(view: &Viewpoint, centre: &[f32; 3]) -> Self {
+        Self { origin: std::array::from_fn(|k| view.position[k] - centre[k]), axes: view.rotation }
+    }
+
     #[inline]
     pub(super) fn direction(&self, x: f32, y: f32) -> [f32; 3] {
         self.axes.map(|row| row[0] * x + row[1] * y + row[2])
@@ -99,11 +146,8 @@ impl Solid {
     pub(super) fn local_rays(&self, view: &Viewpoint) -> LocalRays {
         let [c, s] = self.turn;
         let to_local = |v: [f32; 3]| [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]];
-        let mut from_centre = [0.0; 3];
-        for (k, value) in from_centre.iter_mut().enumerate() {
-            let place = if self.walks { self.centre[k] + view.person[k] } else { self.centre[k] };
-            *value = view.position[k] - place;
-        }
+        let moved = view.carried.by(self.carrier);
+        let from_centre = std::array::from_fn(|k| view.position[k] - (self.centre[k] + moved[k]));
         let column = |k: usize| to_local([view.rotation[0][k], view.rotation[1][k], view.rotation[2][k]]);
         let (x, y, z) = (column(0), column(1), column(2));
         LocalRays { origin: to_local(from_centre), axes: std::array::from_fn(|k| [x[k], y[k], z[k]]) }
@@ -221,7 +265,7 @@ mod tests {
             half,
             turn: [1.0, 0.0],
             material: Material::plain([0.5; 3]),
-            walks: false,
+            carrier: Carrier::World,
         }
     }
 

@@ -119,6 +119,103 @@ fn every_scene_is_seen_everywhere_and_colour_lag_moves_colour_alone() {
     assert!(depth == late_depth && colour != late_colour);
 }
 
+/// What a steady hand would see in the building at a time, without noise.
+fn seen_at(source: &SimulatedSource, time_s: f64) -> (Vec<u16>, Vec<u8>) {
+    let walk = source.walk.clone().steady();
+    let n = source.rays.width * source.rays.height;
+    let (mut scratch, mut depth, mut colour) = (Scratch::default(), vec![0; n], vec![0; 3 * n]);
+    exposure(source, &walk, time_s).cast(&mut scratch, Some(&mut colour));
+    kinect::exact_depth(&source.camera, &source.rays, &scratch, &mut depth);
+    (depth, colour)
+}
+
+fn exposure<'a>(source: &'a SimulatedSource, walk: &'a Walk, stamp_s: f64) -> render::Exposure<'a> {
+    let SimulatedSource { camera, rays, scene, .. } = source;
+    render::Exposure { camera, rays, scene, walk, stamp_s }
+}
+
+/// Share of pixels that are the same but for the last digit of depth and of each colour.
+fn same((depth, colour): &(Vec<u16>, Vec<u8>), (other_depth, other_colour): &(Vec<u16>, Vec<u8>)) -> f64 {
+    let is_same = |at: &usize| {
+        let rgb = 3 * at..3 * at + 3;
+        let mut colours = colour[rgb.clone()].iter().zip(&other_colour[rgb]);
+        depth[*at].abs_diff(other_depth[*at]) <= 1 && colours.all(|(a, b)| a.abs_diff(*b) <= 1)
+    };
+    (0..depth.len()).filter(is_same).count() as f64 / depth.len() as f64
+}
+
+fn building() -> SimulatedSource {
+    open(SceneName::Building, &SimulationOptions { noise: false, ..SimulationOptions::default() })
+}
+
+/// Shares of the way through a room at which the camera looks north and south, away from the doors.
+const NORTH: f64 = 0.36;
+const SOUTH: f64 = 0.64;
+
+#[test]
+fn rooms_of_one_kind_are_the_same_to_the_camera() {
+    let source = building();
+    let way = source.walk.building();
+    for share in [NORTH, SOUTH] {
+        let seen = |storey, room| seen_at(&source, way.in_room_s(storey, room, share));
+        let office = seen(0, 0);
+        for (storey, room) in [(0, 1), (1, 0), (2, 1)] {
+            let same = same(&office, &seen(storey, room));
+            assert!(same > 0.999, "storey {storey}, room {room} at {share}: {same} are the same");
+        }
+        let [ground, upper] = [seen(0, 3), seen(1, 3)];
+        assert!(same(&office, &ground) < 0.5 && same(&ground, &upper) < 0.5, "workshops are their own");
+    }
+}
+
+#[test]
+fn glass_has_no_depth_and_shows_what_lies_behind() {
+    let source = building();
+    let time_s = source.walk.building().in_room_s(0, 0, NORTH);
+    let (depth, colour) = seen_at(&source, time_s);
+    let panes: Vec<usize> = (0..depth.len()).filter(|&at| depth[at] == 0).collect();
+    let share = panes.len() as f64 / depth.len() as f64;
+    assert!((0.02..0.4).contains(&share), "{share} of the image is glass");
+    assert!(panes.iter().all(|&at| colour[3 * at + 2] > 60), "the window is bright");
+    // The recess of the eastern lobby, seen through its glass, has a pattern.
+    let way = source.walk.building();
+    let lobby_s = way.in_room_s(0, 3, 1.15);
+    let (depth, colour) = seen_at(&source, lobby_s);
+    let behind = depth.iter().enumerate().filter(|(_, raw)| **raw == 0).map(|(at, _)| colour[3 * at]);
+    let (low, high) = behind.fold((u8::MAX, u8::MIN), |(low, high), red| (low.min(red), high.max(red)));
+    assert!(high > low.saturating_add(30), "{low} to {high}");
+}
+
+#[test]
+fn the_lift_moves_the_pose_and_not_the_view() {
+    let source = building();
+    let way = source.walk.building();
+    let steady = source.walk.clone().steady();
+    let times_s = [0.2, 0.8].map(|share| way.in_ride_s(1, share));
+    let [low, high] = times_s.map(|time_s| steady.world_from_camera(time_s));
+    assert!((high.translation.z - low.translation.z) > 1.0, "{low} to {high}");
+    let [before, after] = times_s.map(|time_s| seen_at(&source, time_s));
+    assert!(same(&before, &after) > 0.999, "{} are the same", same(&before, &after));
+    let is_measured = before.0.iter().filter(|raw| **raw != 0).count();
+    assert!(is_measured * 1000 > before.0.len() * 999, "the cabin is closed");
+}
+
+#[test]
+fn a_view_of_the_building_has_a_bounded_number_of_solids() {
+    let [house, building] = [SceneName::House, SceneName::Building].map(|name| {
+        let source = open(name, &SimulationOptions::default());
+        let last_s = (source.n_frames / 30) as u32;
+        let mut visible = Vec::new();
+        let numbers = (0..last_s).step_by(3).map(|second| {
+            let exposure = exposure(&source, &source.walk, f64::from(second));
+            exposure.fill_visible(&exposure.viewpoint(f64::from(second)), &mut visible);
+            visible.len()
+        });
+        numbers.max().unwrap()
+    });
+    assert!(building <= 2 * house, "{building} solids, {house} in the house");
+}
+
 #[test]
 fn wrong_options_are_named() {
     let message = |options: SimulationOptions| {

@@ -9,7 +9,7 @@ use tessera_numerics::Isa;
 #[serde(default, deny_unknown_fields)]
 pub struct RunSettings {
     /// A recording (a folder of images, a bag of ROS 2, an MCAP file), a simulated world (`room`, `corridor`,
-    /// `wall`, `house`), or `external`: a camera's own program sends the frames.
+    /// `wall`, `house`, `building`), or `external`: a camera's own program sends the frames.
     pub source: String,
     /// A camera file or the name of a built-in camera; empty: the source's own.
     pub camera: String,
@@ -71,7 +71,8 @@ impl RunSettings {
     /// `key is value, expected rule` for the first that cannot be.
     pub fn check(&self) -> Result<(), String> {
         if self.source.trim().is_empty() {
-            return Err("source is empty, expected a folder or one of room, corridor, wall, house".to_owned());
+            return Err("source is empty, expected a folder or one of room, corridor, wall, house, building"
+                .to_owned());
         }
         if !(self.camera_timeout_s >= 0.1 && self.camera_timeout_s <= 1e6) {
             let value = self.camera_timeout_s;

@@ -134,7 +134,8 @@ fn unusable_sources_end_with_3() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().to_str().unwrap();
     assert!(
-        refusal(&["run", "no/such/folder"], 3).contains("expected room, corridor, wall, house or a folder")
+        refusal(&["run", "no/such/folder"], 3)
+            .contains("expected room, corridor, wall, house, building or a folder")
     );
     assert!(refusal(&["check", "no/such/folder"], 3).contains("no/such/folder"));
     assert!(refusal(&["run", folder], 3).contains("tessera: "));

@@ -38,8 +38,8 @@ pub(crate) fn with_sighting(
     }
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
-    // A frame with which keyframes appear or move says nothing of those in the state.
-    if record.new_keyframe.is_some() || !record.moved.is_empty() {
+    // A frame with which keyframes move says nothing of those in the state.
+    if !record.moved.is_empty() {
         return FrameRecord { sighting: known, ..record };
     }
     let n_needed = input.context.mapping.relocalise.confirm_frames << state.n_refuted.min(MOST_DOUBLINGS);
@@ -113,9 +113,21 @@ fn sighting(
 ) -> Option<SightingRecord> {
     let seen = nearest_of(input, found)?;
     let seen_from_camera = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
-    let seen_from_own = seen_from_camera * Pose::from(&record.keyframe_from_camera).inverse();
+    let (own, own_from_camera) = own_from_camera(input, record)?;
+    let seen_from_own = seen_from_camera * own_from_camera.inverse();
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
-    Some(SightingRecord { seen: seen.id, own: record.keyframe, seen_from_own, n_confirmed })
+    Some(SightingRecord { seen: seen.id, own, seen_from_own, n_confirmed })
+}
+
+/// A keyframe of the state and the frame's pose in it: the record's own, or the last one before it where
+/// it makes a new one, as each frame of a fast camera does.
+fn own_from_camera(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<(u32, Pose)> {
+    if record.new_keyframe.is_none() {
+        return Some((record.keyframe, Pose::from(&record.keyframe_from_camera)));
+    }
+    let last = input.map.last_keyframe()?;
+    let own_from_world = Pose::from(&last.world_from_camera).inverse();
+    Some((last.id, own_from_world * Pose::from(&record.world_from_camera)))
 }
 
 /// The keyframe that an alignment has as its first member: the nearest one.
@@ -143,7 +155,7 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
     let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
     let Some((tested, join)) = verified else { return record };
     let settings = &input.context.mapping.loops;
-    let n_keyframes = input.map.n_keyframes() as u32;
+    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
     let request = detection::request(settings, input.map.state(), input.frame.index, n_keyframes, true);
     let said = format!(
         "submap {} is joined to {}: {} frames agree, {:.0} % overlap, {:.1} % in front",
