@@ -48,6 +48,13 @@ pub struct MapIdentity {
     pub crc: u32,
 }
 
+/// The name of a run among all: FNV-1a over its `run.json`, which holds random names.
+pub fn identity_of(run_file: &[u8]) -> u64 {
+    run_file
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
 impl RunFile {
     /// Reads the file of a run directory and refuses that of another version.
     ///
