@@ -47,6 +47,7 @@ fn the_base_answers_a_lone_robot_with_the_bytes_of_its_own_corrections() {
     assert!(n_answers > 1 && n_from_base + 1 >= n_answers, "{n_from_base} of {n_answers} from the base");
     assert_eq!(robot.summary()["corrections_from_base"], n_from_base);
     assert!(alone.summary()["corrections_from_base"].is_null());
+    assert_eq!(status(&folder).runs.len(), 1, "a run that is resumed is the same run");
     assert_eq!(status(&folder).runs[0].corrections_from_base, n_from_base as u64);
     assert!(status(&folder).text(true).contains("from here, the last with 0 other run(s)"));
     robot.assert_same_outputs(&alone);

@@ -4,6 +4,7 @@ use crate::processes::wait_for;
 use crate::requirements::missing;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_journal::Follower;
 use tessera_slam::{AlignRecord, OptimiseRecord};
@@ -53,7 +54,8 @@ impl Robot {
         settings: &[&str],
     ) -> Self {
         let out = folder.join(name);
-        let own = format!("{name}-{}", std::process::id());
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let own = format!("{name}-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
         let mut arguments = vec!["run".into(), "room".into(), "--quiet".into(), "--name".into(), own];
         arguments.extend(["--skip".into(), skip.to_string(), "--frames".into(), frames.to_string()]);
         arguments.extend(["--out".into(), out.display().to_string()]);
