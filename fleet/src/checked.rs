@@ -2,7 +2,7 @@
 //! that lies may spoil its own map and nothing else.
 
 use tessera_journal::decode;
-use tessera_slam::{AlignRecord, KeyframePose, State, StoreSlot};
+use tessera_slam::{AlignRecord, KeyframePose, OptimiseRecord, State, StoreSlot};
 use tessera_stage::slots;
 
 /// Bytes of a keyframe's surface, at most.
@@ -25,8 +25,15 @@ pub struct RunFacts {
     final_request: Option<Option<u64>>,
     /// The run has come to its end with its last correction.
     pub is_ended: bool,
+    /// The last requests for an optimisation that have no effect yet.
+    pub requests: Vec<u64>,
+    /// Requests whose corrections have taken effect: all below this one.
+    pub n_applied: u64,
     n_submaps: u32,
 }
+
+/// Requests without an effect that are known at a time: a run has one, and at its end another.
+const MOST_REQUESTS: usize = 2;
 
 impl RunFacts {
     /// Takes the payload of a record in.
@@ -42,19 +49,30 @@ impl RunFacts {
                 self.n_frames += 1;
                 self.n_tracked += u64::from(frame.state == State::Tracking);
                 self.n_submaps = self.n_submaps.max(frame.submap + 1);
+                self.note_request(frame.request.map(|request| request.request));
             }
             AlignRecord::Map(map) => self.n_submaps = self.n_submaps.max(map.submaps.n()),
             AlignRecord::End { request, .. } => {
                 let request = request.map(|request| request.request);
+                self.note_request(request);
                 self.is_ended = request.is_none();
                 self.final_request = Some(request);
             }
             AlignRecord::Correction(applied) => {
-                self.is_ended |= self.final_request == Some(Some(applied.correction.request));
+                let request = applied.correction.request;
+                self.is_ended |= self.final_request == Some(Some(request));
+                self.n_applied = self.n_applied.max(request.saturating_add(1));
+                self.requests.retain(|pending| *pending > request);
             }
             AlignRecord::Skipped(..) => {}
         }
         Ok(())
+    }
+
+    fn note_request(&mut self, request: Option<u64>) {
+        self.requests.extend(request);
+        let n_too_many = self.requests.len().saturating_sub(MOST_REQUESTS);
+        self.requests.drain(..n_too_many);
     }
 
     /// Bytes of the store that the keyframes so far need.
@@ -135,6 +153,28 @@ impl RunFacts {
             }
             check_pose(&pose.world_from_camera)?;
         }
+        Ok(())
+    }
+}
+
+/// What the records of a robot's optimiser say.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AnswerFacts {
+    /// Requests that are answered: all below this one.
+    pub n_answered: u64,
+    /// Answers that came from a base.
+    pub n_from_base: u64,
+}
+
+impl AnswerFacts {
+    /// Takes the payload of a record in.
+    ///
+    /// # Errors
+    /// Where it is none.
+    pub fn take(&mut self, payload: &[u8]) -> Result<(), String> {
+        let record: OptimiseRecord = decode(payload)?;
+        self.n_answered = self.n_answered.max(record.correction().request.saturating_add(1));
+        self.n_from_base += u64::from(matches!(record, OptimiseRecord::FromBase(_)));
         Ok(())
     }
 }

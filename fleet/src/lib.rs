@@ -1,10 +1,13 @@
 //! Many robots, one map, over Zenoh.
 //!
-//! On each robot an uplink follows a run directory, which it only reads, and answers for its bytes; a base
-//! copies the run directories of all robots and makes one map of them. The base asks, by offset: what it
-//! has on disk is where it goes on, whatever dies in between.
+//! On each robot an uplink follows a run directory and answers for its bytes; a base copies the run
+//! directories of all robots and makes one map of them. The base asks, by offset: what it has on disk is
+//! where it goes on, whatever dies in between. A run that leaves its optimisations to the base gets the
+//! base's answers from its uplink; of other runs the uplink reads alone.
 #![forbid(unsafe_code)]
 
+pub mod answer;
+mod answering;
 pub mod arguments;
 pub mod arrivals;
 pub mod base;
@@ -12,6 +15,8 @@ pub mod carrier;
 pub mod checked;
 mod disk;
 pub mod error;
+pub mod inbox;
+mod joint_surfaces;
 pub mod journal_copy;
 pub mod local;
 pub mod map;

@@ -2,6 +2,7 @@
 
 use crate::arrivals::{Arrival, Mapped};
 use crate::error::FleetError;
+use crate::joint_surfaces::JointSurfaces;
 use crate::past::Past;
 use crate::summary::{ComponentSummary, JoinSummary, JoinVerdict, RunSummary, Summary};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -10,37 +11,14 @@ use std::path::{Path, PathBuf};
 use tessera_evaluation::write_tum;
 use tessera_geometry::Pose;
 use tessera_outputs::{write_file, write_joint_map};
-use tessera_slam::{AlignRecord, AppliedCorrection, Context, JointMap, KeyframeSurfaces, Meeting};
-use tessera_surface::Vertex;
+use tessera_settings::Settings;
+use tessera_slam::{AlignRecord, AppliedCorrection, Context, JointMap, Meeting};
+use tessera_stage::RunFile;
 
 /// Folder of the map in the base's folder.
 pub const MAP_FOLDER: &str = "map";
 /// Says which map the folder holds.
 pub const MAP_NUMBER: &str = "map.number";
-
-/// The surfaces of all runs' keyframes, by their numbers in the joint map.
-struct Surfaces<'a>(Vec<(u32, &'a dyn KeyframeSurfaces)>);
-
-impl Surfaces<'_> {
-    /// The run that a keyframe is of, and its number there.
-    fn of(&self, keyframe: u32) -> (&dyn KeyframeSurfaces, u32) {
-        let place = self.0.partition_point(|(first, _)| *first <= keyframe).saturating_sub(1);
-        let (first, surfaces) = self.0[place];
-        (surfaces, keyframe - first)
-    }
-}
-
-impl KeyframeSurfaces for Surfaces<'_> {
-    fn vertices(&self, keyframe: u32) -> &[Vertex] {
-        let (surfaces, id) = self.of(keyframe);
-        surfaces.vertices(id)
-    }
-
-    fn features(&self, keyframe: u32) -> &[tessera_features::Feature] {
-        let (surfaces, id) = self.of(keyframe);
-        surfaces.features(id)
-    }
-}
 
 /// A run that is in the map, or why it is not.
 enum Part {
@@ -58,7 +36,7 @@ pub fn make_map(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Result<Su
     std::fs::create_dir_all(&folder).map_err(FleetError::io("make", &folder))?;
     let mut parts = read_parts(base, arrivals, mapped);
     let context = parts.iter().find_map(|part| match part {
-        Part::In(past) => Some(context_of(past)),
+        Part::In(past) => Some(context_of(&past.run, &past.settings)),
         Part::Out(_) => None,
     });
     let labels = labels(arrivals);
@@ -71,9 +49,9 @@ pub fn make_map(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Result<Su
     Ok(summary)
 }
 
-fn context_of(past: &Past) -> Context {
-    let settings = &past.settings;
-    Context::new(&past.run.camera, &settings.surface, &settings.registration, &settings.mapping)
+/// What the algorithms of mapping share, for the camera and settings of a run.
+pub(crate) fn context_of(run: &RunFile, settings: &Settings) -> Context {
+    Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping)
 }
 
 fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
@@ -107,7 +85,7 @@ fn joint(
     parts: &mut [Part],
 ) -> Result<Summary, FleetError> {
     let mut map = JointMap::new(context);
-    let mut surfaces = Surfaces(Vec::new());
+    let mut surfaces = JointSurfaces::default();
     // Runs in the map by their number among those that are in it.
     let mut pasts: Vec<(usize, &mut Past)> = Vec::new();
     for (number, part) in parts.iter_mut().enumerate() {
@@ -117,10 +95,7 @@ fn joint(
         }
     }
     for (run, (_, past)) in pasts.iter().enumerate() {
-        let keyframes = map.keyframes_of(run);
-        if !keyframes.is_empty() {
-            surfaces.0.push((keyframes.start as u32, &past.surfaces));
-        }
+        surfaces.add(map.keyframes_of(run), &past.surfaces);
     }
     let meetings = map.join(&surfaces, &mut || ());
     // Runs that share no place stay as they are.

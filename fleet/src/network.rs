@@ -117,13 +117,16 @@ impl Carrier for ZenohCarrier {
     fn ask(&mut self, robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
         let patience = self.patience.get(robot).copied().unwrap_or(PATIENCE);
         let begun = Instant::now();
-        let asked = self
+        let asking = self
             .session
             .get(format!("{}?{}", run_key(robot), request.to_parameters()))
             .consolidation(ConsolidationMode::None)
-            .timeout(patience)
-            .with(FifoChannel::new(WAITING_PIECES))
-            .wait();
+            .timeout(patience);
+        let asking = match request.payload() {
+            [] => asking,
+            payload => asking.payload(payload),
+        };
+        let asked = asking.with(FifoChannel::new(WAITING_PIECES)).wait();
         // A session that is closed: the base ends.
         let Ok(replies) = asked else { return };
         let (mut is_taking, mut n_pieces) = (true, 0);

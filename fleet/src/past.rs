@@ -1,4 +1,4 @@
-//! A run as it was at some byte of its journal: what a map is made of.
+//! A run as it was at some byte of its journal: what a map and an answer are made of.
 
 use crate::arrivals::Arrival;
 use crate::error::FleetError;
@@ -19,7 +19,7 @@ pub struct Past {
     pub settings: Settings,
     /// Its map.
     pub state: TrackerState,
-    /// Its frames.
+    /// Its frames, where they were asked for.
     pub replay: Replay,
     /// The surfaces of its keyframes.
     pub surfaces: StoredKeyframes,
@@ -34,7 +34,16 @@ pub struct Prefix {
 }
 
 impl Prefix {
-    fn visit_all(&self, take: &mut dyn FnMut(AlignRecord)) -> Result<(), FleetError> {
+    /// The first `bytes` of the aligner's journal of a run.
+    pub fn new(files: &RunFiles, bytes: u64) -> Self {
+        Self { path: files.align_journal(), bytes }
+    }
+
+    /// Hands over every whole record, in order.
+    ///
+    /// # Errors
+    /// Where the journal cannot be read.
+    pub fn visit_all(&self, take: &mut dyn FnMut(AlignRecord)) -> Result<(), FleetError> {
         if self.bytes == 0 {
             return Ok(());
         }
@@ -62,47 +71,71 @@ impl FrameHistory for Prefix {
 }
 
 impl Past {
-    /// Reads a run up to `align_bytes` of its aligner's journal.
+    /// Reads a run up to `align_bytes` of its aligner's journal, with its frames.
     ///
     /// # Errors
     /// Names the file that cannot be used, and why.
     pub fn read(base: &Path, arrival: &Arrival, align_bytes: u64) -> Result<Self, FleetError> {
+        Self::read_part(base, arrival, align_bytes, true)
+    }
+
+    /// As [`Self::read`], without the frames.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn read_map(base: &Path, arrival: &Arrival, align_bytes: u64) -> Result<Self, FleetError> {
+        Self::read_part(base, arrival, align_bytes, false)
+    }
+
+    fn read_part(
+        base: &Path,
+        arrival: &Arrival,
+        align_bytes: u64,
+        with_frames: bool,
+    ) -> Result<Self, FleetError> {
         let files = RunFiles::new(&arrival.folder(base));
         let run = RunFile::read(&files)?;
         let settings = read_settings(&files)?;
         let grid = run.layout(&settings).grid;
         let mut surfaces = StoredKeyframes::open(&files.store(), grid)?;
         let (mut state, mut replay) = (TrackerState::default(), Replay::default());
-        let journal = Prefix { path: files.align_journal(), bytes: align_bytes };
+        let journal = Prefix::new(&files, align_bytes);
         let mut problem = Ok(());
         journal.visit_all(&mut |record| {
             if problem.is_ok() {
                 problem = surfaces.take_unread(&record);
             }
             state.apply(&record);
-            replay.apply(record);
+            if with_frames {
+                replay.apply(record);
+            }
         })?;
         problem?;
         Ok(Self { files, run, settings, state, replay, surfaces, journal })
     }
 
-    /// Why this run and the first one cannot have one map: surfaces of one map have one grid and are
-    /// matched with one camera.
+    /// Why this run and the first one cannot have one map.
     pub fn unlike(&self, first: &Self) -> Option<String> {
-        let camera = |past: &Self| {
-            let c = &past.run.camera;
-            format!(
-                "{}x{} fx {} fy {} cx {} cy {} distortion {:?} readout {} s depth offset {} m",
-                c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.readout_s, c.depth_offset_m
-            )
-        };
-        let grid = |past: &Self| {
-            let surface = &past.settings.surface;
-            format!("surface.step {} and cell_sample {:?}", surface.step, surface.cell_sample)
-        };
-        let pairs = [("camera", camera(self), camera(first)), ("grid", grid(self), grid(first))];
-        pairs.into_iter().find(|(_, found, expected)| found != expected).map(|(what, found, expected)| {
-            format!("made with another {what}: {found}, the first run has {expected}")
-        })
+        unlike((&self.run, &self.settings), (&first.run, &first.settings))
     }
+}
+
+/// Why a run and the first one cannot have one map: surfaces of one map have one grid and are matched with
+/// one camera.
+pub fn unlike(run: (&RunFile, &Settings), first: (&RunFile, &Settings)) -> Option<String> {
+    let camera = |run: &RunFile| {
+        let c = &run.camera;
+        format!(
+            "{}x{} fx {} fy {} cx {} cy {} distortion {:?} readout {} s depth offset {} m",
+            c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.readout_s, c.depth_offset_m
+        )
+    };
+    let grid = |settings: &Settings| {
+        let surface = &settings.surface;
+        format!("surface.step {} and cell_sample {:?}", surface.step, surface.cell_sample)
+    };
+    let pairs = [("camera", camera(run.0), camera(first.0)), ("grid", grid(run.1), grid(first.1))];
+    pairs.into_iter().find(|(_, found, expected)| found != expected).map(|(what, found, expected)| {
+        format!("made with another {what}: {found}, the first run has {expected}")
+    })
 }

@@ -1,7 +1,7 @@
 //! One run of one robot at the base: a run directory that becomes the robot's, byte for byte.
 
 use crate::carrier::Carrier;
-use crate::checked::RunFacts;
+use crate::checked::{AnswerFacts, RunFacts};
 use crate::error::FleetError;
 use crate::journal_copy::JournalCopy;
 use crate::served::{REPLACED, identity_of};
@@ -45,6 +45,7 @@ pub struct Replica {
     optimise: JournalCopy,
     store: StoreCopy,
     facts: RunFacts,
+    answers: AnswerFacts,
     window: u64,
 }
 
@@ -55,12 +56,13 @@ impl Replica {
     /// Where its files cannot be read or written.
     pub fn open(folder: &Path, robot: &str, identity: u64) -> Result<Self, FleetError> {
         std::fs::create_dir_all(folder).map_err(FleetError::io("make", folder))?;
-        let mut facts = RunFacts::default();
+        let (mut facts, mut answers) = (RunFacts::default(), AnswerFacts::default());
         let align = JournalCopy::open(folder, Growing::Align, |payload| facts.take(payload))?;
-        let optimise = JournalCopy::open(folder, Growing::Optimise, check_correction)?;
+        let optimise = JournalCopy::open(folder, Growing::Optimise, |payload| answers.take(payload))?;
         let store = StoreCopy::open(folder, &facts.slots)?;
         let (folder, robot) = (folder.to_owned(), robot.to_owned());
-        Ok(Self { folder, robot, identity, align, optimise, store, facts, window: FIRST_WINDOW })
+        let window = FIRST_WINDOW;
+        Ok(Self { folder, robot, identity, align, optimise, store, facts, answers, window })
     }
 
     /// What the records say of the run.
@@ -81,6 +83,19 @@ impl Replica {
     /// Whether the surface of every keyframe in the journal is here: a map can be made.
     pub fn is_complete(&self) -> bool {
         self.store.n_whole() == self.facts.slots.len()
+    }
+
+    /// Answers in the run that came from a base.
+    pub fn n_from_base(&self) -> u64 {
+        self.answers.n_from_base
+    }
+
+    /// The oldest request of the run without an answer, once all is here that an answer is made of.
+    pub fn open_request(&self) -> Option<u64> {
+        let n_answered = self.answers.n_answered;
+        // A correction that has taken effect was journaled before.
+        let is_whole = self.is_complete() && self.facts.n_applied <= n_answered;
+        self.facts.requests.iter().copied().find(|request| is_whole && *request >= n_answered)
     }
 
     /// Bytes that the robot has and the base has not.
@@ -174,7 +189,10 @@ impl Replica {
                 let facts = &mut self.facts;
                 self.align.append(&bytes, |payload| facts.take(payload))?
             }
-            _ => self.optimise.append(&bytes, check_correction)?,
+            _ => {
+                let answers = &mut self.answers;
+                self.optimise.append(&bytes, |payload| answers.take(payload))?
+            }
         };
         pulled.taken_bytes += used as u64;
         if let Some((refusal, words)) = problem {
@@ -272,11 +290,6 @@ impl Answer {
         self.bytes.extend(piece.bytes);
         true
     }
-}
-
-/// A record of the optimiser must be one; the base does not use it.
-fn check_correction(payload: &[u8]) -> Result<(), String> {
-    tessera_journal::decode::<tessera_slam::OptimiseRecord>(payload).map(drop)
 }
 
 /// Asks a robot which run it has.

@@ -8,6 +8,7 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use tessera_journal::{Chain, MAX_FRAMED_BYTES, RECORD_HEADER_BYTES, checksum_in};
+pub use tessera_stage::identity_of;
 
 /// Bytes of a request that are answered at most, however many were asked for.
 const MOST_BYTES: u64 = 16 << 20;
@@ -72,18 +73,33 @@ impl Served {
         self.journals = [Growing::Align, Growing::Optimise].map(|file| (file, Whole::new(file))).into();
     }
 
+    /// The run directory.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The identity of the run that is there now: another run of the same name may have taken the place of
+    /// the one before.
+    ///
+    /// # Errors
+    /// Where `run.json` cannot be read.
+    pub fn current(&mut self) -> io::Result<u64> {
+        let identity = identity_of(&small_file(&self.folder, "run.json")?);
+        if identity != self.identity {
+            self.begin(identity);
+        }
+        Ok(identity)
+    }
+
     /// Answers a request; `give` says `false` where the asker is gone.
     pub fn answer(&mut self, request: &Request, give: &mut dyn FnMut(Piece) -> bool) {
-        // Another run of the same name may have taken the place of this one.
-        match small_file(&self.folder, "run.json").map(|bytes| identity_of(&bytes)) {
-            Ok(identity) if identity != self.identity => self.begin(identity),
-            Ok(_) => {}
+        let identity = match self.current() {
+            Ok(identity) => identity,
             Err(error) => {
                 give(Piece::refused(self.identity, &format!("run.json: {error}")));
                 return;
             }
-        }
-        let identity = self.identity;
+        };
         let answered = match request {
             Request::Offer => self.offer().map(|offer| give_small(identity, offer, give)),
             Request::Small { file } => {
@@ -96,6 +112,7 @@ impl Served {
             Request::Bytes { file, from, checksum, max, .. } => {
                 self.give_journal(*file, (*from, *checksum), *max, give)
             }
+            Request::Answer { .. } => Err(io::Error::other("a run directory that is read alone")),
         };
         if let Err(error) = answered {
             give(Piece::refused(identity, &error.to_string()));
@@ -232,11 +249,4 @@ fn len(path: &Path) -> io::Result<u64> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
         Err(error) => Err(error),
     }
-}
-
-/// The name of a run among all: FNV-1a over its `run.json`, which holds random names.
-pub fn identity_of(run_file: &[u8]) -> u64 {
-    run_file
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }

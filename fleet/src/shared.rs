@@ -1,5 +1,7 @@
 //! What the threads of a base share: which runs there are, and how far each has come.
 
+use crate::answer::Answer;
+use crate::answering::{Answering, Known};
 use crate::arrivals::{Arrival, Arrivals, MAX_RUNS};
 use crate::error::FleetError;
 use crate::replica::{Pulled, Replica};
@@ -27,6 +29,8 @@ pub(crate) struct RunState {
     pub(crate) align_bytes: u64,
     /// Bytes of the aligner's journal of which every surface is here.
     pub(crate) map_bytes: u64,
+    /// Answers to its requests.
+    pub(crate) answering: Answering,
     rate: Rate,
 }
 
@@ -121,6 +125,7 @@ impl Shared {
         }
         run.status.frames = facts.n_frames;
         run.status.keyframes = facts.slots.len() as u64;
+        run.status.corrections_from_base = replica.n_from_base();
         run.status.bytes = replica.len_bytes();
         run.status.is_ended = facts.is_ended && replica.is_complete();
         run.status.received_bytes += received;
@@ -130,6 +135,21 @@ impl Shared {
             run.status.bytes_per_s = run.rate.received as f64 / seconds;
             run.rate = Rate::default();
         }
+    }
+
+    /// Takes up the open request of a run, if there is one; the answer that waits to be brought to it.
+    pub(crate) fn next_answer(&mut self, number: usize, replica: &Replica) -> Option<Answer> {
+        let mut answering = std::mem::take(&mut self.runs[number].answering);
+        answering.step(number, replica.open_request(), || Known {
+            base: self.base.clone(),
+            arrivals: self.arrivals.runs.clone(),
+            align_bytes: self.runs.iter().map(|run| run.map_bytes).collect(),
+        });
+        let status = &mut self.runs[number].status;
+        (status.answer, status.answer_problem) = (answering.last.clone(), answering.problem.clone());
+        let ready = answering.take_ready();
+        self.runs[number].answering = answering;
+        ready
     }
 
     pub(crate) fn count(&mut self, robot: &str, pulled: &Pulled) {

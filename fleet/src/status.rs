@@ -1,5 +1,6 @@
 //! What a base has to show: `status.json` in its folder, written anew each second, and the same in words.
 
+pub use crate::answering::AnswerStatus;
 use crate::error::FleetError;
 use crate::summary::{JoinVerdict, Summary};
 use crate::wire::Refusal;
@@ -56,6 +57,15 @@ pub struct RunStatus {
     pub received_bytes: u64,
     /// Bytes a second, over the last seconds.
     pub bytes_per_s: f64,
+    /// Corrections in it that came from a base.
+    #[serde(default)]
+    pub corrections_from_base: u64,
+    /// The last answer that it took, since the base started.
+    #[serde(default)]
+    pub answer: Option<AnswerStatus>,
+    /// Why its last request could not be answered, where that is so.
+    #[serde(default)]
+    pub answer_problem: Option<String>,
     /// Why its copy does not go on, where that is so.
     pub problem: Option<String>,
 }
@@ -169,9 +179,17 @@ impl RunStatus {
             }
             (false, false) => format!("away, {} behind", bytes(self.lag_bytes)),
         };
-        let problem = self.problem.as_ref().map_or(String::new(), |problem| format!("; {problem}"));
+        let corrections = match (self.corrections_from_base, &self.answer) {
+            (0, _) => String::new(),
+            (n, None) => format!(", {n} correction(s) from here"),
+            (n, Some(last)) => {
+                format!(", {n} correction(s) from here, the last with {} other run(s)", last.runs)
+            }
+        };
+        let problems = self.answer_problem.iter().chain(&self.problem).map(|problem| format!("; {problem}"));
+        let problem: String = problems.collect();
         format!(
-            "{} {}: {} frames, {} keyframes, {}, {state}, {} received{problem}",
+            "{} {}: {} frames, {} keyframes, {}, {state}, {} received{corrections}{problem}",
             self.robot,
             self.run,
             self.frames,

@@ -1,6 +1,8 @@
-//! The uplink: a run directory behind a queryable. A process like the others, and less: it writes nothing.
+//! The uplink: a run directory behind a queryable. A process like the others, and less: of a run that asks no
+//! base it writes nothing, of one that does the answers alone.
 
 use crate::error::FleetError;
+use crate::inbox::Inbox;
 use crate::network::{alive_key, run_key};
 use crate::served::Served;
 use crate::wire::{Piece, Request};
@@ -49,10 +51,10 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
         .map_err(network)?;
     let _alive = session.liveliness().declare_token(alive_key(&options.robot)).wait().map_err(network)?;
     say(&format!("answers as robot {}", options.robot));
-    let mut pace = Pace::new(options.max_bytes_per_s);
+    let (mut pace, mut inbox) = (Pace::new(options.max_bytes_per_s), Inbox::default());
     while !stop.load(Ordering::Relaxed) {
         match queries.recv_timeout(TICK) {
-            Ok(Some(query)) => answer(&mut served, &query, &mut pace, stop),
+            Ok(Some(query)) => answer((&mut served, &mut inbox), &query, &mut pace, stop),
             Ok(None) => {}
             Err(error) => return Err(FleetError::Network(error.to_string())),
         }
@@ -60,7 +62,7 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
     Ok(())
 }
 
-fn answer(served: &mut Served, query: &Query, pace: &mut Pace, stop: &AtomicBool) {
+fn answer((served, inbox): (&mut Served, &mut Inbox), query: &Query, pace: &mut Pace, stop: &AtomicBool) {
     let mut give = |piece: Piece| {
         pace.wait_for(piece.bytes.len());
         let label = piece.label();
@@ -68,8 +70,17 @@ fn answer(served: &mut Served, query: &Query, pace: &mut Pace, stop: &AtomicBool
         let given = query.reply(query.key_expr().clone(), piece.bytes).attachment(label).wait();
         given.is_ok() && !stop.load(Ordering::Relaxed)
     };
-    match Request::parse(query.parameters().as_str()) {
-        Ok(request) => served.answer(&request, &mut give),
+    let payload = query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
+    match Request::parse(query.parameters().as_str(), &payload) {
+        Ok(request) => {
+            inbox.heard(served);
+            match &request {
+                Request::Answer { identity, bytes } => {
+                    give(inbox.take(served, *identity, bytes));
+                }
+                _ => served.answer(&request, &mut give),
+            }
+        }
         Err(reason) => {
             give(Piece::refused(0, &reason));
         }

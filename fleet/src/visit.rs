@@ -1,9 +1,12 @@
-//! One visit to a robot: which run it has, and all of it that the base has not.
+//! One visit to a robot: which run it has, all of it that the base has not, and the answer to its request.
 
+use crate::answer::Answer;
+use crate::answering::deliver;
 use crate::carrier::Carrier;
 use crate::error::FleetError;
 use crate::replica::{Pulled, ask_offer};
 use crate::shared::{NotTaken, SharedRef, lock};
+use crate::wire::Offer;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,7 +21,7 @@ pub(crate) enum Visit {
 /// Asks a robot once for all that it has and the base has not.
 pub(crate) fn visit(
     carrier: &mut dyn Carrier,
-    shared: &SharedRef,
+    shared_runs: &SharedRef,
     robot: &str,
     origin: Option<&Path>,
     stop: &AtomicBool,
@@ -26,7 +29,7 @@ pub(crate) fn visit(
     let mut asked = Pulled::default();
     let offer = ask_offer(carrier, robot, &mut asked);
     let (number, mut replica) = {
-        let mut shared = lock(shared);
+        let mut shared = lock(shared_runs);
         shared.count(robot, &asked);
         let Some(offer) = &offer else { return Ok(Visit::Nothing) };
         let number = match shared.find(robot, offer, origin) {
@@ -42,7 +45,7 @@ pub(crate) fn visit(
     };
     let Some(offer) = offer else { return Ok(Visit::Nothing) };
     let pulled = replica.pull(carrier, &offer, &|| stop.load(Ordering::Relaxed));
-    let mut shared = lock(shared);
+    let mut shared = lock(shared_runs);
     let outcome = match pulled {
         Ok(pulled) => {
             shared.note(number, &replica, asked.received_bytes + pulled.received_bytes);
@@ -59,6 +62,27 @@ pub(crate) fn visit(
         }
         Err(error) => Err(error),
     };
+    // A run on disk cannot be answered.
+    let answer = (origin.is_none() && outcome.is_ok()).then(|| shared.next_answer(number, &replica));
     shared.runs[number].replica = Some(replica);
+    drop(shared);
+    if let Some(answer) = answer.flatten() {
+        bring(carrier, shared_runs, (robot, number), &offer, answer);
+    }
     outcome
+}
+
+/// Brings an answer to a robot; one that was cut off is brought again at the next visit.
+fn bring(
+    carrier: &mut dyn Carrier,
+    shared: &SharedRef,
+    (robot, number): (&str, usize),
+    offer: &Offer,
+    answer: Answer,
+) {
+    let mut pulled = Pulled::default();
+    let delivery = deliver(carrier, robot, offer.identity, &answer, &mut pulled);
+    let mut shared = lock(shared);
+    shared.count(robot, &pulled);
+    shared.runs[number].answering.delivered(answer, delivery);
 }

@@ -1,14 +1,18 @@
 //! What travels: a base asks for bytes of a robot's run from an offset on, and the robot answers in
 //! pieces, each with where it stands and a checksum.
 //!
+//! The other way goes the answer of the base to a request of a run, as the payload of a request of its own,
+//! so that it is known whether the robot has taken it.
+//!
 //! Journals and store are bytes here: what they mean is for the files' own formats. A piece is believed
 //! only where it continues what the base has; the next request is the acknowledgement of the last.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use tessera_stage::MAX_ANSWER_BYTES;
 
 /// Version of the protocol; robots and bases of another one refuse each other by name.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;
 /// Bytes of one piece, at most.
 pub const MAX_PIECE_BYTES: usize = 64 << 10;
 /// Bytes of an offer or of a small file, at most.
@@ -80,6 +84,13 @@ pub enum Request {
         /// Bytes that are wanted, at most; of a journal, one record at least.
         max: u64,
     },
+    /// No question: the base's answer to a request of the run.
+    Answer {
+        /// The run that is meant.
+        identity: u64,
+        /// The answer ([`BaseAnswer`](tessera_stage::BaseAnswer)), which travels as the payload.
+        bytes: Vec<u8>,
+    },
 }
 
 impl Request {
@@ -92,14 +103,23 @@ impl Request {
                 "what=bytes;file={};run={identity:016x};from={from};sum={checksum:08x};max={max}",
                 file.file()
             ),
+            Self::Answer { identity, .. } => format!("what=answer;run={identity:016x}"),
         }
     }
 
-    /// The request that parameters hold.
+    /// What travels beside the parameters.
+    pub fn payload(&self) -> &[u8] {
+        match self {
+            Self::Answer { bytes, .. } => bytes,
+            _ => &[],
+        }
+    }
+
+    /// The request that parameters and a payload hold.
     ///
     /// # Errors
     /// Says what is missing or wrong.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    pub fn parse(text: &str, payload: &[u8]) -> Result<Self, String> {
         if text.len() > 300 {
             return Err(format!("a request of {} bytes, expected at most 300", text.len()));
         }
@@ -127,7 +147,12 @@ impl Request {
                     max: decimal("max")?,
                 })
             }
-            other => Err(format!("a request for {other:?}, expected offer, small or bytes")),
+            "answer" if payload.len() > MAX_ANSWER_BYTES => {
+                let n = payload.len();
+                Err(format!("an answer of {n} bytes, expected at most {MAX_ANSWER_BYTES}"))
+            }
+            "answer" => Ok(Self::Answer { identity: hex("run")?, bytes: payload.to_vec() }),
+            other => Err(format!("a request for {other:?}, expected offer, small, bytes or answer")),
         }
     }
 }
@@ -269,6 +294,8 @@ pub enum Refusal {
     TooMany,
     /// The robot's journal is not the one that was copied so far.
     Replaced,
+    /// An answer of the base that the robot does not take.
+    Answer,
 }
 
 impl Refusal {
@@ -285,6 +312,7 @@ impl Refusal {
             Self::Offer => "an offer that cannot be used",
             Self::TooMany => "more robots or runs than allowed",
             Self::Replaced => "a journal that is not the one copied so far",
+            Self::Answer => "an answer that the robot does not take",
         }
     }
 }
@@ -302,9 +330,12 @@ mod tests {
             checksum: u32::MAX,
             max: 1 << 40,
         };
-        for request in [Request::Offer, Request::Small { file: "config.toml".into() }, bytes] {
-            assert_eq!(Request::parse(&request.to_parameters()), Ok(request));
+        let answer = Request::Answer { identity: 7, bytes: vec![1, 2, 3] };
+        for request in [Request::Offer, Request::Small { file: "config.toml".into() }, bytes, answer] {
+            assert_eq!(Request::parse(&request.to_parameters(), request.payload()), Ok(request));
         }
+        let large = vec![0; MAX_ANSWER_BYTES + 1];
+        assert!(Request::parse("what=answer;run=1", &large).unwrap_err().contains("expected at most"));
         let nonsense = [
             "",
             "what=offered",
@@ -312,11 +343,12 @@ mod tests {
             "what=bytes;file=align.journal;run=1;from=-1;sum=0;max=1",
             "what=bytes;file=align.journal;run=1;from=1;sum=0",
             "what=bytes;file=log.txt;run=1;from=1;sum=0;max=1",
+            "what=answer;run=x",
         ];
         for text in nonsense {
-            assert!(Request::parse(text).is_err(), "{text}");
+            assert!(Request::parse(text, &[]).is_err(), "{text}");
         }
-        assert!(Request::parse(&"a=b;".repeat(1000)).is_err());
+        assert!(Request::parse(&"a=b;".repeat(1000), &[]).is_err());
     }
 
     #[test]

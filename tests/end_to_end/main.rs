@@ -28,6 +28,7 @@ mod promises {
     }
     /// A fault stays where it is: in one stage, one frame, one viewer, one foreign program.
     mod isolation {
+        mod base;
         mod garbage;
         mod live_faults;
         mod poison;

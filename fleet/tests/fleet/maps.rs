@@ -1,24 +1,13 @@
 //! Maps of several runs, made by the program itself: joined where they share a place, apart where not.
 
 use crate::processes::{base, copy_of, fleet, free_port, map_files, status, uplink, wait_for};
-use crate::requirements::{data, missing};
+use crate::requirements::data;
+use crate::robot::tessera;
 use crate::run::assert_same;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tessera_evaluation::{EvaluationOptions, evaluate, read_tum};
 use tessera_fleet::summary::{JoinVerdict, Summary};
-
-/// The command, of the newer build; `None`, with the reason printed, where there is none.
-fn tessera() -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
-    let places = ["debug", "release"].map(|profile| root.join("target").join(profile).join("tessera"));
-    let age = |path: &PathBuf| path.metadata().and_then(|meta| meta.modified()).ok();
-    let found = places.into_iter().filter(|path| path.is_file()).max_by_key(age);
-    if found.is_none() {
-        missing("tessera", "it is not built: cargo build");
-    }
-    found
-}
 
 /// A run of a simulated scene or of a recording, in a folder.
 fn run_of(tessera: &Path, folder: &Path, source: &str, (skip, frames): (u64, u64)) -> PathBuf {

@@ -50,6 +50,7 @@ pub(crate) fn begin(folder: &Path, name: &str, camera: &Camera) -> RunFiles {
         fps: None,
         doubts: Vec::new(),
         map: None,
+        began_as: None,
     };
     run.write(&files).unwrap();
     files

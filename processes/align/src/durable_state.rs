@@ -189,9 +189,10 @@ impl JournaledAligner {
     }
 
     fn read_corrections(&mut self) -> Result<(), StageError> {
-        while let Some(OptimiseRecord::Correction(correction)) = self.corrections.next()? {
+        while let Some(record) = self.corrections.next()? {
+            let correction = record.into_correction();
             if !self.is_applied(correction.request) {
-                self.pending.insert(correction.request, *correction);
+                self.pending.insert(correction.request, correction);
             }
         }
         Ok(())

@@ -3,17 +3,20 @@
 //!
 //! A request's input is the aligner's journal up to the request and nothing else, so a solve that
 //! was killed is done again to the same bits. It reads no bulk data from shared memory: keyframes
-//! are mapped from the store.
+//! are mapped from the store. With `run.base_wait_s` the base of a fleet may answer in its place: what was
+//! journaled counts, wherever it was computed.
 #![forbid(unsafe_code)]
 
+mod base_answers;
 mod durable_state;
 mod history;
 
+use base_answers::{BaseAnswers, Waited};
 use durable_state::JournaledOptimiser;
 use history::JournaledFrames;
 use std::process::ExitCode;
 use tessera_messages::{Phase, Stage, WaitingOn};
-use tessera_slam::{Correction, LoopVerdict, OptimiseRecord};
+use tessera_slam::{Correction, LoopVerdict, OptimiseRecord, RequestRecord};
 use tessera_stage::{
     Checkpoint, IDLE, Outcome, Pulse, StageArgs, StageContext, StageError, monotonic_nanos, stage_main,
 };
@@ -51,6 +54,55 @@ fn log_loops(correction: &Correction) {
     tracing::info!(closed, little_overlap, free_space_violated, inconsistent, rejected, "loop pairs");
 }
 
+/// Waits for the answer of a base to a request; in vain at once for what the stage itself must answer.
+fn wait_for_base(
+    base: &mut BaseAnswers,
+    context: &StageContext,
+    state: &JournaledOptimiser,
+    request: &RequestRecord,
+    pulse: &mut Pulse,
+    sleep: &mut dyn FnMut() -> Result<(), StageError>,
+) -> Result<Waited, StageError> {
+    let solves_for_camera = request.is_final && context.settings.mapping.global.refine_camera;
+    if solves_for_camera || context.poison.contains(&request.request) {
+        return Ok(Waited::InVain);
+    }
+    let history = JournaledFrames::new(&context.files);
+    let waited = base.wait_for(request, &state.optimiser, &history, &mut || {
+        pulse.waiting(WaitingOn::Base);
+        sleep()?;
+        Ok(!context.lifeline.is_cut())
+    })?;
+    history.check()?;
+    pulse.working(request.request);
+    Ok(waited)
+}
+
+/// The stage's own answer to a request.
+fn solve(
+    context: &StageContext,
+    state: &mut JournaledOptimiser,
+    request: &RequestRecord,
+    pulse: &mut Pulse,
+) -> Result<Correction, StageError> {
+    let history = JournaledFrames::new(&context.files);
+    let correction = if context.poison.contains(&request.request) {
+        tracing::warn!(request = request.request, "left out: it ended optimise again and again");
+        state.optimiser.decline(request)
+    } else {
+        state.optimiser.solve(request, &state.keyframes, &history, &mut || {
+            pulse.progress();
+            context.kill_points.pass("solving", request.request);
+        })
+    };
+    state.keyframes.check()?;
+    state.keyframes.check_held()?;
+    // Culled keyframes are not needed again.
+    state.keyframes.forget_unused(1);
+    history.check()?;
+    correction.ok_or_else(|| StageError::Inconsistent(format!("request {} is not pending", request.request)))
+}
+
 /// Runs the stage until the run is finished or it is told to stop.
 ///
 /// # Errors
@@ -62,6 +114,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let listener = link.listener(Stage::Optimise)?;
     let align = link.notifier(Stage::Align)?;
     let mut pulse = Pulse::start(&link, Stage::Optimise, &context.stopwatch)?;
+    let mut base = BaseAnswers::open(&context)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);
     // A correction that was journaled may not have been noticed.
@@ -87,33 +140,26 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             continue;
         };
         pulse.working(request.request);
-        let is_poison = context.poison.contains(&request.request);
-        if !is_poison {
+        if !context.poison.contains(&request.request) {
             context.kill_points.pass("received", request.request);
         }
-        let began = monotonic_nanos();
-        let history = JournaledFrames::new(&context.files);
-        let correction = if is_poison {
-            tracing::warn!(request = request.request, "left out: it ended optimise again and again");
-            state.optimiser.decline(&request)
-        } else {
-            state.optimiser.solve(&request, &state.keyframes, &history, &mut || {
-                pulse.progress();
-                context.kill_points.pass("solving", request.request);
-            })
+        let mut sleep = || Ok(listener.wait(IDLE).map(drop)?);
+        let from_base = match &mut base {
+            Some(base) => wait_for_base(base, &context, &state, &request, &mut pulse, &mut sleep)?,
+            None => Waited::InVain,
         };
-        state.keyframes.check()?;
-        state.keyframes.check_held()?;
-        // Culled keyframes are not needed again.
-        state.keyframes.forget_unused(1);
-        history.check()?;
-        let Some(correction) = correction else {
-            return Err(StageError::Inconsistent(format!("request {} is not pending", request.request)));
+        let began = monotonic_nanos();
+        let record = match from_base {
+            Waited::Stopped => continue,
+            Waited::Answered(correction) => OptimiseRecord::FromBase(correction),
+            Waited::InVain => {
+                let correction = solve(&context, &mut state, &request, &mut pulse)?;
+                OptimiseRecord::Correction(Box::new(correction))
+            }
         };
         let solved = monotonic_nanos();
         pulse.phase(Phase::Computing, solved.saturating_sub(began));
-        log_loops(&correction);
-        let record = OptimiseRecord::Correction(Box::new(correction));
+        log_loops(record.correction());
         state.commit(&record)?;
         context.kill_points.pass("journaled", request.request);
         align.notify();
@@ -124,7 +170,8 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         tracing::info!(
             request = request.request,
             keyframes = request.n_keyframes,
-            "answered in {:.1} ms",
+            "answered{} in {:.1} ms",
+            if matches!(record, OptimiseRecord::FromBase(_)) { " by the base" } else { "" },
             nanos as f64 * 1e-6
         );
         n_done += 1;

@@ -5,7 +5,8 @@ use crate::atomic_file::{Durability, write_atomically};
 use crate::codec;
 use crate::error::JournalError;
 use crate::follower::Follower;
-use crate::framing::{FILE_HEADER_BYTES, RECORD_HEADER_BYTES, file_header, first_link, seal};
+use crate::framing::{RECORD_HEADER_BYTES, file_header, first_link, seal};
+use crate::raw::Chain;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -16,15 +17,39 @@ use std::path::Path;
 /// # Errors
 /// Where it cannot be written; the one before then stays.
 pub fn write_checkpoint<T: Serialize>(path: &Path, kind: &str, state: &T) -> Result<u64, JournalError> {
-    let mut record = vec![0; RECORD_HEADER_BYTES];
-    codec::encode(state, &mut record, path)?;
-    seal(&mut record, first_link(kind));
-    write_atomically(path, Durability::Scratch, |writer| {
-        writer.write_all(&file_header(kind))?;
-        writer.write_all(&record)
-    })
-    .map_err(JournalError::io("write", path))?;
-    Ok((FILE_HEADER_BYTES + record.len()) as u64)
+    let bytes = sealed_record(path, kind, state)?;
+    write_atomically(path, Durability::Scratch, |writer| writer.write_all(&bytes))
+        .map_err(JournalError::io("write", path))?;
+    Ok(bytes.len() as u64)
+}
+
+/// The bytes of a file with one record; errors name it as `path`.
+///
+/// # Errors
+/// Where it is too large to be a record.
+pub fn sealed_record<T: Serialize>(path: &Path, kind: &str, record: &T) -> Result<Vec<u8>, JournalError> {
+    let mut bytes = vec![0; RECORD_HEADER_BYTES];
+    codec::encode(record, &mut bytes, path)?;
+    seal(&mut bytes, first_link(kind));
+    bytes.splice(0..0, file_header(kind));
+    Ok(bytes)
+}
+
+/// The record in the bytes of [`sealed_record`].
+///
+/// # Errors
+/// Where they are something else, of another version, cut, damaged, or more than that.
+pub fn unsealed_record<T: DeserializeOwned>(kind: &'static str, bytes: &[u8]) -> Result<T, String> {
+    let (mut chain, path) = (Chain::new(kind), Path::new("a record"));
+    let mut next = |from: usize| chain.step(&bytes[from..], path).map_err(|error| error.to_string());
+    let cut = || format!("a record that is cut, of {} bytes", bytes.len());
+    let header = next(0)?.ok_or_else(cut)?.len;
+    let record = next(header)?.ok_or_else(cut)?;
+    let n_behind = bytes.len() - header - record.len;
+    match record.payload {
+        Some(payload) if n_behind == 0 => codec::decode(payload),
+        _ => Err(format!("{n_behind} bytes behind a record")),
+    }
 }
 
 /// The checkpoint; `None` where there is none or it is not whole.
@@ -68,6 +93,23 @@ mod tests {
         assert_eq!(read().unwrap(), None);
         std::fs::write(&path, "ply\nformat ascii 1.0\nelement vertex 3").unwrap();
         assert!(read().unwrap_err().to_string().contains("ply"));
+    }
+
+    #[test]
+    fn the_bytes_of_one_record_are_believed_whole_and_of_their_kind_alone() {
+        let record = (7u64, "x".repeat(50));
+        let bytes = sealed_record(Path::new("a"), "test", &record).unwrap();
+        let read = |kind, bytes: &[u8]| unsealed_record::<(u64, String)>(kind, bytes);
+        assert_eq!(read("test", &bytes), Ok(record));
+        assert!(read("other", &bytes).is_err());
+        (0..bytes.len()).for_each(|cut| assert!(read("test", &bytes[..cut]).is_err(), "cut at {cut}"));
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 4;
+            assert!(read("test", &flipped).is_err(), "byte {at}");
+        }
+        let longer = [&bytes[..], &[0]].concat();
+        assert_eq!(read("test", &longer), Err("1 bytes behind a record".to_owned()));
     }
 
     /// A journal of `n` records and the mark behind each, the first one before all.

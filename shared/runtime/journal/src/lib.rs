@@ -26,7 +26,7 @@ mod store_view;
 mod writer;
 
 pub use atomic_file::{Durability, partial_path, write_atomically};
-pub use checkpoint::{read_checkpoint, write_checkpoint};
+pub use checkpoint::{read_checkpoint, sealed_record, unsealed_record, write_checkpoint};
 pub use codec::fingerprint;
 pub use error::JournalError;
 pub use follower::Follower;

@@ -53,10 +53,12 @@ pub enum WaitingOn {
     Flow,
     /// The next image of a camera's own program.
     Camera,
+    /// The answer of a base to a request.
+    Base,
 }
 
 impl WaitingOn {
-    const ALL: [(WaitingOn, &'static str); 9] = [
+    const ALL: [(WaitingOn, &'static str); 10] = [
         (WaitingOn::Nothing, ""),
         (WaitingOn::Frames, "frames"),
         (WaitingOn::Surfaces, "surfaces"),
@@ -66,6 +68,7 @@ impl WaitingOn {
         (WaitingOn::Clock, "clock"),
         (WaitingOn::Flow, "flow"),
         (WaitingOn::Camera, "camera"),
+        (WaitingOn::Base, "base"),
     ];
 
     /// Name for people.

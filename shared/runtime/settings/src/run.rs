@@ -41,6 +41,9 @@ pub struct RunSettings {
     /// Where the first frame stands in that map, `tx ty tz qx qy qz qw` (metres, unit quaternion of
     /// world_from_camera); empty: it is found by recognition.
     pub at: String,
+    /// Time for which each optimisation of all keyframes is left to the base of a fleet, seconds; behind
+    /// it, or with no base in contact, the run's own takes its place. 0: no base is asked.
+    pub base_wait_s: f64,
 }
 
 impl Default for RunSettings {
@@ -60,6 +63,7 @@ impl Default for RunSettings {
             forget_every: 0,
             map: String::new(),
             at: String::new(),
+            base_wait_s: 0.0,
         }
     }
 }
@@ -77,6 +81,10 @@ impl RunSettings {
         if !(self.camera_timeout_s >= 0.1 && self.camera_timeout_s <= 1e6) {
             let value = self.camera_timeout_s;
             return Err(format!("camera_timeout_s is {value}, expected a number from 0.1 to 1000000"));
+        }
+        if !(self.base_wait_s >= 0.0 && self.base_wait_s <= 3600.0) {
+            let value = self.base_wait_s;
+            return Err(format!("base_wait_s is {value}, expected a number from 0 (no base) to 3600"));
         }
         if !self.at.is_empty() && self.map.is_empty() {
             return Err(format!("at is {:?} without a map, expected map = FOLDER with it", self.at));
@@ -115,6 +123,15 @@ impl RunSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_wait_for_a_base_is_checked() {
+        for bad in [-1.0, 3601.0, f64::NAN] {
+            let run = RunSettings { base_wait_s: bad, ..RunSettings::default() };
+            let message = run.check().unwrap_err();
+            assert!(message.ends_with("expected a number from 0 (no base) to 3600"), "{message}");
+        }
+    }
 
     #[test]
     fn a_start_is_seven_numbers_and_belongs_to_a_map() {

@@ -4,6 +4,7 @@
 //! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
 #![forbid(unsafe_code)]
 
+mod base;
 mod broken;
 mod checkpoint;
 mod clock;
@@ -23,6 +24,7 @@ mod run_file;
 mod stopwatch;
 mod tracer;
 
+pub use base::{BaseAnswer, BaseContact, BaseContactWriter, MAX_ANSWER_BYTES};
 pub use broken::BrokenFrames;
 pub use checkpoint::Checkpoint;
 pub use clock::{cpu_nanos, monotonic_nanos};
@@ -40,6 +42,6 @@ pub use names::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFiles};
 pub use notify::{NOTIFY_VARIABLES, SystemdNotifier};
 pub use probe::{PROBE_VARIABLE, PROBED, Probe};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
-pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile};
+pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile, identity_of};
 pub use stopwatch::{Distributions, StepSpan, Stopwatch};
 pub use tracer::{TRACE_VARIABLE, TraceEvent, Tracer, read_trace};

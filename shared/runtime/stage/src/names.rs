@@ -70,6 +70,16 @@ impl RunFiles {
         self.dir.join("broken_frames.txt")
     }
 
+    /// When the base of a fleet was last heard of.
+    pub fn base_contact(&self) -> PathBuf {
+        self.dir.join("base.contact")
+    }
+
+    /// The last answer of a base to a request.
+    pub fn base_answer(&self) -> PathBuf {
+        self.dir.join("base.answer")
+    }
+
     /// When the first frame of a live run was due.
     pub fn live_clock(&self) -> PathBuf {
         self.dir.join("live.clock")

@@ -36,6 +36,9 @@ pub struct RunFile {
     /// The map that it starts in, if any: enough to know it again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<MapIdentity>,
+    /// Prefix of its shared memory when it began: a run that is resumed keeps it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub began_as: Option<String>,
 }
 
 /// Which map a run starts in.
@@ -46,6 +49,25 @@ pub struct MapIdentity {
     pub n_keyframes: u32,
     /// Checksum of the record that the run's journal begins with.
     pub crc: u32,
+}
+
+/// What names a run in its `run.json`.
+#[derive(Deserialize)]
+struct RunBeginning {
+    name: String,
+    began_as: Option<String>,
+}
+
+/// The identity of a run among all, which it keeps when it is resumed: FNV-1a over its name and the random
+/// name that it began with; over all of a `run.json` that has none.
+pub fn identity_of(run_file: &[u8]) -> u64 {
+    let beginning = serde_json::from_slice::<RunBeginning>(run_file).ok();
+    let named = beginning.and_then(|run| Some(format!("{}/{}", run.name, run.began_as?)));
+    named
+        .as_deref()
+        .map_or(run_file, str::as_bytes)
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 impl RunFile {

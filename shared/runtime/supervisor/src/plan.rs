@@ -75,7 +75,8 @@ impl Plan {
         }
         // Refused before anything is made.
         let map = if is_there { None } else { MapOnDisk::open(&self.camera, &self.settings)? };
-        let expected = if is_there { RunFile::read(&files)?.map } else { None };
+        let before = if is_there { Some(RunFile::read(&files)?) } else { None };
+        let expected = before.as_ref().and_then(|run| run.map);
         let claim = claim.map_or_else(|| RunClaim::take(&self.name, &self.run_dir), Ok)?;
         let mut run = RunFile {
             name: self.name.clone(),
@@ -86,6 +87,10 @@ impl Plan {
             fps: self.fps,
             doubts: self.doubts.clone(),
             map: expected,
+            began_as: match before {
+                Some(before) => before.began_as,
+                None => Some(claim.entry.identity.prefix.clone()),
+            },
         };
         let layout = run.layout(&self.settings);
         let need_bytes = check_space(&layout)?;

@@ -5,7 +5,10 @@ mod common;
 use common::scene;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
-use tessera_slam::{AlignRecord, Context, FramePose, JointMap, KeyframeSurfaces, PoseHistory, TrackerState};
+use tessera_slam::{
+    AlignRecord, Context, Correction, FramePose, JointMap, KeyframeSurfaces, OptimiseRecord, Optimiser,
+    PoseHistory, RequestRecord, TrackerState,
+};
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::Vertex;
 
@@ -37,10 +40,13 @@ impl KeyframeSurfaces for Surfaces {
     }
 }
 
-fn joint(source: &SimulatedSource, runs: &[&Finished]) -> (JointMap, Surfaces) {
+fn context(source: &SimulatedSource) -> Context {
     let method = Method::default();
-    let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
-    let mut map = JointMap::new(context);
+    Context::new(source.camera(), &method.surface, &method.registration, &method.mapping)
+}
+
+fn joint(source: &SimulatedSource, runs: &[&Finished]) -> (JointMap, Surfaces) {
+    let mut map = JointMap::new(context(source));
     runs.iter().for_each(|run| map.add(&run.state));
     (map, Surfaces(runs.iter().flat_map(|run| run.surfaces.clone()).collect()))
 }
@@ -89,6 +95,64 @@ fn runs_that_share_a_place_become_one_map_and_others_stay_apart() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let (_, meetings_again, correction_again) = pool.install(solve);
     assert!(meetings_again == meetings && correction_again == correction);
+}
+
+/// The optimiser of a run at the final request.
+fn asking(source: &SimulatedSource, run: &Finished) -> (Optimiser, RequestRecord) {
+    let mut optimiser = Optimiser::new(context(source));
+    for record in &run.records {
+        if let AlignRecord::Correction(applied) = record {
+            optimiser.apply_own(&OptimiseRecord::Correction(Box::new(applied.correction.clone())));
+        }
+        optimiser.apply(record);
+        if let AlignRecord::End { request: Some(request), .. } = record {
+            return (optimiser, *request);
+        }
+    }
+    panic!("the run has no final request");
+}
+
+/// The answer to the final request of `run` from what is known of `others`.
+fn answer(source: &SimulatedSource, run: &Finished, others: &[&Finished]) -> (Correction, usize) {
+    let (optimiser, request) = asking(source, run);
+    let mut map = JointMap::of_request(context(source), &optimiser, &request).unwrap();
+    others.iter().for_each(|other| map.add(&other.state));
+    let all = std::iter::once(&run).chain(others).flat_map(|run| run.surfaces.clone());
+    let surfaces = Surfaces(all.collect());
+    map.join(&surfaces, &mut || ());
+    let found = map.answer(&optimiser, &request, &surfaces, &run.records.as_slice(), &mut || ()).unwrap();
+    (found, map.n_sharing())
+}
+
+#[test]
+fn an_answer_is_the_run_s_own_without_others_and_another_with_those_that_share_a_place() {
+    let room = scene(SceneName::Room, &SimulationOptions::default());
+    let house = scene(SceneName::House, &SimulationOptions::default());
+    let (run, other, elsewhere) = (finished(&room, 25..60), finished(&room, 0..40), finished(&house, 0..25));
+    let (optimiser, request) = asking(&room, &run);
+    let history = run.records.as_slice();
+    let own = optimiser.solve(&request, &Surfaces(run.surfaces.clone()), &history, &mut || ()).unwrap();
+    let accept = |answer: Correction| optimiser.accept(&request, answer, &history).unwrap();
+    let (alone, n_sharing) = answer(&room, &run, &[&elsewhere]);
+    assert_eq!(n_sharing, 0);
+    assert!(accept(alone) == own, "the same bits");
+    let (among, n_sharing) = answer(&room, &run, &[&elsewhere, &other]);
+    assert_eq!(n_sharing, 1);
+    let among = accept(among);
+    assert_eq!(among.keyframes[0], own.keyframes[0], "in its own gauge");
+    assert_ne!(among.keyframes, own.keyframes);
+    assert_eq!(among.frames.len(), own.frames.len());
+    assert!(among.loops.iter().all(|l| (l.newer as usize) < among.keyframes.len()));
+    let first = run.records.iter().find_map(|record| match record {
+        AlignRecord::Frame(frame) => Some(frame.index),
+        _ => None,
+    });
+    assert!(among.frames.len() > 30);
+    for (index, pose) in &among.frames {
+        let expected = run.truth[0].inverse() * run.truth[(index - first.unwrap()) as usize];
+        let (metres, radians) = translation_rotation_norms(&(expected.inverse() * Pose::from(pose)));
+        assert!(metres < 0.02 && radians < 0.01, "{metres} m, {radians} rad");
+    }
 }
 
 #[test]

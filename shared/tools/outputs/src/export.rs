@@ -19,8 +19,8 @@ use tessera_evaluation::{Trajectory, read_tum, write_tum};
 use tessera_geometry::Camera;
 use tessera_journal::Follower;
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, ColourModel, Context};
-use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, RunFile, RunFiles, StoredKeyframes};
+use tessera_slam::{AlignRecord, ColourModel, Context, OptimiseRecord};
+use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes};
 use tessera_surface::Vertex;
 
 /// Name of the ground truth in the run directory.
@@ -44,7 +44,7 @@ pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError
     trajectories::write(replay, out_folder)?;
     states::write(replay, out_folder)?;
     write_map(&files, out_folder, replay, &settings)?;
-    let beside = read_beside(&files);
+    let beside = Beside { n_from_base: n_from_base(&files, &settings)?, ..read_beside(&files) };
     let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if let Some(refined) = replay.refined() {
         write_camera(&refined.camera, &settings.run.source, out_folder)?;
@@ -92,9 +92,25 @@ pub fn read_beside(files: &RunFiles) -> Beside {
             units_per_metre: run.camera.units_per_metre,
             focal_px: run.camera.fx,
             stated_colour: ColourModel::of_camera(&run.camera),
+            n_from_base: None,
         },
         Err(_) => Beside { broken, ..Beside::default() },
     }
+}
+
+/// Corrections that the base of a fleet computed; `None` where the run asked no base.
+fn n_from_base(files: &RunFiles, settings: &Settings) -> Result<Option<u64>, ToolError> {
+    if settings.run.base_wait_s <= 0.0 {
+        return Ok(None);
+    }
+    let (path, mut n) = (files.optimise_journal(), 0);
+    if path.exists() {
+        let mut follower = Follower::<OptimiseRecord>::open(&path, OPTIMISE_JOURNAL)?;
+        while let Some(record) = follower.next()? {
+            n += u64::from(matches!(record, OptimiseRecord::FromBase(_)));
+        }
+    }
+    Ok(Some(n))
 }
 
 /// Keeps the ground truth in the run folder, so that outputs need nothing from elsewhere.

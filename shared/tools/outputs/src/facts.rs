@@ -128,6 +128,8 @@ pub struct Beside {
     pub focal_px: f64,
     /// What the camera file states of colour.
     pub stated_colour: ColourModel,
+    /// Corrections that the base of a fleet computed, where the run asked one.
+    pub n_from_base: Option<u64>,
 }
 
 impl Facts {

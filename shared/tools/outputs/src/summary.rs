@@ -72,6 +72,9 @@ pub struct Summary {
     pub loops_rejected: u64,
     /// Corrections of all keyframes.
     pub global_optimisations: u64,
+    /// Of those, the ones that the base of a fleet computed; absent where the run asked no base.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corrections_from_base: Option<u64>,
     /// Restarts by stage.
     pub restarts: BTreeMap<String, u64>,
     /// Latency by stage, milliseconds.
@@ -162,6 +165,7 @@ impl Summary {
             loops_closed: replay.n_loops_closed(),
             loops_rejected: replay.n_loops_rejected(),
             global_optimisations: replay.n_corrections,
+            corrections_from_base: beside.n_from_base,
             restarts: by_stage(|name| stage(name).restarts),
             latency_ms,
             cpu_ms_per_frame: by_stage(|name| cpu(stage(name))),

@@ -3,14 +3,16 @@
 
 use crate::loops::meeting::{Meeting, join_all};
 use crate::map::context::Context;
+use crate::map::input_hash::input_hash;
 use crate::map::records::{AlignRecord, Correction, KeyframePose, RequestRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
-use crate::optimise::optimiser::Optimiser;
+use crate::optimise::answer::origins;
+use crate::optimise::optimiser::{Optimiser, Pending, SolvedKeyframes, by_id};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use std::ops::Range;
-use tessera_geometry::Pose;
+use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
 
 /// The keyframes of several runs, numbered through in the order in which the runs were added. All must
 /// have one camera and one grid.
@@ -32,6 +34,16 @@ impl JointMap {
         // No keyframe is the tracker's own here.
         let state = TrackerState { session: u32::MAX, ..TrackerState::default() };
         Self { context, state, runs: Vec::new() }
+    }
+
+    /// A map that begins with a run's request: run 0 is that run with the keyframes that the request asks
+    /// for, in its own numbers and gauge. `None` where the request is not pending.
+    pub fn of_request(context: Context, optimiser: &Optimiser, request: &RequestRecord) -> Option<Self> {
+        let Pending { keyframes, submaps, colour, .. } = optimiser.find(request)?;
+        let (keyframes, submaps) = (keyframes.clone(), submaps.clone());
+        let mut map = Self::new(context);
+        map.add(&TrackerState { keyframes, submaps, colour: *colour, ..TrackerState::default() });
+        Some(map)
     }
 
     /// Adds the map that a run has, as a fold over its journal; the first one says how colour lies.
@@ -141,6 +153,57 @@ impl JointMap {
         }
     }
 
+    /// The answer to the request that this map began with ([`Self::of_request`]), to be called behind
+    /// [`Self::join`]: a correction of run 0's keyframes in their own gauge, without frames, from one graph
+    /// with the runs that share a place with it. Where none does, the bits are those of the run's own
+    /// optimisation. `history` holds the frames of run 0 up to the request.
+    pub fn answer(
+        &self,
+        optimiser: &Optimiser,
+        request: &RequestRecord,
+        surfaces: &dyn KeyframeSurfaces,
+        history: &dyn FrameHistory,
+        progress: &mut dyn FnMut(),
+    ) -> Option<Correction> {
+        let own = optimiser.find(request)?;
+        let joint = (self.n_sharing() > 0).then(|| Pending {
+            request: *request,
+            keyframes: self.state.keyframes.clone(),
+            submaps: self.state.submaps.clone(),
+            colour: own.colour,
+        });
+        let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, history, progress);
+        let submaps = solved.solution.submaps.first(own.submaps.n());
+        let poses = in_own_gauge(&own.keyframes, &submaps, &solved);
+        let mut loops = solved.solution.loops;
+        loops.retain(|l| (l.newer.max(l.older) as usize) < own.keyframes.len());
+        let mut keyframes = by_id(&own.keyframes, &poses);
+        for origin in origins(&own.keyframes, &submaps) {
+            keyframes[origin].world_from_camera = own.keyframes[origin].world_from_camera;
+        }
+        Some(Correction {
+            request: request.request,
+            input_hash: input_hash(&own.keyframes),
+            keyframes,
+            frames: Vec::new(),
+            loops,
+            submaps,
+            outer_iterations: solved.solution.outer_iterations,
+            n_graduated_rounds: solved.solution.n_rounds,
+            refinement: None,
+        })
+    }
+
+    /// Runs that share a place with run 0.
+    pub fn n_sharing(&self) -> usize {
+        let Some((own, others)) = self.runs.split_first() else { return 0 };
+        let component = |submap: u32| self.state.submaps.component(submap);
+        let components: Vec<u32> = own.submaps.clone().map(component).collect();
+        let is_shared =
+            |run: &&MemberRun| run.submaps.clone().any(|submap| components.contains(&component(submap)));
+        others.iter().filter(is_shared).count()
+    }
+
     /// A run's submaps, joined where they have a component in common among all runs.
     fn submaps_of(&self, run: usize) -> Submaps {
         let all = self.runs.get(run).map_or(0..0, |run| run.submaps.clone());
@@ -154,6 +217,25 @@ impl JointMap {
         }
         own
     }
+}
+
+/// Poses of a run's keyframes, moved so that the origin of each component is where the run has it: a join
+/// that was refuted leaves a component in the gauge of another one.
+fn in_own_gauge(keyframes: &[KeyframeState], submaps: &Submaps, solved: &SolvedKeyframes) -> Vec<Pose> {
+    let mut poses = solved.poses[..keyframes.len()].to_vec();
+    for origin in origins(keyframes, submaps) {
+        let old = &keyframes[origin].world_from_camera;
+        if PoseBits::from(&poses[origin]) == *old {
+            continue;
+        }
+        let own_from_solved = Pose::from(old) * poses[origin].inverse();
+        let component = submaps.component(keyframes[origin].submap);
+        let is_in = |k: &KeyframeState| submaps.component(k.submap) == component;
+        for (pose, _) in poses.iter_mut().zip(keyframes).filter(|(_, k)| is_in(k)) {
+            *pose = compose_normalised(&(own_from_solved * *pose), &Twist::default());
+        }
+    }
+    poses
 }
 
 /// Submaps of a run; those that its keyframes name are there however old its records are.

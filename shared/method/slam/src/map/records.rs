@@ -181,4 +181,22 @@ pub enum AlignRecord {
 pub enum OptimiseRecord {
     /// A request was answered.
     Correction(Box<Correction>),
+    /// A request was answered by the base of a fleet, from the keyframes of several runs.
+    FromBase(Box<Correction>),
+}
+
+impl OptimiseRecord {
+    /// The answer.
+    pub fn correction(&self) -> &Correction {
+        match self {
+            Self::Correction(correction) | Self::FromBase(correction) => correction,
+        }
+    }
+
+    /// The answer alone, without its origin.
+    pub fn into_correction(self) -> Correction {
+        match self {
+            Self::Correction(correction) | Self::FromBase(correction) => *correction,
+        }
+    }
 }

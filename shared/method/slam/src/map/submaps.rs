@@ -34,6 +34,19 @@ impl Submaps {
         self.components.get(submap as usize).copied().unwrap_or(submap)
     }
 
+    /// The first `n` submaps: those of the run that a joint map begins with.
+    pub(crate) fn first(&self, n: u32) -> Self {
+        Self { components: self.components.iter().take(n as usize).copied().collect() }
+    }
+
+    /// Whether each component is named by the first submap in it.
+    pub(crate) fn is_consistent(&self) -> bool {
+        let is_named = |(component, submap): (&u32, u32)| {
+            *component <= submap && self.components.get(*component as usize) == Some(component)
+        };
+        self.components.iter().zip(0..).all(is_named)
+    }
+
     /// Number of components: submaps that are apart.
     pub fn n_components(&self) -> u32 {
         self.components.iter().zip(0..).filter(|(component, submap)| **component == *submap).count() as u32
@@ -114,6 +127,11 @@ mod tests {
         // An optimisation that knew the first three.
         found.judge(&submaps(&[0, 1, 2]));
         assert_eq!(found, submaps(&[0, 1, 2, 0]));
+        assert_eq!(found.first(2), submaps(&[0, 1]));
+        assert!(found.is_consistent() && Submaps::default().is_consistent());
+        for wrong in [&[1, 1][..], &[0, 0, 1], &[0, 7]] {
+            assert!(!submaps(wrong).is_consistent(), "{wrong:?}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Global optimisation of all keyframes (III-G), and what follows from it for the frames.
 
+pub(crate) mod answer;
 pub(crate) mod association;
 pub(crate) mod culled;
 pub(crate) mod global;

@@ -13,6 +13,7 @@ use crate::map::records::{
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
+use crate::optimise::answer;
 use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
@@ -42,11 +43,19 @@ pub struct Optimiser {
 }
 
 /// A request with the map as it was at its record.
-struct Pending {
-    request: RequestRecord,
-    keyframes: Vec<KeyframeState>,
-    submaps: Submaps,
-    colour: ColourState,
+pub(crate) struct Pending {
+    pub(crate) request: RequestRecord,
+    pub(crate) keyframes: Vec<KeyframeState>,
+    pub(crate) submaps: Submaps,
+    pub(crate) colour: ColourState,
+}
+
+/// The keyframes of a request, solved for.
+pub(crate) struct SolvedKeyframes {
+    active: Vec<KeyframeState>,
+    pub(crate) solution: Solution,
+    /// Of all keyframes, by id.
+    pub(crate) poses: Vec<Pose>,
 }
 
 /// An optimiser between two requests.
@@ -98,7 +107,7 @@ impl Optimiser {
 
     /// Takes a record of its own journal into the state.
     pub fn apply_own(&mut self, record: &OptimiseRecord) {
-        let OptimiseRecord::Correction(correction) = record;
+        let correction = record.correction();
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|pending| pending.request.request > correction.request);
         self.known = correction
@@ -161,7 +170,39 @@ impl Optimiser {
         history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
-        let Pending { keyframes, submaps, colour, .. } = self.find(request)?;
+        let pending = self.find(request)?;
+        let keyframes = &pending.keyframes;
+        let solved = self.solve_keyframes(pending, surfaces, history, progress);
+        let (solution, poses) = (&solved.solution, &solved.poses);
+        self.context.steps.enter(Step::Refine);
+        let frames =
+            if request.is_final { self.refine(poses, &solution.submaps, history) } else { Vec::new() };
+        let refinement = (request.is_final && self.context.mapping.global.refine_camera)
+            .then(|| self.refine_camera(keyframes, &solved.active, (surfaces, history), solution, progress));
+        self.context.steps.leave();
+        Some(Correction {
+            request: request.request,
+            input_hash: input_hash(keyframes),
+            keyframes: by_id(keyframes, poses),
+            frames,
+            refinement,
+            outer_iterations: solution.outer_iterations,
+            n_graduated_rounds: solution.n_rounds,
+            loops: solved.solution.loops,
+            submaps: solved.solution.submaps,
+        })
+    }
+
+    /// Solves for the keyframes of a request, which may be more than the state's own: those of other runs
+    /// behind them.
+    pub(crate) fn solve_keyframes(
+        &self,
+        pending: &Pending,
+        surfaces: &dyn KeyframeSurfaces,
+        history: &dyn FrameHistory,
+        progress: &mut dyn FnMut(),
+    ) -> SolvedKeyframes {
+        let Pending { request, keyframes, submaps, colour } = pending;
         let context = self.context.with_colour(colour);
         let settings = &self.context.mapping.global;
         let iterations =
@@ -181,23 +222,29 @@ impl Optimiser {
         };
         let solution = global::solve(&start, submaps, progress);
         let poses = with_retired(keyframes, &active, &solution.poses, &solution.culled);
-        self.context.steps.enter(Step::Refine);
-        let frames =
-            if request.is_final { self.refine(&poses, &solution.submaps, history) } else { Vec::new() };
-        let refinement = (request.is_final && settings.refine_camera)
-            .then(|| self.refine_camera(keyframes, &active, (surfaces, history), &solution, progress));
-        self.context.steps.leave();
-        Some(Correction {
-            request: request.request,
-            input_hash: input_hash(keyframes),
-            keyframes: by_id(keyframes, &poses),
-            frames,
-            refinement,
-            loops: solution.loops,
-            submaps: solution.submaps,
-            outer_iterations: solution.outer_iterations,
-            n_graduated_rounds: solution.n_rounds,
-        })
+        SolvedKeyframes { active, solution, poses }
+    }
+
+    /// Completes an answer that a base computed ([`JointMap::answer`](crate::JointMap::answer)) with what
+    /// this run alone knows: the frames, where the request is the final one.
+    ///
+    /// # Errors
+    /// Says what in it cannot be an answer to this request.
+    pub fn accept(
+        &self,
+        request: &RequestRecord,
+        answer: Correction,
+        history: &dyn FrameHistory,
+    ) -> Result<Correction, String> {
+        let pending =
+            self.find(request).ok_or_else(|| format!("request {} is not pending", request.request))?;
+        answer::check(request, (&pending.keyframes, &pending.submaps), &answer)?;
+        if !request.is_final {
+            return Ok(answer);
+        }
+        let poses: Vec<Pose> = answer.keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
+        let frames = self.refine(&poses, &answer.submaps, history);
+        Ok(Correction { frames, ..answer })
     }
 
     /// The answer to a pending request that cannot be solved: it corrects nothing. `None` when the
@@ -217,7 +264,8 @@ impl Optimiser {
         })
     }
 
-    fn find(&self, request: &RequestRecord) -> Option<&Pending> {
+    /// A request without an answer, with the map as it was at its record.
+    pub(crate) fn find(&self, request: &RequestRecord) -> Option<&Pending> {
         self.pending.iter().find(|pending| pending.request.request == request.request)
     }
 
@@ -252,7 +300,8 @@ impl Optimiser {
     }
 }
 
-fn by_id(keyframes: &[KeyframeState], poses: &[Pose]) -> Vec<KeyframePose> {
+/// The poses of keyframes as a correction has them.
+pub(crate) fn by_id(keyframes: &[KeyframeState], poses: &[Pose]) -> Vec<KeyframePose> {
     let entry = |(k, pose): (&KeyframeState, &Pose)| KeyframePose {
         id: k.id,
         world_from_camera: PoseBits::from(pose),

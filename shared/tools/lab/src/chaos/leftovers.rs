@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 21] = [
+const DOCUMENTED: [&str; 23] = [
     "align.checkpoint",
     "align.journal",
+    "base.answer",
+    "base.contact",
     "broken_frames.txt",
     "config.toml",
     "groundtruth.txt",

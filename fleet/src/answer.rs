@@ -1,0 +1,112 @@
+//! The answer of a base to a request of a run: its keyframes, solved for in one graph with those of the runs
+//! that share a place with it.
+
+use crate::arrivals::Arrival;
+use crate::error::FleetError;
+use crate::joint_surfaces::JointSurfaces;
+use crate::map::context_of;
+use crate::past::{Past, Prefix, unlike};
+use std::path::Path;
+use tessera_journal::Follower;
+use tessera_outputs::read_settings;
+use tessera_settings::Settings;
+use tessera_slam::{Context, JointMap, OptimiseRecord, Optimiser, RequestRecord};
+use tessera_stage::{BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes};
+
+/// An answer, computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// The request.
+    pub request: u64,
+    /// The answer as it travels.
+    pub bytes: Vec<u8>,
+    /// Other runs that it is made of.
+    pub n_sharing: usize,
+}
+
+/// A run with an open request.
+struct Asking {
+    run: RunFile,
+    settings: Settings,
+    context: Context,
+    optimiser: Optimiser,
+    request: RequestRecord,
+    surfaces: StoredKeyframes,
+    journal: Prefix,
+}
+
+/// Answers the oldest open request of run `number` among `arrivals`, from so many bytes of the aligner's
+/// journal of each; `None` where the run asks no base or nothing is open. A function of these bytes and of
+/// the run's own corrections.
+///
+/// # Errors
+/// Where the run cannot be read, or a surface is damaged. Other runs that cannot be read are left out.
+pub fn answer(
+    base: &Path,
+    arrivals: &[Arrival],
+    number: usize,
+    align_bytes: &[u64],
+) -> Result<Option<Answer>, FleetError> {
+    let identity = arrivals[number].identity;
+    let Some(asking) = Asking::read(&arrivals[number].folder(base), align_bytes[number])? else {
+        return Ok(None);
+    };
+    let mut others: Vec<Past> = Vec::new();
+    for (other, arrival) in arrivals.iter().enumerate().filter(|(other, _)| *other != number) {
+        let past = Past::read_map(base, arrival, align_bytes.get(other).copied().unwrap_or(0));
+        let is_like =
+            |past: &Past| unlike((&past.run, &past.settings), (&asking.run, &asking.settings)).is_none();
+        others.extend(past.ok().filter(is_like));
+    }
+    let Asking { context, optimiser, request, mut surfaces, journal, .. } = asking;
+    let Some(mut map) = JointMap::of_request(context, &optimiser, &request) else { return Ok(None) };
+    others.iter().for_each(|other| map.add(&other.state));
+    let mut joint = JointSurfaces::default();
+    joint.add(map.keyframes_of(0), &surfaces);
+    for (run, other) in (1..).zip(&others) {
+        joint.add(map.keyframes_of(run), &other.surfaces);
+    }
+    map.join(&joint, &mut || ());
+    let correction = map.answer(&optimiser, &request, &joint, &journal, &mut || ());
+    drop(joint);
+    // What was computed from a damaged surface is no answer.
+    surfaces.check()?;
+    others.iter_mut().try_for_each(|other| other.surfaces.check())?;
+    let Some(correction) = correction else { return Ok(None) };
+    let bytes = BaseAnswer { identity, correction }.to_bytes()?;
+    Ok(Some(Answer { request: request.request, bytes, n_sharing: map.n_sharing() }))
+}
+
+impl Asking {
+    /// Reads a run up to its oldest open request; `None` where it has none, or none for a base.
+    fn read(folder: &Path, align_bytes: u64) -> Result<Option<Self>, FleetError> {
+        let files = RunFiles::new(folder);
+        let run = RunFile::read(&files)?;
+        let settings = read_settings(&files)?;
+        if settings.run.base_wait_s <= 0.0 {
+            return Ok(None);
+        }
+        let context = context_of(&run, &settings);
+        let mut optimiser = Optimiser::new(context.clone());
+        let mut answers = Follower::<OptimiseRecord>::open(&files.optimise_journal(), OPTIMISE_JOURNAL)?;
+        while let Some(record) = answers.next()? {
+            optimiser.apply_own(&record);
+        }
+        let mut surfaces = StoredKeyframes::open(&files.store(), run.layout(&settings).grid)?;
+        let journal = Prefix::new(&files, align_bytes);
+        let mut problem = Ok(());
+        journal.visit_all(&mut |record| {
+            if problem.is_ok() && optimiser.next_request().is_none() {
+                problem = surfaces.take_unread(&record);
+                optimiser.apply(&record);
+            }
+        })?;
+        problem?;
+        let Some(request) = optimiser.next_request() else { return Ok(None) };
+        // The run solves for its camera itself.
+        if request.is_final && settings.mapping.global.refine_camera {
+            return Ok(None);
+        }
+        Ok(Some(Self { run, settings, context, optimiser, request, surfaces, journal }))
+    }
+}
