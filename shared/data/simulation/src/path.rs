@@ -106,9 +106,14 @@ impl Walk {
         Self { speed, ..self }
     }
 
+    /// Seconds of the way that lie behind at a time.
+    pub(super) fn way_s(&self, time_s: f64) -> f64 {
+        time_s * self.speed
+    }
+
     /// The camera's pose at a time in seconds.
     pub(super) fn world_from_camera(&self, time_s: f64) -> Pose {
-        let time_s = time_s * self.speed;
+        let time_s = self.way_s(time_s);
         let gaze = self.gaze(time_s);
         let [dx, dy, dz, dyaw, dpitch, roll] = std::array::from_fn(|axis| self.tremor_of(axis, time_s));
         let (yaw, pitch) = (gaze.yaw + dyaw, gaze.pitch + dpitch);
@@ -145,7 +150,7 @@ impl Walk {
     pub(super) fn carried(&self, time_s: f64) -> Carried {
         match &self.route {
             Route::Round(_) => Carried::default(),
-            Route::Building(way) => building::carried(way, time_s * self.speed, time_s),
+            Route::Building(way) => building::carried(way, self.way_s(time_s), time_s),
         }
     }
 

@@ -32,12 +32,32 @@ pub(super) fn solids(seed: u64, carrier: Carrier) -> Vec<Solid> {
 
 /// Where the companion's feet are at a time: about 1.4 m ahead, crossing the view from side to side.
 pub(super) fn place(walk: &Walk, time_s: f64) -> [f32; 3] {
-    let gaze = walk.gaze(time_s);
+    let way_s = walk.way_s(time_s);
+    let gaze = walk.gaze(way_s);
     let angle = gaze.yaw + 0.75 * libm::sin(0.8 * time_s);
     let away_m = 1.4 + 0.25 * libm::sin(0.47 * time_s);
     [
         (gaze.position.x + away_m * libm::cos(angle)) as f32,
         (gaze.position.y + away_m * libm::sin(angle)) as f32,
-        (walk.floor_m(time_s) + 0.02 * libm::sin(9.0 * time_s).abs()) as f32,
+        (walk.floor_m(way_s) + 0.02 * libm::sin(9.0 * time_s).abs()) as f32,
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SceneName;
+
+    #[test]
+    fn a_companion_keeps_ahead_of_a_camera_of_any_speed() {
+        for speed in [0.5, 1.0, 3.0] {
+            let walk = Walk::new(SceneName::House, 1).at_speed(speed);
+            for time_s in [0.0, 5.0, 12.5] {
+                let feet = place(&walk, time_s).map(f64::from);
+                let camera = walk.gaze(walk.way_s(time_s)).position;
+                let apart_m = libm::hypot(feet[0] - camera.x, feet[1] - camera.y);
+                assert!((apart_m - 1.4).abs() < 0.26, "{apart_m} m at {time_s} s, {speed} times as fast");
+            }
+        }
+    }
 }

@@ -3,7 +3,7 @@
 //! What is kept of a surface is its tangent plane in inverse depth: `1 / z` is linear in the ray
 //! `(x, y, 1)`, so a sensor that looks a little beside its pixel needs no second cast.
 
-use crate::building::Bounds;
+use crate::building::CellBounds;
 use crate::path::Walk;
 use crate::person;
 use crate::scenes::Scene;
@@ -95,7 +95,7 @@ impl Exposure<'_> {
         for (bound, more) in bounds.iter_mut().zip([-1.0, 1.0, -1.0, 1.0]) {
             *bound += more * VIEW_SLACK;
         }
-        let is_in_view = |[middle, half]: &Bounds| {
+        let is_in_view = |[middle, half]: &CellBounds| {
             let rays = LocalRays::upright(view, middle);
             CameraBox::new(&rays, half).may_be_seen(&bounds)
         };

@@ -1,6 +1,6 @@
 //! The scenes, solid by solid. World axes: z up, the floor at z = 0.
 
-use crate::building::{self, Bounds, Cell};
+use crate::building::{self, BuildingCell, CellBounds};
 use crate::furniture::Builder;
 use crate::material::{Grain, Material, TexturePattern};
 use crate::path::HOUSE_HALF;
@@ -15,7 +15,7 @@ pub(super) struct Scene {
     /// Whether a person walks about.
     pub(super) has_person: bool,
     /// What may be seen from where; none: all of it from everywhere.
-    cells: Vec<Cell>,
+    cells: Vec<BuildingCell>,
 }
 
 impl Scene {
@@ -35,7 +35,7 @@ impl Scene {
             let first = solids.len();
             solids.extend(person::solids(key, Carrier::Companion));
             if !cells.is_empty() {
-                cells.push(Cell::everywhere(first..solids.len()));
+                cells.push(BuildingCell::everywhere(first..solids.len()));
             }
         }
         Self { solids, grain: Grain::new(key), has_person, cells }
@@ -45,7 +45,7 @@ impl Scene {
     pub(super) fn fill_visible(
         &self,
         place: &[f32; 3],
-        is_in_view: impl Fn(&Bounds) -> bool,
+        is_in_view: impl Fn(&CellBounds) -> bool,
         visible: &mut Vec<u32>,
     ) {
         visible.clear();

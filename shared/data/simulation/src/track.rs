@@ -5,13 +5,13 @@ use std::f64::consts::{PI, TAU};
 /// A rounded polyline in the plane.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
-    pieces: Vec<Piece>,
+    pieces: Vec<TrackPiece>,
     length_m: f64,
 }
 
 /// A straight part or an arc.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct TrackPiece {
     /// Distance from the start of the track to its own, metres.
     from_m: f64,
     start: [f64; 2],
@@ -21,7 +21,7 @@ struct Piece {
     curvature: f64,
 }
 
-impl Piece {
+impl TrackPiece {
     fn at(&self, along_m: f64) -> ([f64; 2], f64) {
         let (s, c) = (libm::sin(self.direction), libm::cos(self.direction));
         let (forward, left) = if self.curvature == 0.0 {
@@ -63,7 +63,7 @@ impl Track {
 
     /// Adds a piece and returns where it ends.
     fn push(&mut self, start: [f64; 2], direction: f64, curvature: f64, length_m: f64) -> ([f64; 2], f64) {
-        let piece = Piece { from_m: self.length_m, start, direction, curvature };
+        let piece = TrackPiece { from_m: self.length_m, start, direction, curvature };
         self.pieces.push(piece);
         self.length_m += length_m;
         piece.at(length_m)
@@ -77,7 +77,7 @@ impl Track {
     /// Distance at which a straight part first begins at this point, one of those that it was made of.
     pub(super) fn distance_to(&self, point: [f64; 2]) -> Option<f64> {
         let is_there =
-            |piece: &&Piece| libm::hypot(piece.start[0] - point[0], piece.start[1] - point[1]) < 1e-6;
+            |piece: &&TrackPiece| libm::hypot(piece.start[0] - point[0], piece.start[1] - point[1]) < 1e-6;
         self.pieces.iter().find(is_there).map(|piece| piece.from_m)
     }
 

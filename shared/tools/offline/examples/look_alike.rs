@@ -28,7 +28,7 @@ const WRONG_DEG: f64 = 30.0;
 const MOST_LISTED: usize = 5;
 
 /// What is walked.
-struct Walk {
+struct WayPart {
     skip: u64,
     frames: u64,
     every: u64,
@@ -36,7 +36,7 @@ struct Walk {
 
 /// What became of the loops of one run.
 #[derive(Clone, Copy, Debug, Default)]
-struct Counts {
+struct LoopCounts {
     /// Pairs that appearance proposed, and those of them that show another place.
     proposed: usize,
     proposed_apart: usize,
@@ -53,7 +53,7 @@ struct Counts {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut walk = Walk { skip: 230, frames: 1030, every: 4 };
+    let mut walk = WayPart { skip: 230, frames: 1030, every: 4 };
     let (mut n_seeds, mut first, mut overrides) = (50, 1, Vec::new());
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -74,11 +74,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
-    let (mut sum, mut n_with_wrong) = (Counts::default(), 0);
+    let (mut sum, mut n_with_wrong) = (LoopCounts::default(), 0);
     for seed in first..first + n_seeds {
         let counts = run(&walk, seed, &overrides)?;
         n_with_wrong += usize::from(counts.wrong_ever > 0);
-        sum = Counts {
+        sum = LoopCounts {
             proposed: sum.proposed + counts.proposed,
             proposed_apart: sum.proposed_apart + counts.proposed_apart,
             verified: sum.verified + counts.verified,
@@ -93,7 +93,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn told(counts: &Counts) -> String {
+fn told(counts: &LoopCounts) -> String {
     format!(
         "{} proposed by appearance ({} of another place), {} verified, {} accepted, {} wrong at the end, {} in any \
          correction; {} of {} corrections decided by graduated non-convexity",
@@ -109,7 +109,7 @@ fn told(counts: &Counts) -> String {
 }
 
 /// Walks once and prints what became of the loops.
-fn run(walk: &Walk, seed: u64, overrides: &[String]) -> Result<Counts, Box<dyn Error>> {
+fn run(walk: &WayPart, seed: u64, overrides: &[String]) -> Result<LoopCounts, Box<dyn Error>> {
     let options = SimulationOptions { seed, ..SimulationOptions::default() };
     let last = walk.skip + walk.frames;
     let source = SimulatedSource::open(SceneName::Building, None, Some(last), &options)?;
@@ -133,7 +133,7 @@ fn run(walk: &Walk, seed: u64, overrides: &[String]) -> Result<Counts, Box<dyn E
     Ok(counts)
 }
 
-fn counted(records: &Records, true_pose: &dyn Fn(u64) -> Pose) -> Counts {
+fn counted(records: &Records, true_pose: &dyn Fn(u64) -> Pose) -> LoopCounts {
     // The frame of each keyframe, by its id: ids count from 0 in order.
     let keyframes: Vec<_> = records.frames().filter_map(|frame| frame.new_keyframe.as_ref()).collect();
     let frames: Vec<u64> = keyframes.iter().map(|keyframe| keyframe.frame_index).collect();
@@ -141,7 +141,7 @@ fn counted(records: &Records, true_pose: &dyn Fn(u64) -> Pose) -> Counts {
         let [newer, older] = [newer, older].map(|id| true_pose(frames[id as usize]));
         older.inverse() * newer
     };
-    let mut counts = Counts::default();
+    let mut counts = LoopCounts::default();
     for (id, keyframe) in keyframes.iter().enumerate() {
         let is_elsewhere = |older: &&u32| is_apart(&truly(id as u32, **older));
         counts.proposed += keyframe.alike.len();

@@ -23,18 +23,18 @@ const CABIN_INSIDE_M: f64 = -13.1;
 
 /// A room with its solids.
 #[derive(Clone, Debug)]
-pub(crate) struct Cell {
+pub(crate) struct BuildingCell {
     /// In the list of all solids.
     pub(super) solids: Range<usize>,
     /// Storey and zone; `None`: seen from everywhere.
-    place: Option<Place>,
+    place: Option<CellPlace>,
     /// Around its solids; `None`: it moves.
-    bounds: Option<Bounds>,
+    bounds: Option<CellBounds>,
 }
 
 /// A part of the building.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct CellPlace {
     pub(super) storey: usize,
     pub(super) zone: Zone,
     /// Which lobby is the nearer one: 1 the eastern, -1 the western.
@@ -42,11 +42,11 @@ pub(super) struct Place {
 }
 
 /// Middle and half sides of a box, world, metres.
-pub(crate) type Bounds = [[f32; 3]; 2];
+pub(crate) type CellBounds = [[f32; 3]; 2];
 
-impl Cell {
+impl BuildingCell {
     /// A cell between two corners, world, metres.
-    pub(super) fn new(place: Place, solids: Range<usize>, low: [f64; 3], high: [f64; 3]) -> Self {
+    pub(super) fn new(place: CellPlace, solids: Range<usize>, low: [f64; 3], high: [f64; 3]) -> Self {
         let middle = std::array::from_fn(|k| (0.5 * (low[k] + high[k])) as f32);
         let half = std::array::from_fn(|k| (0.5 * (high[k] - low[k])) as f32);
         Self { solids, place: Some(place), bounds: Some([middle, half]) }
@@ -58,14 +58,14 @@ impl Cell {
     }
 
     /// Whether it may be seen from a place where `is_in_view` tells what a camera has in its image.
-    pub(super) fn may_be_seen(&self, here: &Place, is_in_view: impl Fn(&Bounds) -> bool) -> bool {
+    pub(super) fn may_be_seen(&self, here: &CellPlace, is_in_view: impl Fn(&CellBounds) -> bool) -> bool {
         self.is_open_to(here)
             && self.opening(here).is_none_or(|opening| is_in_view(&opening))
             && self.bounds.is_none_or(|bounds| is_in_view(&bounds))
     }
 
     /// The opening through which it is seen from a place; `None`: more than one.
-    fn opening(&self, here: &Place) -> Option<Bounds> {
+    fn opening(&self, here: &CellPlace) -> Option<CellBounds> {
         let place = self.place.filter(|place| here.zone == Zone::Lobby && place.zone != Zone::Lobby)?;
         let (y, half_y) = match place.zone {
             Zone::North => (ROW_M, 0.6),
@@ -79,7 +79,7 @@ impl Cell {
     }
 
     /// Whether any light comes from it to a place: none from the other row and from other storeys.
-    fn is_open_to(&self, here: &Place) -> bool {
+    fn is_open_to(&self, here: &CellPlace) -> bool {
         self.place.is_none_or(|place| {
             let is_open = |zone: Zone| zone == Zone::Lobby || zone == here.zone;
             let is_open = match here.zone {
@@ -92,7 +92,7 @@ impl Cell {
     }
 }
 
-impl Place {
+impl CellPlace {
     /// Where a point is, world, metres.
     pub(super) fn of(point: &[f32; 3]) -> Self {
         let [x, y, z] = point.map(f64::from);
@@ -118,10 +118,10 @@ mod tests {
 
     #[test]
     fn rows_are_hidden_from_each_other_and_storeys_too() {
-        let at = |x: f32, y: f32, z: f32| Place::of(&[x, y, z]);
+        let at = |x: f32, y: f32, z: f32| CellPlace::of(&[x, y, z]);
         let north = at(2.0, 3.0, 4.4);
-        assert_eq!(north, Place { storey: 1, zone: Zone::North, end: 1 });
-        let cell = Cell::new(north, 0..5, [0.0; 3], [1.0; 3]);
+        assert_eq!(north, CellPlace { storey: 1, zone: Zone::North, end: 1 });
+        let cell = BuildingCell::new(north, 0..5, [0.0; 3], [1.0; 3]);
         for (place, is_open) in [
             (at(-7.0, 4.0, 4.4), true),
             (at(-7.0, -4.0, 4.4), false),
@@ -132,9 +132,9 @@ mod tests {
         ] {
             assert_eq!(cell.is_open_to(&place), is_open, "{place:?}");
         }
-        assert!(Cell::everywhere(0..5).is_open_to(&north));
+        assert!(BuildingCell::everywhere(0..5).is_open_to(&north));
         // From a lobby a row is seen through its door alone.
-        let sees_nothing_there = |bounds: &Bounds| bounds[0][0] > -9.0;
+        let sees_nothing_there = |bounds: &CellBounds| bounds[0][0] > -9.0;
         assert!(!cell.may_be_seen(&at(-11.0, 0.0, 4.4), sees_nothing_there));
         assert!(cell.may_be_seen(&at(11.0, 0.0, 4.4), sees_nothing_there));
     }

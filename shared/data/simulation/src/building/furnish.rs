@@ -8,7 +8,7 @@ use crate::solid::Shape;
 
 /// What a room is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum RoomKind {
     /// An office, always the same.
     Office,
     /// A lounge, always the same.
@@ -17,7 +17,7 @@ pub(super) enum Kind {
     Workshop(usize),
 }
 
-impl Kind {
+impl RoomKind {
     /// Rooms of one number are the same to the camera.
     pub(super) fn number(self) -> u64 {
         match self {

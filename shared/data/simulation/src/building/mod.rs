@@ -11,7 +11,7 @@ mod rooms;
 mod storey;
 mod way;
 
-pub(super) use cells::{Bounds, Cell};
+pub(super) use cells::{BuildingCell, CellBounds};
 pub(super) use way::Way;
 
 use crate::furniture::Builder;
@@ -43,14 +43,14 @@ const CABIN_M: f64 = -13.6;
 const CABIN_HALF_M: f64 = 0.95;
 
 /// All solids, in cells.
-pub(super) fn build(builder: &mut Builder, key: u64) -> Vec<Cell> {
+pub(super) fn build(builder: &mut Builder, key: u64) -> Vec<BuildingCell> {
     let mut cells = Vec::new();
     for number in 0..N_STOREYS {
         storey::build(builder, key, number, &mut cells);
     }
     let first = builder.solids.len();
     lift::build(builder, random::word(key, 0x11f7));
-    cells.push(Cell::everywhere(first..builder.solids.len()));
+    cells.push(BuildingCell::everywhere(first..builder.solids.len()));
     cells
 }
 
@@ -69,11 +69,11 @@ pub(super) fn carried(way: &Way, way_s: f64, time_s: f64) -> Carried {
 /// Numbers of the solids that may be seen from a place where `is_in_view` tells what a camera has in its
 /// image, cell by cell.
 pub(super) fn visible(
-    cells: &[Cell],
+    cells: &[BuildingCell],
     place: &[f32; 3],
-    is_in_view: impl Fn(&Bounds) -> bool,
+    is_in_view: impl Fn(&CellBounds) -> bool,
 ) -> impl Iterator<Item = Range<u32>> {
-    let here = cells::Place::of(place);
+    let here = cells::CellPlace::of(place);
     let seen = cells.iter().filter(move |cell| cell.may_be_seen(&here, &is_in_view));
     seen.map(|cell| cell.solids.start as u32..cell.solids.end as u32)
 }

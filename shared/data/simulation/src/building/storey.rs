@@ -1,7 +1,7 @@
 //! One storey: rooms, lobbies, corridor, and the people who walk there.
 
-use super::cells::{Cell, Place, Zone};
-use super::furnish::{Kind, lobby};
+use super::cells::{BuildingCell, CellPlace, Zone};
+use super::furnish::{RoomKind, lobby};
 use super::{
     COLUMNS_M, CORRIDOR_HALF_M, HEIGHT_M, LOBBY_END_M, N_STOREYS, ROOM_M, ROW_M, ROWS_END_M, STOREY_M, rooms,
 };
@@ -23,10 +23,10 @@ const PASSERS: [([f64; 2], [f64; 2], f64); N_PASSERS / N_STOREYS] =
     [([11.95, 1.1], [11.95, 3.3], 5.0), ([1.4, ROW_M - 1.6], [3.6, ROW_M - 1.6], 4.0)];
 
 /// A storey's solids in the builder, and its cells.
-pub(super) fn build(builder: &mut Builder, key: u64, number: usize, cells: &mut Vec<Cell>) {
+pub(super) fn build(builder: &mut Builder, key: u64, number: usize, cells: &mut Vec<BuildingCell>) {
     let kinds = [
-        [Kind::Office, Kind::Office, Kind::Lounge, Kind::Workshop(2 * number)],
-        [Kind::Lounge, Kind::Office, Kind::Lounge, Kind::Workshop(2 * number + 1)],
+        [RoomKind::Office, RoomKind::Office, RoomKind::Lounge, RoomKind::Workshop(2 * number)],
+        [RoomKind::Lounge, RoomKind::Office, RoomKind::Lounge, RoomKind::Workshop(2 * number + 1)],
     ];
     for ((row, zone), y) in kinds.into_iter().zip([Zone::North, Zone::South]).zip([ROW_M, -ROW_M]) {
         for (kind, x) in row.into_iter().zip(COLUMNS_M) {
@@ -59,7 +59,7 @@ pub(super) fn build(builder: &mut Builder, key: u64, number: usize, cells: &mut 
 /// Adds a cell about a middle on a storey: `fill` builds it about its base.
 fn cell(
     builder: &mut Builder,
-    cells: &mut Vec<Cell>,
+    cells: &mut Vec<BuildingCell>,
     (storey, zone): (usize, Zone),
     (middle, half): ([f64; 2], [f64; 2]),
     fill: impl FnOnce(&mut Builder, [f32; 3]),
@@ -69,11 +69,11 @@ fn cell(
     fill(builder, [middle[0] as f32, middle[1] as f32, floor_m as f32]);
     let low = [middle[0] - half[0] - 0.1, middle[1] - half[1] - 0.1, floor_m - 0.1];
     let high = [middle[0] + half[0] + 0.1, middle[1] + half[1] + 0.1, floor_m + f64::from(HEIGHT_M) + 0.1];
-    cells.push(Cell::new(Place { storey, zone, end: 0 }, first..builder.solids.len(), low, high));
+    cells.push(BuildingCell::new(CellPlace { storey, zone, end: 0 }, first..builder.solids.len(), low, high));
 }
 
 /// A room with a door at either end, the same for each of its kind.
-fn room(builder: &mut Builder, kind: Kind) {
+fn room(builder: &mut Builder, kind: RoomKind) {
     let (side, inner, tint) = (ROOM_M as f32, 0.5 * ROOM_M as f32 - 0.07, kind.tint());
     rooms::floor(builder.at(0.0, 0.0, 0.0), [side; 2], [0.85; 3]);
     rooms::wall(builder.at(0.0, inner, 0.0), side, tint);
@@ -134,7 +134,7 @@ fn eastern_lobby(builder: &mut Builder, number: usize) {
 }
 
 /// A person of a storey, in a cell as long as the way from turn to turn.
-fn passer(builder: &mut Builder, key: u64, storey: usize, who: usize, cells: &mut Vec<Cell>) {
+fn passer(builder: &mut Builder, key: u64, storey: usize, who: usize, cells: &mut Vec<BuildingCell>) {
     let first = builder.solids.len();
     let number = storey * PASSERS.len() + who;
     builder.solids.extend(person::solids(key.wrapping_add(who as u64), Carrier::Passer(number)));
@@ -142,8 +142,8 @@ fn passer(builder: &mut Builder, key: u64, storey: usize, who: usize, cells: &mu
     let floor_m = storey as f64 * STOREY_M;
     let low = [from[0].min(to[0]) - 0.5, from[1].min(to[1]) - 0.5, floor_m];
     let high = [from[0].max(to[0]) + 0.5, from[1].max(to[1]) + 0.5, floor_m + 2.0];
-    let place = Place::of(&[from[0] as f32, from[1] as f32, floor_m as f32]);
-    cells.push(Cell::new(place, first..builder.solids.len(), low, high));
+    let place = CellPlace::of(&[from[0] as f32, from[1] as f32, floor_m as f32]);
+    cells.push(BuildingCell::new(place, first..builder.solids.len(), low, high));
 }
 
 /// Where the feet of a person are at a time, by number over all storeys.

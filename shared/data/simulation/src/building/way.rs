@@ -33,7 +33,7 @@ pub(crate) struct Way {
 }
 
 /// A moment of the way.
-enum Moment {
+enum WayMoment {
     /// Walking on a storey for so many seconds.
     Walk { storey: usize, walked_s: f64 },
     /// In the lift, so many seconds after arriving in it from this storey.
@@ -65,8 +65,8 @@ impl Way {
     /// Position and gaze, without tremor, in the world.
     pub(crate) fn gaze(&self, time_s: f64) -> Gaze {
         let (along_m, turned) = match self.moment(time_s) {
-            Moment::Walk { walked_s, .. } => (self.along_m(walked_s), 0.0),
-            Moment::Lift { stood_s, .. } => (self.track.length_m(), PI * eased(stood_s / TURN_S)),
+            WayMoment::Walk { walked_s, .. } => (self.along_m(walked_s), 0.0),
+            WayMoment::Lift { stood_s, .. } => (self.track.length_m(), PI * eased(stood_s / TURN_S)),
         };
         let gaze = self.gaze_at(along_m);
         let lift = Vector3::new(0.0, 0.0, self.height_m(time_s));
@@ -76,8 +76,8 @@ impl Way {
     /// Height of the floor that the camera stands on, metres: that of the cabin while it rides.
     pub(crate) fn height_m(&self, time_s: f64) -> f64 {
         match self.moment(time_s) {
-            Moment::Walk { storey, .. } => storey as f64 * STOREY_M,
-            Moment::Lift { storey, stood_s } => {
+            WayMoment::Walk { storey, .. } => storey as f64 * STOREY_M,
+            WayMoment::Lift { storey, stood_s } => {
                 let next = (storey + 1) % N_STOREYS;
                 let ridden = eased((stood_s - TURN_S - DOOR_S) / RIDE_S[storey]);
                 (storey as f64 + ridden * (next as f64 - storey as f64)) * STOREY_M
@@ -88,8 +88,8 @@ impl Way {
     /// How far the lift's door is closed, 0 to 1.
     pub(crate) fn door(&self, time_s: f64) -> f64 {
         match self.moment(time_s) {
-            Moment::Walk { .. } => 0.0,
-            Moment::Lift { storey, stood_s } => {
+            WayMoment::Walk { .. } => 0.0,
+            WayMoment::Lift { storey, stood_s } => {
                 let closed = eased((stood_s - TURN_S) / DOOR_S);
                 closed - eased((stood_s - TURN_S - DOOR_S - RIDE_S[storey]) / DOOR_S)
             }
@@ -112,19 +112,19 @@ impl Way {
         before_s + self.storey_s + TURN_S + DOOR_S + share * RIDE_S[storey]
     }
 
-    fn moment(&self, time_s: f64) -> Moment {
+    fn moment(&self, time_s: f64) -> WayMoment {
         let mut rest_s = time_s - self.lap_s * libm::floor(time_s / self.lap_s);
         for storey in 0..N_STOREYS {
             if rest_s < self.storey_s {
-                return Moment::Walk { storey, walked_s: rest_s };
+                return WayMoment::Walk { storey, walked_s: rest_s };
             }
             rest_s -= self.storey_s;
             if rest_s < stop_s(storey) {
-                return Moment::Lift { storey, stood_s: rest_s };
+                return WayMoment::Lift { storey, stood_s: rest_s };
             }
             rest_s -= stop_s(storey);
         }
-        Moment::Walk { storey: 0, walked_s: 0.0 }
+        WayMoment::Walk { storey: 0, walked_s: 0.0 }
     }
 
     /// Distance walked on a storey: one speed, with a start and an end.
