@@ -69,9 +69,12 @@ pub fn answer(
     map.join(&joint, &mut || ());
     let correction = map.answer(&optimiser, &request, &joint, &journal, &mut || ());
     drop(joint);
-    // What was computed from a damaged surface is no answer.
-    surfaces.check()?;
-    others.iter_mut().try_for_each(|other| other.surfaces.check())?;
+    // What was computed from a surface that is damaged or was given up is no answer.
+    let every = std::iter::once(&mut surfaces).chain(others.iter_mut().map(|other| &mut other.surfaces));
+    for surfaces in every {
+        surfaces.check()?;
+        surfaces.check_held()?;
+    }
     let Some(correction) = correction else { return Ok(None) };
     let bytes = BaseAnswer { identity, correction }.to_bytes()?;
     Ok(Some(Answer { request: request.request, bytes, n_sharing: map.n_sharing() }))

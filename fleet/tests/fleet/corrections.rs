@@ -2,6 +2,7 @@
 
 use crate::processes::{Process, base, free_port, start, status, uplink, wait_for, wait_for_robot};
 use crate::robot::{EARLY_LOOPS, Robot, tessera};
+use crate::run::correction;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +11,6 @@ use tessera_evaluation::{EvaluationOptions, evaluate, read_tum};
 use tessera_fleet::network::run_key;
 use tessera_fleet::session::{End, configuration};
 use tessera_fleet::wire::{Kind, Piece, Request};
-use tessera_slam::{Correction, Submaps};
 use tessera_stage::BaseAnswer;
 use zenoh::{Session, Wait};
 
@@ -151,20 +151,6 @@ fn ask(session: &Session, robot: &str, request: &Request) -> Vec<Piece> {
     pieces
 }
 
-fn forged(request: u64) -> Correction {
-    Correction {
-        request,
-        input_hash: 0,
-        keyframes: Vec::new(),
-        frames: Vec::new(),
-        loops: Vec::new(),
-        submaps: Submaps::default(),
-        outer_iterations: 0,
-        n_graduated_rounds: 0,
-        refinement: None,
-    }
-}
-
 #[test]
 fn forged_answers_are_refused_counted_and_named() {
     let Some(tessera) = tessera() else { return };
@@ -182,7 +168,7 @@ fn forged_answers_are_refused_counted_and_named() {
     robot.wait_for_contact();
     let identity = tessera_stage::identity_of(&std::fs::read(robot.out.join("run.json")).unwrap());
     let answer = |identity, bytes| ask(&session, "a", &Request::Answer { identity, bytes });
-    let bytes = |identity| BaseAnswer { identity, correction: forged(0) }.to_bytes().unwrap();
+    let bytes = |identity| BaseAnswer { identity, correction: correction(0) }.to_bytes().unwrap();
     let mut flipped = bytes(identity);
     flipped[50] ^= 1;
     let refused = [
@@ -205,7 +191,7 @@ fn forged_answers_are_refused_counted_and_named() {
         move || {
             // What the uplink cannot know to be wrong: of other keyframes.
             for request in (0..10).cycle() {
-                let bytes = BaseAnswer { identity, correction: forged(request) }.to_bytes().unwrap();
+                let bytes = BaseAnswer { identity, correction: correction(request) }.to_bytes().unwrap();
                 ask(&session, "a", &Request::Answer { identity, bytes });
                 std::thread::sleep(Duration::from_millis(20));
                 if is_over.load(Ordering::Relaxed) {

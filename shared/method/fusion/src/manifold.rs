@@ -31,20 +31,30 @@ impl Mesh {
     /// The same triangles with no edge in more than two of them, and no vertex in more than one fan:
     /// vertices at which sheets touch are there once for each sheet.
     pub(crate) fn manifold(self) -> Self {
+        let fans = self.fans(&vec![false; self.triangles.len()]);
+        let is_loose = self.too_many(&fans);
+        let fans = if is_loose.contains(&true) { self.fans(&is_loose) } else { fans };
+        self.with_vertices(&fans)
+    }
+
+    /// The fan of each triangle's corners, named by one of them: triangles that go on into each other
+    /// across an edge have a fan in common at either end. Loose triangles stand alone.
+    fn fans(&self, is_loose: &[bool]) -> Vec<u32> {
         let mut parents: Vec<u32> = (0..3 * self.triangles.len() as u32).collect();
         let mut join = |a: u32, b: u32| {
             let (a, b) = (root(&mut parents, a), root(&mut parents, b));
             parents[a.max(b) as usize] = a.min(b);
         };
         for edge in self.half_edges(|triangle, corner| self.triangles[triangle][corner]).chunk_by(is_same) {
-            for [a, b] in self.partners(edge) {
-                let (a, b) = (a.places(), b.places());
+            for pair in self.partners(edge) {
+                if pair.iter().any(|side| is_loose[side.triangle as usize]) {
+                    continue;
+                }
+                let [a, b] = pair.map(|side| side.places());
                 (0..2).for_each(|end| join(a[end], b[end]));
             }
         }
-        let fans: Vec<u32> = (0..parents.len() as u32).map(|corner| root(&mut parents, corner)).collect();
-        let fans = self.loosened(fans);
-        self.with_vertices(&fans)
+        (0..parents.len() as u32).map(|corner| root(&mut parents, corner)).collect()
     }
 
     /// All sides of all triangles by the vertices that `vertex` names for a triangle's corner, in order
@@ -92,26 +102,18 @@ impl Mesh {
         a.dot(&b)
     }
 
-    /// The fans of the corners, where triangles that would still be too many at an edge have fans of
-    /// their own: sheets that touch along an edge and are one sheet round both of its ends.
-    fn loosened(&self, mut fans: Vec<u32>) -> Vec<u32> {
+    /// Triangles that are still too many at an edge: sheets that touch along it and are one sheet round
+    /// both of its ends. One triangle each way stays.
+    fn too_many(&self, fans: &[u32]) -> Vec<bool> {
+        let mut is_loose = vec![false; self.triangles.len()];
         let edges = self.half_edges(|triangle, corner| fans[3 * triangle + corner]);
-        let pairs_of = |edge: &[HalfEdge]| {
-            let first = |forward| edge.iter().find(|e| e.is_forward() == forward).map(|e| e.triangle);
-            [first(true), first(false)]
-        };
-        let too_many: Vec<u32> = edges
-            .chunk_by(is_same)
-            .filter(|edge| edge.len() > 1)
-            .flat_map(|edge| {
-                let kept = pairs_of(edge);
-                edge.iter().map(|e| e.triangle).filter(move |triangle| !kept.contains(&Some(*triangle)))
-            })
-            .collect();
-        for triangle in too_many {
-            (3 * triangle..3 * triangle + 3).for_each(|corner| fans[corner as usize] = corner);
+        for edge in edges.chunk_by(is_same) {
+            for forward in [true, false] {
+                let same_way = edge.iter().filter(|side| side.is_forward() == forward);
+                same_way.skip(1).for_each(|side| is_loose[side.triangle as usize] = true);
+            }
         }
-        fans
+        is_loose
     }
 
     /// The mesh with one vertex for each fan of corners, named by one of them.
@@ -122,10 +124,7 @@ impl Mesh {
             let own = [0, 1, 2].map(|corner| {
                 let (fan, old) = (fans[3 * triangle + corner] as usize, old[corner] as usize);
                 if new[fan] == u32::MAX {
-                    new[fan] = mesh.positions.len() as u32;
-                    mesh.positions.push(self.positions[old]);
-                    mesh.normals.push(self.normals[old]);
-                    mesh.colours.push(self.colours[old]);
+                    new[fan] = mesh.push_vertex_of(self, old);
                 }
                 new[fan]
             });
@@ -197,6 +196,25 @@ mod tests {
         assert_eq!(pinched.manifold().positions.len(), 6);
         let plain = mesh(&positions[..4], &[[0, 1, 2], [0, 2, 3]]);
         assert_eq!(plain.clone().manifold(), plain);
+    }
+
+    #[test]
+    fn sheets_that_are_one_round_both_ends_of_an_edge_come_apart_at_it() {
+        // Two roofs on one ridge, whose gables are closed: at either end all four slopes are one fan.
+        let positions = [
+            [0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [-1.0, 0.5, -0.3],
+            [1.0, 0.5, -0.3],
+            [-1.0, 0.5, 0.3],
+            [1.0, 0.5, 0.3],
+        ];
+        let slopes = [[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 1, 5]];
+        let gables = [[0, 2, 4], [0, 5, 3], [2, 1, 4], [5, 1, 3]];
+        let touching = mesh(&positions, &[&slopes[..], &gables[..]].concat());
+        assert_eq!(most(&touching), 4);
+        let apart = touching.manifold();
+        assert_eq!((most(&apart), apart.triangles.len()), (2, 8));
     }
 
     #[test]

@@ -14,6 +14,14 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Adds a vertex of another mesh; its number here.
+    pub(crate) fn push_vertex_of(&mut self, other: &Self, vertex: usize) -> u32 {
+        self.positions.push(other.positions[vertex]);
+        self.normals.push(other.normals[vertex]);
+        self.colours.push(other.colours[vertex]);
+        self.positions.len() as u32 - 1
+    }
+
     /// Without connected pieces of fewer triangles, and without vertices that no triangle has.
     pub(crate) fn without_small_pieces(self, min_triangles: usize) -> Self {
         let mut parents: Vec<u32> = (0..self.positions.len() as u32).collect();
@@ -36,10 +44,7 @@ impl Mesh {
             let triangle = t.map(|old| {
                 let old = old as usize;
                 if new[old] == u32::MAX {
-                    new[old] = mesh.positions.len() as u32;
-                    mesh.positions.push(self.positions[old]);
-                    mesh.normals.push(self.normals[old]);
-                    mesh.colours.push(self.colours[old]);
+                    new[old] = mesh.push_vertex_of(&self, old);
                 }
                 new[old]
             });
