@@ -48,6 +48,9 @@ def run(tessera, source, folder, *arguments):
 def words(summary):
     """The verdict, and in short what it was given for."""
     short = {
+        "turned views": "lens, by the features",
+        "across the view": "lens, by the ground truth",
+        "positions are off": "positions, by the ground truth",
         "against the ground truth": "units, by the ground truth",
         "median depth": "units, by the median depth",
         "focal length": "lens",

@@ -60,18 +60,29 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
 pub fn inspect(path: &Path) -> Result<(), ImageError> {
     let mut file = File::open(path).map_err(ImageError::Io)?;
     let n_bytes = file.metadata().map_err(ImageError::Io)?.len();
-    let mut head = Vec::new();
+    let (mut head, mut tail) = (Vec::new(), Vec::new());
     file.by_ref().take(8).read_to_end(&mut head).map_err(ImageError::Io)?;
-    let (format, end): (_, &[u8]) = if is_png(&head) {
+    file.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES))).map_err(ImageError::Io)?;
+    file.take(TAIL_BYTES).read_to_end(&mut tail).map_err(ImageError::Io)?;
+    check_marks(&head, &tail, n_bytes)
+}
+
+/// As [`inspect`], of an image in memory.
+///
+/// # Errors
+/// It is no image, or is cut short.
+pub fn inspect_bytes(bytes: &[u8]) -> Result<(), ImageError> {
+    check_marks(bytes, &bytes[bytes.len().saturating_sub(TAIL_BYTES as usize)..], bytes.len() as u64)
+}
+
+fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError> {
+    let (format, end): (_, &[u8]) = if is_png(head) {
         ("PNG", b"IEND")
     } else if head.starts_with(JPEG) {
         ("JPEG", JPEG_END)
     } else {
-        return Err(ImageError::Format { found: first_bytes(&head), or_jpeg: " or JPEG" });
+        return Err(ImageError::Format { found: first_bytes(head), or_jpeg: " or JPEG" });
     };
-    let mut tail = Vec::new();
-    file.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES))).map_err(ImageError::Io)?;
-    file.take(TAIL_BYTES).read_to_end(&mut tail).map_err(ImageError::Io)?;
     match tail.windows(end.len()).any(|window| window == end) {
         true => Ok(()),
         false => Err(damaged(format, &format!("no end marker in {n_bytes} bytes"))),

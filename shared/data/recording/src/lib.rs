@@ -272,6 +272,22 @@ impl Source for RecordingSource {
         Ok(FrameInfo { stamp_nanos: spot.stamp_nanos, has_colour: partner.is_some(), rotation: None })
     }
 
+    fn inspect(&self, index: u64) -> Result<(), SourceError> {
+        let last = (self.depth.len() as u64).saturating_sub(1);
+        let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
+        let at = at.ok_or(SourceError::NoFrame { frame: index, last })?;
+        let size = (self.cameras.depth.width, self.cameras.depth.height);
+        self.image(&self.topics.depth, at, &self.depth[at], |image| {
+            pixels::inspect(image, "depth", Some(size))
+        })?;
+        match (self.partners[at], &self.topics.colour) {
+            (Some(of), Some(topic)) => self
+                .image(topic, of, &self.colour[of], |image| pixels::inspect(image, "colour", None))
+                .map_err(|error| SourceError::Colour(Box::new(error))),
+            _ => Ok(()),
+        }
+    }
+
     fn ground_truth(&self) -> Option<&Trajectory> {
         None
     }

@@ -115,6 +115,45 @@ pub(super) fn colour(image: &ImageMessage<'_>, size: (u32, u32), rgb: &mut [u8])
     Ok(())
 }
 
+/// Looks whether an image is whole, without decoding it: pixels by their number, files by their marks.
+///
+/// `size`: that of the camera, where there may be no other.
+pub(super) fn inspect(
+    image: &ImageMessage<'_>,
+    what: &'static str,
+    size: Option<(u32, u32)>,
+) -> Result<(), MessageError> {
+    match &image.form {
+        ImageForm::Raw { encoding, width, height, step, .. } => {
+            let found = (*width, *height);
+            check_size(what, found, size.unwrap_or(found))?;
+            let bytes_per_pixel =
+                bytes_per_pixel(encoding).ok_or_else(|| unknown(encoding, "one of ROS's"))?;
+            rows(&image.data, found, *step, bytes_per_pixel).map(|_| ())
+        }
+        ImageForm::File { format } if format.trim_end().ends_with("compressedDepth rvl") => {
+            let inside = image.data.get(COMPRESSED_DEPTH_HEADER..).unwrap_or_default();
+            let (found, _) = rvl::split(inside)?;
+            Ok(check_size(what, found, size.unwrap_or(found))?)
+        }
+        ImageForm::File { .. } => {
+            let behind_header =
+                image.data.get(COMPRESSED_DEPTH_HEADER..).filter(|file| file.starts_with(PNG));
+            Ok(decode::inspect_bytes(behind_header.unwrap_or(&image.data))?)
+        }
+    }
+}
+
+fn bytes_per_pixel(encoding: &str) -> Option<usize> {
+    Some(match encoding {
+        "mono8" | "8UC1" => 1,
+        "16UC1" | "mono16" => 2,
+        "rgb8" | "bgr8" | "8UC3" => 3,
+        "32FC1" | "rgba8" | "bgra8" => 4,
+        _ => return None,
+    })
+}
+
 /// The rows of an image, after a check that they are all there.
 fn rows(
     data: &[u8],
@@ -156,6 +195,28 @@ mod tests {
         let mut found = [9; 4];
         depth(&raw("32FC1", 8, &bytes), (2, 2), 5000.0, &mut found).unwrap();
         assert_eq!(found, [5000, 0, 0, 0]);
+    }
+
+    #[test]
+    fn an_image_is_whole_or_says_what_is_missing() {
+        let words = |image: &ImageMessage<'_>, size| inspect(image, "depth", size).unwrap_err().to_string();
+        inspect(&raw("16UC1", 4, &[0; 8]), "depth", Some((2, 2))).unwrap();
+        assert!(words(&raw("16UC1", 4, &[0; 7]), Some((2, 2))).contains("7 bytes of data"));
+        assert!(words(&raw("16UC1", 4, &[0; 8]), Some((3, 2))).contains("2x2 px, expected 3x2"));
+        assert!(words(&raw("bayer", 4, &[0; 8]), None).contains("encoding is 'bayer'"));
+        let file = |format: &str, data: &[u8]| ImageMessage {
+            stamp_nanos: 0,
+            data: Cow::Owned(data.to_vec()),
+            form: ImageForm::File { format: format.to_owned() },
+        };
+        let png = b"\x89PNG\r\n\x1a\n....IEND\xaeB`\x82";
+        let behind_header = [&[0; COMPRESSED_DEPTH_HEADER][..], png].concat();
+        inspect(&file("png", png), "depth", None).unwrap();
+        inspect(&file("16UC1; compressedDepth png", &behind_header), "depth", None).unwrap();
+        assert!(words(&file("png", &png[..12]), None).contains("no end marker in 12 bytes"));
+        assert!(words(&file("jpeg", b"GIF89a"), None).contains("JPEG"));
+        let rvl = file("16UC1; compressedDepth rvl", &behind_header[..14]);
+        assert!(inspect(&rvl, "depth", None).is_err());
     }
 
     #[test]

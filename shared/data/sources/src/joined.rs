@@ -83,6 +83,12 @@ impl Source for JoinedSource {
         part.read(at, buffers)
     }
 
+    fn inspect(&self, index: u64) -> Result<(), SourceError> {
+        let last = (self.frames.len() as u64).saturating_sub(1);
+        let (part, at) = self.frame(index).ok_or(SourceError::NoFrame { frame: index, last })?;
+        part.inspect(at)
+    }
+
     fn ground_truth(&self) -> Option<&Trajectory> {
         None
     }

@@ -14,6 +14,7 @@ mod settings;
 mod tracking;
 
 pub use features::colour_model::{ColourModel, ColourRecord, ColourState};
+pub use features::seen_focal::{FocalView, seen_focal_ratio};
 pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;
 pub use loops::meeting::Meeting;

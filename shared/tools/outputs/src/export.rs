@@ -6,6 +6,7 @@ use crate::files::write_whole;
 use crate::map::{self, MapInput};
 use crate::ply::PlyVertex;
 use crate::replay::Replay;
+use crate::seen_focal::seen_focal;
 use crate::statistics::read_statistics;
 use crate::summary::Summary;
 use crate::voxels::VoxelCloud;
@@ -45,6 +46,7 @@ pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError
     states::write(replay, out_folder)?;
     write_map(&files, out_folder, replay, &settings)?;
     let beside = Beside { n_from_base: n_from_base(&files, &settings)?, ..read_beside(&files) };
+    let beside = Beside { seen_focal: seen_focal(&files, &as_mapped, &settings, &beside)?, ..beside };
     let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if let Some(refined) = replay.refined() {
         write_camera(&refined.camera, &settings.run.source, out_folder)?;
@@ -92,6 +94,7 @@ pub fn read_beside(files: &RunFiles) -> Beside {
             units_per_metre: run.camera.units_per_metre,
             focal_px: run.camera.fx,
             stated_colour: ColourModel::of_camera(&run.camera),
+            seen_focal: None,
             n_from_base: None,
         },
         Err(_) => Beside { broken, ..Beside::default() },

@@ -1,5 +1,6 @@
 //! What a verdict on a run is made of, as plain data.
 
+use crate::lateral::{LateralScale, lateral_scale};
 use crate::replay::Replay;
 use crate::statistics::{Ended, RunStatistics};
 use crate::trajectories::as_trajectory;
@@ -7,6 +8,7 @@ use crate::verdict::UNCERTAIN_M;
 use std::collections::BTreeMap;
 use std::fmt;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
+use tessera_features::FocalRatio;
 use tessera_slam::{ColourModel, FrameRecord, State};
 
 /// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
@@ -62,6 +64,8 @@ pub struct Truth {
     pub ate_m: f64,
     /// Root mean square distance of the positions from their middle, by that factor, metres.
     pub spread_m: f64,
+    /// Motions across the view against the true ones, where they tell something.
+    pub lateral: Option<LateralScale>,
 }
 
 /// The facts of a run.
@@ -109,6 +113,10 @@ pub struct Facts {
     pub truth: Option<Truth>,
     /// Raw depth of a metre.
     pub units_per_metre: f64,
+    /// Focal length of the camera along x, pixels.
+    pub focal_px: f64,
+    /// What features say of it.
+    pub seen_focal: Option<FocalRatio>,
     /// Focal length of the camera and of the refined one, pixels.
     pub refined_focal_px: Option<[f64; 2]>,
     /// What looked wrong with the source before the run.
@@ -126,6 +134,8 @@ pub struct Beside {
     pub units_per_metre: f64,
     /// Focal length along x, pixels.
     pub focal_px: f64,
+    /// What features say of it.
+    pub seen_focal: Option<FocalRatio>,
     /// What the camera file states of colour.
     pub stated_colour: ColourModel,
     /// Corrections that the base of a fleet computed, where the run asked one.
@@ -172,6 +182,8 @@ impl Facts {
             is_nowhere: replay.n_map_keyframes > 0 && replay.first_tracked.is_none(),
             truth: truth.and_then(|truth| lengths(replay, truth)),
             units_per_metre: beside.units_per_metre,
+            focal_px: beside.focal_px,
+            seen_focal: beside.seen_focal,
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
         }
@@ -224,7 +236,8 @@ fn lengths(replay: &Replay, truth: &Trajectory) -> Option<Truth> {
     let is_telling = spread_m > LEAST_SPREAD_M
         && scaled.ate_rmse_m < TELLING_SHARE * found.ate_rmse_m
         && scaled.ate_rmse_m < LEFT_SHARE * spread_m;
-    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m })
+    let lateral = lateral_scale(&tracked, truth);
+    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m, lateral })
 }
 
 /// Root mean square distance of the positions from their middle, metres.

@@ -96,6 +96,10 @@ pub struct Summary {
     /// How colour lies against depth; absent where no features were judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourSummary>,
+    /// Focal length that the features of turned views fit, with its standard deviation, pixels; absent where
+    /// they do not tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seen_focal_px: Option<[f64; 2]>,
     /// What became of the camera; absent where the run was not asked to refine it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementSummary>,
@@ -175,6 +179,9 @@ impl Summary {
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
             colour: ColourSummary::new(beside.stated_colour, &replay.frames),
+            seen_focal_px: beside
+                .seen_focal
+                .map(|seen| [seen.ratio, seen.sigma].map(|x| x * beside.focal_px)),
             refinement: settings
                 .mapping
                 .global

@@ -13,6 +13,18 @@ const OFF_TRUTH_M: f64 = 0.1;
 const OFF_TRUTH_SHARE: f64 = 0.1;
 /// Relative difference of focal lengths from which on the lens is wrong.
 const WRONG_LENS: f64 = 0.04;
+/// The same where features say it, which take a lens that is not undistorted for a longer one: a Kinect's
+/// by 6 %.
+const WRONG_SEEN_LENS: f64 = 0.07;
+/// Standard deviations of that difference at least, and pairs of keyframes.
+const CERTAIN_SIGMAS: f64 = 5.0;
+const LEAST_PAIRS: usize = 8;
+/// Relative difference of motions across the view from the true ones from which on the lens is wrong, their
+/// standard deviations at least, and the largest deviation: a wrong lens scatters them too.
+const WRONG_ACROSS: f64 = 0.08;
+const CERTAIN_ACROSS_SIGMAS: f64 = 2.0;
+const MOST_ACROSS_SIGMA: f64 = 0.07;
+const LENS_ADVICE: &str = "give the right camera: --camera NAME|FILE, or tessera calibrate";
 
 /// What the ground truth says of the depth units.
 pub(crate) fn units(facts: &Facts) -> Option<Reason> {
@@ -65,4 +77,38 @@ pub(crate) fn lens(facts: &Facts) -> Option<Reason> {
         100.0 * off
     );
     Some(reason(Grade::Doubtful, found, "run again with --camera camera_refined.toml, or tessera calibrate"))
+}
+
+/// What the features of the colour images say of the focal length.
+pub(crate) fn seen_lens(facts: &Facts) -> Option<Reason> {
+    let seen = facts.seen_focal.filter(|seen| seen.n_pairs >= LEAST_PAIRS)?;
+    let off = seen.ratio - 1.0;
+    if !(off.abs() > WRONG_SEEN_LENS && off.abs() > CERTAIN_SIGMAS * seen.sigma) {
+        return None;
+    }
+    let found = format!(
+        "the features of turned views fit a focal length of {:.0} px (deviation {:.0} px), not the camera's {:.0} px ({:+.0} %)",
+        seen.ratio * facts.focal_px,
+        seen.sigma * facts.focal_px,
+        facts.focal_px,
+        100.0 * off
+    );
+    Some(reason(Grade::Doubtful, found, LENS_ADVICE))
+}
+
+/// What the ground truth says of the focal length, where it finds all lengths right.
+pub(crate) fn true_lens(facts: &Facts) -> Option<Reason> {
+    let lateral = facts.truth.filter(|_| units(facts).is_none())?.lateral?;
+    let off = lateral.scale - 1.0;
+    let is_certain = lateral.sigma < MOST_ACROSS_SIGMA && off.abs() > CERTAIN_ACROSS_SIGMAS * lateral.sigma;
+    if !(off.abs() > WRONG_ACROSS && is_certain) {
+        return None;
+    }
+    let found = format!(
+        "against the ground truth motions across the view are {:.2} times as long as they should be: a focal length of about {:.0} px is likely, not the camera's {:.0} px",
+        lateral.scale,
+        lateral.scale * facts.focal_px,
+        facts.focal_px
+    );
+    Some(reason(Grade::Doubtful, found, LENS_ADVICE))
 }

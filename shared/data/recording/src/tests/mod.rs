@@ -40,6 +40,10 @@ fn image(seconds: i32, encoding: &str, bytes_per_pixel: u32, value: u8) -> Vec<u
 }
 
 fn recording(n: i32) -> Vec<u8> {
+    recording_of(n, |at| image(at, "16UC1", 2, 4))
+}
+
+fn recording_of(n: i32, depth_of: impl Fn(i32) -> Vec<u8>) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     let mut writer =
         mcap::WriteOptions::new().compression(None).chunk_size(Some(4000)).create(&mut bytes).unwrap();
@@ -55,7 +59,7 @@ fn recording(n: i32) -> Vec<u8> {
             writer.write_to_known_channel(&header, data).unwrap();
         };
         write(colour, &image(at, "rgb8", 3, at as u8));
-        write(depth, &image(at, "16UC1", 2, 4));
+        write(depth, &depth_of(at));
     }
     writer.finish().unwrap();
     drop(writer);
@@ -99,6 +103,19 @@ fn frames_are_read_in_any_order() {
     }
     let beyond = source.read(12, &mut FrameBuffers { depth: &mut [0; 320], colour: &mut [0; 960] });
     assert!(beyond.unwrap_err().to_string().contains("frames 0 to 11"));
+}
+
+#[test]
+fn an_image_that_is_not_whole_is_found_without_reading_it() {
+    // Two bytes for each pixel of four.
+    let depth = |at| image(at, if at == 2 { "32FC1" } else { "16UC1" }, 2, 4);
+    let source = open(&recording_of(4, depth)).unwrap();
+    let broken: Vec<u64> = (0..4).filter(|index| source.inspect(*index).is_err()).collect();
+    assert_eq!(broken, [2]);
+    assert!(source.inspect(2).unwrap_err().to_string().contains("/depth"));
+    assert!(source.inspect(4).unwrap_err().to_string().contains("frames 0 to 3"));
+    let report = tessera_frames::check(&source, 2).unwrap();
+    assert_eq!(report.broken_frames, [2], "{report:?}");
 }
 
 #[test]

@@ -84,13 +84,36 @@ impl PairFinder {
         reach: Reach,
         seed: u64,
     ) -> Option<FeaturePair> {
-        let Reach { radius_px, max_iterations } = reach;
-        self.pose_settings.max_iterations = max_iterations;
+        self.pose_settings.max_iterations = reach.max_iterations;
         let least = self.pose_settings.min_inliers as usize;
         if query.features.len() < least || target.features.len() < least {
             return None;
         }
-        let gates = radius_px.map(|radius_px| {
+        self.associate(context, [query, target], guess, reach);
+        let correspondences = &self.correspondences;
+        let guesses = [*guess];
+        let guesses = if reach.radius_px.is_some() { &guesses[..] } else { &[] };
+        let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
+        let inliers: Vec<Correspondence> =
+            found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
+        let sums = residuals::sums(&inliers, &found.target_from_query);
+        Some(FeaturePair { target_from_query: found.target_from_query, inliers, sums })
+    }
+
+    /// The pair's matches by their descriptors, near where `guess` predicts them.
+    pub(crate) fn matches(
+        &mut self,
+        context: &Context,
+        sides: [Seen<'_>; 2],
+        guess: &Pose,
+        reach: Reach,
+    ) -> Vec<Correspondence> {
+        self.associate(context, sides, guess, reach);
+        self.correspondences.clone()
+    }
+
+    fn associate(&mut self, context: &Context, [query, target]: [Seen<'_>; 2], guess: &Pose, reach: Reach) {
+        let gates = reach.radius_px.map(|radius_px| {
             self.gates.clear();
             let gate = |o: &Observation| gate(context, guess, o, radius_px);
             self.gates.extend(query.observations.iter().map(gate));
@@ -103,14 +126,6 @@ impl PairFinder {
             query: query.observations[m.query as usize],
             target: target.observations[m.target as usize],
         }));
-        let correspondences = &self.correspondences;
-        let guesses = [*guess];
-        let guesses = if radius_px.is_some() { &guesses[..] } else { &[] };
-        let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
-        let inliers: Vec<Correspondence> =
-            found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
-        let sums = residuals::sums(&inliers, &found.target_from_query);
-        Some(FeaturePair { target_from_query: found.target_from_query, inliers, sums })
     }
 }
 

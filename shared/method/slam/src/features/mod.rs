@@ -6,6 +6,7 @@ pub(crate) mod colour_model;
 pub(crate) mod lift;
 pub(crate) mod matching;
 pub(crate) mod residuals;
+pub(crate) mod seen_focal;
 pub(crate) mod sight;
 pub(crate) mod start;
 #[cfg(test)]

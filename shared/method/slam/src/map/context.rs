@@ -75,6 +75,12 @@ impl Context {
         }
     }
 
+    /// The same with colour that lies against depth as this model says.
+    #[must_use]
+    pub fn with_colour_model(self, colour: ColourModel) -> Self {
+        Self { colour, ..self }
+    }
+
     /// A matcher with buffers of its own.
     pub fn matcher(&self) -> Matcher {
         let camera = GridCamera::new(&self.camera, self.grid, self.offset_px);

@@ -18,6 +18,9 @@ const NEWEST: usize = 5;
 /// Keyframes of a map that is small enough to be kept whole: each one's surface has noise of its own,
 /// which the others average out.
 const KEPT_WHOLE: usize = 40;
+/// Keyframes of a map from which on it is thinned the more the larger it is: by the root of their number,
+/// so that a way of any length has few enough to be solved for, and a room all that it needs.
+const LARGE: usize = 200;
 /// Keyframes culled at a time: one for the new keyframe, and one more where a run starts in a map
 /// that is too dense or beyond its budget.
 const MOST_AT_A_TIME: usize = 2;
@@ -67,7 +70,7 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
     while views.len() >= budget.min(KEPT_WHOLE) && culled.len() < MOST_AT_A_TIME {
         let Some(candidate) = least_needed(&views) else { break };
         let is_redundant =
-            candidate.nearest_m < settings.keyframe.redundant_within_m && views.len() >= KEPT_WHOLE;
+            candidate.nearest_m < redundant_within_m(settings, views.len()) && views.len() >= KEPT_WHOLE;
         if !is_redundant && views.len() < budget {
             break;
         }
@@ -75,6 +78,11 @@ pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<Re
         culled.push(RetiredRecord { keyframe: candidate.id, anchored_to: candidate.nearest });
     }
     culled
+}
+
+/// Distance to another keyframe below which one of a map of `n` is redundant, metres.
+fn redundant_within_m(settings: &MappingSettings, n: usize) -> f64 {
+    settings.keyframe.redundant_within_m * (n as f64 / LARGE as f64).max(1.0).sqrt()
 }
 
 /// The view with the least room among those that are not the newest; the newest among equals. The
@@ -223,6 +231,14 @@ mod tests {
         });
         turned.keyframes[20].world_from_camera = PoseBits::from(&(Pose::translation(9.56, 0.0, 0.0) * turn));
         assert_eq!(culled(&turned, &settings(0)), []);
+    }
+
+    #[test]
+    fn a_map_four_times_as_large_is_half_as_dense() {
+        let row = |n: usize, apart_m: f64| -> Vec<f64> { (0..n).map(|k| apart_m * k as f64).collect() };
+        assert_eq!(culled(&line(&row(LARGE, 0.1)), &settings(0)), []);
+        assert_eq!(culled(&line(&row(4 * LARGE, 0.1)), &settings(0)).len(), MOST_AT_A_TIME);
+        assert_eq!(culled(&line(&row(4 * LARGE, 0.151)), &settings(0)), []);
     }
 
     #[test]

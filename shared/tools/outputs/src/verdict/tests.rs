@@ -1,5 +1,7 @@
 use super::*;
 use crate::facts::Truth;
+use crate::lateral::LateralScale;
+use tessera_features::FocalRatio;
 
 fn good() -> Facts {
     Facts {
@@ -114,7 +116,7 @@ fn how_a_run_ended_weighs_most() {
 #[test]
 fn positions_far_from_the_ground_truth_are_doubtful() {
     let off = |ate_m, spread_m| {
-        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m });
+        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m, lateral: None });
         verdict(&Facts { truth, ..good() })
     };
     let room = off(0.3, 1.2);
@@ -126,7 +128,7 @@ fn positions_far_from_the_ground_truth_are_doubtful() {
 #[test]
 fn wrong_units_and_lenses_are_named_with_the_likely_value() {
     let against = |scale, is_telling| Facts {
-        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0 }),
+        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0, lateral: None }),
         ..good()
     };
     check(
@@ -142,4 +144,28 @@ fn wrong_units_and_lenses_are_named_with_the_likely_value() {
     check(&refined(510.0), Grade::Good, &[]);
     let doubt = Facts { source_doubts: vec!["median depth is 5.5 m".to_owned()], ..good() };
     check(&doubt, Grade::Doubtful, &["median depth is 5.5 m", "--camera"]);
+}
+
+#[test]
+fn a_wrong_focal_length_is_told_by_features_and_by_the_truth_where_they_are_certain() {
+    let seen = |ratio, sigma, n_pairs| Facts {
+        focal_px: 500.0,
+        seen_focal: Some(FocalRatio { ratio, sigma, n_pairs }),
+        ..good()
+    };
+    check(&seen(1.11, 0.01, 40), Grade::Doubtful, &["555 px (deviation 5 px)", "500 px (+11 %)", "--camera"]);
+    check(&seen(0.9, 0.01, 40), Grade::Doubtful, &["450 px"]);
+    check(&seen(1.05, 0.001, 40), Grade::Good, &[]);
+    check(&seen(1.11, 0.03, 40), Grade::Good, &[]);
+    check(&seen(1.11, 0.01, 7), Grade::Good, &[]);
+    let across = |scale, sigma, units| {
+        let lateral = Some(LateralScale { scale, sigma });
+        let truth = Truth { scale: units, is_telling: true, ate_m: 0.0, spread_m: 1.0, lateral };
+        Facts { focal_px: 500.0, truth: Some(truth), ..good() }
+    };
+    check(&across(1.1, 0.01, 1.0), Grade::Doubtful, &["1.10 times", "about 550 px", "500 px"]);
+    check(&across(1.06, 0.001, 1.0), Grade::Good, &[]);
+    check(&across(1.1, 0.06, 1.0), Grade::Good, &[]);
+    check(&across(1.4, 0.1, 1.0), Grade::Good, &[]);
+    assert_eq!(verdict(&across(1.2, 0.01, 5.0)).reasons.len(), 1, "the units alone");
 }
