@@ -1,13 +1,14 @@
-//! Simulated scenes: analytic solids, ray-cast, seen by a hand-held camera with a Kinect's noise.
+//! Simulated scenes: analytic solids, ray-cast, seen by a hand-held camera with the noise of
+//! its sensor.
 //!
 //! The frame at an index is a pure function of the scene, its options and the index: any frame
 //! can be rendered at any time, by any thread, with the same bytes.
 #![forbid(unsafe_code)]
 
 mod building;
+mod fields;
 mod furniture;
 mod gyroscope;
-mod kinect;
 mod material;
 mod options;
 mod path;
@@ -15,10 +16,15 @@ mod person;
 mod random;
 mod render;
 mod scenes;
+mod sensor;
 mod solid;
+mod time_of_flight;
 mod track;
+mod triangulation;
+mod upsampled;
 
 pub use options::SimulationOptions;
+pub use sensor::DepthSensor;
 
 use path::Walk;
 use render::Scratch;
@@ -209,10 +215,11 @@ impl Source for SimulatedSource {
         }
         let key = random::frame_key(self.options.seed, index);
         if self.options.noise {
-            kinect::add_colour_noise(key, buffers.colour);
-            kinect::measure(&self.camera, &self.rays, &self.options, key, &mut scratch, buffers.depth);
+            sensor::add_colour_noise(key, buffers.colour);
+            let seen_by = (&self.camera, &self.rays);
+            sensor::measure(self.options.sensor, seen_by, key, &mut scratch, buffers.depth);
         } else {
-            kinect::exact_depth(&self.camera, &self.rays, &scratch, buffers.depth);
+            sensor::exact_depth(&self.camera, &self.rays, &scratch, buffers.depth);
         }
         self.give_back(scratch);
         Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotation(index) })

@@ -1,5 +1,6 @@
 //! Settings of a simulated scene.
 
+use crate::sensor::DepthSensor;
 use serde::{Deserialize, Serialize};
 use tessera_frames::SourceError;
 use tessera_frames::imu::Gyroscope;
@@ -13,16 +14,8 @@ pub struct SimulationOptions {
     pub seed: u64,
     /// Whether depth and colour are measured with noise; without it depth is exact.
     pub noise: bool,
-    /// Standard deviation of the disparity before it is rounded to 1/8 px, pixels.
-    ///
-    /// 1/16 px: half of one step, as Khoshelham and Elberink measured (Sensors 2012). Together
-    /// with the rounding this gives the axial noise of Nguyen et al. and of eq. 5 (method 1.4): 7 mm at
-    /// 2 m, 16 mm at 3 m.
-    #[serde(skip)]
-    pub disparity_sigma_px: f64,
-    /// Standard deviation of the lateral pixel noise, pixels along each axis.
-    #[serde(skip)]
-    pub lateral_sigma_px: f64,
+    /// How depth is measured, where there is noise.
+    pub sensor: DepthSensor,
     /// Lens distortion `k1 k2 p1 p2 k3` of depth and colour; absent: the camera's own.
     #[serde(skip)]
     pub distortion: Option<[f64; 5]>,
@@ -51,8 +44,7 @@ impl Default for SimulationOptions {
         Self {
             seed: 1,
             noise: true,
-            disparity_sigma_px: 0.0625,
-            lateral_sigma_px: 0.5,
+            sensor: DepthSensor::default(),
             distortion: None,
             readout_s: None,
             colour_lag_s: 0.0,
@@ -72,8 +64,6 @@ impl SimulationOptions {
     /// Names the option, what it is and what it must be.
     pub fn check(&self) -> Result<(), SourceError> {
         let rules = [
-            ("disparity_sigma_px", self.disparity_sigma_px, 0.0..=2.0, "0 to 2 px"),
-            ("lateral_sigma_px", self.lateral_sigma_px, 0.0..=2.0, "0 to 2 px"),
             ("speed", self.speed, 0.01..=20.0, "0.01 to 20"),
             ("imu_noise_rad_per_s_sqrt_hz", self.imu_noise_rad_per_s_sqrt_hz, 0.0..=1.0, "0 to 1"),
             ("imu_bias_sigma_rad_per_s", self.imu_bias_sigma_rad_per_s, 0.0..=10.0, "0 to 10 rad/s"),

@@ -102,6 +102,46 @@ fn noise_is_a_kinects() {
 }
 
 #[test]
+fn each_sensor_errs_in_its_own_way_by_some_millimetres_at_two_metres() {
+    let exact = open(SceneName::Room, &SimulationOptions { noise: false, ..SimulationOptions::default() });
+    let (truth, _) = read(&exact, 0);
+    let width = exact.rays.width;
+    // Holes, pixels between both depths of an edge, and the correlation of errors of neighbours.
+    let judge = |sensor: DepthSensor| {
+        let source = open(SceneName::Room, &SimulationOptions { sensor, ..SimulationOptions::default() });
+        let (measured, _) = read(&source, 0);
+        let error = |at: usize| (f64::from(measured[at]) - f64::from(truth[at])) / 5000.0;
+        let (mut errors, mut products, mut n_between, mut n_edges) = (Vec::new(), 0.0, 0.0, 0.0);
+        for at in (0..truth.len()).filter(|at| at % width > 0 && measured[*at] != 0) {
+            let (here, beside) = (f64::from(truth[at]), f64::from(truth[at - 1]));
+            if (here - beside).abs() > 0.2 * here {
+                let share = (f64::from(measured[at]) - here) / (beside - here);
+                n_edges += 1.0;
+                n_between += f64::from(u8::from((0.1..0.9).contains(&share)));
+            } else if (9500.0..10_500.0).contains(&here) && measured[at - 1] != 0 && error(at).abs() < 0.05 {
+                errors.push(error(at) * error(at));
+                products += error(at) * error(at - 1);
+            }
+        }
+        let variance: f64 = errors.iter().sum();
+        let holes = measured.iter().filter(|raw| **raw == 0).count() as f64 / measured.len() as f64;
+        let sigma_m = (variance / errors.len() as f64).sqrt();
+        assert!(errors.len() > 1000 && (0.003..0.013).contains(&sigma_m), "{sensor:?}: {sigma_m} m");
+        (holes, n_between / f64::max(n_edges, 1.0), products / variance)
+    };
+    let [kinect, stereo, phase, phone] = [
+        DepthSensor::StructuredLight,
+        DepthSensor::ActiveStereo,
+        DepthSensor::TimeOfFlight,
+        DepthSensor::Upsampled,
+    ]
+    .map(judge);
+    assert!(stereo.0 > kinect.0 + 0.05 && phone.0 < 0.01, "holes {stereo:?} {kinect:?} {phone:?}");
+    assert!(phase.1 > 0.5 && phone.1 > 0.5 && kinect.1 < 0.2, "edges {phase:?} {phone:?} {kinect:?}");
+    assert!(phase.2 < 0.6 && kinect.2 > 0.5 && phone.2 > 0.8, "shared {phase:?} {kinect:?} {phone:?}");
+}
+
+#[test]
 fn every_scene_is_seen_everywhere_and_colour_lag_moves_colour_alone() {
     for name in SceneName::ALL {
         let source = open(name, &SimulationOptions::default());
@@ -125,7 +165,7 @@ fn seen_at(source: &SimulatedSource, time_s: f64) -> (Vec<u16>, Vec<u8>) {
     let n = source.rays.width * source.rays.height;
     let (mut scratch, mut depth, mut colour) = (Scratch::default(), vec![0; n], vec![0; 3 * n]);
     exposure(source, &walk, time_s).cast(&mut scratch, Some(&mut colour));
-    kinect::exact_depth(&source.camera, &source.rays, &scratch, &mut depth);
+    sensor::exact_depth(&source.camera, &source.rays, &scratch, &mut depth);
     (depth, colour)
 }
 
