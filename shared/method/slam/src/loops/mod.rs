@@ -10,6 +10,7 @@ pub(crate) mod feature_cache;
 pub(crate) mod from_appearance;
 pub(crate) mod join;
 pub(crate) mod keyframe_pair;
+pub(crate) mod known_looks;
 pub(crate) mod matchable;
 pub(crate) mod meeting;
 pub(crate) mod pair_alignment;
