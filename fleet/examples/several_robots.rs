@@ -13,6 +13,7 @@
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::ops::Range;
 use tessera_evaluation::align_rigid;
@@ -161,6 +162,7 @@ fn one_seed(walks: &Walks, seed: u64) -> Result<Outcome, Box<dyn Error>> {
     let is_wrong = |m: &Meeting| is_apart(&error_of(&map, &robots, truth, (m.own, m.seen)));
     let meetings: Vec<(Meeting, bool)> = found.into_iter().map(|m| (m, is_wrong(&m))).collect();
     let correction = map.optimise(&surfaces, &mut || ());
+    say_verdicts(&map, correction.as_ref());
     let outcome = judged(&map, &robots, truth, &meetings, correction.as_ref());
     println!("seed {seed}: {}", outcome.told());
     for (meeting, is_wrong) in &meetings {
@@ -264,6 +266,20 @@ fn judged(
         wrong_held: meetings.iter().filter(|(meeting, is_wrong)| *is_wrong && is_held(meeting)).count(),
         loops: kept.len(),
         wrong_loops: kept.iter().filter(|pair| is_apart(&error_of(map, robots, truth, **pair))).count(),
+    }
+}
+
+/// What became of the pairs of keyframes of two robots that stand near each other in the one map.
+fn say_verdicts(map: &JointMap, correction: Option<&Correction>) {
+    let mut counts: BTreeMap<String, (usize, f64)> = BTreeMap::new();
+    let loops = correction.iter().flat_map(|correction| &correction.loops);
+    for pair in loops.filter(|l| map.run_of(l.newer) != map.run_of(l.older)) {
+        let count = counts.entry(format!("{:?}", pair.verdict)).or_default();
+        count.0 += 1;
+        count.1 += pair.in_front;
+    }
+    for (verdict, (n, in_front)) in counts {
+        println!("    pairs of two robots: {n} {verdict}, {:.0} % in front", 100.0 * in_front / n as f64);
     }
 }
 

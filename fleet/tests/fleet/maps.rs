@@ -148,10 +148,13 @@ fn rmse_in_one_map(trajectories: &[(PathBuf, &Path)]) -> Vec<f64> {
 fn three_robots_that_start_apart_end_in_one_map_as_good_as_one_run_over_all() {
     let Some(tessera) = tessera() else { return };
     let dir = tempfile::tempdir().unwrap();
-    // The first and the last one share no place.
-    let parts = [("a", (0, 40)), ("b", (30, 80)), ("c", (100, 40))];
-    let robots = parts.map(|(name, part)| small(&tessera, dir.path(), name, part));
-    let whole = small(&tessera, dir.path(), "whole", (0, 140));
+    let walked = |name: &str, part: (u64, u64)| {
+        let robot = Robot::new(&tessera, (dir.path(), name), part, &[]);
+        robot.finish();
+        robot
+    };
+    let robots = [("a", (0, 40)), ("b", (20, 85)), ("c", (85, 40))].map(|(name, part)| walked(name, part));
+    let whole = walked("whole", (0, 125));
     let folder = dir.path().join("base");
     let summary = map_of(&folder, &[&robots[0].out, &robots[2].out, &robots[1].out]);
     assert_eq!(summary.components.len(), 1, "{summary:?}");

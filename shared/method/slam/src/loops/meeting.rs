@@ -3,9 +3,10 @@
 //! Each keyframe is looked for in the components before its own as a lost camera is; what is found there
 //! must be confirmed by other keyframes of its component, and the keyframes themselves must pass the tests
 //! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
-//! nothing.
+//! nothing, and what else both saw there must not contradict the join.
 
 use crate::loops::appearance::Ferns;
+use crate::loops::contradiction;
 use crate::loops::join;
 use crate::loops::known_looks::{ComponentHashes, KnownLooks};
 use crate::map::context::Context;
@@ -55,7 +56,18 @@ pub struct Meeting {
 #[derive(Debug, Default)]
 pub(crate) struct KnownMeetings {
     pub(crate) seen: KnownLooks<Option<SightingRecord>>,
-    pub(crate) joined: KnownLooks<Option<(Meeting, JoinRecord)>>,
+    pub(crate) joined: KnownLooks<LookOutcome>,
+}
+
+/// What came of what a keyframe saw.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LookOutcome {
+    /// It is not certain.
+    Nothing,
+    /// A join that what both components saw contradicts.
+    Contradicted(JoinRecord),
+    /// A join.
+    Joined(Meeting, JoinRecord),
 }
 
 /// Joins the components of a state that share places, the younger into the older, until no more are
@@ -80,6 +92,7 @@ pub(crate) fn join_all(
                 apply_join(state.keyframes.as_mut_slice(), &mut state.submaps, &joined);
                 meetings.push(meeting);
                 hashes = ComponentHashes::of(state);
+                looker.contradicted.clear();
                 // A component that has grown may see more.
                 id = 0;
             }
@@ -98,6 +111,8 @@ struct Looker {
     samples: Vec<Sample>,
     /// By keyframe: how many keyframes it was looked for among, in vain.
     in_vain: Vec<usize>,
+    /// Joins that what both saw contradicts, since the last one that holds.
+    contradicted: Vec<JoinRecord>,
 }
 
 impl Looker {
@@ -111,6 +126,7 @@ impl Looker {
             sampler: Sampler::default(),
             samples: Vec::new(),
             in_vain: vec![0; state.keyframes.len()],
+            contradicted: Vec::new(),
             context,
         }
     }
@@ -131,20 +147,42 @@ impl Looker {
         if others.len() == self.in_vain[id as usize] {
             return None;
         }
-        let found = if others.is_empty() {
-            None
+        let outcome = if others.is_empty() {
+            LookOutcome::Nothing
         } else {
             let seen = hashes.seen(&state.colour, own, component(own));
             let seen = known.seen.of(seen, || self.first_sighting(state, surfaces, own, &others));
             let joined = hashes.joined(&state.colour, own, component(own));
-            seen.and_then(|sighting| {
-                known.joined.of(joined, || self.confirmed(state, surfaces, own, sighting))
+            seen.map_or(LookOutcome::Nothing, |sighting| {
+                known.joined.of(joined, || self.judged(state, surfaces, own, sighting))
             })
         };
-        if found.is_none() {
-            self.in_vain[id as usize] = others.len();
+        self.in_vain[id as usize] = others.len();
+        match outcome {
+            LookOutcome::Joined(meeting, joined) => return Some((meeting, joined)),
+            LookOutcome::Contradicted(joined) => self.contradicted.push(joined),
+            LookOutcome::Nothing => {}
         }
-        found
+        None
+    }
+
+    /// What comes of a sighting.
+    fn judged(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        own: &KeyframeState,
+        sighting: SightingRecord,
+    ) -> LookOutcome {
+        let Some((meeting, joined)) = self.confirmed(state, surfaces, own, sighting) else {
+            return LookOutcome::Nothing;
+        };
+        // Neighbours say the same: one test is enough for them.
+        let is_known = self.contradicted.iter().any(|known| contradiction::is_same_join(known, &joined));
+        if is_known || contradiction::is_contradicted(&self.context, state, surfaces, &joined) {
+            return LookOutcome::Contradicted(joined);
+        }
+        LookOutcome::Joined(meeting, joined)
     }
 
     fn first_sighting(

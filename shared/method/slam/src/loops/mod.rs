@@ -3,6 +3,7 @@
 pub(crate) mod alike;
 pub(crate) mod appearance;
 pub(crate) mod conflict;
+pub(crate) mod contradiction;
 pub(crate) mod covisibility;
 pub(crate) mod detection;
 pub(crate) mod extended_window;
