@@ -156,15 +156,8 @@ fn joint(
     // Runs that share no place stay as they are.
     let correction = if meetings.is_empty() { None } else { map.optimise(&surfaces, &mut || ()) };
     cost.optimise_s = begun.elapsed().as_secs_f64() - cost.join_s;
-    let (camera, step) = (pasts[0].1.run.camera.clone(), pasts[0].1.settings.surface.step as usize);
-    let output = pasts[0].1.settings.output.clone();
     let components = components(&map);
-    for (place, component) in components.keys().enumerate() {
-        let name = component_file("map", place, "ply");
-        let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
-        let keyframes = map.keyframes().iter().filter(is_in);
-        write_joint_map((folder, &name), (&camera, step, &output), keyframes, &surfaces)?;
-    }
+    write_clouds(folder, &map, &components, pasts[0].1, &surfaces)?;
     drop(surfaces);
     if correction.is_some() {
         for (run, (_, past)) in pasts.iter_mut().enumerate() {
@@ -205,6 +198,24 @@ fn joint(
     }
     let runs = run_summaries(arrivals, labels, parts, &places);
     Ok(Summary::new(runs, components, joins, between))
+}
+
+/// Writes the cloud of each component, with the camera and the settings of the first run.
+fn write_clouds(
+    folder: &Path,
+    map: &JointMap,
+    components: &Components,
+    first: &Past,
+    surfaces: &JointSurfaces<'_>,
+) -> Result<(), FleetError> {
+    let (camera, step) = (&first.run.camera, first.settings.surface.step as usize);
+    for (place, component) in components.keys().enumerate() {
+        let name = component_file("map", place, "ply");
+        let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
+        let keyframes = map.keyframes().iter().filter(is_in);
+        write_joint_map((folder, &name), (camera, step, &first.settings.output), keyframes, surfaces)?;
+    }
+    Ok(())
 }
 
 /// Keyframes of each component, the largest component first.

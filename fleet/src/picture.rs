@@ -95,7 +95,11 @@ impl Axes {
 
 /// A number with the digits that its neighbours need; no minus before nothing.
 fn label(value: f64, (low, high): (f64, f64)) -> String {
-    let digits = if high - low > 20.0 { 0 } else { 1 };
+    let digits = match high - low {
+        span if span > 20.0 => 0,
+        span if span > 4.0 => 1,
+        _ => 2,
+    };
     let text = format!("{value:.digits$}");
     if text.chars().all(|c| "-0.".contains(c)) { text.trim_start_matches('-').to_owned() } else { text }
 }
