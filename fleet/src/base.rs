@@ -4,8 +4,10 @@ use crate::carrier::Carrier;
 use crate::disk::add_from_disk;
 use crate::error::FleetError;
 use crate::mapper::Mapper;
+use crate::report::write_report;
 use crate::shared::{Shared, SharedRef, lock};
 use crate::status::{RunStatus, Status};
+use crate::traffic::Traffic;
 use crate::visit::{Visit, visit};
 use crate::wire::Refusal;
 use std::collections::{BTreeMap, BTreeSet};
@@ -61,6 +63,7 @@ pub fn base(
     let mut workers: BTreeMap<String, JoinHandle<()>> = BTreeMap::new();
     add_from_disk(options, &shared, &mut workers, stop)?;
     let mut mapper = Mapper::default();
+    let (mut traffic, begun, mut reported) = (Traffic::default(), Instant::now(), 0);
     let mut said = Instant::now().checked_sub(STATUS_EVERY);
     loop {
         let present = match &mut network {
@@ -75,8 +78,14 @@ pub fn base(
         let is_done = options.until.is_some_and(|n| mapper.is_done(&shared, n)) && !is_adding(&workers);
         let is_over = is_done || stop.load(Ordering::Relaxed);
         if is_over || said.is_none_or(|said| said.elapsed() >= STATUS_EVERY) {
-            status(options, &shared, &mapper, &present).write(&options.folder)?;
+            let status = status(options, &shared, &mapper, &present);
+            status.write(&options.folder)?;
             said = Some(Instant::now());
+            traffic.note(begun.elapsed().as_secs_f64(), &status.runs);
+            if is_over || status.mapped != reported {
+                reported = status.mapped;
+                write_report(&options.folder, &status, &traffic)?;
+            }
         }
         if is_over {
             stop.store(true, Ordering::Relaxed);
@@ -145,5 +154,6 @@ fn status(options: &BaseOptions, shared: &SharedRef, mapper: &Mapper, present: &
         mapped: mapper.number,
         map_problem: mapper.problem.clone(),
         map: mapper.summary.clone(),
+        map_cost: mapper.cost,
     }
 }

@@ -6,19 +6,56 @@ use crate::joint_surfaces::JointSurfaces;
 use crate::past::Past;
 use crate::summary::{ComponentSummary, JoinSummary, JoinVerdict, RunSummary, Summary};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 use tessera_evaluation::write_tum;
 use tessera_geometry::Pose;
 use tessera_outputs::{write_file, write_joint_map};
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, AppliedCorrection, Context, JointMap, Meeting};
+use tessera_slam::{AlignRecord, AppliedCorrection, Context, JointCache, JointMap, Meeting};
 use tessera_stage::RunFile;
 
 /// Folder of the map in the base's folder.
 pub const MAP_FOLDER: &str = "map";
 /// Says which map the folder holds.
 pub const MAP_NUMBER: &str = "map.number";
+
+/// A map that was made.
+pub struct MadeMap {
+    /// What it is.
+    pub summary: Summary,
+    /// What it cost.
+    pub cost: MapCost,
+    /// What the next map need not find out again.
+    pub known: KnownMap,
+}
+
+/// What a map leaves to the next one, which is the same without it.
+#[derive(Debug, Default)]
+pub struct KnownMap {
+    /// The first run in the map: its camera and settings are those of the map.
+    first: Option<u64>,
+    cache: JointCache,
+}
+
+/// What a map cost, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapCost {
+    /// Reading journals.
+    pub read_s: f64,
+    /// Looking for places that runs share.
+    pub join_s: f64,
+    /// Optimising all keyframes in one graph.
+    pub optimise_s: f64,
+    /// All of it, the outputs included.
+    pub all_s: f64,
+    /// Keyframes that were looked for among other runs'.
+    pub looks: u64,
+    /// Those of them of which the last map left the outcome.
+    pub looks_known: u64,
+}
 
 /// A run that is in the map, or why it is not.
 enum Part {
@@ -30,23 +67,41 @@ enum Part {
 ///
 /// # Errors
 /// Where an output cannot be written. A run that cannot be read is left out, and the summary says why.
-pub fn make_map(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Result<Summary, FleetError> {
+pub fn make_map(
+    base: &Path,
+    arrivals: &[Arrival],
+    mapped: &Mapped,
+    known: KnownMap,
+) -> Result<MadeMap, FleetError> {
+    let begun = Instant::now();
+    let mut cost = MapCost::default();
     let folder = base.join(format!("{MAP_FOLDER}.partial"));
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).map_err(FleetError::io("make", &folder))?;
     let mut parts = read_parts(base, arrivals, mapped);
-    let context = parts.iter().find_map(|part| match part {
-        Part::In(past) => Some(context_of(&past.run, &past.settings)),
+    cost.read_s = begun.elapsed().as_secs_f64();
+    let first = arrivals.iter().zip(&parts).find_map(|(arrival, part)| match part {
+        Part::In(past) => Some((arrival.identity, context_of(&past.run, &past.settings))),
         Part::Out(_) => None,
     });
+    let mut cache = if known.first == first.as_ref().map(|(identity, _)| *identity) {
+        known.cache
+    } else {
+        JointCache::default()
+    };
+    let known = first.as_ref().map(|(identity, _)| *identity);
     let labels = labels(arrivals);
-    let summary = match context {
-        Some(context) => joint(&folder, context, arrivals, &labels, &mut parts)?,
+    let summary = match first {
+        Some((_, context)) => {
+            let map = JointMap::knowing(context, std::mem::take(&mut cache));
+            joint(&folder, map, (arrivals, &labels, &mut parts), (&mut cost, &mut cache))?
+        }
         None => Summary::empty(run_summaries(arrivals, &labels, &parts, &BTreeMap::new())),
     };
     summary.write(&folder)?;
     replace(base, &folder, mapped.number)?;
-    Ok(summary)
+    cost.all_s = begun.elapsed().as_secs_f64();
+    Ok(MadeMap { summary, cost, known: KnownMap { first: known, cache } })
 }
 
 /// What the algorithms of mapping share, for the camera and settings of a run.
@@ -79,12 +134,10 @@ fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
 /// Joins, solves and writes.
 fn joint(
     folder: &Path,
-    context: Context,
-    arrivals: &[Arrival],
-    labels: &[String],
-    parts: &mut [Part],
+    mut map: JointMap,
+    (arrivals, labels, parts): (&[Arrival], &[String], &mut [Part]),
+    (cost, cache): (&mut MapCost, &mut JointCache),
 ) -> Result<Summary, FleetError> {
-    let mut map = JointMap::new(context);
     let mut surfaces = JointSurfaces::default();
     // Runs in the map by their number among those that are in it.
     let mut pasts: Vec<(usize, &mut Past)> = Vec::new();
@@ -97,18 +150,14 @@ fn joint(
     for (run, (_, past)) in pasts.iter().enumerate() {
         surfaces.add(map.keyframes_of(run), &past.surfaces);
     }
+    let begun = Instant::now();
     let meetings = map.join(&surfaces, &mut || ());
+    cost.join_s = begun.elapsed().as_secs_f64();
     // Runs that share no place stay as they are.
     let correction = if meetings.is_empty() { None } else { map.optimise(&surfaces, &mut || ()) };
-    let (camera, step) = (pasts[0].1.run.camera.clone(), pasts[0].1.settings.surface.step as usize);
-    let output = pasts[0].1.settings.output.clone();
+    cost.optimise_s = begun.elapsed().as_secs_f64() - cost.join_s;
     let components = components(&map);
-    for (place, component) in components.keys().enumerate() {
-        let name = component_file("map", place, "ply");
-        let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
-        let keyframes = map.keyframes().iter().filter(is_in);
-        write_joint_map((folder, &name), (&camera, step, &output), keyframes, &surfaces)?;
-    }
+    write_clouds(folder, &map, &components, pasts[0].1, &surfaces)?;
     drop(surfaces);
     if correction.is_some() {
         for (run, (_, past)) in pasts.iter_mut().enumerate() {
@@ -136,6 +185,9 @@ fn joint(
     });
     let components = components.collect();
     drop(pasts);
+    *cache = map.into_cache();
+    let (looks, looks_known) = cache.looks();
+    (cost.looks, cost.looks_known) = (looks as u64, looks_known as u64);
     for part in parts.iter_mut() {
         let damage = match part {
             Part::In(past) => past.surfaces.check().err(),
@@ -146,6 +198,24 @@ fn joint(
     }
     let runs = run_summaries(arrivals, labels, parts, &places);
     Ok(Summary::new(runs, components, joins, between))
+}
+
+/// Writes the cloud of each component, with the camera and the settings of the first run.
+fn write_clouds(
+    folder: &Path,
+    map: &JointMap,
+    components: &Components,
+    first: &Past,
+    surfaces: &JointSurfaces<'_>,
+) -> Result<(), FleetError> {
+    let (camera, step) = (&first.run.camera, first.settings.surface.step as usize);
+    for (place, component) in components.keys().enumerate() {
+        let name = component_file("map", place, "ply");
+        let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
+        let keyframes = map.keyframes().iter().filter(is_in);
+        write_joint_map((folder, &name), (camera, step, &first.settings.output), keyframes, surfaces)?;
+    }
+    Ok(())
 }
 
 /// Keyframes of each component, the largest component first.
@@ -176,7 +246,7 @@ fn components(map: &JointMap) -> Components {
 }
 
 /// `NAME.EXT` of the largest component, `NAME_component_K.EXT` of the next ones.
-fn component_file(name: &str, place: usize, extension: &str) -> String {
+pub(crate) fn component_file(name: &str, place: usize, extension: &str) -> String {
     match place {
         0 => format!("{name}.{extension}"),
         place => format!("{name}_component_{place}.{extension}"),
@@ -215,12 +285,16 @@ fn write_run(
 
 fn join_summary(map: &JointMap, meeting: &Meeting, run_of: &dyn Fn(u32) -> String) -> JoinSummary {
     let component = |id: u32| map.keyframes().get(id as usize).map(|k| map.submaps().component(k.submap));
+    let at_m = |id: u32| map.keyframes().get(id as usize).map(|k| k.world_from_camera.translation_m);
     let is_held = component(meeting.own) == component(meeting.seen);
     JoinSummary {
         run: run_of(meeting.own),
         with: run_of(meeting.seen),
         keyframe: meeting.own,
         with_keyframe: meeting.seen,
+        component: component(meeting.own).filter(|_| is_held),
+        at_m: at_m(meeting.own),
+        with_at_m: at_m(meeting.seen),
         keyframes_agree: meeting.n_confirmed,
         overlap: meeting.overlap,
         in_front: meeting.in_front,

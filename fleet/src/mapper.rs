@@ -3,7 +3,7 @@
 use crate::arrivals::Mapped;
 use crate::base::BaseOptions;
 use crate::error::FleetError;
-use crate::map::{make_map, map_folder, map_number};
+use crate::map::{KnownMap, MadeMap, MapCost, make_map, map_folder, map_number};
 use crate::shared::{Shared, SharedRef, lock};
 use crate::summary::Summary;
 use std::thread::JoinHandle;
@@ -12,7 +12,7 @@ use std::time::Instant;
 /// Makes maps, one at a time, beside the copying.
 #[derive(Default)]
 pub(crate) struct Mapper {
-    pub(crate) running: Option<(u64, JoinHandle<Result<Summary, FleetError>>)>,
+    pub(crate) running: Option<(u64, JoinHandle<Result<MadeMap, FleetError>>)>,
     /// What the map in its place is made of.
     pub(crate) made_of: Option<Vec<u64>>,
     pub(crate) last: Option<Instant>,
@@ -20,13 +20,18 @@ pub(crate) struct Mapper {
     pub(crate) problem: Option<String>,
     pub(crate) number: u64,
     pub(crate) summary: Option<Summary>,
+    pub(crate) cost: Option<MapCost>,
+    known: KnownMap,
 }
 
 impl Mapper {
     pub(crate) fn step(&mut self, options: &BaseOptions, shared: &SharedRef) -> Result<(), FleetError> {
         if let Some((number, thread)) = self.running.take_if(|(_, thread)| thread.is_finished()) {
             match thread.join() {
-                Ok(Ok(summary)) => (self.number, self.summary, self.problem) = (number, Some(summary), None),
+                Ok(Ok(MadeMap { summary, cost, known })) => {
+                    (self.number, self.summary, self.problem) = (number, Some(summary), None);
+                    (self.cost, self.known) = (Some(cost), known);
+                }
                 Ok(Err(error)) => self.problem = Some(error.to_string()),
                 Err(_) => self.problem = Some("the map's thread panicked".into()),
             }
@@ -68,7 +73,8 @@ impl Mapper {
     fn start(&mut self, shared: &Shared, mapped: Mapped) {
         let (base, arrivals) = (shared.base.clone(), shared.arrivals.runs.clone());
         let number = mapped.number;
-        let make = move || make_map(&base, &arrivals, &mapped);
+        let known = std::mem::take(&mut self.known);
+        let make = move || make_map(&base, &arrivals, &mapped, known);
         self.running = Some((number, std::thread::spawn(make)));
     }
 

@@ -265,7 +265,7 @@ impl Answer {
         };
         pulled.received_bytes += piece.bytes.len() as u64;
         if piece.kind == Kind::Refused {
-            let words = String::from_utf8_lossy(&piece.bytes).chars().take(200).collect::<String>();
+            let words = refusal_words(&piece);
             let refusal = if words.starts_with(REPLACED) { Refusal::Replaced } else { Refusal::OtherRun };
             pulled.refuse(refusal, words);
             return false;
@@ -292,6 +292,11 @@ impl Answer {
     }
 }
 
+/// Why a robot has nothing to give.
+fn refusal_words(piece: &Piece) -> String {
+    String::from_utf8_lossy(&piece.bytes).chars().take(200).collect()
+}
+
 /// Asks a robot which run it has.
 pub fn ask_offer(carrier: &mut dyn Carrier, robot: &str, pulled: &mut Pulled) -> Option<Offer> {
     let mut found = None;
@@ -305,6 +310,7 @@ pub fn ask_offer(carrier: &mut dyn Carrier, robot: &str, pulled: &mut Pulled) ->
         };
         pulled.received_bytes += piece.bytes.len() as u64;
         if piece.kind != Kind::Data {
+            pulled.refuse(Refusal::Offer, refusal_words(&piece));
             return false;
         }
         match read_offer(&piece) {

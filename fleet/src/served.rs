@@ -166,6 +166,11 @@ impl Served {
             match whole.take(&bytes, &path) {
                 // A record larger than what was looked at.
                 0 if !is_all && n_look <= MAX_FRAMED_BYTES => n_look *= 4,
+                // Of another version, or no journal: nothing of it will ever travel.
+                0 if from == 0 => {
+                    let found = whole.chain.step(&bytes, &path);
+                    return found.map(|_| ()).map_err(|error| io::Error::other(error.to_string()));
+                }
                 0 => return Ok(()),
                 _ => {}
             }

@@ -2,6 +2,7 @@
 
 pub use crate::answering::AnswerStatus;
 use crate::error::FleetError;
+use crate::map::MapCost;
 use crate::summary::{JoinVerdict, Summary};
 use crate::wire::Refusal;
 use serde::{Deserialize, Serialize};
@@ -32,6 +33,9 @@ pub struct Status {
     pub map_problem: Option<String>,
     /// What that map is.
     pub map: Option<Summary>,
+    /// What it cost, where this base made it.
+    #[serde(default)]
+    pub map_cost: Option<MapCost>,
 }
 
 /// One run.
@@ -160,7 +164,13 @@ impl Status {
             line(&mut text, format!("no map: {problem}"));
         }
         match &self.map {
-            Some(map) => text.push_str(&map_text(map, self.mapped)),
+            Some(map) => {
+                text.push_str(&map_text(map, self.mapped));
+                if let Some(MapCost { all_s, join_s, optimise_s, .. }) = self.map_cost {
+                    let words = format!("{all_s:.1} s: places {join_s:.1} s, optimisation {optimise_s:.1} s");
+                    line(&mut text, format!("  made in {words}"));
+                }
+            }
             None => line(&mut text, "map: none yet".into()),
         }
         if let Some(number) = self.mapping {

@@ -75,6 +75,15 @@ pub struct JoinSummary {
     pub keyframe: u32,
     /// Keyframe of the other.
     pub with_keyframe: u32,
+    /// The component that both are in, where the join holds.
+    #[serde(default)]
+    pub component: Option<u32>,
+    /// Where the first keyframe stands in the axes of its component, metres.
+    #[serde(default)]
+    pub at_m: Option<[f64; 3]>,
+    /// The same of the other.
+    #[serde(default)]
+    pub with_at_m: Option<[f64; 3]>,
     /// Keyframes that say so.
     pub keyframes_agree: u32,
     /// Smaller share of queries with a match, of both directions.

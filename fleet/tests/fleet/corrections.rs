@@ -3,6 +3,7 @@
 use crate::processes::{Process, base, free_port, start, status, uplink, wait_for, wait_for_robot};
 use crate::robot::{EARLY_LOOPS, Robot, tessera};
 use crate::run::correction;
+use crate::strangers::{certificates, write_configuration};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -207,4 +208,50 @@ fn forged_answers_are_refused_counted_and_named() {
     assert!(robot.log().contains("an answer of the base is refused: an answer"), "{}", robot.log());
     assert_eq!(robot.n_answers().1, 0);
     robot.assert_same_outputs(&alone);
+}
+
+#[test]
+fn two_robots_at_once_are_answered_over_tls() {
+    let Some(tessera) = tessera() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    if !certificates(dir.path()) {
+        return;
+    }
+    let (folder, port) = (dir.path().join("base"), free_port());
+    let names = ["robot1", "robot2"];
+    let config = |name: &str| write_configuration(dir.path(), name, port).display().to_string();
+    let at_base = config("base");
+    let mut bases = start(&[
+        "base",
+        folder.to_str().unwrap(),
+        "--config",
+        &at_base,
+        "--runs",
+        "2",
+        "--map-every",
+        "1",
+        "-q",
+    ]);
+    let robots = [(names[0], (0, 40)), (names[1], (20, 40))].map(|(name, part)| {
+        let wait = asking("run.base_wait_s=600");
+        let robot = Robot::new(&tessera, (dir.path(), name), part, &wait).with_small_camera();
+        robot.begin();
+        robot
+    });
+    let _uplinks = [0, 1].map(|k| {
+        let (run, config) = (robots[k].out.to_str().unwrap(), config(names[k]));
+        start(&["uplink", run, "--config", &config, "--robot", names[k], "-q"])
+    });
+    robots.iter().for_each(Robot::wait_for_contact);
+    let mut going_on = robots.each_ref().map(|robot| robot.resume(""));
+    for (child, robot) in going_on.iter_mut().zip(&robots) {
+        assert!(child.wait().unwrap().success(), "{}", robot.log());
+    }
+    bases.wait_for_success("the base");
+    for robot in &robots {
+        let (n_answers, n_from_base) = robot.n_answers();
+        assert!(n_answers > 0 && n_from_base + 1 >= n_answers, "{n_from_base} of {n_answers} from the base");
+        assert!(robot.odometry().0 < MOST_STEP_M);
+    }
+    assert_eq!(status(&folder).refused, []);
 }

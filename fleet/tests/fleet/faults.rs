@@ -25,10 +25,12 @@ fn kills_and_faults_on_the_network_change_no_byte() {
         wait_for_robot(&folder, robot);
     }
     let mut random = SplitMix64::for_frame(1, 2);
-    for step in 0..40u32 {
+    // `scripts/soak_fleet.sh` asks for more.
+    let n_steps = std::env::var("TESSERA_FLEET_STEPS").ok().map_or(40, |steps| steps.parse().unwrap());
+    for step in 0..n_steps {
         growing.iter_mut().for_each(|run| (0..4).for_each(|_| run.grow()));
         let k = random.below(2);
-        match step % 8 {
+        match step % 8u32 {
             0 => proxies[k].cut(),
             1 => proxies[k].repeat(true),
             2 => {

@@ -2,11 +2,12 @@
 
 use crate::processes::{base, copy_of, fleet, free_port, map_files, status, uplink, wait_for};
 use crate::requirements::data;
-use crate::robot::tessera;
+use crate::robot::{Robot, tessera};
 use crate::run::assert_same;
+use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use tessera_evaluation::{EvaluationOptions, evaluate, read_tum};
+use tessera_evaluation::{EvaluationOptions, align_rigid, evaluate, read_tum};
 use tessera_fleet::summary::{JoinVerdict, Summary};
 
 /// A run of a simulated scene or of a recording, in a folder.
@@ -113,4 +114,114 @@ fn a_run_is_followed_while_it_goes_on_and_alone_it_is_its_own_map() {
     assert_eq!(joint.len(), 60);
     assert_eq!(joint, rows(run.join("trajectory.txt")));
     assert_eq!(map_files(&folder)["map.ply"], std::fs::read(run.join("map.ply")).unwrap());
+}
+
+/// A finished run of the room with the small camera.
+fn small(tessera: &Path, folder: &Path, name: &str, part: (u64, u64)) -> Robot {
+    let robot = Robot::new(tessera, (folder, name), part, &["surface.step=2"]).with_small_camera();
+    robot.finish();
+    robot
+}
+
+/// Root mean square errors of trajectories of which all poses are aligned at once, metres.
+fn rmse_in_one_map(trajectories: &[(PathBuf, &Path)]) -> Vec<f64> {
+    let positions = |(estimate, run): &(PathBuf, &Path)| {
+        let (estimate, truth) =
+            (read_tum(estimate).unwrap(), read_tum(&run.join("groundtruth.txt")).unwrap());
+        let of = |stamp: &i64| truth.stamps_nanos.binary_search(stamp).unwrap();
+        let pairs = estimate.stamps_nanos.iter().zip(&estimate.poses);
+        let pair = |(stamp, pose): (&i64, &tessera_geometry::Pose)| {
+            (pose.translation.vector, truth.poses[of(stamp)].translation.vector)
+        };
+        pairs.map(pair).collect::<Vec<(Vector3<f64>, Vector3<f64>)>>()
+    };
+    let each: Vec<_> = trajectories.iter().map(positions).collect();
+    let (own, truth): (Vec<_>, Vec<_>) = each.iter().flatten().copied().unzip();
+    let truth_from_own = align_rigid(&own, &truth);
+    let square = |(own, truth): &(Vector3<f64>, Vector3<f64>)| {
+        (truth_from_own * Point3::from(*own) - Point3::from(*truth)).norm_squared()
+    };
+    each.iter().map(|each| (each.iter().map(square).sum::<f64>() / each.len() as f64).sqrt()).collect()
+}
+
+#[test]
+fn three_robots_that_start_apart_end_in_one_map_as_good_as_one_run_over_all() {
+    let Some(tessera) = tessera() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let walked = |name: &str, part: (u64, u64)| {
+        let robot = Robot::new(&tessera, (dir.path(), name), part, &[]);
+        robot.finish();
+        robot
+    };
+    let robots = [("a", (0, 40)), ("b", (20, 85)), ("c", (85, 40))].map(|(name, part)| walked(name, part));
+    let whole = walked("whole", (0, 125));
+    let folder = dir.path().join("base");
+    let summary = map_of(&folder, &[&robots[0].out, &robots[2].out, &robots[1].out]);
+    assert_eq!(summary.components.len(), 1, "{summary:?}");
+    assert!(summary.joins.iter().all(|join| join.verdict == JoinVerdict::Held), "{:?}", summary.joins);
+    let one_run = rmse_in_one_map(&[(whole.out.join("trajectory.txt"), &whole.out)])[0];
+    let order = [&robots[0], &robots[2], &robots[1]];
+    let joint: Vec<(PathBuf, &Path)> = summary
+        .runs
+        .iter()
+        .zip(order)
+        .map(|(run, robot)| {
+            let name = format!("trajectory_{}.txt", run.label);
+            (folder.join("map").join(name), robot.out.as_path())
+        })
+        .collect();
+    for (error, robot) in rmse_in_one_map(&joint).into_iter().zip(order) {
+        let name = robot.out.display();
+        assert!(error <= 1.2 * one_run + 5e-4, "{name}: {error} m in the one map, {one_run} m in one run");
+    }
+    let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    assert_eq!(report.matches("class=\"join\"").count(), 2, "both joins are drawn");
+}
+
+#[test]
+fn what_a_base_knows_of_the_last_map_changes_no_byte_of_the_next() {
+    let Some(tessera) = tessera() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let parts = [("a", (0, 50)), ("b", (35, 50)), ("c", (180, 30))];
+    let robots = parts.map(|(name, part)| small(&tessera, dir.path(), name, part));
+    let (folder, port) = (dir.path().join("base"), free_port());
+    let mut bases = base(&folder, port, 3);
+    let mut uplinks = Vec::new();
+    for (robot, name) in robots.iter().zip(["a", "b", "c"]) {
+        let n_before = status(&folder).mapped;
+        uplinks.push(uplink(&robot.out, name, port));
+        wait_for("a map with the next robot", || {
+            let said = status(&folder);
+            said.mapped > n_before && said.map.is_some_and(|map| map.runs.iter().any(|run| run.robot == name))
+        });
+    }
+    bases.wait_for_success("the base");
+    let cost = status(&folder).map_cost.unwrap();
+    assert!(cost.looks_known > 0 && cost.looks_known <= cost.looks, "{cost:?}");
+    let knowing = map_files(&folder);
+    // Made anew by a base that knows nothing.
+    std::fs::remove_dir_all(folder.join("map")).unwrap();
+    std::fs::remove_file(folder.join("map.number")).unwrap();
+    base(&folder, port, 3).wait_for_success("the base once more");
+    let cost = status(&folder).map_cost.unwrap();
+    assert_eq!(cost.looks_known, 0);
+    assert!(map_files(&folder) == knowing, "{:?}", knowing.keys());
+}
+
+#[test]
+fn a_run_of_another_version_is_refused_in_words() {
+    let dir = tempfile::tempdir().unwrap();
+    let (run, folder) = (dir.path().join("run"), dir.path().join("base"));
+    let mut growing = crate::run::GrowingRun::begin(&run, "desk", 3);
+    (0..10).for_each(|_| growing.grow());
+    growing.end();
+    let journal = run.join("align.journal");
+    let mut bytes = std::fs::read(&journal).unwrap();
+    bytes[8] -= 1;
+    std::fs::write(&journal, bytes).unwrap();
+    let mut command = fleet(&["base", folder.to_str().unwrap(), "--add", run.to_str().unwrap()]);
+    let output = command.stderr(Stdio::piped()).output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{words}");
+    assert!(words.contains("align.journal") && words.contains("version"), "{words}");
 }

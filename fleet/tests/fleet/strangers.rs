@@ -87,7 +87,7 @@ fn strangers_are_counted_and_harm_no_robot() {
 }
 
 /// Certificates as docs/fleet.md makes them; `false`, with the reason printed, without openssl.
-fn certificates(folder: &Path) -> bool {
+pub(crate) fn certificates(folder: &Path) -> bool {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts/fleet_certificates.sh");
     match Command::new(script).arg(folder).args(["127.0.0.1", "robot1", "robot2"]).output() {
         Ok(output) if output.status.success() => true,
@@ -99,7 +99,7 @@ fn certificates(folder: &Path) -> bool {
 }
 
 /// The configuration of an end as docs/fleet.md has it.
-fn write_configuration(folder: &Path, name: &str, port: u16) -> std::path::PathBuf {
+pub(crate) fn write_configuration(folder: &Path, name: &str, port: u16) -> std::path::PathBuf {
     let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("examples");
     let example = if name == "base" { "base.json5" } else { "robot1.json5" };
     let text = std::fs::read_to_string(page.join(example)).unwrap();

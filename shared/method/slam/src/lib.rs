@@ -21,6 +21,7 @@ pub use loops::meeting::Meeting;
 pub use map::context::Context;
 pub use map::culling::given_up;
 pub use map::joint::JointMap;
+pub use map::joint_cache::JointCache;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
     AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, JoinRecord,

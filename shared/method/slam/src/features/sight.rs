@@ -51,6 +51,8 @@ pub(crate) struct Sight {
     pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
     /// The active keyframes of all submaps, as of the last recognition.
     places: PlaceIndex,
+    /// Of them those alone among which a frame is looked for: what it sees depends on no other.
+    pub(crate) holds_admitted_only: bool,
 }
 
 impl Sight {
@@ -64,6 +66,7 @@ impl Sight {
             observations: Arc::new([]),
             pairs: BTreeMap::new(),
             places: PlaceIndex::new(context.registration.isa.arch()),
+            holds_admitted_only: false,
         }
     }
 
@@ -137,8 +140,9 @@ impl Sight {
         is_admitted: impl Fn(&KeyframeState) -> bool,
     ) -> Vec<u32> {
         let keyframes = &input.map.state().keyframes;
-        let active = keyframes.iter().filter(|keyframe| keyframe.is_active()).map(|keyframe| keyframe.id);
-        self.places.hold_only(active, |id| input.surfaces.keyframes.features_once(id));
+        let is_held = |k: &&KeyframeState| k.is_active() && (!self.holds_admitted_only || is_admitted(k));
+        let held = keyframes.iter().filter(is_held).map(|keyframe| keyframe.id);
+        self.places.hold_only(held, |id| input.surfaces.keyframes.features_once(id));
         let is_admitted: Vec<bool> = keyframes.iter().map(|k| k.is_active() && is_admitted(k)).collect();
         if !is_admitted.contains(&true) {
             return Vec::new();

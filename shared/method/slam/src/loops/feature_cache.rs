@@ -58,9 +58,12 @@ impl FeatureCache {
         if kept.model != model {
             *kept = CachedPairs { model, ..CachedPairs::default() };
         }
-        let is_held = |pair: &PairIds| [pair.0, pair.1].iter().all(|id| ids.binary_search(id).is_ok());
-        kept.shared.retain(|pair, _| is_held(pair));
-        kept.alike.retain(|pair, _| is_held(pair));
+        kept.keep_only(ids);
+    }
+
+    /// Forgets all keyframes but those with these ids, which rise.
+    pub(crate) fn keep_only(&self, ids: &[u32]) {
+        self.kept().keep_only(ids);
     }
 
     /// The features that a pair shares near a guess, by `find` where they are not known.
@@ -94,6 +97,14 @@ impl FeatureCache {
 
     fn kept(&self) -> MutexGuard<'_, CachedPairs> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl CachedPairs {
+    fn keep_only(&mut self, ids: &[u32]) {
+        let is_held = |pair: &PairIds| [pair.0, pair.1].iter().all(|id| ids.binary_search(id).is_ok());
+        self.shared.retain(|pair, _| is_held(pair));
+        self.alike.retain(|pair, _| is_held(pair));
     }
 }
 

@@ -2,10 +2,13 @@
 //!
 //! Each keyframe is looked for in the components before its own as a lost camera is; what is found there
 //! must be confirmed by other keyframes of its component, and the keyframes themselves must pass the tests
-//! of a loop closure. Nothing else joins two maps.
+//! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
+//! nothing, and what else both saw there must not contradict the join.
 
 use crate::loops::appearance::Ferns;
+use crate::loops::contradiction;
 use crate::loops::join;
+use crate::loops::known_looks::{ComponentHashes, KnownLooks};
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::pose_history::apply_join;
@@ -16,7 +19,7 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
 use crate::tracking::relocalise;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised};
+use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
 use tessera_registration::{Sample, Sampler};
 use tessera_surface::SurfaceView;
 
@@ -24,6 +27,11 @@ use tessera_surface::SurfaceView;
 const MIN_SAMPLES: usize = 100;
 /// Neighbours of a keyframe that are asked to confirm what it sees.
 const MOST_ASKED: usize = 12;
+/// Keyframes farther than this from a place show another place, metres.
+const ELSEWHERE_M: f64 = 2.0;
+/// Poses that differ by more are different places, metres and radians.
+const APART_M: f64 = 1.0;
+const APART_RAD: f64 = 0.5;
 
 /// Two components that were joined because both saw a place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,23 +52,47 @@ pub struct Meeting {
     pub in_front: f64,
 }
 
+/// What one map leaves to the next: what keyframes saw, and what that joined.
+#[derive(Debug, Default)]
+pub(crate) struct KnownMeetings {
+    pub(crate) seen: KnownLooks<Option<SightingRecord>>,
+    pub(crate) joined: KnownLooks<LookOutcome>,
+}
+
+/// What came of what a keyframe saw.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LookOutcome {
+    /// It is not certain.
+    Nothing,
+    /// A join that what both components saw contradicts.
+    Contradicted(JoinRecord),
+    /// A join.
+    Joined(Meeting, JoinRecord),
+}
+
 /// Joins the components of a state that share places, the younger into the older, until no more are
 /// found. The same answer for the same keyframes in the same order.
 pub(crate) fn join_all(
     context: &Context,
     state: &mut TrackerState,
     surfaces: &dyn KeyframeSurfaces,
+    known: &mut KnownMeetings,
     progress: &mut dyn FnMut(),
 ) -> Vec<Meeting> {
+    known.seen.begin();
+    known.joined.begin();
     let mut looker = Looker::new(context, state);
+    let mut hashes = ComponentHashes::of(state);
     let mut meetings = Vec::new();
     let mut id = 0;
     while (id as usize) < state.keyframes.len() && state.submaps.n_components() > 1 {
         progress();
-        match looker.meeting(state, surfaces, id) {
+        match looker.meeting(state, surfaces, (known, &hashes), id) {
             Some((meeting, joined)) => {
                 apply_join(state.keyframes.as_mut_slice(), &mut state.submaps, &joined);
                 meetings.push(meeting);
+                hashes = ComponentHashes::of(state);
+                looker.contradicted.clear();
                 // A component that has grown may see more.
                 id = 0;
             }
@@ -79,17 +111,22 @@ struct Looker {
     samples: Vec<Sample>,
     /// By keyframe: how many keyframes it was looked for among, in vain.
     in_vain: Vec<usize>,
+    /// Joins that what both saw contradicts, since the last one that holds.
+    contradicted: Vec<JoinRecord>,
 }
 
 impl Looker {
     fn new(context: &Context, state: &TrackerState) -> Self {
         let context = context.with_colour(&state.colour);
+        let mut aligner = Aligner::new(&context);
+        aligner.sight.holds_admitted_only = true;
         Self {
-            aligner: Aligner::new(&context),
+            aligner,
             ferns: Ferns::default(),
             sampler: Sampler::default(),
             samples: Vec::new(),
             in_vain: vec![0; state.keyframes.len()],
+            contradicted: Vec::new(),
             context,
         }
     }
@@ -99,6 +136,7 @@ impl Looker {
         &mut self,
         state: &TrackerState,
         surfaces: &dyn KeyframeSurfaces,
+        (known, hashes): (&mut KnownMeetings, &ComponentHashes),
         id: u32,
     ) -> Option<(Meeting, JoinRecord)> {
         let own = state.keyframes.get(id as usize).filter(|k| k.is_active())?;
@@ -109,12 +147,42 @@ impl Looker {
         if others.len() == self.in_vain[id as usize] {
             return None;
         }
-        let found = self.first_sighting(state, surfaces, own, &others);
-        let found = found.and_then(|sighting| self.confirmed(state, surfaces, own, sighting));
-        if found.is_none() {
-            self.in_vain[id as usize] = others.len();
+        let outcome = if others.is_empty() {
+            LookOutcome::Nothing
+        } else {
+            let seen = hashes.seen(&state.colour, own, component(own));
+            let seen = known.seen.of(seen, || self.first_sighting(state, surfaces, own, &others));
+            let joined = hashes.joined(&state.colour, own, component(own));
+            seen.map_or(LookOutcome::Nothing, |sighting| {
+                known.joined.of(joined, || self.judged(state, surfaces, own, sighting))
+            })
+        };
+        self.in_vain[id as usize] = others.len();
+        match outcome {
+            LookOutcome::Joined(meeting, joined) => return Some((meeting, joined)),
+            LookOutcome::Contradicted(joined) => self.contradicted.push(joined),
+            LookOutcome::Nothing => {}
         }
-        found
+        None
+    }
+
+    /// What comes of a sighting.
+    fn judged(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        own: &KeyframeState,
+        sighting: SightingRecord,
+    ) -> LookOutcome {
+        let Some((meeting, joined)) = self.confirmed(state, surfaces, own, sighting) else {
+            return LookOutcome::Nothing;
+        };
+        // Neighbours say the same: one test is enough for them.
+        let is_known = self.contradicted.iter().any(|known| contradiction::is_same_join(known, &joined));
+        if is_known || contradiction::is_contradicted(&self.context, state, surfaces, &joined) {
+            return LookOutcome::Contradicted(joined);
+        }
+        LookOutcome::Joined(meeting, joined)
     }
 
     fn first_sighting(
@@ -124,14 +192,34 @@ impl Looker {
         own: &KeyframeState,
         others: &[&KeyframeState],
     ) -> Option<SightingRecord> {
-        self.look(state, surfaces, own, |input, aligner| {
-            let found = relocalise::recognise(input, aligner, others, own.id as usize)?;
-            let seen = join::nearest_of(input, &found)?;
-            let seen_from_own =
-                Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
-            let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
-            Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, n_confirmed: 1 })
-        })?
+        self.look(state, surfaces, own, |input, aligner| recognised(input, aligner, own, others))?
+    }
+
+    /// Whether a keyframe fits a place of a component apart from `expected`, its pose there, just as well: of
+    /// rooms that look alike none says which one it is.
+    fn fits_elsewhere(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        keyframe: &KeyframeState,
+        (component, expected): (u32, &Pose),
+    ) -> bool {
+        let is_elsewhere = |k: &&KeyframeState| {
+            let apart = translation_rotation_norms(&(expected.inverse() * Pose::from(&k.world_from_camera)));
+            k.is_active() && state.submaps.component(k.submap) == component && apart.0 > ELSEWHERE_M
+        };
+        let elsewhere: Vec<&KeyframeState> = state.keyframes.iter().filter(is_elsewhere).collect();
+        if elsewhere.is_empty() {
+            return false;
+        }
+        let fits = self.look(state, surfaces, keyframe, |input, aligner| {
+            let sighting = recognised(input, aligner, keyframe, &elsewhere)?;
+            let found = join::other_from_own(input, &sighting)? * Pose::from(&keyframe.world_from_camera);
+            let apart = translation_rotation_norms(&(expected.inverse() * found));
+            let is_apart = apart.0 > APART_M || apart.1 > APART_RAD;
+            Some(is_apart && join::verified(input, &sighting).is_some())
+        });
+        fits.flatten() == Some(true)
     }
 
     /// The join, where enough neighbours of the keyframe see the same, none of them something else,
@@ -165,9 +253,10 @@ impl Looker {
         if sighting.n_confirmed < n_needed {
             return None;
         }
-        self.look(state, surfaces, own, |input, _| {
+        let found = self.look(state, surfaces, own, |input, _| {
             let tested = join::verified(input, &sighting)?;
             let joined = join::join(input, &sighting)?;
+            let other_from_own = join::other_from_own(input, &sighting)?;
             let meeting = Meeting {
                 kept: joined.kept,
                 moved: joined.moved,
@@ -177,8 +266,16 @@ impl Looker {
                 overlap: tested.overlap,
                 in_front: tested.in_front,
             };
-            Some((meeting, joined))
-        })?
+            Some((meeting, joined, other_from_own))
+        });
+        let (meeting, joined, other_from_own) = found.flatten()?;
+        let seen = state.keyframes.get(sighting.seen as usize)?;
+        let component = |k: &KeyframeState| state.submaps.component(k.submap);
+        let own_in_other = other_from_own * Pose::from(&own.world_from_camera);
+        let seen_in_own = other_from_own.inverse() * Pose::from(&seen.world_from_camera);
+        let is_ambiguous = self.fits_elsewhere(state, surfaces, own, (component(seen), &own_in_other))
+            || self.fits_elsewhere(state, surfaces, seen, (component(own), &seen_in_own));
+        (!is_ambiguous).then_some((meeting, joined))
     }
 
     /// Has a keyframe looked at as a frame of its own submap; `None` with too little to look at.
@@ -211,6 +308,20 @@ impl Looker {
         };
         Some(what(&input, &mut self.aligner))
     }
+}
+
+/// What a keyframe sees among these keyframes.
+fn recognised(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    own: &KeyframeState,
+    others: &[&KeyframeState],
+) -> Option<SightingRecord> {
+    let found = relocalise::recognise(input, aligner, others, own.id as usize)?;
+    let seen = join::nearest_of(input, &found)?;
+    let seen_from_own = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
+    let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
+    Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, n_confirmed: 1 })
 }
 
 /// Keyframes of the same component, the nearest in the order of their making first.

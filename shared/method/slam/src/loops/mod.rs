@@ -3,6 +3,7 @@
 pub(crate) mod alike;
 pub(crate) mod appearance;
 pub(crate) mod conflict;
+pub(crate) mod contradiction;
 pub(crate) mod covisibility;
 pub(crate) mod detection;
 pub(crate) mod extended_window;
@@ -10,6 +11,7 @@ pub(crate) mod feature_cache;
 pub(crate) mod from_appearance;
 pub(crate) mod join;
 pub(crate) mod keyframe_pair;
+pub(crate) mod known_looks;
 pub(crate) mod matchable;
 pub(crate) mod meeting;
 pub(crate) mod pair_alignment;

@@ -4,6 +4,7 @@
 use crate::loops::meeting::{Meeting, join_all};
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
+use crate::map::joint_cache::JointCache;
 use crate::map::records::{AlignRecord, Correction, KeyframePose, RequestRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
@@ -20,6 +21,7 @@ pub struct JointMap {
     context: Context,
     state: TrackerState,
     runs: Vec<MemberRun>,
+    cache: JointCache,
 }
 
 /// Where a run's keyframes and submaps are.
@@ -31,9 +33,19 @@ struct MemberRun {
 impl JointMap {
     /// A map without a keyframe.
     pub fn new(context: Context) -> Self {
+        Self::knowing(context, JointCache::default())
+    }
+
+    /// A map without a keyframe, to which an earlier one left what it found out: the same map as without.
+    pub fn knowing(context: Context, cache: JointCache) -> Self {
         // No keyframe is the tracker's own here.
         let state = TrackerState { session: u32::MAX, ..TrackerState::default() };
-        Self { context, state, runs: Vec::new() }
+        Self { context, state, runs: Vec::new(), cache }
+    }
+
+    /// What a later map of the same runs need not find out again.
+    pub fn into_cache(self) -> JointCache {
+        self.cache
     }
 
     /// A map that begins with a run's request: run 0 is that run with the keyframes that the request asks
@@ -105,7 +117,8 @@ impl JointMap {
     /// Joins components that share places. A join is no more than supposed until
     /// [`Self::optimise`] keeps it.
     pub fn join(&mut self, surfaces: &dyn KeyframeSurfaces, progress: &mut dyn FnMut()) -> Vec<Meeting> {
-        join_all(&self.context, &mut self.state, surfaces, progress)
+        self.cache.begin(&self.state.keyframes);
+        join_all(&self.context, &mut self.state, surfaces, &mut self.cache.meetings, progress)
     }
 
     /// Solves for all keyframes in one graph, the first of each component fixed; components come apart
@@ -120,8 +133,12 @@ impl JointMap {
         let mut context = self.context.clone();
         context.mapping.global.refine_camera = false;
         let optimiser = (n_keyframes >= 2).then(|| Optimiser::asked(context, &self.state, request))?;
+        let JointCache { drawn, features, .. } = &mut self.cache;
+        let optimiser = optimiser.knowing(std::mem::take(drawn), std::mem::take(features));
         let none: &[AlignRecord] = &[];
-        let correction = optimiser.solve(&request, surfaces, &none, progress)?;
+        let correction = optimiser.solve(&request, surfaces, &none, progress);
+        (*drawn, *features) = optimiser.into_known();
+        let correction = correction?;
         for pose in &correction.keyframes {
             self.state.keyframes[pose.id as usize].world_from_camera = pose.world_from_camera;
         }

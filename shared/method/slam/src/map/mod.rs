@@ -5,6 +5,7 @@ pub(crate) mod correction;
 pub(crate) mod culling;
 pub(crate) mod input_hash;
 pub(crate) mod joint;
+pub(crate) mod joint_cache;
 pub(crate) mod keyframe;
 pub(crate) mod map_view;
 pub(crate) mod pose_history;

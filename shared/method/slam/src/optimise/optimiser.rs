@@ -87,6 +87,16 @@ impl Optimiser {
         Self { pending: VecDeque::from([pending]), ..Self::new(context) }
     }
 
+    /// The same with what is known of its keyframes from an earlier optimisation.
+    pub(crate) fn knowing(self, drawn: Drawn, cache: FeatureCache) -> Self {
+        Self { drawn, cache, ..self }
+    }
+
+    /// What is known of its keyframes for a later optimisation.
+    pub(crate) fn into_known(self) -> (Drawn, FeatureCache) {
+        (self.drawn, self.cache)
+    }
+
     /// Takes a record of the aligner's journal into the state.
     pub fn apply(&mut self, record: &AlignRecord) {
         self.state.apply(record);

@@ -1,0 +1,38 @@
+//! What joint maps of the same runs have in common, from one map to the next.
+//!
+//! All of it is a function of keyframes with their numbers in the map, so that it makes no difference what is
+//! kept and what is found anew: keyframes of runs that came first and have not grown are known again.
+
+use crate::loops::feature_cache::FeatureCache;
+use crate::loops::known_looks::identity;
+use crate::loops::meeting::KnownMeetings;
+use crate::map::state::KeyframeState;
+use crate::optimise::sample_cache::Drawn;
+
+/// What is kept of a joint map for the next one, which must have the same camera and settings.
+#[derive(Debug, Default)]
+pub struct JointCache {
+    /// What each number stood for.
+    identities: Vec<u64>,
+    pub(crate) meetings: KnownMeetings,
+    pub(crate) drawn: Drawn,
+    pub(crate) features: FeatureCache,
+}
+
+impl JointCache {
+    /// A map of these keyframes begins: what other keyframes had under their numbers is forgotten.
+    pub(crate) fn begin(&mut self, keyframes: &[KeyframeState]) {
+        let identities: Vec<u64> = keyframes.iter().map(identity).collect();
+        let both = identities.iter().zip(&self.identities);
+        let same: Vec<u32> = (0..).zip(both).filter(|(_, (a, b))| a == b).map(|(id, _)| id).collect();
+        self.drawn.keep_only(&same);
+        self.features.keep_only(&same);
+        self.identities = identities;
+    }
+
+    /// Keyframes of the last map that were looked for among other runs', and those of which the outcome was
+    /// known from the map before it.
+    pub fn looks(&self) -> (usize, usize) {
+        self.meetings.seen.counts()
+    }
+}
