@@ -3,18 +3,24 @@
 
 #[path = "network/common.rs"]
 mod common;
+#[path = "network/faults.rs"]
+mod faults;
 #[path = "network/grid.rs"]
 mod grid;
 #[path = "network/gyro.rs"]
 mod gyro;
 #[path = "network/map.rs"]
 mod map;
+#[path = "network/measured.rs"]
+mod measured;
 #[path = "network/program.rs"]
 mod program;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
 #[path = "network/services.rs"]
 mod services;
+#[path = "network/simulated_time.rs"]
+mod simulated_time;
 #[cfg(feature = "zenoh")]
 #[path = "network/zenoh.rs"]
 mod zenoh;
@@ -228,11 +234,11 @@ fn types_have_the_hashes_that_others_compute() {
     }
     let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
     arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
-    assert_eq!(arguments.len(), 24);
+    assert_eq!(arguments.len(), 26);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "12");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "13");
 }
 
 #[test]
