@@ -10,8 +10,9 @@ depth and colour, and the odometry that comes back is compared with a live run o
 All times are of the machine's monotonic clock. `latency` is from the moment before an image's first byte is
 written by the publisher to the odometry in a reader's hands; `pipeline` is the run's own end-to-end latency,
 from the frame in its shared memory to its pose, of the same run. Their difference is what the carrying adds,
-two passes through the network stack and the publisher's own writing among it. CPU is that of tessera-ros2
-alone, all threads, from the first image to the last odometry. With --in-step each image waits for the
+two passes through the network stack and the publisher's own `writing` among it. CPU is that of tessera-ros2
+alone, all threads, from the first image to the last odometry. `ate_map_m` is that of the transforms from map
+to base_link, and without a network that of the poses as they were published. With --in-step each image waits for the
 odometry of the one before, so that none is dropped on a slow machine; nothing is timed then.
 """
 
@@ -98,6 +99,8 @@ def listen(arguments, pipe):
     nodes = Nodes(arguments, "listener")
     odometry = nodes.reader("/tessera/odom", messages.Odometry, messages.RELIABLE)
     transforms = nodes.reader("/tf", messages.TFMessage, messages.RELIABLE)
+    # Of a writer that goes there is a sample without a message.
+    taken = lambda reader: [sample for sample in reader.take(N=50) if isinstance(sample, messages.Raw)]
     wait = lambda: time.sleep(0.0002)
     if not arguments.router:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
@@ -112,13 +115,13 @@ def listen(arguments, pipe):
     pipe.send("ready")
     while not pipe.poll() or pipe.recv() != "end":
         wait()
-        for sample in odometry.take(N=50):
+        for sample in taken(odometry):
             came = time.monotonic_ns()
             message = STORE.deserialize_cdr(sample.data, "nav_msgs/msg/Odometry")
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
             pose = message.pose.pose
             pipe.send(("odometry", came, stamp, pose_of(pose.position, pose.orientation)))
-        for sample in transforms.take(N=50):
+        for sample in taken(transforms):
             message = STORE.deserialize_cdr(sample.data, "tf2_msgs/msg/TFMessage")
             map_odom, odom_base = (pose_of(t.transform.translation, t.transform.rotation) for t in message.transforms)
             stamp = message.transforms[1].header.stamp
@@ -161,7 +164,7 @@ class Publisher:
         self.n_bytes = sum(len(depth) + len(colour or b"") for depth, colour in self.images)
 
     def send(self, index, nanos):
-        """Sends an image with its colour; the time before its first byte was written."""
+        """Sends an image with its colour; the times before its first byte and after its last."""
         depth, colour = self.images[index]
         now = divmod(EPOCH_NANOS + nanos, 10**9)
         for message in (self.info, depth, colour):
@@ -173,7 +176,7 @@ class Publisher:
         for writer, message in zip((self.infos, self.colours, self.depths), made):
             if message is not None:
                 writer.write(message)
-        return began
+        return began, time.monotonic_ns()
 
 
 def cpu_nanos(pid):
@@ -242,20 +245,32 @@ class Odometry:
         self.process.terminate()
 
 
-def play(arguments, publisher, odometry, frames, ros2):
-    """Publishes all frames; when each was, and CPU nanoseconds, seconds and switches of the time."""
-    words = []
-    # The first image comes again until the program knows the camera; what follows are the run's frames.
-    while not any("tessera-ros2: camera " in line for line in words):
-        publisher.send(0, -(10**9))
+def begin(publisher, odometry, ros2):
+    """Publishes the first image again and again, before the recording's time, until there is odometry."""
+    period = 33_333_333
+    for k in range(900):
+        publisher.send(0, (k - 1000) * period)
         time.sleep(0.2)
-        words = ros2.words.read_text().splitlines()
+        odometry.read()
+        if odometry.came:
+            break
         if ros2.program.poll() is not None:
-            fail("tessera-ros2 ended: " + "\n".join(words))
-    time.sleep(0.3)
+            fail("tessera-ros2 ended: " + ros2.words.read_text())
+    else:
+        fail("no odometry came: " + ros2.words.read_text())
+    # Up to the recording's time, so that the first frame comes as soon after one as the others do.
+    for k in range(-6, 0):
+        publisher.send(0, k * period)
+        in_step(publisher, odometry, 0, k * period)
+
+
+def play(arguments, publisher, odometry, frames, ros2):
+    """Publishes all frames; when each was, CPU nanoseconds, nanoseconds and switches of the time, and memory."""
+    pid = ros2.program.pid
+    begin(publisher, odometry, ros2)
     sent = {frames[0][0]: publisher.send(0, frames[0][0])}
-    await_it(lambda: odometry.has(frames[0][0]), "the first odometry", 20.0)
-    before = (cpu_nanos(ros2.program.pid), time.monotonic_ns(), switches(ros2.program.pid))
+    in_step(publisher, odometry, 0, frames[0][0])
+    before = (cpu_nanos(pid), time.monotonic_ns(), switches(pid))
     for index, (nanos, _, _) in enumerate(frames[1:], 1):
         due = before[1] + round(index * 1e9 / arguments.rate)
         while not arguments.in_step and (left := due - time.monotonic_ns()) > 0:
@@ -263,16 +278,24 @@ def play(arguments, publisher, odometry, frames, ros2):
         sent[nanos] = publisher.send(index, nanos)
         odometry.read()
         if arguments.in_step:
-            await_it(lambda: odometry.has(nanos), f"the odometry of frame {index}")
+            in_step(publisher, odometry, index, nanos)
     deadline = time.monotonic() + 2.0
     while frames[-1][0] not in odometry.came and time.monotonic() < deadline:
         odometry.read(0.01)
-    # The run may be over by now, and with it the program.
-    try:
-        after = (cpu_nanos(ros2.program.pid), time.monotonic_ns(), switches(ros2.program.pid))
-        return sent, [b - a for a, b in zip(before, after)], peak_mb(ros2.program.pid)
-    except (FileNotFoundError, IndexError, ProcessLookupError):
-        fail("tessera-ros2 ended before the last odometry: " + ros2.words.read_text())
+    after = (cpu_nanos(pid), time.monotonic_ns(), switches(pid))
+    return sent, [b - a for a, b in zip(before, after)], peak_mb(pid)
+
+
+def in_step(publisher, odometry, index, nanos):
+    """Waits for the odometry of an image; it is best effort, and what got lost is sent again."""
+    for _ in range(60):
+        deadline = time.monotonic() + 2.0
+        while time.monotonic() < deadline:
+            if odometry.has(nanos):
+                return
+            time.sleep(0.002)
+        publisher.send(index, nanos)
+    fail(f"no odometry of frame {index}")
 
 
 class Ros2:
@@ -298,7 +321,8 @@ def evaluate(arguments, estimate, truth):
 
 
 def write_tum(path, poses):
-    rows = [f"{nanos * 1e-9:.6f} " + " ".join(map(repr, pose)) for nanos, pose in sorted(poses.items())]
+    """A file of the poses at the recording's own times."""
+    rows = [f"{nanos * 1e-9:.6f} " + " ".join(map(str, pose)) for nanos, pose in sorted(poses.items()) if nanos >= 0]
     path.write_text("\n".join(rows) + "\n")
     return path
 
@@ -312,7 +336,6 @@ def measure(arguments, camera, frames, folder):
     """One run over the network."""
     run, out = f"measure-ros2-{os.getpid()}-{folder.name}", folder / "out"
     words = [arguments.tessera, "run", "external", "--name", run, "--quiet", "--out", out]
-    # One frame more than there is: the run ends when it is told to, behind all figures.
     supervisor = subprocess.Popen(words + ["--set", "run.camera_timeout_s=120"])
     ros2 = Ros2(arguments, run, folder)
     odometry = Odometry(arguments)
@@ -328,20 +351,21 @@ def measure(arguments, camera, frames, folder):
             process.terminate()
             process.wait()
     summary = json.loads((out / "summary.json").read_text())
-    latency = [(odometry.came[nanos] - sent[nanos]) * 1e-6 for nanos in sent if nanos in odometry.came]
+    latency = [(odometry.came[nanos] - sent[nanos][0]) * 1e-6 for nanos in sent if nanos in odometry.came]
+    writing = [(ended - began) * 1e-6 for began, ended in sent.values()]
     own = summary["latency_ms"]["end_to_end"]
-    came = sorted(odometry.came.values())
+    came = sorted(odometry.came[nanos] for nanos in sent if nanos in odometry.came)
     truth = arguments.sequence / "groundtruth.txt"
     return {
         "frames": len(sent), "odometry": len(latency), "seconds": span * 1e-9,
         "rate_hz": (len(came) - 1) / ((came[-1] - came[0]) * 1e-9),
         "mb_per_s": publisher.n_bytes / (span * 1e-9) * 1e-6,
         "latency_ms": [quantile(latency, 0.5), quantile(latency, 0.99)], "pipeline_ms": [own["p50"], own["p99"]],
+        "writing_ms": [quantile(writing, 0.5), quantile(writing, 0.99)],
         "added_ms": quantile(latency, 0.5) - own["p50"],
         "cpu_share": cpu / span, "switches_per_s": n_switches / (span * 1e-9), "memory_mb": memory,
         "ate_map_m": evaluate(arguments, write_tum(folder / "map.txt", odometry.in_map), truth),
         "ate_odom_m": evaluate(arguments, write_tum(folder / "odom.txt", odometry.poses), truth),
-        "ate_final_m": evaluate(arguments, out / "trajectory.txt", truth),
     }
 
 
@@ -356,7 +380,6 @@ def without(arguments, folder):
     return {
         "pipeline_ms": [own["p50"], own["p99"]],
         "ate_map_m": evaluate(arguments, out / "trajectory_online.txt", truth),
-        "ate_final_m": evaluate(arguments, out / "trajectory.txt", truth),
     }
 
 
