@@ -192,7 +192,7 @@ impl<'a> Bridge<'a> {
                 if !joined.run.is_current()? {
                     break;
                 }
-                self.look(&mut joined)?;
+                self.look(&joined);
             }
             let refusal = (!is_own).then(|| {
                 format!("this program did not start the run {name}: end it where it was started, and begin another one")
@@ -220,6 +220,7 @@ impl<'a> Bridge<'a> {
     }
 
     fn step(&mut self, joined: &mut Joined) -> Result<(), Ros2Error> {
+        joined.look()?;
         joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
         self.map.step(&self.input.clock, &mut self.report)?;
         self.save.step(&joined.run.entry.run_dir, &mut self.report)?;
@@ -256,7 +257,7 @@ impl<'a> Bridge<'a> {
     }
 
     /// What is looked at now and then.
-    fn look(&mut self, joined: &mut Joined) -> Result<(), Ros2Error> {
+    fn look(&mut self, joined: &Joined) {
         if let Err(error) = self.carrier.introduce() {
             self.report.note(Event::Carrier, || error.to_string());
         }
@@ -267,7 +268,6 @@ impl<'a> Bridge<'a> {
             self.report.note(Event::NoClock, || "no /clock comes: no path and no diagnostics".to_owned());
         }
         self.map.look(self.carrier, &joined.run.entry, self.input.base());
-        joined.look()
     }
 
     /// What is told now and then: path and diagnostics.

@@ -170,13 +170,16 @@ impl Network {
     /// Starts `tessera-ros2`.
     pub(crate) fn join(&self, setup: &Setup, arguments: &[&str]) -> Program {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));
-        command.args([&setup.name, "--domain", &self.domain]).args(arguments);
+        command.args([&setup.name, "--domain", &self.domain]);
+        if self.router.is_some() {
+            command.args(["--carrier", "zenoh"]);
+        }
+        command.args(arguments);
         for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"] {
             command.env_remove(variable);
         }
         command.env_remove("RMW_IMPLEMENTATION");
         if let Some(router) = &self.router {
-            command.args(["--carrier", "zenoh"]);
             command.env("ZENOH_CONFIG_OVERRIDE", format!("connect/endpoints=[{router:?}]"));
         }
         command.env("TESSERA_PROGRAM", &self.tessera);

@@ -21,14 +21,14 @@ fn readers_that_stop_reading_or_die_stop_nothing() {
     let ros2 = network.join_and_run(&setup);
     let _camera = network.camera(&setup, &[]);
     for listener in [&reader, &frozen, &killed] {
-        wait_for("a reader", || listener.n_lines() > 3);
+        wait_for("a reader", || listener.n_odometry() > 3);
     }
     // Reliable readers both, whose acknowledgements are awaited.
     frozen.0.freeze();
     drop(killed);
-    let before = reader.n_lines();
+    let before = reader.n_odometry();
     setup.wait_for_growth("frames beside a reader that does not read");
-    wait_for("what is published to the other one", || reader.n_lines() > before + 20);
+    wait_for("what is published to the other one", || reader.n_odometry() > before + 20);
     ros2.terminate();
     ros2.finish();
     drop(frozen);
@@ -67,8 +67,8 @@ fn each_stage_may_be_killed_and_odometry_goes_on() {
         signal(pid, "-KILL");
         wait_for("a successor", || stage(&setup.out(), name) != pid);
         setup.wait_for_growth(&format!("frames after {name} died"));
-        let before = listener.n_lines();
-        wait_for("what is published after that", || listener.n_lines() > before + 10);
+        let before = listener.n_odometry();
+        wait_for("what is published after that", || listener.n_odometry() > before + 10);
     }
     ros2.terminate();
     let words = ros2.finish();

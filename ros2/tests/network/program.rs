@@ -100,9 +100,9 @@ impl Drop for Program {
 pub(crate) struct Listener(pub(crate) Program);
 
 impl Listener {
-    /// Lines that it has printed so far.
-    pub(crate) fn n_lines(&self) -> usize {
-        self.0.text.lock().unwrap().lines().count()
+    /// Messages of odometry that it has printed so far.
+    pub(crate) fn n_odometry(&self) -> usize {
+        self.0.text.lock().unwrap().matches("{\"topic\": \"/tessera/odom\"").count()
     }
 
     /// Ends it; all lines that it printed whole.
