@@ -77,7 +77,8 @@ class Nodes:
             import rmw_zenoh
             from camera import STORE
 
-            node = rmw_zenoh.Node(arguments.domain, arguments.router, STORE, name)
+            # Its session ends with it.
+            node = self.node = rmw_zenoh.Node(arguments.domain, arguments.router, STORE, name)
             self.writer, self.reader = node.writer, node.reader
             return
         from cyclonedds.domain import DomainParticipant
@@ -153,7 +154,7 @@ class Publisher:
         import camera as driver
         import messages
 
-        nodes = Nodes(arguments, "driver")
+        nodes = self.nodes = Nodes(arguments, "driver")
         self.messages, width, height = messages, camera["width"], camera["height"]
         self.infos = nodes.writer("/camera/depth/camera_info", messages.CameraInfo, messages.SENSOR)
         self.colours = nodes.writer("/camera/color/image_raw", messages.Image, messages.SENSOR)
@@ -245,7 +246,7 @@ class Odometry:
         self.process.terminate()
 
 
-def begin(publisher, odometry, ros2):
+def begin(arguments, publisher, odometry, ros2):
     """Publishes the first image again and again, before the recording's time, until there is odometry."""
     period = 33_333_333
     for k in range(900):
@@ -258,8 +259,9 @@ def begin(publisher, odometry, ros2):
             fail("tessera-ros2 ended: " + ros2.words.read_text())
     else:
         fail("no odometry came: " + ros2.words.read_text())
-    # Up to the recording's time, so that the first frame comes as soon after one as the others do.
-    for k in range(-6, 0):
+    # Up to the recording's time, so that the first frame comes as soon after one as the others do; one more
+    # in each run, since the samples that are drawn of a frame depend on its number.
+    for k in range(-6 - arguments.run, 0):
         publisher.send(0, k * period)
         in_step(publisher, odometry, 0, k * period)
 
@@ -267,7 +269,7 @@ def begin(publisher, odometry, ros2):
 def play(arguments, publisher, odometry, frames, ros2):
     """Publishes all frames; when each was, CPU nanoseconds, nanoseconds and switches of the time, and memory."""
     pid = ros2.program.pid
-    begin(publisher, odometry, ros2)
+    begin(arguments, publisher, odometry, ros2)
     sent = {frames[0][0]: publisher.send(0, frames[0][0])}
     in_step(publisher, odometry, 0, frames[0][0])
     before = (cpu_nanos(pid), time.monotonic_ns(), switches(pid))
@@ -411,7 +413,7 @@ def main():
     arguments.router = None
     camera, frames = load(arguments.sequence, arguments.frames)
     rows, bare = [], []
-    for _ in range(arguments.runs):
+    for arguments.run in range(arguments.runs):
         with tempfile.TemporaryDirectory(prefix="measure-ros2-") as name:
             folder = pathlib.Path(name)
             router = None
