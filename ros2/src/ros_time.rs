@@ -57,10 +57,8 @@ impl RosTime {
     /// The time where another second has gone by since that was last so, or the clock jumped back.
     pub(crate) fn next_second(&mut self) -> Option<i64> {
         let now = self.now_nanos()?;
-        let is_due = self.told_nanos.is_none_or(|told| {
-            let since = now.saturating_sub(told);
-            since >= PERIOD_NANOS || since < 0
-        });
+        let is_due =
+            self.told_nanos.is_none_or(|told| !(0..PERIOD_NANOS).contains(&now.saturating_sub(told)));
         if !is_due {
             return None;
         }

@@ -7,7 +7,6 @@ use rustdds::{
     DomainParticipantBuilder, QosPolicyBuilder, RTPSEntity, RepresentationIdentifier, SampleIdentity,
     SequenceNumber, TopicKind, WriteOptionsBuilder, no_key,
 };
-use serde_json::Value;
 use std::path::PathBuf;
 
 #[test]
