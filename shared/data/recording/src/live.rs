@@ -314,7 +314,8 @@ mod tests {
         let mut live = LiveCamera::new(&topic, None, &FrameTree::default(), None).unwrap();
         let earlier = Camera { fx: 20.0, fy: 20.0, ..live.camera().clone() };
         assert!(matches!(live.keep(&earlier), Change::Small(found) if found.fx == 20.1));
-        assert_eq!((live.camera(), live.keep(&earlier)), (&earlier, Change::None));
+        assert_eq!(live.camera(), &earlier);
+        assert_eq!(live.keep(&earlier), Change::None);
         assert!(matches!(live.compare(&now).unwrap(), Change::Small(found) if found.fx == 20.1));
         for other in [
             Camera { fx: 25.0, ..earlier.clone() },
