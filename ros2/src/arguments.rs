@@ -46,6 +46,9 @@ pub(crate) struct Arguments {
     /// Frame of the robot whose pose is published
     #[arg(long, value_name = "FRAME", default_value = "base_link")]
     pub(crate) base_frame: String,
+    /// Publish diagnostics and path by the time of /clock, of a simulation or a bag that is played
+    #[arg(long)]
+    pub(crate) use_sim_time: bool,
     /// Publish no transforms
     #[arg(long)]
     pub(crate) no_tf: bool,

@@ -4,28 +4,30 @@ use crate::arguments::Arguments;
 use crate::carrier::{Carrier, NodeName};
 use crate::error::Ros2Error;
 use crate::input::Input;
+use crate::joined::Joined;
 use crate::map::MapSide;
 use crate::network::Network;
 use crate::open::open;
 use crate::output::Output;
 use crate::report::{Event, Report};
-use crate::run::{Run, Started};
+use crate::reset::Reset;
+use crate::ros_time::RosTime;
+use crate::run::{Run, Started, next_run};
 use crate::save::SaveMap;
+use crate::trigger::Response;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use tessera_messages::PoseMessage;
-use tessera_transport::Subscriber;
+use std::time::{Duration, Instant};
 
-/// Time between two looks at what came.
-const POLL: Duration = Duration::from_millis(2);
+/// Time between two looks for a pose that is expected: a run has no event for its readers.
+const POSE_POLL: Duration = Duration::from_micros(300);
+/// Longest time between two looks at everything.
+const POLL: Duration = Duration::from_millis(10);
 /// Time between two looks whether a run is there.
 const RUN_POLL: Duration = Duration::from_millis(50);
 /// Time between two looks whether it goes on.
 const ALIVE: Duration = Duration::from_millis(500);
-/// Time between two messages of path and diagnostics.
-const SLOW: Duration = Duration::from_secs(1);
-/// Depth images that do not come for so long are missed.
-const SILENCE: Duration = Duration::from_secs(2);
+/// Depth images that do not come for so many nanoseconds are missed.
+const SILENCE_NANOS: i64 = 2_000_000_000;
 /// What was written last is on its way for so long.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -39,177 +41,247 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         .map_err(Ros2Error::Arguments)?;
     let name = NodeName { path: arguments.namespace.clone(), is_humble: arguments.is_humble() };
     let mut carrier = open(arguments.carrier, &network, name)?;
-    let carrier = &mut *carrier;
     for words in carrier.words().into_iter().chain(network.warning) {
         report.say(&words);
     }
-    let input = Input::new(arguments, carrier)?;
-    let map = MapSide::new(carrier, (&arguments.namespace, &arguments.grid_topic()), arguments.map())?;
-    let save = SaveMap::new(carrier, &arguments.namespace)?;
-    let output = Output::new(carrier, &arguments.namespace, !arguments.no_tf)?;
-    carrier.introduce()?;
+    let mut bridge = Bridge::new(arguments, &mut *carrier, is_stopped, report)?;
     let mut started =
         arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
-    if let Some(run) = await_run(&arguments.name, started.as_mut(), is_stopped, &report)? {
-        let mut bridge = Bridge {
-            carrier,
-            run,
-            input,
-            output,
-            map,
-            save,
-            poses: None,
-            report,
-            n_dropped: 0,
-            last_index: None,
-            latency: None,
-        };
-        bridge.go(is_stopped)?;
+    let mut name = arguments.name.clone();
+    // What a reset came to, once the run after it is there.
+    let mut begun = Response { success: true, message: String::new() };
+    loop {
+        let run = bridge.await_run(&name, started.as_mut());
+        bridge.answer_reset(&run, &begun)?;
+        let Some(run) = run? else { break };
+        let run_dir = run.entry.run_dir.clone();
+        let is_over = bridge.follow(run, started.is_some())?;
         std::thread::sleep(LAST_WORDS);
+        let Some(ending) = started.take_if(|_| !is_over) else { break };
+        let (next, run_arguments) = next_run(&arguments.name, &run_dir, &arguments.run_arguments);
+        let before = format!("{name} is in {}", run_dir.display());
+        begun = match bridge.await_end(ending) {
+            Ok(()) => Response { success: true, message: format!("the run {next} has begun; {before}") },
+            Err(error) => Response::refused(format!("the run {next} has begun; {before}, {error}")),
+        };
+        if is_stopped.load(Ordering::Relaxed) {
+            bridge.answer_reset(&Ok(None), &begun)?;
+            break;
+        }
+        started = Some(Started::start(&next, &run_arguments)?);
+        name = next;
     }
     started.map_or(Ok(()), |started| started.finish(is_stopped.load(Ordering::Relaxed)))
 }
 
-/// The run, once it is there; `None` where it is not waited for any more.
-fn await_run(
-    name: &str,
-    mut started: Option<&mut Started>,
-    is_stopped: &AtomicBool,
-    report: &Report,
-) -> Result<Option<Run>, Ros2Error> {
-    let mut is_told = started.is_some();
-    while !is_stopped.load(Ordering::Relaxed) {
-        if let Some(run) = Run::join(name)? {
-            report.say(&format!("joined the run {name}"));
-            return Ok(Some(run));
-        }
-        if let Some(started) = &mut started
-            && started.has_ended()?
-        {
-            return Ok(None);
-        }
-        if !is_told {
-            report.say(&format!("waiting for the run {name}: tessera run external --name {name}"));
-            is_told = true;
-        }
-        std::thread::sleep(RUN_POLL);
-    }
-    Ok(None)
-}
-
 struct Bridge<'a> {
     carrier: &'a mut dyn Carrier,
+    is_stopped: &'a AtomicBool,
     input: Input,
     output: Output,
     map: MapSide,
     save: SaveMap,
-    poses: Option<Subscriber<PoseMessage>>,
+    reset: Reset,
+    time: RosTime,
+    /// Time of the last depth image.
+    last_depth_nanos: Option<i64>,
     report: Report,
-    /// Frames that the run left out, as the gaps between its poses tell.
-    n_dropped: u64,
-    last_index: Option<u64>,
-    /// From an image handed to the run to its pose, of the newest one.
-    latency: Option<Duration>,
-    /// Last: ports go before the node.
-    run: Run,
 }
 
-impl Bridge<'_> {
-    fn go(&mut self, is_stopped: &AtomicBool) -> Result<(), Ros2Error> {
-        let (mut looked, mut slow) = (Instant::now(), Instant::now());
-        while !is_stopped.load(Ordering::Relaxed) {
-            match self.step() {
-                // A run that ends takes its shared memory with it.
-                Err(Ros2Error::Transport(_)) if !self.run.is_current()? => break,
-                stepped => stepped?,
-            }
-            if looked.elapsed() >= ALIVE {
-                looked = Instant::now();
-                if !self.run.is_current()? {
-                    break;
-                }
-                if let Err(error) = self.carrier.introduce() {
-                    self.report.note(Event::Carrier, || error.to_string());
-                }
-                self.map.look(self.carrier, &self.run.entry, self.input.base());
-                if self.poses.is_none() {
-                    self.poses = self.run.guest.pose_subscriber()?;
-                }
-            }
-            if slow.elapsed() >= SLOW {
-                slow = Instant::now();
-                self.tell()?;
-            }
-            std::thread::sleep(POLL);
-        }
-        if self.run.is_current()? {
-            self.take_poses()?;
-        }
-        if !is_stopped.load(Ordering::Relaxed) {
-            self.map.finish(&self.input.clock, &mut self.report)?;
-        }
-        self.report.say(&format!("the run {} is over", self.run.entry.name));
-        self.tell()
+impl<'a> Bridge<'a> {
+    fn new(
+        arguments: &Arguments,
+        carrier: &'a mut dyn Carrier,
+        is_stopped: &'a AtomicBool,
+        report: Report,
+    ) -> Result<Self, Ros2Error> {
+        let namespace = &arguments.namespace;
+        let input = Input::new(arguments, carrier)?;
+        let map = MapSide::new(carrier, (namespace, &arguments.grid_topic()), arguments.map())?;
+        let save = SaveMap::new(carrier, namespace)?;
+        let reset = Reset::new(carrier, namespace)?;
+        let output = Output::new(carrier, namespace, !arguments.no_tf)?;
+        let time = RosTime::new(carrier, arguments.use_sim_time)?;
+        carrier.introduce()?;
+        let last_depth_nanos = None;
+        Ok(Self { carrier, is_stopped, input, output, map, save, reset, time, last_depth_nanos, report })
     }
 
-    fn step(&mut self) -> Result<(), Ros2Error> {
-        self.take_poses()?;
-        self.map.step(&self.input.clock, &mut self.report)?;
-        self.save.step(&self.run.entry.run_dir, &mut self.report)?;
-        self.input.step(self.carrier, &self.run.guest, &mut self.report)
-    }
-
-    /// Publishes all poses that came.
-    fn take_poses(&mut self) -> Result<(), Ros2Error> {
-        let Some(poses) = &self.poses else { return Ok(()) };
-        while let Some(pose) = poses.receive()? {
-            if let Err(refusal) = pose.validate() {
-                self.report.note(Event::Malformed, || format!("pose: {refusal}"));
-                continue;
+    /// The run, once it is there; `None` where it is not waited for any more.
+    fn await_run(&mut self, name: &str, mut started: Option<&mut Started>) -> Result<Option<Run>, Ros2Error> {
+        let mut is_told = started.is_some();
+        while !self.is_stopped.load(Ordering::Relaxed) {
+            if let Some(run) = Run::join(name)? {
+                self.report.say(&format!("joined the run {name}"));
+                return Ok(Some(run));
             }
-            // Published again after a death in the run.
-            if self.last_index.is_some_and(|last| pose.index <= last) {
-                continue;
-            }
-            self.input.clock.begin_after(pose.stamp_nanos);
-            let gap = self.last_index.map_or(0, |last| pose.index.saturating_sub(last.saturating_add(1)));
-            self.n_dropped += gap;
-            self.last_index = Some(pose.index);
-            if let Some(sender) = self.input.sender()
-                && let Some(received_at) = sender.received_at(pose.stamp_nanos)
+            if let Some(started) = &mut started
+                && started.has_ended()?
             {
-                self.latency = Some(received_at.elapsed());
+                return Ok(None);
             }
-            let Some(base) = self.input.base() else { continue };
-            let stamp_nanos = self.input.clock.camera_nanos(pose.stamp_nanos);
-            match self.output.publish_pose(&pose, base, stamp_nanos) {
-                Err(Ros2Error::Carrier(error)) => self.report.note(Event::Carrier, || error.to_string()),
-                other => other?,
+            if !is_told {
+                self.report.say(&format!("waiting for the run {name}: tessera run external --name {name}"));
+                is_told = true;
             }
+            self.idle(name, &format!("waiting for the run {name}"))?;
+        }
+        Ok(None)
+    }
+
+    /// Answers those who asked for a reset: with what came of it, or with why there is no other run.
+    fn answer_reset(
+        &mut self,
+        run: &Result<Option<Run>, Ros2Error>,
+        begun: &Response,
+    ) -> Result<(), Ros2Error> {
+        match run {
+            Ok(Some(_)) => self.reset.answer(begun, &mut self.report),
+            Ok(None) => self.reset.answer(&Response::refused("it was ended".to_owned()), &mut self.report),
+            Err(error) => {
+                self.reset.answer(&Response::refused(error.to_string()), &mut self.report)?;
+                std::thread::sleep(LAST_WORDS);
+                Ok(())
+            }
+        }
+    }
+
+    /// Ends the run for a reset, and waits until its outputs are written.
+    ///
+    /// # Errors
+    /// Where it failed.
+    fn await_end(&mut self, mut ending: Started) -> Result<(), Ros2Error> {
+        let name = ending.name.clone();
+        self.report.say(&format!("reset: the run {name} ends"));
+        self.input.begin_run();
+        self.output.begin_run();
+        self.map.begin_run();
+        ending.terminate();
+        while !ending.has_ended()? {
+            self.idle(&name, &format!("the run {name} ends for a reset"))?;
         }
         Ok(())
     }
 
-    /// What is told now and then: path, diagnostics, and what cannot be joined.
-    fn tell(&mut self) -> Result<(), Ros2Error> {
-        for words in self.carrier.unmatched() {
-            self.report.note(Event::Unmatched, || words);
+    /// A moment without a run.
+    fn idle(&mut self, name: &str, why: &str) -> Result<(), Ros2Error> {
+        self.input.leave_out(&mut self.report);
+        self.time.step(&mut self.report);
+        self.reset.step(Some(&format!("{why}, and there is none to end")), &mut self.report)?;
+        if let Some(now_nanos) = self.time.next_second() {
+            self.tell(name, Some(why.to_owned()), &[], now_nanos)?;
         }
-        let silent = match self.input.last_depth_at {
-            Some(at) if at.elapsed() >= SILENCE => {
-                Some(format!("no depth image for {:.0} s", at.elapsed().as_secs_f64()))
+        std::thread::sleep(RUN_POLL);
+        Ok(())
+    }
+
+    /// Carries between the run and the network until the run is over, or this program is ended, which is
+    /// answered with `true`; with `false` where a reset is asked for.
+    fn follow(&mut self, run: Run, is_own: bool) -> Result<bool, Ros2Error> {
+        let name = run.entry.name.clone();
+        let mut joined = Joined::new(run);
+        let (mut looked, mut is_over) = (Instant::now(), true);
+        while !self.is_stopped.load(Ordering::Relaxed) {
+            match self.step(&mut joined) {
+                // A run that ends takes its shared memory with it.
+                Err(Ros2Error::Transport(_)) if !joined.run.is_current()? => break,
+                stepped => stepped?,
+            }
+            if looked.elapsed() >= ALIVE {
+                looked = Instant::now();
+                if !joined.run.is_current()? {
+                    break;
+                }
+                self.look(&joined);
+            }
+            let refusal = (!is_own).then(|| {
+                format!("this program did not start the run {name}: end it where it was started, and begin another one")
+            });
+            if self.reset.step(refusal.as_deref(), &mut self.report)? {
+                is_over = false;
+                break;
+            }
+            self.wait(&mut joined)?;
+        }
+        if joined.run.is_current()? {
+            joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
+        }
+        if is_over && !self.is_stopped.load(Ordering::Relaxed) {
+            self.map.finish(&self.input.clock, &mut self.report)?;
+        }
+        if is_over {
+            self.report.say(&format!("the run {name} is over"));
+        }
+        if let Some(now_nanos) = self.time.now_nanos() {
+            let values = self.values(&joined);
+            self.tell(&name, None, &values, now_nanos)?;
+        }
+        Ok(is_over)
+    }
+
+    fn step(&mut self, joined: &mut Joined) -> Result<(), Ros2Error> {
+        joined.look()?;
+        joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
+        self.map.step(&self.input.clock, &mut self.report)?;
+        self.save.step(&joined.run.entry.run_dir, &mut self.report)?;
+        self.time.step(&mut self.report);
+        let n_depth = self.input.n_depth;
+        self.input.step(self.carrier, &joined.run, &mut self.report)?;
+        if self.input.n_depth > n_depth {
+            self.last_depth_nanos = self.time.now_nanos();
+        }
+        let Some(now_nanos) = self.time.next_second() else { return Ok(()) };
+        let silent = match self.last_depth_nanos.map(|at| now_nanos.saturating_sub(at)) {
+            Some(nanos) if nanos >= SILENCE_NANOS => {
+                Some(format!("no depth image for {:.0} s", nanos as f64 * 1e-9))
             }
             None => Some("waiting for the camera".to_owned()),
             Some(_) => None,
         };
-        let values = self.values();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let now_nanos = i64::try_from(now.as_nanos()).unwrap_or(i64::MAX);
-        let name = &self.run.entry.name;
+        let values = self.values(joined);
+        self.tell(&joined.run.entry.name, silent, &values, now_nanos)
+    }
+
+    /// Waits for a message of the network or, where one is expected, for a pose of the run.
+    fn wait(&mut self, joined: &mut Joined) -> Result<(), Ros2Error> {
+        let until = Instant::now() + POLL;
+        while self.input.sender().is_some_and(|sender| sender.awaits_pose()) {
+            std::thread::sleep(POSE_POLL);
+            joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
+            if self.carrier.wait(Duration::ZERO) || Instant::now() >= until {
+                return Ok(());
+            }
+        }
+        self.carrier.wait(until.saturating_duration_since(Instant::now()));
+        Ok(())
+    }
+
+    /// What is looked at now and then.
+    fn look(&mut self, joined: &Joined) {
+        if let Err(error) = self.carrier.introduce() {
+            self.report.note(Event::Carrier, || error.to_string());
+        }
+        for words in self.carrier.unmatched() {
+            self.report.note(Event::Unmatched, || words);
+        }
+        if self.time.now_nanos().is_none() {
+            self.report.note(Event::NoClock, || "no /clock comes: no path and no diagnostics".to_owned());
+        }
+        self.map.look(self.carrier, &joined.run.entry, self.input.base());
+    }
+
+    /// What is told now and then: path and diagnostics.
+    fn tell(
+        &mut self,
+        name: &str,
+        silent: Option<String>,
+        values: &[(String, String)],
+        now_nanos: i64,
+    ) -> Result<(), Ros2Error> {
         let told = self
             .output
             .publish_path()
-            .and_then(|()| self.output.publish_diagnostics(name, silent, &values, now_nanos));
+            .and_then(|()| self.output.publish_diagnostics(name, silent, values, now_nanos));
         match told {
             Err(Ros2Error::Carrier(error)) => {
                 self.report.note(Event::Carrier, || error.to_string());
@@ -219,17 +291,19 @@ impl Bridge<'_> {
         }
     }
 
-    fn values(&mut self) -> Vec<(String, String)> {
+    fn values(&mut self, joined: &Joined) -> Vec<(String, String)> {
         let n_sent = self.input.sender().map_or(0, |sender| sender.n_sent());
         let mut values = vec![
             ("images received".to_owned(), self.input.n_depth.to_string()),
             ("images sent".to_owned(), n_sent.to_string()),
             ("poses".to_owned(), self.output.n_poses.to_string()),
-            ("frames dropped by the run".to_owned(), self.n_dropped.to_string()),
+            ("frames dropped by the run".to_owned(), joined.n_dropped.to_string()),
         ];
-        if let Some(latency) = self.latency {
-            values.push(("latency ms".to_owned(), format!("{:.1}", latency.as_secs_f64() * 1e3)));
-        }
+        let mut milliseconds = |key: &str, value: Option<f64>| {
+            values.extend(value.map(|value| (key.to_owned(), format!("{value:.1}"))));
+        };
+        milliseconds("latency ms", joined.latency.map(|latency| latency.as_secs_f64() * 1e3));
+        milliseconds("age ms", joined.age_ms);
         values.extend(self.report.totals().map(|(event, total)| (event.key().to_owned(), total.to_string())));
         values
     }

@@ -2,6 +2,7 @@
 //! CDR behind their encapsulation of four bytes.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 /// A type of ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +32,7 @@ types! {
     CLOUD, "sensor_msgs/msg/PointCloud2", "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5";
     GRID, "nav_msgs/msg/OccupancyGrid", "8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7";
     GRID_UPDATE, "map_msgs/msg/OccupancyGridUpdate", "c4095b0be2e4363f8978a1570e0293ee093436f1e1c61d99b48502ac317025e8";
+    CLOCK, "rosgraph_msgs/msg/Clock", "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564";
     IMU, "sensor_msgs/msg/Imu", "7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b";
     DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e";
 }
@@ -182,6 +184,8 @@ pub(crate) trait Carrier {
     ) -> Result<Box<dyn Publication>, CarrierError>;
     /// Answers requests of a service from now on.
     fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError>;
+    /// Sleeps until a message has come on a topic that is read, or for that long; whether one has.
+    fn wait(&mut self, timeout: Duration) -> bool;
     /// Tells by name what this program reads and writes, where that has changed.
     fn introduce(&mut self) -> Result<(), CarrierError>;
     /// The topics that others write, in order, each once for each type.

@@ -4,10 +4,11 @@ use crate::carrier::Subscription;
 use crate::error::Ros2Error;
 use crate::input::take;
 use crate::report::{Event, Report};
+use crate::run::Run;
 use crate::topics::{Images, Topics};
 use std::time::{Duration, Instant};
 use tessera_geometry::Camera;
-use tessera_recording::{FrameTree, LiveCamera, LiveImage, LiveTopic, RecordingError};
+use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage, LiveTopic, RecordingError};
 
 /// How long the first depth image waits for colour, CameraInfo and `/tf_static`.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -50,11 +51,11 @@ impl First {
         topics: &Topics,
         frames: &FrameTree,
         given: Option<&Camera>,
-        now: Instant,
+        run: &Run,
         report: &mut Report,
     ) -> Result<Option<LiveCamera>, Ros2Error> {
         let (Some(data), Some(began_at)) = (&self.depth, self.began_at) else { return Ok(None) };
-        if now.saturating_duration_since(began_at) < PATIENCE {
+        if began_at.elapsed() < PATIENCE {
             return Ok(None);
         }
         let topic = &topics.depth.topic;
@@ -72,7 +73,7 @@ impl First {
             image,
             info: self.colour_info.as_deref(),
         });
-        let camera = match LiveCamera::new(&depth, colour.as_ref(), frames, given) {
+        let mut camera = match LiveCamera::new(&depth, colour.as_ref(), frames, given) {
             Ok(camera) => camera,
             // The next CameraInfo may be one.
             Err(RecordingError::Message { problem, .. }) => {
@@ -81,6 +82,9 @@ impl First {
             }
             Err(error) => return Err(error.into()),
         };
+        if !is_of_run(&mut camera, run, topic, report) {
+            return Ok(None);
+        }
         let (width, height) = (camera.camera().width, camera.camera().height);
         report.say(&format!("camera {width}x{height} px, colour: {}", camera.colour_words()));
         if let Some(warning) = camera.warning() {
@@ -88,6 +92,43 @@ impl First {
         }
         Ok(Some(camera))
     }
+}
+
+/// Whether the camera is that of the run, whose first images may have come from a program before this one;
+/// where it differs as autofocus makes it differ, it takes the run's numbers.
+fn is_of_run(camera: &mut LiveCamera, run: &Run, topic: &str, report: &mut Report) -> bool {
+    let first = match run.camera() {
+        Ok(Some(first)) => first,
+        Ok(None) => return true,
+        Err(error) => {
+            report.note(Event::Map, || error.to_string());
+            return true;
+        }
+    };
+    let found = camera.camera().clone();
+    match camera.keep(&first) {
+        Change::None => {}
+        Change::Small(_) => report.note(Event::CameraChanged, || small_change(topic, &first, &found)),
+        Change::Large(_) => {
+            report.note(Event::CameraChanged, || large_change(topic, &first, &found));
+            return false;
+        }
+    }
+    true
+}
+
+/// What is said of a CameraInfo a little other than the run's first one.
+pub(crate) fn small_change(topic: &str, first: &Camera, found: &Camera) -> String {
+    let (fx, now) = (first.fx, found.fx);
+    format!("{topic}: the CameraInfo changed a little, fx {fx} to {now}: the run keeps the first")
+}
+
+/// What is said of one of another camera.
+pub(crate) fn large_change(topic: &str, first: &Camera, found: &Camera) -> String {
+    format!(
+        "{topic}: the CameraInfo is {}x{} px, fx {}, expected {}x{} px, fx {} as the run began with: images are left out until it is back; another camera needs another run",
+        found.width, found.height, found.fx, first.width, first.height, first.fx
+    )
 }
 
 /// Keeps the newest message.

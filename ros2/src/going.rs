@@ -4,6 +4,7 @@
 use crate::base::Base;
 use crate::clock::{Clock, Tick};
 use crate::error::Ros2Error;
+use crate::first::{large_change, small_change};
 use crate::gyro::Gyro;
 use crate::imu;
 use crate::input::take;
@@ -96,21 +97,11 @@ impl Going {
                 Ok(Change::None) => self.is_other_camera = false,
                 Ok(Change::Small(found)) => {
                     self.is_other_camera = false;
-                    report.note(Event::CameraChanged, || {
-                        format!(
-                            "{topic}: the CameraInfo changed a little, fx {} to {}: the run keeps the first",
-                            first.fx, found.fx
-                        )
-                    });
+                    report.note(Event::CameraChanged, || small_change(topic, first, &found));
                 }
                 Ok(Change::Large(found)) => {
                     self.is_other_camera = true;
-                    report.note(Event::CameraChanged, || {
-                        format!(
-                            "{topic}: the CameraInfo is {}x{} px, fx {}, expected {}x{} px, fx {} as the run began with: images are left out until it is back; another camera needs another run",
-                            found.width, found.height, found.fx, first.width, first.height, first.fx
-                        )
-                    });
+                    report.note(Event::CameraChanged, || large_change(topic, first, &found));
                 }
                 Err(error) => report.note(Event::Malformed, || format!("CameraInfo of {topic}: {error}")),
             }

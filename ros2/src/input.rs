@@ -9,13 +9,13 @@ use crate::first::First;
 use crate::going::Going;
 use crate::pairing::Stamped;
 use crate::report::{Event, Report};
+use crate::run::Run;
 use crate::sender::Sender;
 use crate::topics::{Chooser, Topics};
 use std::time::{Duration, Instant};
 use tessera_frames::named_camera;
 use tessera_geometry::Camera;
 use tessera_recording::FrameTree;
-use tessera_transport::Guest;
 
 /// Time between two looks for topics.
 const LOOK: Duration = Duration::from_millis(200);
@@ -35,7 +35,6 @@ pub(crate) struct Input {
     pub(crate) clock: Clock,
     /// Depth images that came.
     pub(crate) n_depth: u64,
-    pub(crate) last_depth_at: Option<Instant>,
 }
 
 impl Input {
@@ -61,7 +60,6 @@ impl Input {
             going: None,
             clock: Clock::default(),
             n_depth: 0,
-            last_depth_at: None,
         })
     }
 
@@ -75,6 +73,23 @@ impl Input {
         self.going.as_mut().map(|going| &mut going.sender)
     }
 
+    /// Another run begins: its camera is the one that is there now, and its time begins anew.
+    pub(crate) fn begin_run(&mut self) {
+        (self.first, self.going) = (First::default(), None);
+        (self.clock, self.n_depth) = (Clock::default(), 0);
+    }
+
+    /// Leaves out what came: there is no run.
+    pub(crate) fn leave_out(&mut self, report: &mut Report) {
+        let Some(topics) = &mut self.topics else { return };
+        let colour = topics.colour.as_mut().map(|colour| &mut colour.messages);
+        let infos = topics.info.as_mut().into_iter().chain(&mut topics.colour_info);
+        let all = [&mut topics.depth.messages].into_iter().chain(colour).chain(infos).chain(&mut self.imu);
+        for messages in all {
+            while take(&mut **messages, report).is_some() {}
+        }
+    }
+
     /// Takes what came, and sends what can be sent.
     ///
     /// # Errors
@@ -82,7 +97,7 @@ impl Input {
     pub(crate) fn step(
         &mut self,
         carrier: &mut dyn Carrier,
-        guest: &Guest,
+        run: &Run,
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
         let now = Instant::now();
@@ -110,7 +125,7 @@ impl Input {
                     return Ok(());
                 }
                 self.going =
-                    self.first.begin(topics, &self.frames, self.given.as_ref(), now, report)?.map(|camera| {
+                    self.first.begin(topics, &self.frames, self.given.as_ref(), run, report)?.map(|camera| {
                         let base = Base::find(&self.frames, camera.frame(), &self.base_frame);
                         report.say(&base.words);
                         Going::new(camera, base)
@@ -125,10 +140,9 @@ impl Input {
                 while let Some(message) = take(&mut *topics.depth.messages, report) {
                     let index = self.n_depth;
                     self.n_depth += 1;
-                    self.last_depth_at = Some(now);
                     going.take_depth(&topics.depth, Stamped { stamp_nanos: 0, index, message }, now, report);
                 }
-                going.send(topics, guest, &mut self.clock, report)?;
+                going.send(topics, &run.guest, &mut self.clock, report)?;
             }
         }
         Ok(())

@@ -17,6 +17,7 @@ mod going;
 mod gyro;
 mod imu;
 mod input;
+mod joined;
 mod map;
 mod network;
 mod open;
@@ -24,10 +25,13 @@ mod output;
 mod pairing;
 mod path;
 mod report;
+mod reset;
+mod ros_time;
 mod run;
 mod save;
 mod sender;
 mod topics;
+mod trigger;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 

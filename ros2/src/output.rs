@@ -69,6 +69,12 @@ impl Output {
         })
     }
 
+    /// Another run begins: `odom` begins anew with it.
+    pub(crate) fn begin_run(&mut self) {
+        (self.way, self.before, self.map_from_odom) = (Way::default(), None, Pose::identity());
+        (self.state, self.reason, self.n_poses) = (TRACKING, String::new(), 0);
+    }
+
     /// Publishes a pose of the run at the camera's time `stamp_nanos`. Of a lost frame there is
     /// odometry of unknown certainty and no transform.
     ///
@@ -146,7 +152,8 @@ impl Output {
         Ok(self.path.send(&encode(&path)?)?)
     }
 
-    /// Publishes the state of a run at the wall clock's time, with numbers by name.
+    /// Publishes the state of a run at the time `now_nanos`, with numbers by name; `silent` says why it has
+    /// none.
     ///
     /// # Errors
     /// Where the network refuses it.

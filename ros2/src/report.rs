@@ -36,6 +36,8 @@ pub(crate) enum Event {
     Imu,
     /// A run directory that cannot be read.
     Map,
+    /// Time is that of `/clock`, and none has come.
+    NoClock,
 }
 
 impl Event {
@@ -55,6 +57,7 @@ impl Event {
             Self::Unmatched => "not matched",
             Self::Imu => "gyroscope left out",
             Self::Map => "map not read",
+            Self::NoClock => "without a clock",
         }
     }
 }

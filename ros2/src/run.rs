@@ -3,7 +3,11 @@
 use crate::error::Ros2Error;
 use rustix::process::{Pid, Signal};
 use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
+use tessera_geometry::Camera;
+use tessera_settings::Settings;
+use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Guest, RunEntry, check_name, registered_runs};
 
 /// A run that goes on.
@@ -29,6 +33,29 @@ impl Run {
         let runs = registered_runs()?;
         Ok(runs.iter().any(|run| run.is_alive && run.entry.identity == self.entry.identity))
     }
+
+    /// The camera that its images must have; `None` where it has had no image yet, or `--camera` of
+    /// `tessera run` decides.
+    ///
+    /// # Errors
+    /// Where its files cannot be read.
+    pub(crate) fn camera(&self) -> Result<Option<Camera>, Ros2Error> {
+        let files = RunFiles::new(&self.entry.run_dir);
+        if !files.run_file().is_file() {
+            return Ok(None);
+        }
+        let wrong = |error: &dyn std::fmt::Display| Ros2Error::Run(error.to_string());
+        let run = RunFile::read(&files).map_err(|error| wrong(&error))?;
+        if run.identity != self.entry.identity {
+            // That of a run which used the folder before.
+            return Ok(None);
+        }
+        let path = files.config().display().to_string();
+        let text = std::fs::read_to_string(&path)
+            .map_err(|error| Ros2Error::Run(format!("cannot read {path}: {error}")))?;
+        let settings = Settings::from_toml(&text, &path).map_err(|error| wrong(&error))?;
+        Ok(settings.run.camera.is_empty().then_some(run.camera))
+    }
 }
 
 /// The command: the program that started this one, or that beside it or on `PATH`.
@@ -40,7 +67,10 @@ pub(crate) fn tessera() -> Command {
 }
 
 /// `tessera run external` as a child: dropped, it is told to end, and writes its outputs.
-pub(crate) struct Started(Child);
+pub(crate) struct Started {
+    child: Child,
+    pub(crate) name: String,
+}
 
 impl Started {
     /// Starts it.
@@ -48,7 +78,8 @@ impl Started {
         let mut command = tessera();
         let started = command.args(["run", "external", "--name", name]).args(arguments).spawn();
         let program = command.get_program().display();
-        Ok(Self(started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))?))
+        let child = started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))?;
+        Ok(Self { child, name: name.to_owned() })
     }
 
     /// Whether it has ended.
@@ -56,7 +87,7 @@ impl Started {
     /// # Errors
     /// Where it failed.
     pub(crate) fn has_ended(&mut self) -> Result<bool, Ros2Error> {
-        match self.0.try_wait() {
+        match self.child.try_wait() {
             Ok(None) => Ok(false),
             Ok(Some(status)) => judge(status),
             Err(error) => Err(Ros2Error::Run(error.to_string())),
@@ -71,21 +102,22 @@ impl Started {
         if is_unwanted {
             self.terminate();
         }
-        let status = self.0.wait().map_err(|error| Ros2Error::Run(error.to_string()))?;
+        let status = self.child.wait().map_err(|error| Ros2Error::Run(error.to_string()))?;
         judge(status).map(|_| ())
     }
 
-    fn terminate(&self) {
+    /// Tells it to end: it writes its outputs first.
+    pub(crate) fn terminate(&self) {
         // Fails where it has ended.
-        let _ = rustix::process::kill_process(Pid::from_child(&self.0), Signal::TERM);
+        let _ = rustix::process::kill_process(Pid::from_child(&self.child), Signal::TERM);
     }
 }
 
 impl Drop for Started {
     fn drop(&mut self) {
-        if let Ok(None) = self.0.try_wait() {
+        if let Ok(None) = self.child.try_wait() {
             self.terminate();
-            let _ = self.0.wait();
+            let _ = self.child.wait();
         }
     }
 }
@@ -96,4 +128,59 @@ fn judge(status: std::process::ExitStatus) -> Result<bool, Ros2Error> {
         return Ok(true);
     }
     Err(Ros2Error::Run(format!("it ended with {status}")))
+}
+
+/// The next run after one in `run_dir`: its name, and the arguments of `tessera run` for it. A number
+/// behind `name` is the first whose folder is free, and a folder that was asked for gets it too.
+pub(crate) fn next_run(name: &str, run_dir: &Path, arguments: &[String]) -> (String, Vec<String>) {
+    let given = out_of(arguments);
+    let folder = |number: u64| match given {
+        Some((_, out)) => PathBuf::from(format!("{}-{number}", out.trim_end_matches('/'))),
+        None => run_dir.with_file_name(format!("{name}-{number}")),
+    };
+    let number = (2..).find(|number| !folder(*number).exists()).unwrap_or(2);
+    let mut arguments = arguments.to_vec();
+    if let Some((place, _)) = given {
+        arguments[place] = match arguments[place].starts_with("--out=") {
+            true => format!("--out={}", folder(number).display()),
+            false => folder(number).display().to_string(),
+        };
+    }
+    (format!("{name}-{number}"), arguments)
+}
+
+/// Where `--out` is among the arguments, and what it says.
+fn out_of(arguments: &[String]) -> Option<(usize, &str)> {
+    for (place, word) in arguments.iter().enumerate() {
+        if word == "--out" {
+            return Some((place + 1, arguments.get(place + 1)?));
+        }
+        if let Some(out) = word.strip_prefix("--out=") {
+            return Some((place, out));
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_next_run_has_a_name_and_a_folder_of_its_own() {
+        let dir = tempfile::tempdir().unwrap();
+        let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+        let run_dir = dir.path().join("desk");
+        let plain = words(&["--config", "fast"]);
+        assert_eq!(next_run("desk", &run_dir, &plain), ("desk-2".to_owned(), plain.clone()));
+        std::fs::create_dir(dir.path().join("desk-2")).unwrap();
+        assert_eq!(next_run("desk", &run_dir, &plain), ("desk-3".to_owned(), plain));
+        let out = dir.path().join("there").display().to_string();
+        for (given, expected) in [
+            (words(&["--out", &out, "--quiet"]), words(&["--out", &format!("{out}-2"), "--quiet"])),
+            (words(&["--quiet", &format!("--out={out}/")]), words(&["--quiet", &format!("--out={out}-2")])),
+        ] {
+            assert_eq!(next_run("desk", &run_dir, &given), ("desk-2".to_owned(), expected));
+        }
+    }
 }

@@ -1,38 +1,24 @@
 //! The service `save_map`: `tessera export` as a child writes the outputs of the run into its folder,
 //! while everything else goes on.
 
-use crate::carrier::{Carrier, CarrierError, Client, Server, TRIGGER};
+use crate::carrier::{Carrier, CarrierError, Client};
 use crate::error::Ros2Error;
-use crate::report::{Event, Report};
+use crate::report::Report;
 use crate::run::tessera;
-use serde::Serialize;
+use crate::trigger::{Response, Trigger};
 use std::collections::VecDeque;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
-use tessera_recording::ros::encode;
 
 /// Requests that wait at most; more are refused.
 const MOST_WAITING: usize = 16;
 
-/// `std_srvs/srv/Trigger_Response`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-struct Response {
-    success: bool,
-    message: String,
-}
-
-impl Response {
-    fn refused(message: String) -> Self {
-        Self { success: false, message }
-    }
-}
-
 /// The service, and the export that goes on.
 pub(crate) struct SaveMap {
-    server: Box<dyn Server>,
+    service: Trigger,
     waiting: VecDeque<Client>,
-    export: Option<(Client, Export)>,
+    export: Option<(Client, Export, PathBuf)>,
 }
 
 /// A child, which is ended when it is dropped.
@@ -52,8 +38,8 @@ impl SaveMap {
     /// # Errors
     /// Where the network refuses it.
     pub(crate) fn new(carrier: &mut dyn Carrier, namespace: &str) -> Result<Self, CarrierError> {
-        let server = carrier.serve(&format!("{namespace}/save_map"), TRIGGER)?;
-        Ok(Self { server, waiting: VecDeque::new(), export: None })
+        let service = Trigger::new(carrier, &format!("{namespace}/save_map"))?;
+        Ok(Self { service, waiting: VecDeque::new(), export: None })
     }
 
     /// Takes requests in and answers those that are done. Requests are served one after the other, each
@@ -62,23 +48,21 @@ impl SaveMap {
     /// # Errors
     /// Where a reply cannot be written as CDR.
     pub(crate) fn step(&mut self, run_dir: &Path, report: &mut Report) -> Result<(), Ros2Error> {
-        loop {
-            match self.server.take() {
-                Ok(None) => break,
-                Ok(Some(client)) if self.waiting.len() < MOST_WAITING => self.waiting.push_back(client),
-                Ok(Some(client)) => {
-                    self.answer(&client, &Response::refused("too many requests wait".to_owned()), report)?;
-                }
-                Err(error) => report.note(Event::Carrier, || error.to_string()),
+        while let Some(client) = self.service.take(report) {
+            if self.waiting.len() == MOST_WAITING {
+                let response = Response::refused("too many requests wait".to_owned());
+                self.service.answer(&client, &response, report)?;
+                continue;
             }
+            self.waiting.push_back(client);
         }
-        if let Some((client, export)) = &mut self.export
-            && let Some(response) = outcome(&mut export.0, run_dir)
+        if let Some((client, export, dir)) = &mut self.export
+            && let Some(response) = outcome(&mut export.0, dir)
         {
             let client = client.clone();
             self.export = None;
             report.say(&format!("save_map: {}", response.message));
-            self.answer(&client, &response, report)?;
+            self.service.answer(&client, &response, report)?;
         }
         if self.export.is_none()
             && let Some(client) = self.waiting.pop_front()
@@ -87,20 +71,13 @@ impl SaveMap {
             command.args(["export", "--quiet"]).arg(run_dir);
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
             match command.spawn() {
-                Ok(child) => self.export = Some((client, Export(child))),
+                Ok(child) => self.export = Some((client, Export(child), run_dir.to_owned())),
                 Err(error) => {
                     let program = command.get_program().display();
                     let response = Response::refused(format!("cannot start {program}: {error}"));
-                    self.answer(&client, &response, report)?;
+                    self.service.answer(&client, &response, report)?;
                 }
             }
-        }
-        Ok(())
-    }
-
-    fn answer(&mut self, client: &Client, response: &Response, report: &mut Report) -> Result<(), Ros2Error> {
-        if let Err(error) = self.server.answer(client, &encode(response)?) {
-            report.note(Event::Carrier, || error.to_string());
         }
         Ok(())
     }

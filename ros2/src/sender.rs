@@ -1,13 +1,15 @@
 //! Images into the run, through its public frame service.
 
 use std::collections::VecDeque;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tessera_geometry::{Camera, InertialRotation};
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
 use tessera_transport::{Guest, Notifier, SlicePublisher, Subscriber, TransportError};
 
 /// Images whose pose is awaited.
 const MOST_AWAITED: usize = 256;
+/// Time in which the pose of an image is expected.
+const SOON: Duration = Duration::from_millis(30);
 
 /// Writes images of one camera.
 pub(crate) struct Sender {
@@ -80,6 +82,11 @@ impl Sender {
             self.is_finished = flow.finished == 1;
         }
         Ok(self.is_finished)
+    }
+
+    /// Whether the pose of an image that was sent not long ago has not come.
+    pub(crate) fn awaits_pose(&self) -> bool {
+        self.awaited.back().is_some_and(|(_, at)| at.elapsed() < SOON)
     }
 
     /// When the image of that time was received; earlier ones are forgotten.

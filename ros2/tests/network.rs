@@ -3,18 +3,24 @@
 
 #[path = "network/common.rs"]
 mod common;
+#[path = "network/faults.rs"]
+mod faults;
 #[path = "network/grid.rs"]
 mod grid;
 #[path = "network/gyro.rs"]
 mod gyro;
 #[path = "network/map.rs"]
 mod map;
+#[path = "network/measured.rs"]
+mod measured;
 #[path = "network/program.rs"]
 mod program;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
 #[path = "network/services.rs"]
 mod services;
+#[path = "network/simulated_time.rs"]
+mod simulated_time;
 #[cfg(feature = "zenoh")]
 #[path = "network/zenoh.rs"]
 mod zenoh;
@@ -23,11 +29,12 @@ use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::process::Command;
 
-/// The rows of `trajectory_online.txt`: nanoseconds and `world_from_camera`.
-fn online(setup: &Setup) -> BTreeMap<i64, Isometry3<f64>> {
-    let text = std::fs::read_to_string(setup.out().join("trajectory_online.txt")).unwrap();
+/// The rows of `trajectory_online.txt` in that folder: microseconds and `world_from_camera`.
+fn online(out: &Path) -> BTreeMap<i64, Isometry3<f64>> {
+    let text = std::fs::read_to_string(out.join("trajectory_online.txt")).unwrap();
     let row = |line: &str| {
         let words: Vec<&str> = line.split_whitespace().collect();
         let numbers: Vec<f64> = words[1..].iter().map(|word| word.parse().unwrap()).collect();
@@ -47,6 +54,16 @@ fn micros(stamp: &Value) -> i64 {
 
 fn difference(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     (a.translation.vector - b.translation.vector).norm() + a.rotation.angle_to(&b.rotation)
+}
+
+/// Whether a message of `/tf` has the pose that one of these rows has.
+fn is_of_run(line: &Value, rows: &BTreeMap<i64, Isometry3<f64>>) -> bool {
+    let [map, odom] = &line["transforms"].as_array().unwrap()[..] else { panic!("{line}") };
+    let [map_from_odom, odom_from_base] = [map, odom].map(|link| pose(&numbers(&link["pose"])));
+    let base = base_from_camera();
+    let world_from_camera = base.inverse() * map_from_odom * odom_from_base * base;
+    let row = rows.get(&micros(&odom["stamp"]));
+    row.is_some_and(|row| difference(&world_from_camera, row) < 5e-6)
 }
 
 #[test]
@@ -76,8 +93,7 @@ fn exchange(network: &Network) -> String {
     for line in lines.iter().filter(|line| line["topic"] != "ready") {
         assert_eq!(line["same"], true, "{line}");
     }
-    let written = online(&setup);
-    let base = base_from_camera();
+    let written = online(&setup.out());
     let mut odometry = BTreeMap::new();
     for line in of("/tessera/odom") {
         assert_eq!((&line["frame"], &line["child"]), (&"odom".into(), &"base_link".into()));
@@ -90,15 +106,11 @@ fn exchange(network: &Network) -> String {
         let [map, odom] = &line["transforms"].as_array().unwrap()[..] else { panic!("{line}") };
         assert_eq!((&map["parent"], &map["child"]), (&"map".into(), &"odom".into()));
         assert_eq!((&odom["parent"], &odom["child"]), (&"odom".into(), &"base_link".into()));
-        let [map_from_odom, odom_from_base] = [map, odom].map(|link| pose(&numbers(&link["pose"])));
-        let at = micros(&odom["stamp"]);
         // The same pose on both topics, and that of the run's own file once the frames are undone.
-        if let Some(odometry) = odometry.get(&at) {
-            assert!(difference(odometry, &odom_from_base) < 1e-12);
+        if let Some(odometry) = odometry.get(&micros(&odom["stamp"])) {
+            assert!(difference(odometry, &pose(&numbers(&odom["pose"]))) < 1e-12);
         }
-        let Some(row) = written.get(&at) else { panic!("{at} is no time of {:?}", written.keys()) };
-        let world_from_camera = base.inverse() * map_from_odom * odom_from_base * base;
-        assert!(difference(&world_from_camera, row) < 5e-6, "{line} is not {row}");
+        assert!(is_of_run(line, &written), "{line} is no pose of {:?}", written.keys());
         n_compared += 1;
     }
     assert!(n_compared >= 10 && odometry.len() >= 10, "{n_compared} {}", odometry.len());
@@ -153,7 +165,7 @@ fn what_is_wrong_is_told_and_counted_and_stops_nothing() {
     let jump = stamps.windows(2).filter(|pair| pair[1] < pair[0] - 900_000_000_000).count();
     assert_eq!(jump, 1, "{stamps:?}");
     // In the run time goes on.
-    let written: Vec<i64> = online(&setup).into_keys().collect();
+    let written: Vec<i64> = online(&setup.out()).into_keys().collect();
     let span = written.last().unwrap() - written[0];
     assert!(written.len() >= 20 && span < 100_000_000, "{written:?}");
 }
@@ -183,7 +195,7 @@ fn kill(network: &Network) {
     let words = ros2.finish();
     drop(camera);
     assert!(words.contains("joined the run"), "{words}");
-    assert!(online(&setup).len() >= 20);
+    assert!(online(&setup.out()).len() >= 20);
     assert_eq!(setup.leftovers(), Vec::<String>::new());
 }
 
@@ -198,7 +210,7 @@ fn compressed_images_are_decoded_and_run_starts_the_run() {
     drop(camera);
     assert!(words.contains("/camera/depth/image_rect_raw/compressedDepth"), "{words}");
     assert!(words.contains("colour: /camera/color/image_raw/compressed, registered to depth"), "{words}");
-    assert!(online(&setup).len() >= 8, "{words}");
+    assert!(online(&setup.out()).len() >= 8, "{words}");
 }
 
 #[test]
@@ -211,7 +223,7 @@ fn a_run_that_was_started_ends_with_the_program() {
     setup.wait_for_growth("the first frames");
     ros2.terminate();
     let words = ros2.finish();
-    assert!(!online(&setup).is_empty(), "{words}");
+    assert!(!online(&setup.out()).is_empty(), "{words}");
     assert_eq!(setup.leftovers(), Vec::<String>::new());
 }
 
@@ -228,11 +240,11 @@ fn types_have_the_hashes_that_others_compute() {
     }
     let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
     arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
-    assert_eq!(arguments.len(), 24);
+    assert_eq!(arguments.len(), 26);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "12");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "13");
 }
 
 #[test]

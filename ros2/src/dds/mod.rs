@@ -1,5 +1,6 @@
 //! DDS, by RustDDS: messages pass as bytes, and what they mean is not its business.
 
+mod arrivals;
 mod buffers;
 mod node;
 mod own_sockets;
@@ -11,6 +12,7 @@ use crate::carrier::{
     from_dds,
 };
 use crate::network::{Network, Reach};
+use arrivals::Arrivals;
 use buffers::doubt_buffers;
 use node::{Ends, Node};
 use own_sockets::keep_to_loopback;
@@ -38,6 +40,7 @@ pub(crate) struct Dds {
     readers: Vec<End>,
     writers: Vec<End>,
     node: Node,
+    arrivals: Arrivals,
     /// What may go wrong with its sockets.
     doubts: Vec<String>,
 }
@@ -78,8 +81,9 @@ impl Dds {
             ));
         }
         doubts.extend(doubt_buffers());
-        let network = network.clone();
-        Ok(Self { participant, network, readers: Vec::new(), writers: Vec::new(), node, doubts })
+        let (network, arrivals) = (network.clone(), Arrivals::new()?);
+        let (readers, writers) = (Vec::new(), Vec::new());
+        Ok(Self { participant, network, readers, writers, node, arrivals, doubts })
     }
 
     fn reader(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Reader, CarrierError> {
@@ -87,7 +91,9 @@ impl Dds {
         let (made, qos) = make_topic(&self.participant, &topic, (&kind, &quality))?;
         let action = format!("subscribe {topic}");
         let subscriber = self.participant.create_subscriber(&qos).map_err(|e| wrong(&action, &e))?;
-        let reader = subscriber.create_datareader_no_key(&made, Some(qos)).map_err(|e| wrong(&action, &e))?;
+        let created = subscriber.create_datareader_no_key(&made, Some(qos));
+        let mut reader = created.map_err(|e| wrong(&action, &e))?;
+        self.arrivals.watch(&mut reader)?;
         let reader = Reader { reader, topic: topic.clone() };
         self.readers.push(End { topic, kind, quality, guid: reader.reader.guid() });
         Ok(reader)
@@ -171,6 +177,10 @@ impl Carrier for Dds {
         let requests = self.reader(format!("{REQUEST_PREFIX}{name}Request"), service.request, quality)?;
         let replies = self.writer(format!("{REPLY_PREFIX}{name}Reply"), service.response, quality)?;
         Ok(Box::new(DdsServer { requests, replies }))
+    }
+
+    fn wait(&mut self, timeout: std::time::Duration) -> bool {
+        self.arrivals.wait(timeout)
     }
 
     fn introduce(&mut self) -> Result<(), CarrierError> {

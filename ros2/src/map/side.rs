@@ -81,6 +81,12 @@ impl MapSide {
         }
     }
 
+    /// Another run begins: the one before is followed no more.
+    pub(crate) fn begin_run(&mut self) {
+        self.wanted.is_over.store(true, Ordering::Release);
+        (self.wanted, self.updates) = (Arc::default(), None);
+    }
+
     /// Publishes what was made.
     ///
     /// # Errors

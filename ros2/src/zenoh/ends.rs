@@ -1,6 +1,7 @@
 //! Readers and writers of topics. What late readers are to have too is kept by the writer and asked for
 //! by the reader, as rmw_zenoh does.
 
+use super::arrivals::Arrivals;
 use super::attachment::Attachment;
 use super::{lock, wrong};
 use crate::carrier::{Bytes, CarrierError, ENCAPSULATION, Publication, Quality, Subscription};
@@ -46,13 +47,16 @@ impl Reader {
     /// Where the session is closed.
     pub(super) fn open(
         session: &Session,
-        (topic, key): (&str, String),
+        (topic, key, token): (&str, String, LivelinessToken),
         quality: Quality,
-        (token, notes): (LivelinessToken, Notes),
+        (notes, arrivals): (Notes, Arc<Arrivals>),
     ) -> Result<Self, CarrierError> {
         let queue = Queue::default();
         let (to, name, depth) = (Arc::clone(&queue), topic.to_owned(), usize::from(quality.depth));
-        let taken = move |sample: Sample| take(&sample, &name, (&to, depth), &notes);
+        let taken = move |sample: Sample| {
+            take(&sample, &name, (&to, depth), &notes);
+            arrivals.tell();
+        };
         let builder = session.declare_subscriber(key).callback(taken);
         let held = if quality.is_kept {
             let history = HistoryConfig::default().detect_late_publishers().max_samples(depth);

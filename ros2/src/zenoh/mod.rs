@@ -1,6 +1,7 @@
 //! Zenoh as rmw_zenoh has it: keys, attachments and tokens of its making, over a session that learns of
 //! others from a router.
 
+mod arrivals;
 mod attachment;
 mod config;
 mod ends;
@@ -13,13 +14,14 @@ use crate::carrier::{
 };
 use crate::error::Ros2Error;
 use crate::network::{Network, Reach};
+use arrivals::Arrivals;
 use config::{Configuration, configuration};
 use ends::{Notes, Reader, Writer};
 use graph::Graph;
 use keys::{ANY, End, EndKind, Tokens, hash, key};
 use service::ZenohServer;
 use std::collections::BTreeSet;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::{Session, Wait};
@@ -38,6 +40,7 @@ pub(crate) struct Zenoh {
     graph: Graph,
     ends: Vec<End>,
     notes: Notes,
+    arrivals: Arc<Arrivals>,
     /// That of the node.
     _token: LivelinessToken,
 }
@@ -76,6 +79,7 @@ impl Zenoh {
             graph,
             ends: Vec::new(),
             notes: Notes::default(),
+            arrivals: Arc::default(),
             _token: token,
         })
     }
@@ -126,8 +130,8 @@ impl Carrier for Zenoh {
         // Any hash: a writer of any distribution will do.
         let key = key(self.network.domain, topic, kind, ANY)?;
         let (_, token) = self.announce(EndKind::Reader, (topic, kind), quality)?;
-        let with = (token, Notes::clone(&self.notes));
-        Ok(Box::new(Reader::open(&self.session, (topic, key), quality, with)?))
+        let with = (Notes::clone(&self.notes), Arc::clone(&self.arrivals));
+        Ok(Box::new(Reader::open(&self.session, (topic, key, token), quality, with)?))
     }
 
     fn publish(
@@ -146,6 +150,10 @@ impl Carrier for Zenoh {
         let key = key(self.network.domain, name, service.kind, ANY)?;
         let (_, token) = self.announce(EndKind::Server, (name, service.kind), Quality::DEFAULT)?;
         Ok(Box::new(ZenohServer::open(&self.session, (name, key), token)?))
+    }
+
+    fn wait(&mut self, timeout: Duration) -> bool {
+        self.arrivals.wait(timeout)
     }
 
     fn introduce(&mut self) -> Result<(), CarrierError> {

@@ -46,8 +46,15 @@ pub(crate) fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
+/// Waits until the run in that folder has journaled several frames more.
+pub(crate) fn wait_for_growth(out: &Path, what: &str) {
+    let len = || out.join("align.journal").metadata().map_or(0, |meta| meta.len());
+    let before = len();
+    wait_for(what, || len() >= before + 6000);
+}
+
 /// The command, of the newer build.
-fn tessera() -> Option<PathBuf> {
+pub(crate) fn tessera() -> Option<PathBuf> {
     let places = ["debug", "release"].map(|profile| root().join("target").join(profile).join("tessera"));
     let age = |path: &PathBuf| path.metadata().and_then(|meta| meta.modified()).ok();
     let found = places.into_iter().filter(|path| path.is_file()).max_by_key(age);
@@ -112,6 +119,10 @@ impl Network {
         &self.domain
     }
 
+    pub(crate) fn python(&self) -> &Path {
+        &self.python
+    }
+
     fn script(&self, name: &str) -> Command {
         let mut command = Command::new(&self.python);
         command.arg(root().join("ros2/tests/python").join(name)).env("CYCLONEDDS_URI", CYCLONE);
@@ -134,10 +145,18 @@ impl Network {
     }
 
     /// Runs a program to its end; what it prints.
-    pub(crate) fn ask(&self, script: &str, word: &str) -> Vec<Value> {
+    pub(crate) fn ask(&self, script: &str, words: &[&str]) -> Vec<Value> {
         let mut command = self.script(script);
-        command.arg(&self.domain).args(&self.router).arg(word);
+        command.arg(&self.domain).args(&self.router).args(words);
         Listener(Program::start(command, true)).await_end()
+    }
+
+    /// Calls a service once; the reply.
+    pub(crate) fn call(&self, form: &str, service: &str) -> Value {
+        let script = if self.router.is_some() { "call_zenoh.py" } else { "call.py" };
+        let line = self.ask(script, &[form, service]).pop().expect("a reply");
+        assert_eq!(line["same"], true, "{line}");
+        line
     }
 
     /// As [`Self::join`], with the program starting the run itself.
@@ -151,13 +170,16 @@ impl Network {
     /// Starts `tessera-ros2`.
     pub(crate) fn join(&self, setup: &Setup, arguments: &[&str]) -> Program {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));
-        command.args([&setup.name, "--domain", &self.domain]).args(arguments);
+        command.args([&setup.name, "--domain", &self.domain]);
+        if self.router.is_some() {
+            command.args(["--carrier", "zenoh"]);
+        }
+        command.args(arguments);
         for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"] {
             command.env_remove(variable);
         }
         command.env_remove("RMW_IMPLEMENTATION");
         if let Some(router) = &self.router {
-            command.args(["--carrier", "zenoh"]);
             command.env("ZENOH_CONFIG_OVERRIDE", format!("connect/endpoints=[{router:?}]"));
         }
         command.env("TESSERA_PROGRAM", &self.tessera);
@@ -209,9 +231,7 @@ impl Setup {
 
     /// Waits until the run has journaled several frames more.
     pub(crate) fn wait_for_growth(&self, what: &str) {
-        let len = || self.out().join("align.journal").metadata().map_or(0, |meta| meta.len());
-        let before = len();
-        wait_for(what, || len() >= before + 6000);
+        wait_for_growth(&self.out(), what);
     }
 
     /// What is left of the run where runs are registered.

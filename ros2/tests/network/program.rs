@@ -39,7 +39,6 @@ impl Program {
     }
 
     /// Waits until it has printed this.
-    #[cfg(feature = "zenoh")]
     pub(crate) fn await_words(&self, words: &str) {
         wait_for(words, || self.text.lock().unwrap().contains(words));
     }
@@ -70,8 +69,12 @@ impl Program {
 
     /// Tells it to end.
     pub(crate) fn terminate(&self) {
-        let pid = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
+        signal(self.child.id(), "-TERM");
+    }
+
+    /// Stops it where it is.
+    pub(crate) fn freeze(&self) {
+        signal(self.child.id(), "-STOP");
     }
 
     fn end(mut self) -> String {
@@ -79,6 +82,11 @@ impl Program {
         let _ = self.child.wait();
         self.text()
     }
+}
+
+/// Sends a signal to a process.
+pub(crate) fn signal(pid: u32, name: &str) {
+    assert!(Command::new("kill").args([name, &pid.to_string()]).status().unwrap().success());
 }
 
 impl Drop for Program {
@@ -92,6 +100,11 @@ impl Drop for Program {
 pub(crate) struct Listener(pub(crate) Program);
 
 impl Listener {
+    /// Messages of odometry that it has printed so far.
+    pub(crate) fn n_odometry(&self) -> usize {
+        self.0.text.lock().unwrap().matches("{\"topic\": \"/tessera/odom\"").count()
+    }
+
     /// Ends it; all lines that it printed whole.
     pub(crate) fn finish(self) -> Vec<Value> {
         Self::lines(&self.0.end())

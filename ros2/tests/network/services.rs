@@ -1,19 +1,13 @@
 //! Services that others call, and the name that they see.
 
-use crate::common::{Network, Setup, room, wait_for};
+use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
 use rustdds::bytes::Bytes;
 use rustdds::policy::Reliability;
 use rustdds::{
     DomainParticipantBuilder, QosPolicyBuilder, RTPSEntity, RepresentationIdentifier, SampleIdentity,
     SequenceNumber, TopicKind, WriteOptionsBuilder, no_key,
 };
-use serde_json::Value;
-
-fn call(network: &Network, form: &str) -> Value {
-    let line = network.ask("call.py", form).pop().expect("a reply");
-    assert_eq!(line["same"], true, "{line}");
-    line
-}
+use std::path::PathBuf;
 
 #[test]
 fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
@@ -26,16 +20,16 @@ fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
     let (map, config) = (setup.out().join("map.ply"), setup.out().join("config.toml"));
     assert!(!map.exists());
     for form in ["cyclone", "plain"] {
-        let saved = call(&network, form);
+        let saved = network.call(form, "save_map");
         assert_eq!(saved["success"], true, "{saved}");
-        let folder = std::path::PathBuf::from(saved["message"].as_str().unwrap());
+        let folder = PathBuf::from(saved["message"].as_str().unwrap());
         assert_eq!(folder.canonicalize().unwrap(), setup.out().canonicalize().unwrap());
         assert!(map.metadata().unwrap().len() > 1000);
         std::fs::remove_file(&map).unwrap();
     }
     let aside = setup.frames().join("aside.toml");
     std::fs::rename(&config, &aside).unwrap();
-    let refused = call(&network, "cyclone");
+    let refused = network.call("cyclone", "save_map");
     assert_eq!(refused["success"], false, "{refused}");
     assert!(refused["message"].as_str().unwrap().contains("expected the folder of a run"), "{refused}");
     std::fs::rename(&aside, &config).unwrap();
@@ -46,6 +40,69 @@ fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
 }
 
 #[test]
+fn a_reset_ends_the_run_and_begins_another() {
+    let Some(network) = Network::new() else { return };
+    reset(&network, "cyclone");
+}
+
+/// Two resets of a run that goes on: each ends a run with its outputs and begins one of its own name,
+/// whose odometry begins anew.
+pub(crate) fn reset(network: &Network, form: &str) {
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let listener = network.listen(&[]);
+    let _camera = network.camera(&setup, &[]);
+    let ros2 = network.join_and_run(&setup);
+    setup.wait_for_growth("the first frames");
+    let outs = ["out", "out-2", "out-3"].map(|name| setup.frames().join(name));
+    let names = [setup.name.clone(), format!("{}-2", setup.name), format!("{}-3", setup.name)];
+    for k in 1..3 {
+        let reply = network.call(form, "reset");
+        let words = reply["message"].as_str().unwrap();
+        assert_eq!(reply["success"], true, "{reply}");
+        assert!(
+            words.contains(&format!("the run {} has begun; {} is in", names[k], names[k - 1])),
+            "{reply}"
+        );
+        assert!(outs[k - 1].join("map.ply").metadata().unwrap().len() > 1000, "{reply}");
+        wait_for_growth(&outs[k], "frames of the next run");
+    }
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(outs[2].join("map.ply").exists(), "{words}");
+    let lines = listener.finish();
+    let told = |name: &String| {
+        let name = format!("tessera: {name}");
+        lines.iter().any(|line| line["topic"] == "/diagnostics" && line["status"][0]["name"] == name)
+    };
+    assert!(names.iter().all(told), "{words}");
+    // What is published is the run's own pose each time, whose odom begins anew.
+    for out in &outs {
+        let rows = crate::online(out);
+        let n = lines.iter().filter(|line| line["topic"] == "/tf" && crate::is_of_run(line, &rows)).count();
+        assert!(n >= 3, "{n} of {} in {}", rows.len(), out.display());
+    }
+}
+
+#[test]
+fn a_run_that_was_started_elsewhere_is_not_reset() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    let _run = setup.start();
+    let ros2 = network.join(&setup, &[]);
+    setup.wait_for_growth("the first frames");
+    let refused = network.call("cyclone", "reset");
+    assert_eq!(refused["success"], false, "{refused}");
+    let expected = format!("this program did not start the run {}", setup.name);
+    assert!(refused["message"].as_str().unwrap().starts_with(&expected), "{refused}");
+    setup.wait_for_growth("frames after that");
+    ros2.terminate();
+    ros2.finish();
+}
+
+#[test]
 fn the_node_has_a_name_and_its_own_topics() {
     let Some(network) = Network::new() else { return };
     let setup = Setup::new(10);
@@ -53,7 +110,7 @@ fn the_node_has_a_name_and_its_own_topics() {
         [("jazzy", "/tessera", ["/", "tessera"]), ("humble", "/robot/slam", ["/robot", "slam"])]
     {
         let ros2 = network.join(&setup, &["--ros-distro", distro, "--namespace", namespace]);
-        let node = network.ask("nodes.py", distro).pop().expect("a node");
+        let node = network.ask("nodes.py", &[distro]).pop().expect("a node");
         assert_eq!(node["same"], true, "{node}");
         assert_eq!([&node["namespace"], &node["name"]], expected);
         let has =

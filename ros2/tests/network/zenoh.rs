@@ -149,7 +149,7 @@ fn the_graph_shows_the_node_while_it_lives() {
         ("humble", "/robot/slam", "%robot/slam", "TypeHashNotSupported"),
     ] {
         let ros2 = network.join(&setup, &["--ros-distro", distro, "--namespace", namespace]);
-        let told = network.ask("nodes_zenoh.py", "there").pop().expect("tokens");
+        let told = network.ask("nodes_zenoh.py", &["there"]).pop().expect("tokens");
         let tokens: Vec<&str> = told.as_array().unwrap().iter().filter_map(Value::as_str).collect();
         let mangled = namespace.replace('/', "%");
         let odometry =
@@ -164,7 +164,7 @@ fn the_graph_shows_the_node_while_it_lives() {
         }
         // Killed, it takes its tokens with it.
         drop(ros2);
-        let told = network.ask("nodes_zenoh.py", "gone").pop().expect("no tokens");
+        let told = network.ask("nodes_zenoh.py", &["gone"]).pop().expect("no tokens");
         assert_eq!(told.as_array().unwrap().len(), 0);
     }
 }
@@ -182,15 +182,22 @@ fn the_map_is_saved_for_clients_of_each_distribution_or_the_reason_is_told() {
     let map = setup.out().join("map.ply");
     for form in ["jazzy", "humble"] {
         assert!(!map.exists());
-        let saved = network.ask("call_zenoh.py", form).pop().expect("a reply");
-        assert!(saved["same"] == true && saved["success"] == true, "{saved}");
+        let saved = network.call(form, "save_map");
+        assert_eq!(saved["success"], true, "{saved}");
         let folder = PathBuf::from(saved["message"].as_str().unwrap());
         assert_eq!(folder.canonicalize().unwrap(), setup.out().canonicalize().unwrap());
         std::fs::remove_file(&map).unwrap();
     }
-    let refused = network.ask("call_zenoh.py", "nonsense").pop().expect("a reply");
+    let refused = network.ask("call_zenoh.py", &["nonsense"]).pop().expect("a reply");
     assert_eq!(refused["error"], "2 bytes, expected CDR", "{refused}");
     ros2.terminate();
     let words = ros2.finish();
     assert!(words.contains("cannot read a request of /tessera/save_map: 2 bytes, expected CDR"), "{words}");
+}
+
+#[test]
+fn a_reset_ends_the_run_and_begins_another() {
+    let Some(router) = Router::new() else { return };
+    let Some(network) = router.network() else { return };
+    crate::services::reset(&network, "jazzy");
 }

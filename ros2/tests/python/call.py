@@ -1,6 +1,6 @@
-"""Calls /tessera/save_map once and prints the reply as a line of JSON.
+"""Calls a service /tessera/SERVICE of the type std_srvs/srv/Trigger once and prints the reply as a line of JSON.
 
-    python call.py DOMAIN cyclone|plain
+    python call.py DOMAIN cyclone|plain SERVICE
 
 With `cyclone` the message is that of rmw_cyclonedds: two numbers before the content say who asks. With
 `plain` there is the content alone, as rmw_fastrtps has it.
@@ -60,15 +60,15 @@ messages.raw(CycloneRequest, CycloneResponse, PlainRequest, PlainResponse)
 
 
 def main():
-    is_cyclone = sys.argv[2] == "cyclone"
+    is_cyclone, service = sys.argv[2] == "cyclone", sys.argv[3]
     request, response = (CycloneRequest, CycloneResponse) if is_cyclone else (PlainRequest, PlainResponse)
     header = HEADER if is_cyclone else b""
     participant = DomainParticipant(int(sys.argv[1]))
     writer = DataWriter(
-        participant, Topic(participant, "rq/tessera/save_mapRequest", request), qos=messages.RELIABLE
+        participant, Topic(participant, f"rq/tessera/{service}Request", request), qos=messages.RELIABLE
     )
     reader = DataReader(
-        participant, Topic(participant, "rr/tessera/save_mapReply", response), qos=messages.RELIABLE
+        participant, Topic(participant, f"rr/tessera/{service}Reply", response), qos=messages.RELIABLE
     )
     while not writer.get_matched_subscriptions() or not reader.get_matched_publications():
         time.sleep(0.02)

@@ -1,6 +1,6 @@
-"""Calls /tessera/save_map over Zenoh and prints the reply as a line of JSON.
+"""Calls a service /tessera/SERVICE of the type std_srvs/srv/Trigger over Zenoh and prints the reply as a line of JSON.
 
-    python call_zenoh.py DOMAIN ENDPOINT jazzy|humble|nonsense
+    python call_zenoh.py DOMAIN ENDPOINT jazzy|humble|nonsense [SERVICE]
 
 With `nonsense` there is neither an attachment nor CDR, and the error is printed.
 """
@@ -24,11 +24,12 @@ NUMBER, GID = 41, b"python's client."
 
 def main():
     domain, endpoint, form = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+    service = sys.argv[4] if len(sys.argv) > 4 else "save_map"
     node = rmw_zenoh.Node(domain, endpoint, STORE, "caller")
     type_hash = "TypeHashNotSupported" if form == "humble" else HASH
-    key = node.end("SC", "/tessera/save_map", KIND, "::,10:,:,:,,", type_hash)
+    key = node.end("SC", f"/tessera/{service}", KIND, "::,10:,:,:,,", type_hash)
     # As rmw_zenoh_cpp, a client waits until the graph has the server.
-    token = f"@ros2_lv/{domain}/*/*/*/SS/*/*/*/%tessera%save_map/{KIND}/*/*"
+    token = f"@ros2_lv/{domain}/*/*/*/SS/*/*/*/%tessera%{service}/{KIND}/*/*"
     while not list(node.session.liveliness().get(token)):
         time.sleep(0.1)
     sent = {"payload": b"no", "attachment": None}

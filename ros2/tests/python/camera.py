@@ -1,6 +1,6 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--start N] [--rate HZ] [--router ENDPOINT]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--clock] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
 
 It is one of DDS, and with a router one of Zenoh. FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
@@ -114,6 +114,8 @@ def main():
     parser.add_argument("--compressed", action="store_true")
     parser.add_argument("--faults", action="store_true")
     parser.add_argument("--imu", action="store_true")
+    parser.add_argument("--clock", action="store_true", help="/clock is the time of the images")
+    parser.add_argument("--focal", type=float, default=1.0, help="factor on the focal length")
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--rate", type=float, default=10.0)
     parser.add_argument("--router")
@@ -137,6 +139,7 @@ def main():
     ]
     statics.write(messages.of(messages.TFMessage, transforms(links)))
     imus = writer("/imu", more_messages.Imu, messages.RELIABLE) if arguments.imu else None
+    clocks = writer("/clock", more_messages.Clock) if arguments.clock else None
     imu_nanos = camera["stamps"][0]
     period = camera["stamps"][1] - camera["stamps"][0]
     # Another program with an image of its own making.
@@ -156,7 +159,7 @@ def main():
         if fault >= 40:
             nanos -= 1000 * 10**9
         depth, colour = read(f"d{k}.raw"), read(f"c{k}.raw")
-        factor = 1.3 if 20 <= fault < 25 else 1.0
+        factor = 1.3 if 20 <= fault < 25 else arguments.focal
         infos.write(messages.of(messages.CameraInfo, camera_info(nanos, camera, factor)))
         if arguments.compressed:
             inside = png(numpy.frombuffer(depth, dtype=numpy.uint16).reshape(height, width))
@@ -177,6 +180,9 @@ def main():
         while imus is not None and imu_nanos <= nanos + 2 * IMU_PERIOD:
             imus.write(messages.of(more_messages.Imu, imu(imu_nanos)))
             imu_nanos += IMU_PERIOD
+        if clocks is not None:
+            clock = make("rosgraph_msgs/msg/Clock", stamp_of(nanos))
+            clocks.write(messages.of(more_messages.Clock, STORE.serialize_cdr(clock, "rosgraph_msgs/msg/Clock")))
         colours.write(messages.of(kind, colour))
         depths.write(messages.of(kind, depth))
         at += 1

@@ -59,7 +59,7 @@ def diagnostics(m):
         "level": int(s.level), "name": s.name, "message": s.message,
         "values": {v.key: v.value for v in s.values},
     }
-    return {"status": [one(s) for s in m.status]}
+    return {"stamp": nanos(m.header), "status": [one(s) for s in m.status]}
 
 
 def cloud(m):

@@ -1,4 +1,4 @@
-"""Messages of a map and of a gyroscope for cyclonedds, as their interface definitions have them."""
+"""Messages of a map, of a gyroscope and of a clock for cyclonedds, as their interface definitions have them."""
 
 from dataclasses import dataclass
 
@@ -69,7 +69,12 @@ class Imu(IdlStruct, typename="sensor_msgs::msg::dds_::Imu_"):
     linear_acceleration_covariance: array[float64, 9]
 
 
-messages.raw(PointCloud2, OccupancyGrid, OccupancyGridUpdate, Imu)
+@dataclass
+class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
+    clock: messages.Time
+
+
+messages.raw(Clock, PointCloud2, OccupancyGrid, OccupancyGridUpdate, Imu)
 
 
 def register(store):

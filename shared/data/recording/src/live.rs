@@ -149,17 +149,25 @@ impl LiveCamera {
             return Ok(Change::None);
         };
         let found = convert(&self.topic, info, self.camera.units_per_metre)?;
-        if found.camera == recorded.camera && found.lens == recorded.lens {
-            return Ok(Change::None);
+        let change = difference(&recorded.camera, found.camera);
+        Ok(match change {
+            Change::None | Change::Small(_) if found.lens == recorded.lens => change,
+            Change::None => Change::Large(recorded.camera.clone()),
+            Change::Small(camera) | Change::Large(camera) => Change::Large(camera),
+        })
+    }
+
+    /// Compares the camera with that of images before these, `earlier`, and takes its numbers where they
+    /// differ as autofocus makes them differ. Answers with what it was.
+    pub fn keep(&mut self, earlier: &Camera) -> Change {
+        let change = difference(earlier, self.camera.clone());
+        if let Change::Small(found) = &change {
+            if let Some(recorded) = self.recorded.as_mut().filter(|recorded| recorded.camera == *found) {
+                recorded.camera.clone_from(earlier);
+            }
+            self.camera.clone_from(earlier);
         }
-        let (a, b) = (&recorded.camera, &found.camera);
-        let near = NEAR * a.fx;
-        let is_near = [(a.fx, b.fx), (a.fy, b.fy), (a.cx, b.cx), (a.cy, b.cy)]
-            .into_iter()
-            .all(|(a, b)| (a - b).abs() <= near);
-        let is_shaped = (a.width, a.height, a.distortion) == (b.width, b.height, b.distortion)
-            && found.lens == recorded.lens;
-        Ok(if is_near && is_shaped { Change::Small(found.camera) } else { Change::Large(found.camera) })
+        change
     }
 
     /// Reads depth as raw units of the camera.
@@ -189,6 +197,24 @@ impl LiveCamera {
     ) -> Result<(), MessageError> {
         let size = (self.camera.width, self.camera.height);
         self.colour.read(&image.0, size, self.lens.as_ref(), depth_raw, rgb)
+    }
+}
+
+/// How a camera differs from the one before it, in what a run is told of its camera.
+fn difference(before: &Camera, found: Camera) -> Change {
+    let (colour_lag_s, colour_focal_ratio) = (before.colour_lag_s, before.colour_focal_ratio);
+    let told = Camera { colour_lag_s, colour_focal_ratio, ..found.clone() };
+    if told == *before {
+        return Change::None;
+    }
+    let Camera { fx, fy, cx, cy, .. } = *before;
+    let near = NEAR * fx;
+    let is_near = [(fx, found.fx), (fy, found.fy), (cx, found.cx), (cy, found.cy)]
+        .into_iter()
+        .all(|(before, found)| (before - found).abs() <= near);
+    match is_near && (Camera { fx, fy, cx, cy, ..told }) == *before {
+        true => Change::Small(found),
+        false => Change::Large(found),
     }
 }
 
@@ -277,6 +303,30 @@ mod tests {
         let live = LiveCamera::new(&none, None, &FrameTree::default(), Some(&given)).unwrap();
         live.read_depth(&depth, &mut raw).unwrap();
         assert_eq!((raw[0], live.compare(&info("d", SIZE, 25.0)).unwrap()), (1500, Change::None));
+    }
+
+    #[test]
+    fn a_camera_takes_the_numbers_of_a_run_that_autofocus_explains() {
+        let metres: Vec<u8> = (0..320).flat_map(|_| 1.5f32.to_le_bytes()).collect();
+        let (depth, now) = (image(SIZE, "32FC1", &metres), info("d", SIZE, 20.1));
+        let depth = read(&depth);
+        let topic = LiveTopic { topic: "/depth", image: &depth, info: Some(&now) };
+        let mut live = LiveCamera::new(&topic, None, &FrameTree::default(), None).unwrap();
+        let earlier = Camera { fx: 20.0, fy: 20.0, ..live.camera().clone() };
+        assert!(matches!(live.keep(&earlier), Change::Small(found) if found.fx == 20.1));
+        assert_eq!(live.camera(), &earlier);
+        assert_eq!(live.keep(&earlier), Change::None);
+        assert!(matches!(live.compare(&now).unwrap(), Change::Small(found) if found.fx == 20.1));
+        for other in [
+            Camera { fx: 25.0, ..earlier.clone() },
+            Camera { units_per_metre: 1000.0, ..earlier.clone() },
+            Camera { distortion: [0.1, 0.0, 0.0, 0.0, 0.0], ..earlier.clone() },
+        ] {
+            assert!(matches!(live.keep(&other), Change::Large(_)));
+            assert_eq!(live.camera(), &earlier);
+        }
+        // Of colour's delay and scale a run is not told.
+        assert_eq!(live.keep(&Camera { colour_lag_s: 0.01, ..earlier.clone() }), Change::None);
     }
 
     #[test]
