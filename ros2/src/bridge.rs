@@ -56,6 +56,9 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         let Some(run) = run? else { break };
         let run_dir = run.entry.run_dir.clone();
         let is_over = bridge.follow(run, started.is_some())?;
+        if let Some(started) = started.as_mut().filter(|_| !is_over || is_stopped.load(Ordering::Relaxed)) {
+            started.begin_end(bridge.end_camera()?);
+        }
         std::thread::sleep(LAST_WORDS);
         let Some(ending) = started.take_if(|_| !is_over) else { break };
         let (next, run_arguments) = next_run(&arguments.name, &run_dir, &arguments.run_arguments);
@@ -71,7 +74,11 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
         started = Some(Started::start(&next, &run_arguments)?);
         name = next;
     }
-    started.map_or(Ok(()), |started| started.finish(is_stopped.load(Ordering::Relaxed)))
+    let Some(mut started) = started else { return Ok(()) };
+    if is_stopped.load(Ordering::Relaxed) && !started.is_ending() {
+        started.begin_end(false);
+    }
+    started.finish()
 }
 
 struct Bridge<'a> {
@@ -146,6 +153,12 @@ impl<'a> Bridge<'a> {
         }
     }
 
+    /// Tells the run that its camera has ended; `false` where that cannot be told.
+    fn end_camera(&mut self) -> Result<bool, Ros2Error> {
+        let Some(sender) = self.input.sender() else { return Ok(false) };
+        Ok(sender.end()?)
+    }
+
     /// Ends the run for a reset, and waits until its outputs are written.
     ///
     /// # Errors
@@ -156,7 +169,6 @@ impl<'a> Bridge<'a> {
         self.input.begin_run();
         self.output.begin_run();
         self.map.begin_run();
-        ending.terminate();
         while !ending.has_ended()? {
             self.idle(&name, &format!("the run {name} ends for a reset"))?;
         }

@@ -3,8 +3,10 @@
 use crate::error::Ros2Error;
 use rustix::process::{Pid, Signal};
 use std::ffi::OsString;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
+use std::time::{Duration, Instant};
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
@@ -66,27 +68,54 @@ pub(crate) fn tessera() -> Command {
     }))
 }
 
+/// Time that a run has to end after its camera did: its last optimisation and its outputs.
+const MOST_TO_END: Duration = Duration::from_secs(300);
+/// Time between two looks whether it has.
+const END_POLL: Duration = Duration::from_millis(50);
+
 /// `tessera run external` as a child: dropped, it is told to end, and writes its outputs.
 pub(crate) struct Started {
     child: Child,
     pub(crate) name: String,
+    /// When its camera ended.
+    ended_at: Option<Instant>,
 }
 
 impl Started {
     /// Starts it.
     pub(crate) fn start(name: &str, arguments: &[String]) -> Result<Self, Ros2Error> {
         let mut command = tessera();
-        let started = command.args(["run", "external", "--name", name]).args(arguments).spawn();
+        // A group of its own: Ctrl-C reaches this program alone, which ends the run in order.
+        command.args(["run", "external", "--name", name]).args(arguments).process_group(0);
+        let started = command.spawn();
         let program = command.get_program().display();
         let child = started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))?;
-        Ok(Self { child, name: name.to_owned() })
+        Ok(Self { child, name: name.to_owned(), ended_at: None })
     }
 
-    /// Whether it has ended.
+    /// Notes that the run was told that its camera has ended; where it was not, tells the run itself, which
+    /// then leaves out its last optimisation.
+    pub(crate) fn begin_end(&mut self, is_told: bool) {
+        self.ended_at = Some(Instant::now());
+        if !is_told {
+            self.terminate();
+        }
+    }
+
+    /// Whether its end has begun.
+    pub(crate) fn is_ending(&self) -> bool {
+        self.ended_at.is_some()
+    }
+
+    /// Whether it has ended; it is told again where it does not.
     ///
     /// # Errors
     /// Where it failed.
     pub(crate) fn has_ended(&mut self) -> Result<bool, Ros2Error> {
+        if self.ended_at.is_some_and(|at| at.elapsed() > MOST_TO_END) {
+            self.ended_at = Some(Instant::now());
+            self.terminate();
+        }
         match self.child.try_wait() {
             Ok(None) => Ok(false),
             Ok(Some(status)) => judge(status),
@@ -94,20 +123,19 @@ impl Started {
         }
     }
 
-    /// Waits for its end; where it `is_unwanted`, tells it to end.
+    /// Waits for its end.
     ///
     /// # Errors
     /// Where it failed.
-    pub(crate) fn finish(mut self, is_unwanted: bool) -> Result<(), Ros2Error> {
-        if is_unwanted {
-            self.terminate();
+    pub(crate) fn finish(mut self) -> Result<(), Ros2Error> {
+        while !self.has_ended()? {
+            std::thread::sleep(END_POLL);
         }
-        let status = self.child.wait().map_err(|error| Ros2Error::Run(error.to_string()))?;
-        judge(status).map(|_| ())
+        Ok(())
     }
 
     /// Tells it to end: it writes its outputs first.
-    pub(crate) fn terminate(&self) {
+    fn terminate(&self) {
         // Fails where it has ended.
         let _ = rustix::process::kill_process(Pid::from_child(&self.child), Signal::TERM);
     }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tessera_geometry::{Camera, InertialRotation};
-use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
+use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind};
 use tessera_transport::{Guest, Notifier, SlicePublisher, Subscriber, TransportError};
 
 /// Images whose pose is awaited.
@@ -20,6 +20,8 @@ pub(crate) struct Sender {
     notifier: Option<Notifier>,
     is_finished: bool,
     n_sent: u64,
+    /// Index behind that of the last image.
+    next: u64,
     awaited: VecDeque<(i64, Instant)>,
 }
 
@@ -60,6 +62,7 @@ impl Sender {
             notifier: None,
             is_finished: false,
             n_sent: 0,
+            next: 0,
             awaited: VecDeque::new(),
         }
     }
@@ -103,6 +106,22 @@ impl Sender {
         None
     }
 
+    /// Tells the run that no image follows: it then ends by itself, with its last optimisation. `false` where
+    /// it had no image yet.
+    ///
+    /// # Errors
+    /// As [`Self::send`].
+    pub(crate) fn end(&mut self) -> Result<bool, TransportError> {
+        let Some(publisher) = self.publisher.as_ref().filter(|_| self.n_sent > 0) else { return Ok(false) };
+        let mut loan = publisher.loan(1)?;
+        *loan.header_mut() = CameraFrame { index: self.next, kind: Kind::End.to_wire(), ..self.header };
+        loan.send()?;
+        if let Some(notifier) = &self.notifier {
+            notifier.notify();
+        }
+        Ok(true)
+    }
+
     /// Sends an image that `decode` writes in place: depth, and colour where `has_colour`.
     ///
     /// # Errors
@@ -144,6 +163,7 @@ impl Sender {
             notifier.notify();
         }
         self.n_sent += 1;
+        self.next = image.index + 1;
         if self.awaited.len() == MOST_AWAITED {
             self.awaited.pop_front();
         }

@@ -214,13 +214,10 @@ impl Source for SimulatedSource {
             exposure.cast(&mut scratch, None);
         }
         let key = random::frame_key(self.options.seed, index);
-        if self.options.noise {
+        if self.options.sensor != DepthSensor::Exact {
             sensor::add_colour_noise(key, buffers.colour);
-            let seen_by = (&self.camera, &self.rays);
-            sensor::measure(self.options.sensor, seen_by, key, &mut scratch, buffers.depth);
-        } else {
-            sensor::exact_depth(&self.camera, &self.rays, &scratch, buffers.depth);
         }
+        sensor::measure(self.options.sensor, (&self.camera, &self.rays), key, &mut scratch, buffers.depth);
         self.give_back(scratch);
         Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotation(index) })
     }

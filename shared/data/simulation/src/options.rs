@@ -12,9 +12,7 @@ use tessera_geometry::Camera;
 pub struct SimulationOptions {
     /// Seed of the noise, of the hand's tremor and of the textures.
     pub seed: u64,
-    /// Whether depth and colour are measured with noise; without it depth is exact.
-    pub noise: bool,
-    /// How depth is measured, where there is noise.
+    /// How depth is measured.
     pub sensor: DepthSensor,
     /// Lens distortion `k1 k2 p1 p2 k3` of depth and colour; absent: the camera's own.
     #[serde(skip)]
@@ -43,7 +41,6 @@ impl Default for SimulationOptions {
     fn default() -> Self {
         Self {
             seed: 1,
-            noise: true,
             sensor: DepthSensor::default(),
             distortion: None,
             readout_s: None,

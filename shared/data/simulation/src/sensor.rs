@@ -22,9 +22,11 @@ pub enum DepthSensor {
     /// A few points made into an image, as a phone's: edges bleed, there are no holes, and errors are
     /// shared by many pixels.
     Upsampled,
+    /// No sensor: depth and colour without noise.
+    Exact,
 }
 
-/// Depth as the sensor would measure it; `key` names the frame's random draws.
+/// Depth as the sensor measures it; `key` names the frame's random draws.
 pub(super) fn measure(
     sensor: DepthSensor,
     (camera, rays): (&Camera, &RayTable),
@@ -41,6 +43,7 @@ pub(super) fn measure(
         }
         DepthSensor::TimeOfFlight => time_of_flight::measure(camera, rays, key, scratch, depth_raw),
         DepthSensor::Upsampled => upsampled::measure(camera, rays, key, scratch, depth_raw),
+        DepthSensor::Exact => exact_depth(camera, rays, scratch, depth_raw),
     }
 }
 

@@ -37,7 +37,7 @@ fn exact_depth_moves_from_frame_to_frame_as_the_true_poses_say() {
         [(None, 0.0), (Some([0.26, -0.95, -0.005, 0.0026, 1.16]), 0.0), (None, 0.03)]
     {
         let options = SimulationOptions {
-            noise: false,
+            sensor: DepthSensor::Exact,
             distortion,
             readout_s: Some(readout_s),
             ..SimulationOptions::default()
@@ -79,7 +79,10 @@ fn exact_depth_moves_from_frame_to_frame_as_the_true_poses_say() {
 
 #[test]
 fn noise_is_a_kinects() {
-    let exact = open(SceneName::Room, &SimulationOptions { noise: false, ..SimulationOptions::default() });
+    let exact = open(
+        SceneName::Room,
+        &SimulationOptions { sensor: DepthSensor::Exact, ..SimulationOptions::default() },
+    );
     let noisy = open(SceneName::Room, &SimulationOptions::default());
     let ((truth, _), (measured, _)) = (read(&exact, 0), read(&noisy, 0));
     let holes = measured.iter().filter(|&&raw| raw == 0).count() as f64 / measured.len() as f64;
@@ -103,7 +106,10 @@ fn noise_is_a_kinects() {
 
 #[test]
 fn each_sensor_errs_in_its_own_way_by_some_millimetres_at_two_metres() {
-    let exact = open(SceneName::Room, &SimulationOptions { noise: false, ..SimulationOptions::default() });
+    let exact = open(
+        SceneName::Room,
+        &SimulationOptions { sensor: DepthSensor::Exact, ..SimulationOptions::default() },
+    );
     let (truth, _) = read(&exact, 0);
     let width = exact.rays.width;
     // Holes, pixels between both depths of an edge, and the correlation of errors of neighbours.
@@ -185,7 +191,10 @@ fn same((depth, colour): &(Vec<u16>, Vec<u8>), (other_depth, other_colour): &(Ve
 }
 
 fn building() -> SimulatedSource {
-    open(SceneName::Building, &SimulationOptions { noise: false, ..SimulationOptions::default() })
+    open(
+        SceneName::Building,
+        &SimulationOptions { sensor: DepthSensor::Exact, ..SimulationOptions::default() },
+    )
 }
 
 /// Shares of the way through a room at which the camera looks north and south, away from the doors.

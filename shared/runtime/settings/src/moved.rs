@@ -56,7 +56,8 @@ const WITHIN: &str = "use StartLimitIntervalSec= in its unit of systemd";
 
 /// Keys that are gone, each with what holds now.
 #[rustfmt::skip]
-const REMOVED: [(&str, &str); 95] = [
+const REMOVED: [(&str, &str); 96] = [
+    ("simulation.noise", "simulation.sensor = \"exact\" is without"),
     ("simulation.disparity_sigma_px", "it is 0.0625 now"),
     ("simulation.lateral_sigma_px", "it is 0.5 now"),
     ("simulation.colour_lag_s", "it is 0 now"),

@@ -298,7 +298,7 @@ fn of_going_on(told: &mut Told) {
 }
 
 /// Surfaces alone, and exact: along a wall they determine nothing.
-const NO_TEXTURE: [&str; 4] = ["--set", "mapping.features.enabled=false", "--set", "simulation.noise=false"];
+const NO_TEXTURE: [&str; 4] = ["--set", "mapping.features.enabled=false", "--set", "simulation.sensor=exact"];
 
 fn of_frames(told: &mut Told) {
     let states = |run: &Run| String::from_utf8(run.output("states.csv")).unwrap();
