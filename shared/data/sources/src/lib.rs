@@ -16,4 +16,4 @@ pub use folder::FolderSource;
 pub use spec::{COLOUR_NONE, SourceOptions, SourceSpec, open};
 pub use tessera_frames::*;
 pub use tessera_recording::{MessageError, RecordingError, RecordingOptions, RecordingSource};
-pub use tessera_simulation::{SceneName, SimulatedSource, SimulationOptions};
+pub use tessera_simulation::{DepthSensor, SceneName, SimulatedSource, SimulationOptions};

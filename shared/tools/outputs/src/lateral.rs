@@ -154,7 +154,8 @@ mod tests {
         assert_eq!(lateral_scale(&trajectory(0.01, 0.01), &trajectory(0.01, 0.01)), None);
         assert_eq!(lateral_scale(&trajectory(-1.0, 1.0), &truth), None);
         let mut short = truth.clone();
-        (short.stamps_nanos.truncate(50), short.poses.truncate(50));
+        short.stamps_nanos.truncate(50);
+        short.poses.truncate(50);
         assert_eq!(lateral_scale(&short, &truth), None);
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use std::collections::HashMap;
 use tessera_fusion::{FusionError, FusionSettings, Mesh, View, Volume};
 use tessera_geometry::{Camera, Pose, Twist, log};
-use tessera_sources::{FrameBuffers, SimulationOptions, Source, SourceOptions, SourceSpec};
+use tessera_sources::{DepthSensor, FrameBuffers, SimulationOptions, Source, SourceOptions, SourceSpec};
 use tessera_surface::{Grid, Reconstructor, SurfaceSettings, SurfaceView, Vertex};
 
 /// A surface with its pose and motion.
@@ -20,7 +20,8 @@ pub struct Shot {
 }
 
 pub fn open(spec: &str, noise: bool) -> Box<dyn Source> {
-    let simulation = SimulationOptions { noise, ..SimulationOptions::default() };
+    let sensor = if noise { DepthSensor::StructuredLight } else { DepthSensor::Exact };
+    let simulation = SimulationOptions { sensor, ..SimulationOptions::default() };
     tessera_sources::open(&SourceSpec::parse(spec), &SourceOptions { simulation, ..SourceOptions::default() })
         .unwrap()
 }
