@@ -28,6 +28,8 @@ const RUN_POLL: Duration = Duration::from_millis(50);
 const ALIVE: Duration = Duration::from_millis(500);
 /// Depth images that do not come for so many nanoseconds are missed.
 const SILENCE_NANOS: i64 = 2_000_000_000;
+/// Time in which a run takes notice that its camera has ended.
+const MOST_TO_TELL: Duration = Duration::from_secs(10);
 /// What was written last is on its way for so long.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -156,7 +158,15 @@ impl<'a> Bridge<'a> {
     /// Tells the run that its camera has ended; `false` where that cannot be told.
     fn end_camera(&mut self) -> Result<bool, Ros2Error> {
         let Some(sender) = self.input.sender() else { return Ok(false) };
-        Ok(sender.end()?)
+        if !sender.end()? {
+            return Ok(false);
+        }
+        // What was sent goes with the sender: it must have come before that ends.
+        let told = Instant::now();
+        while !sender.is_finished()? && told.elapsed() < MOST_TO_TELL {
+            std::thread::sleep(POLL);
+        }
+        Ok(true)
     }
 
     /// Ends the run for a reset, and waits until its outputs are written.

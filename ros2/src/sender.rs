@@ -78,7 +78,7 @@ impl Sender {
     }
 
     /// Whether the run needs no more.
-    fn is_finished(&mut self) -> Result<bool, TransportError> {
+    pub(crate) fn is_finished(&mut self) -> Result<bool, TransportError> {
         if let Some(flow) = &self.flow
             && let Some(flow) = flow.newest()?
         {
