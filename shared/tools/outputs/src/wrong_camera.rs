@@ -30,7 +30,8 @@ const LENS_ADVICE: &str = "give the right camera: --camera NAME|FILE, or tessera
 pub(crate) fn units(facts: &Facts) -> Option<Reason> {
     let truth = facts.truth?;
     let scale = truth.scale;
-    if !truth.is_telling || (1.0 / WRONG_UNITS..=WRONG_UNITS).contains(&scale) {
+    // A wrong lens makes a motion that turns any length; wrong units leave the lens as it is.
+    if !truth.is_telling || seen_lens(facts).is_some() || (1.0 / WRONG_UNITS..=WRONG_UNITS).contains(&scale) {
         return None;
     }
     let units = facts.units_per_metre;

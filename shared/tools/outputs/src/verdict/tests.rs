@@ -168,4 +168,6 @@ fn a_wrong_focal_length_is_told_by_features_and_by_the_truth_where_they_are_cert
     check(&across(1.1, 0.06, 1.0), Grade::Good, &[]);
     check(&across(1.4, 0.1, 1.0), Grade::Good, &[]);
     assert_eq!(verdict(&across(1.2, 0.01, 5.0)).reasons.len(), 1, "the units alone");
+    let both = Facts { truth: across(1.0, 0.01, 2.4).truth, ..seen(0.9, 0.01, 40) };
+    assert!(!verdict(&both).for_people().contains("units_per_metre"), "the lens made the lengths");
 }
