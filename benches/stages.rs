@@ -54,3 +54,11 @@ fn global_optimisation_of_2000_keyframes(bencher: Bencher<'_, '_>) {
     bencher
         .bench_local(|| optimiser.solve(&request, &surfaces, &[].as_slice(), &mut || ()).expect("pending"));
 }
+
+/// As above for 20,000 keyframes; 67 rounds through the house.
+#[divan::bench(sample_count = 1, sample_size = 1, ignore)]
+fn global_optimisation_of_20000_keyframes(bencher: Bencher<'_, '_>) {
+    let (optimiser, request, surfaces) = keyframes::optimiser(20_000);
+    bencher
+        .bench_local(|| optimiser.solve(&request, &surfaces, &[].as_slice(), &mut || ()).expect("pending"));
+}
