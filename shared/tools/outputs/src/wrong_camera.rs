@@ -13,9 +13,12 @@ const OFF_TRUTH_M: f64 = 0.1;
 const OFF_TRUTH_SHARE: f64 = 0.1;
 /// Relative difference of focal lengths from which on the lens is wrong.
 const WRONG_LENS: f64 = 0.04;
-/// The same where features say it, which take a lens that is not undistorted for a longer one: a Kinect's
-/// by 6 %.
+/// The same where features say it.
 const WRONG_SEEN_LENS: f64 = 0.07;
+/// The same where colour is of another camera, whose focal length differs from that of depth by more than
+/// the share behind it: its distortion is not known, and is taken for a longer focal length, by up to 7 %.
+const WRONG_OTHER_LENS: f64 = 0.12;
+const OTHER_LENS: f64 = 0.02;
 /// Standard deviations of that difference at least, and pairs of keyframes.
 const CERTAIN_SIGMAS: f64 = 5.0;
 const LEAST_PAIRS: usize = 8;
@@ -84,7 +87,9 @@ pub(crate) fn lens(facts: &Facts) -> Option<Reason> {
 pub(crate) fn seen_lens(facts: &Facts) -> Option<Reason> {
     let seen = facts.seen_focal.filter(|seen| seen.n_pairs >= LEAST_PAIRS)?;
     let off = seen.ratio - 1.0;
-    if !(off.abs() > WRONG_SEEN_LENS && off.abs() > CERTAIN_SIGMAS * seen.sigma) {
+    let is_other = (facts.colour_focal_ratio - 1.0).abs() > OTHER_LENS;
+    let limit = if is_other { WRONG_OTHER_LENS } else { WRONG_SEEN_LENS };
+    if !(off.abs() > limit && off.abs() > CERTAIN_SIGMAS * seen.sigma) {
         return None;
     }
     let found = format!(

@@ -151,6 +151,7 @@ fn a_wrong_focal_length_is_told_by_features_and_by_the_truth_where_they_are_cert
     let seen = |ratio, sigma, n_pairs| Facts {
         focal_px: 500.0,
         seen_focal: Some(FocalRatio { ratio, sigma, n_pairs }),
+        colour_focal_ratio: 1.0,
         ..good()
     };
     check(&seen(1.11, 0.01, 40), Grade::Doubtful, &["555 px (deviation 5 px)", "500 px (+11 %)", "--camera"]);
@@ -158,6 +159,9 @@ fn a_wrong_focal_length_is_told_by_features_and_by_the_truth_where_they_are_cert
     check(&seen(1.05, 0.001, 40), Grade::Good, &[]);
     check(&seen(1.11, 0.03, 40), Grade::Good, &[]);
     check(&seen(1.11, 0.01, 7), Grade::Good, &[]);
+    let other = |ratio| Facts { colour_focal_ratio: 0.9, ..seen(ratio, 0.01, 40) };
+    check(&other(1.11), Grade::Good, &[]);
+    check(&other(1.16), Grade::Doubtful, &["580 px"]);
     let across = |scale, sigma, units| {
         let lateral = Some(LateralScale { scale, sigma });
         let truth = Truth { scale: units, is_telling: true, ate_m: 0.0, spread_m: 1.0, lateral };
