@@ -1,7 +1,7 @@
 //! Plots of the report as SVG: ways from above, lines over time, bars.
 
-use crate::report::escaped;
 use std::fmt::Write;
+use tessera_outputs::html::escaped;
 
 /// Colours that stay apart in print and for the colour-blind (Okabe and Ito), black among them.
 const CYCLE: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#be6496", "#e69f00", "#56b4e9", "#000000"];

@@ -9,6 +9,7 @@ use crate::traffic::Traffic;
 use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_journal::{Durability, write_atomically};
+use tessera_outputs::html::{self, escaped};
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
@@ -208,34 +209,7 @@ fn refused(status: &Status) -> String {
 
 /// A table with a head; nothing without rows.
 fn table(class: &str, head: &[&str], rows: Vec<Vec<String>>) -> String {
-    if rows.is_empty() {
-        return String::new();
-    }
-    let head: String = head.iter().map(|cell| format!("<th>{}</th>", escaped(cell))).collect();
-    let row = |row: Vec<String>| {
-        let cells: String = row.iter().map(|cell| format!("<td>{}</td>", escaped(cell))).collect();
-        format!("<tr>{cells}</tr>")
-    };
-    let rows: String = rows.into_iter().map(row).collect();
-    format!(
-        "<div class=\"scroll\"><table class=\"{class}\"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
-}
-
-/// Text from outside, which must not become markup.
-pub(crate) fn escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c if c.is_control() => out.push(' '),
-            c => out.push(c),
-        }
-    }
-    out
+    if rows.is_empty() { String::new() } else { html::table(class, head, &rows) }
 }
 
 #[cfg(test)]

@@ -157,6 +157,13 @@ impl RecordingSource {
         })
     }
 
+    /// The place of a frame's depth image.
+    fn place(&self, index: u64) -> Result<usize, SourceError> {
+        let last = (self.depth.len() as u64).saturating_sub(1);
+        let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
+        at.ok_or(SourceError::NoFrame { frame: index, last })
+    }
+
     /// Reads one image, and puts it where it belongs by `decode`.
     fn image(
         &self,
@@ -247,8 +254,7 @@ impl Source for RecordingSource {
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         let Cameras { depth: camera, lens, .. } = &self.cameras;
         buffers.check(camera)?;
-        let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
-        let at = at.ok_or(SourceError::NoFrame { frame: index, last: self.depth.len() as u64 - 1 })?;
+        let at = self.place(index)?;
         let size = (camera.width, camera.height);
         let spot = &self.depth[at];
         self.image(&self.topics.depth, at, spot, |image| {
@@ -273,9 +279,7 @@ impl Source for RecordingSource {
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
-        let last = (self.depth.len() as u64).saturating_sub(1);
-        let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
-        let at = at.ok_or(SourceError::NoFrame { frame: index, last })?;
+        let at = self.place(index)?;
         let size = (self.cameras.depth.width, self.cameras.depth.height);
         self.image(&self.topics.depth, at, &self.depth[at], |image| {
             pixels::inspect(image, "depth", Some(size))

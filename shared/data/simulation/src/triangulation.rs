@@ -80,8 +80,8 @@ pub(super) fn measure(
     let (lateral, sigma, per_pixel) =
         (sensor.lateral_sigma_px, sensor.disparity_sigma_px, sensor.steps_per_pixel);
     let is_missing = |row: usize, column: usize| {
-        let block = ((row / BLOCK_PX) << 32) | (column / BLOCK_PX);
-        sensor.missing > 0.0 && random::unit(key ^ MISSING, block as u64) < sensor.missing
+        let block = ((row / BLOCK_PX) as u64) << 32 | (column / BLOCK_PX) as u64;
+        sensor.missing > 0.0 && random::unit(key ^ MISSING, block) < sensor.missing
     };
     let (units, offset_m) = (camera.units_per_metre as f32, camera.depth_offset_m as f32);
     for row in 0..height {

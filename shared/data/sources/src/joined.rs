@@ -58,6 +58,12 @@ impl JoinedSource {
         self.frames.truncate(most);
     }
 
+    /// The part of a frame, and its index there.
+    fn known_frame(&self, index: u64) -> Result<(&RecordingSource, u64), SourceError> {
+        let last = (self.frames.len() as u64).saturating_sub(1);
+        self.frame(index).ok_or(SourceError::NoFrame { frame: index, last })
+    }
+
     fn frame(&self, index: u64) -> Option<(&RecordingSource, u64)> {
         let (part, at) = self.frames.get(usize::try_from(index).ok()?)?;
         Some((self.parts.get(*part as usize)?, *at))
@@ -78,14 +84,12 @@ impl Source for JoinedSource {
     }
 
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
-        let last = (self.frames.len() as u64).saturating_sub(1);
-        let (part, at) = self.frame(index).ok_or(SourceError::NoFrame { frame: index, last })?;
+        let (part, at) = self.known_frame(index)?;
         part.read(at, buffers)
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
-        let last = (self.frames.len() as u64).saturating_sub(1);
-        let (part, at) = self.frame(index).ok_or(SourceError::NoFrame { frame: index, last })?;
+        let (part, at) = self.known_frame(index)?;
         part.inspect(at)
     }
 

@@ -8,6 +8,7 @@
 use crate::pose::Correspondence;
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised, hat};
+use tessera_numerics::jackknife_sigma;
 
 /// Matches of two views, and about where they stand.
 #[derive(Clone, Debug)]
@@ -86,10 +87,7 @@ fn jackknife(sums: &[ReducedSums]) -> Option<f64> {
         ReducedSums::total(kept.map(|(_, sums)| sums)).step()
     };
     let steps: Vec<f64> = (0..groups).map(without).collect::<Option<_>>()?;
-    let n = groups as f64;
-    let mean = steps.iter().sum::<f64>() / n;
-    let squares: f64 = steps.iter().map(|step| (step - mean) * (step - mean)).sum();
-    Some((squares * (n - 1.0) / n).sqrt())
+    Some(jackknife_sigma(&steps))
 }
 
 /// Normal equation of the logarithm of the ratio, the pair's pose eliminated.

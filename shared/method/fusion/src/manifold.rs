@@ -152,6 +152,17 @@ mod tests {
         }
     }
 
+    /// Two roofs whose ridges are the edge of the first two.
+    const ROOFS: [[f32; 3]; 6] = [
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [-1.0, 0.5, -0.3],
+        [1.0, 0.5, -0.3],
+        [-1.0, 0.5, 0.3],
+        [1.0, 0.5, 0.3],
+    ];
+    const SLOPES: [[u32; 3]; 4] = [[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 1, 5]];
+
     /// Most triangles at an edge.
     fn most(mesh: &Mesh) -> usize {
         let mut n = BTreeMap::new();
@@ -166,15 +177,7 @@ mod tests {
     #[test]
     fn two_sheets_that_touch_along_an_edge_come_apart() {
         // Two roofs back to back whose ridges are the same edge.
-        let positions = [
-            [0.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [-1.0, 0.5, -0.3],
-            [1.0, 0.5, -0.3],
-            [-1.0, 0.5, 0.3],
-            [1.0, 0.5, 0.3],
-        ];
-        let touching = mesh(&positions, &[[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 1, 5]]);
+        let touching = mesh(&ROOFS, &SLOPES);
         assert_eq!(most(&touching), 4);
         let apart = touching.clone().manifold();
         assert_eq!(most(&apart), 2);
@@ -201,17 +204,8 @@ mod tests {
     #[test]
     fn sheets_that_are_one_round_both_ends_of_an_edge_come_apart_at_it() {
         // Two roofs on one ridge, whose gables are closed: at either end all four slopes are one fan.
-        let positions = [
-            [0.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [-1.0, 0.5, -0.3],
-            [1.0, 0.5, -0.3],
-            [-1.0, 0.5, 0.3],
-            [1.0, 0.5, 0.3],
-        ];
-        let slopes = [[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 1, 5]];
         let gables = [[0, 2, 4], [0, 5, 3], [2, 1, 4], [5, 1, 3]];
-        let touching = mesh(&positions, &[&slopes[..], &gables[..]].concat());
+        let touching = mesh(&ROOFS, &[&SLOPES[..], &gables[..]].concat());
         assert_eq!(most(&touching), 4);
         let apart = touching.manifold();
         assert_eq!((most(&apart), apart.triangles.len()), (2, 8));

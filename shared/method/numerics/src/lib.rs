@@ -8,6 +8,7 @@
 mod block_cholesky;
 mod elimination;
 mod isa;
+mod jackknife;
 pub mod lanes;
 pub mod parallel;
 mod random;
@@ -17,6 +18,7 @@ mod steps;
 
 pub use block_cholesky::{BlockCholesky, NotPositiveDefinite};
 pub use isa::{Isa, IsaMissing};
+pub use jackknife::jackknife_sigma;
 pub use random::{SplitMix64, mix};
 pub use range::{SettingError, check_range};
 pub use rice::{RiceReader, RiceWriter, unzigzag, zigzag};

@@ -1,7 +1,7 @@
 //! How colour lies against depth, as a run found it.
 
 use serde::Serialize;
-use tessera_slam::{ColourModel, ColourState, FrameRecord};
+use tessera_slam::ColourState;
 
 /// Lag and focal ratio of colour against depth, as estimated at the end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -20,8 +20,7 @@ pub struct ColourSummary {
 
 impl ColourSummary {
     /// `None` where no frame's features could be judged.
-    pub fn new(stated: ColourModel, frames: &[FrameRecord]) -> Option<Self> {
-        let state = ColourState::of_records(stated, frames.iter().filter_map(|frame| frame.colour.as_ref()));
+    pub fn new(state: &ColourState) -> Option<Self> {
         let [lag, [ratio, ratio_sigma]] = state.estimate().filter(|_| state.n_frames > 0)?;
         Some(Self {
             colour_lag_s: lag,
@@ -36,14 +35,21 @@ impl ColourSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::replay::Replay;
     use crate::test_run;
-    use tessera_slam::ColourRecord;
+    use tessera_slam::{ColourModel, ColourRecord, FrameRecord};
+
+    fn summary(stated: ColourModel, frames: &[FrameRecord]) -> Option<ColourSummary> {
+        let mut replay = Replay::default();
+        replay.frames = frames.to_vec();
+        ColourSummary::new(&replay.colour(stated))
+    }
 
     #[test]
     fn estimates_come_from_the_records_of_all_frames() {
         let frame = test_run::replay().frames[0].clone();
         let none = ColourModel::default();
-        assert_eq!(ColourSummary::new(none, std::slice::from_ref(&frame)), None);
+        assert_eq!(summary(none, std::slice::from_ref(&frame)), None);
         // A lag of 20 ms and a ratio of 0.9, as normal equations.
         let colour = ColourRecord {
             n_pairs: 100,
@@ -52,14 +58,14 @@ mod tests {
             gradient: [2e6, -1e6],
         };
         let frames = vec![FrameRecord { colour: Some(colour), ..frame }; 40];
-        let found = ColourSummary::new(none, &frames).unwrap();
+        let found = summary(none, &frames).unwrap();
         assert!((found.colour_lag_s[0] - 0.02).abs() < 1e-9 && found.colour_lag_s[1] < 1e-3);
         assert!((found.colour_focal_ratio[0] - 0.9).abs() < 1e-9);
         assert!((found.applied_lag_s - 0.02).abs() < 1e-9);
         assert!((found.applied_focal_ratio - 0.9).abs() < 1e-9);
         // What the camera file states is applied before anything is certain.
         let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95 };
-        let found = ColourSummary::new(stated, &frames[..1]).unwrap();
+        let found = summary(stated, &frames[..1]).unwrap();
         assert_eq!((found.applied_lag_s, found.applied_focal_ratio), (0.015, 0.95));
     }
 }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
 use tessera_features::FocalRatio;
-use tessera_slam::{ColourModel, ColourState, FrameRecord, State};
+use tessera_slam::{ColourModel, FrameRecord, State};
 
 /// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
 const POSITION: [usize; 3] = [0, 6, 11];
@@ -159,7 +159,6 @@ impl Facts {
             let tracked = replay.frames.iter().filter(|frame| frame.state == State::Tracking);
             tracked.filter_map(|frame| Some((frame.index, deviation_m(frame)?)))
         };
-        let colour = replay.frames.iter().filter_map(|frame| frame.colour.as_ref());
         let refined = replay.refined().map(|refined| [beside.focal_px, refined.camera.fx]);
         Self {
             ended: statistics.ended,
@@ -187,7 +186,7 @@ impl Facts {
             units_per_metre: beside.units_per_metre,
             focal_px: beside.focal_px,
             seen_focal: beside.seen_focal,
-            colour_focal_ratio: ColourState::of_records(beside.stated_colour, colour).model.focal_ratio,
+            colour_focal_ratio: replay.colour(beside.stated_colour).model.focal_ratio,
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
         }

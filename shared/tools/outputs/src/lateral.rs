@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 use tessera_evaluation::{Trajectory, associate_tum};
+use tessera_numerics::jackknife_sigma;
 
 /// Time over which motions are compared, nanoseconds: long enough to be beyond the noise of both.
 const OVER_NANOS: i64 = 1_000_000_000;
@@ -87,10 +88,7 @@ pub(crate) fn lateral_scale(estimate: &Trajectory, truth: &Trajectory) -> Option
         return None;
     }
     let scales: Vec<f64> = (0..N_SPANS).map(|span| without(span).scale()).collect();
-    let n = N_SPANS as f64;
-    let mean = scales.iter().sum::<f64>() / n;
-    let squares: f64 = scales.iter().map(|scale| (scale - mean) * (scale - mean)).sum();
-    Some(LateralScale { scale: all.scale(), sigma: (squares * (n - 1.0) / n).sqrt() })
+    Some(LateralScale { scale: all.scale(), sigma: jackknife_sigma(&scales) })
 }
 
 /// Motions of the estimate and of the truth over a second, each in its own camera frame, metres.

@@ -9,6 +9,7 @@ mod error;
 mod export;
 pub mod facts;
 mod files;
+pub mod html;
 mod joint;
 mod lateral;
 mod machine;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_slam::{
-    AlignRecord, Correction, FrameRecord, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
-    PoseHistory, RefinedCamera, Refinement, State, Submaps,
+    AlignRecord, ColourModel, ColourState, Correction, FrameRecord, KeyframeRecord, KeyframeState,
+    LoopRecord, LoopVerdict, MapRecord, PoseHistory, RefinedCamera, Refinement, State, Submaps,
 };
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
@@ -140,6 +140,11 @@ impl Replay {
         let main = self.main_component();
         let counts = self.n_by_component().into_iter().filter(|(component, _)| *component != main);
         counts.map(|(component, (n, _))| (component, n)).collect()
+    }
+
+    /// What all frames say of colour against depth, from what the camera file states on.
+    pub(crate) fn colour(&self, stated: ColourModel) -> ColourState {
+        ColourState::of_records(stated, self.frames.iter().filter_map(|frame| frame.colour.as_ref()))
     }
 
     /// The keyframes of the main component, each with its corrected `world_from_camera`.

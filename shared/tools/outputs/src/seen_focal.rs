@@ -7,7 +7,7 @@ use crate::replay::Replay;
 use tessera_features::FocalRatio;
 use tessera_geometry::{Twist, Vector6};
 use tessera_settings::Settings;
-use tessera_slam::{ColourState, Context, FocalView, KeyframeSurfaces, seen_focal_ratio};
+use tessera_slam::{Context, FocalView, KeyframeSurfaces, seen_focal_ratio};
 use tessera_stage::{RunFile, RunFiles};
 
 /// The focal length over the stated one that the features of the keyframes of the main component fit.
@@ -22,8 +22,7 @@ pub(crate) fn seen_focal(
 ) -> Result<Option<FocalRatio>, ToolError> {
     let run = RunFile::read(files)?;
     let Some(stored) = map_keyframes(files, &run, replay, settings)? else { return Ok(None) };
-    let colour = replay.frames.iter().filter_map(|frame| frame.colour.as_ref());
-    let colour = ColourState::of_records(beside.stated_colour, colour).model;
+    let colour = replay.colour(beside.stated_colour).model;
     let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping)
         .with_colour_model(colour);
     let (keyframes, poses): (Vec<_>, Vec<_>) = replay.main_keyframes().unzip();

@@ -178,7 +178,7 @@ impl Summary {
             wall_s: statistics.wall_s,
             of_final: accuracy(&final_rows(replay)),
             of_online: accuracy(&online_rows(replay)),
-            colour: ColourSummary::new(beside.stated_colour, &replay.frames),
+            colour: ColourSummary::new(&replay.colour(beside.stated_colour)),
             seen_focal_px: beside
                 .seen_focal
                 .map(|seen| [seen.ratio, seen.sigma].map(|x| x * beside.focal_px)),

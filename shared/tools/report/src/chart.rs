@@ -1,11 +1,11 @@
 //! A plot as SVG, drawn twice: wide for screens and paper, narrow for phones.
 
 use crate::ReportError;
-use crate::html::escaped;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
+use tessera_outputs::html::escaped;
 
 /// Colours that stay apart in print and for the colour-blind (Okabe and Ito).
 pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);

@@ -2,9 +2,9 @@
 
 use crate::ReportError;
 use crate::chart::{CYCLE, Chart, ChartForm, Series};
-use crate::html::table;
 use crate::run::ReportedRun;
 use std::collections::BTreeSet;
+use tessera_outputs::html::table;
 
 /// What differs between the runs: numbers, errors over time, settings.
 pub(crate) fn html(runs: &[ReportedRun]) -> Result<String, ReportError> {

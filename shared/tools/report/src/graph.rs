@@ -2,8 +2,8 @@
 
 use crate::ReportError;
 use crate::chart::{BLUE, Chart, ChartForm, GREEN, GREY, ORANGE, PURPLE, Series, VERMILION};
-use crate::html::table;
 use crate::run::{LoopPair, ReportedRun, ReportedVerdict};
+use tessera_outputs::html::table;
 
 /// Longest table of loops.
 const MOST_ROWS: usize = 200;

@@ -7,7 +7,6 @@
 mod chart;
 mod compare;
 mod graph;
-mod html;
 mod http;
 mod page;
 mod picture;

@@ -1,9 +1,9 @@
 //! The page around the sections.
 
-use crate::html::escaped;
 use crate::run::ReportedRun;
 use crate::scene::VIEWER;
 use crate::{ReportError, compare, sections};
+use tessera_outputs::html::escaped;
 
 const STYLE: &str = include_str!("style.css");
 

@@ -45,7 +45,7 @@ impl ReportPicture {
     /// The picture as an element of a page.
     pub(crate) fn html(&self, what: &str) -> String {
         let Self { kind, width, height, .. } = self;
-        let what = crate::html::escaped(what);
+        let what = tessera_outputs::html::escaped(what);
         let data = STANDARD.encode(&self.bytes);
         format!(
             "<img width=\"{width}\" height=\"{height}\" alt=\"{what}\" src=\"data:image/{kind};base64,{data}\">"

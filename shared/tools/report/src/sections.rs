@@ -1,8 +1,8 @@
 //! The sections of one run, in their order.
 
-use crate::html::{escaped, table};
 use crate::run::{FrameState, ReportedRun};
 use crate::{ReportError, graph, tracks, work, worst};
+use tessera_outputs::html::{escaped, table};
 
 /// Everything about one run. `prefix` tells its sections from those of other runs.
 pub(crate) fn of_run(run: &ReportedRun, prefix: &str) -> Result<String, ReportError> {

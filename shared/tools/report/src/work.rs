@@ -2,8 +2,8 @@
 
 use crate::ReportError;
 use crate::chart::{Band, CYCLE, Chart, ChartForm, GREY, Series, VERMILION};
-use crate::html::{escaped, table};
 use crate::run::{ReportedRun, StageSample};
+use tessera_outputs::html::{escaped, table};
 
 /// Fewer than so many are no distribution.
 const LEAST_COUNT: u64 = 10;

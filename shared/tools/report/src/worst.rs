@@ -1,7 +1,7 @@
 //! Frames to look at: one row of pictures each.
 
-use crate::html::escaped;
 use crate::run::ReportedRun;
+use tessera_outputs::html::escaped;
 
 /// Letter of the n-th frame to look at, in plots and beside its pictures.
 pub(crate) fn letter(place: usize) -> String {

@@ -1,10 +1,10 @@
 //! A scene as text: numbers in columns, each in base64, little-endian.
 
 use super::{MOST_FRAMES, MOST_KEYFRAMES, MOST_LOOPS, MOST_TRUTH, ReportScene, ScenePart};
-use crate::html::escaped;
 use crate::run::{FrameState, ReportedVerdict};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use tessera_outputs::html::escaped;
 
 /// Steps of a coordinate over the box of all points.
 const STEPS: f64 = 65_535.0;

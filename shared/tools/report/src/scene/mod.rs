@@ -2,8 +2,8 @@
 
 mod encode;
 
-use crate::html::escaped;
 use crate::run::{FrameState, ReportedVerdict};
+use tessera_outputs::html::escaped;
 
 /// The script that draws; a page has it once.
 pub(crate) const VIEWER: &str = include_str!("viewer.js");

@@ -1,7 +1,7 @@
 //! Text as HTML.
 
 /// Text that means itself, in an element or an attribute.
-pub(crate) fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -18,7 +18,7 @@ pub(crate) fn escaped(text: &str) -> String {
 }
 
 /// A table with a head; the first column is text, the others are numbers.
-pub(crate) fn table(class: &str, head: &[&str], rows: &[Vec<String>]) -> String {
+pub fn table(class: &str, head: &[&str], rows: &[Vec<String>]) -> String {
     let mut out = format!("<div class=\"scroll\"><table class=\"{class}\">");
     if !head.is_empty() {
         out.push_str("<thead><tr>");
