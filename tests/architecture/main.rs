@@ -48,8 +48,12 @@ const PAPER: [(&str, &str); 11] = [
     ("IV, Table I", "shared/tools/lab/src/ablation"),
 ];
 
-/// The only crate with unsafe code.
-const WITH_UNSAFE: &str = "shared/runtime/transport";
+/// The only files with unsafe code.
+const WITH_UNSAFE: [&str; 3] = [
+    "shared/method/numerics/src/prefetch.rs",
+    "shared/runtime/transport/src/slices.rs",
+    "shared/runtime/transport/src/wire.rs",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -280,14 +284,15 @@ fn results_do_not_depend_on_the_machine_s_c_library() {
 #[test]
 fn unsafe_code_stands_where_it_may_and_nowhere_else() {
     for name in crates() {
-        let forbids = name != WITH_UNSAFE;
+        let forbids = !WITH_UNSAFE.iter().any(|file| file.starts_with(&format!("{name}/")));
         let level = if forbids { "#![forbid(unsafe_code)]" } else { "#![deny(unsafe_code)]" };
         for (path, text) in code(&name) {
             let file = path.file_name().unwrap().to_str().unwrap();
             let is_root = path.parent().unwrap().ends_with("src") && ["lib.rs", "main.rs"].contains(&file);
             assert!(!is_root || text.contains(level), "{} lacks {level}", path.display());
             let words = ["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code", "expect(unsafe_code"];
-            assert!(!forbids || lines_with(&text, &words).is_empty(), "{} has unsafe code", path.display());
+            let may = WITH_UNSAFE.iter().any(|file| path.ends_with(file));
+            assert_eq!(may, !lines_with(&text, &words).is_empty(), "unsafe code in {}", path.display());
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Numerical tools of the method that know nothing of surfaces: vector instructions, the random
 //! generator, the sparse Cholesky factorisation of 6x6 blocks, parallel maps with a fixed order,
-//! checked setting ranges, codes of small integers and the named steps of the work on a frame.
+//! checked setting ranges, codes of small integers, memory asked for ahead and the named steps of the
+//! work on a frame.
 //!
 //! Every result has the same bits for any number of threads and any set of vector instructions.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod block_cholesky;
 mod elimination;
@@ -11,6 +12,7 @@ mod isa;
 mod jackknife;
 pub mod lanes;
 pub mod parallel;
+mod prefetch;
 mod random;
 mod range;
 mod rice;
@@ -19,6 +21,7 @@ mod steps;
 pub use block_cholesky::{BlockCholesky, NotPositiveDefinite};
 pub use isa::{Isa, IsaMissing};
 pub use jackknife::jackknife_sigma;
+pub use prefetch::prefetch;
 pub use random::{SplitMix64, mix};
 pub use range::{SettingError, check_range};
 pub use rice::{RiceReader, RiceWriter, unzigzag, zigzag};

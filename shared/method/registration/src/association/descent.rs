@@ -1,5 +1,6 @@
 //! The projective search: from the cell that sees a query down to the nearest vertex (method 10.2).
 
+use tessera_numerics::prefetch;
 use tessera_surface::{SurfaceView, Vertex};
 
 /// The valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
@@ -53,18 +54,16 @@ pub(crate) fn nearest(
     is_found(now).then_some(now as u32 as usize)
 }
 
-/// Reads a word of each cache line that [`nearest`] reads first, for many queries one after the
-/// other: what has to come from memory then comes at once and not one wait after the other.
+/// Asks for the cache lines that [`nearest`] reads first from this cell: of three vertices in a row,
+/// half a line each, the outer two lie in all the lines there are.
 #[inline(always)]
-pub(crate) fn read_ahead(surface: &SurfaceView<'_>, cells: impl Iterator<Item = (usize, usize)>) {
+pub(crate) fn read_ahead(surface: &SurfaceView<'_>, (row, column): (usize, usize)) {
     let (width, height) = (surface.grid.width, surface.grid.height);
-    let mut sum = 0u32;
-    for (row, column) in cells {
-        for row in [row.saturating_sub(1), row, (row + 1).min(height - 1)] {
-            sum = sum.wrapping_add(surface.vertices[row * width + column].flags_rgb);
+    for row in [row.saturating_sub(1), row, (row + 1).min(height - 1)] {
+        for column in [column.saturating_sub(1), (column + 1).min(width - 1)] {
+            prefetch(&surface.vertices[row * width + column]);
         }
     }
-    std::hint::black_box(sum);
 }
 
 /// Looks at the 3x3 cells around a cell, those beyond the image being its border.

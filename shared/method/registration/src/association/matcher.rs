@@ -43,8 +43,9 @@ pub struct Matcher {
     pub steps: Steps,
 }
 
-/// Queries whose cells are read ahead at a time: what they bring fits the first cache.
-const AHEAD: usize = 64;
+/// So many queries before a query's turn its cells are asked for: a microsecond, in which they come
+/// from any cache or memory.
+const AHEAD: usize = 16;
 
 /// Depth at which a correspondence has weight one.
 const REFERENCE_DEPTH_M: f32 = 1.0;
@@ -100,18 +101,16 @@ impl Matcher {
                     tree.nearest(q, limit_m).map(|(vertex, _)| vertex)
                 })
             }
-            None => self.search(n_queries, target, |matcher, place| {
-                if place % AHEAD == 0 {
-                    let grid = matcher.camera.grid;
-                    let places = place..(place + AHEAD).min(n_queries);
-                    descent::read_ahead(
-                        &target.surface,
-                        places.filter_map(|p| matcher.located.cell(p, grid)),
-                    );
-                }
-                let cell = matcher.located.cell(place, matcher.camera.grid)?;
-                descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
-            }),
+            None => {
+                (0..AHEAD.min(n_queries)).for_each(|place| self.read_ahead(target, place));
+                self.search(n_queries, target, |matcher, place| {
+                    if place + AHEAD < n_queries {
+                        matcher.read_ahead(target, place + AHEAD);
+                    }
+                    let cell = matcher.located.cell(place, matcher.camera.grid)?;
+                    descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
+                })
+            }
         };
         self.steps.enter(Step::Reject);
         let n_in_front = self.arch.dispatch(Reject {
@@ -147,6 +146,13 @@ impl Matcher {
             seen_by: SeenBy { camera: self.camera, target_from_query: motion, shutter: *target.shutter },
             points: [&p.x[..n], &p.y[..n], &p.z[..n]],
         });
+    }
+
+    #[inline(always)]
+    fn read_ahead(&self, target: &Target<'_>, place: usize) {
+        if let Some(cell) = self.located.cell(place, self.camera.grid) {
+            descent::read_ahead(&target.surface, cell);
+        }
     }
 
     /// Puts down what `find` finds for the first `n` places, and counts it.

@@ -8,6 +8,7 @@ use crate::map::context::Context;
 use nalgebra::Vector3;
 use tessera_features::{Feature, Observation, PointEstimate};
 use tessera_geometry::Twist;
+use tessera_numerics::prefetch;
 use tessera_surface::{SurfaceView, Vertex};
 
 /// Cosine between ray and normal at least: beyond, a pixel more or less is another depth.
@@ -41,8 +42,17 @@ pub(crate) fn lift(
     velocity: &Twist,
 ) -> Vec<Observation> {
     let lifter = Lifter { context, surface, velocity };
-    features.iter().map(|feature| lifter.observe(feature)).collect()
+    let observe = |(place, feature): (usize, &Feature)| {
+        if let Some(next) = features.get(place + AHEAD) {
+            lifter.read_ahead(next);
+        }
+        lifter.observe(feature)
+    };
+    features.iter().enumerate().map(observe).collect()
 }
+
+/// So many features before a feature's turn its vertex is asked for.
+const AHEAD: usize = 8;
 
 struct Lifter<'a> {
     context: &'a Context,
@@ -53,10 +63,9 @@ struct Lifter<'a> {
 impl Lifter<'_> {
     fn observe(&self, feature: &Feature) -> Observation {
         let camera = &self.context.camera;
-        let [row, column] = feature.pixel.map(f64::from);
-        let [depth_row, depth_column] = self.context.colour.pixel_of_depth(camera, row, column);
+        let [depth_row, depth_column] = self.pixel_of_depth(feature);
         let direction = camera.ray(depth_row, depth_column);
-        let seconds = self.context.colour.lag_s + camera.row_time_s(row);
+        let seconds = self.context.colour.lag_s + camera.row_time_s(f64::from(feature.pixel[0]));
         let direction = turned(&direction, self.velocity, seconds);
         let direction = direction / direction.z;
         let origin = moved(&Vector3::zeros(), self.velocity, seconds);
@@ -110,8 +119,26 @@ impl Lifter<'_> {
         self.vertex_at(row, column)
     }
 
+    fn pixel_of_depth(&self, feature: &Feature) -> [f64; 2] {
+        let [row, column] = feature.pixel.map(f64::from);
+        self.context.colour.pixel_of_depth(&self.context.camera, row, column)
+    }
+
+    fn read_ahead(&self, feature: &Feature) {
+        let [row, column] = self.pixel_of_depth(feature);
+        if let Some((vertex, _)) = self.cell_at(row, column) {
+            prefetch(vertex);
+        }
+    }
+
     /// The vertex of the cell of a pixel of the depth image, and its row.
     fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
+        let (vertex, row) = self.cell_at(row, column)?;
+        vertex.is_inner().then_some((*vertex, row))
+    }
+
+    /// As [`Self::vertex_at`], whatever the vertex is; its memory is not read.
+    fn cell_at(&self, row: f64, column: f64) -> Option<(&Vertex, usize)> {
         let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {
             let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
@@ -119,6 +146,6 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        vertex.is_inner().then_some((*vertex, row))
+        Some((vertex, row))
     }
 }
