@@ -30,6 +30,8 @@ pub(crate) struct JournaledAligner {
     fsync: Fsync,
     checkpoint: Checkpoint,
     grid: Grid,
+    /// The surface that was stored for the record about to be committed, packed and as it is unpacked.
+    stored: Option<(Vec<u8>, Vec<Vertex>)>,
     /// Bytes that the surfaces of culled keyframes may take.
     culled_bytes: u64,
     /// Keyframes whose surfaces this process has given up.
@@ -108,6 +110,7 @@ impl JournaledAligner {
             grid,
             culled_bytes,
             given_up,
+            stored: None,
         };
         state.give_up_culled()?;
         Ok(state)
@@ -132,9 +135,11 @@ impl JournaledAligner {
         surface: &[Vertex],
     ) -> Result<(), StageError> {
         let sync = self.fsync != Fsync::Never;
-        let slot = self.store.append(&store_surface(self.grid, surface), sync)?;
+        let (bytes, vertices) = store_surface(self.grid, surface);
+        let slot = self.store.append(&bytes, sync)?;
         if let Some(keyframe) = &mut record.new_keyframe {
             keyframe.slot = store_slot(&slot);
+            self.stored = Some((bytes, vertices));
         }
         Ok(())
     }
@@ -150,6 +155,9 @@ impl JournaledAligner {
         };
         self.journal.append(&record, sync)?;
         self.keyframes.take_unread(&record)?;
+        if let Some((bytes, vertices)) = self.stored.take() {
+            self.keyframes.hold_newest(vertices, &bytes)?;
+        }
         self.keyframes.forget_unused(FORGET_AFTER_RECORDS);
         self.fold.apply(record);
         if is_plain { Ok(()) } else { self.give_up_culled() }

@@ -35,6 +35,23 @@ pub struct UnpackError {
 /// # Panics
 /// Where `vertices` are not as many as the grid has.
 pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
+    pack_rows(grid, vertices, |_| ())
+}
+
+/// As [`pack`], with what [`unpack`] makes of the bytes, at a third of its cost.
+///
+/// # Panics
+/// As [`pack`].
+pub fn pack_and_round(grid: Grid, vertices: &[Vertex]) -> (Vec<u8>, Vec<Vertex>) {
+    let mut rounded = Vec::with_capacity(grid.len());
+    let bytes = pack_rows(grid, vertices, |rows| {
+        rounded.extend((0..grid.width).map(|column| rows.vertex(column)));
+    });
+    (bytes, rounded)
+}
+
+/// Packs row by row; `each` is shown the rows as they are rounded.
+fn pack_rows(grid: Grid, vertices: &[Vertex], mut each: impl FnMut(&RoundedRows)) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
     let mut rows = RoundedRows::new(grid.width);
     let mut writer = RiceWriter::default();
@@ -53,6 +70,7 @@ pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
             });
             writer.row(&codes);
         }
+        each(&rows);
     }
     writer.finish()
 }
@@ -212,6 +230,7 @@ mod tests {
         let packed = pack(GRID, &surface);
         assert!(packed.len() * 3 < size_of_val(surface.as_slice()), "{} bytes", packed.len());
         let back = unpack(GRID, &packed).unwrap();
+        assert_eq!(pack_and_round(GRID, &surface), (packed.clone(), back.clone()));
         assert_eq!(rounded(&surface), back);
         for (back, vertex) in back.iter().zip(&surface) {
             assert_eq!(back.flags_rgb, vertex.flags_rgb);

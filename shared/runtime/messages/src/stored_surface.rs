@@ -4,7 +4,7 @@
 use crate::message::Refusal;
 use crate::surface_payload::{MAX_FEATURES, check_features, read_features};
 use tessera_features::Feature;
-use tessera_surface::packed::{UnpackError, pack, unpack};
+use tessera_surface::packed::{UnpackError, pack_and_round, unpack};
 use tessera_surface::{Grid, Vertex};
 
 /// Bytes of the length in front.
@@ -29,18 +29,19 @@ pub enum StoredSurfaceError {
     },
 }
 
-/// The stored form of a surface message's payload: the vertices of the grid, and features.
+/// The stored form of a surface message's payload, the vertices of the grid and features, with the
+/// vertices as [`load_surface`] gives them back.
 ///
 /// # Panics
 /// Where the payload has fewer vertices than the grid.
-pub fn store_surface(grid: Grid, payload: &[Vertex]) -> Vec<u8> {
-    let vertices = pack(grid, &payload[..grid.len()]);
+pub fn store_surface(grid: Grid, payload: &[Vertex]) -> (Vec<u8>, Vec<Vertex>) {
+    let (packed, vertices) = pack_and_round(grid, &payload[..grid.len()]);
     let features = read_features(payload, grid.len());
-    let mut bytes = Vec::with_capacity(LENGTH + vertices.len() + size_of_val(features.as_slice()));
-    bytes.extend((vertices.len() as u32).to_le_bytes());
-    bytes.extend(vertices);
+    let mut bytes = Vec::with_capacity(LENGTH + packed.len() + size_of_val(features.as_slice()));
+    bytes.extend((packed.len() as u32).to_le_bytes());
+    bytes.extend(packed);
     bytes.extend(bytemuck::cast_slice::<_, u8>(&features));
-    bytes
+    (bytes, vertices)
 }
 
 /// Vertices and features of a stored surface.
@@ -103,10 +104,11 @@ mod tests {
         let mut payload = vec![Vertex { flags_rgb: 0x0102_0300, ..Vertex::default() }; grid.len()];
         payload.resize(grid.len() + vertices_of_features(features.len()), Vertex::default());
         write_features(&mut payload[grid.len()..], &features);
-        let bytes = store_surface(grid, &payload);
+        let (bytes, rounded) = store_surface(grid, &payload);
         assert!(bytes.len() <= max_stored_bytes(grid));
         let (vertices, back) = load_surface(grid, &bytes).unwrap();
         assert_eq!(vertices, payload[..grid.len()]);
+        assert_eq!(vertices, rounded);
         assert_eq!(back[..features.len()], features);
         assert_eq!(load_features(&bytes).unwrap(), back);
         let message = |bytes: &[u8]| load_surface(grid, bytes).unwrap_err().to_string();

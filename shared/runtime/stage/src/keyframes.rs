@@ -123,6 +123,19 @@ impl StoredKeyframes {
         Ok(())
     }
 
+    /// Holds the surface of the newest keyframe, whose maker has it at hand, as if it had been read:
+    /// `vertices` as they would be unpacked, `bytes` as they stand in the store.
+    ///
+    /// # Errors
+    /// Where the bytes hold no features.
+    pub fn hold_newest(&mut self, vertices: Vec<Vertex>, bytes: &[u8]) -> Result<(), StageError> {
+        if let Some(newest) = self.keyframes.last_mut() {
+            let features = load_features(bytes).map_err(|error| not_a_surface(&newest.slot, &error))?;
+            newest.surface = OnceLock::from(Some(UnpackedSurface { vertices, features }));
+        }
+        Ok(())
+    }
+
     /// Whether every keyframe that was read so far was whole. To be asked before anything that was
     /// computed from them is written down.
     ///
@@ -281,7 +294,7 @@ mod tests {
         let path = dir.path().join("s");
         let mut store = Store::open(&path, Duration::ZERO).unwrap();
         let grid = Grid { width: 4, height: 3, step: 4 };
-        let surface = store_surface(grid, &[Vertex::default(); 12]);
+        let (surface, _) = store_surface(grid, &[Vertex::default(); 12]);
         let slots: Vec<StoreSlot> =
             (0..3).map(|_| store_slot(&store.append(&surface, false).unwrap())).collect();
         let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
@@ -306,7 +319,7 @@ mod tests {
         let path = dir.path().join("s");
         let mut store = Store::open(&path, Duration::ZERO).unwrap();
         let grid = Grid { width: 4, height: 3, step: 4 };
-        let surface = store_surface(grid, &[Vertex { flags_rgb: 7 << 8, ..Vertex::default() }; 12]);
+        let (surface, _) = store_surface(grid, &[Vertex { flags_rgb: 7 << 8, ..Vertex::default() }; 12]);
         let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
         for id in 0..2 {
             let slot = store.append(&surface, false).unwrap();
@@ -325,6 +338,29 @@ mod tests {
     }
 
     #[test]
+    fn a_surface_that_its_maker_holds_is_the_one_that_is_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let grid = Grid { width: 4, height: 3, step: 4 };
+        let vertex = Vertex { position: [0.1, 0.2, 1.0], flags_rgb: 7 << 8, ..Vertex::default() };
+        let (bytes, vertices) = store_surface(grid, &[vertex; 12]);
+        assert_ne!(vertices[0], vertex, "it is rounded");
+        let slot = store_slot(&store.append(&bytes, false).unwrap());
+        let open = || {
+            let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
+            keyframes.add(0, &slot).unwrap();
+            keyframes
+        };
+        let (mut held, read) = (open(), open());
+        held.hold_newest(vertices, &bytes).unwrap();
+        assert!(held.keyframes[0].surface.get().is_some());
+        assert_eq!(held.vertices(0), read.vertices(0));
+        assert_eq!(held.features(0), read.features(0));
+        assert!(held.hold_newest(Vec::new(), &bytes[..3]).is_err());
+    }
+
+    #[test]
     fn an_unused_surface_is_forgotten_and_read_again() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
@@ -334,7 +370,7 @@ mod tests {
         let surface = |id: u32| [Vertex { flags_rgb: id << 8, ..Vertex::default() }; 4];
         let n_keyframes = 2 * MOST_UNPACKED as u32;
         for id in 0..n_keyframes {
-            let slot = store.append(&store_surface(grid, &surface(id)), false).unwrap();
+            let slot = store.append(&store_surface(grid, &surface(id)).0, false).unwrap();
             keyframes.add_unread(id, &store_slot(&slot)).unwrap();
             assert_eq!(keyframes.vertices(id), surface(id));
         }
