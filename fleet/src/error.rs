@@ -24,6 +24,21 @@ pub enum FleetError {
     /// The network.
     #[error("network: {0}")]
     Network(String),
+    /// A process that was to go on.
+    #[error("{0} ended by itself")]
+    Ended(String),
+    /// Copies or maps that are not what they were to be.
+    #[error("promise broken: {0}")]
+    Broken(String),
+    /// All time is over.
+    #[error("waited in vain for {0}")]
+    Late(String),
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+    /// A failure that left something to look at.
+    #[error("{0}; everything is kept in {}", .1.display())]
+    Kept(Box<FleetError>, PathBuf),
     /// A journal or a store.
     #[error(transparent)]
     Journal(#[from] tessera_journal::JournalError),
@@ -46,6 +61,8 @@ impl FleetError {
         match self {
             Self::Arguments(_) => 2,
             Self::Input(_) => 3,
+            Self::Interrupted => 130,
+            Self::Kept(error, _) => error.exit_code(),
             _ => 4,
         }
     }
