@@ -37,8 +37,13 @@ pub enum FleetError {
     #[error("interrupted")]
     Interrupted,
     /// A failure that left something to look at.
-    #[error("{0}; everything is kept in {}", .1.display())]
-    Kept(Box<FleetError>, PathBuf),
+    #[error("{error}; everything is kept in {}", folder.display())]
+    Kept {
+        /// The failure.
+        error: Box<FleetError>,
+        /// Where.
+        folder: PathBuf,
+    },
     /// A journal or a store.
     #[error(transparent)]
     Journal(#[from] tessera_journal::JournalError),
@@ -51,6 +56,11 @@ pub enum FleetError {
 }
 
 impl FleetError {
+    /// With where to look.
+    pub(crate) fn kept(self, folder: &Path) -> Self {
+        Self::Kept { error: Box::new(self), folder: folder.into() }
+    }
+
     /// A refusal of the system.
     pub fn io<'p>(action: &'static str, path: &'p Path) -> impl FnOnce(std::io::Error) -> Self + use<'p> {
         move |source| Self::Io { action, path: path.into(), source }
@@ -62,7 +72,7 @@ impl FleetError {
             Self::Arguments(_) => 2,
             Self::Input(_) => 3,
             Self::Interrupted => 130,
-            Self::Kept(error, _) => error.exit_code(),
+            Self::Kept { error, .. } => error.exit_code(),
             _ => 4,
         }
     }

@@ -85,11 +85,11 @@ pub fn fleet_campaign(
         let _ = std::fs::remove_dir_all(&folder);
         return done;
     }
-    let kept = |error: FleetError| FleetError::Kept(Box::new(error), folder.clone());
-    done.map(|report| FleetReport { kept_in: Some(folder.clone()), ..report }).map_err(|error| match error {
-        FleetError::Interrupted | FleetError::Input(_) => error,
-        error => kept(error),
-    })
+    match done {
+        Ok(report) => Ok(FleetReport { kept_in: Some(folder), ..report }),
+        Err(error @ (FleetError::Interrupted | FleetError::Input(_))) => Err(error),
+        Err(error) => Err(error.kept(&folder)),
+    }
 }
 
 /// A folder that nothing else has, and that is this user's alone.

@@ -82,7 +82,7 @@ impl FleetReport {
         }
         let broken = FleetError::Broken(self.broken.join("; "));
         Err(match &self.kept_in {
-            Some(folder) => FleetError::Kept(Box::new(broken), folder.clone()),
+            Some(folder) => broken.kept(folder),
             None => broken,
         })
     }
