@@ -220,14 +220,13 @@ impl Field {
         Status::read(&self.folder).unwrap_or_default()
     }
 
-    /// Fails where a process ended that was not killed.
+    /// Fails where a process ended that was not killed. A base that ends well has, as it says, everything.
     fn check(&mut self) -> Result<(), FleetError> {
-        let mut named = vec![("the base".to_owned(), &mut self.base)];
-        named.extend(
-            (1..).zip(&mut self.uplinks).map(|(n, uplink)| (format!("the uplink of robot{n}"), uplink)),
-        );
-        match named.into_iter().find_map(|(name, process)| process.ended().map(|_| name)) {
-            Some(name) => Err(FleetError::Ended(name)),
+        if self.base.ended() == Some(false) {
+            return Err(FleetError::Ended("the base".into()));
+        }
+        match self.uplinks.iter_mut().position(|uplink| uplink.ended().is_some()) {
+            Some(k) => Err(FleetError::Ended(format!("the uplink of robot{}", k + 1))),
             None => Ok(()),
         }
     }
