@@ -46,8 +46,8 @@ pub struct FleetCampaign {
 /// How far a campaign is: faults so far, and what is done now.
 pub type OnFault<'a> = &'a mut dyn FnMut(usize, &str);
 
-/// A base with what belongs to it.
-struct Field {
+/// A base, its robots' uplinks, and the relays between them.
+struct RunningFleet {
     folder: PathBuf,
     port: u16,
     starter: Starter,
@@ -154,14 +154,14 @@ fn disturb_and_compare(
     let mut report = FleetReport { seed: options.seed, ..FleetReport::default() };
     let strikes = schedule(options.seed, options.times, robots.len());
     let disturbed = folder.join("disturbed");
-    let mut field =
-        Field::open(starter("disturbed"), &disturbed, &mut robots, true, (strikes.len(), patience))?;
+    let mut fleet =
+        RunningFleet::open(starter("disturbed"), &disturbed, &mut robots, true, (strikes.len(), patience))?;
     let begun = Instant::now();
-    field.strike_all(&strikes, &mut robots, &mut report, (patience, on_fault))?;
-    report.catch_up_s = field.finish(&mut robots, patience)?;
+    fleet.strike_all(&strikes, &mut robots, &mut report, (patience, on_fault))?;
+    report.catch_up_s = fleet.finish(&mut robots, patience)?;
     report.wall_s = begun.elapsed().as_secs_f64();
-    field.take_refused(&mut report);
-    for (robot, relay) in robots.iter().zip(&field.relays) {
+    fleet.take_refused(&mut report);
+    for (robot, relay) in robots.iter().zip(&fleet.relays) {
         let carried = relay.carried();
         report.robots.push(RobotReport::new(
             &robot.robot,
@@ -170,10 +170,10 @@ fn disturb_and_compare(
             carried,
         ));
     }
-    drop(field);
+    drop(fleet);
     on_fault(strikes.len(), "the same undisturbed");
     let quiet = folder.join("undisturbed");
-    Field::open(starter("undisturbed"), &quiet, &mut robots, false, (strikes.len(), patience))?
+    RunningFleet::open(starter("undisturbed"), &quiet, &mut robots, false, (strikes.len(), patience))?
         .finish(&mut robots, patience)?;
     if options.flips {
         flip(&disturbed, &robots[0])?;
@@ -182,7 +182,7 @@ fn disturb_and_compare(
     Ok(report)
 }
 
-impl Field {
+impl RunningFleet {
     /// Starts a base and the uplinks of all robots, one after the other: the order of arrival is part of
     /// what a map is made of. Of each run the first of `n_parts` and one more is there then.
     fn open(
@@ -195,20 +195,20 @@ impl Field {
         let port = free_port()?;
         let base = starter.base(folder, port, robots.len())?;
         let folder = folder.to_owned();
-        let mut field = Self { folder, port, starter, base, uplinks: Vec::new(), relays: Vec::new() };
+        let mut fleet = Self { folder, port, starter, base, uplinks: Vec::new(), relays: Vec::new() };
         for (number, robot) in robots.iter_mut().enumerate() {
             robot.grow_to(1, n_parts as u64 + 1)?;
             if is_disturbed {
-                field.relays.push(Relay::to(port)?);
+                fleet.relays.push(Relay::to(port)?);
             }
-            let uplink = field.uplink(number, robot)?;
-            field.uplinks.push(uplink);
+            let uplink = fleet.uplink(number, robot)?;
+            fleet.uplinks.push(uplink);
             patience.wait_for(&format!("{} at the base", robot.robot), || {
-                field.base.ended().is_some() || field.status().runs.iter().any(|run| run.robot == robot.robot)
+                fleet.base.ended().is_some() || fleet.status().runs.iter().any(|run| run.robot == robot.robot)
             })?;
-            field.check()?;
+            fleet.check()?;
         }
-        Ok(field)
+        Ok(fleet)
     }
 
     fn uplink(&self, number: usize, robot: &RobotRun) -> Result<Process, FleetError> {
@@ -269,7 +269,7 @@ impl Field {
                 // So that there is something under way.
                 relay.delay(holds);
                 patience.sleep(holds)?;
-                relay.part();
+                relay.reconnect();
             }
             FleetFault::KillUplink => {
                 self.uplinks[k].kill();

@@ -1,5 +1,5 @@
-//! A TCP relay between one robot and the base, on this machine alone, that cuts, delays, throttles, repeats
-//! and parts what it carries. Each fault ends by itself.
+//! A TCP relay between one robot and the base, on this machine alone, that cuts, delays, throttles and
+//! repeats what it carries. Each fault ends by itself.
 
 use super::pump::{Direction, pump};
 use crate::error::FleetError;
@@ -147,7 +147,7 @@ impl Relay {
 
     /// Ends the robot's side of all connections: it connects anew, and what is still under way comes to the
     /// base later than what the robot sends then.
-    pub fn part(&self) {
+    pub fn reconnect(&self) {
         for (robot, ..) in self.link.open().iter() {
             let _ = robot.shutdown(Shutdown::Both);
         }
@@ -254,7 +254,7 @@ mod tests {
         robot.write_all(b"old").unwrap();
         // Until the relay has taken it up.
         std::thread::sleep(DELAY / 5);
-        relay.part();
+        relay.reconnect();
         relay.heal();
         let mut again = TcpStream::connect((Ipv4Addr::LOCALHOST, relay.port)).unwrap();
         let mut newer = listener.accept().unwrap().0;

@@ -94,7 +94,12 @@ impl FleetReport {
             value.to_string()
         };
         let value = |what: &dyn Fn() -> serde_json::Result<serde_json::Value>| what().unwrap_or_default();
-        let faults = self.strikes.iter().map(|strike| line("fault", value(&|| serde_json::to_value(strike))));
+        let faults = self.strikes.iter().map(|strike| {
+            let mut fault = value(&|| serde_json::to_value(strike));
+            let robot = self.robots.get(strike.robot).filter(|_| strike.fault != FleetFault::KillBase);
+            fault["robot"] = robot.map(|robot| robot.robot.as_str()).into();
+            line("fault", fault)
+        });
         let robots = self.robots.iter().map(|robot| line("robot", value(&|| serde_json::to_value(robot))));
         let mut lines: Vec<String> = faults.chain(robots).collect();
         lines.push(line(

@@ -1,5 +1,5 @@
-//! A finished run that is told once more: a folder that grows from its first byte to its last, as if the
-//! robot were on its way.
+//! Replay of a finished run: a folder that grows from its first byte to its last, as if the robot were on its
+//! way.
 
 use super::verdict::difference;
 use crate::checked::RunFacts;

@@ -53,13 +53,14 @@ impl FleetFault {
 pub struct FleetStrike {
     /// What.
     pub fault: FleetFault,
-    /// Which robot or its link; for the base without a meaning.
+    /// Which robot or its link, by its number from 0; for the base without a meaning.
+    #[serde(skip)]
     pub robot: usize,
     /// How long it holds; of a process, how long it is away.
-    #[serde(serialize_with = "as_ms")]
+    #[serde(rename = "holds_ms", serialize_with = "as_ms")]
     pub holds: Duration,
     /// Until the next one, which may come while this one holds.
-    #[serde(serialize_with = "as_ms")]
+    #[serde(rename = "pause_ms", serialize_with = "as_ms")]
     pub pause: Duration,
 }
 

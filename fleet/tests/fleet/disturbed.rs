@@ -68,6 +68,8 @@ fn the_command_says_what_struck_and_that_the_promise_was_kept() {
         output.stdout.split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
     let of = |event: &str| lines.iter().filter(|line| line["event"] == event).collect::<Vec<_>>();
     assert_eq!(of("fault").len(), FleetFault::ALL.len());
+    let is_named = |fault: &&serde_json::Value| (fault["fault"] == "kill_base") == fault["robot"].is_null();
+    assert!(of("fault").iter().all(is_named), "the fault of each robot says which");
     assert!(of("robot").len() == 2 && of("robot").iter().all(|robot| robot["identical"] == true));
     let [total] = of("total")[..] else { panic!("one total, of {lines:?}") };
     assert!(total["kept"] == true && total["map_identical"] == true, "{total}");
@@ -90,7 +92,7 @@ fn a_copy_that_was_tampered_with_breaks_the_promise() {
 }
 
 #[test]
-fn runs_that_cannot_be_told_again_are_refused_in_words() {
+fn runs_that_cannot_be_replayed_are_refused_in_words() {
     let dir = tempfile::tempdir().unwrap();
     let runs = runs(dir.path());
     let unfinished = dir.path().join("unfinished");
