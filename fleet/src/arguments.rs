@@ -135,7 +135,7 @@ pub struct FleetChaosArguments {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Longest time for everything, seconds
-    #[arg(long, value_name = "S", default_value_t = 1800)]
+    #[arg(long, value_name = "S", default_value_t = 1800, value_parser = clap::value_parser!(u64).range(1..=86400))]
     pub patience_s: u64,
     /// Flip a bit of a copy before it is compared, to see that this is found
     #[arg(long)]
@@ -167,6 +167,7 @@ mod tests {
             "x base fleet status --add a",
             "x chaos --times 0",
             "x chaos --times 1001",
+            "x chaos --patience-s 86401",
         ] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }

@@ -35,10 +35,10 @@ impl RobotRun {
     /// Where the run cannot be read, has not ended, or a surface is damaged.
     pub fn begin(original: &Path, robot: &str, folder: &Path) -> Result<Self, FleetError> {
         // By its own words where it is of another version.
-        RunFile::read(&RunFiles::new(original))?;
+        RunFile::read(&RunFiles::new(original)).map_err(unusable)?;
         let read = |file: Growing| {
             let path = original.join(file.file());
-            std::fs::read(&path).map_err(FleetError::io("read", &path))
+            std::fs::read(&path).map_err(FleetError::io("read", &path)).map_err(unusable)
         };
         let journals = [read(JOURNALS[0])?, read(JOURNALS[1])?];
         let store = read(Growing::Store)?;
@@ -103,13 +103,18 @@ impl RobotRun {
     }
 }
 
+/// What the user gave is the reason.
+fn unusable(error: impl std::fmt::Display) -> FleetError {
+    FleetError::Input(error.to_string())
+}
+
 /// Where each record of a run begins, and the bytes of the store up to its surfaces.
 fn needs(run: &Path, align: &[u8]) -> Result<Vec<(u64, u64)>, FleetError> {
     let path = run.join(Growing::Align.file());
     let wrong = |problem: String| FleetError::Input(format!("{}: {problem}", path.display()));
     let (mut chain, mut facts, mut needs) =
         (Chain::new(Growing::Align.kind()), RunFacts::default(), Vec::new());
-    while let Some(part) = chain.step(&align[chain.len_bytes() as usize..], &path)? {
+    while let Some(part) = chain.step(&align[chain.len_bytes() as usize..], &path).map_err(unusable)? {
         part.payload.map_or(Ok(()), |payload| facts.take(payload)).map_err(wrong)?;
         needs.push((chain.len_bytes() - part.len as u64, facts.store_bytes()));
     }
@@ -119,7 +124,7 @@ fn needs(run: &Path, align: &[u8]) -> Result<Vec<(u64, u64)>, FleetError> {
         ));
     }
     let store = run.join(Growing::Store.file());
-    let view = StoreView::open(&store)?;
+    let view = StoreView::open(&store).map_err(unusable)?;
     if let Some(spoilt) = facts.slots.iter().position(|slot| view.read(&journal_slot(slot)).is_err()) {
         let words = format!("{}: the surface of keyframe {spoilt} is damaged", store.display());
         return Err(FleetError::Input(words));

@@ -20,6 +20,13 @@ fn tessera() -> PathBuf {
     places.into_iter().find(|path| path.is_file()).unwrap_or_else(|| "tessera".into())
 }
 
+fn no_program(program: &Path, error: &std::io::Error) -> FleetError {
+    let program = program.display();
+    FleetError::Input(format!(
+        "cannot start {program}: {error}; expected tessera beside this program or on PATH, or finished runs by --run"
+    ))
+}
+
 /// Makes the runs, one after the other, in a folder.
 ///
 /// # Errors
@@ -38,7 +45,7 @@ pub(super) fn simulated_runs(
         command.args(["run", "room", "--quiet", "--skip", &skip.to_string()]);
         command.args(["--frames", &frames.to_string(), "--name", &name, "--out"]).arg(&out);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(appending(log)?);
-        let mut run = Process(command.spawn().map_err(FleetError::io("start", &program))?);
+        let mut run = Process(command.spawn().map_err(|error| no_program(&program, &error))?);
         let waited = patience.wait_for("a simulated run", || run.ended().is_some());
         if waited.is_err() {
             // It takes its own processes along.
