@@ -20,7 +20,7 @@ Examples:
   tessera chaos --plan FILE                     lines of STAGE INDEX POINT FAULT,
                                                 such as `align 12 stored kill`
   tessera chaos --attach NAME --stages align    a run that is going on
-  tessera chaos --fleet --times 100             robots, a base, and their network")]
+  tessera chaos --fleet --times 100             a fleet and its network")]
 pub(crate) struct ChaosArguments {
     /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house, building [default: room]
     #[arg(conflicts_with = "attach")]
