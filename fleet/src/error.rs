@@ -24,6 +24,26 @@ pub enum FleetError {
     /// The network.
     #[error("network: {0}")]
     Network(String),
+    /// A process that was to go on.
+    #[error("{0} ended by itself")]
+    Ended(String),
+    /// Copies or maps that are not what they were to be.
+    #[error("promise broken: {0}")]
+    Broken(String),
+    /// All time is over.
+    #[error("waited in vain for {0}")]
+    Late(String),
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+    /// A failure that left something to look at.
+    #[error("{error}; everything is kept in {}", folder.display())]
+    Kept {
+        /// The failure.
+        error: Box<FleetError>,
+        /// Where.
+        folder: PathBuf,
+    },
     /// A journal or a store.
     #[error(transparent)]
     Journal(#[from] tessera_journal::JournalError),
@@ -36,6 +56,11 @@ pub enum FleetError {
 }
 
 impl FleetError {
+    /// With where to look.
+    pub(crate) fn kept(self, folder: &Path) -> Self {
+        Self::Kept { error: Box::new(self), folder: folder.into() }
+    }
+
     /// A refusal of the system.
     pub fn io<'p>(action: &'static str, path: &'p Path) -> impl FnOnce(std::io::Error) -> Self + use<'p> {
         move |source| Self::Io { action, path: path.into(), source }
@@ -46,6 +71,8 @@ impl FleetError {
         match self {
             Self::Arguments(_) => 2,
             Self::Input(_) => 3,
+            Self::Interrupted => 130,
+            Self::Kept { error, .. } => error.exit_code(),
             _ => 4,
         }
     }

@@ -12,6 +12,7 @@ pub mod arguments;
 pub mod arrivals;
 pub mod base;
 pub mod carrier;
+pub mod chaos;
 pub mod checked;
 mod disk;
 pub mod error;

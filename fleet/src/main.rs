@@ -1,16 +1,18 @@
-//! `tessera-fleet`: the uplink of a robot and the base of a fleet. `tessera uplink` and `tessera base`
-//! become it.
+//! `tessera-fleet`: the uplink of a robot and the base of a fleet, and faults on purpose for both. `tessera
+//! uplink`, `tessera base` and `tessera chaos --fleet` become it.
 #![forbid(unsafe_code)]
 
 use clap::Parser;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use tessera_fleet::arguments::{Arguments, BaseArguments, Command, UplinkArguments};
+use tessera_fleet::arguments::{Arguments, BaseArguments, Command, FleetChaosArguments, UplinkArguments};
 use tessera_fleet::arrivals::{DISK, FLEET_JOURNAL};
 use tessera_fleet::base::{BaseOptions, Network, base};
+use tessera_fleet::chaos::{FleetCampaign, FleetFault, end_with_parent, fleet_campaign};
 use tessera_fleet::error::FleetError;
 use tessera_fleet::network::ZenohNetwork;
 use tessera_fleet::session::{End, configuration, locators};
@@ -19,10 +21,12 @@ use tessera_fleet::uplink::{UplinkOptions, uplink};
 use tessera_journal::lock_file;
 
 fn main() -> ExitCode {
+    end_with_parent();
     let arguments = Arguments::parse();
     let done = match &arguments.command {
         Command::Uplink(arguments) => run_uplink(arguments),
         Command::Base(arguments) => run_base(arguments),
+        Command::Chaos(arguments) => run_chaos(arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -98,6 +102,34 @@ fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
         print!("{}", Status::read(&options.folder)?.text(false));
     }
     Ok(())
+}
+
+fn run_chaos(arguments: &FleetChaosArguments) -> Result<(), FleetError> {
+    let program = std::env::current_exe().map_err(|e| FleetError::Network(format!("own program: {e}")))?;
+    let options = FleetCampaign {
+        program,
+        runs: arguments.run.clone(),
+        times: arguments.times,
+        seed: arguments.seed,
+        out: arguments.out.clone(),
+        patience: Duration::from_secs(arguments.patience_s),
+        flips: arguments.flip,
+    };
+    let is_shown = !arguments.quiet && std::io::stderr().is_terminal();
+    let n_faults = arguments.times as usize * FleetFault::ALL.len();
+    let mut on_fault = |n: usize, words: &str| {
+        if is_shown {
+            eprint!("\r\x1b[K{n}/{n_faults} faults: {words}");
+        }
+    };
+    let done = fleet_campaign(&options, &*stop_flag()?, &mut on_fault);
+    if is_shown {
+        eprint!("\r\x1b[K");
+    }
+    let report = done?;
+    let text = if arguments.json { report.to_json_lines() } else { report.for_people() };
+    println!("{}", text.trim_end());
+    report.verdict()
 }
 
 fn say_status(folder: &Path, is_json: bool) -> Result<(), FleetError> {

@@ -1,6 +1,6 @@
 //! Corrections from the base: the base answers the requests of its robots, and a robot needs no base.
 
-use crate::processes::{Process, base, free_port, start, status, uplink, wait_for, wait_for_robot};
+use crate::processes::{base, free_port, start, status, uplink, wait_for, wait_for_robot, wait_for_success};
 use crate::robot::{EARLY_LOOPS, Robot, tessera};
 use crate::run::correction;
 use crate::strangers::{certificates, write_configuration};
@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tessera_evaluation::{EvaluationOptions, evaluate, read_tum};
+use tessera_fleet::chaos::Process;
 use tessera_fleet::network::run_key;
 use tessera_fleet::session::{End, configuration};
 use tessera_fleet::wire::{Kind, Piece, Request};
@@ -43,7 +44,7 @@ fn the_base_answers_a_lone_robot_with_the_bytes_of_its_own_corrections() {
     let _uplink = uplink(&robot.out, "a", port);
     robot.wait_for_contact();
     assert!(robot.resume("").wait().unwrap().success(), "{}", robot.log());
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     let (n_answers, n_from_base) = robot.n_answers();
     assert!(n_answers > 1 && n_from_base + 1 >= n_answers, "{n_from_base} of {n_answers} from the base");
     assert_eq!(robot.summary()["corrections_from_base"], n_from_base);
@@ -89,7 +90,7 @@ fn kills_of_all_leave_a_whole_run_with_the_same_bytes() {
         }
     }
     assert!(going_on.wait().unwrap().success(), "{}", robot.log());
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     assert!(robot.log().contains("it is started again"), "{}", robot.log());
     robot.assert_same_outputs(&alone);
     assert!(robot.odometry().0 < MOST_STEP_M);
@@ -123,7 +124,7 @@ fn robots_that_share_places_correct_each_other() {
     wait_for_robot(&folder, "b");
     second.wait_for_contact();
     assert!(second.resume("").wait().unwrap().success(), "{}", second.log());
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     let said = status(&folder);
     let b = said.runs.iter().find(|run| run.robot == "b").unwrap();
     assert_eq!(b.answer.as_ref().map(|answer| answer.runs), Some(1), "{said:?}");
@@ -247,7 +248,7 @@ fn two_robots_at_once_are_answered_over_tls() {
     for (child, robot) in going_on.iter_mut().zip(&robots) {
         assert!(child.wait().unwrap().success(), "{}", robot.log());
     }
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     for robot in &robots {
         let (n_answers, n_from_base) = robot.n_answers();
         assert!(n_answers > 0 && n_from_base + 1 >= n_answers, "{n_from_base} of {n_answers} from the base");

@@ -2,10 +2,10 @@
 
 mod copies;
 mod corrections;
+mod disturbed;
 mod faults;
 mod maps;
 mod processes;
-mod proxy;
 #[path = "../../../tests/requirements.rs"]
 mod requirements;
 mod robot;

@@ -1,6 +1,8 @@
 //! Maps of several runs, made by the program itself: joined where they share a place, apart where not.
 
-use crate::processes::{base, copy_of, fleet, free_port, map_files, status, uplink, wait_for};
+use crate::processes::{
+    base, copy_of, fleet, free_port, map_files, status, uplink, wait_for, wait_for_success,
+};
 use crate::requirements::data;
 use crate::robot::{Robot, tessera};
 use crate::run::assert_same;
@@ -103,7 +105,7 @@ fn a_run_is_followed_while_it_goes_on_and_alone_it_is_its_own_map() {
         .unwrap();
     wait_for("the first frames", || status(&folder).runs.first().is_some_and(|run| run.frames > 0));
     assert!(going_on.wait().unwrap().success());
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     assert_same(&run, &copy_of(&folder, "a"));
     let rows = |path: PathBuf| {
         let text = std::fs::read_to_string(path).unwrap();
@@ -195,14 +197,14 @@ fn what_a_base_knows_of_the_last_map_changes_no_byte_of_the_next() {
             said.mapped > n_before && said.map.is_some_and(|map| map.runs.iter().any(|run| run.robot == name))
         });
     }
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     let cost = status(&folder).map_cost.unwrap();
     assert!(cost.looks_known > 0 && cost.looks_known <= cost.looks, "{cost:?}");
     let knowing = map_files(&folder);
     // Made anew by a base that knows nothing.
     std::fs::remove_dir_all(folder.join("map")).unwrap();
     std::fs::remove_file(folder.join("map.number")).unwrap();
-    base(&folder, port, 3).wait_for_success("the base once more");
+    wait_for_success(&mut base(&folder, port, 3), "the base once more");
     let cost = status(&folder).map_cost.unwrap();
     assert_eq!(cost.looks_known, 0);
     assert!(map_files(&folder) == knowing, "{:?}", knowing.keys());

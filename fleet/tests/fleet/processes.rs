@@ -1,68 +1,48 @@
-//! Uplinks and bases as processes of their own.
+//! Uplinks and bases as processes of their own, as `tessera chaos --fleet` has them.
 
 use std::collections::BTreeMap;
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
+use tessera_fleet::chaos::{self, Patience, Process, Starter};
 use tessera_fleet::status::Status;
 
-/// A process that dies with the test.
-pub(crate) struct Process(pub(crate) Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+fn starter() -> Starter {
+    Starter { program: env!("CARGO_BIN_EXE_tessera-fleet").into(), log: None }
 }
 
-impl Process {
-    /// kill -9.
-    pub(crate) fn kill(&mut self) {
-        let _ = self.0.kill();
-        self.0.wait().unwrap();
-    }
-
-    pub(crate) fn wait_for_success(&mut self, what: &str) {
-        wait_for(what, || self.0.try_wait().unwrap().is_some());
-        assert!(self.0.wait().unwrap().success(), "{what}");
-    }
+pub(crate) fn wait_for_success(process: &mut Process, what: &str) {
+    wait_for(what, || process.ended().is_some());
+    assert_eq!(process.ended(), Some(true), "{what}");
 }
 
-pub(crate) fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(300);
-    while !holds() {
-        assert!(Instant::now() < deadline, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+pub(crate) fn wait_for(what: &str, holds: impl FnMut() -> bool) {
+    let patience =
+        Patience { until: Instant::now() + Duration::from_secs(300), stop: &AtomicBool::new(false) };
+    patience.wait_for(what, holds).unwrap();
 }
 
 pub(crate) fn fleet(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-fleet"));
-    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null());
-    command
+    starter().command(arguments)
 }
 
 pub(crate) fn start(arguments: &[&str]) -> Process {
-    Process(fleet(arguments).spawn().unwrap())
+    starter().start(arguments).unwrap()
 }
 
 pub(crate) fn uplink(run: &Path, robot: &str, port: u16) -> Process {
-    let to = format!("tcp/127.0.0.1:{port}");
-    start(&["uplink", run.to_str().unwrap(), "--to", &to, "--robot", robot, "--quiet"])
+    starter().uplink(run, robot, port).unwrap()
 }
 
 /// A base that ends once so many runs have ended and their map is made.
 pub(crate) fn base(folder: &Path, port: u16, n_runs: usize) -> Process {
-    let (folder, listen) = (folder.to_str().unwrap(), format!("tcp/127.0.0.1:{port}"));
-    let n_runs = n_runs.to_string();
-    start(&["base", folder, "--listen", &listen, "--runs", &n_runs, "--map-every", "1", "--quiet"])
+    starter().base(folder, port, n_runs).unwrap()
 }
 
 /// A port that nothing listens on now.
 pub(crate) fn free_port() -> u16 {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+    chaos::free_port().unwrap()
 }
 
 pub(crate) fn status(base: &Path) -> Status {
@@ -76,14 +56,10 @@ pub(crate) fn wait_for_robot(base: &Path, robot: &str) {
 
 /// The folder of a robot's one run at the base.
 pub(crate) fn copy_of(base: &Path, robot: &str) -> PathBuf {
-    let mut runs = std::fs::read_dir(base.join("robots").join(robot)).unwrap();
-    runs.next().unwrap().unwrap().path()
+    chaos::copy_of(base, robot).unwrap()
 }
 
 /// Every file of a base's map.
 pub(crate) fn map_files(base: &Path) -> BTreeMap<String, Vec<u8>> {
-    let files = std::fs::read_dir(base.join("map")).unwrap().map(|entry| entry.unwrap());
-    files
-        .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
-        .collect()
+    chaos::map_files(base).unwrap()
 }

@@ -1,10 +1,13 @@
 //! Who may speak: another's name, nonsense, old records and floods are refused, counted and named.
 
-use crate::processes::{Process, base, copy_of, free_port, start, status, uplink, wait_for, wait_for_robot};
+use crate::processes::{
+    base, copy_of, free_port, start, status, uplink, wait_for, wait_for_robot, wait_for_success,
+};
 use crate::requirements::missing;
 use crate::run::{GrowingRun, assert_same};
 use std::path::Path;
 use std::process::Command;
+use tessera_fleet::chaos::Process;
 use tessera_fleet::network::{alive_key, run_key};
 use tessera_fleet::session::{End, configuration};
 use tessera_fleet::wire::{Piece, Refusal};
@@ -80,7 +83,7 @@ fn strangers_are_counted_and_harm_no_robot() {
     });
     (0..30).for_each(|_| growing.grow());
     growing.end();
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     assert_same(&run, &copy_of(&folder, "a"));
     let said = status(&folder);
     assert_eq!(said.runs.len(), 1, "{said:?}");
@@ -155,7 +158,7 @@ fn with_certificates_a_robot_speaks_for_itself_alone() {
     let _robot = start(&["uplink", run_text, "--config", robot1.to_str().unwrap(), "--robot", "robot1"]);
     wait_for_robot(&folder, "robot1");
     growing.end();
-    bases.wait_for_success("the base");
+    wait_for_success(&mut bases, "the base");
     assert_same(&run, &copy_of(&folder, "robot1"));
     let said = status(&folder);
     assert_eq!(said.refused, [], "the forger was not heard at all");

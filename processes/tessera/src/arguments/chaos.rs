@@ -1,6 +1,7 @@
 //! The command line of `tessera chaos`.
 
 use clap::Args;
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// `tessera chaos`.
@@ -18,7 +19,8 @@ Examples:
   tessera chaos --faults kill,stop,slow,drop,corrupt,segv,abort,memory,full,flip
   tessera chaos --plan FILE                     lines of STAGE INDEX POINT FAULT,
                                                 such as `align 12 stored kill`
-  tessera chaos --attach NAME --stages align    a run that is going on")]
+  tessera chaos --attach NAME --stages align    a run that is going on
+  tessera chaos --fleet --times 100             a fleet and its network")]
 pub(crate) struct ChaosArguments {
     /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house, building [default: room]
     #[arg(conflicts_with = "attach")]
@@ -76,25 +78,26 @@ pub(crate) struct ChaosArguments {
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
+    /// Disturb a fleet instead, and its network; behind it come arguments of its own, such as --help
+    #[arg(long, value_name = "ARGUMENTS", num_args = 0.., allow_hyphen_values = true, exclusive = true)]
+    pub(crate) fleet: Option<Vec<OsString>>,
 }
 
-impl From<&ChaosArguments> for tessera_lab::chaos::Campaign {
-    fn from(arguments: &ChaosArguments) -> Self {
-        let ChaosArguments { source, kills, seed, interval_ms, plan, camera, config, .. } = arguments.clone();
-        let ChaosArguments { overrides, frames, live, out, patience_s, .. } = arguments.clone();
+impl From<ChaosArguments> for tessera_lab::chaos::Campaign {
+    fn from(arguments: ChaosArguments) -> Self {
         Self {
-            source,
-            kills,
-            seed,
-            interval_ms,
-            plan,
-            camera,
-            config,
-            overrides,
-            frames,
-            live,
-            out,
-            patience_s,
+            source: arguments.source,
+            kills: arguments.kills,
+            seed: arguments.seed,
+            interval_ms: arguments.interval_ms,
+            plan: arguments.plan,
+            camera: arguments.camera,
+            config: arguments.config,
+            overrides: arguments.overrides,
+            frames: arguments.frames,
+            live: arguments.live,
+            out: arguments.out,
+            patience_s: arguments.patience_s,
         }
     }
 }

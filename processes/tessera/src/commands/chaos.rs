@@ -1,13 +1,17 @@
 //! `tessera chaos`: faults on purpose, and what came of them.
 
+use super::passed_on::pass_on;
 use crate::arguments::ChaosArguments;
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::terminal::{say, say_error, say_to_people};
-use tessera_lab::chaos::{ChaosReport, FaultKind, FaultTarget, attach, campaign};
+use tessera_lab::chaos::{FaultKind, FaultTarget, attach, campaign};
 
 /// Disturbs runs and says whether the promise was kept.
 pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
+    if let Some(passed) = &arguments.fleet {
+        return pass_on("chaos", passed);
+    }
     let targets = all(
         &arguments.stages,
         "stage",
@@ -20,7 +24,7 @@ pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
     if arguments.interval_ms == 0 || arguments.kills == 0 {
         return Err(CommandError::arguments("--kills or --interval-ms is 0, expected at least 1"));
     }
-    let wanted = arguments.into();
+    let wanted = arguments.clone().into();
     let report = match &arguments.attach {
         Some(name) => attach(&wanted, name, &targets, &kinds)?,
         None => {
@@ -35,11 +39,7 @@ pub(crate) fn chaos(arguments: &ChaosArguments) -> Result<Exit, CommandError> {
             report?
         }
     };
-    conclude(&report, arguments.json)
-}
-
-fn conclude(report: &ChaosReport, json: bool) -> Result<Exit, CommandError> {
-    if json {
+    if arguments.json {
         say(&report.to_json_lines()?);
     } else {
         say_to_people(&report.for_people());

@@ -31,7 +31,7 @@ pub(crate) use clean::clean;
 pub(crate) use completions::{completions, man};
 pub(crate) use evaluate::evaluate;
 pub(crate) use export::{exit_of, export, say_summary};
-pub(crate) use passed_on::{fleet, ros2};
+pub(crate) use passed_on::pass_on;
 pub(crate) use profile::profile;
 pub(crate) use record::record;
 pub(crate) use report::report;
