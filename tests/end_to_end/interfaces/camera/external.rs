@@ -167,25 +167,29 @@ fn a_camera() {
                 std::thread::sleep(Duration::from_millis(20));
             }
         }
-        // Asks with an image that others follow at once, while the sensor takes none.
+        // Asks with an image that others follow at once, while the sensor takes none; the test says when it
+        // does not, and with which image.
         "overtaken" => {
             let beside = |name: &str| Path::new(camera_file).with_file_name(name);
             let mut next = 0;
-            while !beside("stopped").exists() {
+            while !beside("ask").exists() {
                 publisher.send(next);
                 next += 1;
                 std::thread::sleep(Duration::from_millis(20));
             }
-            publisher.ask(next);
-            (1..4).for_each(|k| publisher.send(next + k));
-            std::fs::write(beside("asked"), next.to_string()).unwrap();
-            for index in next + 4..next + 30 {
-                std::thread::sleep(Duration::from_millis(20));
-                publisher.send(index);
-            }
+            let asks: u64 = std::fs::read_to_string(beside("ask")).unwrap().parse().unwrap();
+            publisher.ask(asks);
+            (1..4).for_each(|k| publisher.send(asks + k));
+            std::fs::write(beside("asked"), "").unwrap();
+            next = asks + 4;
             while newest().finished == 0 {
-                publisher.end(next + 30);
                 std::thread::sleep(Duration::from_millis(20));
+                if beside("enough").exists() {
+                    publisher.end(next);
+                } else {
+                    publisher.send(next);
+                    next += 1;
+                }
             }
         }
         // Frames, and then all that a header can get wrong.
@@ -371,25 +375,34 @@ fn relocalisation_that_is_asked_for_is_done_once_whoever_dies() {
 
 #[test]
 fn what_an_image_asks_for_is_not_dropped_with_it() {
-    let plan = "sensor=sent:0:stop";
-    let run = external().frames(1_000_000).with(&["--set", "flow.hang_s=600"]);
-    let run = run.with_env("TESSERA_KILL_PLAN", plan);
-    let child = run.start();
-    let _camera = Foreign::start(&run, 0, "overtaken");
-    let sensor = run.wait_until_stopped("sensor");
-    let beside = |name: &str| run.dir.path().join(name);
-    std::fs::write(beside("stopped"), "").unwrap();
-    wait_for("the camera to ask", || std::fs::read_to_string(beside("asked")).is_ok_and(|n| !n.is_empty()));
-    signal(sensor, "CONT");
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}\n{}", words(&output), run.log());
-    let rows = asked(&run);
-    assert_eq!(rows.len(), 1, "{rows:?}\n{}", run.log());
-    let session = std::fs::read_to_string(run.out().join("camera.session")).unwrap();
-    let session: serde_json::Value = serde_json::from_str(&session).unwrap();
-    let asked_from = session["relocalise_from"].as_u64().unwrap();
-    let frame: u64 = rows[0].split(',').next().unwrap().parse().unwrap();
-    assert!(asked_from > 0 && frame > asked_from, "{session} {rows:?}");
+    // The sensor stands still while the image comes, and sends that of frame 103.
+    for deaths in ["", ";sensor=read:103", ";reconstruct=received:103", ";align=computed:103"] {
+        let plan = format!("sensor=sent:0:stop{deaths}");
+        let run = external().frames(1_000_000).with(&["--set", "flow.hang_s=600"]);
+        let run = run.with_env("TESSERA_KILL_PLAN", &plan);
+        let child = run.start();
+        let _camera = Foreign::start(&run, 0, "overtaken");
+        let sensor = run.wait_until_stopped("sensor");
+        let session = || {
+            let text = std::fs::read_to_string(run.out().join("camera.session")).unwrap();
+            serde_json::from_str::<serde_json::Value>(&text).unwrap()
+        };
+        let beside = |name: &str| run.dir.path().join(name);
+        std::fs::write(beside("tmp"), (session()["image"].as_u64().unwrap() + 100).to_string()).unwrap();
+        std::fs::rename(beside("tmp"), beside("ask")).unwrap();
+        wait_for("the camera to ask", || beside("asked").exists());
+        signal(sensor, "CONT");
+        wait_for("frames after that", || run.n_processed() >= 6);
+        assert_eq!(session()["relocalise_from"], 100, "{plan}");
+        std::fs::write(beside("enough"), "").unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{plan}: {}\n{}", words(&output), run.log());
+        let rows = asked(&run);
+        assert_eq!(rows.len(), 1, "{plan}: {rows:?}\n{}", run.log());
+        let frame: u64 = rows[0].split(',').next().unwrap().parse().unwrap();
+        assert!(frame >= 103, "{plan}: {rows:?}");
+        assert_eq!(run.n_deaths(), usize::from(!deaths.is_empty()), "{plan}\n{}", run.log());
+    }
 }
 
 #[test]
