@@ -60,7 +60,7 @@ impl Supply for Newest {
         turn.ports.pulse.working(index);
         let mut frame = copy(&image, index, turn.ports, turn.context)?;
         // In each frame from there on: any of them may be left out on the way.
-        frame.loan.header_mut().relocalise_from = at.session.map_or(0, |session| session.relocalise_from);
+        frame.loan.header_mut().relocalise_from = at.session.map_or(0, |session| session.asked_by(index));
         Ok(Supplied::Frame { frame, due_nanos: 0 })
     }
 

@@ -16,7 +16,7 @@ pub(super) struct Session {
     frame: u64,
     /// The newest frame with which relocalisation was asked for; 0: none.
     #[serde(default)]
-    pub(super) relocalise_from: u64,
+    relocalise_from: u64,
 }
 
 impl Session {
@@ -33,7 +33,8 @@ impl Session {
         header: &CameraFrame,
         next: u64,
     ) -> Result<Self, StageError> {
-        let relocalise_from = last.map_or(0, |last| last.relocalise_from);
+        // What the last one asked for with a frame that was never sent is asked for with the next one.
+        let relocalise_from = last.map_or(0, |last| last.relocalise_from.min(next));
         let session = Self { session: header.session, image: header.index, frame: next, relocalise_from };
         session.write(context)?;
         Ok(session)
@@ -47,6 +48,11 @@ impl Session {
     ) -> Result<(), StageError> {
         self.relocalise_from = frame;
         self.write(context)
+    }
+
+    /// From which frame on relocalisation is asked for, as frame `index` tells: 0 before that frame.
+    pub(super) fn asked_by(&self, index: u64) -> u64 {
+        if self.relocalise_from <= index { self.relocalise_from } else { 0 }
     }
 
     fn write(&self, context: &StageContext) -> Result<(), StageError> {
@@ -77,5 +83,7 @@ mod tests {
         assert_eq!(session.frame(&frame(5, 107)), Some(10));
         assert_eq!(session.frame(&frame(5, 99)), None);
         assert_eq!(session.frame(&frame(6, 100)), None);
+        let asking = Session { relocalise_from: 7, ..session };
+        assert_eq!([6, 7, 90].map(|index| asking.asked_by(index)), [0, 7, 7]);
     }
 }
