@@ -32,6 +32,7 @@ typedef struct tessera_CameraFrame {
     // Time of the depth image, nanoseconds; rises from image to image.
     int64_t stamp_nanos;
     // 0: an image. 1: the camera has ended; the index is the number of images, and the payload is not read.
+    // 2: an image with which relocalisation is asked for.
     uint32_t kind;
     // 1: the payload holds colour, else 0.
     uint32_t has_colour;

@@ -1,11 +1,12 @@
 """Sends the frames of a folder in the TUM layout to `tessera run external`, as a camera would.
 
     tessera run external --name desk &
-    python3 publisher.py FOLDER desk [--ring 64] [--frames N]
+    python3 publisher.py FOLDER desk [--ring 64] [--frames N] [--relocalise-at INDEX]
 
 Needs `pip install iceoryx2==0.10.0 pillow`. It stands in for a driver: with one, `frames` is
 its loop. Without --ring it is live and sends each frame at its time; with a ring it sends only
-what is asked for, goes back where it is told to, and nothing is lost.
+what is asked for, goes back where it is told to, and nothing is lost. With --relocalise-at the run is
+asked to look for its place anew from that image on.
 """
 
 import argparse
@@ -39,6 +40,7 @@ def main():
     parser.add_argument("run")
     parser.add_argument("--ring", type=int, default=0)
     parser.add_argument("--frames", type=int)
+    parser.add_argument("--relocalise-at", type=int)
     arguments = parser.parse_args()
     calibration = tomllib.loads((arguments.folder / "camera.toml").read_text())
     width, height = calibration.pop("width"), calibration.pop("height")
@@ -48,7 +50,8 @@ def main():
     def send(index):
         stamp, depth, colour = images[index]
         camera.send(
-            index, stamp, Image.open(depth).tobytes(), colour and Image.open(colour).convert("RGB").tobytes()
+            index, stamp, Image.open(depth).tobytes(), colour and Image.open(colour).convert("RGB").tobytes(),
+            relocalise=index == arguments.relocalise_at,
         )
 
     if arguments.ring:

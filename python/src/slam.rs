@@ -163,6 +163,17 @@ impl PySlam {
         })
     }
 
+    /// Has the next frame drop the pose that was tracked so far.
+    fn relocalise(&self, py: Python<'_>) -> PyResult<()> {
+        detached(py, || match &mut self.lock()?.state {
+            Phase::Going(run) => {
+                run.relocalise();
+                Ok(())
+            }
+            _ => Err(refuse("the run is finished, expected no more frames")),
+        })
+    }
+
     /// The final optimisation of all keyframes; a second call changes nothing.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         detached(py, || {

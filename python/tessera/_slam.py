@@ -120,6 +120,11 @@ class Slam:
             raise ValueError(f"t is {t}, expected seconds")
         return round(float(t) * 1e9)
 
+    def relocalise(self) -> None:
+        """Looks for the camera's place anew: the next frame drops the pose that was tracked so far and is
+        looked for in the whole map, as one that was lost."""
+        self._slam.relocalise()
+
     def finish(self) -> None:
         """The final optimisation of all keyframes. After it no frame can be given."""
         self._slam.finish()

@@ -168,17 +168,22 @@ class Camera:
             self.flow = CameraFlow.from_buffer_copy(sample.payload().contents)
         return self.flow
 
-    def send(self, index: int, stamp_nanos: int, depth: Any, colour: Any = None) -> None:
+    def send(
+        self, index: int, stamp_nanos: int, depth: Any, colour: Any = None, *, relocalise: bool = False
+    ) -> None:
         """Sends depth (16-bit values) and colour (bytes red, green, blue), row by row.
 
         Both are bytes or anything with the buffer protocol, such as numpy arrays of uint16 (height x width)
         and uint8 (height x width x 3). Raises TypeError or ValueError for any other; nothing is then sent.
+
+        `relocalise`: the run is wrong about its place, and is to look for it anew from this image on. Where
+        the image is sent again, so is this.
         """
         width, height = self.size
         depth = pixels("depth", depth, "H", (height, width))
         colour = None if colour is None else pixels("colour", colour, "B", (height, width, 3))
         header = self.header
-        header.index, header.stamp_nanos, header.kind = index, stamp_nanos, 0
+        header.index, header.stamp_nanos, header.kind = index, stamp_nanos, 2 if relocalise else 0
         header.has_colour = int(colour is not None)
         sample = self.publisher.loan_slice_uninit(self.length)
         ctypes.memmove(sample.payload_ptr, depth, len(depth))

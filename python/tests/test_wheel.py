@@ -95,6 +95,18 @@ def a_lost_frame_says_so():
     assert slam.track(source[11].depth, source[11].colour).index == 13
 
 
+def a_place_is_looked_for_anew():
+    source = tessera.Source("room", {"run.frames": 20})
+    slam = tessera.Slam(source.camera)
+    for frame in source:
+        if slam.track(frame.depth, frame.colour).index == 14:
+            slam.relocalise()
+    slam.finish()
+    states = slam.trajectory().states.tolist()
+    assert states[:15] == 15 * ["tracking"] and states[15] == "relocalising" and states[19] == "tracking", states
+    refused(ValueError, "the run is finished", slam.relocalise)
+
+
 def a_degenerate_frame_says_so():
     depth = np.full((240, 320), 2000, np.uint16)
     slam = tessera.Slam(tessera.Camera(320, 240, 260.0, 260.0, 159.5, 119.5))
@@ -202,6 +214,7 @@ def main():
     cameras_come_from_files_keys_and_matrices()
     what_is_wrong_is_named()
     a_lost_frame_says_so()
+    a_place_is_looked_for_anew()
     a_degenerate_frame_says_so()
     other_threads_go_on()
     the_client_refuses_what_does_not_fit()

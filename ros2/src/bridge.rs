@@ -9,6 +9,7 @@ use crate::map::MapSide;
 use crate::network::Network;
 use crate::open::open;
 use crate::output::Output;
+use crate::relocalise::Relocalise;
 use crate::report::{Event, Report};
 use crate::reset::Reset;
 use crate::ros_time::RosTime;
@@ -91,6 +92,7 @@ struct Bridge<'a> {
     map: MapSide,
     save: SaveMap,
     reset: Reset,
+    relocalise: Relocalise,
     time: RosTime,
     /// Time of the last depth image.
     last_depth_nanos: Option<i64>,
@@ -109,11 +111,24 @@ impl<'a> Bridge<'a> {
         let map = MapSide::new(carrier, (namespace, &arguments.grid_topic()), arguments.map())?;
         let save = SaveMap::new(carrier, namespace)?;
         let reset = Reset::new(carrier, namespace)?;
+        let relocalise = Relocalise::new(carrier, namespace)?;
         let output = Output::new(carrier, namespace, !arguments.no_tf)?;
         let time = RosTime::new(carrier, arguments.use_sim_time)?;
         carrier.introduce()?;
         let last_depth_nanos = None;
-        Ok(Self { carrier, is_stopped, input, output, map, save, reset, time, last_depth_nanos, report })
+        Ok(Self {
+            carrier,
+            is_stopped,
+            input,
+            output,
+            map,
+            save,
+            reset,
+            relocalise,
+            time,
+            last_depth_nanos,
+            report,
+        })
     }
 
     /// The run, once it is there; `None` where it is not waited for any more.
@@ -190,6 +205,8 @@ impl<'a> Bridge<'a> {
         self.input.leave_out(&mut self.report);
         self.time.step(&mut self.report);
         self.reset.step(Some(&format!("{why}, and there is none to end")), &mut self.report)?;
+        let refusal = format!("{why}, and there is none to ask");
+        self.relocalise.refuse(&refusal, self.input.sender(), &mut self.report)?;
         if let Some(now_nanos) = self.time.next_second() {
             self.tell(name, Some(why.to_owned()), &[], now_nanos)?;
         }
@@ -225,6 +242,8 @@ impl<'a> Bridge<'a> {
             }
             self.wait(&mut joined)?;
         }
+        let refusal = format!("the run {name} has ended");
+        self.relocalise.refuse(&refusal, self.input.sender(), &mut self.report)?;
         if joined.run.is_current()? {
             joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
         }
@@ -252,6 +271,7 @@ impl<'a> Bridge<'a> {
         if self.input.n_depth > n_depth {
             self.last_depth_nanos = self.time.now_nanos();
         }
+        self.relocalise.step(&joined.run.entry.name, self.input.sender(), &mut self.report)?;
         let Some(now_nanos) = self.time.next_second() else { return Ok(()) };
         let silent = match self.last_depth_nanos.map(|at| now_nanos.saturating_sub(at)) {
             Some(nanos) if nanos >= SILENCE_NANOS => {

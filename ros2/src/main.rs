@@ -24,6 +24,7 @@ mod open;
 mod output;
 mod pairing;
 mod path;
+mod relocalise;
 mod report;
 mod reset;
 mod ros_time;

@@ -19,6 +19,8 @@ pub(crate) struct Sender {
     flow: Option<Subscriber<CameraFlow>>,
     notifier: Option<Notifier>,
     is_finished: bool,
+    /// The next image that is sent asks for relocalisation, and then it is `false` again.
+    pub(crate) asks_relocalisation: bool,
     n_sent: u64,
     /// Index behind that of the last image.
     next: u64,
@@ -61,6 +63,7 @@ impl Sender {
             flow: None,
             notifier: None,
             is_finished: false,
+            asks_relocalisation: false,
             n_sent: 0,
             next: 0,
             awaited: VecDeque::new(),
@@ -156,9 +159,11 @@ impl Sender {
             stamp_nanos: image.stamp_nanos,
             rotation: image.rotation.into(),
             has_colour: u32::from(image.has_colour),
+            kind: if self.asks_relocalisation { CameraFrame::RELOCALISE } else { Kind::Frame.to_wire() },
             ..self.header
         };
         loan.send()?;
+        self.asks_relocalisation = false;
         if let Some(notifier) = &self.notifier {
             notifier.notify();
         }

@@ -13,6 +13,8 @@ use tessera_stage::{
 };
 use tessera_surface::{Grid, Vertex};
 
+/// What the checkpoint calls itself: another name for each layout of the state in it.
+const CHECKPOINT: &str = "align.2";
 /// Records after which a keyframe's surface that was not needed is forgotten.
 const FORGET_AFTER_RECORDS: u64 = 64;
 /// How long a predecessor may take to die before its lock is an error.
@@ -46,7 +48,7 @@ impl JournaledAligner {
         let mut store = Store::open(&store_path, PATIENCE)?;
         let mut keyframes = StoredKeyframes::open(&store_path, context.layout.grid)?;
         let flow = &context.settings.flow;
-        let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), ALIGN_JOURNAL, flow.checkpoint_kb);
+        let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), CHECKPOINT, flow.checkpoint_kb);
         let kept = checkpoint.read::<StateAt<FoldSnapshot<'static>>>().filter(|kept| kept.marks.fits(files));
         let (marks, mut fold) = match kept {
             Some(kept) => (Some(kept.marks), JournalFold::restore(context.mapping_context(), kept.state)),

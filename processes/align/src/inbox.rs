@@ -40,6 +40,7 @@ impl ReceivedSurface {
             surface: SurfaceView { grid, vertices: self.vertices() },
             features: &self.features,
             workload: self.header.workload(),
+            relocalise_from: self.header.relocalise_from,
         }
     }
 }

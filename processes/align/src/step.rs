@@ -82,10 +82,17 @@ pub(crate) fn process_frame(
         store_keyframe(policy, state, ports, &mut record)?;
         context.kill_points.pass("stored", index);
     }
+    let is_asked = record.is_relocalisation_asked();
     let concerns_optimiser = record.new_keyframe.is_some() || record.request.is_some();
     steps.enter(Step::Journal);
     state.commit(AlignRecord::Frame(Box::new(record)))?;
     context.kill_points.pass("journaled", index);
+    if is_asked {
+        tracing::info!(
+            frame = index,
+            "a relocalisation was asked for: the place is looked for in the whole map"
+        );
+    }
     steps.enter(Step::Send);
     ports.publish(state, times)?;
     context.kill_points.pass("published", index);

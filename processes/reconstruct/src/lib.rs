@@ -131,6 +131,7 @@ fn surface_header(
         epoch: frame.epoch,
         stamp_nanos: frame.stamp_nanos,
         dropped_before: frame.dropped_before,
+        relocalise_from: frame.relocalise_from,
         width: grid.width as u32,
         height: grid.height as u32,
         step: grid.step as u32,

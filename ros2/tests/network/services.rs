@@ -92,6 +92,36 @@ pub(crate) fn reset(network: &Network, form: &str) {
     }
 }
 
+/// Rows of `states.csv` that say that relocalisation was asked for.
+fn asked(out: &std::path::Path) -> Vec<String> {
+    let states = std::fs::read_to_string(out.join("states.csv")).unwrap();
+    let is_asked = |line: &&str| line.contains("a relocalisation was asked for");
+    states.lines().filter(is_asked).map(str::to_owned).collect()
+}
+
+#[test]
+fn relocalisation_is_asked_for_with_an_image_or_refused() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let camera = network.camera(&setup, &[]);
+    let ros2 = network.join_and_run(&setup);
+    setup.wait_for_growth("the first frames");
+    for form in ["cyclone", "plain"] {
+        let reply = network.call(form, "relocalise");
+        assert_eq!(reply["success"], true, "{reply}");
+        assert_eq!(reply["message"], format!("the run {} looks for its place anew", setup.name));
+        setup.wait_for_growth("frames after that");
+    }
+    drop(camera);
+    let refused = network.call("cyclone", "relocalise");
+    assert_eq!(refused["success"], false, "{refused}");
+    assert!(refused["message"].as_str().unwrap().starts_with("no image went into the run"), "{refused}");
+    ros2.terminate();
+    let words = ros2.finish();
+    assert_eq!(asked(&setup.out()).len(), 2, "{:?} {words}", asked(&setup.out()));
+}
+
 #[test]
 fn a_run_that_was_started_elsewhere_is_not_reset() {
     let Some(network) = Network::new() else { return };

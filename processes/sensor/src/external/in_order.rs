@@ -75,7 +75,10 @@ impl InOrder {
             return Ok(Supplied::Again);
         }
         turn.ports.pulse.working(index);
-        let frame = copy(image, index, turn.ports, turn.context)?;
+        let mut frame = copy(image, index, turn.ports, turn.context)?;
+        if image.header.asks_relocalisation() {
+            frame.loan.header_mut().relocalise_from = index;
+        }
         (request.next, request.at, request.later, request.n) = (index + 1, monotonic_nanos(), None, 1);
         Ok(Supplied::Frame { frame, due_nanos: 0 })
     }

@@ -58,7 +58,9 @@ impl Supply for Newest {
             return Ok(Supplied::Again);
         }
         turn.ports.pulse.working(index);
-        let frame = copy(&image, index, turn.ports, turn.context)?;
+        let mut frame = copy(&image, index, turn.ports, turn.context)?;
+        // In each frame from there on: any of them may be left out on the way.
+        frame.loan.header_mut().relocalise_from = at.session.map_or(0, |session| session.asked_by(index));
         Ok(Supplied::Frame { frame, due_nanos: 0 })
     }
 
@@ -101,13 +103,17 @@ fn newest(
             Some(index) => index,
             None => {
                 tracing::info!(frame = next, "the camera counts from {} in a new session", header.index);
-                at.session = Some(Session::begin(turn.context, &header, next)?);
+                at.session = Some(Session::begin(turn.context, at.session, &header, next)?);
                 next
             }
         };
         if most_frames(turn.context).is_some_and(|n| index >= n) {
             at.n_frames = most_frames(turn.context);
             break;
+        }
+        if let Some(session) = at.session.as_mut().filter(|_| header.asks_relocalisation()) {
+            // The image may be left out, what is asked for may not.
+            session.ask_relocalisation(turn.context, index)?;
         }
         camera.note_usable();
         at.last_stamp_nanos = Some(header.stamp_nanos);

@@ -19,6 +19,7 @@ pub struct CameraFrame {
     /// Time of the depth image, nanoseconds; rises from image to image.
     pub stamp_nanos: i64,
     /// 0: an image. 1: the camera has ended; the index is the number of images, and the payload is not read.
+    /// 2: an image with which relocalisation is asked for.
     pub kind: u32,
     /// 1: the payload holds colour, else 0.
     pub has_colour: u32,
@@ -73,6 +74,14 @@ impl Message for CameraFlow {
 }
 
 impl CameraFrame {
+    /// [`Self::kind`] of an image with which relocalisation is asked for.
+    pub const RELOCALISE: u32 = 2;
+
+    /// Whether relocalisation is asked for: the camera's place is to be looked for anew from this image on.
+    pub fn asks_relocalisation(&self) -> bool {
+        self.kind == Self::RELOCALISE
+    }
+
     /// The camera that the header describes; `None` where the publisher leaves that to `--camera`.
     ///
     /// # Errors
@@ -98,13 +107,17 @@ impl CameraFrame {
     /// A [`Refusal`] that names the image, what was found and what was expected.
     pub fn validate(&self, shape: FrameShape) -> Result<Kind, Refusal> {
         let index = self.index;
-        let kind = Kind::check(index, self.kind)?;
-        if kind == Kind::End {
-            return Ok(kind);
-        }
+        let value = |what, found: u64, rule| Refusal::Value { index, what, found: found.to_string(), rule };
+        let kind = match self.kind {
+            0 | Self::RELOCALISE => Kind::Frame,
+            1 => return Ok(Kind::End),
+            other => {
+                let rule = "0 (image), 1 (end) or 2 (image, relocalise)";
+                return Err(value("kind", other.into(), rule));
+            }
+        };
         Refusal::unless_equal(index, "width", self.width.into(), shape.width.into())?;
         Refusal::unless_equal(index, "height", self.height.into(), shape.height.into())?;
-        let value = |what, found: u64, rule| Refusal::Value { index, what, found: found.to_string(), rule };
         if self.has_colour > 1 {
             return Err(value("has_colour", self.has_colour.into(), "0 or 1"));
         }
@@ -145,6 +158,8 @@ mod tests {
     fn each_lie_is_refused_by_name() {
         assert_eq!(frame().validate(SHAPE), Ok(Kind::Frame));
         assert_eq!(CameraFrame { kind: 1, width: 0, ..frame() }.validate(SHAPE), Ok(Kind::End));
+        assert_eq!(CameraFrame { kind: 2, ..frame() }.validate(SHAPE), Ok(Kind::Frame));
+        assert!(CameraFrame { kind: 2, ..frame() }.asks_relocalisation() && !frame().asks_relocalisation());
         let refused = |frame: CameraFrame| frame.validate(SHAPE).unwrap_err().to_string();
         assert_eq!(refused(CameraFrame { width: 6, ..frame() }), "frame 7: width is 6, expected 20");
         assert!(refused(CameraFrame { kind: 9, ..frame() }).contains("kind is 9"));

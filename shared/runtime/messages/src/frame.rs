@@ -48,6 +48,9 @@ pub struct FrameHeader {
     pub stamp_nanos: i64,
     /// Frames that the source left out before this one because they came too fast (live mode).
     pub dropped_before: u64,
+    /// Relocalisation is asked for from this index on, in this frame and in all behind it (live mode) or in
+    /// this one alone; 0: it was never asked for.
+    pub relocalise_from: u64,
     /// Columns, pixels.
     pub width: u32,
     /// Rows, pixels.
@@ -63,7 +66,7 @@ pub struct FrameHeader {
 }
 
 impl Message for FrameHeader {
-    const NAME: &'static str = "tessera.FrameHeader.v2";
+    const NAME: &'static str = "tessera.FrameHeader.v3";
 }
 
 /// The image size that the run's camera has.
@@ -117,6 +120,7 @@ impl FrameHeader {
         Refusal::unless_equal(index, "width", self.width.into(), shape.width.into())?;
         Refusal::unless_equal(index, "height", self.height.into(), shape.height.into())?;
         self.rotation.read(index)?;
+        Refusal::unless_reached(index, self.relocalise_from)?;
         match limit {
             Some(limit) if index >= limit => Err(Refusal::Future { index, limit }),
             _ => Ok(kind),
@@ -167,6 +171,8 @@ mod tests {
         assert!(refused(FrameHeader { height: 9, ..header() }).contains("height is 9"));
         assert!(refused(FrameHeader { kind: 77, ..header() }).contains("kind is 77"));
         assert!(refused(FrameHeader { index: 10, ..header() }).contains("below 10"));
+        assert!(refused(FrameHeader { relocalise_from: 8, ..header() }).contains("relocalise_from is 8"));
+        assert_eq!(check(FrameHeader { relocalise_from: 7, ..header() }), Ok(Kind::Frame));
         let in_source = |index, kind| Refusal::unless_in_source(index, kind, Some(8)).is_ok();
         assert!(in_source(7, Kind::Frame) && in_source(8, Kind::End));
         assert!(!in_source(8, Kind::Frame) && !in_source(7, Kind::End));

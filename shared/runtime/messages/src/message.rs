@@ -79,6 +79,15 @@ impl Refusal {
         Err(Refusal::Value { index, what: "index", found: index.to_string(), rule })
     }
 
+    /// Refuses a frame that asks for relocalisation from a later one on.
+    pub(crate) fn unless_reached(index: u64, relocalise_from: u64) -> Result<(), Refusal> {
+        if relocalise_from <= index {
+            return Ok(());
+        }
+        let (what, found) = ("relocalise_from", relocalise_from.to_string());
+        Err(Refusal::Value { index, what, found, rule: "at most the frame's own index" })
+    }
+
     /// Refuses `found` unless it is `expected`.
     pub(crate) fn unless_equal(
         index: u64,

@@ -20,6 +20,8 @@ pub struct SurfaceHeader {
     pub stamp_nanos: i64,
     /// Frames that the source left out before this one (live mode).
     pub dropped_before: u64,
+    /// Relocalisation is asked for from this index on, as in the frame; 0: it was never asked for.
+    pub relocalise_from: u64,
     /// Columns of the grid.
     pub width: u32,
     /// Rows of the grid.
@@ -43,7 +45,7 @@ pub struct SurfaceHeader {
 }
 
 impl Message for SurfaceHeader {
-    const NAME: &'static str = "tessera.SurfaceHeader.v4";
+    const NAME: &'static str = "tessera.SurfaceHeader.v5";
 }
 
 /// What the run's configuration says of every surface.
@@ -79,6 +81,7 @@ impl SurfaceHeader {
         let expected_len = grid.len() + vertices_of_features(n_features);
         Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, expected_len as u64)?;
         self.rotation.read(index)?;
+        Refusal::unless_reached(index, self.relocalise_from)?;
         let highest = if expected.limit.is_some() { WorkloadLevel::Full } else { WorkloadLevel::Least };
         if self.workload as usize > highest.level() {
             return Err(Refusal::Value {
@@ -140,6 +143,9 @@ mod tests {
         };
         assert!(text(good, &vertices[..7]).contains("number of vertices is 7, expected 8"));
         assert!(text(SurfaceHeader { index: 5, ..good }, &vertices).contains("not in flight"));
+        assert!(
+            text(SurfaceHeader { relocalise_from: 4, ..good }, &vertices).contains("relocalise_from is 4")
+        );
         assert!(text(SurfaceHeader { width: 9, ..good }, &vertices).contains("grid width is 9"));
         assert!(text(SurfaceHeader { workload: 1, ..good }, &vertices).contains("workload is 1"));
         let live = SurfaceExpectation { limit: None, ..expected };

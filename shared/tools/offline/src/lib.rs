@@ -119,6 +119,8 @@ pub struct Run {
     previous: Option<(u64, i64, Vec<Vertex>, Vec<Feature>)>,
     extractor: Extractor,
     correction: Option<Correction>,
+    /// First frame for which relocalisation was asked for last.
+    relocalise_from: u64,
     records: Vec<AlignRecord>,
 }
 
@@ -139,6 +141,7 @@ impl Run {
             previous: None,
             extractor: method.mapping.features.extractor(camera, method.registration.isa),
             correction: None,
+            relocalise_from: 0,
             records: Vec::new(),
         })
     }
@@ -162,6 +165,12 @@ impl Run {
         Ok(run)
     }
 
+    /// Asks for relocalisation: the next frame drops the pose that was tracked so far, and its place is
+    /// looked for in the whole map, as that of a lost camera. Before the first frame it means nothing.
+    pub fn relocalise(&mut self) {
+        self.relocalise_from = self.tracker.next_index();
+    }
+
     /// Processes the next frame and says where the camera is.
     pub fn push(&mut self, frame: &RawFrame) -> Tracked {
         let grid = self.reconstructor.grid();
@@ -179,9 +188,11 @@ impl Run {
             rotation: None,
             surface: SurfaceView { grid, vertices },
             workload: WorkloadLevel::Full,
+            relocalise_from: 0,
         };
         let current = FrameSurface {
             rotation: frame.rotation,
+            relocalise_from: self.relocalise_from,
             ..view(index, frame.stamp_nanos, vertices.as_slice(), features.as_slice())
         };
         let recent: Vec<FrameSurface<'_>> = self

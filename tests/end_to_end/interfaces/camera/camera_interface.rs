@@ -250,6 +250,17 @@ fn a_program_in_python_is_a_camera_and_another_reads_the_poses() {
     }
     assert!(n >= 10, "{poses}");
 
+    let asking = room().of(Path::new("external")).frames(30);
+    let run = asking.start();
+    let camera =
+        example(&python, "publisher.py", &[&folder, &asking.name, "--ring", "16", "--relocalise-at", "9"]);
+    assert!(run.wait_with_output().unwrap().status.success(), "{}", asking.log());
+    words(camera);
+    let states = String::from_utf8(asking.output("states.csv")).unwrap();
+    let is_asked = |line: &&str| line.contains("a relocalisation was asked for");
+    let rows: Vec<&str> = states.lines().filter(is_asked).collect();
+    assert!(rows.len() == 1 && rows[0].starts_with("9,"), "{rows:?}");
+
     let live = room().of(Path::new("external")).frames(30);
     let run = live.start();
     let camera = example(&python, "publisher.py", &[&folder, &live.name]);

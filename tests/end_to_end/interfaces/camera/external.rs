@@ -9,9 +9,11 @@ use tessera_geometry::Camera;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
 use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec};
 use tessera_surface::Grid;
-use tessera_transport::{Layout, Link, SlicePublisher, registered_runs};
+use tessera_transport::{Layout, Link, Loan, SlicePublisher, registered_runs};
 
 const FRAMES: u64 = 40;
+/// The frame with which relocalisation is asked for, by a camera that asks.
+const ASKED_AT: u64 = 12;
 
 /// Tells [`a_camera`] that it is one: `run ring mode camera-file`.
 const CAMERA_VARIABLE: &str = "TESSERA_TEST_CAMERA";
@@ -24,6 +26,16 @@ struct Publisher {
 
 impl Publisher {
     fn send(&mut self, index: u64) {
+        self.loaned(index, 0).send().unwrap();
+    }
+
+    /// Asks for relocalisation with that frame.
+    fn ask(&mut self, index: u64) {
+        self.loaned(index, CameraFrame::RELOCALISE).send().unwrap();
+    }
+
+    /// An image that is ready to be sent.
+    fn loaned(&mut self, index: u64, kind: u32) -> Loan<CameraFrame, u16> {
         let Camera { width, height, .. } = *self.source.camera();
         let shape = FrameShape { width, height };
         let mut loan = self.port.loan(shape.payload_len()).unwrap();
@@ -32,8 +44,8 @@ impl Publisher {
         let has_colour = info.has_colour.into();
         // Ten seconds for each round through the room, which takes less.
         let stamp_nanos = info.stamp_nanos + (index / FRAMES) as i64 * 10_000_000_000;
-        *loan.header_mut() = CameraFrame { index, stamp_nanos, has_colour, ..self.header };
-        loan.send().unwrap();
+        *loan.header_mut() = CameraFrame { index, stamp_nanos, kind, has_colour, ..self.header };
+        loan
     }
 
     fn end(&mut self, n: u64) {
@@ -101,8 +113,8 @@ fn a_camera() {
         flow
     };
     match kind {
-        // Keeps everything, sends what is asked for, and may die at a frame.
-        "ring" => {
+        // Keeps everything, sends what is asked for, may die at a frame, and may ask at one.
+        "ring" | "asking" => {
             let (mut epoch, mut next) = (0, 0);
             loop {
                 let flow = newest();
@@ -115,6 +127,8 @@ fn a_camera() {
                 if next < flow.send_below && next <= FRAMES {
                     if next == FRAMES {
                         publisher.end(next);
+                    } else if kind == "asking" && next == ASKED_AT {
+                        publisher.ask(next);
                     } else {
                         publisher.send(next);
                     }
@@ -151,6 +165,31 @@ fn a_camera() {
             while newest().finished == 0 {
                 publisher.end(first + 10);
                 std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        // Asks with an image that others follow at once, while the sensor takes none; the test says when it
+        // does not, and with which image.
+        "overtaken" => {
+            let beside = |name: &str| Path::new(camera_file).with_file_name(name);
+            let mut next = 0;
+            while !beside("ask").exists() {
+                publisher.send(next);
+                next += 1;
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            let asks: u64 = std::fs::read_to_string(beside("ask")).unwrap().parse().unwrap();
+            publisher.ask(asks);
+            (1..4).for_each(|k| publisher.send(asks + k));
+            std::fs::write(beside("asked"), "").unwrap();
+            next = asks + 4;
+            while newest().finished == 0 {
+                std::thread::sleep(Duration::from_millis(20));
+                if beside("enough").exists() {
+                    publisher.end(next);
+                } else {
+                    publisher.send(next);
+                    next += 1;
+                }
             }
         }
         // Frames, and then all that a header can get wrong.
@@ -280,6 +319,90 @@ fn a_camera_that_went_away_ends_the_run_in_words_and_resume_goes_on() {
         .unwrap();
     let _camera = Foreign::start(&run, 64, "ring");
     finished(&run, resumed, &reference, "after resume");
+}
+
+/// Rows of `states.csv` that say that relocalisation was asked for.
+fn asked(run: &Run) -> Vec<String> {
+    let states = String::from_utf8(run.output("states.csv")).unwrap();
+    let is_asked = |line: &&str| line.contains("a relocalisation was asked for");
+    states.lines().filter(is_asked).map(str::to_owned).collect()
+}
+
+#[test]
+fn relocalisation_that_is_asked_for_is_done_once_whoever_dies() {
+    let reference = external();
+    let child = reference.start();
+    let camera = Foreign::start(&reference, 64, "asking");
+    assert!(child.wait_with_output().unwrap().status.success(), "{}", reference.log());
+    drop(camera);
+    let rows = asked(&reference);
+    assert_eq!(rows.len(), 1, "{rows:?}");
+    assert!(rows[0].starts_with(&format!("{ASKED_AT},")) && rows[0].contains(",relocalising,"), "{rows:?}");
+    assert!(rows[0].contains("found by") && !rows[0].contains("the last pose"), "{rows:?}");
+    let line = "a relocalisation was asked for";
+    assert_eq!(reference.log().matches(line).count(), 1, "{}", reference.log());
+    for plan in [
+        "sensor=read:12",
+        "reconstruct=received:12",
+        "reconstruct=sent:12",
+        "align=computed:12",
+        "align=journaled:12",
+        "align=acknowledged:12;reconstruct=computed:13",
+        "sensor=read:12:drop",
+    ] {
+        let run = external().with_env("TESSERA_KILL_PLAN", plan);
+        let child = run.start();
+        let _camera = Foreign::start(&run, 64, "asking");
+        finished(&run, child, &reference, plan);
+        assert_eq!(asked(&run), rows, "{plan}");
+    }
+    // The camera dies too, the run is given up, and goes on later.
+    let run = external().with(&["--set", "run.camera_timeout_s=1.5"]);
+    let child = run.start();
+    let mut first = Foreign::start(&run, 64, "asking=12");
+    assert!(!first.0.wait().unwrap().success());
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(3), "{}", run.log());
+    let resumed = Command::new(env!("CARGO_BIN_EXE_tessera"))
+        .args(["resume", "--quiet"])
+        .arg(run.out())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let _camera = Foreign::start(&run, 64, "asking");
+    finished(&run, resumed, &reference, "after resume");
+    assert_eq!(asked(&run), rows);
+}
+
+#[test]
+fn what_an_image_asks_for_is_not_dropped_with_it() {
+    // The sensor stands still while the image comes, and sends that of frame 103.
+    for deaths in ["", ";sensor=read:103", ";reconstruct=received:103", ";align=computed:103"] {
+        let plan = format!("sensor=sent:0:stop{deaths}");
+        let run = external().frames(1_000_000).with(&["--set", "flow.hang_s=600"]);
+        let run = run.with_env("TESSERA_KILL_PLAN", &plan);
+        let child = run.start();
+        let _camera = Foreign::start(&run, 0, "overtaken");
+        let sensor = run.wait_until_stopped("sensor");
+        let session = || {
+            let text = std::fs::read_to_string(run.out().join("camera.session")).unwrap();
+            serde_json::from_str::<serde_json::Value>(&text).unwrap()
+        };
+        let beside = |name: &str| run.dir.path().join(name);
+        std::fs::write(beside("tmp"), (session()["image"].as_u64().unwrap() + 100).to_string()).unwrap();
+        std::fs::rename(beside("tmp"), beside("ask")).unwrap();
+        wait_for("the camera to ask", || beside("asked").exists());
+        signal(sensor, "CONT");
+        wait_for("frames after that", || run.n_processed() >= 6);
+        assert_eq!(session()["relocalise_from"], 100, "{plan}");
+        std::fs::write(beside("enough"), "").unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{plan}: {}\n{}", words(&output), run.log());
+        let rows = asked(&run);
+        assert_eq!(rows.len(), 1, "{plan}: {rows:?}\n{}", run.log());
+        let frame: u64 = rows[0].split(',').next().unwrap().parse().unwrap();
+        assert!(frame >= 103, "{plan}: {rows:?}");
+        assert_eq!(run.n_deaths(), usize::from(!deaths.is_empty()), "{plan}\n{}", run.log());
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 12] = [
+const ELSEWHERE: [(&str, &str, &str); 13] = [
     ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
     ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
     ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
@@ -33,6 +33,11 @@ const ELSEWHERE: [(&str, &str, &str); 12] = [
         r#"contains("it must keep its last 8 frames")"#,
     ),
     ("in a new session", "interfaces/camera/external.rs", r#"matches("in a new session")"#),
+    (
+        "a relocalisation was asked for",
+        "interfaces/camera/external.rs",
+        r#"contains("a relocalisation was asked for")"#,
+    ),
     ("newer frames had come", "../../processes/align/src/step.rs", "newer frames had come"),
 ];
 

@@ -18,6 +18,9 @@ use tessera_surface::WorkloadLevel;
 /// Beginning of the part of a reason that names degenerate directions.
 pub(crate) const DEGENERATE: &str = "degenerate, held by the prediction";
 
+/// Beginning of the reason of a frame with which relocalisation was asked for.
+pub(crate) const ASKED: &str = "a relocalisation was asked for";
+
 /// Whether a frame's pose can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -92,6 +95,11 @@ impl FrameRecord {
     /// it is the prediction.
     pub fn is_degenerate(&self) -> bool {
         self.state == State::Tracking && self.reason.contains(DEGENERATE)
+    }
+
+    /// Whether relocalisation was asked for with this frame: its pose owes nothing to the one before.
+    pub fn is_relocalisation_asked(&self) -> bool {
+        self.reason.starts_with(ASKED)
     }
 }
 

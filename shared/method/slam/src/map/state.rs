@@ -71,6 +71,8 @@ pub struct TrackerState {
     pub n_lost: u32,
     /// As in [`FrameRecord::lost_nanos`].
     pub lost_nanos: i64,
+    /// Lost since relocalisation was asked for: the last pose is no place to look at.
+    pub is_pose_dropped: bool,
     /// Frames in a row that were found by place recognition and passed the strict tests.
     pub n_confirmed: u32,
     /// What all frames say of colour.
@@ -155,6 +157,8 @@ impl TrackerState {
         self.is_placed |= frame.state == State::Tracking;
         self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
         self.lost_nanos = frame.lost_nanos;
+        let is_dropped = self.is_pose_dropped || frame.is_relocalisation_asked();
+        self.is_pose_dropped = frame.state == State::Lost && is_dropped;
         self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
         if self.recent.len() == 2 {

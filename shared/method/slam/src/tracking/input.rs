@@ -22,6 +22,9 @@ pub struct FrameSurface<'a> {
     pub surface: SurfaceView<'a>,
     /// How much work it gets; the same in each replay.
     pub workload: WorkloadLevel,
+    /// Relocalisation is asked for from this frame index on: the first frame from there drops the pose that
+    /// was tracked so far. The same in each later frame; 0: it was never asked for.
+    pub relocalise_from: u64,
     /// Features of its colour image; none where there is no colour.
     pub features: &'a [Feature],
 }
@@ -29,7 +32,8 @@ pub struct FrameSurface<'a> {
 impl<'a> FrameSurface<'a> {
     /// A frame at full workload of which only the surface was measured.
     pub fn new(index: u64, stamp_nanos: i64, surface: SurfaceView<'a>) -> Self {
-        Self { index, stamp_nanos, rotation: None, surface, workload: WorkloadLevel::Full, features: &[] }
+        let workload = WorkloadLevel::Full;
+        Self { index, stamp_nanos, rotation: None, surface, workload, relocalise_from: 0, features: &[] }
     }
 }
 

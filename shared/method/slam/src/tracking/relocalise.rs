@@ -3,10 +3,12 @@
 //! Candidates are the last pose, the keyframes that show most of the frame's features, those whose fern
 //! codes are most similar, and views turned and shifted against both, a few in each frame. A candidate must pass the strict
 //! tests once aligned, and the map changes again only after several frames in a row have passed.
+//!
+//! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
 use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
-use crate::map::records::State;
+use crate::map::records::{ASKED, FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
@@ -39,6 +41,23 @@ impl Candidate {
     fn at(world_from_camera: Pose, submap: u32, name: String) -> Self {
         Self { guess: world_from_camera, near: world_from_camera, submap, name, is_last_pose: false }
     }
+}
+
+/// Whether the frame is the first one aligned since relocalisation was asked for.
+pub(crate) fn is_asked(input: &TrackingInput<'_>) -> bool {
+    let (asked_from, index) = (input.frame.relocalise_from, input.frame.index);
+    let last = input.map.state().recent.last();
+    asked_from <= index && last.is_some_and(|last| last.index < asked_from)
+}
+
+/// The record of such a frame: its reason says so, whatever became of it.
+pub(crate) fn noted(record: FrameRecord) -> FrameRecord {
+    let reason = match record.is_relocalisation_asked() {
+        true => record.reason,
+        false if record.reason.is_empty() => ASKED.to_owned(),
+        false => format!("{ASKED}; {}", record.reason),
+    };
+    FrameRecord { reason, ..record }
 }
 
 /// Tracking after the place was found, under the strict tests, until enough frames in a row have
@@ -123,12 +142,13 @@ fn supposed_candidates(
     keyframes: &[&KeyframeState],
     prediction: &Prediction,
 ) -> Vec<Candidate> {
-    let last = (prediction.world_from_camera, input.map.submap());
+    let is_dropped = input.map.state().is_pose_dropped || is_asked(input);
+    let last = (!is_dropped).then_some((prediction.world_from_camera, input.map.submap()));
     let similar = similar_keyframes(input, keyframes);
     let most_similar = similar.first().map(|candidate| (candidate.guess, candidate.submap));
-    let mut candidates = vec![last_pose(input, last.0)];
+    let mut candidates: Vec<Candidate> = last.iter().map(|(last, _)| last_pose(input, *last)).collect();
     candidates.extend(similar);
-    candidates.extend(turned_views_about(input, last, most_similar.unwrap_or(last)));
+    candidates.extend(turned_views_about(input, last, most_similar));
     candidates
 }
 
@@ -195,20 +215,23 @@ fn similar_keyframes(input: &TrackingInput<'_>, keyframes: &[&KeyframeState]) ->
         .collect()
 }
 
-/// Views about the last pose and about the most similar keyframe in turn, others in each frame.
+/// Views about the last pose and about the most similar keyframe in turn, or about the one that there is;
+/// others in each frame.
 fn turned_views_about(
     input: &TrackingInput<'_>,
-    last: (Pose, u32),
-    most_similar: (Pose, u32),
-) -> impl Iterator<Item = Candidate> {
+    last: Option<(Pose, u32)>,
+    most_similar: Option<(Pose, u32)>,
+) -> Vec<Candidate> {
     let views = turned_views();
     let n = input.context.mapping.relocalise.n_turned as usize;
     let round = input.map.state().n_lost as usize;
-    let (base, submap) = if round.is_multiple_of(2) { last } else { most_similar };
-    (0..n).map(move |k| {
+    let about = if round.is_multiple_of(2) { last.or(most_similar) } else { most_similar.or(last) };
+    let Some((base, submap)) = about else { return Vec::new() };
+    let view = |k: usize| {
         let base_from_camera = views[(round / 2 * n + k) % views.len()];
         Candidate { guess: base * base_from_camera, ..Candidate::at(base, submap, "a turned view".into()) }
-    })
+    };
+    (0..n).map(view).collect()
 }
 
 /// Turns about the vertical axis of the camera with shifts along the others.

@@ -7,7 +7,9 @@ use crate::loops::trigger::with_request;
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::map_view::MapView;
-use crate::map::records::{AlignRecord, AppliedCorrection, Correction, FrameRecord, RequestRecord, State};
+use crate::map::records::{
+    ASKED, AlignRecord, AppliedCorrection, Correction, FrameRecord, RequestRecord, State,
+};
 use crate::map::state::TrackerState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::tracking::alignment::Aligner;
@@ -130,6 +132,7 @@ impl Tracker {
             samples: &self.samples,
             surfaces: Surfaces { recent, keyframes },
         };
+        let is_asked = relocalise::is_asked(&input);
         let prediction = predict(&input);
         let before = self.state.recent.last().and_then(|last| recent.iter().find(|r| r.index == last.index));
         self.aligner.sight.begin(context, frame, before, &prediction.velocity);
@@ -158,7 +161,7 @@ impl Tracker {
             }
         };
         context.steps.leave();
-        record
+        if is_asked { relocalise::noted(record) } else { record }
     }
 }
 
@@ -171,6 +174,7 @@ fn locate(
     let state = input.map.state();
     // A run that starts in a map does not know where.
     let tracked = match state.recent.last().map_or(State::Lost, |r| r.state) {
+        _ if relocalise::is_asked(input) => Err(ASKED.to_owned()),
         State::Tracking => hypotheses::track(input, aligner, prediction),
         State::Relocalising => relocalise::confirm(input, aligner, prediction),
         State::Lost if !state.is_placed => Err(format!("not found in the map for {} frames", state.n_lost)),

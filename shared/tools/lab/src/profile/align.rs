@@ -48,6 +48,7 @@ impl RecordedSurface {
             rotation: self.rotation,
             surface: SurfaceView { grid, vertices: &self.vertices },
             workload: WorkloadLevel::Full,
+            relocalise_from: 0,
             features: &self.features,
         }
     }
