@@ -18,6 +18,7 @@ pub(crate) struct Companion {
 pub(crate) const VIEWER: Companion = Companion { program: "tessera-view", folder: "view" };
 /// Joins a run to a ROS 2 network.
 pub(crate) const ROS2: Companion = Companion { program: "tessera-ros2", folder: "ros2" };
+
 /// Either end of a fleet.
 pub(crate) const FLEET: Companion = Companion { program: "tessera-fleet", folder: "fleet" };
 
