@@ -312,3 +312,18 @@ fn every_crate_and_every_dependency_is_explained() {
         );
     }
 }
+
+#[test]
+fn a_crate_depends_on_what_its_code_names() {
+    let apart = ["fleet", "python", "ros2", "view"].map(str::to_owned);
+    for name in crates().into_iter().chain(apart) {
+        let manifest = fs::read_to_string(root().join(&name).join("Cargo.toml")).unwrap();
+        let manifest: toml::Table = manifest.parse().unwrap();
+        let code: String = files(&format!("{name}/src")).into_values().collect();
+        let words: BTreeSet<&str> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        for dependency in manifest.get("dependencies").and_then(|of| of.as_table()).unwrap().keys() {
+            let word = dependency.replace('-', "_");
+            assert!(words.contains(&word[..]), "{name} depends on {dependency} and does not name it");
+        }
+    }
+}

@@ -119,7 +119,7 @@ impl GrowingRun {
             (0..16).map(|_| vertex(1.0 + self.random.below(1000) as f32 / 500.0)).collect();
         let grid = Grid { width: 4, height: 4, step: 4 };
         // Of a number of bytes of its own, as its depths are random.
-        let bytes = store_surface(grid, &surface);
+        let (bytes, _) = store_surface(grid, &surface);
         let slot = store_slot(&self.store.append(&bytes, false).unwrap());
         self.n_keyframes += 1;
         KeyframeRecord {
