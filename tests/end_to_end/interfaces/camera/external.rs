@@ -311,14 +311,15 @@ fn a_camera_that_went_away_ends_the_run_in_words_and_resume_goes_on() {
     assert!(!run.output("trajectory.txt").is_empty());
     assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
 
-    let resumed = Command::new(env!("CARGO_BIN_EXE_tessera"))
-        .args(["resume", "--quiet"])
-        .arg(run.out())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let resumed = resume(&run);
     let _camera = Foreign::start(&run, 64, "ring");
     finished(&run, resumed, &reference, "after resume");
+}
+
+/// Goes on with a run that was given up.
+fn resume(run: &Run) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tessera"));
+    command.args(["resume", "--quiet"]).arg(run.out()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 /// Rows of `states.csv` that say that relocalisation was asked for.
@@ -362,12 +363,7 @@ fn relocalisation_that_is_asked_for_is_done_once_whoever_dies() {
     let mut first = Foreign::start(&run, 64, "asking=12");
     assert!(!first.0.wait().unwrap().success());
     assert_eq!(child.wait_with_output().unwrap().status.code(), Some(3), "{}", run.log());
-    let resumed = Command::new(env!("CARGO_BIN_EXE_tessera"))
-        .args(["resume", "--quiet"])
-        .arg(run.out())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let resumed = resume(&run);
     let _camera = Foreign::start(&run, 64, "asking");
     finished(&run, resumed, &reference, "after resume");
     assert_eq!(asked(&run), rows);
@@ -383,6 +379,8 @@ fn what_an_image_asks_for_is_not_dropped_with_it() {
         let child = run.start();
         let _camera = Foreign::start(&run, 0, "overtaken");
         let sensor = run.wait_until_stopped("sensor");
+        // A later frame must not be the first one: that one begins a map, and nothing can be asked of it.
+        wait_for("the first frame", || run.n_processed() >= 1);
         let session = || {
             let text = std::fs::read_to_string(run.out().join("camera.session")).unwrap();
             serde_json::from_str::<serde_json::Value>(&text).unwrap()
