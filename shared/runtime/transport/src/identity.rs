@@ -94,28 +94,33 @@ fn private_path() -> PathBuf {
 /// The user's private folder for runs, made where it is missing.
 pub(crate) fn private_folder() -> Result<PathBuf, TransportError> {
     let base = private_path();
-    match DirBuilder::new().mode(0o700).create(&base) {
-        Ok(()) => {}
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
-        Err(error) => return Err(TransportError::io("make", &base)(error)),
+    loop {
+        match DirBuilder::new().mode(0o700).create(&base) {
+            Ok(()) => {}
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(TransportError::io("make", &base)(error)),
+        }
+        // Where the last run that was in it has just removed it, once more.
+        if let Some(base) = existing_private_folder()? {
+            return Ok(base);
+        }
     }
-    check_private(&base, rustix::process::getuid().as_raw())?;
-    Ok(base)
 }
 
 /// The same where it is there; `None` where no run of this user is going on.
 pub(crate) fn existing_private_folder() -> Result<Option<PathBuf>, TransportError> {
     let base = private_path();
-    if !base.exists() {
-        return Ok(None);
-    }
-    check_private(&base, rustix::process::getuid().as_raw())?;
-    Ok(Some(base))
+    let is_there = check_private(&base, rustix::process::getuid().as_raw())?;
+    Ok(is_there.then_some(base))
 }
 
-/// Refuses a folder that another user owns or may read, or that is a link.
-fn check_private(path: &Path, uid: u32) -> Result<(), TransportError> {
-    let meta = std::fs::symlink_metadata(path).map_err(TransportError::io("look at", path))?;
+/// Refuses a folder that another user owns or may read, or that is a link; false where there is none.
+fn check_private(path: &Path, uid: u32) -> Result<bool, TransportError> {
+    let meta = match std::fs::symlink_metadata(path) {
+        Ok(meta) => meta,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+        Err(error) => return Err(TransportError::io("look at", path)(error)),
+    };
     let problem = if !meta.is_dir() {
         "is no folder".to_string()
     } else if meta.uid() != uid {
@@ -123,7 +128,7 @@ fn check_private(path: &Path, uid: u32) -> Result<(), TransportError> {
     } else if meta.mode() & 0o077 != 0 {
         format!("has mode {:o}, expected 700", meta.mode() & 0o777)
     } else {
-        return Ok(());
+        return Ok(true);
     };
     Err(TransportError::NotPrivate { path: path.into(), problem })
 }
@@ -153,7 +158,8 @@ mod tests {
         set_mode(0o755);
         assert!(check_private(dir.path(), uid).unwrap_err().to_string().contains("mode 755"));
         set_mode(0o700);
-        check_private(dir.path(), uid).unwrap();
+        assert!(check_private(dir.path(), uid).unwrap());
+        assert!(!check_private(&dir.path().join("none"), uid).unwrap());
         assert!(check_private(dir.path(), uid + 1).unwrap_err().to_string().contains("belongs to uid"));
         let link = dir.path().join("link");
         std::os::unix::fs::symlink("/tmp", &link).unwrap();

@@ -164,7 +164,13 @@ fn read_entry(file: &File) -> Option<RunEntry> {
 pub fn registered_runs() -> Result<Vec<Registered>, TransportError> {
     let Some(base) = existing_private_folder()? else { return Ok(Vec::new()) };
     let mut runs = Vec::new();
-    for item in std::fs::read_dir(&base).map_err(TransportError::io("read", &base))? {
+    let items = match std::fs::read_dir(&base) {
+        Ok(items) => items,
+        // The last run that was in the folder has just removed it.
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(runs),
+        Err(error) => return Err(TransportError::io("read", &base)(error)),
+    };
+    for item in items {
         let path = item.map_err(TransportError::io("read", &base))?.path();
         if path.extension().is_none_or(|extension| extension != "run") {
             continue;
@@ -197,6 +203,8 @@ mod tests {
     fn a_name_is_taken_once_and_free_after_release() {
         let name = format!("test-registry-{}", std::process::id());
         let dir = tempfile::tempdir().unwrap();
+        // Keeps the private folder, which goes with the last run in it.
+        let _other = RunClaim::take(&format!("{name}-other"), dir.path()).unwrap();
         let claim = RunClaim::take(&name, dir.path()).unwrap();
         let second = RunClaim::take(&name, dir.path()).unwrap_err().to_string();
         assert!(second.contains(&format!("pid {}", std::process::id())), "{second}");
