@@ -20,17 +20,19 @@ pub(crate) struct Voxel {
 
 impl Voxel {
     /// Takes one more measurement in.
-    pub(crate) fn add(&mut self, distance: f32, weight: f32, colour_weight: f32, rgb: [f32; 3]) {
+    pub(crate) fn add_distance(&mut self, distance: f32, weight: f32) {
         let sum = self.weight + weight;
         self.distance += (distance - self.distance) * (weight / sum);
         self.weight = sum;
-        if colour_weight > 0.0 {
-            let sum = self.colour_weight + colour_weight;
-            for (own, new) in self.rgb.iter_mut().zip(rgb) {
-                *own += (new - *own) * (colour_weight / sum);
-            }
-            self.colour_weight = sum;
+    }
+
+    /// Takes the colour of one more measurement in.
+    pub(crate) fn add_colour(&mut self, rgb: [f32; 3], weight: f32) {
+        let sum = self.colour_weight + weight;
+        for (own, new) in self.rgb.iter_mut().zip(rgb) {
+            *own += (new - *own) * (weight / sum);
         }
+        self.colour_weight = sum;
     }
 }
 

@@ -4,6 +4,7 @@
 //! it; there an edge has four triangles. Each sheet gets vertices of its own.
 
 use crate::mesh::{Mesh, root};
+use rayon::prelude::*;
 
 /// One side of a triangle, as it stands in an undirected edge.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,7 +60,7 @@ impl Mesh {
 
     /// All sides of all triangles by the vertices that `vertex` names for a triangle's corner, in order
     /// of edges.
-    fn half_edges(&self, vertex: impl Fn(usize, usize) -> u32) -> Vec<HalfEdge> {
+    fn half_edges(&self, vertex: impl Fn(usize, usize) -> u32 + Sync) -> Vec<HalfEdge> {
         let side = |triangle: usize, corner: usize| {
             let corners = [corner, (corner + 1) % 3];
             let ends = corners.map(|corner| vertex(triangle, corner));
@@ -70,16 +71,20 @@ impl Mesh {
             };
             HalfEdge { ends, triangle: triangle as u32, corners: corners.map(|corner| corner as u32) }
         };
-        let sides = |triangle| (0..3).map(move |corner| (triangle, corner));
         let mut edges: Vec<HalfEdge> =
-            (0..self.triangles.len()).flat_map(sides).map(|(t, corner)| side(t, corner)).collect();
-        edges.sort_unstable();
+            (0..3 * self.triangles.len()).into_par_iter().map(|k| side(k / 3, k % 3)).collect();
+        edges.par_sort_unstable();
         edges
     }
 
     /// The triangles of an edge in pairs that go on into each other: one each way, and of several those
     /// whose normals agree best.
     fn partners(&self, edge: &[HalfEdge]) -> Vec<[HalfEdge; 2]> {
+        if let [one, other] = edge
+            && one.is_forward() != other.is_forward()
+        {
+            return vec![[*one, *other]];
+        }
         let (forward, mut backward): (Vec<HalfEdge>, Vec<HalfEdge>) =
             edge.iter().partition(|e| e.is_forward());
         let mut pairs = Vec::new();

@@ -4,7 +4,7 @@ use crate::block::{Block, N, SIDE, Voxel};
 use crate::extract;
 use crate::mesh::Mesh;
 use crate::settings::FusionSettings;
-use crate::view::{PreparedView, View};
+use crate::view::{PreparedView, SeenPoint, View};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -52,24 +52,19 @@ impl Volume {
     /// Where it would take more memory than allowed; the field then holds what it held before,
     /// and some blocks that nothing was fused into.
     pub fn integrate(&mut self, view: &View<'_>) -> Result<(), FusionError> {
-        let prepared = PreparedView::new(view);
+        let prepared = PreparedView::new(view, self.settings.max_depth_m);
         let touched = self.touch(&prepared)?;
         let (voxel_m, truncation_m) = (self.settings.voxel_m as f32, self.truncation_m() as f32);
-        let max_depth_m = self.settings.max_depth_m as f32;
         let places = &self.places;
         self.blocks.par_iter_mut().enumerate().filter(|(k, _)| touched[*k]).for_each(|(k, block)| {
-            for (at, voxel) in block.iter_mut().enumerate() {
-                let centre = centre(&places[k], at, voxel_m);
-                let Some(seen) = prepared.look(&centre, max_depth_m) else { continue };
-                let distance = seen.distance_m / truncation_m;
-                if distance < -1.0 {
-                    continue;
+            for (line, voxels) in block.chunks_exact_mut(SIDE as usize).enumerate() {
+                let first = centre(&places[k], line * SIDE as usize, voxel_m);
+                let line: [_; SIDE as usize] = prepared.project_line(&first, voxel_m);
+                for (voxel, at) in voxels.iter_mut().zip(line) {
+                    if let Some(seen) = prepared.look(&at, -truncation_m) {
+                        add(voxel, &prepared, &seen, truncation_m);
+                    }
                 }
-                // Depth is less certain with the square of itself.
-                let near = NEAREST_M / seen.depth_m.max(NEAREST_M);
-                let weight = seen.cosine * near * near * near * near;
-                let colour_weight = if distance.abs() < 0.5 { weight } else { 0.0 };
-                voxel.add(distance.min(1.0), weight, colour_weight, seen.rgb);
             }
         });
         Ok(())
@@ -95,7 +90,7 @@ impl Volume {
         let truncation_m = self.truncation_m();
         let n_steps = (2.0 * truncation_m / (0.5 * edge_m)).ceil() as i32;
         let mut touched = vec![false; self.blocks.len()];
-        for (point, normal) in prepared.points(self.settings.max_depth_m) {
+        for (point, normal) in prepared.points() {
             for step in 0..=n_steps {
                 let along_m = truncation_m * (2.0 * f64::from(step) / f64::from(n_steps) - 1.0);
                 let cell = ((point + normal * along_m) / edge_m).map(f64::floor);
@@ -145,6 +140,19 @@ impl Volume {
         let mut places = self.places.clone();
         places.sort_unstable();
         places
+    }
+}
+
+/// Takes what a view saw of a voxel in.
+#[inline]
+fn add(voxel: &mut Voxel, view: &PreparedView<'_>, seen: &SeenPoint, truncation_m: f32) {
+    let distance = seen.distance_m / truncation_m;
+    // Depth is less certain with the square of itself.
+    let near = NEAREST_M / seen.depth_m.max(NEAREST_M);
+    let weight = seen.cosine * near * near * near * near;
+    voxel.add_distance(distance.min(1.0), weight);
+    if distance.abs() < 0.5 {
+        voxel.add_colour(view.colour(seen), weight);
     }
 }
 
