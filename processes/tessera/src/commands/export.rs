@@ -2,6 +2,7 @@
 
 use crate::arguments::{ExportArguments, Speech};
 use crate::exit::{CommandError, Exit};
+use crate::progress::work_bar;
 use crate::run_folder;
 use crate::terminal::{say, say_to_people};
 use std::path::Path;
@@ -10,7 +11,10 @@ use tessera_outputs::{Grade, Summary};
 /// Writes all outputs of a run.
 pub(crate) fn export(arguments: &ExportArguments) -> Result<Exit, CommandError> {
     let run_folder = run_folder::find(&arguments.run)?;
-    let written = tessera_exchange::write(&run_folder, &(&arguments.files).into())?;
+    let bar = work_bar(arguments.speech.quiet, None, "{wide_msg}");
+    let progress = |done: usize, of: usize| bar.set_message(format!("{done} of {of} keyframes fused"));
+    let written = tessera_exchange::write(&run_folder, &(&arguments.files).into(), &progress)?;
+    bar.finish_and_clear();
     if !written.is_empty() && arguments.out.is_none() {
         if arguments.speech.json {
             say(&serde_json::json!({ "written": written }).to_string());

@@ -8,8 +8,14 @@ use tessera_outputs::{self as outputs, Replay};
 use tessera_stage::{RunFile, RunFiles};
 use tessera_surface::SurfaceView;
 
-/// Fuses all keyframes, those of a map that the run started in among them.
-pub(crate) fn fuse(files: &RunFiles, replay: &Replay, wanted: &ExportFiles) -> Result<Mesh, ToolError> {
+/// Fuses all keyframes, those of a map that the run started in among them; tells `progress` how many of
+/// how many are done.
+pub(crate) fn fuse(
+    files: &RunFiles,
+    replay: &Replay,
+    wanted: &ExportFiles,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Mesh, ToolError> {
     let settings = outputs::read_settings(files)?;
     let run = RunFile::read(files)?;
     let mut volume = Volume::new(&FusionSettings {
@@ -24,13 +30,15 @@ pub(crate) fn fuse(files: &RunFiles, replay: &Replay, wanted: &ExportFiles) -> R
     let grid = run.layout(&settings).grid;
     let warp = outputs::refined_warp(&run.camera, replay, &settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
-    for (keyframe, world_from_camera) in replay.main_keyframes() {
+    let keyframes: Vec<_> = replay.main_keyframes().collect();
+    for (k, (keyframe, world_from_camera)) in keyframes.iter().enumerate() {
+        progress(k, keyframes.len());
         let stored = surfaces.load(keyframe.id)?;
         let moved = warp.as_ref().map(|warp| warp.apply(&stored));
         let view = View {
             camera,
             surface: SurfaceView { grid, vertices: moved.as_deref().unwrap_or(&stored) },
-            world_from_camera,
+            world_from_camera: *world_from_camera,
             velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),
         };
         volume

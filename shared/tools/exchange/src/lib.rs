@@ -38,11 +38,16 @@ pub struct ExportFiles {
 
 type Writer = fn(&Mesh, &mut dyn Write) -> io::Result<()>;
 
-/// Writes the files that were asked for; says a line for each.
+/// Writes the files that were asked for; says a line for each. `progress` is told how many keyframes of how
+/// many are fused.
 ///
 /// # Errors
 /// A name whose end is no known form, a run that cannot be read, a file that cannot be written.
-pub fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<String>, ToolError> {
+pub fn write(
+    run_folder: &Path,
+    wanted: &ExportFiles,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<String>, ToolError> {
     // All names first: fusing takes a while.
     let cloud = wanted.cloud.as_deref().map(|path| cloud_form(path).map(|form| (path, form))).transpose()?;
     let mesh_file =
@@ -62,7 +67,7 @@ pub fn write(run_folder: &Path, wanted: &ExportFiles) -> Result<Vec<String>, Too
         written.push(format!("{}: {} poses", path.display(), rows.len()));
     }
     if maps.iter().any(|path| path.is_some()) {
-        let mesh = fuse::fuse(&files, &replay, wanted)?;
+        let mesh = fuse::fuse(&files, &replay, wanted, progress)?;
         for (path, form) in cloud.iter().chain(&mesh_file) {
             write_file(path, |writer| form(&mesh, writer))?;
         }
