@@ -42,7 +42,7 @@ pub(crate) struct ProjectedPoint {
 
 /// A vertex as it is looked up again and again: 32 bytes.
 #[derive(Clone, Copy)]
-struct Node {
+struct QuadCorner {
     /// Normal of the tangent plane, and less its distance from the camera, metres.
     plane: [f32; 4],
     depth_m: f32,
@@ -55,7 +55,7 @@ struct Node {
 pub(crate) struct PreparedView<'a> {
     view: &'a View<'a>,
     max_depth_m: f32,
-    nodes: Vec<Node>,
+    nodes: Vec<QuadCorner>,
     /// Whether the quad below and to the right of each node is one piece of a surface.
     is_quad: Vec<bool>,
     camera_from_world: Vec<Isometry3<f32>>,
@@ -75,7 +75,7 @@ impl<'a> PreparedView<'a> {
         let camera_from_world: Vec<Isometry3<f32>> =
             world_from_camera.iter().map(|pose| pose.inverse().cast::<f32>()).collect();
         let is_rolling = camera_from_world.windows(2).any(|rows| rows[0] != rows[1]);
-        let nodes: Vec<Node> = view.surface.vertices.iter().map(|v| node(v, max_depth_m)).collect();
+        let nodes: Vec<QuadCorner> = view.surface.vertices.iter().map(|v| node(v, max_depth_m)).collect();
         let is_quad = (0..nodes.len()).map(|k| is_one_surface(&nodes, k, grid.width)).collect();
         Self { view, max_depth_m, nodes, is_quad, camera_from_world, world_from_camera, is_rolling }
     }
@@ -177,12 +177,12 @@ fn is_usable(vertex: &Vertex, max_depth_m: f32) -> bool {
     vertex.is_valid() && vertex.position[2] <= max_depth_m
 }
 
-fn node(vertex: &Vertex, max_depth_m: f32) -> Node {
+fn node(vertex: &Vertex, max_depth_m: f32) -> QuadCorner {
     let (position, normal) = (Vector3::from(vertex.position), Vector3::from(vertex.normal));
     let offset = -normal.dot(&position);
     let cosine = if is_usable(vertex, max_depth_m) { offset / position.norm() } else { f32::NAN };
     let plane = [normal.x, normal.y, normal.z, offset];
-    Node { plane, depth_m: position.z, cosine, rgb: vertex.rgb() }
+    QuadCorner { plane, depth_m: position.z, cosine, rgb: vertex.rgb() }
 }
 
 /// The corners of the quad below and to the right of node `k`.
@@ -192,7 +192,7 @@ fn corners(k: usize, width: usize) -> [usize; 4] {
 
 /// Whether all corners of a quad were measured, at depths of one surface; no node of the last row or
 /// column has one.
-fn is_one_surface(nodes: &[Node], k: usize, width: usize) -> bool {
+fn is_one_surface(nodes: &[QuadCorner], k: usize, width: usize) -> bool {
     if k % width + 1 >= width || k + width + 1 >= nodes.len() {
         return false;
     }
