@@ -3,7 +3,7 @@
 use tessera_features::Feature;
 
 /// Features of a keyframe that travel, at most.
-pub const MOST_FEATURES: usize = 400;
+pub const MOST_FEATURES: usize = 300;
 /// Bytes of a feature.
 const FEATURE_BYTES: usize = 8 + 32;
 /// Rounding of a position and of its deviation, pixels.

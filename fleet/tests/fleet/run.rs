@@ -84,7 +84,7 @@ impl GrowingRun {
             stamp_nanos: index as i64 * 33_000_000,
             workload: WorkloadLevel::Full,
             state: State::Tracking,
-            reason: "word ".repeat(self.random.below(2000)),
+            reason: self.words(),
             submap: 0,
             lost_nanos: 0,
             world_from_camera: pose,
@@ -110,6 +110,12 @@ impl GrowingRun {
             self.optimise.append(&correction, false).unwrap();
         }
         self.n_frames += 1;
+    }
+
+    /// Words of any length, which can be packed a little and no more.
+    fn words(&mut self) -> String {
+        let n = self.random.below(10_000);
+        (0..n).map(|_| char::from(b'a' + self.random.below(26) as u8)).collect()
     }
 
     fn keyframe(&mut self, index: u64, pose: PoseBits) -> KeyframeRecord {

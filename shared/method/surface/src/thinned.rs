@@ -1,9 +1,10 @@
 //! Surfaces for a narrow link: each second vertex of each second row, rounded to a fraction of the sensor's
 //! noise and predicted from those above and to the left; the vertices between are interpolated by the reader.
 //!
-//! Depth is rounded as its inverse, in which the noise of a depth camera is about the same at all distances;
-//! the direction of a point to a quarter of a pixel or so, normals to a degree, colours to 8 of 256 levels. What
-//! [`unpack`] returns is a function of the bytes alone.
+//! Each vertex is slid along its tangent plane to the ray of its place in the grid, so that its depth says where it
+//! is. Depth is rounded as its inverse, in which the noise of a depth camera is about the same at all distances,
+//! normals to a degree or two, colours to an eighth of their range. What [`unpack`] returns is a function of the
+//! bytes alone.
 
 use crate::octahedron::{from_normal_by, round, to_normal_by};
 use crate::packed::{UnpackError, predict_row};
@@ -12,17 +13,17 @@ use tessera_numerics::{RiceReader, RiceWriter, unzigzag, zigzag};
 
 /// Rounding of the inverse of depth, 1/m: 1 mm at 2 m, an eighth of the noise (eq. 5).
 const INVERSE_DEPTH_STEP: f32 = 1.0 / 4096.0;
-/// Rounding of a point's column and row coordinates over its depth.
-const DIRECTION_STEP: f32 = 1.0 / 2048.0;
 /// Steps of a normal from the centre of the octahedral map to its border.
-const NORMAL_STEPS: f32 = 63.0;
+const NORMAL_STEPS: f32 = 31.0;
 /// Rounding of colours, of 256 levels.
-const COLOUR_STEP: i32 = 8;
+const COLOUR_STEP: i32 = 32;
+/// A vertex whose depth would change by more than this part on its way along the tangent plane keeps it.
+const MOST_SLIDE: f32 = 0.03;
 /// Bits of [`Vertex::flags_rgb`] that are no colour.
 const FLAGS: u32 = 0xff;
-/// Numbers of a vertex: inverse depth, direction along columns and rows, normal on the octahedron, green, and
-/// red and blue less green. Only valid vertices have any.
-const NUMBERS: usize = 8;
+/// Numbers of a vertex: inverse depth, normal on the octahedron, green, and red and blue less green. Only valid
+/// vertices have any.
+const NUMBERS: usize = 6;
 /// Farthest two kept vertices may be from each other's tangent planes for one to stand between them, as part
 /// of their depth.
 const MOST_BEND: f32 = 0.01;
@@ -38,13 +39,14 @@ fn kept(grid: Grid) -> (usize, usize) {
 /// Where `vertices` are not as many as the grid has.
 pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
+    let rays = Rays::of(grid, vertices);
     let mut rows = Rows::new(kept(grid).0);
     let mut writer = RiceWriter::default();
     let mut codes = Vec::with_capacity(rows.flags.len());
-    for line in vertices.chunks_exact(grid.width).step_by(2) {
+    for (row, line) in vertices.chunks_exact(grid.width).enumerate().step_by(2) {
         rows.next();
-        for (column, vertex) in line.iter().step_by(2).enumerate() {
-            rows.set(column, vertex);
+        for (column, vertex) in line.iter().enumerate().step_by(2) {
+            rows.set(column / 2, vertex, rays.depth_m(vertex, rays.at(row, column)));
         }
         let mut left = 0;
         codes.clear();
@@ -59,7 +61,8 @@ pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
             writer.row(&codes);
         }
     }
-    writer.finish()
+    let [a, b, c, d] = rays.0.map(f32::to_le_bytes);
+    [a.as_slice(), &b, &c, &d, &writer.finish()].concat()
 }
 
 /// The vertices of a packed surface, row by row, those between the kept ones interpolated.
@@ -70,6 +73,7 @@ pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
     let error = UnpackError { width: grid.width, height: grid.height };
     let (width, height) = kept(grid);
     let mut rows = Rows::new(width);
+    let (rays, bytes) = Rays::read(bytes).ok_or(error)?;
     let mut reader = RiceReader::new(bytes);
     let mut vertices = vec![Vertex::default(); grid.len()];
     let mut codes = vec![0; width];
@@ -91,7 +95,7 @@ pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
         }
         let line = &mut vertices[2 * row * grid.width..][..grid.width];
         for (column, vertex) in line.iter_mut().step_by(2).enumerate() {
-            *vertex = rows.vertex(column).ok_or(error)?;
+            *vertex = rows.vertex(column, rays.at(2 * row, 2 * column)).ok_or(error)?;
         }
     }
     if !reader.is_at_end() {
@@ -142,6 +146,74 @@ fn between(a: &Vertex, b: &Vertex) -> Vertex {
     }
 }
 
+/// The rays of a grid's places: column coordinate over depth as a line over the columns, row coordinate as one
+/// over the rows.
+#[derive(Clone, Copy)]
+struct Rays([f32; 4]);
+
+impl Rays {
+    /// The least squares fit to the valid vertices: which ray a vertex is slid to does not matter much.
+    fn of(grid: Grid, vertices: &[Vertex]) -> Self {
+        let (mut columns, mut rows) = (LineFit::default(), LineFit::default());
+        for (at, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.is_valid() && v.position[2] > 0.0) {
+            let [x, y, z] = vertex.position.map(f64::from);
+            columns.add((at % grid.width) as f64, x / z);
+            rows.add((at / grid.width) as f64, y / z);
+        }
+        let ([a, b], [c, d]) = (columns.line(), rows.line());
+        Self([a, b, c, d])
+    }
+
+    fn read(bytes: &[u8]) -> Option<(Self, &[u8])> {
+        let (head, rest) = bytes.split_first_chunk::<16>()?;
+        let number = |at: usize| f32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let numbers = [0, 4, 8, 12].map(number);
+        // Beyond, no camera looks; a number that is none is beyond too.
+        numbers.iter().all(|number| number.abs() < 1e3).then_some((Self(numbers), rest))
+    }
+
+    fn at(self, row: usize, column: usize) -> [f32; 3] {
+        let [a, b, c, d] = self.0;
+        [a * column as f32 + b, c * row as f32 + d, 1.0]
+    }
+
+    /// Where a ray meets the tangent plane of a vertex.
+    fn depth_m(self, vertex: &Vertex, ray: [f32; 3]) -> f32 {
+        let dot = |v: [f32; 3]| (0..3).map(|k| vertex.normal[k] * v[k]).sum::<f32>();
+        let (depth_m, met_m) = (vertex.position[2], dot(vertex.position) / dot(ray));
+        // Written so that a ray along the plane changes nothing.
+        if (met_m - depth_m).abs() <= MOST_SLIDE * depth_m { met_m } else { depth_m }
+    }
+}
+
+/// A line through points.
+#[derive(Default)]
+struct LineFit {
+    n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+}
+
+impl LineFit {
+    fn add(&mut self, x: f64, y: f64) {
+        self.n += 1.0;
+        self.x += x;
+        self.y += y;
+        self.xx += x * x;
+        self.xy += x * y;
+    }
+
+    /// Slope and height at zero; level where the points do not say.
+    fn line(&self) -> [f32; 2] {
+        let n = self.n.max(1.0);
+        let spread = self.xx - self.x * self.x / n;
+        let slope = if spread > 0.5 { (self.xy - self.x * self.y / n) / spread } else { 0.0 };
+        [slope as f32, ((self.y - slope * self.x) / n) as f32]
+    }
+}
+
 fn is_valid(flags: u32) -> bool {
     flags & Vertex::VALID != 0
 }
@@ -164,39 +236,35 @@ impl Rows {
     }
 
     /// Rounds a vertex.
-    fn set(&mut self, column: usize, vertex: &Vertex) {
-        let [x, y, z] = vertex.position;
-        let inverse = round(1.0 / z / INVERSE_DEPTH_STEP);
-        let is_usable = vertex.is_valid() && z > 0.0 && inverse > 0;
+    fn set(&mut self, column: usize, vertex: &Vertex, depth_m: f32) {
+        let inverse = round(1.0 / depth_m / INVERSE_DEPTH_STEP);
+        let is_usable = vertex.is_valid() && depth_m > 0.0 && inverse > 0;
         self.flags[column] = if is_usable { vertex.flags_rgb & FLAGS } else { 0 };
         if !is_usable {
             return;
         }
         let [u, v] = from_normal_by(NORMAL_STEPS, vertex.normal);
         let [red, green, blue] = vertex.rgb().map(|value| i32::from(value) / COLOUR_STEP);
-        let direction = [x, y].map(|m| round(m / z / DIRECTION_STEP));
-        let numbers = [inverse, direction[0], direction[1], u, v, green, red - green, blue - green];
+        let numbers = [inverse, u, v, green, red - green, blue - green];
         for (row, number) in self.current.iter_mut().zip(numbers) {
             row[column] = number;
         }
     }
 
     /// The vertex of rounded numbers; `None` where there is none of that depth.
-    fn vertex(&self, column: usize) -> Option<Vertex> {
+    fn vertex(&self, column: usize, ray: [f32; 3]) -> Option<Vertex> {
         let flags = self.flags[column];
         if !is_valid(flags) {
             return Some(Vertex::default());
         }
         let numbers: [i32; NUMBERS] = std::array::from_fn(|number| self.current[number][column]);
-        let [inverse, x, y, u, v, green, red, blue] = numbers;
-        let is_possible = inverse > 0 && x.unsigned_abs() < 1 << 20 && y.unsigned_abs() < 1 << 20;
+        let [inverse, u, v, green, red, blue] = numbers;
         let depth_m = 1.0 / (inverse as f32 * INVERSE_DEPTH_STEP);
-        let [x, y] = [x, y].map(|steps| steps as f32 * DIRECTION_STEP * depth_m);
-        let middle = |value: i32| (value * COLOUR_STEP + COLOUR_STEP / 2).clamp(0, 255) as u8;
+        let middle = |value: i32| (value.clamp(0, 255 / COLOUR_STEP) * COLOUR_STEP + COLOUR_STEP / 2) as u8;
         let rgb = [red.wrapping_add(green), green, blue.wrapping_add(green)];
-        is_possible.then(|| Vertex {
-            position: [x, y, depth_m],
-            flags_rgb: Vertex::pack(0, 0, rgb.map(|value| middle(value.clamp(0, 255)))) | (flags & FLAGS),
+        (inverse > 0).then(|| Vertex {
+            position: ray.map(|v| v * depth_m),
+            flags_rgb: Vertex::pack(0, 0, rgb.map(middle)) | (flags & FLAGS),
             normal: to_normal_by(NORMAL_STEPS, [u, v]),
             reserved: 0,
         })
@@ -223,7 +291,8 @@ mod tests {
             let (row, column) = ((index / GRID.width) as f32, (index % GRID.width) as f32);
             let (u, v) = ((column - 20.0) / 130.0, (row - 14.5) / 130.0);
             // The plane z = d + 0.2 x.
-            let depth = if column < 25.0 { 1.5 } else { 2.5 } / (1.0 - 0.2 * u) + 0.001 * random.unit() as f32;
+            let depth =
+                if column < 25.0 { 1.5 } else { 2.5 } / (1.0 - 0.2 * u) + 0.001 * random.unit() as f32;
             let length = 1.04_f32.sqrt();
             vertices.push(match random.below(one_hole_in) {
                 0 => Vertex::default(),
@@ -256,8 +325,8 @@ mod tests {
             let off = (0..3).map(|k| (back.position[k] - vertex.position[k]) * vertex.normal[k]).sum::<f32>();
             assert!(off.abs() < 0.0025, "{off} m at row {row} column {column}");
             let dot = (0..3).map(|k| back.normal[k] * vertex.normal[k]).sum::<f32>();
-            assert!(dot > 0.9997 && back.row_offset() == 1, "{dot}");
-            assert!((0..3).all(|k| back.rgb()[k].abs_diff(vertex.rgb()[k]) < 8), "{:?}", back.rgb());
+            assert!(dot > 0.999 && back.row_offset() == 1, "{dot}");
+            assert!((0..3).all(|k| back.rgb()[k].abs_diff(vertex.rgb()[k]) <= 16), "{:?}", back.rgb());
         }
         assert!(n_missing <= GRID.width + GRID.height);
     }
