@@ -8,7 +8,7 @@ use std::time::Duration;
 use tessera_journal::Journal;
 
 /// What the journal calls itself.
-const KIND: &str = "fleet";
+const KIND: &str = "fleet2";
 /// Its name in the base's folder.
 pub const FLEET_JOURNAL: &str = "fleet.journal";
 /// How long a base waits for one that is ending.
