@@ -1,7 +1,7 @@
 //! What a map is made of the surfaces of one run: the robot's whole store, or those surfaces that came.
 
 use crate::error::FleetError;
-use crate::surface_copy::{ReceivedSurface, read_surfaces};
+use crate::surface_copy::{TravelledSurface, read_surfaces};
 use crate::surface_wire::from_wire;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -92,7 +92,7 @@ impl KeyframeSurfaces for RunSurfaces {
 }
 
 /// A surface as it came, and unpacked once it is read.
-struct Surface {
+struct HeldSurface {
     bytes: Vec<u8>,
     unpacked: OnceLock<Option<(Vec<Vertex>, Vec<Feature>)>>,
 }
@@ -101,7 +101,7 @@ struct Surface {
 pub(crate) struct ReceivedSurfaces {
     grid: Grid,
     /// By keyframe.
-    surfaces: BTreeMap<u32, Surface>,
+    surfaces: BTreeMap<u32, HeldSurface>,
     blank: OnceLock<Vec<Vertex>>,
     /// The first that was read and is not here.
     missing: OnceLock<u32>,
@@ -111,8 +111,9 @@ pub(crate) struct ReceivedSurfaces {
 impl ReceivedSurfaces {
     /// The first `n` that came.
     pub(crate) fn read(folder: &Path, n: u64, grid: Grid) -> Result<Self, FleetError> {
-        let surface =
-            |ReceivedSurface { keyframe, bytes }| (keyframe, Surface { bytes, unpacked: OnceLock::new() });
+        let surface = |TravelledSurface { keyframe, bytes }| {
+            (keyframe, HeldSurface { bytes, unpacked: OnceLock::new() })
+        };
         let surfaces = read_surfaces(folder, n)?.into_iter().map(surface).collect();
         let (blank, missing, damage) = Default::default();
         Ok(Self { grid, surfaces, blank, missing, damage })

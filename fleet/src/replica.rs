@@ -10,7 +10,7 @@ use crate::error::FleetError;
 use crate::journal_copy::JournalCopy;
 use crate::served::{grid_of, identity_of};
 use crate::store_copy::StoreCopy;
-use crate::surface_copy::{ReceivedSurface, SurfaceCopy, check_surface};
+use crate::surface_copy::{SurfaceCopy, TravelledSurface, check_surface};
 use crate::surface_wire::{Framed, MOST_WANTED, WantedSurfaces, frames};
 use crate::wire::{Growing, MAX_SMALL_BYTES, Offer, Refusal, Request, SMALL_FILES};
 use std::collections::BTreeSet;
@@ -35,7 +35,7 @@ const STANDS_AFTER: Duration = Duration::from_secs(5);
 const GUESSED_SURFACE_BYTES: u64 = 16 << 10;
 
 /// The surfaces of a run.
-enum Surfaces {
+enum CopiedSurfaces {
     Whole(StoreCopy),
     Kept(SurfaceCopy),
 }
@@ -47,7 +47,7 @@ pub struct Replica {
     identity: u64,
     align: JournalCopy,
     optimise: JournalCopy,
-    surfaces: Surfaces,
+    surfaces: CopiedSurfaces,
     facts: RunFacts,
     answers: AnswerFacts,
     window: u64,
@@ -66,8 +66,8 @@ impl Replica {
         let align = JournalCopy::open(folder, Growing::Align, |payload| facts.take(payload))?;
         let optimise = JournalCopy::open(folder, Growing::Optimise, |payload| answers.take(payload))?;
         let surfaces = match form {
-            CopyForm::Whole => Surfaces::Whole(StoreCopy::open(folder, &facts.slots)?),
-            CopyForm::Kept => Surfaces::Kept(SurfaceCopy::open(folder)?),
+            CopyForm::Whole => CopiedSurfaces::Whole(StoreCopy::open(folder, &facts.slots)?),
+            CopyForm::Kept => CopiedSurfaces::Kept(SurfaceCopy::open(folder)?),
         };
         let (folder, robot) = (folder.to_owned(), robot.to_owned());
         let (window, newest) = (FIRST_WINDOW, (0, Instant::now()));
@@ -87,8 +87,8 @@ impl Replica {
     /// Bytes of both journals and the surfaces.
     pub fn len_bytes(&self) -> u64 {
         let surfaces = match &self.surfaces {
-            Surfaces::Whole(store) => store.len_bytes(),
-            Surfaces::Kept(copy) => copy.len_bytes(),
+            CopiedSurfaces::Whole(store) => store.len_bytes(),
+            CopiedSurfaces::Kept(copy) => copy.len_bytes(),
         };
         self.align.len_bytes() + self.optimise.len_bytes() + surfaces
     }
@@ -96,12 +96,12 @@ impl Replica {
     /// Surfaces that are here, and those that the map lacks.
     pub fn n_surfaces(&self) -> (u64, u64) {
         let n_here = match &self.surfaces {
-            Surfaces::Whole(store) => store.n_whole() as u64,
-            Surfaces::Kept(copy) => copy.n_records(),
+            CopiedSurfaces::Whole(store) => store.n_whole() as u64,
+            CopiedSurfaces::Kept(copy) => copy.n_records(),
         };
         let n_missing = match &self.surfaces {
-            Surfaces::Whole(_) => self.facts.slots.len() as u64 - n_here,
-            Surfaces::Kept(copy) => {
+            CopiedSurfaces::Whole(_) => self.facts.slots.len() as u64 - n_here,
+            CopiedSurfaces::Kept(copy) => {
                 let is_active = (0..).zip(&self.facts.is_active);
                 is_active.filter(|(id, is_active)| **is_active && !copy.has(*id)).count() as u64
             }
@@ -118,8 +118,8 @@ impl Replica {
     pub fn extent(&self) -> Option<Extent> {
         let align_bytes = self.align_bytes();
         match &self.surfaces {
-            Surfaces::Whole(_) => self.is_complete().then_some(Extent { align_bytes, n_surfaces: 0 }),
-            Surfaces::Kept(copy) => {
+            CopiedSurfaces::Whole(_) => self.is_complete().then_some(Extent { align_bytes, n_surfaces: 0 }),
+            CopiedSurfaces::Kept(copy) => {
                 // Without a surface there is nothing to be seen.
                 let n_surfaces = copy.n_records();
                 (n_surfaces > 0 || self.is_complete()).then_some(Extent { align_bytes, n_surfaces })
@@ -152,8 +152,8 @@ impl Replica {
         let journals = offer.align_bytes.saturating_sub(self.align.len_bytes())
             + offer.optimise_bytes.saturating_sub(self.optimise.len_bytes());
         let surfaces = match &self.surfaces {
-            Surfaces::Whole(store) => self.facts.store_bytes().saturating_sub(store.len_bytes()),
-            Surfaces::Kept(copy) => match copy.mean_bytes() {
+            CopiedSurfaces::Whole(store) => self.facts.store_bytes().saturating_sub(store.len_bytes()),
+            CopiedSurfaces::Kept(copy) => match copy.mean_bytes() {
                 0 => self.missing(copy).len() as u64 * GUESSED_SURFACE_BYTES,
                 mean => self.missing(copy).len() as u64 * mean,
             },
@@ -195,10 +195,10 @@ impl Replica {
                 self.newest = (self.facts.slots.len(), Instant::now());
             }
             match &self.surfaces {
-                Surfaces::Whole(store) if store.len_bytes() < self.facts.store_bytes() => {
+                CopiedSurfaces::Whole(store) if store.len_bytes() < self.facts.store_bytes() => {
                     self.pull_store(carrier, &mut pulled)?;
                 }
-                Surfaces::Kept(_) if is_known => {
+                CopiedSurfaces::Kept(_) if is_known => {
                     self.pull_surfaces(carrier, &mut refused, &mut pulled)?;
                 }
                 _ => {}
@@ -210,7 +210,8 @@ impl Replica {
                 break;
             }
             // There may be newer keyframes, which come before those that are left.
-            if matches!(self.surfaces, Surfaces::Kept(_)) && is_known && begun.elapsed() > SURFACES_FOR {
+            if matches!(self.surfaces, CopiedSurfaces::Kept(_)) && is_known && begun.elapsed() > SURFACES_FOR
+            {
                 break;
             }
         }
@@ -275,13 +276,13 @@ impl Replica {
     }
 
     fn pull_store(&mut self, carrier: &mut dyn Carrier, pulled: &mut Pulled) -> Result<(), FleetError> {
-        let Surfaces::Whole(store) = &self.surfaces else { return Ok(()) };
+        let CopiedSurfaces::Whole(store) = &self.surfaces else { return Ok(()) };
         let from = store.len_bytes();
         let max = self.window.min(self.facts.store_bytes() - from);
         let request =
             Request::Bytes { file: Growing::Store, identity: self.identity, from, checksum: 0, max };
         let Some(bytes) = self.ask(carrier, &request, from, max as usize, pulled) else { return Ok(()) };
-        let Surfaces::Whole(store) = &mut self.surfaces else { return Ok(()) };
+        let CopiedSurfaces::Whole(store) = &mut self.surfaces else { return Ok(()) };
         if bytes.is_empty() {
             return Ok(());
         }
@@ -300,7 +301,7 @@ impl Replica {
         refused: &mut BTreeSet<u32>,
         pulled: &mut Pulled,
     ) -> Result<(), FleetError> {
-        let Surfaces::Kept(copy) = &self.surfaces else { return Ok(()) };
+        let CopiedSurfaces::Kept(copy) = &self.surfaces else { return Ok(()) };
         let mut wanted = self.missing(copy);
         wanted.retain(|id| !refused.contains(id));
         wanted.truncate(MOST_WANTED);
@@ -320,7 +321,7 @@ impl Replica {
         let most = max as usize + max_stored_bytes(grid);
         let Some(stream) = self.ask(carrier, &request, 0, most, pulled) else { return Ok(()) };
         let surfaces = surfaces_in(&stream, grid, &wanted, refused, pulled);
-        if let Surfaces::Kept(copy) = &mut self.surfaces {
+        if let CopiedSurfaces::Kept(copy) = &mut self.surfaces {
             copy.append(&surfaces)?;
         }
         pulled.taken_bytes += surfaces.iter().map(|surface| surface.bytes.len() as u64).sum::<u64>();
@@ -358,13 +359,13 @@ fn surfaces_in(
     wanted: &[u32],
     refused: &mut BTreeSet<u32>,
     pulled: &mut Pulled,
-) -> Vec<ReceivedSurface> {
+) -> Vec<TravelledSurface> {
     let mut found = Vec::new();
     for (keyframe, framed) in wanted.iter().copied().zip(frames(stream)) {
         let problem = match framed {
             Framed::Whole(bytes) => match check_surface(grid, bytes) {
                 Ok(()) => {
-                    found.push(ReceivedSurface { keyframe, bytes: bytes.to_vec() });
+                    found.push(TravelledSurface { keyframe, bytes: bytes.to_vec() });
                     continue;
                 }
                 Err(words) => (Refusal::Nonsense, words),

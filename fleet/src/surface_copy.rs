@@ -18,7 +18,7 @@ const WAIT: Duration = Duration::from_millis(500);
 
 /// A surface that came.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ReceivedSurface {
+pub struct TravelledSurface {
     /// Its keyframe.
     pub keyframe: u32,
     /// Its bytes ([`wire_form`](crate::surface_wire::wire_form)).
@@ -27,7 +27,7 @@ pub struct ReceivedSurface {
 
 /// The surfaces that have come, each once.
 pub struct SurfaceCopy {
-    journal: Journal<ReceivedSurface>,
+    journal: Journal<TravelledSurface>,
     held: BTreeSet<u32>,
     surface_bytes: u64,
 }
@@ -39,7 +39,7 @@ impl SurfaceCopy {
     /// Where the file cannot be read or written.
     pub fn open(folder: &Path) -> Result<Self, FleetError> {
         let (mut held, mut surface_bytes) = (BTreeSet::new(), 0);
-        let (journal, _) = Journal::open(&folder.join(SURFACES), KIND, WAIT, |record: ReceivedSurface| {
+        let (journal, _) = Journal::open(&folder.join(SURFACES), KIND, WAIT, |record: TravelledSurface| {
             held.insert(record.keyframe);
             surface_bytes += record.bytes.len() as u64;
             Ok(())
@@ -71,8 +71,8 @@ impl SurfaceCopy {
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn append(&mut self, surfaces: &[ReceivedSurface]) -> Result<(), FleetError> {
-        let mut new: Vec<&ReceivedSurface> = Vec::new();
+    pub fn append(&mut self, surfaces: &[TravelledSurface]) -> Result<(), FleetError> {
+        let mut new: Vec<&TravelledSurface> = Vec::new();
         for surface in surfaces {
             let is_known = self.has(surface.keyframe) || new.iter().any(|n| n.keyframe == surface.keyframe);
             if !is_known {
@@ -101,7 +101,7 @@ pub fn check_surface(grid: Grid, bytes: &[u8]) -> Result<(), String> {
 ///
 /// # Errors
 /// Where they cannot be read or are not that many.
-pub fn read_surfaces(folder: &Path, n: u64) -> Result<Vec<ReceivedSurface>, FleetError> {
+pub fn read_surfaces(folder: &Path, n: u64) -> Result<Vec<TravelledSurface>, FleetError> {
     let found = first_surfaces(folder, usize::try_from(n).unwrap_or(usize::MAX))?;
     if found.len() as u64 == n {
         return Ok(found);
@@ -114,7 +114,7 @@ pub fn read_surfaces(folder: &Path, n: u64) -> Result<Vec<ReceivedSurface>, Flee
 ///
 /// # Errors
 /// Where they cannot be read.
-pub fn first_surfaces(folder: &Path, most: usize) -> Result<Vec<ReceivedSurface>, FleetError> {
+pub fn first_surfaces(folder: &Path, most: usize) -> Result<Vec<TravelledSurface>, FleetError> {
     let mut found = Vec::new();
     if most > 0 {
         let mut follower = Follower::open(&folder.join(SURFACES), KIND)?;
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn each_surface_is_here_once_and_a_torn_one_not_at_all() {
         let dir = tempfile::tempdir().unwrap();
-        let surface = |keyframe| ReceivedSurface { keyframe, bytes: vec![keyframe as u8; 100] };
+        let surface = |keyframe| TravelledSurface { keyframe, bytes: vec![keyframe as u8; 100] };
         let mut copy = SurfaceCopy::open(dir.path()).unwrap();
         copy.append(&[surface(7), surface(3), surface(7)]).unwrap();
         copy.append(&[surface(3), surface(5)]).unwrap();

@@ -40,7 +40,7 @@ fn kept(grid: Grid) -> (usize, usize) {
 pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
     let rays = Rays::of(grid, vertices);
-    let mut rows = Rows::new(kept(grid).0);
+    let mut rows = ThinnedRows::new(kept(grid).0);
     let mut writer = RiceWriter::default();
     let mut codes = Vec::with_capacity(rows.flags.len());
     for (row, line) in vertices.chunks_exact(grid.width).enumerate().step_by(2) {
@@ -72,7 +72,7 @@ pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
 pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
     let error = UnpackError { width: grid.width, height: grid.height };
     let (width, height) = kept(grid);
-    let mut rows = Rows::new(width);
+    let mut rows = ThinnedRows::new(width);
     let (rays, bytes) = Rays::read(bytes).ok_or(error)?;
     let mut reader = RiceReader::new(bytes);
     let mut vertices = vec![Vertex::default(); grid.len()];
@@ -219,13 +219,13 @@ fn is_valid(flags: u32) -> bool {
 }
 
 /// The row in work and the one above it, as integers.
-struct Rows {
+struct ThinnedRows {
     flags: Vec<u32>,
     current: [Vec<i32>; NUMBERS],
     above: [Vec<i32>; NUMBERS],
 }
 
-impl Rows {
+impl ThinnedRows {
     fn new(width: usize) -> Self {
         let zeros = || std::array::from_fn(|_| vec![0; width]);
         Self { flags: vec![0; width], current: zeros(), above: zeros() }
