@@ -1,13 +1,14 @@
 //! Several robots in a simulated world, started apart: are their maps joined, rightly, and how good is each
 //! trajectory in the one map?
 //!
-//! `cargo run --example several_robots -- [--scene NAME] [--seeds N] [--first SEED] [--every N] [--whole SKIP+FRAMES] SKIP+FRAMES... [key=value]...`
+//! `cargo run --example several_robots -- [--scene NAME] [--seeds N] [--first SEED] [--every N] [--whole SKIP+FRAMES] [--wire] SKIP+FRAMES... [key=value]...`
 //!
 //! Each SKIP+FRAMES is the part of the scene's way that one robot sees; each `--every`th frame is taken.
 //! A robot maps by itself; the maps are then joined and optimised as a base does (`JointMap`).
 //! A join, or a loop between two robots that the optimisation keeps, is wrong where it puts two keyframes
 //! more than 1 m or 30 degrees from where they truly are to each other.
 //! The error of each robot is that in the axes of the one map: all trajectories are aligned at once.
+//! With `--wire` the base has of each robot the surfaces of the keyframes that it keeps, as they travel.
 //! With `--whole` one run over that part is the standard.
 #![forbid(unsafe_code)]
 
@@ -18,7 +19,8 @@ use std::error::Error;
 use std::ops::Range;
 use tessera_evaluation::align_rigid;
 use tessera_features::Feature;
-use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_fleet::surface_wire::{from_wire, pack_surface};
+use tessera_geometry::{Camera, Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
 use tessera_slam::{
@@ -26,7 +28,7 @@ use tessera_slam::{
     Meeting, PoseHistory, TrackerState,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
-use tessera_surface::Vertex;
+use tessera_surface::{Grid, Vertex};
 
 /// Beyond these a join or a loop is wrong.
 const WRONG_M: f64 = 1.0;
@@ -40,6 +42,7 @@ struct Walks {
     whole: Option<Range<u64>>,
     seeds: Range<u64>,
     overrides: Vec<String>,
+    is_wire: bool,
 }
 
 /// A robot with its finished map.
@@ -110,6 +113,7 @@ fn arguments() -> Result<Walks, Box<dyn Error>> {
         whole: None,
         seeds: 1..2,
         overrides: Vec::new(),
+        is_wire: false,
     };
     let (mut first, mut n_seeds) = (1, 1);
     let mut words = std::env::args().skip(1);
@@ -121,6 +125,7 @@ fn arguments() -> Result<Walks, Box<dyn Error>> {
             "--seeds" => n_seeds = value()?.parse()?,
             "--first" => first = value()?.parse()?,
             "--whole" => walks.whole = Some(part(&value()?)?),
+            "--wire" => walks.is_wire = true,
             word if word.contains('=') => walks.overrides.push(word.into()),
             word => walks.parts.push(part(word)?),
         }
@@ -149,6 +154,11 @@ fn one_seed(walks: &Walks, seed: u64) -> Result<Outcome, Box<dyn Error>> {
     let mut robots = Vec::new();
     for part in &walks.parts {
         robots.push(walked(&source, &method, part.clone().step_by(walks.every as usize).collect())?);
+    }
+    if walks.is_wire {
+        robots
+            .iter_mut()
+            .try_for_each(|robot| robot.travel(source.camera(), method.surface.step as usize))?;
     }
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
     let mut map = JointMap::new(context);
@@ -211,6 +221,33 @@ fn walked(source: &SimulatedSource, method: &Method, frames: Vec<u64>) -> Result
 }
 
 impl MappedWalk {
+    /// Leaves what a base has of the surfaces.
+    fn travel(&mut self, camera: &Camera, step: usize) -> Result<(), Box<dyn Error>> {
+        let [width, height] = [camera.width, camera.height].map(|size| (size as usize).div_ceil(step));
+        let grid = Grid { width, height, step };
+        let mut sizes = Vec::new();
+        for keyframe in &self.state.keyframes {
+            let id = keyframe.id as usize;
+            let (vertices, features) = if keyframe.is_active() {
+                let bytes = pack_surface(grid, &self.vertices[id], &self.features[id]);
+                sizes.push(bytes.len());
+                from_wire(grid, &bytes)?
+            } else {
+                (vec![Vertex::default(); grid.len()], Vec::new())
+            };
+            (self.vertices[id], self.features[id]) = (vertices, features);
+        }
+        let (n, bytes) = (sizes.len(), sizes.iter().sum::<usize>());
+        let all = self.state.keyframes.len();
+        let seconds = self.frames.len() as f64 / 30.0;
+        println!(
+            "    {n} of {all} surfaces travel, {:.1} kB each, {:.0} kB/s at 30 Hz",
+            bytes as f64 / 1e3 / n.max(1) as f64,
+            bytes as f64 / 1e3 / seconds
+        );
+        Ok(())
+    }
+
     /// True and estimated pose of every frame, after a further correction where one is given.
     fn poses(&self, correction: Option<Correction>, truth: &[Pose]) -> Vec<(Pose, Pose)> {
         let mut history = PoseHistory::default();

@@ -1,17 +1,18 @@
 //! The answer of a base to a request of a run: its keyframes, solved for in one graph with those of the runs
 //! that share a place with it.
 
-use crate::arrivals::Arrival;
+use crate::arrivals::{Arrival, Extent};
 use crate::error::FleetError;
 use crate::joint_surfaces::JointSurfaces;
 use crate::map::context_of;
-use crate::past::{Past, Prefix, unlike};
+use crate::past::{Past, Prefix, surfaces_of, unlike};
+use crate::received::RunSurfaces;
 use std::path::Path;
 use tessera_journal::Follower;
 use tessera_outputs::read_settings;
 use tessera_settings::Settings;
 use tessera_slam::{Context, JointMap, OptimiseRecord, Optimiser, RequestRecord};
-use tessera_stage::{BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes};
+use tessera_stage::{BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles};
 
 /// An answer, computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,13 +32,13 @@ struct Asking {
     context: Context,
     optimiser: Optimiser,
     request: RequestRecord,
-    surfaces: StoredKeyframes,
+    surfaces: RunSurfaces,
     journal: Prefix,
 }
 
-/// Answers the oldest open request of run `number` among `arrivals`, from so many bytes of the aligner's
-/// journal of each; `None` where the run asks no base or nothing is open. A function of these bytes and of
-/// the run's own corrections.
+/// Answers the oldest open request of run `number` among `arrivals`, from so much of each;
+/// `None` where the run asks no base or nothing is open. A function of that and of the
+/// run's own corrections.
 ///
 /// # Errors
 /// Where the run cannot be read, or a surface is damaged. Other runs that cannot be read are left out.
@@ -45,21 +46,22 @@ pub fn answer(
     base: &Path,
     arrivals: &[Arrival],
     number: usize,
-    align_bytes: &[u64],
+    extents: &[Extent],
 ) -> Result<Option<Answer>, FleetError> {
     let identity = arrivals[number].identity;
-    let Some(asking) = Asking::read(&arrivals[number].folder(base), align_bytes[number])? else {
+    let Some(asking) = Asking::read(base, &arrivals[number], extents[number])? else {
         return Ok(None);
     };
     let mut others: Vec<Past> = Vec::new();
     for (other, arrival) in arrivals.iter().enumerate().filter(|(other, _)| *other != number) {
-        let past = Past::read_map(base, arrival, align_bytes.get(other).copied().unwrap_or(0));
+        let past = Past::read_map(base, arrival, extents.get(other).copied().unwrap_or_default());
         let is_like =
             |past: &Past| unlike((&past.run, &past.settings), (&asking.run, &asking.settings)).is_none();
         others.extend(past.ok().filter(is_like));
     }
     let Asking { context, optimiser, request, mut surfaces, journal, .. } = asking;
     let Some(mut map) = JointMap::of_request(context, &optimiser, &request) else { return Ok(None) };
+    surfaces.keep_active(map.keyframes());
     others.iter().for_each(|other| map.add(&other.state));
     let mut joint = JointSurfaces::default();
     joint.add(map.keyframes_of(0), &surfaces);
@@ -82,8 +84,9 @@ pub fn answer(
 
 impl Asking {
     /// Reads a run up to its oldest open request; `None` where it has none, or none for a base.
-    fn read(folder: &Path, align_bytes: u64) -> Result<Option<Self>, FleetError> {
-        let files = RunFiles::new(folder);
+    fn read(base: &Path, arrival: &Arrival, extent: Extent) -> Result<Option<Self>, FleetError> {
+        let folder = arrival.folder(base);
+        let files = RunFiles::new(&folder);
         let run = RunFile::read(&files)?;
         let settings = read_settings(&files)?;
         if settings.run.base_wait_s <= 0.0 {
@@ -95,8 +98,8 @@ impl Asking {
         while let Some(record) = answers.next()? {
             optimiser.apply_own(&record);
         }
-        let mut surfaces = StoredKeyframes::open(&files.store(), run.layout(&settings).grid)?;
-        let journal = Prefix::new(&files, align_bytes);
+        let mut surfaces = surfaces_of(&folder, arrival.form, extent, run.layout(&settings).grid)?;
+        let journal = Prefix::new(&files, extent.align_bytes);
         let mut problem = Ok(());
         journal.visit_all(&mut |record| {
             if problem.is_ok() && optimiser.next_request().is_none() {

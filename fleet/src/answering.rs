@@ -2,7 +2,7 @@
 //! the worker that visits the robot.
 
 use crate::answer::{Answer, answer};
-use crate::arrivals::Arrival;
+use crate::arrivals::{Arrival, Extent};
 use crate::carrier::Carrier;
 use crate::error::FleetError;
 use crate::replica::Pulled;
@@ -24,7 +24,7 @@ pub struct AnswerStatus {
 pub(crate) struct Known {
     pub(crate) base: PathBuf,
     pub(crate) arrivals: Vec<Arrival>,
-    pub(crate) align_bytes: Vec<u64>,
+    pub(crate) extents: Vec<Extent>,
 }
 
 /// The answers to one run.
@@ -52,7 +52,7 @@ impl Answering {
         let is_new = open.is_some() && open != self.taken_up;
         if is_new && self.running.is_none() {
             let known = known();
-            let make = move || answer(&known.base, &known.arrivals, number, &known.align_bytes);
+            let make = move || answer(&known.base, &known.arrivals, number, &known.extents);
             (self.taken_up, self.running) = (open, Some(std::thread::spawn(make)));
         }
     }

@@ -84,6 +84,9 @@ pub struct BaseArguments {
     /// End once N runs have come and ended, and their map is made
     #[arg(long, value_name = "N", conflicts_with = "action")]
     pub runs: Option<usize>,
+    /// Copy whole run directories, with the surfaces of all keyframes as the robots have them
+    #[arg(long, conflicts_with = "action")]
+    pub whole: bool,
     /// A map each N seconds while runs go on; 0: when a run ends
     #[arg(long, value_name = "N", default_value_t = 30, conflicts_with = "action")]
     pub map_every: u64,
@@ -109,7 +112,7 @@ loopback interface alone, with a relay between each robot and the base. It cuts
 a link, delays it by 500 ms, throttles it to 50 kB/s, sends bytes twice, makes a
 robot connect anew; uplinks and base are killed with SIGKILL. Runs grow from
 their first byte to their last meanwhile. Then copies are compared with the
-runs byte by byte, and the map with that of an undisturbed base which the runs
+runs byte by byte, surfaces in the form in which they travel, and the map with that of an undisturbed base which the runs
 came to in the same order. Exit code 0: the promise was kept; 4: it was not, and
 the folder stays for a look.
 
@@ -137,6 +140,9 @@ pub struct FleetChaosArguments {
     /// Longest time for everything, seconds
     #[arg(long, value_name = "S", default_value_t = 1800, value_parser = clap::value_parser!(u64).range(1..=86400))]
     pub patience_s: u64,
+    /// The base copies whole run directories
+    #[arg(long)]
+    pub whole: bool,
     /// Flip a bit of a copy before it is compared, to see that this is found
     #[arg(long)]
     pub flip: bool,

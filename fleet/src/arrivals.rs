@@ -8,7 +8,7 @@ use std::time::Duration;
 use tessera_journal::Journal;
 
 /// What the journal calls itself.
-const KIND: &str = "fleet";
+const KIND: &str = "fleet2";
 /// Its name in the base's folder.
 pub const FLEET_JOURNAL: &str = "fleet.journal";
 /// How long a base waits for one that is ending.
@@ -38,6 +38,27 @@ pub struct Arrival {
     pub identity: u64,
     /// Where it was added from; `None`: over the network.
     pub origin: Option<PathBuf>,
+    /// How much of it is copied.
+    pub form: CopyForm,
+}
+
+/// How much of a run a base copies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CopyForm {
+    /// The run directory, byte for byte.
+    Whole,
+    /// The journals byte for byte, and the surfaces of keyframes that the run keeps, in the form in which
+    /// they travel.
+    Kept,
+}
+
+/// How much of a run: what a map and an answer are functions of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Extent {
+    /// Bytes of its aligner's journal.
+    pub align_bytes: u64,
+    /// Surfaces of it, the first ones that came; 0 of a whole copy, which has all.
+    pub n_surfaces: u64,
 }
 
 impl Arrival {
@@ -53,8 +74,8 @@ impl Arrival {
 pub struct Mapped {
     /// 1, 2, 3, …
     pub number: u64,
-    /// Bytes of the aligner's journal of each run, in the order of their arrival.
-    pub align_bytes: Vec<u64>,
+    /// How much of each run, in the order of their arrival.
+    pub extents: Vec<Extent>,
 }
 
 /// The journal and what it says.
@@ -103,8 +124,8 @@ impl Arrivals {
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn begin_map(&mut self, align_bytes: Vec<u64>) -> Result<Mapped, FleetError> {
-        let mapped = Mapped { number: self.mapped.number + 1, align_bytes };
+    pub fn begin_map(&mut self, extents: Vec<Extent>) -> Result<Mapped, FleetError> {
+        let mapped = Mapped { number: self.mapped.number + 1, extents };
         self.journal.append(&FleetRecord::Mapped(mapped.clone()), true)?;
         self.mapped = mapped.clone();
         Ok(mapped)

@@ -1,5 +1,6 @@
 //! The base: a worker for each robot that copies its runs, and one map of them all.
 
+use crate::arrivals::CopyForm;
 use crate::carrier::Carrier;
 use crate::disk::add_from_disk;
 use crate::error::FleetError;
@@ -37,6 +38,8 @@ pub struct BaseOptions {
     pub listens: Option<String>,
     /// Ends once so many runs have come and ended, and their map is made; `None`: goes on.
     pub until: Option<usize>,
+    /// How much is copied of runs that come over the network.
+    pub form: CopyForm,
     /// Between two maps while runs go on; `None`: a map when a run ends.
     pub map_every: Option<Duration>,
 }
@@ -59,7 +62,7 @@ pub fn base(
     stop: &Arc<AtomicBool>,
 ) -> Result<(), FleetError> {
     std::fs::create_dir_all(&options.folder).map_err(FleetError::io("make", &options.folder))?;
-    let shared = Arc::new(Mutex::new(Shared::open(&options.folder)?));
+    let shared = Arc::new(Mutex::new(Shared::open(&options.folder, options.form)?));
     let mut workers: BTreeMap<String, JoinHandle<()>> = BTreeMap::new();
     add_from_disk(options, &shared, &mut workers, stop)?;
     let mut mapper = Mapper::default();

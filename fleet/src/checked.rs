@@ -2,7 +2,7 @@
 //! that lies may spoil its own map and nothing else.
 
 use tessera_journal::decode;
-use tessera_slam::{AlignRecord, KeyframePose, OptimiseRecord, State, StoreSlot};
+use tessera_slam::{AlignRecord, KeyframePose, KeyframeState, OptimiseRecord, State, StoreSlot};
 use tessera_stage::slots;
 
 /// Bytes of a keyframe's surface, at most.
@@ -17,6 +17,8 @@ const MAX_COORDINATE_M: f64 = 1e6;
 pub struct RunFacts {
     /// Where each keyframe's surface lies, by id.
     pub slots: Vec<StoreSlot>,
+    /// Whether each keyframe belongs to the working map still, by id.
+    pub is_active: Vec<bool>,
     /// Frames with a record.
     pub n_frames: u64,
     /// Frames that were tracked.
@@ -32,6 +34,8 @@ pub struct RunFacts {
     n_submaps: u32,
 }
 
+/// Newest active keyframes, none of which a run culls.
+const UNSETTLED: usize = 5;
 /// Requests without an effect that are known at a time: a run has one, and at its end another.
 const MOST_REQUESTS: usize = 2;
 
@@ -44,6 +48,7 @@ impl RunFacts {
         let record: AlignRecord = decode(payload)?;
         self.check(&record)?;
         self.slots.extend(slots(&record).map(|(_, slot)| *slot));
+        self.note_active(&record);
         match record {
             AlignRecord::Frame(frame) => {
                 self.n_frames += 1;
@@ -67,6 +72,33 @@ impl RunFacts {
             AlignRecord::Skipped(..) => {}
         }
         Ok(())
+    }
+
+    fn note_active(&mut self, record: &AlignRecord) {
+        match record {
+            AlignRecord::Map(map) => {
+                self.is_active.extend(map.keyframes.iter().map(KeyframeState::is_active))
+            }
+            AlignRecord::Frame(frame) => {
+                let Some(keyframe) = &frame.new_keyframe else { return };
+                self.is_active.push(true);
+                for retired in &keyframe.retires {
+                    self.is_active[retired.keyframe as usize] = false;
+                }
+            }
+            AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::End { .. } => {}
+        }
+    }
+
+    /// Active keyframes whose surfaces are wanted now, rising: all, or while a robot is on its way
+    /// (`is_moving`) those behind the newest ones, each of which may be culled soon.
+    pub fn wanted(&self, is_moving: bool) -> Vec<u32> {
+        let active = (0..).zip(&self.is_active).filter(|(_, is_active)| **is_active).map(|(id, _)| id);
+        let mut active: Vec<u32> = active.collect();
+        if is_moving && self.final_request.is_none() && self.requests.is_empty() {
+            active.truncate(active.len().saturating_sub(UNSETTLED));
+        }
+        active
     }
 
     fn note_request(&mut self, request: Option<u64>) {

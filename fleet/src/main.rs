@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tessera_fleet::arguments::{Arguments, BaseArguments, Command, FleetChaosArguments, UplinkArguments};
-use tessera_fleet::arrivals::{DISK, FLEET_JOURNAL};
+use tessera_fleet::arrivals::{CopyForm, DISK, FLEET_JOURNAL};
 use tessera_fleet::base::{BaseOptions, Network, base};
 use tessera_fleet::chaos::{FleetCampaign, FleetFault, end_with_parent, fleet_campaign};
 use tessera_fleet::error::FleetError;
@@ -78,6 +78,7 @@ fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
         add: arguments.add.clone(),
         listens: None,
         until: arguments.runs.or((!is_listening).then_some(arguments.add.len())),
+        form: if arguments.whole { CopyForm::Whole } else { CopyForm::Kept },
         map_every: (arguments.map_every > 0 && is_listening)
             .then(|| Duration::from_secs(arguments.map_every)),
     };
@@ -113,6 +114,7 @@ fn run_chaos(arguments: &FleetChaosArguments) -> Result<(), FleetError> {
         seed: arguments.seed,
         out: arguments.out.clone(),
         patience: Duration::from_secs(arguments.patience_s),
+        is_whole: arguments.whole,
         flips: arguments.flip,
     };
     let is_shown = !arguments.quiet && std::io::stderr().is_terminal();

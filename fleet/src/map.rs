@@ -111,8 +111,8 @@ pub(crate) fn context_of(run: &RunFile, settings: &Settings) -> Context {
 
 fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
-    for (arrival, align_bytes) in arrivals.iter().zip(&mapped.align_bytes) {
-        let part = match Past::read(base, arrival, *align_bytes) {
+    for (arrival, extent) in arrivals.iter().zip(&mapped.extents) {
+        let part = match Past::read(base, arrival, *extent) {
             // Where the base is says nothing of the map.
             Err(error) => Part::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
             Ok(past) => {

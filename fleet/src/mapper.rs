@@ -1,6 +1,6 @@
 //! When a map is made: one at a time, beside the copying, of what is whole at that moment.
 
-use crate::arrivals::Mapped;
+use crate::arrivals::{Extent, Mapped};
 use crate::base::BaseOptions;
 use crate::error::FleetError;
 use crate::map::{KnownMap, MadeMap, MapCost, make_map, map_folder, map_number};
@@ -14,7 +14,7 @@ use std::time::Instant;
 pub(crate) struct Mapper {
     pub(crate) running: Option<(u64, JoinHandle<Result<MadeMap, FleetError>>)>,
     /// What the map in its place is made of.
-    pub(crate) made_of: Option<Vec<u64>>,
+    pub(crate) made_of: Option<Vec<Extent>>,
     pub(crate) last: Option<Instant>,
     pub(crate) n_ended: usize,
     pub(crate) problem: Option<String>,
@@ -44,7 +44,7 @@ impl Mapper {
             self.number = map_number(&options.folder);
             self.summary = Summary::read(&map_folder(&options.folder));
             let last = shared.arrivals.mapped.clone();
-            self.made_of = Some(last.align_bytes.clone());
+            self.made_of = Some(last.extents.clone());
             if last.number > self.number {
                 // It was begun and not finished: the same again.
                 self.start(&shared, last);
@@ -52,8 +52,8 @@ impl Mapper {
             }
             self.n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
         }
-        let bytes: Vec<u64> = shared.runs.iter().map(|run| run.map_bytes).collect();
-        if self.made_of.as_ref() == Some(&bytes) || bytes.iter().all(|n| *n == 0) {
+        let extents = shared.extents();
+        if self.made_of.as_ref() == Some(&extents) || extents.iter().all(|extent| extent.align_bytes == 0) {
             return Ok(());
         }
         let n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
@@ -63,8 +63,8 @@ impl Mapper {
         if is_enough && (n_ended != self.n_ended || n_ended == shared.runs.len() || is_time) {
             self.n_ended = n_ended;
             self.last = Some(Instant::now());
-            let mapped = shared.arrivals.begin_map(bytes.clone())?;
-            self.made_of = Some(bytes);
+            let mapped = shared.arrivals.begin_map(extents.clone())?;
+            self.made_of = Some(extents);
             self.start(&shared, mapped);
         }
         Ok(())
@@ -82,7 +82,6 @@ impl Mapper {
     pub(crate) fn is_done(&self, shared: &SharedRef, n_runs: usize) -> bool {
         let shared = lock(shared);
         let n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
-        let bytes: Vec<u64> = shared.runs.iter().map(|run| run.map_bytes).collect();
-        n_ended >= n_runs && self.running.is_none() && self.made_of.as_ref() == Some(&bytes)
+        n_ended >= n_runs && self.running.is_none() && self.made_of == Some(shared.extents())
     }
 }

@@ -123,8 +123,8 @@ impl Carrier for ZenohCarrier {
             .consolidation(ConsolidationMode::None)
             .timeout(patience);
         let asking = match request.payload() {
-            [] => asking,
-            payload => asking.payload(payload),
+            payload if payload.is_empty() => asking,
+            payload => asking.payload(payload.into_owned()),
         };
         let asked = asking.with(FifoChannel::new(WAITING_PIECES)).wait();
         // A session that is closed: the base ends.

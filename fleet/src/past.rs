@@ -1,18 +1,18 @@
 //! A run as it was at some byte of its journal: what a map and an answer are made of.
 
-use crate::arrivals::Arrival;
+use crate::arrivals::{Arrival, CopyForm, Extent};
 use crate::error::FleetError;
+use crate::received::{ReceivedSurfaces, RunSurfaces};
 use std::path::{Path, PathBuf};
 use tessera_journal::Follower;
 use tessera_outputs::{Replay, read_settings};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, TrackerState};
 use tessera_stage::{ALIGN_JOURNAL, RunFile, RunFiles, StoredKeyframes};
+use tessera_surface::Grid;
 
 /// A run up to some byte.
-pub struct Past {
-    /// Its folder.
-    pub files: RunFiles,
+pub(crate) struct Past {
     /// What it was run with.
     pub run: RunFile,
     /// Its settings.
@@ -22,7 +22,7 @@ pub struct Past {
     /// Its frames, where they were asked for.
     pub replay: Replay,
     /// The surfaces of its keyframes.
-    pub surfaces: StoredKeyframes,
+    pub(crate) surfaces: RunSurfaces,
     /// The journal that counts.
     pub journal: Prefix,
 }
@@ -71,35 +71,35 @@ impl FrameHistory for Prefix {
 }
 
 impl Past {
-    /// Reads a run up to `align_bytes` of its aligner's journal, with its frames.
+    /// Reads so much of a run, with its frames.
     ///
     /// # Errors
     /// Names the file that cannot be used, and why.
-    pub fn read(base: &Path, arrival: &Arrival, align_bytes: u64) -> Result<Self, FleetError> {
-        Self::read_part(base, arrival, align_bytes, true)
+    pub fn read(base: &Path, arrival: &Arrival, extent: Extent) -> Result<Self, FleetError> {
+        Self::read_part(base, arrival, extent, true)
     }
 
     /// As [`Self::read`], without the frames.
     ///
     /// # Errors
     /// As there.
-    pub fn read_map(base: &Path, arrival: &Arrival, align_bytes: u64) -> Result<Self, FleetError> {
-        Self::read_part(base, arrival, align_bytes, false)
+    pub fn read_map(base: &Path, arrival: &Arrival, extent: Extent) -> Result<Self, FleetError> {
+        Self::read_part(base, arrival, extent, false)
     }
 
     fn read_part(
         base: &Path,
         arrival: &Arrival,
-        align_bytes: u64,
+        extent: Extent,
         with_frames: bool,
     ) -> Result<Self, FleetError> {
-        let files = RunFiles::new(&arrival.folder(base));
+        let folder = arrival.folder(base);
+        let files = RunFiles::new(&folder);
         let run = RunFile::read(&files)?;
         let settings = read_settings(&files)?;
-        let grid = run.layout(&settings).grid;
-        let mut surfaces = StoredKeyframes::open(&files.store(), grid)?;
+        let mut surfaces = surfaces_of(&folder, arrival.form, extent, run.layout(&settings).grid)?;
         let (mut state, mut replay) = (TrackerState::default(), Replay::default());
-        let journal = Prefix::new(&files, align_bytes);
+        let journal = Prefix::new(&files, extent.align_bytes);
         let mut problem = Ok(());
         journal.visit_all(&mut |record| {
             if problem.is_ok() {
@@ -111,7 +111,9 @@ impl Past {
             }
         })?;
         problem?;
-        Ok(Self { files, run, settings, state, replay, surfaces, journal })
+        surfaces.keep_active(&state.keyframes);
+        surfaces.retire_missing(&mut state);
+        Ok(Self { run, settings, state, replay, surfaces, journal })
     }
 
     /// Why this run and the first one cannot have one map.
@@ -137,5 +139,18 @@ pub fn unlike(run: (&RunFile, &Settings), first: (&RunFile, &Settings)) -> Optio
     let pairs = [("camera", camera(run.0), camera(first.0)), ("grid", grid(run.1), grid(first.1))];
     pairs.into_iter().find(|(_, found, expected)| found != expected).map(|(what, found, expected)| {
         format!("made with another {what}: {found}, the first run has {expected}")
+    })
+}
+
+/// The surfaces of so much of a run.
+pub(crate) fn surfaces_of(
+    folder: &Path,
+    form: CopyForm,
+    extent: Extent,
+    grid: Grid,
+) -> Result<RunSurfaces, FleetError> {
+    Ok(match form {
+        CopyForm::Whole => RunSurfaces::Whole(StoredKeyframes::open(&RunFiles::new(folder).store(), grid)?),
+        CopyForm::Kept => RunSurfaces::Received(ReceivedSurfaces::read(folder, extent.n_surfaces, grid)?),
     })
 }

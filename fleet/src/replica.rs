@@ -1,15 +1,24 @@
-//! One run of one robot at the base: a run directory that becomes the robot's, byte for byte.
+//! One run of one robot at the base: journals that become the robot's, byte for byte, and either the whole
+//! store or the surfaces of the keyframes that the run keeps.
 
+use crate::arrivals::{CopyForm, Extent};
+use crate::asked::ComingAnswer;
+pub use crate::asked::{Pulled, ask_offer};
 use crate::carrier::Carrier;
 use crate::checked::{AnswerFacts, RunFacts};
 use crate::error::FleetError;
 use crate::journal_copy::JournalCopy;
-use crate::served::{REPLACED, identity_of};
+use crate::served::{grid_of, identity_of};
 use crate::store_copy::StoreCopy;
-use crate::wire::{Growing, Kind, MAX_SMALL_BYTES, Offer, Piece, Refusal, Request, SMALL_FILES};
+use crate::surface_copy::{SurfaceCopy, TravelledSurface, check_surface};
+use crate::surface_wire::{Framed, MOST_WANTED, WantedSurfaces, frames};
+use crate::wire::{Growing, MAX_SMALL_BYTES, Offer, Refusal, Request, SMALL_FILES};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tessera_journal::{Durability, MAX_FRAMED_BYTES, write_atomically};
+use tessera_messages::max_stored_bytes;
+use tessera_surface::Grid;
 
 /// Bytes of a request, at first, at least and at most: it grows while answers take less than
 /// [`SHORT`], and shrinks where they take more than [`LONG`] or are cut.
@@ -18,22 +27,17 @@ const LEAST_WINDOW: u64 = 16 << 10;
 const MOST_WINDOW: u64 = 8 << 20;
 const SHORT: Duration = Duration::from_millis(300);
 const LONG: Duration = Duration::from_secs(2);
+/// How long surfaces are asked for until it is looked for newer keyframes.
+const SURFACES_FOR: Duration = Duration::from_secs(1);
+/// How long no new keyframe comes of a robot that is not on its way.
+const STANDS_AFTER: Duration = Duration::from_secs(5);
+/// Bytes of a surface, before the first one has come.
+const GUESSED_SURFACE_BYTES: u64 = 16 << 10;
 
-/// What came of asking.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Pulled {
-    /// Bytes of files that were taken in.
-    pub taken_bytes: u64,
-    /// Bytes that came, those of refused pieces and those that came twice included.
-    pub received_bytes: u64,
-    /// What was refused, with words where there are some.
-    pub refused: Vec<(Refusal, String)>,
-}
-
-impl Pulled {
-    fn refuse(&mut self, refusal: Refusal, words: impl Into<String>) {
-        self.refused.push((refusal, words.into()));
-    }
+/// The surfaces of a run.
+enum CopiedSurfaces {
+    Whole(StoreCopy),
+    Kept(SurfaceCopy),
 }
 
 /// The copy of a run.
@@ -43,10 +47,12 @@ pub struct Replica {
     identity: u64,
     align: JournalCopy,
     optimise: JournalCopy,
-    store: StoreCopy,
+    surfaces: CopiedSurfaces,
     facts: RunFacts,
     answers: AnswerFacts,
     window: u64,
+    /// How many keyframes there were when the last one came, and since when.
+    newest: (usize, Instant),
 }
 
 impl Replica {
@@ -54,15 +60,18 @@ impl Replica {
     ///
     /// # Errors
     /// Where its files cannot be read or written.
-    pub fn open(folder: &Path, robot: &str, identity: u64) -> Result<Self, FleetError> {
+    pub fn open(folder: &Path, robot: &str, identity: u64, form: CopyForm) -> Result<Self, FleetError> {
         std::fs::create_dir_all(folder).map_err(FleetError::io("make", folder))?;
         let (mut facts, mut answers) = (RunFacts::default(), AnswerFacts::default());
         let align = JournalCopy::open(folder, Growing::Align, |payload| facts.take(payload))?;
         let optimise = JournalCopy::open(folder, Growing::Optimise, |payload| answers.take(payload))?;
-        let store = StoreCopy::open(folder, &facts.slots)?;
+        let surfaces = match form {
+            CopyForm::Whole => CopiedSurfaces::Whole(StoreCopy::open(folder, &facts.slots)?),
+            CopyForm::Kept => CopiedSurfaces::Kept(SurfaceCopy::open(folder)?),
+        };
         let (folder, robot) = (folder.to_owned(), robot.to_owned());
-        let window = FIRST_WINDOW;
-        Ok(Self { folder, robot, identity, align, optimise, store, facts, answers, window })
+        let (window, newest) = (FIRST_WINDOW, (0, Instant::now()));
+        Ok(Self { folder, robot, identity, align, optimise, surfaces, facts, answers, window, newest })
     }
 
     /// What the records say of the run.
@@ -75,14 +84,47 @@ impl Replica {
         self.align.len_bytes()
     }
 
-    /// Bytes of both journals and the store.
+    /// Bytes of both journals and the surfaces.
     pub fn len_bytes(&self) -> u64 {
-        self.align.len_bytes() + self.optimise.len_bytes() + self.store.len_bytes()
+        let surfaces = match &self.surfaces {
+            CopiedSurfaces::Whole(store) => store.len_bytes(),
+            CopiedSurfaces::Kept(copy) => copy.len_bytes(),
+        };
+        self.align.len_bytes() + self.optimise.len_bytes() + surfaces
     }
 
-    /// Whether the surface of every keyframe in the journal is here: a map can be made.
+    /// Surfaces that are here, and those that the map lacks.
+    pub fn n_surfaces(&self) -> (u64, u64) {
+        let n_here = match &self.surfaces {
+            CopiedSurfaces::Whole(store) => store.n_whole() as u64,
+            CopiedSurfaces::Kept(copy) => copy.n_records(),
+        };
+        let n_missing = match &self.surfaces {
+            CopiedSurfaces::Whole(_) => self.facts.slots.len() as u64 - n_here,
+            CopiedSurfaces::Kept(copy) => {
+                let is_active = (0..).zip(&self.facts.is_active);
+                is_active.filter(|(id, is_active)| **is_active && !copy.has(*id)).count() as u64
+            }
+        };
+        (n_here, n_missing)
+    }
+
+    /// Whether every surface that a map is made of is here.
     pub fn is_complete(&self) -> bool {
-        self.store.n_whole() == self.facts.slots.len()
+        self.n_surfaces().1 == 0
+    }
+
+    /// What a map can be made of now; `None`: of no more than before.
+    pub fn extent(&self) -> Option<Extent> {
+        let align_bytes = self.align_bytes();
+        match &self.surfaces {
+            CopiedSurfaces::Whole(_) => self.is_complete().then_some(Extent { align_bytes, n_surfaces: 0 }),
+            CopiedSurfaces::Kept(copy) => {
+                // Without a surface there is nothing to be seen.
+                let n_surfaces = copy.n_records();
+                (n_surfaces > 0 || self.is_complete()).then_some(Extent { align_bytes, n_surfaces })
+            }
+        }
     }
 
     /// Answers in the run that came from a base.
@@ -98,11 +140,25 @@ impl Replica {
         self.facts.requests.iter().copied().find(|request| is_whole && *request >= n_answered)
     }
 
-    /// Bytes that the robot has and the base has not.
+    /// Keyframes whose surfaces are to be asked for now, the newest first.
+    fn missing(&self, copy: &SurfaceCopy) -> Vec<u32> {
+        let is_moving = self.newest.1.elapsed() < STANDS_AFTER;
+        self.facts.wanted(is_moving).into_iter().rev().filter(|id| !copy.has(*id)).collect()
+    }
+
+    /// Bytes that the robot has and the base wants and has not; of surfaces that were not packed yet, as many
+    /// as of others.
     pub fn lag_bytes(&self, offer: &Offer) -> u64 {
         let journals = offer.align_bytes.saturating_sub(self.align.len_bytes())
             + offer.optimise_bytes.saturating_sub(self.optimise.len_bytes());
-        journals + self.facts.store_bytes().saturating_sub(self.store.len_bytes())
+        let surfaces = match &self.surfaces {
+            CopiedSurfaces::Whole(store) => self.facts.store_bytes().saturating_sub(store.len_bytes()),
+            CopiedSurfaces::Kept(copy) => match copy.mean_bytes() {
+                0 => self.missing(copy).len() as u64 * GUESSED_SURFACE_BYTES,
+                mean => self.missing(copy).len() as u64 * mean,
+            },
+        };
+        journals + surfaces
     }
 
     /// Asks for everything that the offer has and the base has not, until it is here or an answer
@@ -126,18 +182,36 @@ impl Replica {
             }
         }
         self.pull_small(carrier, offer, &mut pulled)?;
+        let begun = Instant::now();
+        let mut refused = BTreeSet::new();
         while !stop() {
-            let before = pulled.taken_bytes;
+            let before = (pulled.taken_bytes, refused.len());
             if self.align.len_bytes() < offer.align_bytes {
                 self.pull_journal(carrier, Growing::Align, &mut pulled)?;
             }
-            if self.store.len_bytes() < self.facts.store_bytes() {
-                self.pull_store(carrier, &mut pulled)?;
+            // Before all journal is here it is not known which surfaces are wanted.
+            let is_known = self.align.len_bytes() >= offer.align_bytes;
+            if self.newest.0 != self.facts.slots.len() {
+                self.newest = (self.facts.slots.len(), Instant::now());
+            }
+            match &self.surfaces {
+                CopiedSurfaces::Whole(store) if store.len_bytes() < self.facts.store_bytes() => {
+                    self.pull_store(carrier, &mut pulled)?;
+                }
+                CopiedSurfaces::Kept(_) if is_known => {
+                    self.pull_surfaces(carrier, &mut refused, &mut pulled)?;
+                }
+                _ => {}
             }
             if self.optimise.len_bytes() < offer.optimise_bytes {
                 self.pull_journal(carrier, Growing::Optimise, &mut pulled)?;
             }
-            if pulled.taken_bytes == before {
+            if (pulled.taken_bytes, refused.len()) == before {
+                break;
+            }
+            // There may be newer keyframes, which come before those that are left.
+            if matches!(self.surfaces, CopiedSurfaces::Kept(_)) && is_known && begun.elapsed() > SURFACES_FOR
+            {
                 break;
             }
         }
@@ -202,19 +276,55 @@ impl Replica {
     }
 
     fn pull_store(&mut self, carrier: &mut dyn Carrier, pulled: &mut Pulled) -> Result<(), FleetError> {
-        let from = self.store.len_bytes();
+        let CopiedSurfaces::Whole(store) = &self.surfaces else { return Ok(()) };
+        let from = store.len_bytes();
         let max = self.window.min(self.facts.store_bytes() - from);
         let request =
             Request::Bytes { file: Growing::Store, identity: self.identity, from, checksum: 0, max };
         let Some(bytes) = self.ask(carrier, &request, from, max as usize, pulled) else { return Ok(()) };
+        let CopiedSurfaces::Whole(store) = &mut self.surfaces else { return Ok(()) };
         if bytes.is_empty() {
             return Ok(());
         }
-        if self.store.append(&bytes, &self.facts.slots)? {
+        if store.append(&bytes, &self.facts.slots)? {
             pulled.taken_bytes += bytes.len() as u64;
         } else {
             pulled.refuse(Refusal::Checksum, "a surface is not what its record says");
         }
+        Ok(())
+    }
+
+    /// Asks for surfaces of kept keyframes, the newest first; those in `refused` came to nothing before.
+    fn pull_surfaces(
+        &mut self,
+        carrier: &mut dyn Carrier,
+        refused: &mut BTreeSet<u32>,
+        pulled: &mut Pulled,
+    ) -> Result<(), FleetError> {
+        let CopiedSurfaces::Kept(copy) = &self.surfaces else { return Ok(()) };
+        let mut wanted = self.missing(copy);
+        wanted.retain(|id| !refused.contains(id));
+        wanted.truncate(MOST_WANTED);
+        if wanted.is_empty() {
+            return Ok(());
+        }
+        let grid = match grid_of(&self.folder) {
+            Ok(grid) => grid,
+            Err(words) => {
+                pulled.refuse(Refusal::Nonsense, words);
+                return Ok(());
+            }
+        };
+        let slots = wanted.iter().map(|id| self.facts.slots[*id as usize]).collect();
+        let (identity, max) = (self.identity, self.window);
+        let request = Request::Surfaces { identity, max, wanted: WantedSurfaces::new(slots) };
+        let most = max as usize + max_stored_bytes(grid);
+        let Some(stream) = self.ask(carrier, &request, 0, most, pulled) else { return Ok(()) };
+        let surfaces = surfaces_in(&stream, grid, &wanted, refused, pulled);
+        if let CopiedSurfaces::Kept(copy) = &mut self.surfaces {
+            copy.append(&surfaces)?;
+        }
+        pulled.taken_bytes += surfaces.iter().map(|surface| surface.bytes.len() as u64).sum::<u64>();
         Ok(())
     }
 
@@ -229,7 +339,7 @@ impl Replica {
         pulled: &mut Pulled,
     ) -> Option<Vec<u8>> {
         let begun = Instant::now();
-        let mut answer = Answer { identity: self.identity, at, most, bytes: Vec::new(), is_whole: false };
+        let mut answer = ComingAnswer::new(self.identity, at, most);
         carrier.ask(&self.robot, request, &mut |piece| answer.take(piece, pulled));
         self.window = match begun.elapsed() {
             took if took > LONG || !answer.is_whole => (self.window / 2).max(LEAST_WINDOW),
@@ -242,104 +352,29 @@ impl Replica {
     }
 }
 
-/// An answer as it comes.
-struct Answer {
-    identity: u64,
-    /// Offset of the first byte that is wanted.
-    at: u64,
-    most: usize,
-    bytes: Vec<u8>,
-    is_whole: bool,
-}
-
-impl Answer {
-    /// Takes a piece; `false`: enough.
-    fn take(&mut self, piece: Result<Piece, Refusal>, pulled: &mut Pulled) -> bool {
-        let piece = match piece {
-            Ok(piece) => piece,
-            Err(refusal) => {
-                pulled.refuse(refusal, "");
-                // What comes behind it does not continue what is here.
-                return true;
-            }
+/// The surfaces of a stream that can be used, of these keyframes; the others are refused.
+fn surfaces_in(
+    stream: &[u8],
+    grid: Grid,
+    wanted: &[u32],
+    refused: &mut BTreeSet<u32>,
+    pulled: &mut Pulled,
+) -> Vec<TravelledSurface> {
+    let mut found = Vec::new();
+    for (keyframe, framed) in wanted.iter().copied().zip(frames(stream)) {
+        let problem = match framed {
+            Framed::Whole(bytes) => match check_surface(grid, bytes) {
+                Ok(()) => {
+                    found.push(TravelledSurface { keyframe, bytes: bytes.to_vec() });
+                    continue;
+                }
+                Err(words) => (Refusal::Nonsense, words),
+            },
+            Framed::Spoilt => (Refusal::Checksum, "not the bytes that were sent".into()),
+            Framed::Gone => (Refusal::Gone, "damaged or given up at the robot".into()),
         };
-        pulled.received_bytes += piece.bytes.len() as u64;
-        if piece.kind == Kind::Refused {
-            let words = refusal_words(&piece);
-            let refusal = if words.starts_with(REPLACED) { Refusal::Replaced } else { Refusal::OtherRun };
-            pulled.refuse(refusal, words);
-            return false;
-        }
-        if piece.identity != self.identity {
-            pulled.refuse(Refusal::OtherRun, format!("a piece of run {:016x}", piece.identity));
-            return true;
-        }
-        let next = self.at + self.bytes.len() as u64;
-        if piece.at != next {
-            pulled.refuse(Refusal::OtherPlace, format!("a piece at {}, expected {next}", piece.at));
-            return true;
-        }
-        if piece.kind == Kind::End {
-            self.is_whole = true;
-            return false;
-        }
-        if self.bytes.len() + piece.bytes.len() > self.most {
-            pulled.refuse(Refusal::TooLarge, format!("more than {} bytes", self.most));
-            return false;
-        }
-        self.bytes.extend(piece.bytes);
-        true
+        pulled.refuse(problem.0, format!("the surface of keyframe {keyframe}: {}", problem.1));
+        refused.insert(keyframe);
     }
-}
-
-/// Why a robot has nothing to give.
-fn refusal_words(piece: &Piece) -> String {
-    String::from_utf8_lossy(&piece.bytes).chars().take(200).collect()
-}
-
-/// Asks a robot which run it has.
-pub fn ask_offer(carrier: &mut dyn Carrier, robot: &str, pulled: &mut Pulled) -> Option<Offer> {
-    let mut found = None;
-    carrier.ask(robot, &Request::Offer, &mut |piece| {
-        let piece = match piece {
-            Ok(piece) => piece,
-            Err(refusal) => {
-                pulled.refuse(refusal, "");
-                return true;
-            }
-        };
-        pulled.received_bytes += piece.bytes.len() as u64;
-        if piece.kind != Kind::Data {
-            pulled.refuse(Refusal::Offer, refusal_words(&piece));
-            return false;
-        }
-        match read_offer(&piece) {
-            Ok(offer) => found = Some(offer),
-            Err((refusal, words)) => pulled.refuse(refusal, words),
-        }
-        false
-    });
     found
-}
-
-fn read_offer(piece: &Piece) -> Result<Offer, (Refusal, String)> {
-    let offer: Offer =
-        serde_json::from_slice(&piece.bytes).map_err(|e| (Refusal::Offer, format!("no offer: {e}")))?;
-    let own = env!("CARGO_PKG_VERSION");
-    if offer.protocol != crate::wire::PROTOCOL || offer.version != own {
-        let Offer { protocol, version, .. } = offer;
-        let expected = crate::wire::PROTOCOL;
-        let words = format!("protocol {protocol} of version {version:?}, expected {expected} of {own}");
-        return Err((Refusal::Offer, words));
-    }
-    if offer.identity != piece.identity {
-        return Err((Refusal::OtherRun, "an offer of another run than its label says".into()));
-    }
-    if tessera_transport::check_name(&offer.run).is_err() {
-        return Err((Refusal::Name, format!("a run {:?}", offer.run.chars().take(80).collect::<String>())));
-    }
-    if offer.small.keys().any(|name| !SMALL_FILES.contains(&name.as_str())) {
-        return Err((Refusal::Offer, "a file that no run has".into()));
-    }
-    Ok(offer)
 }

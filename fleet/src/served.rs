@@ -1,14 +1,19 @@
 //! The robot's end: a run directory that answers requests. It only reads, and keeps nothing that its
 //! successor needs.
 
+use crate::surface_wire::{WantedSurfaces, append_frame, wire_form};
 use crate::wire::{Growing, MAX_PIECE_BYTES, MAX_SMALL_BYTES, Offer, PROTOCOL, Piece, Request, SMALL_FILES};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use tessera_journal::{Chain, MAX_FRAMED_BYTES, RECORD_HEADER_BYTES, checksum_in};
+use tessera_journal::{Chain, MAX_FRAMED_BYTES, RECORD_HEADER_BYTES, StoreView, checksum_in};
+use tessera_messages::max_stored_bytes;
+use tessera_outputs::read_settings;
 pub use tessera_stage::identity_of;
+use tessera_stage::{RunFile, RunFiles, journal_slot};
+use tessera_surface::Grid;
 
 /// Bytes of a request that are answered at most, however many were asked for.
 const MOST_BYTES: u64 = 16 << 20;
@@ -105,13 +110,16 @@ impl Served {
             Request::Small { file } => {
                 small_file(&self.folder, file).map(|bytes| give_small(identity, bytes, give))
             }
-            Request::Bytes { identity: asked, .. } if *asked != identity => {
+            Request::Bytes { identity: asked, .. } | Request::Surfaces { identity: asked, .. }
+                if *asked != identity =>
+            {
                 Err(io::Error::other(format!("run {asked:016x} is not here: it is {identity:016x}")))
             }
             Request::Bytes { file: Growing::Store, from, max, .. } => self.give_store(*from, *max, give),
             Request::Bytes { file, from, checksum, max, .. } => {
                 self.give_journal(*file, (*from, *checksum), *max, give)
             }
+            Request::Surfaces { max, wanted, .. } => self.give_surfaces(wanted, *max, give),
             Request::Answer { .. } => Err(io::Error::other("a run directory that is read alone")),
         };
         if let Err(error) = answered {
@@ -177,6 +185,37 @@ impl Served {
         }
     }
 
+    /// Gives surfaces as they travel, one at least and no more once `max` bytes are reached.
+    fn give_surfaces(
+        &self,
+        wanted: &WantedSurfaces,
+        max: u64,
+        give: &mut dyn FnMut(Piece) -> bool,
+    ) -> io::Result<()> {
+        let grid = grid_of(&self.folder).map_err(io::Error::other)?;
+        let most = max_stored_bytes(grid) as u64;
+        let view = StoreView::open(&self.folder.join(Growing::Store.file())).map_err(io::Error::other)?;
+        let mut stream = Vec::new();
+        for slot in wanted.slots() {
+            if !stream.is_empty() && stream.len() as u64 >= max.min(MOST_BYTES) {
+                break;
+            }
+            // Damaged or given up: it is gone either way.
+            let stored = (slot.len <= most).then(|| view.read(&journal_slot(slot)).ok()).flatten().flatten();
+            let form = stored.and_then(|stored| wire_form(grid, &stored).ok());
+            append_frame(&mut stream, form.as_deref());
+        }
+        let mut at = 0;
+        for bytes in stream.chunks(MAX_PIECE_BYTES) {
+            if !give(Piece::data(self.identity, at, bytes.to_vec())) {
+                return Ok(());
+            }
+            at += bytes.len() as u64;
+        }
+        give(Piece::end(self.identity, at));
+        Ok(())
+    }
+
     fn give_journal(
         &mut self,
         file: Growing,
@@ -227,6 +266,17 @@ impl Served {
         give(Piece::end(self.identity, at));
         Ok(())
     }
+}
+
+/// The shape of a run's surfaces, as its own files say.
+///
+/// # Errors
+/// Where they cannot be read.
+pub(crate) fn grid_of(folder: &Path) -> Result<Grid, String> {
+    let files = RunFiles::new(folder);
+    let run = RunFile::read(&files).map_err(|error| error.to_string())?;
+    let settings = read_settings(&files).map_err(|error| error.to_string())?;
+    Ok(run.layout(&settings).grid)
 }
 
 /// How a refusal begins where the base has other bytes than the robot.

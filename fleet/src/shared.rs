@@ -2,7 +2,7 @@
 
 use crate::answer::Answer;
 use crate::answering::{Answering, Known};
-use crate::arrivals::{Arrival, Arrivals, MAX_RUNS};
+use crate::arrivals::{Arrival, Arrivals, CopyForm, Extent, MAX_RUNS};
 use crate::error::FleetError;
 use crate::replica::{Pulled, Replica};
 use crate::status::{Refused, RunStatus};
@@ -18,6 +18,8 @@ pub(crate) struct Shared {
     pub(crate) runs: Vec<RunState>,
     pub(crate) refused: Refused,
     pub(crate) failure: Option<FleetError>,
+    /// How much is copied of runs that come over the network from now on.
+    form: CopyForm,
 }
 
 /// A run as its worker last left it.
@@ -26,9 +28,9 @@ pub(crate) struct RunState {
     pub(crate) status: RunStatus,
     /// The copy, while no worker has it.
     pub(crate) replica: Option<Replica>,
-    pub(crate) align_bytes: u64,
-    /// Bytes of the aligner's journal of which every surface is here.
-    pub(crate) map_bytes: u64,
+    /// What a map can be made of: of a whole copy, the bytes of the aligner's journal of which every surface
+    /// is here.
+    pub(crate) extent: Extent,
     /// Answers to its requests.
     pub(crate) answering: Answering,
     rate: Rate,
@@ -54,13 +56,14 @@ pub(crate) fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl Shared {
-    pub(crate) fn open(base: &Path) -> Result<Self, FleetError> {
+    pub(crate) fn open(base: &Path, form: CopyForm) -> Result<Self, FleetError> {
         let arrivals = Arrivals::open(base)?;
         let mut shared = Self {
             base: base.into(),
             runs: Vec::new(),
             refused: Refused::default(),
             failure: None,
+            form,
             arrivals,
         };
         for number in 0..shared.arrivals.runs.len() {
@@ -72,14 +75,16 @@ impl Shared {
     /// Opens the copy of a run that has arrived.
     fn add_run(&mut self, number: usize) -> Result<(), FleetError> {
         let arrival = self.arrivals.runs[number].clone();
-        let replica = Replica::open(&arrival.folder(&self.base), &arrival.robot, arrival.identity)?;
+        let folder = arrival.folder(&self.base);
+        let replica = Replica::open(&folder, &arrival.robot, arrival.identity, arrival.form)?;
         let mut state = RunState::default();
         (state.status.robot, state.status.run) = (arrival.robot, arrival.run);
         self.runs.push(state);
         self.note(number, &replica, 0);
         // Of surfaces that were on their way the last map that was begun knows nothing.
-        let known = self.arrivals.mapped.align_bytes.get(number).copied().unwrap_or(0);
-        self.runs[number].map_bytes = self.runs[number].map_bytes.max(known);
+        let known = self.arrivals.mapped.extents.get(number).copied().unwrap_or_default();
+        let extent = &mut self.runs[number].extent;
+        extent.align_bytes = extent.align_bytes.max(known.align_bytes);
         self.runs[number].replica = Some(replica);
         Ok(())
     }
@@ -109,6 +114,8 @@ impl Shared {
             run: offer.run.clone(),
             identity: offer.identity,
             origin: origin.map(Path::to_owned),
+            // On this machine nothing is saved by less.
+            form: if origin.is_some() { CopyForm::Whole } else { self.form },
         };
         let number = self.arrivals.arrive(arrival).map_err(NotTaken::Base)?;
         self.add_run(number).map_err(NotTaken::Base)?;
@@ -119,14 +126,14 @@ impl Shared {
     pub(crate) fn note(&mut self, number: usize, replica: &Replica, received: u64) {
         let run = &mut self.runs[number];
         let facts = replica.facts();
-        run.align_bytes = replica.align_bytes();
-        if replica.is_complete() {
-            run.map_bytes = run.align_bytes;
+        if let Some(extent) = replica.extent() {
+            run.extent = extent;
         }
         run.status.frames = facts.n_frames;
         run.status.keyframes = facts.slots.len() as u64;
         run.status.corrections_from_base = replica.n_from_base();
         run.status.bytes = replica.len_bytes();
+        (run.status.surfaces, run.status.surfaces_waiting) = replica.n_surfaces();
         run.status.is_ended = facts.is_ended && replica.is_complete();
         run.status.received_bytes += received;
         run.rate.received += received;
@@ -137,13 +144,18 @@ impl Shared {
         }
     }
 
+    /// What a map can be made of now.
+    pub(crate) fn extents(&self) -> Vec<Extent> {
+        self.runs.iter().map(|run| run.extent).collect()
+    }
+
     /// Takes up the open request of a run, if there is one; the answer that waits to be brought to it.
     pub(crate) fn next_answer(&mut self, number: usize, replica: &Replica) -> Option<Answer> {
         let mut answering = std::mem::take(&mut self.runs[number].answering);
         answering.step(number, replica.open_request(), || Known {
             base: self.base.clone(),
             arrivals: self.arrivals.runs.clone(),
-            align_bytes: self.runs.iter().map(|run| run.map_bytes).collect(),
+            extents: self.extents(),
         });
         let status = &mut self.runs[number].status;
         (status.answer, status.answer_problem) = (answering.last.clone(), answering.problem.clone());

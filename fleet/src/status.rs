@@ -53,7 +53,13 @@ pub struct RunStatus {
     pub frames: u64,
     /// Keyframes here.
     pub keyframes: u64,
-    /// Bytes of journals and store here.
+    /// Surfaces of keyframes here.
+    #[serde(default)]
+    pub surfaces: u64,
+    /// Surfaces that the map lacks: of keyframes that the run keeps, the newest come first.
+    #[serde(default)]
+    pub surfaces_waiting: u64,
+    /// Bytes of journals and surfaces here.
     pub bytes: u64,
     /// Bytes that the robot has and the base has not, when it was last asked.
     pub lag_bytes: u64,
@@ -198,8 +204,12 @@ impl RunStatus {
         };
         let problems = self.answer_problem.iter().chain(&self.problem).map(|problem| format!("; {problem}"));
         let problem: String = problems.collect();
+        let waiting = match self.surfaces_waiting {
+            0 => String::new(),
+            n => format!(" ({n} without a surface yet)"),
+        };
         format!(
-            "{} {}: {} frames, {} keyframes, {}, {state}, {} received{corrections}{problem}",
+            "{} {}: {} frames, {} keyframes{waiting}, {}, {state}, {} received{corrections}{problem}",
             self.robot,
             self.run,
             self.frames,

@@ -64,10 +64,10 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
 
 fn answer((served, inbox): (&mut Served, &mut Inbox), query: &Query, pace: &mut Pace, stop: &AtomicBool) {
     let mut give = |piece: Piece| {
-        pace.wait_for(piece.bytes.len());
-        let label = piece.label();
+        let (label, bytes) = piece.to_wire();
+        pace.wait_for(bytes.len());
         // That a reply was taken says nothing; the next request does.
-        let given = query.reply(query.key_expr().clone(), piece.bytes).attachment(label).wait();
+        let given = query.reply(query.key_expr().clone(), bytes.into_owned()).attachment(label).wait();
         given.is_ok() && !stop.load(Ordering::Relaxed)
     };
     let payload = query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();

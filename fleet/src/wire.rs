@@ -6,13 +6,18 @@
 //!
 //! Journals and store are bytes here: what they mean is for the files' own formats. A piece is believed
 //! only where it continues what the base has; the next request is the acknowledgement of the last.
+//! Surfaces of single keyframes are asked for by where they lie in the store
+//! ([`WantedSurfaces`](crate::surface_wire::WantedSurfaces)).
 
+pub use crate::piece::{Kind, Piece};
+use crate::surface_wire::WantedSurfaces;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use tessera_stage::MAX_ANSWER_BYTES;
 
 /// Version of the protocol; robots and bases of another one refuse each other by name.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;
 /// Bytes of one piece, at most.
 pub const MAX_PIECE_BYTES: usize = 64 << 10;
 /// Bytes of an offer or of a small file, at most.
@@ -84,6 +89,16 @@ pub enum Request {
         /// Bytes that are wanted, at most; of a journal, one record at least.
         max: u64,
     },
+    /// Surfaces of keyframes, in the order in which they are named, as they travel
+    /// ([`wire_form`](crate::surface_wire::wire_form)).
+    Surfaces {
+        /// The run that is meant.
+        identity: u64,
+        /// Bytes that are wanted, at most; one surface at least.
+        max: u64,
+        /// Which ones, as the payload.
+        wanted: WantedSurfaces,
+    },
     /// No question: the base's answer to a request of the run.
     Answer {
         /// The run that is meant.
@@ -103,15 +118,17 @@ impl Request {
                 "what=bytes;file={};run={identity:016x};from={from};sum={checksum:08x};max={max}",
                 file.file()
             ),
+            Self::Surfaces { identity, max, .. } => format!("what=surfaces;run={identity:016x};max={max}"),
             Self::Answer { identity, .. } => format!("what=answer;run={identity:016x}"),
         }
     }
 
     /// What travels beside the parameters.
-    pub fn payload(&self) -> &[u8] {
+    pub fn payload(&self) -> Cow<'_, [u8]> {
         match self {
-            Self::Answer { bytes, .. } => bytes,
-            _ => &[],
+            Self::Answer { bytes, .. } => bytes.into(),
+            Self::Surfaces { wanted, .. } => wanted.to_bytes().into(),
+            _ => Cow::Borrowed(&[]),
         }
     }
 
@@ -147,12 +164,19 @@ impl Request {
                     max: decimal("max")?,
                 })
             }
+            "surfaces" => Ok(Self::Surfaces {
+                identity: hex("run")?,
+                max: decimal("max")?,
+                wanted: WantedSurfaces::from_bytes(payload)?,
+            }),
             "answer" if payload.len() > MAX_ANSWER_BYTES => {
                 let n = payload.len();
                 Err(format!("an answer of {n} bytes, expected at most {MAX_ANSWER_BYTES}"))
             }
             "answer" => Ok(Self::Answer { identity: hex("run")?, bytes: payload.to_vec() }),
-            other => Err(format!("a request for {other:?}, expected offer, small, bytes or answer")),
+            other => {
+                Err(format!("a request for {other:?}, expected offer, small, bytes, surfaces or answer"))
+            }
         }
     }
 }
@@ -179,97 +203,6 @@ pub struct Offer {
     pub small: BTreeMap<String, u32>,
 }
 
-/// What a piece is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Bytes.
-    Data,
-    /// The answer is whole: nothing was cut off.
-    End,
-    /// The robot has nothing to give, and why.
-    Refused,
-}
-
-/// One piece of an answer.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Piece {
-    /// What it is.
-    pub kind: Kind,
-    /// The run that it is of.
-    pub identity: u64,
-    /// Offset of its first byte.
-    pub at: u64,
-    /// Its bytes; of a refusal, the reason.
-    pub bytes: Vec<u8>,
-}
-
-/// Bytes of a piece's label.
-const LABEL_BYTES: usize = 4 + 1 + 8 + 8 + 4;
-const MAGIC: &[u8; 4] = b"TSF1";
-
-impl Piece {
-    /// A piece with bytes.
-    pub fn data(identity: u64, at: u64, bytes: Vec<u8>) -> Self {
-        Self { kind: Kind::Data, identity, at, bytes }
-    }
-
-    /// The end of an answer, which reached up to `at`.
-    pub fn end(identity: u64, at: u64) -> Self {
-        Self { kind: Kind::End, identity, at, bytes: Vec::new() }
-    }
-
-    /// A refusal.
-    pub fn refused(identity: u64, reason: &str) -> Self {
-        Self { kind: Kind::Refused, identity, at: 0, bytes: reason.as_bytes().to_vec() }
-    }
-
-    /// What travels beside the bytes: magic, kind, run, offset, CRC-32 of all that and the bytes.
-    pub fn label(&self) -> Vec<u8> {
-        let mut label = MAGIC.to_vec();
-        label.push(match self.kind {
-            Kind::Data => 1,
-            Kind::End => 2,
-            Kind::Refused => 3,
-        });
-        label.extend(self.identity.to_le_bytes());
-        label.extend(self.at.to_le_bytes());
-        label.extend(checksum(&label, &self.bytes).to_le_bytes());
-        label
-    }
-
-    /// The piece of a label and its bytes.
-    ///
-    /// # Errors
-    /// Names what is wrong with it.
-    pub fn read(label: &[u8], bytes: &[u8]) -> Result<Self, Refusal> {
-        if label.len() != LABEL_BYTES || &label[..4] != MAGIC {
-            return Err(Refusal::Foreign);
-        }
-        if bytes.len() > MAX_SMALL_BYTES {
-            return Err(Refusal::TooLarge);
-        }
-        let (head, sum) = label.split_at(LABEL_BYTES - 4);
-        let number = |from: usize| head[from..from + 8].try_into().map_or(0, u64::from_le_bytes);
-        if checksum(head, bytes).to_le_bytes() != sum {
-            return Err(Refusal::Checksum);
-        }
-        let kind = match head[4] {
-            1 => Kind::Data,
-            2 => Kind::End,
-            3 => Kind::Refused,
-            _ => return Err(Refusal::Foreign),
-        };
-        Ok(Self { kind, identity: number(5), at: number(13), bytes: bytes.to_vec() })
-    }
-}
-
-fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(head);
-    hasher.update(bytes);
-    hasher.finalize()
-}
-
 /// Why something that came is not used. Each is counted by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -292,6 +225,8 @@ pub enum Refusal {
     Offer,
     /// More robots or runs than a base takes.
     TooMany,
+    /// A surface that the robot has no more.
+    Gone,
     /// The robot's journal is not the one that was copied so far.
     Replaced,
     /// An answer of the base that the robot does not take.
@@ -311,6 +246,7 @@ impl Refusal {
             Self::Name => "a name that none may have",
             Self::Offer => "an offer that cannot be used",
             Self::TooMany => "more robots or runs than allowed",
+            Self::Gone => "a surface that the robot has no more",
             Self::Replaced => "a journal that is not the one copied so far",
             Self::Answer => "an answer that the robot does not take",
         }
@@ -320,6 +256,7 @@ impl Refusal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tessera_slam::StoreSlot;
 
     #[test]
     fn requests_come_back_from_their_parameters() {
@@ -331,8 +268,12 @@ mod tests {
             max: 1 << 40,
         };
         let answer = Request::Answer { identity: 7, bytes: vec![1, 2, 3] };
-        for request in [Request::Offer, Request::Small { file: "config.toml".into() }, bytes, answer] {
-            assert_eq!(Request::parse(&request.to_parameters(), request.payload()), Ok(request));
+        let slots = [1, 2].map(|k| StoreSlot { offset: k << 40, len: k, crc: u32::MAX });
+        let wanted = WantedSurfaces::new(slots.to_vec());
+        let surfaces = Request::Surfaces { identity: 7, max: 9, wanted };
+        let small = Request::Small { file: "config.toml".into() };
+        for request in [Request::Offer, small, bytes, surfaces, answer] {
+            assert_eq!(Request::parse(&request.to_parameters(), &request.payload()), Ok(request));
         }
         let large = vec![0; MAX_ANSWER_BYTES + 1];
         assert!(Request::parse("what=answer;run=1", &large).unwrap_err().contains("expected at most"));
@@ -344,25 +285,11 @@ mod tests {
             "what=bytes;file=align.journal;run=1;from=1;sum=0",
             "what=bytes;file=log.txt;run=1;from=1;sum=0;max=1",
             "what=answer;run=x",
+            "what=surfaces;run=1;max=1",
         ];
         for text in nonsense {
             assert!(Request::parse(text, &[]).is_err(), "{text}");
         }
         assert!(Request::parse(&"a=b;".repeat(1000), &[]).is_err());
-    }
-
-    #[test]
-    fn a_piece_comes_back_or_is_refused_by_name() {
-        let piece = Piece::data(5, 77, vec![1, 2, 3]);
-        let label = piece.label();
-        assert_eq!(Piece::read(&label, &[1, 2, 3]), Ok(piece));
-        assert_eq!(Piece::read(&label, &[1, 2, 4]), Err(Refusal::Checksum));
-        assert_eq!(Piece::read(&label[1..], &[1, 2, 3]), Err(Refusal::Foreign));
-        assert_eq!(Piece::read(b"", &[]), Err(Refusal::Foreign));
-        for at in 4..label.len() {
-            let mut flipped = label.clone();
-            flipped[at] ^= 1;
-            assert!(Piece::read(&flipped, &[1, 2, 3]).is_err(), "byte {at}");
-        }
     }
 }

@@ -39,6 +39,8 @@ pub struct FleetCampaign {
     pub out: Option<PathBuf>,
     /// Longest time for everything.
     pub patience: Duration,
+    /// Copies whole runs.
+    pub is_whole: bool,
     /// Flips a bit of a copy before it is compared: the promise is broken then.
     pub flips: bool,
 }
@@ -150,6 +152,7 @@ fn disturb_and_compare(
     let starter = |name: &str| Starter {
         program: options.program.clone(),
         log: Some(folder.join(format!("{name}.log"))),
+        is_whole: options.is_whole,
     };
     let mut report = FleetReport { seed: options.seed, ..FleetReport::default() };
     let strikes = schedule(options.seed, options.times, robots.len());

@@ -42,6 +42,8 @@ pub struct Starter {
     pub program: PathBuf,
     /// Takes what its processes say on their standard error; `None`: it goes where this one's goes.
     pub log: Option<PathBuf>,
+    /// Whether its bases copy whole runs.
+    pub is_whole: bool,
 }
 
 impl Starter {
@@ -81,7 +83,12 @@ impl Starter {
     pub fn base(&self, folder: &Path, port: u16, n_runs: usize) -> Result<Process, FleetError> {
         let (folder, listen) = (folder.display().to_string(), format!("tcp/127.0.0.1:{port}"));
         let n_runs = n_runs.to_string();
-        self.start(&["base", &folder, "--listen", &listen, "--runs", &n_runs, "--map-every", "1", "--quiet"])
+        let mut arguments = vec!["base", &folder, "--listen", &listen, "--runs", &n_runs];
+        arguments.extend(["--map-every", "1", "--quiet"]);
+        if self.is_whole {
+            arguments.push("--whole");
+        }
+        self.start(&arguments)
     }
 }
 

@@ -4,6 +4,7 @@
 use super::verdict::difference;
 use crate::checked::RunFacts;
 use crate::error::FleetError;
+use crate::surface_copy::SURFACES;
 use crate::wire::{Growing, JOURNALS, SMALL_FILES};
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -63,6 +64,9 @@ impl RobotRun {
     /// Where a file of the run cannot be read.
     pub fn difference(&self, copy: &Path) -> Result<Option<String>, FleetError> {
         let store = copy.join(Growing::Store.file());
+        if copy.join(SURFACES).is_file() {
+            return difference(&self.original, copy);
+        }
         let found = std::fs::metadata(&store).map_or(0, |meta| meta.len());
         let needed = self.needs.last().map_or(0, |(_, bytes)| *bytes);
         if found < needed {

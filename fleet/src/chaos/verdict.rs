@@ -1,9 +1,15 @@
 //! What must be the same bytes, whatever happened on the way.
 
+use crate::checked::RunFacts;
 use crate::error::FleetError;
+use crate::served::grid_of;
+use crate::surface_copy::{SURFACES, first_surfaces};
+use crate::surface_wire::wire_form;
 use crate::wire::{Growing, JOURNALS, SMALL_FILES};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use tessera_journal::{Chain, StoreView};
+use tessera_stage::journal_slot;
 
 /// The folder of a robot's one run at a base.
 ///
@@ -19,13 +25,16 @@ pub fn copy_of(base: &Path, robot: &str) -> Result<PathBuf, FleetError> {
     }
 }
 
-/// How a copy differs from the run; `None`: in no byte. Of the store up to the last surface.
+/// How a copy differs from the run; `None`: in no byte. Of the store up to the last surface; of a copy without
+/// the store, in the surfaces of the keyframes that the run keeps.
 ///
 /// # Errors
 /// Where a file of the run cannot be read.
 pub fn difference(original: &Path, copy: &Path) -> Result<Option<String>, FleetError> {
     let small = SMALL_FILES.into_iter().filter(|name| original.join(name).is_file());
-    for name in small.chain(JOURNALS.map(Growing::file)).chain([Growing::Store.file()]) {
+    let is_whole = !copy.join(SURFACES).is_file();
+    let store = is_whole.then_some(Growing::Store.file());
+    for name in small.chain(JOURNALS.map(Growing::file)).chain(store) {
         let path = original.join(name);
         let expected = std::fs::read(&path).map_err(FleetError::io("read", &path))?;
         let found = std::fs::read(copy.join(name)).unwrap_or_default();
@@ -41,6 +50,39 @@ pub fn difference(original: &Path, copy: &Path) -> Result<Option<String>, FleetE
             let words =
                 format!("{}: {n} bytes, expected {expected}; differs from byte {at} on", path.display());
             return Ok(Some(words));
+        }
+    }
+    if is_whole { Ok(None) } else { surface_difference(original, copy) }
+}
+
+/// How the surfaces of a copy differ from those of the run; those of culled keyframes may be missing.
+fn surface_difference(original: &Path, copy: &Path) -> Result<Option<String>, FleetError> {
+    let mut facts = RunFacts::default();
+    let path = original.join(Growing::Align.file());
+    let align = std::fs::read(&path).map_err(FleetError::io("read", &path))?;
+    let mut chain = Chain::new(Growing::Align.kind());
+    while let Some(part) = chain.step(&align[chain.len_bytes() as usize..], &path)? {
+        part.payload.map_or(Ok(()), |payload| facts.take(payload)).map_err(FleetError::Input)?;
+    }
+    let found = first_surfaces(copy, usize::MAX)?;
+    let n_twice = found.len() - found.iter().map(|surface| surface.keyframe).collect::<BTreeSet<_>>().len();
+    if n_twice > 0 {
+        return Ok(Some(format!("{n_twice} surfaces are there twice")));
+    }
+    let grid = grid_of(original).map_err(FleetError::Input)?;
+    let view = StoreView::open(&original.join(Growing::Store.file()))?;
+    for (id, (slot, is_active)) in (0..).zip(facts.slots.iter().zip(&facts.is_active)) {
+        let surface = found.iter().find(|surface| surface.keyframe == id);
+        let stored = view.read(&journal_slot(slot))?;
+        let expected = stored.and_then(|stored| wire_form(grid, &stored).ok());
+        match (surface, expected) {
+            (None, _) if *is_active => {
+                return Ok(Some(format!("the surface of keyframe {id} is missing")));
+            }
+            (Some(surface), Some(expected)) if surface.bytes != expected => {
+                return Ok(Some(format!("the surface of keyframe {id} is another one")));
+            }
+            _ => {}
         }
     }
     Ok(None)

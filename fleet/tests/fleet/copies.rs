@@ -1,15 +1,19 @@
 //! Copies without a network: whatever a way does to pieces, the copy is the run.
 
+use crate::processes::map_files;
 use crate::run::{GrowingRun, assert_same};
 use std::collections::BTreeSet;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
+use tessera_fleet::arrivals::{Arrival, CopyForm, Mapped};
 use tessera_fleet::carrier::Carrier;
+use tessera_fleet::map::{KnownMap, make_map};
 use tessera_fleet::replica::{Pulled, Replica, ask_offer};
 use tessera_fleet::served::Served;
 use tessera_fleet::wire::{Kind, Piece, Refusal, Request};
 use tessera_numerics::SplitMix64;
+use tessera_slam::StoreSlot;
 
 /// A way that cuts, loses, repeats, swaps and spoils pieces, and brings some that were not asked for.
 struct Faulty {
@@ -95,19 +99,20 @@ fn identity(folder: &Path) -> u64 {
 fn a_copy_is_the_run_whatever_happens_on_the_way() {
     let mut refused = BTreeSet::new();
     for seed in 0..12 {
+        let form = if seed % 2 == 0 { CopyForm::Kept } else { CopyForm::Whole };
         let dir = tempfile::tempdir().unwrap();
         let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
         let mut run = GrowingRun::begin(&from, "run", seed);
         let mut faulty = Faulty::new(&from, seed, 6);
-        let mut replica = Replica::open(&to, "a", identity(&from)).unwrap();
+        let mut replica = Replica::open(&to, "a", identity(&from), form).unwrap();
         for step in 0..60u64 {
             (0..4).for_each(|_| run.grow());
             refused.extend(visit(&mut faulty, &mut replica).refused.into_iter().map(|(what, _)| what));
             if step % 5 == 4 {
                 // The base dies, and what it was writing is torn.
                 drop(replica);
-                tear(&to, &mut faulty.random);
-                replica = Replica::open(&to, "a", identity(&from)).unwrap();
+                tear(&to, form, &mut faulty.random);
+                replica = Replica::open(&to, "a", identity(&from), form).unwrap();
             }
         }
         run.end();
@@ -131,8 +136,9 @@ fn a_copy_is_the_run_whatever_happens_on_the_way() {
 }
 
 /// Leaves behind what a death in the middle of a write does.
-fn tear(folder: &Path, random: &mut SplitMix64) {
-    for name in ["align.journal", "optimise.journal", "keyframes.store"] {
+fn tear(folder: &Path, form: CopyForm, random: &mut SplitMix64) {
+    let surfaces = if form == CopyForm::Whole { "keyframes.store" } else { "surfaces.journal" };
+    for name in ["align.journal", "optimise.journal", surfaces] {
         let path = folder.join(name);
         let mut file = OpenOptions::new().read(true).append(true).open(&path).unwrap();
         let len = file.metadata().unwrap().len();
@@ -144,6 +150,97 @@ fn tear(folder: &Path, random: &mut SplitMix64) {
     }
 }
 
+/// A way without faults that takes down which surfaces were asked for.
+struct Watched {
+    way: Faulty,
+    asked: Vec<StoreSlot>,
+}
+
+impl Carrier for Watched {
+    fn robots(&mut self) -> Vec<String> {
+        self.way.robots()
+    }
+
+    fn ask(&mut self, robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
+        if let Request::Surfaces { wanted, .. } = request {
+            self.asked.extend(wanted.slots());
+        }
+        self.way.ask(robot, request, take);
+    }
+}
+
+#[test]
+fn surfaces_come_the_newest_first_and_culled_ones_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+    let mut run = GrowingRun::begin(&from, "run", 1);
+    // Keyframes 0 to 12, of which the last one culls two.
+    (0..84).for_each(|_| run.grow());
+    run.culls = vec![2, 5];
+    (0..6).for_each(|_| run.grow());
+    let mut way = Watched { way: Faulty::new(&from, 1, 0), asked: Vec::new() };
+    let mut replica = Replica::open(&to, "a", identity(&from), CopyForm::Kept).unwrap();
+    let mut asked = |replica: &mut Replica| {
+        for _ in 0..4 {
+            let offer = ask_offer(&mut way, "a", &mut Pulled::default()).unwrap();
+            assert_eq!(replica.pull(&mut way, &offer, &|| false).unwrap().refused, []);
+        }
+        let slots = &replica.facts().slots;
+        let id = |slot: StoreSlot| slots.iter().position(|known| *known == slot).unwrap();
+        std::mem::take(&mut way.asked).into_iter().map(id).collect::<Vec<_>>()
+    };
+    // The five newest may be culled still.
+    assert_eq!(asked(&mut replica), [7, 6, 4, 3, 1, 0]);
+    assert_eq!(replica.n_surfaces(), (6, 5));
+    run.culls = vec![8];
+    (0..7).for_each(|_| run.grow());
+    assert_eq!(asked(&mut replica), [0; 0], "nine is one of the five newest");
+    run.end();
+    assert_eq!(asked(&mut replica), [13, 12, 11, 10, 9]);
+    assert_eq!(replica.n_surfaces(), (11, 0));
+    assert_same(&from, &to);
+}
+
+#[test]
+fn a_map_is_the_same_whichever_surfaces_had_come_before_they_were_culled() {
+    let dir = tempfile::tempdir().unwrap();
+    let from = dir.path().join("run");
+    let mut run = GrowingRun::begin(&from, "run", 1);
+    let arrival = |base: &Path| Arrival {
+        robot: "a".into(),
+        run: base.file_name().unwrap().to_string_lossy().into_owned(),
+        identity: 7,
+        origin: None,
+        form: CopyForm::Kept,
+    };
+    let [early, late] = ["early", "late"].map(|name| dir.path().join(name));
+    let map = |base: &Path| {
+        let arrival = Arrival { run: "run".into(), ..arrival(base) };
+        let folder = arrival.folder(base);
+        let mut way = Faulty::new(&from, 1, 0);
+        let mut replica = Replica::open(&folder, "a", identity(&from), CopyForm::Kept).unwrap();
+        (0..4).for_each(|_| drop(visit(&mut way, &mut replica)));
+        let mapped = Mapped { number: 1, extents: vec![replica.extent().unwrap()] };
+        make_map(base, &[arrival], &mapped, KnownMap::default()).unwrap();
+        (map_files(base), mapped)
+    };
+    (0..90).for_each(|_| run.grow());
+    let (before, part) = map(&early);
+    run.culls = vec![2, 5];
+    (0..30).for_each(|_| run.grow());
+    run.end();
+    let (after, whole) = map(&early);
+    assert!(before["map.ply"] != after["map.ply"]);
+    assert_eq!(map(&late).0, after);
+    // What was journaled of a map says which surfaces it is made of.
+    let remake = |mapped: &Mapped| {
+        let arrival = Arrival { run: "run".into(), ..arrival(&early) };
+        make_map(&early, &[arrival], mapped, KnownMap::default()).unwrap();
+        map_files(&early)
+    };
+    assert!(remake(&part) == before && remake(&whole) == after);
+}
+
 #[test]
 fn a_journal_that_was_replaced_is_refused_and_nothing_is_overwritten() {
     let dir = tempfile::tempdir().unwrap();
@@ -151,7 +248,7 @@ fn a_journal_that_was_replaced_is_refused_and_nothing_is_overwritten() {
     let mut run = GrowingRun::begin(&from, "run", 1);
     (0..30).for_each(|_| run.grow());
     let mut way = Faulty::new(&from, 1, 0);
-    let mut replica = Replica::open(&to, "a", identity(&from)).unwrap();
+    let mut replica = Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();
     visit(&mut way, &mut replica);
     assert_same(&from, &to);
     let before = std::fs::read(to.join("align.journal")).unwrap();
@@ -172,7 +269,7 @@ fn another_run_in_the_same_folder_is_another_run() {
     (0..10).for_each(|_| run.grow());
     let mut way = Faulty::new(&from, 1, 0);
     let first = identity(&from);
-    let mut replica = Replica::open(&to, "a", first).unwrap();
+    let mut replica = Replica::open(&to, "a", first, CopyForm::Kept).unwrap();
     visit(&mut way, &mut replica);
     let bytes = replica.align_bytes();
     drop(run);
@@ -217,7 +314,7 @@ fn records_that_none_can_have_stop_a_copy_before_them() {
         let (mut writer, _) = Journal::open(&journal, "align", wait, |_: AlignRecord| Ok(())).unwrap();
         writer.append(&record, false).unwrap();
         let _ = std::fs::remove_dir_all(&to);
-        let mut replica = Replica::open(&to, "a", identity(&from)).unwrap();
+        let mut replica = Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();
         let pulled = visit(&mut Faulty::new(&from, 1, 0), &mut replica);
         assert!(pulled.refused.iter().any(|(what, _)| *what == Refusal::Nonsense), "{pulled:?}");
         assert_eq!(replica.align_bytes(), whole.len() as u64);

@@ -1,6 +1,8 @@
 //! Corrections from the base: the base answers the requests of its robots, and a robot needs no base.
 
-use crate::processes::{base, free_port, start, status, uplink, wait_for, wait_for_robot, wait_for_success};
+use crate::processes::{
+    base, free_port, start, status, uplink, wait_for, wait_for_robot, wait_for_success, whole_base,
+};
 use crate::robot::{EARLY_LOOPS, Robot, tessera};
 use crate::run::correction;
 use crate::strangers::{certificates, write_configuration};
@@ -40,7 +42,7 @@ fn the_base_answers_a_lone_robot_with_the_bytes_of_its_own_corrections() {
     let robot = Robot::new(&tessera, (dir.path(), "a"), (0, 40), &asking("run.base_wait_s=600"));
     let robot = robot.with_small_camera();
     robot.begin();
-    let mut bases = base(&folder, port, 1);
+    let mut bases = whole_base(&folder, port, 1);
     let _uplink = uplink(&robot.out, "a", port);
     robot.wait_for_contact();
     assert!(robot.resume("").wait().unwrap().success(), "{}", robot.log());
@@ -69,7 +71,7 @@ fn kills_of_all_leave_a_whole_run_with_the_same_bytes() {
     let robot = Robot::new(&tessera, (dir.path(), "a"), (0, 40), &asking("run.base_wait_s=5"));
     let robot = robot.with_small_camera();
     robot.begin();
-    let mut bases = base(&folder, port, 1);
+    let mut bases = whole_base(&folder, port, 1);
     let mut uplinks = uplink(&robot.out, "a", port);
     robot.wait_for_contact();
     let mut going_on = robot.resume(KILLS);
@@ -81,7 +83,7 @@ fn kills_of_all_leave_a_whole_run_with_the_same_bytes() {
         match step % 2 {
             0 => {
                 bases.kill();
-                bases = base(&folder, port, 1);
+                bases = whole_base(&folder, port, 1);
             }
             _ => {
                 uplinks.kill();

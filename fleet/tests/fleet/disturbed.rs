@@ -3,11 +3,21 @@
 
 use crate::processes::fleet;
 use crate::run::GrowingRun;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tessera_fleet::chaos::{FleetCampaign, FleetFault, fleet_campaign};
+
+/// Bytes of a file at least, however it travels.
+pub(crate) fn deflated_bytes(path: &Path) -> u64 {
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(&std::fs::read(path).unwrap()).unwrap();
+    encoder.finish().unwrap().len() as u64
+}
 
 /// Two finished runs.
 fn runs(dir: &Path) -> [PathBuf; 2] {
@@ -28,6 +38,7 @@ fn campaign(dir: &Path, runs: &[PathBuf; 2]) -> FleetCampaign {
         seed: 2,
         out: Some(dir.join("out")),
         patience: Duration::from_secs(300),
+        is_whole: false,
         flips: false,
     }
 }
@@ -44,16 +55,35 @@ fn chaos(runs: &[PathBuf; 2], arguments: &[&str]) -> Output {
 fn kills_and_faults_on_the_network_change_no_byte() {
     let dir = tempfile::tempdir().unwrap();
     let runs = runs(dir.path());
-    let report =
-        fleet_campaign(&campaign(dir.path(), &runs), &AtomicBool::new(false), &mut |_, _| ()).unwrap();
+    for is_whole in [false, true] {
+        let out = Some(dir.path().join(format!("out-{is_whole}")));
+        disturb(&FleetCampaign { is_whole, out, ..campaign(dir.path(), &runs) });
+    }
+}
+
+fn disturb(campaign: &FleetCampaign) {
+    let report = fleet_campaign(campaign, &AtomicBool::new(false), &mut |_, _| ()).unwrap();
     assert_eq!(report.broken, [""; 0]);
     assert_eq!(report.strikes.len(), 5 * FleetFault::ALL.len());
     assert!(report.is_map_identical && report.map_files > 0);
-    assert!(report.robots.iter().all(|robot| robot.identical && robot.up_bytes >= robot.run_bytes));
+    for (robot, run) in report.robots.iter().zip(&campaign.runs) {
+        let least = deflated_bytes(&run.join("align.journal"));
+        assert!(robot.identical && robot.up_bytes >= least, "{} of {least} bytes", robot.up_bytes);
+    }
     assert!(report.robots.iter().any(|robot| robot.repeated_bytes > 0), "something came twice");
     assert!(report.robots.iter().all(|robot| robot.connections > 1), "links were cut");
-    let copies = dir.path().join("out/disturbed/robots");
+    let copies = campaign.out.as_ref().unwrap().join("disturbed/robots");
     assert_eq!(std::fs::read_dir(copies).unwrap().count(), 2);
+    let files = |name: &str| {
+        ["robot1", "robot2"].map(|robot| {
+            tessera_fleet::chaos::copy_of(&campaign.out.as_ref().unwrap().join("disturbed"), robot)
+                .unwrap()
+                .join(name)
+                .is_file()
+        })
+    };
+    assert_eq!(files("keyframes.store"), [campaign.is_whole; 2]);
+    assert_eq!(files("surfaces.journal"), [!campaign.is_whole; 2]);
 }
 
 #[test]

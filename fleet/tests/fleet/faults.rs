@@ -1,5 +1,6 @@
 //! What a base says of itself, what it refuses, and a bound on the rate.
 
+use crate::disturbed::deflated_bytes;
 use crate::processes::{base, copy_of, fleet, free_port, start, status, uplink, wait_for, wait_for_success};
 use crate::run::{GrowingRun, assert_same};
 use std::time::Duration;
@@ -55,7 +56,7 @@ fn a_bound_on_the_rate_is_kept_and_everything_comes() {
     let mut growing = GrowingRun::begin(&run, "desk", 3);
     (0..40).for_each(|_| growing.grow());
     growing.end();
-    let n_bytes = std::fs::metadata(run.join("align.journal")).unwrap().len();
+    let n_bytes = deflated_bytes(&run.join("align.journal"));
     let mut bases = base(&folder, port, 1);
     let to = format!("tcp/127.0.0.1:{port}");
     // Two seconds' worth.

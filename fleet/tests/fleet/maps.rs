@@ -1,7 +1,7 @@
 //! Maps of several runs, made by the program itself: joined where they share a place, apart where not.
 
 use crate::processes::{
-    base, copy_of, fleet, free_port, map_files, status, uplink, wait_for, wait_for_success,
+    base, copy_of, fleet, free_port, map_files, status, uplink, wait_for, wait_for_success, whole_base,
 };
 use crate::requirements::data;
 use crate::robot::{Robot, tessera};
@@ -94,7 +94,7 @@ fn a_run_is_followed_while_it_goes_on_and_alone_it_is_its_own_map() {
     let Some(tessera) = tessera() else { return };
     let dir = tempfile::tempdir().unwrap();
     let (run, folder, port) = (dir.path().join("run"), dir.path().join("base"), free_port());
-    let mut bases = base(&folder, port, 1);
+    let mut bases = whole_base(&folder, port, 1);
     let _robot = uplink(&run, "a", port);
     let name = format!("followed-{}", std::process::id());
     let mut going_on = Command::new(&tessera)

@@ -9,7 +9,7 @@ use tessera_fleet::chaos::{self, Patience, Process, Starter};
 use tessera_fleet::status::Status;
 
 fn starter() -> Starter {
-    Starter { program: env!("CARGO_BIN_EXE_tessera-fleet").into(), log: None }
+    Starter { program: env!("CARGO_BIN_EXE_tessera-fleet").into(), log: None, is_whole: false }
 }
 
 pub(crate) fn wait_for_success(process: &mut Process, what: &str) {
@@ -38,6 +38,11 @@ pub(crate) fn uplink(run: &Path, robot: &str, port: u16) -> Process {
 /// A base that ends once so many runs have ended and their map is made.
 pub(crate) fn base(folder: &Path, port: u16, n_runs: usize) -> Process {
     starter().base(folder, port, n_runs).unwrap()
+}
+
+/// As [`base`], with copies that are whole runs.
+pub(crate) fn whole_base(folder: &Path, port: u16, n_runs: usize) -> Process {
+    Starter { is_whole: true, ..starter() }.base(folder, port, n_runs).unwrap()
 }
 
 /// A port that nothing listens on now.

@@ -8,7 +8,9 @@ use tessera_journal::{Journal, Store};
 use tessera_messages::store_surface;
 use tessera_numerics::SplitMix64;
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, Correction, FrameRecord, KeyframeRecord, OptimiseRecord, State, Submaps};
+use tessera_slam::{
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, OptimiseRecord, RetiredRecord, State, Submaps,
+};
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
 use tessera_surface::{Grid, Vertex, WorkloadLevel};
 use tessera_transport::RunIdentity;
@@ -24,6 +26,8 @@ pub(crate) struct GrowingRun {
     random: SplitMix64,
     n_frames: u64,
     n_keyframes: u32,
+    /// Keyframes that the next one culls.
+    pub(crate) culls: Vec<u32>,
 }
 
 /// A camera whose surfaces have sixteen vertices.
@@ -66,7 +70,7 @@ impl GrowingRun {
             Journal::open(&files.optimise_journal(), OPTIMISE_JOURNAL, Duration::ZERO, |_| Ok(())).unwrap();
         let store = Store::open(&files.store(), Duration::ZERO).unwrap();
         let random = SplitMix64::for_frame(seed, 0);
-        Self { files, align, optimise, store, random, n_frames: 0, n_keyframes: 0 }
+        Self { files, align, optimise, store, random, n_frames: 0, n_keyframes: 0, culls: Vec::new() }
     }
 
     /// One frame more, with a keyframe now and then.
@@ -80,7 +84,7 @@ impl GrowingRun {
             stamp_nanos: index as i64 * 33_000_000,
             workload: WorkloadLevel::Full,
             state: State::Tracking,
-            reason: "word ".repeat(self.random.below(2000)),
+            reason: self.words(),
             submap: 0,
             lost_nanos: 0,
             world_from_camera: pose,
@@ -108,6 +112,12 @@ impl GrowingRun {
         self.n_frames += 1;
     }
 
+    /// Words of any length, which can be packed a little and no more.
+    fn words(&mut self) -> String {
+        let n = self.random.below(10_000);
+        (0..n).map(|_| char::from(b'a' + self.random.below(26) as u8)).collect()
+    }
+
     fn keyframe(&mut self, index: u64, pose: PoseBits) -> KeyframeRecord {
         let vertex = |z: f32| Vertex {
             position: [0.0, 0.0, z],
@@ -132,7 +142,7 @@ impl GrowingRun {
             edges: Vec::new(),
             place: Vec::new(),
             alike: Vec::new(),
-            retires: Vec::new(),
+            retires: std::mem::take(&mut self.culls).into_iter().map(retired).collect(),
         }
     }
 
@@ -142,6 +152,11 @@ impl GrowingRun {
         self.align.append(&end, true).unwrap();
         std::fs::write(self.files.dir.join("statistics.json"), "{}").unwrap();
     }
+}
+
+/// A keyframe that is culled, anchored to the first one.
+fn retired(keyframe: u32) -> RetiredRecord {
+    RetiredRecord { keyframe, anchored_to: 0 }
 }
 
 /// An answer that corrects nothing, from no keyframes that a run has.

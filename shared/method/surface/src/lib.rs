@@ -21,6 +21,7 @@ mod planes;
 mod reconstruct;
 mod rings;
 mod settings;
+pub mod thinned;
 mod vertex;
 mod workload_level;
 

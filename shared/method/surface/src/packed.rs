@@ -174,22 +174,33 @@ impl RoundedRows {
         }
     }
 
-    /// Walks over the row of one number: where a vertex has it, the value becomes what `value_of`
-    /// makes of it and of its prediction, elsewhere the prediction.
-    ///
-    /// The prediction is the median of the left value, the one above, and the plane through both
-    /// and the one between them (Weinberger, Seroussi and Sapiro, "LOCO-I", 1996).
+    /// Walks over the row of one number ([`predict_row`]).
     #[inline]
-    fn complete(&mut self, number: usize, mut value_of: impl FnMut(i32, i32) -> i32) {
-        let flag = NUMBERS[number];
-        let (mut left, mut above_left) = (self.above[number][0], self.above[number][0]);
-        let row = self.current[number].iter_mut().zip(&self.above[number]).zip(&self.flags);
-        for ((value, &above), &flags) in row {
-            let plane = left.wrapping_add(above).wrapping_sub(above_left);
-            let prediction = plane.clamp(left.min(above), left.max(above));
-            *value = if has(flags, flag) { value_of(*value, prediction) } else { prediction };
-            (left, above_left) = (*value, above);
-        }
+    fn complete(&mut self, number: usize, value_of: impl FnMut(i32, i32) -> i32) {
+        let has_it = |flags: u32| has(flags, NUMBERS[number]);
+        predict_row(&mut self.current[number], &self.above[number], &self.flags, has_it, value_of);
+    }
+}
+
+/// Walks over a row: where a vertex has the number, by its flags, the value becomes what `value_of` makes of it
+/// and of its prediction, elsewhere the prediction.
+///
+/// The prediction is the median of the left value, the one above, and the plane through both and the one
+/// between them (Weinberger, Seroussi and Sapiro, "LOCO-I", 1996).
+#[inline]
+pub(crate) fn predict_row(
+    current: &mut [i32],
+    above: &[i32],
+    flags: &[u32],
+    has_it: impl Fn(u32) -> bool,
+    mut value_of: impl FnMut(i32, i32) -> i32,
+) {
+    let (mut left, mut above_left) = (above[0], above[0]);
+    for ((value, &above), &flags) in current.iter_mut().zip(above).zip(flags) {
+        let plane = left.wrapping_add(above).wrapping_sub(above_left);
+        let prediction = plane.clamp(left.min(above), left.max(above));
+        *value = if has_it(flags) { value_of(*value, prediction) } else { prediction };
+        (left, above_left) = (*value, above);
     }
 }
 

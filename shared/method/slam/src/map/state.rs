@@ -209,7 +209,7 @@ impl TrackerState {
     }
 
     /// A keyframe leaves the working map, with all that is of use there alone.
-    pub(crate) fn retire(&mut self, retired: &RetiredRecord) {
+    pub fn retire(&mut self, retired: &RetiredRecord) {
         for keyframe in self.keyframes.iter_mut().filter(|k| k.anchored_to == Some(retired.keyframe)) {
             keyframe.anchored_to = Some(retired.anchored_to);
         }

@@ -1,0 +1,179 @@
+//! Surfaces of keyframes as they travel: which ones a base wants, and the stream in which they come.
+
+use crate::feature_wire::{pack_features, unpack_features};
+use tessera_features::Feature;
+use tessera_messages::{StoredSurfaceError, load_surface};
+use tessera_slam::StoreSlot;
+use tessera_surface::packed::UnpackError;
+use tessera_surface::{Grid, Vertex, thinned};
+
+/// Surfaces of one request, at most.
+pub const MOST_WANTED: usize = 64;
+/// Bytes of a slot in a request.
+const SLOT_BYTES: usize = 20;
+/// Bytes in front of a surface: its length and its checksum.
+const FRAME_BYTES: usize = 8;
+
+/// Where the wanted surfaces lie in the robot's store, as its journal says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WantedSurfaces(Vec<StoreSlot>);
+
+impl WantedSurfaces {
+    /// These, in this order; at most [`MOST_WANTED`] of them.
+    pub fn new(mut slots: Vec<StoreSlot>) -> Self {
+        slots.truncate(MOST_WANTED);
+        Self(slots)
+    }
+
+    /// Where they lie.
+    pub fn slots(&self) -> &[StoreSlot] {
+        &self.0
+    }
+
+    /// As they travel.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let bytes = |slot: &StoreSlot| {
+            let [offset, len] = [slot.offset, slot.len].map(u64::to_le_bytes);
+            offset.into_iter().chain(len).chain(slot.crc.to_le_bytes())
+        };
+        self.0.iter().flat_map(bytes).collect()
+    }
+
+    /// The inverse of [`Self::to_bytes`].
+    ///
+    /// # Errors
+    /// Where the bytes are none, too many, or no whole number of slots.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let n = bytes.len() / SLOT_BYTES;
+        if n == 0 || n > MOST_WANTED || !bytes.len().is_multiple_of(SLOT_BYTES) {
+            return Err(format!(
+                "{} bytes of wanted surfaces, expected 1 to {MOST_WANTED} times {SLOT_BYTES}",
+                bytes.len()
+            ));
+        }
+        let number =
+            |bytes: &[u8]| bytes.iter().rev().fold(0, |sum: u64, byte| (sum << 8) | u64::from(*byte));
+        let slot = |bytes: &[u8]| StoreSlot {
+            offset: number(&bytes[..8]),
+            len: number(&bytes[8..16]),
+            crc: number(&bytes[16..]) as u32,
+        };
+        Ok(Self(bytes.chunks_exact(SLOT_BYTES).map(slot).collect()))
+    }
+}
+
+/// Why bytes that travelled are no surface.
+#[derive(Debug, thiserror::Error)]
+pub enum SurfaceError {
+    /// The stored form.
+    #[error(transparent)]
+    Stored(#[from] StoredSurfaceError),
+    /// The vertices.
+    #[error(transparent)]
+    Vertices(#[from] UnpackError),
+    /// The rest.
+    #[error("{0} bytes are no surface: expected packed vertices, and features behind them")]
+    Length(usize),
+}
+
+/// A stored surface as it travels: the length of the thinned vertices, these, and features.
+///
+/// # Errors
+/// Where the bytes are no surface of this grid.
+pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
+    let (vertices, features) = load_surface(grid, stored)?;
+    Ok(pack_surface(grid, &vertices, &features))
+}
+
+/// Vertices and features as they travel.
+///
+/// # Panics
+/// Where `vertices` are not as many as the grid has.
+pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature]) -> Vec<u8> {
+    let packed = thinned::pack(grid, vertices);
+    let length = (packed.len() as u32).to_le_bytes();
+    [length.as_slice(), &packed, &pack_features(features)].concat()
+}
+
+/// Vertices and features of a surface that travelled.
+///
+/// # Errors
+/// Where the bytes are no surface of this grid.
+pub fn from_wire(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>), SurfaceError> {
+    let wrong = || SurfaceError::Length(bytes.len());
+    let (length, rest) = bytes.split_first_chunk().ok_or_else(wrong)?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let (packed, features) = rest.split_at_checked(length).ok_or_else(wrong)?;
+    Ok((thinned::unpack(grid, packed)?, unpack_features(features).ok_or_else(wrong)?))
+}
+
+/// Appends a surface to a stream; `None`: the robot has it no more.
+pub fn append_frame(stream: &mut Vec<u8>, surface: Option<&[u8]>) {
+    let bytes = surface.unwrap_or_default();
+    stream.extend((bytes.len() as u32).to_le_bytes());
+    stream.extend(crc32fast::hash(bytes).to_le_bytes());
+    stream.extend(bytes);
+}
+
+/// A surface in a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Framed<'a> {
+    /// Its bytes.
+    Whole(&'a [u8]),
+    /// The robot has it no more.
+    Gone,
+    /// The bytes are not those that were sent.
+    Spoilt,
+}
+
+/// The surfaces of a stream, as far as it has come.
+pub fn frames(stream: &[u8]) -> Vec<Framed<'_>> {
+    let (mut rest, mut found) = (stream, Vec::new());
+    while let Some((head, behind)) = rest.split_first_chunk::<FRAME_BYTES>() {
+        let [a, b, c, d, crc @ ..] = *head;
+        let Some((bytes, next)) = behind.split_at_checked(u32::from_le_bytes([a, b, c, d]) as usize) else {
+            break;
+        };
+        found.push(match crc32fast::hash(bytes) == u32::from_le_bytes(crc) {
+            false => Framed::Spoilt,
+            true if bytes.is_empty() => Framed::Gone,
+            true => Framed::Whole(bytes),
+        });
+        rest = next;
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wanted_surfaces_come_back_or_are_refused() {
+        let slots = (1..=70).map(|k| StoreSlot { offset: k * 64, len: 1 << k.min(50), crc: !(k as u32) });
+        let wanted = WantedSurfaces::new(slots.collect());
+        assert_eq!(wanted.slots().len(), MOST_WANTED);
+        let bytes = wanted.to_bytes();
+        assert_eq!(WantedSurfaces::from_bytes(&bytes), Ok(wanted));
+        for wrong in [&bytes[1..], &[], &[bytes.as_slice(), &bytes].concat()] {
+            assert!(WantedSurfaces::from_bytes(wrong).unwrap_err().contains("expected 1 to 64"));
+        }
+    }
+
+    #[test]
+    fn a_stream_is_read_as_far_as_it_has_come() {
+        let mut stream = Vec::new();
+        append_frame(&mut stream, Some(b"first"));
+        append_frame(&mut stream, None);
+        append_frame(&mut stream, Some(b"third"));
+        let all = [Framed::Whole(b"first"), Framed::Gone, Framed::Whole(b"third")];
+        assert_eq!(frames(&stream), all);
+        for end in 0..stream.len() {
+            let found = frames(&stream[..end]);
+            assert_eq!(found, all[..found.len()], "{end} bytes");
+        }
+        stream[9] ^= 1;
+        assert_eq!(frames(&stream)[0], Framed::Spoilt);
+        assert!(frames(&[255; 40]).is_empty());
+    }
+}
