@@ -162,7 +162,7 @@ impl Panels {
     pub(crate) fn subtrees(&self) -> Vec<Range<usize>> {
         let n = self.n();
         if self.n_products.iter().sum::<usize>() <= PRODUCTS_OF_A_SUBTREE {
-            return vec![0..n];
+            return std::iter::once(0..n).collect();
         }
         let mut first: Vec<usize> = (0..n).collect();
         let (mut size, mut cost) = (vec![1; n], self.n_products.clone());
