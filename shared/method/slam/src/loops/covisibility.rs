@@ -127,7 +127,7 @@ mod tests {
         (0..60).for_each(|k| poses.push(poses[k % 7]));
         poses.push(Pose::translation(1e300, 0.0, 0.0));
         poses.push(Pose::translation(f64::NAN, 0.0, 0.0));
-        let origin = |k: usize| Origin { session: 0, submap: 0, component: u32::from(k % 5 == 0) };
+        let origin = |k: usize| Origin { session: 0, submap: 0, component: u32::from(k.is_multiple_of(5)) };
         let origins: Vec<Origin> = (0..poses.len()).map(origin).collect();
         let found = pairs(&poses, &origins);
         assert!(found.len() > 1000);
