@@ -6,11 +6,14 @@
 //! Every result has the same bits for any number of threads and any set of vector instructions.
 #![deny(unsafe_code)]
 
+mod block6;
 mod block_cholesky;
 mod elimination;
+mod factorisation;
 mod isa;
 mod jackknife;
 pub mod lanes;
+mod panels;
 pub mod parallel;
 mod prefetch;
 mod random;

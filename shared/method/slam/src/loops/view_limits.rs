@@ -24,7 +24,20 @@ impl ViewLimits {
         others: impl Iterator<Item = (Name, Vector3<f64>)>,
         axis_of: impl Fn(Name) -> Vector3<f64>,
     ) -> Vec<(f64, Name)> {
-        let mut near: Vec<(f64, Name)> = others
+        let mut near = self.within(centre, axis, others, axis_of);
+        near.sort_by(by_score);
+        near
+    }
+
+    /// As [`Self::nearest`], in the order of `others`.
+    pub(crate) fn within<Name: Copy>(
+        &self,
+        centre: &Vector3<f64>,
+        axis: &Vector3<f64>,
+        others: impl Iterator<Item = (Name, Vector3<f64>)>,
+        axis_of: impl Fn(Name) -> Vector3<f64>,
+    ) -> Vec<(f64, Name)> {
+        others
             .filter(|(_, other)| (other - centre).norm_squared() <= self.radius_m * self.radius_m)
             .filter_map(|(name, other)| {
                 let angle_rad = angle_between(&axis_of(name), axis);
@@ -32,10 +45,24 @@ impl ViewLimits {
                 let score = apart + angle_rad / self.angle_rad.max(1e-9);
                 (angle_rad <= self.angle_rad).then_some((score, name))
             })
-            .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        near
+            .collect()
     }
+}
+
+/// Takes the `n` nearest views out of a list, nearest first.
+pub(crate) fn take_nearest<Name: Copy + Ord>(views: &mut Vec<(f64, Name)>, n: usize) -> Vec<(f64, Name)> {
+    if views.len() > n {
+        // The order of thousands is not asked for.
+        views.select_nth_unstable_by(n, by_score);
+    }
+    let rest = views.split_off(n.min(views.len()));
+    let mut nearest = std::mem::replace(views, rest);
+    nearest.sort_by(by_score);
+    nearest
+}
+
+fn by_score<Name: Ord>(a: &(f64, Name), b: &(f64, Name)) -> std::cmp::Ordering {
+    a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1))
 }
 
 /// The optical axis, a unit vector in the world.
