@@ -3,7 +3,7 @@
 use tessera_numerics::prefetch;
 use tessera_surface::{SurfaceView, Vertex};
 
-/// The valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
+/// The row and column of the valid vertex nearest to `q`, found by descent: the nearest of the 3x3 cells around a cell,
 /// then around that one, until the middle is nearest or `reach` steps are used up, of which there is at
 /// least one. Near the solution this reads nine vertices, whatever the reach.
 #[inline(always)]
@@ -12,25 +12,25 @@ pub(crate) fn nearest(
     (row, column): (usize, usize),
     reach: u32,
     q: [f32; 3],
-) -> Option<usize> {
+) -> Option<(usize, usize)> {
     let (width, height) = (surface.grid.width, surface.grid.height);
     // Squared distance and place in one number: distances are not negative, so their bits order as
-    // they do, and the least of these numbers needs no branch to find.
+    // they do, and the least of these numbers needs no branch to find. A camera has fewer than 65,536
+    // rows and columns.
     let mut best = u64::MAX;
     let mut look = |row: usize, column: usize| {
-        let at = row * width + column;
-        best = best.min(key(&surface.vertices[at], q) | at as u64);
+        let vertex = &surface.vertices[row * width + column];
+        best = best.min(key(vertex, q) | ((row as u64) << 16) | column as u64);
         best
     };
     let mut middle = (row, column);
     let mut now = around(middle, (width, height), &mut look);
     for _ in 1..reach.max(1) {
-        let vertex = now as u32 as usize;
         // Nothing valid here, or a distance that is not a number.
         if !is_found(now) {
             return None;
         }
-        let next = (vertex / width, vertex % width);
+        let next = place_of(now);
         if next == middle {
             break;
         }
@@ -51,7 +51,13 @@ pub(crate) fn nearest(
         }
         middle = next;
     }
-    is_found(now).then_some(now as u32 as usize)
+    is_found(now).then(|| place_of(now))
+}
+
+/// Row and column in the lower half of a key.
+#[inline(always)]
+fn place_of(key: u64) -> (usize, usize) {
+    ((key as u32 >> 16) as usize, (key & 0xffff) as usize)
 }
 
 /// Asks for the cache lines that [`nearest`] reads first from this cell: of three vertices in a row,

@@ -54,9 +54,9 @@ impl Found {
     }
 
     #[inline(always)]
-    pub(crate) fn put(&mut self, place: usize, vertex: usize, width: usize, v: &Vertex) {
+    pub(crate) fn put(&mut self, place: usize, vertex: usize, row: usize, v: &Vertex) {
         self.vertex[place] = vertex as u32;
-        self.row[place] = (vertex / width) as f32;
+        self.row[place] = row as f32;
         self.is_inner[place] = if v.is_inner() { 1.0 } else { 0.0 };
         self.b.set(place, v.position);
         self.nb.set(place, v.normal);

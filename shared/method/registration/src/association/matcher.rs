@@ -98,18 +98,13 @@ impl Matcher {
                 self.search(n_queries, target, |matcher, place| {
                     let q = matcher.located.q.at(place);
                     let limit_m = limits.kept.distance_m + limits.kept.distance_sigmas * noise.sigma_m(q[2]);
-                    tree.nearest(q, limit_m).map(|(vertex, _)| vertex)
+                    let width = matcher.camera.grid.width;
+                    tree.nearest(q, limit_m).map(|(vertex, _)| (vertex / width, vertex % width))
                 })
             }
             None => {
-                (0..AHEAD.min(n_queries)).for_each(|place| self.read_ahead(target, place));
-                self.search(n_queries, target, |matcher, place| {
-                    if place + AHEAD < n_queries {
-                        matcher.read_ahead(target, place + AHEAD);
-                    }
-                    let cell = matcher.located.cell(place, matcher.camera.grid)?;
-                    descent::nearest(&target.surface, cell, limits.reach, matcher.located.q_row.at(place))
-                })
+                let arch = self.arch;
+                arch.dispatch(Descend { matcher: self, n_queries, target, reach: limits.reach })
             }
         };
         self.steps.enter(Step::Reject);
@@ -157,16 +152,47 @@ impl Matcher {
 
     /// Puts down what `find` finds for the first `n` places, and counts it.
     #[inline(always)]
-    fn search(&mut self, n: usize, target: &Target<'_>, find: impl Fn(&Self, usize) -> Option<usize>) -> u32 {
+    fn search(
+        &mut self,
+        n: usize,
+        target: &Target<'_>,
+        find: impl Fn(&Self, usize) -> Option<(usize, usize)>,
+    ) -> u32 {
         let mut n_found = 0;
         for place in 0..n {
-            if let Some(vertex) = find(self, place) {
-                let v = &target.surface.vertices[vertex];
-                self.found.put(place, vertex, self.camera.grid.width, v);
+            if let Some((row, column)) = find(self, place) {
+                let vertex = row * self.camera.grid.width + column;
+                self.found.put(place, vertex, row, &target.surface.vertices[vertex]);
                 n_found += 1;
             }
         }
         n_found
+    }
+}
+
+/// The projective search of all queries, compiled for each instruction set.
+struct Descend<'a, 'b> {
+    matcher: &'a mut Matcher,
+    n_queries: usize,
+    target: &'a Target<'b>,
+    reach: u32,
+}
+
+impl pulp::WithSimd for Descend<'_, '_> {
+    /// Queries that found a vertex.
+    type Output = u32;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> u32 {
+        let Self { matcher, n_queries, target, reach } = self;
+        (0..AHEAD.min(n_queries)).for_each(|place| matcher.read_ahead(target, place));
+        matcher.search(n_queries, target, |matcher, place| {
+            if place + AHEAD < n_queries {
+                matcher.read_ahead(target, place + AHEAD);
+            }
+            let cell = matcher.located.cell(place, matcher.camera.grid)?;
+            descent::nearest(&target.surface, cell, reach, matcher.located.q_row.at(place))
+        })
     }
 }
 
