@@ -17,6 +17,20 @@ struct HalfEdge {
 }
 
 impl HalfEdge {
+    /// The side of a triangle that begins at a corner; `vertex` names the vertex of a corner.
+    fn new(triangle: usize, corner: usize, vertex: impl Fn(usize) -> u32) -> Self {
+        let corners = [corner, (corner + 1) % 3];
+        let ends = corners.map(vertex);
+        let (ends, corners) =
+            if ends[0] < ends[1] { (ends, corners) } else { ([ends[1], ends[0]], [corners[1], corners[0]]) };
+        Self { ends, triangle: triangle as u32, corners: corners.map(|corner| corner as u32) }
+    }
+
+    /// The corner at which the side begins, in the order of the triangle.
+    fn first_corner(&self) -> usize {
+        self.corners[usize::from(!self.is_forward())] as usize
+    }
+
     /// Whether the triangle runs from the lower vertex to the higher one.
     fn is_forward(&self) -> bool {
         (self.corners[0] + 1) % 3 == self.corners[1]
@@ -32,47 +46,44 @@ impl Mesh {
     /// The same triangles with no edge in more than two of them, and no vertex in more than one fan:
     /// vertices at which sheets touch are there once for each sheet.
     pub(crate) fn manifold(self) -> Self {
-        let fans = self.fans(&vec![false; self.triangles.len()]);
-        let is_loose = self.too_many(&fans);
-        let fans = if is_loose.contains(&true) { self.fans(&is_loose) } else { fans };
+        let edges = self.half_edges();
+        let crowded: Vec<HalfEdge> =
+            edges.chunk_by(is_same).filter(|edge| !is_plain(edge)).flatten().copied().collect();
+        let fans = self.fans(&edges, &vec![false; self.triangles.len()]);
+        let is_loose = self.too_many(&crowded, &fans);
+        let fans = if is_loose.contains(&true) { self.fans(&edges, &is_loose) } else { fans };
         self.with_vertices(&fans)
     }
 
     /// The fan of each triangle's corners, named by one of them: triangles that go on into each other
     /// across an edge have a fan in common at either end. Loose triangles stand alone.
-    fn fans(&self, is_loose: &[bool]) -> Vec<u32> {
+    fn fans(&self, edges: &[HalfEdge], is_loose: &[bool]) -> Vec<u32> {
         let mut parents: Vec<u32> = (0..3 * self.triangles.len() as u32).collect();
-        let mut join = |a: u32, b: u32| {
-            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
-            parents[a.max(b) as usize] = a.min(b);
+        let mut join = |pair: [&HalfEdge; 2]| {
+            if pair.iter().any(|side| is_loose[side.triangle as usize]) {
+                return;
+            }
+            let [a, b] = pair.map(HalfEdge::places);
+            for end in 0..2 {
+                let (a, b) = (root(&mut parents, a[end]), root(&mut parents, b[end]));
+                parents[a.max(b) as usize] = a.min(b);
+            }
         };
-        for edge in self.half_edges(|triangle, corner| self.triangles[triangle][corner]).chunk_by(is_same) {
-            for pair in self.partners(edge) {
-                if pair.iter().any(|side| is_loose[side.triangle as usize]) {
-                    continue;
-                }
-                let [a, b] = pair.map(|side| side.places());
-                (0..2).for_each(|end| join(a[end], b[end]));
+        for edge in edges.chunk_by(is_same) {
+            match edge {
+                [one, other] if is_plain(edge) => join([one, other]),
+                _ => self.partners(edge).iter().for_each(|[one, other]| join([one, other])),
             }
         }
         (0..parents.len() as u32).map(|corner| root(&mut parents, corner)).collect()
     }
 
-    /// All sides of all triangles by the vertices that `vertex` names for a triangle's corner, in order
-    /// of edges.
-    fn half_edges(&self, vertex: impl Fn(usize, usize) -> u32 + Sync) -> Vec<HalfEdge> {
-        let side = |triangle: usize, corner: usize| {
-            let corners = [corner, (corner + 1) % 3];
-            let ends = corners.map(|corner| vertex(triangle, corner));
-            let (ends, corners) = if ends[0] < ends[1] {
-                (ends, corners)
-            } else {
-                ([ends[1], ends[0]], [corners[1], corners[0]])
-            };
-            HalfEdge { ends, triangle: triangle as u32, corners: corners.map(|corner| corner as u32) }
-        };
-        let mut edges: Vec<HalfEdge> =
-            (0..3 * self.triangles.len()).into_par_iter().map(|k| side(k / 3, k % 3)).collect();
+    /// All sides of all triangles, in order of edges.
+    fn half_edges(&self) -> Vec<HalfEdge> {
+        let mut edges: Vec<HalfEdge> = (0..3 * self.triangles.len())
+            .into_par_iter()
+            .map(|k| HalfEdge::new(k / 3, k % 3, |corner| self.triangles[k / 3][corner]))
+            .collect();
         edges.par_sort_unstable();
         edges
     }
@@ -80,11 +91,6 @@ impl Mesh {
     /// The triangles of an edge in pairs that go on into each other: one each way, and of several those
     /// whose normals agree best.
     fn partners(&self, edge: &[HalfEdge]) -> Vec<[HalfEdge; 2]> {
-        if let [one, other] = edge
-            && one.is_forward() != other.is_forward()
-        {
-            return vec![[*one, *other]];
-        }
         let (forward, mut backward): (Vec<HalfEdge>, Vec<HalfEdge>) =
             edge.iter().partition(|e| e.is_forward());
         let mut pairs = Vec::new();
@@ -109,9 +115,15 @@ impl Mesh {
 
     /// Triangles that are still too many at an edge: sheets that touch along it and are one sheet round
     /// both of its ends. One triangle each way stays.
-    fn too_many(&self, fans: &[u32]) -> Vec<bool> {
+    /// `crowded`: the sides of all edges that more than one triangle runs along the same way.
+    fn too_many(&self, crowded: &[HalfEdge], fans: &[u32]) -> Vec<bool> {
         let mut is_loose = vec![false; self.triangles.len()];
-        let edges = self.half_edges(|triangle, corner| fans[3 * triangle + corner]);
+        let by_fans = |side: &HalfEdge| {
+            let triangle = side.triangle as usize;
+            HalfEdge::new(triangle, side.first_corner(), |corner| fans[3 * triangle + corner])
+        };
+        let mut edges: Vec<HalfEdge> = crowded.iter().map(by_fans).collect();
+        edges.sort_unstable();
         for edge in edges.chunk_by(is_same) {
             for forward in [true, false] {
                 let same_way = edge.iter().filter(|side| side.is_forward() == forward);
@@ -141,6 +153,15 @@ impl Mesh {
 
 fn is_same(a: &HalfEdge, b: &HalfEdge) -> bool {
     a.ends == b.ends
+}
+
+/// Whether an edge has one triangle, or one each way.
+fn is_plain(edge: &[HalfEdge]) -> bool {
+    match edge {
+        [_] => true,
+        [one, other] => one.is_forward() != other.is_forward(),
+        _ => false,
+    }
 }
 
 #[cfg(test)]

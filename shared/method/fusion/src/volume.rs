@@ -90,6 +90,8 @@ impl Volume {
         let truncation_m = self.truncation_m();
         let n_steps = (2.0 * truncation_m / (0.5 * edge_m)).ceil() as i32;
         let mut touched = vec![false; self.blocks.len()];
+        // Neighbouring vertices mostly touch the same blocks: those of the vertex before are known.
+        let mut known = vec![None; n_steps as usize + 1];
         for (point, normal) in prepared.points() {
             for step in 0..=n_steps {
                 let along_m = truncation_m * (2.0 * f64::from(step) / f64::from(n_steps) - 1.0);
@@ -98,6 +100,9 @@ impl Volume {
                     continue;
                 }
                 let place = [cell.x as i32, cell.y as i32, cell.z as i32];
+                if known[step as usize].replace(place) == Some(place) {
+                    continue;
+                }
                 let k = match self.index.get(&place) {
                     Some(k) => *k as usize,
                     None => self.make(place)?,
