@@ -1,7 +1,18 @@
 //! Blocks of 6x6 numbers in fixed lanes, and what a factorisation does with them.
 
-use crate::block_cholesky::NotPositiveDefinite;
 use tessera_geometry::Matrix6;
+
+/// The normal equations have a direction without information.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotPositiveDefinite;
+
+impl std::fmt::Display for NotPositiveDefinite {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the normal equations leave a direction without information")
+    }
+}
+
+impl std::error::Error for NotPositiveDefinite {}
 
 /// Lanes of a column: six rows, and two that are 0.
 const ROWS: usize = 8;

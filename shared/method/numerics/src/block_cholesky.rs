@@ -4,25 +4,13 @@
 //! instructions are dispatched at run time: the same bits with every set of vector instructions and for
 //! any number of threads.
 
-use crate::block6::Block6;
+use crate::block6::{Block6, NotPositiveDefinite};
 use crate::elimination::Elimination;
 use crate::factorisation::{Factorisation, Values};
 use crate::panels::Panels;
 use nalgebra::SMatrix;
 use std::ops::Range;
 use tessera_geometry::{Matrix6, Vector6};
-
-/// The normal equations have a direction without information.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NotPositiveDefinite;
-
-impl std::fmt::Display for NotPositiveDefinite {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the normal equations leave a direction without information")
-    }
-}
-
-impl std::error::Error for NotPositiveDefinite {}
 
 /// A factor `L` with `H + lambda I = L L^T`, its pattern kept from one set of values to the next.
 pub struct BlockCholesky {
@@ -46,11 +34,11 @@ pub(crate) struct Goes {
     pub(crate) to: usize,
     /// Place among the blocks off the diagonal; on the diagonal that of the pose.
     pub(crate) from: u32,
-    pub(crate) kind: Kind,
+    pub(crate) kind: BlockKind,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum BlockKind {
     Diagonal,
     Lower,
     Transposed,
@@ -65,11 +53,11 @@ impl BlockCholesky {
         let on_diagonal = place.iter().enumerate().map(|(pose, &at)| Goes {
             to: panels.place(at, at),
             from: pose as u32,
-            kind: Kind::Diagonal,
+            kind: BlockKind::Diagonal,
         });
         let off_diagonal = pattern.iter().enumerate().map(|(from, &(row, column))| {
             let (row, column) = (place[row], place[column]);
-            let kind = if row < column { Kind::Transposed } else { Kind::Lower };
+            let kind = if row < column { BlockKind::Transposed } else { BlockKind::Lower };
             Goes { to: panels.place(row.max(column), row.min(column)), from: from as u32, kind }
         });
         let mut goes: Vec<Goes> = on_diagonal.chain(off_diagonal).collect();

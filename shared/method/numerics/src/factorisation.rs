@@ -3,8 +3,8 @@
 //!
 //! Every block takes its products in the order of elimination, whichever thread does it.
 
-use crate::block_cholesky::{BlockCholesky, Kind, NotPositiveDefinite};
-use crate::block6::{Block6, divide, factorise_block, subtract_products};
+use crate::block_cholesky::{BlockCholesky, BlockKind};
+use crate::block6::{Block6, NotPositiveDefinite, divide, factorise_block, subtract_products};
 use rayon::prelude::*;
 use std::ops::Range;
 use tessera_geometry::Matrix6;
@@ -108,8 +108,8 @@ impl Factorisation<'_> {
         let part = ROWS_OF_A_PART * width;
         own.par_chunks_mut(part).enumerate().for_each(|(at, blocks)| {
             let first = at * ROWS_OF_A_PART;
-            let rows = Rows { panel, first, blocks };
-            arch.dispatch(Take { work: *self, rows, before, place_of_row });
+            let rows = PanelRows { panel, first, blocks };
+            arch.dispatch(TakeProducts { work: *self, rows, before, place_of_row });
         });
         let (square, below) = own.split_at_mut(width * width);
         arch.dispatch(Square { blocks: square, width })?;
@@ -127,9 +127,9 @@ impl Factorisation<'_> {
         for goes in &goes[goes_starts[panel]..goes_starts[panel + 1]] {
             let (to, from) = (&mut own[goes.to - start], goes.from as usize);
             match goes.kind {
-                Kind::Diagonal => to.add(&(diagonal[from] + Matrix6::identity() * lambda), false),
-                Kind::Lower => to.add(&blocks[from], false),
-                Kind::Transposed => to.add(&blocks[from], true),
+                BlockKind::Diagonal => to.add(&(diagonal[from] + Matrix6::identity() * lambda), false),
+                BlockKind::Lower => to.add(&blocks[from], false),
+                BlockKind::Transposed => to.add(&blocks[from], true),
             }
         }
         let rows = panels.columns(panel).chain(panels.below(panel).iter().map(|&row| row as usize));
@@ -139,9 +139,9 @@ impl Factorisation<'_> {
     /// Takes what earlier panels give to some rows of a panel; `before` has their blocks, the last of them
     /// just before the panel's own.
     #[inline(always)]
-    fn take(&self, rows: Rows<'_>, before: &[Block6], place_of_row: &[u32]) {
+    fn take(&self, rows: PanelRows<'_>, before: &[Block6], place_of_row: &[u32]) {
         let panels = &self.of.panels;
-        let Rows { panel, first, blocks } = rows;
+        let PanelRows { panel, first, blocks } = rows;
         let (columns, own_width) = (panels.columns(panel), panels.width(panel));
         let end = first + blocks.len() / own_width;
         let hidden = panels.blocks(panel).start - before.len();
@@ -169,7 +169,7 @@ impl Factorisation<'_> {
 }
 
 /// Rows of a panel from `first` on.
-struct Rows<'a> {
+struct PanelRows<'a> {
     panel: usize,
     first: usize,
     blocks: &'a mut [Block6],
@@ -227,7 +227,7 @@ impl pulp::WithSimd for Alone<'_> {
             let Range { start, end } = panels.blocks(panel);
             let (before, own) = blocks[..end - hidden].split_at_mut(start - hidden);
             work.begin(panel, own, place_of_row);
-            work.take(Rows { panel, first: 0, blocks: &mut *own }, before, place_of_row);
+            work.take(PanelRows { panel, first: 0, blocks: &mut *own }, before, place_of_row);
             let width = panels.width(panel);
             let (square, below) = own.split_at_mut(width * width);
             factorise_square(square, width)?;
@@ -238,14 +238,14 @@ impl pulp::WithSimd for Alone<'_> {
 }
 
 /// [`Factorisation::take`] for each instruction set.
-struct Take<'a> {
+struct TakeProducts<'a> {
     work: Factorisation<'a>,
-    rows: Rows<'a>,
+    rows: PanelRows<'a>,
     before: &'a [Block6],
     place_of_row: &'a [u32],
 }
 
-impl pulp::WithSimd for Take<'_> {
+impl pulp::WithSimd for TakeProducts<'_> {
     type Output = ();
 
     #[inline(always)]

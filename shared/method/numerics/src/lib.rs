@@ -21,7 +21,8 @@ mod range;
 mod rice;
 mod steps;
 
-pub use block_cholesky::{BlockCholesky, NotPositiveDefinite};
+pub use block_cholesky::BlockCholesky;
+pub use block6::NotPositiveDefinite;
 pub use isa::{Isa, IsaMissing};
 pub use jackknife::jackknife_sigma;
 pub use prefetch::prefetch;
