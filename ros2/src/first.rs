@@ -7,6 +7,7 @@ use crate::report::{Event, Report};
 use crate::run::Run;
 use crate::topics::{Images, Topics};
 use std::time::{Duration, Instant};
+use tessera_frames::CameraFile;
 use tessera_geometry::Camera;
 use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage, LiveTopic, RecordingError};
 
@@ -50,7 +51,7 @@ impl First {
         &self,
         topics: &Topics,
         frames: &FrameTree,
-        given: Option<&Camera>,
+        given: Option<&CameraFile>,
         run: &Run,
         report: &mut Report,
     ) -> Result<Option<LiveCamera>, Ros2Error> {

@@ -13,8 +13,7 @@ use crate::run::Run;
 use crate::sender::Sender;
 use crate::topics::{Chooser, Topics};
 use std::time::{Duration, Instant};
-use tessera_frames::named_camera;
-use tessera_geometry::Camera;
+use tessera_frames::CameraFile;
 use tessera_recording::FrameTree;
 
 /// Time between two looks for topics.
@@ -24,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(200);
 pub(crate) struct Input {
     chooser: Chooser,
     looked_at: Option<Instant>,
-    given: Option<Camera>,
+    given: Option<CameraFile>,
     base_frame: String,
     tf_static: Box<dyn Subscription>,
     imu: Option<Box<dyn Subscription>>,
@@ -46,7 +45,7 @@ impl Input {
         Ok(Self {
             chooser: Chooser::new(arguments),
             looked_at: None,
-            given: arguments.camera.as_deref().map(named_camera).transpose()?,
+            given: arguments.camera.as_deref().map(CameraFile::named).transpose()?,
             base_frame: arguments.base_frame.clone(),
             tf_static: carrier.subscribe("/tf_static", TRANSFORMS, Quality::STATIC)?,
             imu: arguments

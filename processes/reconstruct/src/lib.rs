@@ -69,6 +69,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             }
             _ => Vec::new(),
         };
+        context.kill_points.pass("extracted", header.index);
         let n_vertices = context.layout.grid.len();
         let mut loan = surfaces.loan(n_vertices + vertices_of_features(features.len()))?;
         write_features(&mut loan.payload_mut()[n_vertices..], &features);

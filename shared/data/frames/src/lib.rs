@@ -8,6 +8,7 @@
 pub mod cameras;
 mod check;
 mod check_words;
+mod colour_camera;
 pub mod decode;
 mod depth_units;
 mod error;
@@ -16,8 +17,9 @@ pub mod pairing;
 mod source;
 mod warp;
 
-pub use cameras::{CAMERA_NAMES, load_camera, named_camera};
+pub use cameras::{CAMERA_NAMES, CameraFile, load_camera, named_camera};
 pub use check::{CheckReport, Gaps, check};
+pub use colour_camera::ColourCamera;
 pub use depth_units::{
     DepthSummary, DepthUnitsError, doubt_units, refuse_impossible_depth, summarise_depth, summarise_image,
 };

@@ -9,7 +9,7 @@ use crate::rational::Undistortion;
 use crate::topics::Topics;
 use crate::transforms;
 use std::sync::Arc;
-use tessera_frames::{ColourWarp, decode};
+use tessera_frames::{ColourCamera, ColourWarp, decode};
 use tessera_geometry::{Camera, Pose};
 
 /// Pixels by which two cameras of the same images may differ.
@@ -42,6 +42,8 @@ pub(super) struct Depth<'a> {
     pub(super) camera: &'a Camera,
     /// As recorded; `None` where the recording says nothing of it.
     pub(super) recorded: Option<&'a RecordedCamera>,
+    /// The colour camera that a camera file gives beside it.
+    pub(super) stated_colour: Option<&'a ColourCamera>,
 }
 
 /// Looks at the first colour image, its camera, and where that stands.
@@ -77,6 +79,9 @@ pub(super) fn decide(
     let choice = |colour, words: String| Choice { colour, words, warning: None };
     let Images { topic, size, own } = images;
     let depth_size = (depth.camera.width, depth.camera.height);
+    if let Some(stated) = depth.stated_colour {
+        return of_stated(topic, size, depth.camera, stated);
+    }
     if size == depth_size && is_same(depth.recorded, own.as_ref()) {
         return choice(ColourUse::Registered, format!("{topic}, registered to depth"));
     }
@@ -95,6 +100,30 @@ pub(super) fn decide(
         size.0, size.1, depth_size.0, depth_size.1
     );
     Choice { colour: ColourUse::None, words: format!("{topic} left out: {reason}"), warning: Some(warning) }
+}
+
+/// Images of the colour camera that a camera file states.
+fn of_stated(topic: &str, size: (u32, u32), depth: &Camera, stated: &ColourCamera) -> Choice {
+    let expected = (stated.camera.width, stated.camera.height);
+    let warp = ColourWarp::new(depth, &stated.camera, stated.colour_from_depth);
+    match warp.filter(|_| size == expected) {
+        Some(warp) => Choice {
+            colour: ColourUse::Warped { lens: None, warp: Arc::new(warp) },
+            words: format!("{topic}, {}x{} px, warped to depth by both cameras", size.0, size.1),
+            warning: None,
+        },
+        None => {
+            let reason = format!(
+                "{}x{} px, where the camera file's [colour] says {}x{}",
+                size.0, size.1, expected.0, expected.1
+            );
+            Choice {
+                colour: ColourUse::None,
+                words: format!("{topic} left out: {reason}"),
+                warning: Some(format!("{topic} is {reason}: colour is left out")),
+            }
+        }
+    }
 }
 
 fn colour_camera(chunks: &Chunks, topics: &Topics, found: &FoundMessage) -> Option<RecordedCamera> {

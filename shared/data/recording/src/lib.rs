@@ -32,8 +32,8 @@ pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use rational::Undistortion;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
+use tessera_frames::CameraFile;
 use tessera_frames::SourceError;
-use tessera_frames::cameras::named_camera;
 use tessera_frames::pairing::{pair, summarise};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
 use tessera_geometry::Camera;
@@ -103,7 +103,7 @@ impl RecordingSource {
             path: path.to_owned(),
             source: Box::new(source),
         };
-        let given = options.camera.map(named_camera).transpose()?;
+        let given = options.camera.map(CameraFile::named).transpose()?;
         let file = container::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
             file.cut().iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
@@ -186,14 +186,15 @@ impl Cameras {
         chunks: &Chunks,
         topics: &Topics,
         found: &FoundMessage,
-        given: Option<(Camera, &str)>,
+        given: Option<(CameraFile, &str)>,
         warnings: &mut Vec<String>,
     ) -> Result<Self, RecordingError> {
         let first =
             found.depth.first().ok_or_else(|| RecordingError::Empty { topic: topics.depth.clone() })?;
         let recorded = camera::of_depth(chunks, topics, found.camera.as_ref(), first);
-        let (depth, from, lens, recorded) = match given {
-            Some((camera, name)) => (camera, name.to_owned(), None, recorded.ok()),
+        let stated = given.as_ref().and_then(|(file, _)| file.colour.clone());
+        let (mut depth, from, lens, recorded) = match given {
+            Some((file, name)) => (file.camera, name.to_owned(), None, recorded.ok()),
             None => {
                 let recorded = recorded?;
                 let camera = recorded.camera.clone();
@@ -205,7 +206,10 @@ impl Cameras {
                 (camera, from, lens, Some(recorded))
             }
         };
-        let seen = colour::Depth { camera: &depth, recorded: recorded.as_ref() };
+        // Once it is warped.
+        depth.colour_registered |= stated.is_some();
+        let seen =
+            colour::Depth { camera: &depth, recorded: recorded.as_ref(), stated_colour: stated.as_ref() };
         let choice = colour::choose(chunks, topics, found, &seen);
         warnings.extend(choice.warning);
         Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words })

@@ -7,6 +7,7 @@ use crate::messages::ImageMessage;
 use crate::rational::Undistortion;
 use crate::transforms::FrameTree;
 use crate::{pixels, ros};
+use tessera_frames::CameraFile;
 use tessera_geometry::Camera;
 
 /// Part of the focal length by which a camera may change and still be the same: autofocus.
@@ -80,7 +81,7 @@ impl<'a> LiveImage<'a> {
 
 impl LiveCamera {
     /// Decides by the first messages of depth and colour how all others are read. The camera of
-    /// depth is `given`, else that of its CameraInfo.
+    /// depth is that of the file `given`, else that of its CameraInfo; so with colour.
     ///
     /// # Errors
     /// Where nothing says what the depth camera is, or it is one that cannot be used.
@@ -88,12 +89,13 @@ impl LiveCamera {
         depth: &LiveTopic<'_>,
         colour: Option<&LiveTopic<'_>>,
         frames: &FrameTree,
-        given: Option<&Camera>,
+        given: Option<&CameraFile>,
     ) -> Result<Self, RecordingError> {
         let units_per_metre = camera::units_per_metre(&depth.image.0);
         let recorded = recorded(depth, units_per_metre);
-        let (camera, lens, recorded) = match given {
-            Some(camera) => (camera.clone(), None, recorded.ok()),
+        let stated_colour = given.and_then(|file| file.colour.as_ref());
+        let (mut camera, lens, recorded) = match given {
+            Some(file) => (file.camera.clone(), None, recorded.ok()),
             None => {
                 let recorded = recorded?;
                 let camera = recorded.camera.clone();
@@ -101,7 +103,9 @@ impl LiveCamera {
                 (camera, lens, Some(recorded))
             }
         };
-        let seen = colour::Depth { camera: &camera, recorded: recorded.as_ref() };
+        // Once it is warped.
+        camera.colour_registered |= stated_colour.is_some();
+        let seen = colour::Depth { camera: &camera, recorded: recorded.as_ref(), stated_colour };
         let choice = choose(colour, &seen, frames);
         Ok(Self {
             lens,
@@ -299,7 +303,8 @@ mod tests {
         let none = LiveTopic { info: None, ..topic };
         let words = LiveCamera::new(&none, None, &FrameTree::default(), None).unwrap_err().to_string();
         assert!(words.contains("no camera for /depth"), "{words}");
-        let given = Camera { units_per_metre: 1000.0, ..live.camera().clone() };
+        let camera = Camera { units_per_metre: 1000.0, ..live.camera().clone() };
+        let given = CameraFile { camera, colour: None };
         let live = LiveCamera::new(&none, None, &FrameTree::default(), Some(&given)).unwrap();
         live.read_depth(&depth, &mut raw).unwrap();
         assert_eq!((raw[0], live.compare(&info("d", SIZE, 25.0)).unwrap()), (1500, Change::None));

@@ -25,21 +25,22 @@ pub struct BlockSums {
 }
 
 impl BlockSums {
-    /// `q`, `l` and `c` as one run of 73 numbers, for storing.
-    pub fn to_numbers(&self) -> Vec<f64> {
-        self.q.iter().chain(&self.l).chain(std::iter::once(&self.c)).copied().collect()
+    /// `q`, `l` and `c` as one run of 73 numbers in single precision, for storing: they are about a pose
+    /// near the solution, where what is rounded off is below the noise.
+    pub fn to_numbers(&self) -> Vec<f32> {
+        self.q.iter().chain(&self.l).chain(std::iter::once(&self.c)).map(|v| *v as f32).collect()
     }
 
     /// The inverse of [`Self::to_numbers`]; `None` unless there are 73.
-    pub fn from_numbers(numbers: &[f64], n: u32) -> Option<Self> {
-        let mut sums = Self { n, ..Self::default() };
-        if numbers.len() != 73 {
-            return None;
-        }
-        sums.q.copy_from_slice(&numbers[..60]);
-        sums.l.copy_from_slice(&numbers[60..72]);
-        sums.c = numbers[72];
-        Some(sums)
+    pub fn from_numbers(numbers: &[f32], n: u32) -> Option<Self> {
+        let numbers: &[f32; 73] = numbers.try_into().ok()?;
+        let number = |k: usize| f64::from(numbers[k]);
+        Some(Self {
+            q: std::array::from_fn(number),
+            l: std::array::from_fn(|k| number(60 + k)),
+            c: number(72),
+            n,
+        })
     }
 }
 

@@ -14,12 +14,13 @@ use crate::clock::monotonic_nanos;
 pub const KILL_POINTS_VARIABLE: &str = "TESSERA_KILL_POINTS";
 
 /// All kill points with the stage that has them; the number is a frame, or a request for those of `optimise`.
-pub const KILL_POINTS: [(&str, &str); 21] = [
+pub const KILL_POINTS: [(&str, &str); 22] = [
     ("sensor", "opened"),
     ("sensor", "read"),
     ("sensor", "sent"),
     ("reconstruct", "opened"),
     ("reconstruct", "received"),
+    ("reconstruct", "extracted"),
     ("reconstruct", "computed"),
     ("reconstruct", "sent"),
     ("align", "opened"),

@@ -18,16 +18,36 @@ fn error_m(source: &SimulatedSource, frames: &[RawFrame], colour: impl Fn(usize)
     ate_m(source, &indices, &records.online())
 }
 
+/// Each pixel the mean of those within 12 px in its row: what a fast turn in the dark leaves.
+fn blurred(image: &[u8], width: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(image.len());
+    for row in image.chunks_exact(3 * width) {
+        for column in 0..width {
+            let span = column.saturating_sub(12)..(column + 13).min(width);
+            let n = span.len() as u32;
+            out.extend(
+                (0..3).map(|c| (span.clone().map(|k| u32::from(row[3 * k + c])).sum::<u32>() / n) as u8),
+            );
+        }
+    }
+    out
+}
+
 #[test]
 fn planted_faults_of_colour_cost_no_accuracy() {
     let source = scene(SceneName::Room, &SimulationOptions::default());
     let frames = frames(&source, &(0..N_FRAMES).collect::<Vec<u64>>());
     let image = |k: usize| frames[k].colour.clone();
     let n = frames.len();
+    let elsewhere = scene(SceneName::House, &SimulationOptions::default());
+    let elsewhere = common::frames(&elsewhere, &(0..N_FRAMES).collect::<Vec<u64>>());
+    let width = 640;
     let without_m = error_m(&source, &frames, |_| None);
-    let faults: [(&str, f64); 4] = [
+    let faults: [(&str, f64); 6] = [
         ("frozen", error_m(&source, &frames, |_| image(0))),
         ("of another time", error_m(&source, &frames, |k| image((k * 37 + n / 2) % n))),
+        ("of another scene", error_m(&source, &frames, |k| elsewhere[k].colour.clone())),
+        ("blurred", error_m(&source, &frames, |k| image(k).map(|i| blurred(&i, width)))),
         ("dark", error_m(&source, &frames, |k| image(k).map(|i| i.iter().map(|b| b / 64).collect()))),
         ("black", error_m(&source, &frames, |k| image(k).map(|i| vec![0; i.len()]))),
     ];

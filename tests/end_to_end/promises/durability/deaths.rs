@@ -31,9 +31,15 @@ fn sensor_dies() {
 
 #[test]
 fn reconstruct_dies() {
-    ["reconstruct=opened:0", "reconstruct=received:0", "reconstruct=computed:9", "reconstruct=sent:21"]
-        .iter()
-        .for_each(|plan| check(plan));
+    [
+        "reconstruct=opened:0",
+        "reconstruct=received:0",
+        "reconstruct=extracted:5",
+        "reconstruct=computed:9",
+        "reconstruct=sent:21",
+    ]
+    .iter()
+    .for_each(|plan| check(plan));
 }
 
 #[test]

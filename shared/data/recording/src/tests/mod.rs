@@ -361,6 +361,30 @@ mod cameras {
     }
 
     #[test]
+    fn a_camera_file_may_state_the_colour_camera() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let depth =
+            "width = 20\nheight = 16\nfx = 20.0\nfy = 20.0\ncx = 9.5\ncy = 7.5\nunits_per_metre = 1000.0\n";
+        let lens = "[colour]\nwidth = 40\nheight = 32\nfx = 40.0\nfy = 40.0\ncx = 19.5\ncy = 15.5\n";
+        let place = "colour_from_depth = [-0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]\n";
+        let opened = |lens: &str| {
+            std::fs::write(file.path(), format!("{depth}{lens}{place}")).unwrap();
+            let options = RecordingOptions { camera: file.path().to_str(), ..RecordingOptions::default() };
+            open(&two_cameras(Vec::new()), &options).unwrap()
+        };
+        let source = opened(lens);
+        assert_eq!(source.warnings(), &[] as &[String]);
+        let (_, colour, info) = read(&source, 0);
+        assert!(info.has_colour);
+        let red = i32::from(colour[3 * (20 * 8 + 10)]);
+        assert!((red - 16).abs() <= 1, "{red}");
+        let source = opened(&lens.replace("width = 40", "width = 80"));
+        let warning = &source.warnings()[0];
+        assert!(warning.contains("40x32 px, where the camera file's [colour] says 80x32"), "{warning}");
+        assert!(!read(&source, 0).2.has_colour);
+    }
+
+    #[test]
     fn a_rational_lens_is_taken_out_of_the_images() {
         // The image as taken is drawn together towards its middle: r (1 - 0.4 r^2).
         let lens = [-0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01];

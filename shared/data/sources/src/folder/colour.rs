@@ -1,10 +1,9 @@
 //! How the colour images of a folder come to the pixels of depth: as they are, warped, or not at all.
 
-use super::layouts::ColourCamera;
 use super::list::ListEntry;
 use crate::ImageError;
 use std::path::Path;
-use tessera_frames::{ColourWarp, decode};
+use tessera_frames::{ColourCamera, ColourWarp, decode};
 use tessera_geometry::Camera;
 
 /// What is done with colour images.
@@ -23,6 +22,30 @@ impl ColourImages {
         Self { is_used: false, words: words.to_owned(), warning: None, warp: None }
     }
 
+    /// Images of the camera that the camera file states for them; left out where none of the first has
+    /// its size.
+    pub(super) fn of_stated(
+        folder: &Path,
+        images: &[ListEntry],
+        depth: &Camera,
+        stated: &ColourCamera,
+    ) -> Self {
+        let sizes = sizes(folder, images);
+        let size = (stated.camera.width, stated.camera.height);
+        let Some(first) = sizes.first() else { return Self::without("none") };
+        let warp = ColourWarp::new(depth, &stated.camera, stated.colour_from_depth);
+        let (width, height) = size;
+        if let Some(warp) = warp.filter(|_| sizes.contains(&size)) {
+            let words = format!("{width}x{height} px, warped to depth by both cameras");
+            return Self { is_used: true, words, warning: None, warp: Some(warp) };
+        }
+        let (found, expected) = (format!("{}x{} px", first.0, first.1), format!("{width}x{height} px"));
+        let warning =
+            format!("colour is {found}, the camera file's [colour] says {expected}: colour is left out");
+        let words = format!("left out: {found}, not {expected}");
+        Self { is_used: false, words, warning: Some(warning), warp: None }
+    }
+
     /// Looks at the first colour image that can be read: one of the size of depth is taken as
     /// registered, another one needs its own camera.
     pub(super) fn choose(
@@ -34,11 +57,8 @@ impl ColourImages {
         if images.is_empty() {
             return Self::without("none");
         }
-        let size_of = |entry: &ListEntry| {
-            std::fs::read(folder.join(&entry.file)).ok().and_then(|bytes| decode::size(&bytes).ok())
-        };
         let used = |words: &str, warp| Self { is_used: true, words: words.to_owned(), warning: None, warp };
-        let sizes: Vec<(u32, u32)> = images.iter().take(MOST_TRIED).filter_map(size_of).collect();
+        let sizes = sizes(folder, images);
         let depth_size = (depth.width, depth.height);
         // One odd image among those of the size of depth is a frame's problem.
         let Some(size) = sizes.first().copied().filter(|_| !sizes.contains(&depth_size)) else {
@@ -83,3 +103,9 @@ impl ColourImages {
 
 /// Colour images whose size is asked for before giving up.
 const MOST_TRIED: usize = 5;
+
+/// Columns and rows of the first images that can be read.
+fn sizes(folder: &Path, images: &[ListEntry]) -> Vec<(u32, u32)> {
+    let size_of = |entry: &ListEntry| decode::size(&std::fs::read(folder.join(&entry.file)).ok()?).ok();
+    images.iter().take(MOST_TRIED).filter_map(size_of).collect()
+}

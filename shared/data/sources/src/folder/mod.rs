@@ -74,16 +74,20 @@ impl FolderSource {
         asked: &Asked,
         frames: Option<u64>,
     ) -> Result<Self, SourceError> {
-        let FoundLayout { layout, camera, camera_from, mut depth, colour, colour_camera, .. } = found;
+        let FoundLayout { layout, mut camera, camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
-        let (colour, colour_images) = match asked.is_without_colour {
-            true => (Vec::new(), ColourImages::without("left out, as asked for")),
-            false => {
-                let images = ColourImages::choose(folder, &colour, &camera, colour_camera.as_ref());
-                warnings.extend(images.warning.clone());
-                (if images.is_used { colour } else { Vec::new() }, images)
+        let stated = asked.camera_file(folder)?.and_then(|(file, _)| file.colour);
+        let colour_images = match &stated {
+            _ if asked.is_without_colour => ColourImages::without("left out, as asked for"),
+            Some(stated) => {
+                // Once it is warped.
+                camera.colour_registered = true;
+                ColourImages::of_stated(folder, &colour, &camera, stated)
             }
+            None => ColourImages::choose(folder, &colour, &camera, colour_camera.as_ref()),
         };
+        warnings.extend(colour_images.warning.clone());
+        let colour = if colour_images.is_used { colour } else { Vec::new() };
         let times = |list: &[ListEntry]| list.iter().map(|entry| entry.stamp_nanos).collect::<Vec<i64>>();
         let (mut stamps, colour_stamps) = (times(&depth), times(&colour));
         let mut partners = pair(&stamps, &colour_stamps);

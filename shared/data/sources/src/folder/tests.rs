@@ -211,6 +211,36 @@ fn colour_is_left_out_where_that_is_asked_for_or_its_size_is_another() {
 }
 
 #[test]
+fn colour_of_the_camera_that_the_camera_file_states_is_warped_whatever_its_size() {
+    let folder = folder();
+    // Half the focal length, 0.1 m to the right.
+    let lens = "[colour]\nwidth = 20\nheight = 16\nfx = 10.0\nfy = 10.0\ncx = 9.5\ncy = 7.5\n";
+    let place = "colour_from_depth = [-0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]\n";
+    let write = |lens: &str| {
+        let file = format!("colour_registered = false\n{CAMERA}{lens}{place}");
+        fs::write(folder.path().join("camera.toml"), file).unwrap();
+    };
+    write(lens);
+    let columns: Vec<u8> = (0..HEIGHT).flat_map(|_| (0..WIDTH).flat_map(|c| [10 * c as u8, 7, 7])).collect();
+    fs::write(folder.path().join("c2.png"), png(&columns, WIDTH, HEIGHT, ExtendedColorType::Rgb8)).unwrap();
+    let source = FolderSource::open(folder.path(), None, None).unwrap();
+    assert!(source.camera().colour_registered && source.warnings().is_empty());
+    let (info, depth, colour) = read(folder.path(), 2).unwrap();
+    assert!(info.has_colour);
+    for column in [4, 9, 15] {
+        let place = 20 * 8 + column;
+        let depth_m = f64::from(depth[place]) * 1e-3;
+        let expected = 9.5 + 10.0 * ((column as f64 - 9.5) / 20.0 - 0.1 / depth_m);
+        assert_eq!(f64::from(colour[3 * place]) / 10.0, (expected + 0.5).floor(), "column {column}");
+    }
+    write(&lens.replace("width = 20", "width = 40"));
+    let source = FolderSource::open(folder.path(), None, None).unwrap();
+    let warning = &source.warnings()[0];
+    assert!(warning.contains("colour is 20x16 px, the camera file's [colour] says 40x16 px"), "{warning}");
+    assert!(!read(folder.path(), 2).unwrap().0.has_colour);
+}
+
+#[test]
 fn a_missing_or_broken_image_costs_itself_alone() {
     let folder = folder();
     fs::remove_file(folder.path().join("d1.png")).unwrap();

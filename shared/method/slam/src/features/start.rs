@@ -59,7 +59,8 @@ fn pose_from_features(
     aligner: &mut Aligner,
     world_from_camera: &Pose,
 ) -> Option<Pose> {
-    if aligner.sight.n_features() == 0 || !input.context.is_colour_trusted {
+    let is_wanted = input.context.mapping.features.gives_guess && input.context.is_colour_trusted;
+    if aligner.sight.n_features() == 0 || !is_wanted {
         return None;
     }
     let mut members = window::select(&input.map, &input.context.mapping.window, world_from_camera);

@@ -69,8 +69,8 @@ impl Context {
         let settings = &self.mapping.features;
         Self {
             colour: if settings.correct { colour.model } else { ColourModel::default() },
-            feature_weight: settings.weight * colour.weight(),
-            is_colour_trusted: colour.is_trusted(),
+            feature_weight: settings.weight * if settings.weight_by_residual { colour.weight() } else { 1.0 },
+            is_colour_trusted: colour.is_trusted() || !settings.weight_by_residual,
             ..self.clone()
         }
     }

@@ -111,7 +111,7 @@ pub struct BlockRecord {
     /// The transform at which the matches were found.
     pub keyframe_from_camera: PoseBits,
     /// `Q`, `l` and `c`, 73 numbers.
-    pub sums: Vec<f64>,
+    pub sums: Vec<f32>,
     /// Matches.
     pub n_matches: u32,
 }

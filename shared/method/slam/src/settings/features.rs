@@ -17,11 +17,24 @@ pub struct FeatureUse {
     pub keyframe_weight: f64,
     /// Whether lag and focal ratio of colour are estimated, and corrected once they are certain.
     pub correct: bool,
+    /// Whether the pose that they agree on is an initial guess.
+    #[serde(skip)]
+    pub gives_guess: bool,
+    /// Whether their weight follows from the residual against the surfaces.
+    #[serde(skip)]
+    pub weight_by_residual: bool,
 }
 
 impl Default for FeatureUse {
     fn default() -> Self {
-        Self { enabled: true, weight: 0.1, keyframe_weight: 0.1, correct: true }
+        Self {
+            enabled: true,
+            weight: 0.1,
+            keyframe_weight: 0.1,
+            correct: true,
+            gives_guess: true,
+            weight_by_residual: true,
+        }
     }
 }
 

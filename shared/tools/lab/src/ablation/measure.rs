@@ -54,7 +54,9 @@ impl AblationPlan {
         for part in &PARTS {
             let own = part.overrides.iter().map(|pair| (*pair).to_owned());
             let overrides: Vec<String> = self.overrides.iter().cloned().chain(own).collect();
-            all.push(Settings::load(Some(&self.whole_base), &overrides)?);
+            let mut settings = Settings::load(Some(&self.whole_base), &overrides)?;
+            (part.change)(&mut settings);
+            all.push(settings);
         }
         Ok(all)
     }

@@ -78,7 +78,7 @@ pub struct Head {
 }
 
 /// All tables.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Tables {
     /// Preset or file of the first table.
     pub columns_base: String,

@@ -17,8 +17,8 @@ use super::list::ListEntry;
 use crate::{COLOUR_NONE, SourceError, SourceOptions};
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
-use tessera_frames::cameras::{load_camera, named_camera};
-use tessera_geometry::{Camera, Pose};
+use tessera_frames::{CameraFile, ColourCamera};
+use tessera_geometry::Camera;
 
 /// Frames a second where neither the files nor `--fps` say.
 const USUAL_FPS: f64 = 30.0;
@@ -30,7 +30,7 @@ const MOST_NAMED: usize = 8;
 /// What was asked for beside the folder.
 #[derive(Clone, Debug)]
 pub(super) struct Asked {
-    camera: Option<(Camera, String)>,
+    camera: Option<(CameraFile, String)>,
     fps: Option<f64>,
     pub(super) is_without_colour: bool,
 }
@@ -38,7 +38,7 @@ pub(super) struct Asked {
 impl Asked {
     pub(super) fn new(options: &SourceOptions) -> Result<Self, SourceError> {
         let given = options.camera.as_deref();
-        let camera = given.map(|name| Ok::<_, SourceError>((named_camera(name)?, name.to_owned())));
+        let camera = given.map(|name| Ok::<_, SourceError>((CameraFile::named(name)?, name.to_owned())));
         if let Some(fps) = options.fps
             && !POSSIBLE_FPS.contains(&fps)
         {
@@ -56,14 +56,19 @@ impl Asked {
         folder: &Path,
         own: impl FnOnce() -> Result<Option<(Camera, String)>, SourceError>,
     ) -> Result<(Camera, String), SourceError> {
-        if let Some(given) = &self.camera {
-            return Ok(given.clone());
-        }
-        let file = folder.join("camera.toml");
-        if file.exists() {
-            return Ok((load_camera(&file)?, "camera.toml".to_owned()));
+        if let Some((file, from)) = self.camera_file(folder)? {
+            return Ok((file.camera, from));
         }
         own()?.ok_or_else(|| SourceError::NoCamera { folder: folder.to_owned() })
+    }
+
+    /// The camera file given, else `camera.toml`, with where it is from.
+    pub(super) fn camera_file(&self, folder: &Path) -> Result<Option<(CameraFile, String)>, SourceError> {
+        if let Some(given) = &self.camera {
+            return Ok(Some(given.clone()));
+        }
+        let file = folder.join("camera.toml");
+        Ok(if file.exists() { Some((CameraFile::load(&file)?, "camera.toml".to_owned())) } else { None })
     }
 
     /// Frames a second for frames that have only a number, and what is said of it.
@@ -73,15 +78,6 @@ impl Asked {
             None => (USUAL_FPS, format!("none: {USUAL_FPS} frames a second are assumed (--fps)")),
         }
     }
-}
-
-/// The camera of colour images beside that of depth.
-#[derive(Clone, Debug)]
-pub(super) struct ColourCamera {
-    /// Its size is that of the images.
-    pub(super) camera: Camera,
-    /// From points of the depth camera to the colour camera, metres.
-    pub(super) colour_from_depth: Pose,
 }
 
 /// What a folder holds.

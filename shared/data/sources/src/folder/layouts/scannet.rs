@@ -3,9 +3,10 @@
 //! `intrinsic_color.txt`. Colour is larger than depth and seen from the same place.
 
 use super::files::{at_rate, numbered, numbers, pinhole, size_of, some_depth, text, wrong};
-use super::{Asked, ColourCamera, FoundLayout, pose};
+use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use std::path::Path;
+use tessera_frames::ColourCamera;
 use tessera_geometry::{Camera, Pose};
 
 pub(super) const NAME: &str = "ScanNet (depth/, pose/, intrinsic/)";
