@@ -129,23 +129,59 @@ pub fn configuration(bytes: &[u8]) {
     }
 }
 
-/// Depth and colour images; the first byte says which one is not what it should be.
+/// Depth, colour and confidence images; the first byte says which one is not what it should be.
 pub fn images(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
-    in_folder(|folder| {
-        write(folder, "camera.toml", CAMERA.as_bytes());
-        write(folder, "depth.txt", b"1.0 depth.png\n");
-        write(folder, "rgb.txt", b"1.0 rgb\n");
-        write(folder, "depth.png", DEPTH);
-        write(folder, if which % 2 == 0 { "depth.png" } else { "rgb" }, bytes);
-        let source = FolderSource::open(folder, None, None).expect("the lists are good");
-        let (mut depth, mut colour) = (vec![0; N_PIXELS], vec![0; 3 * N_PIXELS]);
-        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-        if let Err(error) = source.read(0, &mut buffers) {
-            assert!(error.to_string().contains("frame 0"), "{error}");
-        }
+    in_folder(|folder| match which {
+        2..=4 => record3d(folder, *which, bytes),
+        _ => tum_images(folder, which % 2 == 0, bytes),
     });
 }
+
+fn tum_images(folder: &Path, is_depth: bool, bytes: &[u8]) {
+    write(folder, "camera.toml", CAMERA.as_bytes());
+    write(folder, "depth.txt", b"1.0 depth.png\n");
+    write(folder, "rgb.txt", b"1.0 rgb\n");
+    write(folder, "depth.png", DEPTH);
+    write(folder, if is_depth { "depth.png" } else { "rgb" }, bytes);
+    let source = FolderSource::open(folder, None, None).expect("the lists are good");
+    let (mut depth, mut colour) = (vec![0; N_PIXELS], vec![0; 3 * N_PIXELS]);
+    let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+    if let Err(error) = source.read(0, &mut buffers) {
+        assert!(error.to_string().contains("frame 0"), "{error}");
+    }
+}
+
+/// A folder of Record3D: its depth (2), confidence (3) or metadata (4).
+fn record3d(folder: &Path, which: u8, bytes: &[u8]) {
+    let folder = folder.join("record3d");
+    std::fs::create_dir_all(folder.join("rgbd")).expect("a folder for the input");
+    write(&folder, "rgbd/0.depth", if which == 2 { bytes } else { &LZFSE_DEPTH[1..] });
+    write(&folder, "rgbd/0.conf", if which == 3 { bytes } else { &LZFSE_CONFIDENCE[1..] });
+    write(&folder, "metadata", if which == 4 { bytes } else { &METADATA[1..] });
+    let source = match FolderSource::open(&folder, None, None) {
+        Ok(source) => source,
+        Err(error) => {
+            assert!(which == 4 && error.to_string().contains("record3d"), "{error}");
+            return;
+        }
+    };
+    source.camera().check().expect("a camera that was taken holds its rules");
+    let n_pixels = (source.camera().width * source.camera().height) as usize;
+    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+    let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+    if let Err(error) = source.read(0, &mut buffers) {
+        assert!(error.to_string().contains("frame 0"), "{error}");
+    }
+    if let Err(error) = source.inspect(0) {
+        assert!(error.to_string().contains("frame 0"), "{error}");
+    }
+}
+
+/// Images of Record3D as Apple's own library compresses them, each behind the byte of its kind.
+const LZFSE_DEPTH: &[u8] = include_bytes!("corpus/images/lzfse_depth");
+const LZFSE_CONFIDENCE: &[u8] = include_bytes!("corpus/images/lzfse_confidence");
+const METADATA: &[u8] = include_bytes!("corpus/images/record3d_metadata");
 
 /// A depth image as the camera expects it.
 const DEPTH: &[u8] = include_bytes!("depth.png");

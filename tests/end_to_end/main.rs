@@ -77,6 +77,7 @@ mod interfaces {
         mod bags;
         mod fetch_tum;
         mod fuzz_corpus;
+        mod record3d;
         mod recordings;
     }
     /// Cameras' own programs, in Rust, C, C++ and Python.

@@ -6,7 +6,7 @@ use crate::inbox::ReceivedSurface;
 use crate::ports::Ports;
 use tessera_messages::{Kind, Phase};
 use tessera_numerics::Step;
-use tessera_slam::{AlignRecord, FrameRecord, FrameSurface};
+use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, State};
 use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// Treatment of a frame by the kind of run.
@@ -85,6 +85,7 @@ pub(crate) fn process_frame(
     let is_asked = record.is_relocalisation_asked();
     let concerns_optimiser = record.new_keyframe.is_some() || record.request.is_some();
     steps.enter(Step::Journal);
+    log_change(state.fold.last_frame.as_ref(), &record);
     state.commit(AlignRecord::Frame(Box::new(record)))?;
     context.kill_points.pass("journaled", index);
     if is_asked {
@@ -108,6 +109,16 @@ pub(crate) fn process_frame(
     ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
     ports.pulse.done(began, now);
     Ok(())
+}
+
+/// Logs that the camera is lost, or tracked again.
+fn log_change(before: Option<&FrameRecord>, frame: &FrameRecord) {
+    let was_tracked = before.is_none_or(|before| before.state == State::Tracking);
+    match (was_tracked, frame.state == State::Tracking) {
+        (true, false) => tracing::warn!(frame = frame.index, "not tracked: {}", frame.reason),
+        (false, true) => tracing::info!(frame = frame.index, "tracked again"),
+        _ => {}
+    }
 }
 
 /// Journals the frames left out before `index`: the sensor left `dropped_upstream` of them out,

@@ -63,9 +63,9 @@ pub(crate) enum Command {
     Run(RunArguments),
     /// Go on with a run that was interrupted or killed
     Resume(ResumeArguments),
-    /// Write the outputs of a run again, also of one that crashed
+    /// Write the outputs of a run again, even after a crash
     Export(ExportArguments),
-    /// Show what came of one run or several, as a page for a browser
+    /// Write a report of one or several runs, a page for a browser
     Report(ReportArguments),
     /// Compare a trajectory with the ground truth
     Evaluate(EvaluateArguments),
@@ -90,7 +90,7 @@ pub(crate) enum Command {
     Check(CheckArguments),
     /// Find the camera's parameters from the frames themselves
     Calibrate(CalibrateArguments),
-    /// Kill, freeze and damage a run on purpose, and prove that it changed nothing
+    /// Kill, freeze and damage a run on purpose, and check that its results keep their bytes
     Chaos(ChaosArguments),
     /// Measure what each part of the method is worth, as the paper's Table I does
     Ablate(AblateArguments),

@@ -68,7 +68,8 @@ fn refuse(error: &clap::Error) -> ExitCode {
         let _ = error.print();
         return Exit::Done.into();
     }
-    let text = error.render().to_string();
+    let words = "no such command (`tessera run FOLDER` runs a recording):";
+    let text = error.render().to_string().replace("unrecognized subcommand", words);
     terminal::say_error(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
     Exit::Arguments.into()
 }

@@ -45,25 +45,25 @@ pub(crate) struct RunArguments {
     #[arg(long)]
     pub(crate) name: Option<String>,
     /// Leave out so many frames at the beginning
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) skip: Option<u64>,
     /// Process at most so many frames
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) frames: Option<u64>,
     /// In a simulated scene: a person walks about in front of the camera
-    #[arg(long)]
+    #[arg(long, help_heading = "Simulated worlds")]
     pub(crate) person: bool,
     /// In a simulated scene: a rolling shutter, seconds from the first row to the last
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help_heading = "Simulated worlds")]
     pub(crate) readout: Option<f64>,
     /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
-    #[arg(long, value_name = "RUN")]
+    #[arg(long, value_name = "RUN", help_heading = "Maps")]
     pub(crate) map: Option<String>,
     /// Where the first frame stands in that map: "tx ty tz qx qy qz qw"
-    #[arg(long, value_name = "POSE", requires = "map", allow_hyphen_values = true)]
+    #[arg(long, value_name = "POSE", requires = "map", allow_hyphen_values = true, help_heading = "Maps")]
     pub(crate) at: Option<String>,
     /// At the end of the run its folder and that of the map change places: the map is updated
-    #[arg(long, requires = "map")]
+    #[arg(long, requires = "map", help_heading = "Maps")]
     pub(crate) map_update: bool,
     /// The final optimisation solves for the camera too; the outputs are those of the refined camera
     #[arg(long)]
@@ -73,28 +73,28 @@ pub(crate) struct RunArguments {
     pub(crate) live: bool,
     /// Prepare and hold the run, or go on with the one of that name, for stages that are
     /// started from outside: by systemd, or `tessera stage`
-    #[arg(long, requires = "name")]
+    #[arg(long, requires = "name", help_heading = "For experts")]
     pub(crate) hold: bool,
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,
     /// Vector instructions, all with the same results: auto (the machine's widest), baseline, avx2, avx512, neon
-    #[arg(long, value_parser = isa)]
+    #[arg(long, value_parser = isa, help_heading = "For experts")]
     pub(crate) isa: Option<Isa>,
     /// Write the run for Rerun too, by the program of `tessera view`
-    #[arg(long, value_name = "FILE.rrd")]
+    #[arg(long, value_name = "FILE.rrd", help_heading = "For experts")]
     pub(crate) rerun: Option<PathBuf>,
-    /// Write down what each process does and when, for Perfetto (ui.perfetto.dev)
-    #[arg(long, value_name = "FILE", conflicts_with = "hold")]
+    /// Write a timeline of all processes, for Perfetto (ui.perfetto.dev)
+    #[arg(long, value_name = "FILE", conflicts_with = "hold", help_heading = "For experts")]
     pub(crate) trace: Option<PathBuf>,
     /// Answer Prometheus at this address of the loopback interface while the run lasts
-    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback)]
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback, help_heading = "For experts")]
     pub(crate) metrics: Option<SocketAddr>,
     /// Decode all frames into memory first
-    #[arg(long)]
+    #[arg(long, help_heading = "For experts")]
     pub(crate) preload: bool,
     /// For tests: throw state away after every N frames and read it back
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "For experts")]
     pub(crate) forget_every: Option<u64>,
     #[command(flatten)]
     pub(crate) speech: Speech,

@@ -6,8 +6,8 @@ use std::net::SocketAddr;
 /// `tessera top`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The view listens as anybody may; the run does not notice. With --json each look
-is one line.
+The run is only listened to, and is not affected. With --json each look is one
+line.
 
 Examples:
   tessera top

@@ -5,10 +5,10 @@ use clap::Args;
 /// Topics of an MCAP file, colour, and times.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct TopicArguments {
-    /// In a bag or FILE.mcap: the topic of depth [default: the one whose name says so]
+    /// In a bag or FILE.mcap: the topic of depth [default: found by type and name]
     #[arg(long, value_name = "TOPIC")]
     pub(crate) depth_topic: Option<String>,
-    /// In a bag or FILE.mcap: the topic of colour [default: the one whose name says so]; none: leave colour out, of
+    /// In a bag or FILE.mcap: the topic of colour [default: found by type and name]; none: leave colour out, of
     /// folders too
     #[arg(long, value_name = "TOPIC", visible_alias = "colour")]
     pub(crate) color_topic: Option<String>,

@@ -271,6 +271,18 @@ pub enum ImageError {
         /// Channels and bits that would do.
         expected: &'static str,
     },
+    /// The wrong number of bytes once decompressed.
+    #[error("{what} image holds {found} bytes, expected {expected} for {}x{} px as the camera says", size.0, size.1)]
+    Length {
+        /// `depth` or `confidence`.
+        what: &'static str,
+        /// Bytes found, as text.
+        found: String,
+        /// Bytes that would do.
+        expected: usize,
+        /// Columns and rows of the camera.
+        size: (u32, u32),
+    },
     /// The wrong size.
     #[error("{what} image is {}x{} px, expected {}x{} px as the camera says", found.0, found.1, expected.0, expected.1)]
     Size {

@@ -23,7 +23,7 @@ const KINDS: [UnreadKind; 7] = [
         begins: b"PK\x03\x04",
         ends: ".r3d",
         what: "a recording of Record3D",
-        remedy: "it is a zip file: unzip {in} -d {stem}, then run the folder {stem}, which says what is next",
+        remedy: "it is a zip file: unzip {in} -d {stem}, then run the folder {stem}",
     },
     UnreadKind {
         begins: b"PK\x03\x04",

@@ -1,7 +1,9 @@
 //! Voxels in cubes of eight to a side.
 
+use tessera_numerics::lanes::LANES;
+
 /// Voxels along a side.
-pub(crate) const SIDE: i32 = 8;
+pub(crate) const SIDE: i32 = LANES as i32;
 /// Voxels of a block.
 pub(crate) const N: usize = (SIDE * SIDE * SIDE) as usize;
 
@@ -18,26 +20,30 @@ pub(crate) struct Voxel {
     pub(crate) rgb: [f32; 3],
 }
 
-impl Voxel {
-    /// Takes one more measurement in.
-    pub(crate) fn add_distance(&mut self, distance: f32, weight: f32) {
-        let sum = self.weight + weight;
-        self.distance += (distance - self.distance) * (weight / sum);
-        self.weight = sum;
-    }
-
-    /// Takes the colour of one more measurement in.
-    pub(crate) fn add_colour(&mut self, rgb: [f32; 3], weight: f32) {
-        let sum = self.colour_weight + weight;
-        for (own, new) in self.rgb.iter_mut().zip(rgb) {
-            *own += (new - *own) * (weight / sum);
-        }
-        self.colour_weight = sum;
-    }
+/// A cube of voxels, x fastest; each value of all voxels together, so that a line of eight goes at once.
+#[derive(Debug)]
+pub(crate) struct Block {
+    pub(crate) distance: [f32; N],
+    pub(crate) weight: [f32; N],
+    pub(crate) colour_weight: [f32; N],
+    pub(crate) rgb: [[f32; N]; 3],
 }
 
-/// A cube of voxels, x fastest.
-pub(crate) type Block = [Voxel; N];
+impl Block {
+    /// Voxels that were never seen.
+    pub(crate) fn new() -> Self {
+        Self { distance: [0.0; N], weight: [0.0; N], colour_weight: [0.0; N], rgb: [[0.0; N]; 3] }
+    }
+
+    pub(crate) fn voxel(&self, at: usize) -> Voxel {
+        Voxel {
+            distance: self.distance[at],
+            weight: self.weight[at],
+            colour_weight: self.colour_weight[at],
+            rgb: [self.rgb[0][at], self.rgb[1][at], self.rgb[2][at]],
+        }
+    }
+}
 
 /// Position of a voxel in its block.
 pub(crate) fn place(x: i32, y: i32, z: i32) -> usize {

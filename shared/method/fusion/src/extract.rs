@@ -104,7 +104,7 @@ fn padded(blocks: &[Option<&Block>; 27]) -> Vec<Voxel> {
         let offset = at.map(|c| c.div_euclid(SIDE) + 1);
         let Some(block) = blocks[(offset[0] + 3 * offset[1] + 9 * offset[2]) as usize] else { continue };
         let [x, y, z] = at.map(|c| c.rem_euclid(SIDE));
-        *voxel = block[voxel_place(x, y, z)];
+        *voxel = block.voxel(voxel_place(x, y, z));
     }
     voxels
 }

@@ -9,6 +9,7 @@
 
 mod block;
 mod extract;
+mod integrate;
 mod manifold;
 mod mesh;
 mod settings;
@@ -18,4 +19,4 @@ mod volume;
 pub use mesh::Mesh;
 pub use settings::FusionSettings;
 pub use view::View;
-pub use volume::{FusionError, Volume};
+pub use volume::{FusionError, VIEWS_AT_ONCE, Volume};

@@ -1,5 +1,7 @@
 //! Settings of fusion.
 
+use tessera_numerics::Isa;
+
 /// How a map is fused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FusionSettings {
@@ -13,6 +15,8 @@ pub struct FusionSettings {
     pub max_bytes: usize,
     /// Pieces of fewer triangles are left out.
     pub min_triangles: usize,
+    /// Vector instructions; the mesh has the same bits with each.
+    pub isa: Isa,
 }
 
 impl Default for FusionSettings {
@@ -23,6 +27,7 @@ impl Default for FusionSettings {
             max_depth_m: 4.0,
             max_bytes: 1_000_000_000,
             min_triangles: 100,
+            isa: Isa::Auto,
         }
     }
 }

@@ -1,7 +1,8 @@
 //! A surface as seen from one place, and how far a point is from it.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use tessera_geometry::{Camera, Pose, RollingShutter, Twist};
+use tessera_numerics::lanes::{LANES, Lanes, Real, transform};
 use tessera_surface::{SurfaceView, Vertex};
 
 /// A surface and where its camera stood.
@@ -17,48 +18,42 @@ pub struct View<'a> {
     pub velocity: Twist,
 }
 
-/// What a view knows of a point.
+/// What a view knows of eight points.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SeenPoint {
+pub(crate) struct SeenLine {
+    /// Whether a point was measured, and is not too far behind the surface; else nothing below counts.
+    pub(crate) is_seen: [bool; LANES],
     /// Signed distance to the surface, metres; positive in front.
-    pub(crate) distance_m: f32,
+    pub(crate) distance_m: Lanes,
     /// Depth of the surface there, metres.
-    pub(crate) depth_m: f32,
+    pub(crate) depth_m: Lanes,
     /// Cosine of the angle between the surface's normal and the line of sight.
-    pub(crate) cosine: f32,
+    pub(crate) cosine: Lanes,
     /// The quad that it is seen in, by its first node.
-    quad: usize,
+    quad: [usize; LANES],
     /// Weights of the quad's corners.
-    weights: [f32; 4],
+    weights: [[f32; 4]; LANES],
 }
 
-/// A point in the camera's frame and where in the grid it is seen.
-#[derive(Clone, Copy)]
-pub(crate) struct ProjectedPoint {
-    at: Vector3<f32>,
-    row: f32,
-    column: f32,
-}
-
-/// A vertex as it is looked up again and again: 32 bytes.
-#[derive(Clone, Copy)]
-struct QuadCorner {
-    /// Normal of the tangent plane, and less its distance from the camera, metres.
-    plane: [f32; 4],
-    depth_m: f32,
-    /// Cosine of the angle between the normal and the line of sight; NaN where nothing was measured.
-    cosine: f32,
-    rgb: [u8; 3],
-}
+/// A vertex as it is looked up again and again: the normal of its tangent plane, less that plane's distance
+/// from the camera in metres, depth in metres, and the cosine of the angle between the normal and the line
+/// of sight, NaN where nothing was measured. Two numbers are spare, so that it is added as one.
+type QuadCorner = [f32; LANES];
+const DEPTH: usize = 4;
+const COSINE: usize = 5;
 
 /// A view with its poses tabulated for every row of the grid, and its quads tested.
 pub(crate) struct PreparedView<'a> {
     view: &'a View<'a>,
     max_depth_m: f32,
+    projection: GridProjection,
     nodes: Vec<QuadCorner>,
+    /// Red, green, blue of each node; one is spare.
+    colours: Vec<[f32; 4]>,
     /// Whether the quad below and to the right of each node is one piece of a surface.
     is_quad: Vec<bool>,
-    camera_from_world: Vec<Isometry3<f32>>,
+    /// Rotation row by row, then translation, of each row of the grid.
+    camera_from_world: Vec<[f32; 12]>,
     world_from_camera: Vec<Pose>,
     /// Whether the camera moved during the readout.
     is_rolling: bool,
@@ -72,12 +67,30 @@ impl<'a> PreparedView<'a> {
         let world_from_camera: Vec<Pose> = (0..grid.height)
             .map(|row| view.world_from_camera * shutter.stamp_from_row((row * grid.step) as f64))
             .collect();
-        let camera_from_world: Vec<Isometry3<f32>> =
-            world_from_camera.iter().map(|pose| pose.inverse().cast::<f32>()).collect();
+        let camera_from_world: Vec<[f32; 12]> =
+            world_from_camera.iter().map(|pose| numbers(&pose.inverse())).collect();
         let is_rolling = camera_from_world.windows(2).any(|rows| rows[0] != rows[1]);
         let nodes: Vec<QuadCorner> = view.surface.vertices.iter().map(|v| node(v, max_depth_m)).collect();
-        let is_quad = (0..nodes.len()).map(|k| is_one_surface(&nodes, k, grid.width)).collect();
-        Self { view, max_depth_m, nodes, is_quad, camera_from_world, world_from_camera, is_rolling }
+        let colour = |vertex: &Vertex| {
+            let [r, g, b] = vertex.rgb().map(f32::from);
+            [r, g, b, 0.0]
+        };
+        Self {
+            view,
+            max_depth_m,
+            projection: GridProjection::new(view.camera, grid.step),
+            is_quad: (0..nodes.len()).map(|k| is_one_surface(&nodes, k, grid.width)).collect(),
+            nodes,
+            colours: view.surface.vertices.iter().map(colour).collect(),
+            camera_from_world,
+            world_from_camera,
+            is_rolling,
+        }
+    }
+
+    /// Whether the camera moved during the readout.
+    pub(crate) fn is_rolling(&self) -> bool {
+        self.is_rolling
     }
 
     /// Usable vertices: point and normal in the world.
@@ -93,79 +106,122 @@ impl<'a> PreparedView<'a> {
         })
     }
 
-    /// Points of the world along x, `spacing_m` apart from the first one, as the camera sees them.
-    #[inline]
-    pub(crate) fn project_line<const LANES: usize>(
+    /// How far eight points of the world are from the surface. Not seen is what was not measured, and what
+    /// is farther behind it than `least_distance_m`, a negative number.
+    #[inline(always)]
+    pub(crate) fn look<const IS_ROLLING: bool>(
         &self,
-        first: &Vector3<f32>,
-        spacing_m: f32,
-    ) -> [ProjectedPoint; LANES] {
+        point_in_world: [Lanes; 3],
+        least_distance_m: f32,
+    ) -> SeenLine {
         let grid = &self.view.surface.grid;
-        let camera_from_world = &self.camera_from_world[grid.height / 2];
-        let start = (camera_from_world * Point3::from(*first)).coords;
-        let along = camera_from_world.rotation * Vector3::x() * spacing_m;
-        let mut line = std::array::from_fn(|k| self.project(start + along * k as f32));
-        if self.is_rolling {
+        let mut point = transform(&self.camera_from_world[grid.height / 2], point_in_world);
+        let (mut row, mut column) = self.projection.project(point);
+        if IS_ROLLING {
             // The row decides on the pose, and the pose on the row: once more from where it falls first.
-            for (k, seen) in line.iter_mut().enumerate() {
-                let row = seen.row.clamp(0.0, grid.height as f32 - 1.0) as usize;
-                let point = first + Vector3::x() * (spacing_m * k as f32);
-                *seen = self.project((self.camera_from_world[row] * Point3::from(point)).coords);
+            for k in 0..LANES {
+                let at_row = row.0[k].clamp(0.0, grid.height as f32 - 1.0) as usize;
+                let moved = transform(&self.camera_from_world[at_row], point_in_world.map(|axis| axis.0[k]));
+                point.iter_mut().zip(moved).for_each(|(axis, value)| axis.0[k] = value);
             }
+            (row, column) = self.projection.project(point);
         }
-        line
+        self.measure(point, (row, column), least_distance_m)
     }
 
-    /// How far a projected point is from the surface; `None` where nothing was measured, or where the
-    /// point is farther behind it than `least_distance_m`, a negative number.
-    #[inline]
-    pub(crate) fn look(&self, point: &ProjectedPoint, least_distance_m: f32) -> Option<SeenPoint> {
+    /// What the quads say that eight points of the camera's frame, projected to `row` and `column`, lie in.
+    #[inline(always)]
+    fn measure(&self, point: [Lanes; 3], (row, column): (Lanes, Lanes), least_distance_m: f32) -> SeenLine {
         let grid = &self.view.surface.grid;
-        let ProjectedPoint { at, row, column } = *point;
-        if !(row >= 0.0 && column >= 0.0 && at.z > 0.0) {
-            return None;
+        let (last_row, last_column) = (grid.height as f32 - 1.0, grid.width as f32 - 1.0);
+        let mut seen = SeenLine {
+            is_seen: [false; LANES],
+            distance_m: Lanes::ZERO,
+            depth_m: Lanes::ZERO,
+            cosine: Lanes::ZERO,
+            quad: [0; LANES],
+            weights: [[0.0; 4]; LANES],
+        };
+        for k in 0..LANES {
+            let (at_row, at_column) = (row.0[k], column.0[k]);
+            let is_inside =
+                (at_row >= 0.0) & (at_column >= 0.0) & (at_row < last_row) & (at_column < last_column);
+            if !(is_inside & (point[2].0[k] > 0.0)) {
+                continue;
+            }
+            let (r, c) = (at_row as usize, at_column as usize);
+            let quad = r * grid.width + c;
+            if !self.is_quad[quad] {
+                continue;
+            }
+            let (v, u) = (at_row - r as f32, at_column - c as f32);
+            let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+            let [a, b, c, d] = corners(quad, grid.width).map(|corner| Lanes(self.nodes[corner]));
+            let [wa, wb, wc, wd] = weights.map(Lanes::splat);
+            let node = (a * wa + b * wb + c * wc + d * wd).0;
+            let [x, y, z] = point.map(|axis| axis.0[k]);
+            let distance_m = node[0] * x + node[1] * y + node[2] * z + node[3];
+            seen.is_seen[k] = distance_m >= least_distance_m && node[COSINE] > LEAST_COSINE;
+            seen.distance_m.0[k] = distance_m;
+            seen.depth_m.0[k] = node[DEPTH];
+            seen.cosine.0[k] = node[COSINE];
+            seen.quad[k] = quad;
+            seen.weights[k] = weights;
         }
-        let (r, c) = (row as usize, column as usize);
-        if r + 1 >= grid.height || c + 1 >= grid.width {
-            return None;
-        }
-        let quad = r * grid.width + c;
-        if !self.is_quad[quad] {
-            return None;
-        }
-        let (v, u) = (row - r as f32, column - c as f32);
-        let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
-        let corners = corners(quad, grid.width).map(|k| &self.nodes[k]);
-        let mut plane = [0.0; 4];
-        let (mut depth_m, mut cosine) = (0.0, 0.0);
-        for (node, weight) in corners.into_iter().zip(weights) {
-            plane.iter_mut().zip(node.plane).for_each(|(sum, p)| *sum += weight * p);
-            depth_m += weight * node.depth_m;
-            cosine += weight * node.cosine;
-        }
-        let distance_m = plane[0] * at.x + plane[1] * at.y + plane[2] * at.z + plane[3];
-        let is_seen = distance_m >= least_distance_m && cosine > LEAST_COSINE;
-        is_seen.then_some(SeenPoint { distance_m, depth_m, cosine, quad, weights })
+        seen
     }
 
-    /// Red, green, blue of the surface where the point was seen.
-    pub(crate) fn colour(&self, seen: &SeenPoint) -> [f32; 3] {
-        let mut rgb = [0.0; 3];
-        for (k, weight) in corners(seen.quad, self.view.surface.grid.width).into_iter().zip(seen.weights) {
-            rgb.iter_mut().zip(self.nodes[k].rgb).for_each(|(sum, c)| *sum += weight * f32::from(c));
+    /// Red, green, blue of the surface where one of the points was seen.
+    #[inline(always)]
+    pub(crate) fn colour(&self, seen: &SeenLine, k: usize) -> [f32; 3] {
+        let mut rgb = [0.0; 4];
+        let corners = corners(seen.quad[k], self.view.surface.grid.width);
+        for (corner, weight) in corners.into_iter().zip(seen.weights[k]) {
+            rgb.iter_mut().zip(self.colours[corner]).for_each(|(sum, c)| *sum += weight * c);
         }
-        rgb
+        [rgb[0], rgb[1], rgb[2]]
+    }
+}
+
+/// The camera in coordinates of the grid and `f32`.
+struct GridProjection {
+    fx: f32,
+    fy: f32,
+    cx: f32,
+    cy: f32,
+    distortion: [f32; 5],
+}
+
+impl GridProjection {
+    fn new(camera: &Camera, step: usize) -> Self {
+        let per_step = 1.0 / step as f64;
+        let [fx, fy, cx, cy] =
+            [camera.fx, camera.fy, camera.cx, camera.cy].map(|value| (value * per_step) as f32);
+        Self { fx, fy, cx, cy, distortion: camera.distortion.map(|k| k as f32) }
     }
 
-    #[inline]
-    fn project(&self, at: Vector3<f32>) -> ProjectedPoint {
-        let camera = self.view.camera;
-        let per_step = 1.0 / self.view.surface.grid.step as f64;
-        let (x, y) = camera.distort(f64::from(at.x / at.z), f64::from(at.y / at.z));
-        let row = ((camera.fy * y + camera.cy) * per_step) as f32;
-        let column = ((camera.fx * x + camera.cx) * per_step) as f32;
-        ProjectedPoint { at, row, column }
+    /// Row and column of points of the camera's frame.
+    #[inline(always)]
+    fn project(&self, p: [Lanes; 3]) -> (Lanes, Lanes) {
+        let [k1, k2, p1, p2, k3] = self.distortion.map(Lanes::splat);
+        let (one, two) = (Lanes::splat(1.0), Lanes::splat(2.0));
+        let inverse = one / p[2];
+        let (x, y) = (p[0] * inverse, p[1] * inverse);
+        let (xx, xy, yy) = (x * x, x * y, y * y);
+        let r2 = xx + yy;
+        let radial = one + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let xd = x * radial + two * p1 * xy + p2 * (r2 + two * xx);
+        let yd = y * radial + p1 * (r2 + two * yy) + two * p2 * xy;
+        let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(Lanes::splat);
+        (fy * yd + cy, fx * xd + cx)
     }
+}
+
+/// Rotation row by row, then translation.
+fn numbers(pose: &Pose) -> [f32; 12] {
+    let (rotation, t) = (pose.rotation.to_rotation_matrix(), &pose.translation);
+    let r = rotation.matrix().transpose();
+    std::array::from_fn(|k| if k < 9 { r.as_slice()[k] as f32 } else { t.vector[k - 9] as f32 })
 }
 
 /// Corners of a quad farther apart in depth than this share of it are on two surfaces.
@@ -181,8 +237,7 @@ fn node(vertex: &Vertex, max_depth_m: f32) -> QuadCorner {
     let (position, normal) = (Vector3::from(vertex.position), Vector3::from(vertex.normal));
     let offset = -normal.dot(&position);
     let cosine = if is_usable(vertex, max_depth_m) { offset / position.norm() } else { f32::NAN };
-    let plane = [normal.x, normal.y, normal.z, offset];
-    QuadCorner { plane, depth_m: position.z, cosine, rgb: vertex.rgb() }
+    [normal.x, normal.y, normal.z, offset, position.z, cosine, 0.0, 0.0]
 }
 
 /// The corners of the quad below and to the right of node `k`.
@@ -197,8 +252,8 @@ fn is_one_surface(nodes: &[QuadCorner], k: usize, width: usize) -> bool {
         return false;
     }
     let corners = corners(k, width).map(|k| &nodes[k]);
-    let depths = corners.map(|node| node.depth_m);
+    let depths = corners.map(|node| node[DEPTH]);
     let nearest = depths.into_iter().fold(f32::INFINITY, f32::min);
     let farthest = depths.into_iter().fold(f32::NEG_INFINITY, f32::max);
-    corners.iter().all(|node| !node.cosine.is_nan()) && farthest - nearest < MOST_SLOPE * nearest
+    corners.iter().all(|node| !node[COSINE].is_nan()) && farthest - nearest < MOST_SLOPE * nearest
 }

@@ -1,11 +1,11 @@
 //! Blocks of voxels near surfaces, and how views are fused into them.
 
-use crate::block::{Block, N, SIDE, Voxel};
+use crate::block::{Block, SIDE};
 use crate::extract;
+use crate::integrate::IntegrateBlock;
 use crate::mesh::Mesh;
 use crate::settings::FusionSettings;
-use crate::view::{PreparedView, SeenPoint, View};
-use nalgebra::Vector3;
+use crate::view::{PreparedView, View};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -27,8 +27,11 @@ pub enum FusionError {
 
 /// Bytes that a block takes, its entry in the hash included.
 const BLOCK_BYTES: usize = size_of::<Block>() + 32;
-/// Depth below which certainty does not grow any more, metres.
-const NEAREST_M: f32 = 0.4;
+
+/// Views that are fused together: each block is taken up once for all of them.
+pub const VIEWS_AT_ONCE: usize = 16;
+/// A bit for each of them.
+type ViewBits = u16;
 
 /// A truncated signed distance field.
 #[derive(Debug)]
@@ -46,24 +49,30 @@ impl Volume {
         Self { settings: *settings, index: HashMap::new(), places: Vec::new(), blocks: Vec::new() }
     }
 
-    /// Fuses one more view in.
+    /// Fuses more views in, in their order; [`VIEWS_AT_ONCE`] go through memory together.
     ///
     /// # Errors
-    /// Where it would take more memory than allowed; the field then holds what it held before,
-    /// and some blocks that nothing was fused into.
-    pub fn integrate(&mut self, view: &View<'_>) -> Result<(), FusionError> {
-        let prepared = PreparedView::new(view, self.settings.max_depth_m);
-        let touched = self.touch(&prepared)?;
+    /// Where it would take more memory than allowed; of the views that went together with the one that did
+    /// not fit nothing was fused, and the field holds some blocks that nothing was fused into.
+    pub fn integrate(&mut self, views: &[View<'_>]) -> Result<(), FusionError> {
+        views.chunks(VIEWS_AT_ONCE).try_for_each(|views| self.integrate_together(views))
+    }
+
+    fn integrate_together(&mut self, views: &[View<'_>]) -> Result<(), FusionError> {
+        let prepare = |view| {
+            let prepared = PreparedView::new(view, self.settings.max_depth_m);
+            let places = self.places_near(&prepared);
+            (prepared, places)
+        };
+        let (prepared, near): (Vec<PreparedView<'_>>, Vec<_>) = views.par_iter().map(prepare).unzip();
+        let seen_by = self.touch(&near)?;
         let (voxel_m, truncation_m) = (self.settings.voxel_m as f32, self.truncation_m() as f32);
-        let places = &self.places;
-        self.blocks.par_iter_mut().enumerate().filter(|(k, _)| touched[*k]).for_each(|(k, block)| {
-            for (line, voxels) in block.chunks_exact_mut(SIDE as usize).enumerate() {
-                let first = centre(&places[k], line * SIDE as usize, voxel_m);
-                let line: [_; SIDE as usize] = prepared.project_line(&first, voxel_m);
-                for (voxel, at) in voxels.iter_mut().zip(line) {
-                    if let Some(seen) = prepared.look(&at, -truncation_m) {
-                        add(voxel, &prepared, &seen, truncation_m);
-                    }
+        let (places, arch) = (&self.places, self.settings.isa.arch());
+        let blocks = self.blocks.par_iter_mut().zip(places).zip(&seen_by);
+        blocks.filter(|(_, seen_by)| **seen_by != 0).for_each(|((block, place), seen_by)| {
+            for (k, view) in prepared.iter().enumerate() {
+                if seen_by >> k & 1 == 1 {
+                    arch.dispatch(IntegrateBlock { view, block, place: *place, voxel_m, truncation_m });
                 }
             }
         });
@@ -84,12 +93,12 @@ impl Volume {
         self.settings.voxel_m * self.settings.truncation_voxels
     }
 
-    /// Makes the blocks near the view's surface; says of each block whether it is one of them.
-    fn touch(&mut self, prepared: &PreparedView<'_>) -> Result<Vec<bool>, FusionError> {
+    /// Places of the blocks near a view's surface, some of them several times.
+    fn places_near(&self, prepared: &PreparedView<'_>) -> Vec<[i32; 3]> {
         let edge_m = self.settings.voxel_m * f64::from(SIDE);
         let truncation_m = self.truncation_m();
         let n_steps = (2.0 * truncation_m / (0.5 * edge_m)).ceil() as i32;
-        let mut touched = vec![false; self.blocks.len()];
+        let mut places = Vec::new();
         // Neighbouring vertices mostly touch the same blocks: those of the vertex before are known.
         let mut known = vec![None; n_steps as usize + 1];
         for (point, normal) in prepared.points() {
@@ -100,18 +109,28 @@ impl Volume {
                     continue;
                 }
                 let place = [cell.x as i32, cell.y as i32, cell.z as i32];
-                if known[step as usize].replace(place) == Some(place) {
-                    continue;
+                if known[step as usize].replace(place) != Some(place) {
+                    places.push(place);
                 }
-                let k = match self.index.get(&place) {
-                    Some(k) => *k as usize,
-                    None => self.make(place)?,
-                };
-                touched.resize(self.blocks.len(), false);
-                touched[k] = true;
             }
         }
-        Ok(touched)
+        places
+    }
+
+    /// Makes the blocks near the surfaces of views; for each block a bit for each view that it is near.
+    fn touch(&mut self, near: &[Vec<[i32; 3]>]) -> Result<Vec<ViewBits>, FusionError> {
+        let mut seen_by: Vec<ViewBits> = vec![0; self.blocks.len()];
+        for (view, places) in near.iter().enumerate() {
+            for place in places {
+                let k = match self.index.get(place) {
+                    Some(k) => *k as usize,
+                    None => self.make(*place)?,
+                };
+                seen_by.resize(self.blocks.len(), 0);
+                seen_by[k] |= 1 << view;
+            }
+        }
+        Ok(seen_by)
     }
 
     fn make(&mut self, place: [i32; 3]) -> Result<usize, FusionError> {
@@ -122,7 +141,7 @@ impl Volume {
         }
         self.index.insert(place, k as u32);
         self.places.push(place);
-        self.blocks.push(Box::new([Voxel::default(); N]));
+        self.blocks.push(Box::new(Block::new()));
         Ok(k)
     }
 
@@ -146,24 +165,4 @@ impl Volume {
         places.sort_unstable();
         places
     }
-}
-
-/// Takes what a view saw of a voxel in.
-#[inline]
-fn add(voxel: &mut Voxel, view: &PreparedView<'_>, seen: &SeenPoint, truncation_m: f32) {
-    let distance = seen.distance_m / truncation_m;
-    // Depth is less certain with the square of itself.
-    let near = NEAREST_M / seen.depth_m.max(NEAREST_M);
-    let weight = seen.cosine * near * near * near * near;
-    voxel.add_distance(distance.min(1.0), weight);
-    if distance.abs() < 0.5 {
-        voxel.add_colour(view.colour(seen), weight);
-    }
-}
-
-/// Centre of a voxel in the world, metres.
-fn centre(place: &[i32; 3], at: usize, voxel_m: f32) -> Vector3<f32> {
-    let at = at as i32;
-    let local = [at % SIDE, at / SIDE % SIDE, at / (SIDE * SIDE)];
-    Vector3::from_fn(|axis, _| ((place[axis] * SIDE + local[axis]) as f32 + 0.5) * voxel_m)
 }

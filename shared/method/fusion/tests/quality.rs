@@ -3,10 +3,12 @@
 
 mod common;
 
-use common::{fuse, kitchen, measure, open, shots};
+use common::{fuse, kitchen, measure, open, shots, view};
 use nalgebra::Vector3;
 use std::collections::HashMap;
-use tessera_fusion::{FusionError, FusionSettings};
+use tessera_fusion::{FusionError, FusionSettings, VIEWS_AT_ONCE, Volume};
+use tessera_geometry::Camera;
+use tessera_numerics::Isa;
 use tessera_surface::SurfaceSettings;
 
 #[test]
@@ -68,4 +70,22 @@ fn memory_has_a_bound_and_the_same_views_give_the_same_mesh() {
         pool.install(|| fuse(source.camera(), &seen, &FusionSettings::default()).unwrap().mesh())
     };
     assert!(mesh(1) == mesh(3));
+}
+
+#[test]
+fn instruction_sets_and_how_views_come_change_no_bit() {
+    // A camera that moves during the readout, and more views than go together.
+    let source = open("room", true);
+    let mut seen = shots(&*source, 18, &SurfaceSettings::default());
+    seen.iter_mut().enumerate().for_each(|(k, shot)| shot.world_from_camera.translation.x += 1e-3 * k as f64);
+    let camera = Camera { readout_s: 0.03, ..source.camera().clone() };
+    assert!(seen.len() > VIEWS_AT_ONCE, "{}", seen.len());
+    let mesh =
+        |isa| fuse(&camera, &seen, &FusionSettings { isa, ..FusionSettings::default() }).unwrap().mesh();
+    let narrow = mesh(Isa::Baseline);
+    assert!(narrow.triangles.len() > 10_000, "{}", narrow.triangles.len());
+    assert!(mesh(Isa::Auto) == narrow);
+    let mut one_by_one = Volume::new(&FusionSettings::default());
+    seen.iter().for_each(|shot| one_by_one.integrate(&[view(&camera, shot)]).unwrap());
+    assert!(one_by_one.mesh() == narrow);
 }

@@ -27,7 +27,7 @@ impl std::fmt::Display for StageFailure {
         let Self { stage, status, index, n_deaths, last_lines, .. } = self;
         match n_deaths {
             0 | 1 => write!(f, "{stage} ended with {status}")?,
-            n => write!(f, "{stage} ended with {status} {n} times at frame {index}")?,
+            n => write!(f, "{stage} ended with {status}, {n} times at frame {index}")?,
         }
         if last_lines.is_empty() {
             return write!(f, " and left nothing in the log");

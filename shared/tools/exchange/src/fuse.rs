@@ -1,12 +1,13 @@
 //! The keyframes of a run, fused along its final trajectory.
 
 use crate::ExportFiles;
-use tessera_fusion::{FusionSettings, Mesh, View, Volume};
+use rayon::prelude::*;
+use tessera_fusion::{FusionSettings, Mesh, VIEWS_AT_ONCE, View, Volume};
 use tessera_geometry::{Twist, Vector6};
 use tessera_outputs::ToolError;
 use tessera_outputs::{self as outputs, Replay};
 use tessera_stage::{RunFile, RunFiles};
-use tessera_surface::SurfaceView;
+use tessera_surface::{SurfaceView, Vertex};
 
 /// Fuses all keyframes, those of a map that the run started in among them; tells `progress` how many of
 /// how many are done.
@@ -31,18 +32,28 @@ pub(crate) fn fuse(
     let warp = outputs::refined_warp(&run.camera, replay, &settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
     let keyframes: Vec<_> = replay.main_keyframes().collect();
-    for (k, (keyframe, world_from_camera)) in keyframes.iter().enumerate() {
-        progress(k, keyframes.len());
-        let stored = surfaces.load(keyframe.id)?;
-        let moved = warp.as_ref().map(|warp| warp.apply(&stored));
-        let view = View {
-            camera,
-            surface: SurfaceView { grid, vertices: moved.as_deref().unwrap_or(&stored) },
-            world_from_camera: *world_from_camera,
-            velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),
-        };
+    for (part, keyframes_at_once) in keyframes.chunks(VIEWS_AT_ONCE).enumerate() {
+        progress(part * VIEWS_AT_ONCE, keyframes.len());
+        let loaded: Vec<Result<Vec<Vertex>, ToolError>> = keyframes_at_once
+            .par_iter()
+            .map(|(keyframe, _)| {
+                let stored = surfaces.load(keyframe.id)?;
+                Ok(warp.as_ref().map(|warp| warp.apply(&stored)).unwrap_or(stored))
+            })
+            .collect();
+        let loaded = loaded.into_iter().collect::<Result<Vec<Vec<Vertex>>, ToolError>>()?;
+        let views: Vec<View<'_>> = keyframes_at_once
+            .iter()
+            .zip(&loaded)
+            .map(|((keyframe, world_from_camera), vertices)| View {
+                camera,
+                surface: SurfaceView { grid, vertices },
+                world_from_camera: *world_from_camera,
+                velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),
+            })
+            .collect();
         volume
-            .integrate(&view)
+            .integrate(&views)
             .map_err(|error| ToolError::Arguments(format!("{error}: --voxel-mm, --memory-mb")))?;
     }
     Ok(volume.mesh())

@@ -90,19 +90,24 @@ fn write_submaps(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
     Ok(())
 }
 
-/// The final poses once more, with a ninth column that says which were measured, and a tenth with the
-/// submap: poses of one submap alone have a common frame.
+/// The final poses once more, with a ninth column that says which were measured, wholly or but for a
+/// degenerate direction, and a tenth with the submap: poses of one submap alone have a common frame.
 fn write_marked(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
     write_whole(folder, "trajectory_marked.txt", |writer| {
         writeln!(
             writer,
-            "# final pose of every processed frame, whether it was tracked or only predicted, and its submap"
+            "# final pose of every processed frame, whether it was tracked, tracked but for a degenerate \
+             direction, or only predicted, and its submap"
         )?;
         writeln!(writer, "# {COLUMNS} state submap")?;
         for frame in &replay.frames {
             let mut row = Vec::new();
             write_tum_row(&mut row, frame.stamp_nanos, &replay.final_pose(frame))?;
-            let mark = if frame.state == State::Tracking { "tracked" } else { "predicted" };
+            let mark = match frame.state {
+                State::Tracking if frame.is_degenerate() => "degenerate",
+                State::Tracking => "tracked",
+                State::Lost | State::Relocalising => "predicted",
+            };
             let (row, submap) = (String::from_utf8_lossy(&row), replay.component(frame));
             writeln!(writer, "{} {mark} {submap}", row.trim_end())?;
         }
@@ -119,7 +124,9 @@ mod tests {
     #[test]
     fn every_processed_frame_has_its_row() {
         let dir = tempfile::tempdir().unwrap();
-        write(&test_run::replay(), dir.path()).unwrap();
+        let mut replay = test_run::replay();
+        replay.frames[2].reason = "degenerate, held by the prediction: translation along x".to_owned();
+        write(&replay, dir.path()).unwrap();
         let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
         let online = read("trajectory_online.txt");
         let mut lines = online.lines();
@@ -137,7 +144,7 @@ mod tests {
             assert_eq!(row, plain);
             mark
         });
-        let expected = ["tracked", "tracked", "tracked", "tracked", "predicted", "tracked"];
+        let expected = ["tracked", "tracked", "degenerate", "tracked", "predicted", "tracked"];
         assert_eq!(marks.collect::<Vec<_>>(), expected);
     }
 

@@ -242,6 +242,15 @@ fn frames_without_depth_are_lost_and_tracking_comes_back() {
     assert!(states[14..].iter().all(|state| state == "tracking"), "{states:?}");
     let reason = text.lines().nth(9).unwrap().split(',').nth(3).unwrap();
     assert!(!reason.is_empty(), "a lost frame says why");
+    let marked = std::fs::read_to_string(recording.path("out/trajectory_marked.txt")).unwrap();
+    let n_predicted = marked.lines().filter(|line| line.contains(" predicted ")).count();
+    assert_eq!(n_predicted, states.iter().filter(|state| *state != "tracking").count());
+    let log = std::fs::read_to_string(recording.path("out/log.txt")).unwrap();
+    let at = |words: &str| log.lines().position(|line| line.contains("align[") && line.contains(words));
+    assert!(
+        at("frame=8 not tracked: ") < at(" tracked again") && at("frame=8 not tracked: ").is_some(),
+        "{log}"
+    );
 }
 
 #[test]

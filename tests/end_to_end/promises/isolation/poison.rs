@@ -24,7 +24,7 @@ fn a_frame_that_panics_ends_the_run_by_name() {
 fn a_frame_that_crashes_ends_the_run_by_name() {
     let (code, text) = fail(&room().with_env("TESSERA_KILL_PLAN", "reconstruct=received:12:segv*"));
     assert_eq!(code, Some(4), "{text}");
-    assert!(text.contains("reconstruct ended with signal 11 (SIGSEGV) 3 times at frame 12"), "{text}");
+    assert!(text.contains("reconstruct ended with signal 11 (SIGSEGV), 3 times at frame 12"), "{text}");
 }
 
 #[test]

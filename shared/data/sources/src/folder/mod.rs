@@ -1,10 +1,13 @@
 //! A folder of images: one source for all layouts, which differ in where things lie.
 
+mod codec;
 mod colour;
 mod layouts;
 mod list;
+mod lzfse;
 
 use crate::{ImageError, SourceError, SourceOptions};
+use codec::DepthCodec;
 use colour::ColourImages;
 pub(crate) use layouts::is_known;
 use layouts::{Asked, FoundLayout};
@@ -30,6 +33,8 @@ pub struct FolderSource {
     colour: Vec<Option<ListEntry>>,
     /// How colour comes to the pixels of depth.
     colour_images: ColourImages,
+    /// The form of depth and confidence images.
+    codec: DepthCodec,
     /// For each depth image the confidence of its pixels, where the layout has it.
     confidence: Vec<PathBuf>,
     ground_truth: Option<Trajectory>,
@@ -110,6 +115,7 @@ impl FolderSource {
             depth,
             colour,
             colour_images,
+            codec: found.codec,
             confidence: found.confidence,
             ground_truth: found.ground_truth,
             rotations,
@@ -147,7 +153,7 @@ impl FolderSource {
     ) -> Result<(), SourceError> {
         let Some(file) = self.confidence.get(at) else { return Ok(()) };
         let size = (self.camera.width, self.camera.height);
-        self.image(index, file, |path| decode::colour(&load(path)?, size, scratch))?;
+        self.image(index, file, |path| self.codec.confidence(&load(path)?, size, scratch))?;
         for (raw, confidence) in depth_raw.iter_mut().zip(scratch.chunks_exact(3)) {
             if confidence[0] < LEAST_CONFIDENCE {
                 *raw = 0;
@@ -178,7 +184,7 @@ impl Source for FolderSource {
         buffers.check(&self.camera)?;
         let (at, depth) = self.entry(index)?;
         let size = (self.camera.width, self.camera.height);
-        self.image(index, &depth.file, |path| decode::depth(&load(path)?, size, buffers.depth))?;
+        self.image(index, &depth.file, |path| self.codec.depth(&load(path)?, &self.camera, buffers.depth))?;
         self.leave_out_doubtful(index, at, buffers.depth, buffers.colour)?;
         match &self.colour[at] {
             Some(colour) => self
@@ -213,9 +219,9 @@ impl Source for FolderSource {
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
         let (at, depth) = self.entry(index)?;
-        self.image(index, &depth.file, decode::inspect)?;
+        self.image(index, &depth.file, |path| self.codec.inspect(path))?;
         if let Some(file) = self.confidence.get(at) {
-            self.image(index, file, decode::inspect)?;
+            self.image(index, file, |path| self.codec.inspect(path))?;
         }
         match &self.colour[at] {
             Some(colour) => self.image(index, &colour.file, decode::inspect),

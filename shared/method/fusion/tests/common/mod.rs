@@ -52,13 +52,15 @@ pub fn shots(source: &dyn Source, every: usize, settings: &SurfaceSettings) -> V
         .collect()
 }
 
+pub fn view<'a>(camera: &'a Camera, shot: &'a Shot) -> View<'a> {
+    let surface = SurfaceView { grid: shot.grid, vertices: &shot.vertices };
+    View { camera, surface, world_from_camera: shot.world_from_camera, velocity: shot.velocity }
+}
+
 pub fn fuse(camera: &Camera, shots: &[Shot], settings: &FusionSettings) -> Result<Volume, FusionError> {
     let mut volume = Volume::new(settings);
-    for shot in shots {
-        let surface = SurfaceView { grid: shot.grid, vertices: &shot.vertices };
-        let Shot { world_from_camera, velocity, .. } = *shot;
-        volume.integrate(&View { camera, surface, world_from_camera, velocity })?;
-    }
+    let views: Vec<View<'_>> = shots.iter().map(|shot| view(camera, shot)).collect();
+    volume.integrate(&views)?;
     Ok(volume)
 }
 

@@ -6,6 +6,7 @@ mod files;
 mod icl_nuim;
 mod open3d;
 mod pose;
+mod record3d;
 mod replica;
 mod scannet;
 mod seven_scenes;
@@ -13,6 +14,7 @@ mod stray_scanner;
 mod tum;
 mod unread;
 
+use super::codec::DepthCodec;
 use super::list::ListEntry;
 use crate::{COLOUR_NONE, SourceError, SourceOptions};
 use std::path::{Path, PathBuf};
@@ -91,6 +93,8 @@ pub(super) struct FoundLayout {
     pub(super) colour: Vec<ListEntry>,
     /// `None`: colour of the size of depth is registered to it.
     pub(super) colour_camera: Option<ColourCamera>,
+    /// The form of depth and confidence images.
+    pub(super) codec: DepthCodec,
     /// For each depth image, or empty.
     pub(super) confidence: Vec<PathBuf>,
     pub(super) ground_truth: Option<Trajectory>,
@@ -115,6 +119,7 @@ impl FoundLayout {
             depth,
             colour,
             colour_camera: None,
+            codec: DepthCodec::Png,
             confidence: Vec::new(),
             ground_truth: None,
             notes: Vec::new(),
@@ -132,12 +137,13 @@ struct FolderLayout {
 }
 
 /// The more telling first: several have folders `depth` and `color`.
-const LAYOUTS: [FolderLayout; 7] = [
+const LAYOUTS: [FolderLayout; 8] = [
     FolderLayout { name: tum::NAME, is: tum::is, read: tum::read },
     FolderLayout { name: icl_nuim::NAME, is: icl_nuim::is, read: icl_nuim::read },
     FolderLayout { name: seven_scenes::NAME, is: seven_scenes::is, read: seven_scenes::read },
     FolderLayout { name: replica::NAME, is: replica::is, read: replica::read },
     FolderLayout { name: stray_scanner::NAME, is: stray_scanner::is, read: stray_scanner::read },
+    FolderLayout { name: record3d::NAME, is: record3d::is, read: record3d::read },
     FolderLayout { name: scannet::NAME, is: scannet::is, read: scannet::read },
     FolderLayout { name: open3d::NAME, is: open3d::is, read: open3d::read },
 ];

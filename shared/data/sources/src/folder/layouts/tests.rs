@@ -5,6 +5,8 @@ use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::
 use std::fs;
 use std::path::Path;
 
+mod record3d;
+
 const SIZE: (u32, u32) = (32, 24);
 /// Camera to world: a step of 0.25 m to the right and a half turn about y.
 const TURNED: &str = "-1 0 0 0.25\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n";
@@ -286,12 +288,9 @@ fn what_is_not_read_is_named() {
     assert!(message.contains("did you mean") && message.contains("seq-01?"), "{message}");
     folder.write("scene0000_00.sens", "");
     assert!(folder.refusal().contains("a recording of ScanNet, which is not read: export it"));
-    let record3d = Folder::new();
-    record3d.write("metadata", "{}");
-    record3d.write("rgbd/0.depth", "bvx2");
-    let error = FolderSource::open(record3d.path(), None, None).unwrap_err();
-    assert!(
-        matches!(error, SourceError::NotRead { .. }) && error.to_string().contains("Record3D"),
-        "{error}"
-    );
+    let exported = Folder::new();
+    exported.write("metadata.json", "{}");
+    exported.write("depth/0.exr", "v/1");
+    let message = exported.refusal();
+    assert!(message.contains("Record3D with depth as EXR, which is not read: export"), "{message}");
 }

@@ -7,11 +7,12 @@ use std::path::Path;
 
 /// What the folder is, if it is known; a single recording inside is named too.
 pub(super) fn folder(folder: &Path) -> Option<SourceError> {
-    if folder.join("rgbd").is_dir() && folder.join("metadata").is_file() {
+    let is_exr = |name: &String| name.ends_with(".exr");
+    if folder.join("metadata.json").is_file() && names(&folder.join("depth")).iter().any(is_exr) {
         return Some(SourceError::NotRead {
             path: folder.to_owned(),
-            what: "a recording of Record3D, whose depth is compressed by LZFSE",
-            remedy: "write its depth as 16-bit PNG first (pip install pyliblzfse; docs/own_camera.md has the script)".to_owned(),
+            what: "an export of Record3D with depth as EXR",
+            remedy: "export the recording as .r3d instead, unzip it and run the folder".to_owned(),
         });
     }
     let inside = names(folder).into_iter().map(|name| folder.join(name)).filter(|path| path.is_file());

@@ -1,0 +1,233 @@
+//! Record3D (iPhone), an unpacked `.r3d`: `metadata` in JSON, and in `rgbd/` for each frame
+//! `0.depth` (metres, LZFSE), `0.conf` (0, 1, 2, LZFSE) and `0.jpg`.
+//!
+//! `K` is by columns and of the size of colour, as are the intrinsics of each frame, which follow the
+//! autofocus. ARKit registers depth to colour: both are one camera at two sizes.
+//! Poses are ARKit's, `[qx qy qz qw x y z]`, of a camera with y up and z backward.
+
+use super::super::codec::DepthCodec;
+use super::super::list::ListEntry;
+use super::super::lzfse;
+use super::files::{Numbered, json, number_nanos, numbered, pinhole, some_depth, wrong};
+use super::pose::Poses;
+use super::{Asked, ColourCamera, FoundLayout, USUAL_FPS};
+use crate::SourceError;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use tessera_geometry::{Camera, Pose};
+
+pub(super) const NAME: &str = "Record3D, unpacked (metadata, rgbd/)";
+
+const METADATA: &str = "metadata";
+const IMAGES: &str = "rgbd";
+/// As recordings count depth in metres: 0.2 mm, up to 13.1 m.
+const UNITS_PER_METRE: f64 = 5000.0;
+/// Seconds that a time may have: in nanoseconds they fit 64 bits.
+const MOST_SECONDS: f64 = 1e9;
+/// Share of the focal length by which autofocus may change it without a word.
+const MOST_FOCUS_CHANGE: f64 = 0.01;
+
+/// What is used of `metadata`.
+#[derive(Deserialize)]
+struct Record3dMetadata {
+    /// Columns and rows of colour.
+    w: u32,
+    h: u32,
+    /// Columns and rows of depth; older recordings do not say.
+    dw: Option<u32>,
+    dh: Option<u32>,
+    /// By columns, pixels of colour.
+    #[serde(rename = "K")]
+    k: [f64; 9],
+    fps: Option<f64>,
+    #[serde(default)]
+    poses: Vec<[f64; 7]>,
+    /// `fx fy cx cy` of each frame, pixels of colour.
+    #[serde(default, rename = "perFrameIntrinsicCoeffs")]
+    intrinsics: Vec<[f64; 4]>,
+    /// Seconds.
+    #[serde(default, rename = "frameTimestamps")]
+    times: Vec<f64>,
+}
+
+pub(super) fn is(folder: &Path) -> bool {
+    folder.join(IMAGES).is_dir() && folder.join(METADATA).is_file()
+}
+
+pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
+    let path = folder.join(METADATA);
+    let metadata: Record3dMetadata = json(&path)?;
+    let images = numbered(folder, IMAGES, "", &[".depth"]);
+    let (stamps, times) = stamps(&metadata, &images, asked.fps, &path)?;
+    let entries = |images: &[Numbered]| -> Vec<ListEntry> {
+        let entry = |image: &Numbered| {
+            let stamp_nanos = *stamps.get(&image.number)?;
+            Some(ListEntry { stamp_nanos, file: image.file.clone() })
+        };
+        images.iter().filter_map(entry).collect()
+    };
+    let depth = some_depth(entries(&images), folder, "rgbd/NUMBER.depth with times in metadata")?;
+    let colour = entries(&numbered(folder, IMAGES, "", &[".jpg"]));
+    let intrinsics = Intrinsics::of(&metadata);
+    let camera = asked.camera(folder, || {
+        let size = depth_size(folder, &metadata, &depth)?;
+        let camera = pinhole(size, intrinsics.scaled(&metadata, size), UNITS_PER_METRE, &path)?;
+        Ok(Some((camera, "metadata, scaled to depth".to_owned())))
+    })?;
+    let mut found = FoundLayout::new(NAME, camera, depth, colour);
+    found.codec = DepthCodec::Lzfse;
+    let of_colour = Camera::pinhole((metadata.w, metadata.h), intrinsics.median, UNITS_PER_METRE);
+    found.colour_camera = Some(ColourCamera { camera: of_colour, colour_from_depth: Pose::identity() });
+    let confidence: Vec<_> = found.depth.iter().map(|entry| entry.file.with_extension("conf")).collect();
+    if confidence.iter().any(|file| folder.join(file).is_file()) {
+        found.confidence = confidence;
+        found.notes.push(("confidence", "pixels of low confidence are left out".to_owned()));
+    }
+    found.ground_truth = poses(&metadata, &stamps, &path)?.finish();
+    if found.ground_truth.is_some() {
+        found.notes.push(("ground truth of", "ARKit (metadata): an estimate too".to_owned()));
+    }
+    found.notes.push(("times", times));
+    found.warnings.extend(intrinsics.warning());
+    let n_without = images.len() - found.depth.len();
+    if n_without > 0 {
+        found
+            .warnings
+            .push(format!("{n_without} depth images have no time of their own in metadata and are left out"));
+    }
+    Ok(found)
+}
+
+/// Time of each frame by its number, nanoseconds, and where the times are from. A frame whose time does
+/// not rise has none.
+fn stamps(
+    metadata: &Record3dMetadata,
+    images: &[Numbered],
+    asked_fps: Option<f64>,
+    path: &Path,
+) -> Result<(BTreeMap<u64, i64>, String), SourceError> {
+    let fps = asked_fps.or(metadata.fps).unwrap_or(USUAL_FPS);
+    if !super::POSSIBLE_FPS.contains(&fps) {
+        return Err(wrong(path, format!("fps is {fps}, expected 0.01 to 10000")));
+    }
+    let is_timed = asked_fps.is_none() && !metadata.times.is_empty();
+    let mut stamps = BTreeMap::new();
+    let mut last = i64::MIN;
+    for image in images {
+        let stamp = match is_timed {
+            true => match usize::try_from(image.number).ok().and_then(|at| metadata.times.get(at)) {
+                Some(seconds) if seconds.abs() < MOST_SECONDS => (seconds * 1e9).round() as i64,
+                _ => continue,
+            },
+            false => number_nanos(image.number, fps),
+        };
+        if stamp > last {
+            stamps.insert(image.number, stamp);
+            last = stamp;
+        }
+    }
+    let words = match is_timed {
+        true => "frameTimestamps of metadata".to_owned(),
+        false => format!("none: {fps} frames a second"),
+    };
+    Ok((stamps, words))
+}
+
+/// ARKit's poses as `world_from_camera` with y down and z forward.
+fn poses(
+    metadata: &Record3dMetadata,
+    stamps: &BTreeMap<u64, i64>,
+    path: &Path,
+) -> Result<Poses, SourceError> {
+    let arkit_from_camera = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let mut poses = Poses::default();
+    for (number, stamp) in stamps {
+        let Some(pose) = usize::try_from(*number).ok().and_then(|at| metadata.poses.get(at)) else {
+            continue;
+        };
+        let [qx, qy, qz, qw, x, y, z] = *pose;
+        let quaternion = Quaternion::new(qw, qx, qy, qz);
+        if !((0.9..1.1).contains(&quaternion.norm()) && [x, y, z].iter().all(|value| value.is_finite())) {
+            let reason =
+                format!("pose {number} is {pose:?}, expected qx qy qz qw x y z of a unit quaternion");
+            return Err(wrong(path, reason));
+        }
+        let rotation = UnitQuaternion::from_quaternion(quaternion) * arkit_from_camera;
+        poses.push(*stamp, Some(Pose::from_parts(Translation3::new(x, y, z), rotation)));
+    }
+    Ok(poses)
+}
+
+/// Columns and rows of depth: as `metadata` says, else by what the first images hold and the shape of
+/// colour.
+fn depth_size(
+    folder: &Path,
+    metadata: &Record3dMetadata,
+    depth: &[ListEntry],
+) -> Result<(u32, u32), SourceError> {
+    if let (Some(width), Some(height)) = (metadata.dw, metadata.dh) {
+        return Ok((width, height));
+    }
+    let (w, h) = (metadata.w as usize, metadata.h as usize);
+    let n_pixels = |entry: &ListEntry| {
+        let bytes = std::fs::read(folder.join(&entry.file)).ok()?;
+        lzfse::n_pixels(&bytes, w.saturating_mul(h)).ok()?
+    };
+    let found = depth.iter().take(5).find_map(n_pixels);
+    let n =
+        found.ok_or_else(|| wrong(folder, "none of the first depth images can be read, expected LZFSE"))?;
+    let width = (n as f64 * w as f64 / h as f64).sqrt().round() as usize;
+    match width > 0 && n % width == 0 {
+        true => Ok((width as u32, (n / width) as u32)),
+        false => Err(wrong(
+            &folder.join(METADATA),
+            format!("no dw and dh, and depth images of {n} pixels do not have the shape of colour, {w}x{h}"),
+        )),
+    }
+}
+
+/// Intrinsics of the size of colour, `fx fy cx cy`, pixels.
+struct Intrinsics {
+    /// Over the frames, each value by itself.
+    median: [f64; 4],
+    /// By how much of itself the focal length changes.
+    focus_change: f64,
+}
+
+impl Intrinsics {
+    fn of(metadata: &Record3dMetadata) -> Self {
+        let k = &metadata.k;
+        if metadata.intrinsics.is_empty() {
+            return Self { median: [k[0], k[4], k[6], k[7]], focus_change: 0.0 };
+        }
+        let column = |at: usize| {
+            let mut values: Vec<f64> = metadata.intrinsics.iter().map(|frame| frame[at]).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let columns = [column(0), column(1), column(2), column(3)];
+        let median = columns.each_ref().map(|values| values[values.len() / 2]);
+        let focal = &columns[0];
+        let focus_change = (focal[focal.len() - 1] - focal[0]) / median[0];
+        Self { median, focus_change }
+    }
+
+    /// At the size of depth.
+    fn scaled(&self, metadata: &Record3dMetadata, size: (u32, u32)) -> [f64; 4] {
+        let sx = f64::from(size.0) / f64::from(metadata.w);
+        let sy = f64::from(size.1) / f64::from(metadata.h);
+        let [fx, fy, cx, cy] = self.median;
+        [fx * sx, fy * sy, cx * sx, cy * sy]
+    }
+
+    fn warning(&self) -> Option<String> {
+        (self.focus_change > MOST_FOCUS_CHANGE).then(|| {
+            let percent = 100.0 * self.focus_change;
+            format!(
+                "the focal length changes by {percent:.1} % (autofocus): its median is used for all frames"
+            )
+        })
+    }
+}
