@@ -3,6 +3,7 @@
 use crate::map::MapOptions;
 use crate::network::{Reach, parse_reach};
 use crate::open::CarrierKind;
+use crate::remap::{Remap, is_name, parse_remap};
 use clap::Parser;
 
 /// Join a run to a ROS 2 network: images of its camera in, odometry and transforms out
@@ -55,6 +56,9 @@ pub(crate) struct Arguments {
     /// Where odometry and path are published
     #[arg(long, value_name = "NAMESPACE", default_value = "/tessera", value_parser = namespace)]
     pub(crate) namespace: String,
+    /// Another name of a topic or service, such as /tf:=/robot1/tf; may be repeated
+    #[arg(long, value_name = "FROM:=TO", value_parser = parse_remap)]
+    pub(crate) remap: Vec<Remap>,
     /// Distance of neighbouring points of the map, metres
     #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
     pub(crate) map_spacing: f64,
@@ -91,11 +95,7 @@ pub(crate) struct Arguments {
 }
 
 fn namespace(text: &str) -> Result<String, String> {
-    let is_name = text.len() > 1
-        && text.starts_with('/')
-        && !text.ends_with('/')
-        && text.bytes().all(|b| b.is_ascii_alphanumeric() || b"/_".contains(&b));
-    match is_name {
+    match is_name(text) {
         true => Ok(text.to_owned()),
         false => Err("expected a name such as /tessera".to_owned()),
     }

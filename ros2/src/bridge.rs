@@ -7,13 +7,15 @@ use crate::input::Input;
 use crate::joined::Joined;
 use crate::map::MapSide;
 use crate::network::Network;
-use crate::open::open;
+use crate::open::{Waiting, open};
 use crate::output::Output;
+use crate::owned::Started;
 use crate::relocalise::Relocalise;
+use crate::remap::Remapped;
 use crate::report::{Event, Report};
 use crate::reset::Reset;
 use crate::ros_time::RosTime;
-use crate::run::{Run, Started, next_run};
+use crate::run::{Run, next_run};
 use crate::save::SaveMap;
 use crate::trigger::Response;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,14 +45,18 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     let network = Network::choose(arguments.domain, arguments.network, |name| std::env::var(name).ok())
         .map_err(Ros2Error::Arguments)?;
     let name = NodeName { path: arguments.namespace.clone(), is_humble: arguments.is_humble() };
-    let mut carrier = open(arguments.carrier, &network, name)?;
+    let carrier = open(arguments.carrier, &network, name, &Waiting { is_stopped, report: &report })?;
+    let mut carrier = Remapped { carrier, names: arguments.remap.clone() };
     for words in carrier.words().into_iter().chain(network.warning) {
         report.say(&words);
     }
-    let mut bridge = Bridge::new(arguments, &mut *carrier, is_stopped, report)?;
+    let mut bridge = Bridge::new(arguments, &mut carrier, is_stopped, report)?;
     let mut started =
-        arguments.run.then(|| Started::start(&arguments.name, &arguments.run_arguments)).transpose()?;
-    let mut name = arguments.name.clone();
+        arguments.run.then(|| Started::begin(&arguments.name, &arguments.run_arguments)).transpose()?;
+    let mut name = started.as_ref().map_or(&arguments.name, |started| &started.name).clone();
+    if started.as_ref().is_some_and(Started::is_taken) {
+        bridge.report.say(&format!("the run {name} goes on: it is taken over"));
+    }
     // What a reset came to, once the run after it is there.
     let mut begun = Response { success: true, message: String::new() };
     loop {
@@ -74,7 +80,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
             bridge.answer_reset(&Ok(None), &begun)?;
             break;
         }
-        started = Some(Started::start(&next, &run_arguments)?);
+        started = Some(Started::start(&next, &run_arguments, &arguments.name)?);
         name = next;
     }
     let Some(mut started) = started else { return Ok(()) };
@@ -267,7 +273,7 @@ impl<'a> Bridge<'a> {
         self.save.step(&joined.run.entry.run_dir, &mut self.report)?;
         self.time.step(&mut self.report);
         let n_depth = self.input.n_depth;
-        self.input.step(self.carrier, &joined.run, &mut self.report)?;
+        self.input.step(self.carrier, &joined.run, self.time.waiting_nanos(), &mut self.report)?;
         if self.input.n_depth > n_depth {
             self.last_depth_nanos = self.time.now_nanos();
         }
@@ -346,6 +352,7 @@ impl<'a> Bridge<'a> {
         };
         milliseconds("latency ms", joined.latency.map(|latency| latency.as_secs_f64() * 1e3));
         milliseconds("age ms", joined.age_ms);
+        values.extend(self.map.verdict.iter().map(|verdict| ("verdict".to_owned(), verdict.clone())));
         values.extend(self.report.totals().map(|(event, total)| (event.key().to_owned(), total.to_string())));
         values
     }

@@ -127,7 +127,7 @@ impl Going {
         &mut self,
         images: &Images,
         mut depth: Stamped,
-        now: Instant,
+        now_nanos: i64,
         report: &mut Report,
     ) {
         if self.is_other_camera {
@@ -137,7 +137,7 @@ impl Going {
         match read {
             Ok(stamp_nanos) => {
                 depth.stamp_nanos = stamp_nanos;
-                self.pairing.add_depth(depth, now);
+                self.pairing.add_depth(depth, now_nanos);
             }
             Err(error) => report.note(Event::Malformed, || format!("{}: {error}", images.topic)),
         }
@@ -148,11 +148,11 @@ impl Going {
         &mut self,
         topics: &Topics,
         guest: &Guest,
-        clock: &mut Clock,
+        (clock, now_nanos): (&mut Clock, i64),
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
         let (name, has_colour) = (&topics.depth.topic, self.camera.uses_colour());
-        while let Some((depth, colour)) = self.pairing.next(has_colour, Instant::now()) {
+        while let Some((depth, colour)) = self.pairing.next(has_colour, now_nanos) {
             let stamp_nanos = match clock.tick(depth.stamp_nanos) {
                 Tick::At(stamp_nanos) => stamp_nanos,
                 Tick::Jumped(back, stamp_nanos) => {

@@ -89,7 +89,7 @@ impl Input {
         }
     }
 
-    /// Takes what came, and sends what can be sent.
+    /// Takes what came, and sends what can be sent; `now_nanos` is the time by which images wait.
     ///
     /// # Errors
     /// Where topics cannot be chosen, the camera cannot be used, or the run's memory is broken.
@@ -97,6 +97,7 @@ impl Input {
         &mut self,
         carrier: &mut dyn Carrier,
         run: &Run,
+        now_nanos: i64,
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
         let now = Instant::now();
@@ -139,9 +140,10 @@ impl Input {
                 while let Some(message) = take(&mut *topics.depth.messages, report) {
                     let index = self.n_depth;
                     self.n_depth += 1;
-                    going.take_depth(&topics.depth, Stamped { stamp_nanos: 0, index, message }, now, report);
+                    let depth = Stamped { stamp_nanos: 0, index, message };
+                    going.take_depth(&topics.depth, depth, now_nanos, report);
                 }
-                going.send(topics, &run.guest, &mut self.clock, report)?;
+                going.send(topics, &run.guest, (&mut self.clock, now_nanos), report)?;
             }
         }
         Ok(())

@@ -18,13 +18,16 @@ mod gyro;
 mod imu;
 mod input;
 mod joined;
+mod keeper;
 mod map;
 mod network;
 mod open;
 mod output;
+mod owned;
 mod pairing;
 mod path;
 mod relocalise;
+mod remap;
 mod report;
 mod reset;
 mod ros_time;
@@ -45,8 +48,12 @@ use std::sync::atomic::AtomicBool;
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    match run(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
+    let done = match keeper::is_needed(arguments.run) {
+        true => keeper::keep(arguments.quiet),
+        false => run(&arguments).map(|()| ExitCode::SUCCESS),
+    };
+    match done {
+        Ok(code) => code,
         Err(error) => {
             eprintln!("tessera-ros2: {error}");
             ExitCode::from(error.exit_code())
@@ -55,9 +62,16 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Ros2Error> {
+    keeper::die_with_keeper();
+    let is_stopped = stop_flag()?;
+    bridge::bridge(arguments, &is_stopped)
+}
+
+/// A flag that is set once this program is told to end.
+fn stop_flag() -> Result<Arc<AtomicBool>, Ros2Error> {
     let is_stopped = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&is_stopped)).map_err(Ros2Error::Signal)?;
     }
-    bridge::bridge(arguments, &is_stopped)
+    Ok(is_stopped)
 }

@@ -4,6 +4,8 @@ use crate::carrier::{Carrier, NodeName};
 use crate::dds::Dds;
 use crate::error::Ros2Error;
 use crate::network::Network;
+use crate::report::Report;
+use std::sync::atomic::AtomicBool;
 
 /// Variable of ROS 2 that names its middleware, and the one that is Zenoh.
 const VARIABLE: &str = "RMW_IMPLEMENTATION";
@@ -27,6 +29,13 @@ impl CarrierKind {
     }
 }
 
+/// What stands by while a network is joined that is not there yet.
+#[cfg_attr(not(feature = "zenoh"), expect(dead_code, reason = "DDS waits for none"))]
+pub(crate) struct Waiting<'a> {
+    pub(crate) is_stopped: &'a AtomicBool,
+    pub(crate) report: &'a Report,
+}
+
 /// Joins a network as a node of that name.
 ///
 /// # Errors
@@ -35,11 +44,13 @@ pub(crate) fn open(
     given: Option<CarrierKind>,
     network: &Network,
     name: NodeName,
+    #[cfg_attr(not(feature = "zenoh"), expect(unused_variables, reason = "DDS waits for none"))]
+    waiting: &Waiting<'_>,
 ) -> Result<Box<dyn Carrier>, Ros2Error> {
     match CarrierKind::choose(given, std::env::var(VARIABLE).ok().as_deref()) {
         CarrierKind::Dds => Ok(Box::new(Dds::open(network, name)?)),
         #[cfg(feature = "zenoh")]
-        CarrierKind::Zenoh => Ok(Box::new(crate::zenoh::Zenoh::open(network, name)?)),
+        CarrierKind::Zenoh => Ok(Box::new(crate::zenoh::Zenoh::open(network, name, waiting)?)),
         #[cfg(not(feature = "zenoh"))]
         CarrierKind::Zenoh => {
             let from =

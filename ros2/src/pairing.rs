@@ -2,12 +2,11 @@
 //! depth image waits for long.
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
 
 /// Times of depth and colour differ by less than this.
 pub(crate) const MAX_DIFFERENCE_NANOS: i64 = 20_000_000;
 /// Longest time that a depth image waits for its colour.
-const PATIENCE: Duration = Duration::from_millis(150);
+const PATIENCE_NANOS: i64 = 150_000_000;
 /// Colour images that are kept.
 const MOST_COLOURS: usize = 8;
 /// Depth images that wait; more, and the oldest goes without colour.
@@ -25,13 +24,15 @@ pub(crate) struct Stamped {
 /// What waits for its partner.
 #[derive(Debug, Default)]
 pub(crate) struct Pairing {
-    depths: VecDeque<(Stamped, Instant)>,
+    /// Each with the time at which it came.
+    depths: VecDeque<(Stamped, i64)>,
     colours: VecDeque<Stamped>,
 }
 
 impl Pairing {
-    pub(crate) fn add_depth(&mut self, depth: Stamped, now: Instant) {
-        self.depths.push_back((depth, now));
+    /// A depth image came, at a time of any clock that is that of [`Self::next`].
+    pub(crate) fn add_depth(&mut self, depth: Stamped, now_nanos: i64) {
+        self.depths.push_back((depth, now_nanos));
     }
 
     pub(crate) fn add_colour(&mut self, colour: Stamped) {
@@ -43,12 +44,14 @@ impl Pairing {
 
     /// The next depth image whose colour is known, or known to be missing. Without `has_colour`
     /// none waits.
-    pub(crate) fn next(&mut self, has_colour: bool, now: Instant) -> Option<(Stamped, Option<Stamped>)> {
+    pub(crate) fn next(&mut self, has_colour: bool, now_nanos: i64) -> Option<(Stamped, Option<Stamped>)> {
         let (depth, came) = self.depths.front()?;
         let stamp = depth.stamp_nanos;
         // Colour comes in the order of its times: what comes after a later one is further away.
         let is_known = self.colours.back().is_some_and(|colour| colour.stamp_nanos >= stamp);
-        let is_late = now.saturating_duration_since(*came) >= PATIENCE || self.depths.len() > MOST_DEPTHS;
+        // A clock that jumped back says nothing of how long it waited.
+        let is_over = !(0..PATIENCE_NANOS).contains(&now_nanos.saturating_sub(*came));
+        let is_late = is_over || self.depths.len() > MOST_DEPTHS;
         if has_colour && !is_known && !is_late {
             return None;
         }
@@ -82,7 +85,7 @@ mod tests {
 
     #[test]
     fn a_depth_image_waits_until_its_colour_is_known() {
-        let (mut pairing, now) = (Pairing::default(), Instant::now());
+        let (mut pairing, now) = (Pairing::default(), 5_000_000_000);
         pairing.add_depth(stamped(100), now);
         pairing.add_colour(stamped(95));
         assert_eq!(pairing.next(true, now), None);
@@ -90,13 +93,16 @@ mod tests {
         assert_eq!(millis(pairing.next(true, now)), Some((100, Some(103))));
         pairing.add_depth(stamped(133), now);
         assert_eq!(pairing.next(true, now), None);
-        assert_eq!(millis(pairing.next(true, now + PATIENCE)), Some((133, None)));
-        assert_eq!(pairing.next(true, now + PATIENCE), None);
+        assert_eq!(pairing.next(true, now + PATIENCE_NANOS - 1), None);
+        assert_eq!(millis(pairing.next(true, now + PATIENCE_NANOS)), Some((133, None)));
+        assert_eq!(pairing.next(true, now + PATIENCE_NANOS), None);
+        pairing.add_depth(stamped(167), now);
+        assert_eq!(millis(pairing.next(true, now - 1)), Some((167, None)), "the clock jumped back");
     }
 
     #[test]
     fn colours_far_away_or_nearer_to_the_next_are_not_taken() {
-        let (mut pairing, now) = (Pairing::default(), Instant::now());
+        let (mut pairing, now) = (Pairing::default(), 5_000_000_000);
         pairing.add_depth(stamped(100), now);
         pairing.add_depth(stamped(110), now);
         pairing.add_colour(stamped(108));
@@ -110,7 +116,7 @@ mod tests {
 
     #[test]
     fn nothing_waits_without_colour_and_memory_is_bounded() {
-        let (mut pairing, now) = (Pairing::default(), Instant::now());
+        let (mut pairing, now) = (Pairing::default(), 5_000_000_000);
         pairing.add_depth(stamped(1), now);
         assert_eq!(millis(pairing.next(false, now)), Some((1, None)));
         (0..100).for_each(|at| pairing.add_colour(stamped(at)));

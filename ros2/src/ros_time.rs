@@ -4,7 +4,7 @@
 use crate::carrier::{CLOCK, Carrier, CarrierError, ENCAPSULATION, Quality, Subscription};
 use crate::input::take;
 use crate::report::{Event, Report};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use tessera_recording::ros::Time;
 
 const TOPIC: &str = "/clock";
@@ -18,6 +18,7 @@ pub(crate) struct RosTime {
     clock: Option<Box<dyn Subscription>>,
     simulated_nanos: Option<i64>,
     told_nanos: Option<i64>,
+    began: Instant,
 }
 
 impl RosTime {
@@ -29,7 +30,7 @@ impl RosTime {
         // As rclcpp reads it.
         let quality = Quality { depth: 1, ..Quality::SENSOR };
         let clock = is_simulated.then(|| carrier.subscribe(TOPIC, CLOCK, quality)).transpose()?;
-        Ok(Self { clock, simulated_nanos: None, told_nanos: None })
+        Ok(Self { clock, simulated_nanos: None, told_nanos: None, began: Instant::now() })
     }
 
     /// Takes the newest time of `/clock`.
@@ -52,6 +53,13 @@ impl RosTime {
         }
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Some(i64::try_from(now.as_nanos()).unwrap_or(i64::MAX))
+    }
+
+    /// The time by which what is incomplete waits: that of `/clock`, so that nothing is given up while a
+    /// bag is played slowly or paused; without it, nanoseconds since the start, which never jump.
+    pub(crate) fn waiting_nanos(&self) -> i64 {
+        let since = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        self.simulated_nanos.unwrap_or(since)
     }
 
     /// The time where another second has gone by since that was last so, or the clock jumped back.
@@ -102,7 +110,7 @@ mod tests {
 
     fn simulated(message: Option<Bytes>) -> RosTime {
         let clock: Option<Box<dyn Subscription>> = Some(Box::new(Played(message.into_iter().collect())));
-        RosTime { clock, simulated_nanos: None, told_nanos: None }
+        RosTime { clock, simulated_nanos: None, told_nanos: None, began: Instant::now() }
     }
 
     fn message(sec: i32, nanosec: u32) -> Bytes {
@@ -115,9 +123,10 @@ mod tests {
         let mut time = simulated(None);
         time.step(&mut report);
         assert_eq!((time.now_nanos(), time.next_second(), time.age_ms(5)), (None, None, None));
+        assert!((0..1_000_000_000_000).contains(&time.waiting_nanos()));
         let mut time = simulated(Some(message(7, 500_000_000)));
         time.step(&mut report);
-        assert_eq!(time.next_second(), Some(7_500_000_000));
+        assert_eq!((time.next_second(), time.waiting_nanos()), (Some(7_500_000_000), 7_500_000_000));
         assert_eq!(time.age_ms(7_400_000_000), Some(100.0));
         assert_eq!(time.age_ms(1_700_000_000_000_000_000), None);
         let mut torn = simulated(Some(vec![0, 1, 0, 0, 9]));

@@ -1,16 +1,16 @@
 //! The run that is joined.
 
 use crate::error::Ros2Error;
-use rustix::process::{Pid, Signal};
 use std::ffi::OsString;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
-use std::time::{Duration, Instant};
+use std::process::Command;
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Guest, RunEntry, check_name, registered_runs};
+
+/// Under this name the program joins a run.
+pub(crate) const GUEST: &str = "ros2";
 
 /// A run that goes on.
 pub(crate) struct Run {
@@ -26,14 +26,13 @@ impl Run {
         let Some(run) = runs.into_iter().find(|run| run.is_alive && run.entry.name == name) else {
             return Ok(None);
         };
-        let guest = Guest::open(&run.entry.identity, "ros2")?;
+        let guest = Guest::open(&run.entry.identity, GUEST)?;
         Ok(Some(Self { entry: run.entry, guest }))
     }
 
     /// Whether it still goes on, and is not another one of the same name.
     pub(crate) fn is_current(&self) -> Result<bool, Ros2Error> {
-        let runs = registered_runs()?;
-        Ok(runs.iter().any(|run| run.is_alive && run.entry.identity == self.entry.identity))
+        is_alive(&self.entry)
     }
 
     /// The camera that its images must have; `None` where it has had no image yet, or `--camera` of
@@ -68,94 +67,10 @@ pub(crate) fn tessera() -> Command {
     }))
 }
 
-/// Time that a run has to end after its camera did: its last optimisation and its outputs.
-const MOST_TO_END: Duration = Duration::from_secs(300);
-/// Time between two looks whether it has.
-const END_POLL: Duration = Duration::from_millis(50);
-
-/// `tessera run external` as a child: dropped, it is told to end, and writes its outputs.
-pub(crate) struct Started {
-    child: Child,
-    pub(crate) name: String,
-    /// When its camera ended.
-    ended_at: Option<Instant>,
-}
-
-impl Started {
-    /// Starts it.
-    pub(crate) fn start(name: &str, arguments: &[String]) -> Result<Self, Ros2Error> {
-        let mut command = tessera();
-        // A group of its own: Ctrl-C reaches this program alone, which ends the run in order.
-        command.args(["run", "external", "--name", name]).args(arguments).process_group(0);
-        let started = command.spawn();
-        let program = command.get_program().display();
-        let child = started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))?;
-        Ok(Self { child, name: name.to_owned(), ended_at: None })
-    }
-
-    /// Notes that the run was told that its camera has ended; where it was not, tells the run itself, which
-    /// then leaves out its last optimisation.
-    pub(crate) fn begin_end(&mut self, is_told: bool) {
-        self.ended_at = Some(Instant::now());
-        if !is_told {
-            self.terminate();
-        }
-    }
-
-    /// Whether its end has begun.
-    pub(crate) fn is_ending(&self) -> bool {
-        self.ended_at.is_some()
-    }
-
-    /// Whether it has ended; it is told again where it does not.
-    ///
-    /// # Errors
-    /// Where it failed.
-    pub(crate) fn has_ended(&mut self) -> Result<bool, Ros2Error> {
-        if self.ended_at.is_some_and(|at| at.elapsed() > MOST_TO_END) {
-            self.ended_at = Some(Instant::now());
-            self.terminate();
-        }
-        match self.child.try_wait() {
-            Ok(None) => Ok(false),
-            Ok(Some(status)) => judge(status),
-            Err(error) => Err(Ros2Error::Run(error.to_string())),
-        }
-    }
-
-    /// Waits for its end.
-    ///
-    /// # Errors
-    /// Where it failed.
-    pub(crate) fn finish(mut self) -> Result<(), Ros2Error> {
-        while !self.has_ended()? {
-            std::thread::sleep(END_POLL);
-        }
-        Ok(())
-    }
-
-    /// Tells it to end: it writes its outputs first.
-    fn terminate(&self) {
-        // Fails where it has ended.
-        let _ = rustix::process::kill_process(Pid::from_child(&self.child), Signal::TERM);
-    }
-}
-
-impl Drop for Started {
-    fn drop(&mut self) {
-        if let Ok(None) = self.child.try_wait() {
-            self.terminate();
-            let _ = self.child.wait();
-        }
-    }
-}
-
-fn judge(status: std::process::ExitStatus) -> Result<bool, Ros2Error> {
-    // 130: interrupted, with its outputs written.
-    if status.success() || status.code() == Some(130) {
-        return Ok(true);
-    }
-    Err(Ros2Error::Run(format!("it ended with {status}")))
+/// Whether a run goes on, and is not another one of the same name.
+pub(crate) fn is_alive(entry: &RunEntry) -> Result<bool, Ros2Error> {
+    let runs = registered_runs()?;
+    Ok(runs.iter().any(|run| run.is_alive && run.entry.identity == entry.identity))
 }
 
 /// The next run after one in `run_dir`: its name, and the arguments of `tessera run` for it. A number

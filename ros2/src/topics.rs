@@ -196,4 +196,46 @@ mod tests {
         let given = chooser(&["--depth-topic", "/b/depth"]).choose(&there_are).unwrap();
         assert_eq!(given.depth.0, "/b/depth");
     }
+
+    /// Names as docs/ros2_launch.md has them of drivers.
+    #[test]
+    fn topics_of_drivers_are_found_or_asked_for() {
+        let images = |names: &[&str]| {
+            let topics = names.iter().map(|name| {
+                let info = name.rsplit_once('/').map(|(front, _)| format!("{front}/camera_info")).unwrap();
+                [((*name).to_owned(), IMAGE.name), (info, CAMERA_INFO.name)]
+            });
+            let topics: Vec<(String, &str)> = topics.flatten().collect();
+            let topics: Vec<(&str, &str)> =
+                topics.iter().map(|(name, kind)| (name.as_str(), *kind)).collect();
+            seen(&topics)
+        };
+        let found = |words: &[&str], there_are: &[&str]| {
+            let choice = chooser(words).choose(&images(there_are)).map_err(|error| error.to_string())?;
+            Ok::<_, String>((choice.depth.0, choice.colour.map(|(topic, _)| topic), choice.info))
+        };
+        let all = |depth: &str, colour: &str, info: &str| {
+            Ok((depth.to_owned(), Some(colour.to_owned()), Some(info.to_owned())))
+        };
+        let front = "/camera/camera";
+        let realsense = ["aligned_depth_to_color/image_raw", "color/image_raw", "depth/image_rect_raw"];
+        let realsense = realsense.map(|name| format!("{front}/{name}"));
+        let realsense: Vec<&str> = realsense.iter().map(String::as_str).collect();
+        let aligned = "/camera/camera/aligned_depth_to_color";
+        assert_eq!(
+            found(&[], &realsense),
+            all(realsense[0], realsense[1], &format!("{aligned}/camera_info"))
+        );
+        let azure =
+            ["/depth/image_raw", "/depth_to_rgb/image_raw", "/rgb/image_raw", "/rgb_to_depth/image_raw"];
+        assert!(found(&[], &azure).unwrap_err().contains("give --depth-topic"));
+        let given = ["--depth-topic", azure[1], "--color-topic", azure[2]];
+        assert_eq!(found(&given, &azure), all(azure[1], azure[2], "/depth_to_rgb/camera_info"));
+        let orbbec = ["/camera/color/image_raw", "/camera/depth/image_raw", "/camera/ir/image_raw"];
+        assert_eq!(found(&[], &orbbec), all(orbbec[1], orbbec[0], "/camera/depth/camera_info"));
+        let oak = ["/oak/rgb/image_raw", "/oak/stereo/image_raw"];
+        assert!(found(&[], &oak).unwrap_err().contains("no depth topic"));
+        let given = ["--depth-topic", oak[1], "--color-topic", oak[0]];
+        assert_eq!(found(&given, &oak), all(oak[1], oak[0], "/oak/stereo/camera_info"));
+    }
 }

@@ -13,17 +13,27 @@ mod gyro;
 mod map;
 #[path = "network/measured.rs"]
 mod measured;
+#[path = "network/names.rs"]
+mod names;
 #[path = "network/program.rs"]
 mod program;
 #[path = "../../tests/requirements.rs"]
 mod requirements;
+#[cfg(feature = "zenoh")]
+#[path = "network/router.rs"]
+mod router;
 #[path = "network/services.rs"]
 mod services;
 #[path = "network/simulated_time.rs"]
 mod simulated_time;
+#[path = "network/taken_over.rs"]
+mod taken_over;
 #[cfg(feature = "zenoh")]
 #[path = "network/zenoh.rs"]
 mod zenoh;
+#[cfg(feature = "zenoh")]
+#[path = "network/zenoh_tls.rs"]
+mod zenoh_tls;
 
 use common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Isometry3;
@@ -121,6 +131,15 @@ fn exchange(network: &Network) -> String {
     assert_eq!(status["name"], format!("tessera: {}", setup.name));
     assert!(status["values"]["poses"].as_str().unwrap().parse::<u64>().unwrap() >= 10, "{status}");
     assert!(status["values"]["latency ms"].is_string(), "{status}");
+    // What is said while the run goes on is in the end what the run says of itself.
+    let verdict = status["values"]["verdict"].as_str().expect("a verdict");
+    let summary: Value =
+        serde_json::from_str(&std::fs::read_to_string(setup.out().join("summary.json")).unwrap()).unwrap();
+    let grade = summary["verdict"]["grade"].as_str().unwrap();
+    assert!(verdict.starts_with(grade), "{verdict}, {}", summary["verdict"]);
+    for reason in summary["verdict"]["reasons"].as_array().unwrap() {
+        assert!(verdict.contains(reason["found"].as_str().unwrap()), "{verdict}, {reason}");
+    }
     words
 }
 

@@ -1,5 +1,6 @@
 //! Keyframes of a run that goes on, read from its directory: nothing in it is written or locked.
 
+use super::live_verdict::LiveVerdict;
 use super::points::{Point, Seen, thinned_surface};
 use tessera_geometry::{Camera, Pose};
 use tessera_journal::{Follower, JournalError};
@@ -41,6 +42,7 @@ pub(crate) struct Follow {
     /// Submap of the newest frame.
     submap: u32,
     newest_nanos: i64,
+    verdict: LiveVerdict,
 }
 
 impl Follow {
@@ -68,6 +70,7 @@ impl Follow {
         Ok(Some(Self {
             journal: Follower::open(&journal, ALIGN_JOURNAL)?,
             surfaces: StoredKeyframes::open(&store, run.layout(&settings).grid)?,
+            verdict: LiveVerdict::new(&run.camera),
             camera: run.camera,
             step: settings.surface.step as usize,
             max_depth_m: settings.output.map_max_depth_m,
@@ -86,6 +89,7 @@ impl Follow {
         while let Some(record) = self.journal.next()? {
             self.surfaces.take_unread(&record)?;
             self.poses.apply(&record);
+            self.verdict.add(&record);
             match record {
                 AlignRecord::Map(map) => {
                     self.made.extend(map.keyframes.iter().map(|k| (k.stamp_nanos, k.velocity)));
@@ -108,6 +112,11 @@ impl Follow {
         let poses = self.poses.keyframe_poses().zip(0..);
         let own = poses.filter(|(_, id)| self.poses.component_of_keyframe(*id) == Some(component));
         own.map(|(pose, id)| (id, pose)).collect()
+    }
+
+    /// The verdict on the run so far, in a line; `None` before the first frame.
+    pub(crate) fn verdict(&self) -> Option<String> {
+        self.verdict.words(|submap| self.poses.submaps().component(submap))
     }
 
     /// Number of keyframes.

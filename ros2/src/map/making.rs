@@ -13,6 +13,8 @@ use tessera_geometry::Pose;
 
 /// Least time between two clouds of the whole map.
 const CLOUD: Duration = Duration::from_secs(5);
+/// Least time between two verdicts.
+const VERDICT: Duration = Duration::from_secs(1);
 
 /// What is made of one journal.
 pub(crate) struct Making<'a> {
@@ -26,13 +28,17 @@ pub(crate) struct Making<'a> {
     shown: Scene,
     cloud: Pace,
     mapper: Mapper,
+    /// The last verdict.
+    said: Option<String>,
+    verdict: Pace,
 }
 
 impl<'a> Making<'a> {
     pub(crate) fn new(worker: &'a Worker, follow: Follow) -> Self {
         let (shown, cloud) = (Scene::new(), Pace::new(CLOUD));
         let mapper = mapper(&worker.options);
-        Self { worker, follow, held: Vec::new(), n_known: None, shown, cloud, mapper }
+        let (said, verdict) = (None, Pace::new(VERDICT));
+        Self { worker, follow, held: Vec::new(), n_known: None, shown, cloud, mapper, said, verdict }
     }
 
     /// Takes in what the run wrote, and makes what is wanted; `is_last` waits for nothing.
@@ -41,6 +47,7 @@ impl<'a> Making<'a> {
     /// Where the directory cannot be read, or nothing takes what is made.
     pub(crate) fn step(&mut self, is_last: bool) -> Result<(), End> {
         self.follow.drain()?;
+        self.judge(is_last)?;
         let wants = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
         let wanted = &self.worker.wanted;
         let (points, cloud, grid) = (wants(&wanted.points), wants(&wanted.cloud), wants(&wanted.grid));
@@ -60,6 +67,21 @@ impl<'a> Making<'a> {
             self.release();
         }
         self.n_known = Some(self.follow.n_keyframes());
+        Ok(())
+    }
+
+    /// Sends the verdict where it has changed.
+    fn judge(&mut self, is_last: bool) -> Result<(), End> {
+        let now = Instant::now();
+        if !is_last && !self.verdict.is_open(now) {
+            return Ok(());
+        }
+        let verdict = self.follow.verdict();
+        self.verdict.close(now, Instant::now(), 0);
+        if let Some(words) = verdict.clone().filter(|_| verdict != self.said) {
+            self.worker.to.send(Update::Verdict(words))?;
+            self.said = verdict;
+        }
         Ok(())
     }
 

@@ -5,6 +5,7 @@ mod cloud;
 mod follow;
 mod grid;
 mod lattice;
+mod live_verdict;
 mod making;
 mod mapper;
 mod pace;

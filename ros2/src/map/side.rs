@@ -29,6 +29,8 @@ pub(crate) struct MapSide {
     grid_updates: Topic,
     wanted: Arc<Wanted>,
     updates: Option<Receiver<Update>>,
+    /// The verdict on the run so far, once it has frames.
+    pub(crate) verdict: Option<String>,
 }
 
 struct Topic {
@@ -56,6 +58,7 @@ impl MapSide {
             grid_updates: topic(format!("{grid}_updates"), GRID_UPDATE, Quality::DEFAULT)?,
             wanted: Arc::default(),
             updates: None,
+            verdict: None,
         })
     }
 
@@ -84,7 +87,7 @@ impl MapSide {
     /// Another run begins: the one before is followed no more.
     pub(crate) fn begin_run(&mut self) {
         self.wanted.is_over.store(true, Ordering::Release);
-        (self.wanted, self.updates) = (Arc::default(), None);
+        (self.wanted, self.updates, self.verdict) = (Arc::default(), None, None);
     }
 
     /// Publishes what was made.
@@ -127,6 +130,10 @@ impl MapSide {
             }
             Update::Grid(at, GridUpdate::Part(part)) => {
                 self.grid_updates.to.send(&encode(&part.message(header(*at)))?)
+            }
+            Update::Verdict(verdict) => {
+                self.verdict = Some(verdict.clone());
+                return Ok(());
             }
             Update::Trouble(why) => {
                 report.note(Event::Map, || format!("the map cannot be read: {why}"));

@@ -33,6 +33,8 @@ pub(crate) enum Update {
     Cloud(i64, Packed),
     /// The grid, or what changed in it.
     Grid(i64, GridUpdate),
+    /// The verdict on the run so far.
+    Verdict(String),
     /// The directory cannot be read: why.
     Trouble(String),
 }

@@ -14,6 +14,7 @@ use crate::carrier::{
 };
 use crate::error::Ros2Error;
 use crate::network::{Network, Reach};
+use crate::open::Waiting;
 use arrivals::Arrivals;
 use config::{Configuration, configuration};
 use ends::{Notes, Reader, Writer};
@@ -21,14 +22,18 @@ use graph::Graph;
 use keys::{ANY, End, EndKind, Tokens, hash, key};
 use service::ZenohServer;
 use std::collections::BTreeSet;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::liveliness::LivelinessToken;
-use zenoh::{Session, Wait};
+use zenoh::{Config, Session, Wait};
 
 /// Time for which the router is waited for before it is said that there is none.
 const PATIENCE: Duration = Duration::from_secs(1);
 const POLL: Duration = Duration::from_millis(20);
+/// Time between two lines that say so.
+const INTERVAL: Duration = Duration::from_secs(5);
 
 /// A session, and which ends it has.
 pub(crate) struct Zenoh {
@@ -58,10 +63,10 @@ impl Zenoh {
     ///
     /// # Errors
     /// Where the configuration cannot be used, or an address cannot be had.
-    pub(crate) fn open(network: &Network, name: NodeName) -> Result<Self, Ros2Error> {
+    pub(crate) fn open(network: &Network, name: NodeName, waiting: &Waiting<'_>) -> Result<Self, Ros2Error> {
         let Configuration { config, routers, from } =
             configuration(network, |name| std::env::var(name).ok())?;
-        let session = zenoh::open(config).wait().map_err(|error| wrong("join Zenoh", &error))?;
+        let session = open_session(config, &routers, waiting)?;
         let began = Instant::now();
         while !has_router(&session) && began.elapsed() < PATIENCE {
             std::thread::sleep(POLL);
@@ -104,10 +109,34 @@ impl Zenoh {
 
     /// Words where no router is there.
     fn missing_router(&self) -> Option<String> {
-        (!has_router(&self.session)).then(|| {
-            let routers = &self.routers;
-            format!("no Zenoh router at {routers}: others are not found until it is there; ros2 run rmw_zenoh_cpp rmw_zenohd starts one")
-        })
+        (!has_router(&self.session)).then(|| no_router(&self.routers))
+    }
+}
+
+fn no_router(routers: &str) -> String {
+    format!(
+        "no Zenoh router at {routers}: others are not found until it is there; ros2 run rmw_zenoh_cpp rmw_zenohd starts one"
+    )
+}
+
+/// Opens a session. A client gets none before its router is there, or lets it in: that is told meanwhile.
+fn open_session(config: Config, routers: &str, waiting: &Waiting<'_>) -> Result<Session, Ros2Error> {
+    let (to, opened) = channel();
+    std::thread::spawn(move || to.send(zenoh::open(config).wait()));
+    let mut tell_at = Instant::now() + PATIENCE;
+    loop {
+        match opened.recv_timeout(POLL) {
+            Ok(session) => return Ok(session.map_err(|error| wrong("join Zenoh", &error))?),
+            Err(RecvTimeoutError::Disconnected) => return Err(wrong("join Zenoh", &"no answer").into()),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if waiting.is_stopped.load(Ordering::Relaxed) {
+            return Err(wrong("join Zenoh", &format!("ended while there was no router at {routers}")).into());
+        }
+        if Instant::now() >= tell_at {
+            tell_at = Instant::now() + INTERVAL;
+            waiting.report.say(&no_router(routers));
+        }
     }
 }
 

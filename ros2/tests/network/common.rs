@@ -100,19 +100,21 @@ pub(crate) struct Network {
     tessera: PathBuf,
     /// The router of Zenoh, where it is none of DDS.
     router: Option<String>,
+    /// Folder with certificates, where links to the router are of TLS.
+    keys: Option<PathBuf>,
 }
 
 impl Network {
     /// `None`, with the reason printed, where something is missing.
     pub(crate) fn new() -> Option<Self> {
         let domain = domain().to_string();
-        Some(Self { tessera: tessera()?, python: python()?, domain, router: None })
+        Some(Self { tessera: tessera()?, python: python()?, domain, router: None, keys: None })
     }
 
     /// The same over Zenoh.
     #[cfg(feature = "zenoh")]
-    pub(crate) fn over(self, router: String) -> Self {
-        Self { router: Some(router), ..self }
+    pub(crate) fn over(self, router: String, keys: Option<PathBuf>) -> Self {
+        Self { router: Some(router), keys, ..self }
     }
 
     pub(crate) fn domain(&self) -> &str {
@@ -126,6 +128,9 @@ impl Network {
     fn script(&self, name: &str) -> Command {
         let mut command = Command::new(&self.python);
         command.arg(root().join("ros2/tests/python").join(name)).env("CYCLONEDDS_URI", CYCLONE);
+        if let Some(keys) = &self.keys {
+            command.env("TEST_KEYS", keys);
+        }
         command
     }
 
@@ -161,9 +166,14 @@ impl Network {
 
     /// As [`Self::join`], with the program starting the run itself.
     pub(crate) fn join_and_run(&self, setup: &Setup) -> Program {
+        self.join_and_run_with(setup, &[])
+    }
+
+    /// The same with arguments of the program's own.
+    pub(crate) fn join_and_run_with(&self, setup: &Setup, own: &[&str]) -> Program {
         let run = setup.run_arguments();
-        let arguments: Vec<&str> =
-            ["--run", "--"].into_iter().chain(run.iter().map(String::as_str)).collect();
+        let run = run.iter().map(String::as_str);
+        let arguments: Vec<&str> = own.iter().copied().chain(["--run", "--"]).chain(run).collect();
         self.join(setup, &arguments)
     }
 
@@ -179,9 +189,13 @@ impl Network {
             command.env_remove(variable);
         }
         command.env_remove("RMW_IMPLEMENTATION");
-        if let Some(router) = &self.router {
-            command.env("ZENOH_CONFIG_OVERRIDE", format!("connect/endpoints=[{router:?}]"));
-        }
+        match (&self.router, &self.keys) {
+            (Some(_), Some(keys)) => command.env("ZENOH_SESSION_CONFIG_URI", keys.join("session.json5")),
+            (Some(router), None) => {
+                command.env("ZENOH_CONFIG_OVERRIDE", format!("connect/endpoints=[{router:?}]"))
+            }
+            (None, _) => &mut command,
+        };
         command.env("TESSERA_PROGRAM", &self.tessera);
         Program::start(command, false)
     }

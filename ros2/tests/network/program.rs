@@ -67,6 +67,11 @@ impl Program {
         (self.child.wait().unwrap(), self.text())
     }
 
+    /// Its process.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Tells it to end.
     pub(crate) fn terminate(&self) {
         signal(self.child.id(), "-TERM");
@@ -102,7 +107,12 @@ pub(crate) struct Listener(pub(crate) Program);
 impl Listener {
     /// Messages of odometry that it has printed so far.
     pub(crate) fn n_odometry(&self) -> usize {
-        self.0.text.lock().unwrap().matches("{\"topic\": \"/tessera/odom\"").count()
+        self.n_of("/tessera/odom")
+    }
+
+    /// Messages of that topic.
+    pub(crate) fn n_of(&self, topic: &str) -> usize {
+        self.0.text.lock().unwrap().matches(&format!("{{\"topic\": {topic:?}")).count()
     }
 
     /// Ends it; all lines that it printed whole.

@@ -1,6 +1,6 @@
 //! Services that others call, and the name that they see.
 
-use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
+use crate::common::{Network, Setup, room, root, wait_for, wait_for_growth};
 use rustdds::bytes::Bytes;
 use rustdds::policy::Reliability;
 use rustdds::{
@@ -46,7 +46,7 @@ fn a_reset_ends_the_run_and_begins_another() {
 }
 
 /// What the summary of a run says of its end.
-fn ended(out: &std::path::Path) -> String {
+pub(crate) fn ended(out: &std::path::Path) -> String {
     let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     format!("{} {} of {} frames", summary["ended"], summary["frames_processed"], summary["frames_read"])
@@ -140,6 +140,27 @@ fn a_run_that_was_started_elsewhere_is_not_reset() {
     ros2.finish();
 }
 
+/// Topics that the layouts for RViz and Foxglove show.
+fn topics_of_layouts() -> Vec<String> {
+    let layouts = root().join("ros2/layouts");
+    let rviz = std::fs::read_to_string(layouts.join("tessera.rviz")).unwrap();
+    let mut topics: Vec<String> = rviz
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("Value: /"))
+        .map(|name| format!("/{name}"))
+        .collect();
+    let foxglove = std::fs::read_to_string(layouts.join("foxglove.json")).unwrap();
+    let panels: serde_json::Value = serde_json::from_str(&foxglove).unwrap();
+    let panels = &panels["configById"];
+    topics.extend(panels["3D!tessera"]["topics"].as_object().unwrap().keys().cloned());
+    topics.push(panels["DiagnosticSummary!tessera"]["topicToRender"].as_str().unwrap().to_owned());
+    for path in panels["Plot!tessera"]["paths"].as_array().unwrap() {
+        topics.push(path["value"].as_str().unwrap().split('.').next().unwrap().to_owned());
+    }
+    assert!(topics.len() >= 12, "{topics:?}");
+    topics
+}
+
 #[test]
 fn the_node_has_a_name_and_its_own_topics() {
     let Some(network) = Network::new() else { return };
@@ -158,6 +179,9 @@ fn the_node_has_a_name_and_its_own_topics() {
             "{node}"
         );
         assert!(has("readers", "rt/tf_static".to_owned()), "{node}");
+        for topic in topics_of_layouts().iter().filter(|_| namespace == "/tessera") {
+            assert!(has("writers", format!("rt{topic}")), "{topic} of ros2/layouts is not in {node}");
+        }
         assert!(has("readers", format!("rq{namespace}/save_mapRequest")), "{node}");
         ros2.terminate();
         ros2.finish();

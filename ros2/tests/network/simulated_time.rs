@@ -1,6 +1,6 @@
 //! Time that is that of `/clock`, as with `use_sim_time` of ROS.
 
-use crate::common::{Network, Setup, room};
+use crate::common::{Network, Setup, room, wait_for};
 use serde_json::Value;
 
 #[test]
@@ -33,4 +33,42 @@ fn what_is_told_every_second_is_told_by_the_clock() {
     let age = told.iter().filter_map(|line| line["status"][0]["values"]["age ms"].as_str()).next_back();
     let age: f64 = age.expect("an age").parse().unwrap();
     assert!((-100.0..10_000.0).contains(&age), "{age}");
+}
+
+/// As `ros2 bag play --clock --loop`: at the end of the bag clock and images begin anew.
+#[test]
+fn a_clock_that_jumps_back_is_followed() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let listener = network.listen(&[]);
+    let ros2 = network.join_and_run_with(&setup, &["--use-sim-time"]);
+    let _camera = network.camera(&setup, &["--clock", "--jump", "--rate", "20"]);
+    wait_for("diagnostics by the clock", || listener.n_of("/diagnostics") >= 2 && listener.n_odometry() > 5);
+    std::fs::write(setup.frames().join("jump"), "").unwrap();
+    let before = (listener.n_of("/diagnostics"), listener.n_of("/tessera/path"));
+    // More than one: the time after the jump goes on, and does not wait for that before it.
+    wait_for("diagnostics after the jump", || listener.n_of("/diagnostics") >= before.0 + 4);
+    wait_for("a path after the jump", || listener.n_of("/tessera/path") >= before.1 + 3);
+    ros2.terminate();
+    let words = ros2.finish();
+    let lines = listener.finish();
+    let stamps = |topic: &str| -> Vec<i64> {
+        let of = lines.iter().filter(|line| line["topic"] == topic);
+        of.map(|line| line["stamp"].as_i64().unwrap()).collect()
+    };
+    for topic in ["/diagnostics", "/tessera/odom"] {
+        let stamps = stamps(topic);
+        let n_jumps = stamps.windows(2).filter(|pair| pair[1] < pair[0] - 900_000_000_000).count();
+        assert_eq!(n_jumps, 1, "{topic} {stamps:?} {words}");
+    }
+    let values = |line: &Value| line["status"][0]["values"].clone();
+    let last = lines.iter().rev().filter(|line| line["topic"] == "/diagnostics").map(values).next().unwrap();
+    // Images are as old by the new time as they were by the old one.
+    let age: f64 = last["age ms"].as_str().expect("an age").parse().unwrap();
+    assert!((-100.0..10_000.0).contains(&age), "{last}");
+    assert_eq!(last["jumps of the clock"], "1", "{last}");
+    // The images that waited for colour when the time jumped are the only ones without.
+    let n_without = last["images without colour"].as_str().map_or(0, |n| n.parse::<u32>().unwrap());
+    assert!(n_without <= 3, "{last}");
 }

@@ -1,52 +1,10 @@
 //! The same over Zenoh as rmw_zenoh has it: the other side is eclipse-zenoh in Python, with a router of
 //! its own for each test.
 
-use crate::common::{Network, Setup, python, room, root, wait_for};
-use crate::program::Program;
+use crate::common::{Setup, room};
+use crate::router::Router;
 use serde_json::Value;
 use std::path::PathBuf;
-use std::process::Command;
-
-/// A router on loopback, killed when it is dropped.
-struct Router {
-    python: PathBuf,
-    dir: tempfile::TempDir,
-    endpoint: String,
-    program: Option<Program>,
-}
-
-impl Router {
-    /// `None`, with the reason printed, where Python is missing.
-    fn new() -> Option<Self> {
-        let python = python()?;
-        let dir = tempfile::tempdir().unwrap();
-        let mut router = Self { python, dir, endpoint: String::new(), program: None };
-        router.start();
-        Some(router)
-    }
-
-    /// Starts it, on the port that it had.
-    fn start(&mut self) {
-        let file = self.dir.path().join("endpoint");
-        let _ = std::fs::remove_file(&file);
-        let mut command = Command::new(&self.python);
-        command.arg(root().join("ros2/tests/python/router.py")).arg(&file);
-        if !self.endpoint.is_empty() {
-            command.arg(&self.endpoint);
-        }
-        self.program = Some(Program::start(command, true));
-        wait_for("a router", || file.exists());
-        self.endpoint = std::fs::read_to_string(&file).unwrap();
-    }
-
-    fn kill(&mut self) {
-        self.program = None;
-    }
-
-    fn network(&self) -> Option<Network> {
-        Some(Network::new()?.over(self.endpoint.clone()))
-    }
-}
 
 #[test]
 fn frames_come_in_and_poses_go_out_as_others_read_them() {

@@ -1,6 +1,6 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--clock] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--clock] [--jump] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
 
 It is one of DDS, and with a router one of Zenoh. FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
@@ -115,6 +115,7 @@ def main():
     parser.add_argument("--faults", action="store_true")
     parser.add_argument("--imu", action="store_true")
     parser.add_argument("--clock", action="store_true", help="/clock is the time of the images")
+    parser.add_argument("--jump", action="store_true", help="times are earlier once FOLDER has a file of that name")
     parser.add_argument("--focal", type=float, default=1.0, help="factor on the focal length")
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--rate", type=float, default=10.0)
@@ -156,7 +157,7 @@ def main():
         if first_fault is None and (arguments.folder / "faults").exists():
             first_fault = at
         fault = -1 if first_fault is None else at - first_fault
-        if fault >= 40:
+        if fault >= 40 or (arguments.jump and (arguments.folder / "jump").exists()):
             nanos -= 1000 * 10**9
         depth, colour = read(f"d{k}.raw"), read(f"c{k}.raw")
         factor = 1.3 if 20 <= fault < 25 else arguments.focal

@@ -1,10 +1,10 @@
 """Prints what a run publishes into a ROS 2 network, a line of JSON each, until it is ended.
 
-    python listen.py DOMAIN [map] [once] [humble] [ENDPOINT]
+    python listen.py DOMAIN [map] [once] [humble] [TOPIC:=OTHER ...] [ENDPOINT]
 
 It is one of DDS, and with the endpoint of a router one of Zenoh, there with `humble` as of ROS 2 Humble.
 With `map` it reads the topics of the map as well, with `once` until each that keeps its last message
-has sent one.
+has sent one. TOPIC:=OTHER reads a topic under another name.
 Each message is decoded by rosbags; `same` says that rosbags makes the same bytes of it again.
 """
 
@@ -102,7 +102,7 @@ KEPT = ["/tessera/map_cloud", "/tessera/grid"]
 def makes_readers(domain, words):
     """What makes readers of topics."""
     for endpoint in words:
-        if endpoint.startswith("tcp/"):
+        if endpoint.startswith(("tcp/", "tls/")):
             import rmw_zenoh
 
             return rmw_zenoh.Node(domain, endpoint, STORE, "listener", "humble" in words).reader
@@ -113,8 +113,10 @@ def makes_readers(domain, words):
 def main():
     make = makes_readers(int(sys.argv[1]), sys.argv[2:])
     readers = []
+    others = dict(word.split(":=") for word in sys.argv[2:] if ":=" in word)
     for topic, kind, name, words in TOPICS + (MAP_TOPICS if "map" in sys.argv[2:] else []):
         qos = messages.STATIC if topic in KEPT else messages.RELIABLE
+        topic = others.get(topic, topic)
         readers.append((make(topic, kind, qos), topic, name, words))
     # One that wants more than is offered: with DDS it gets nothing, and the other side is to say why.
     greedy = make("/tessera/odom", messages.Odometry, messages.STATIC)

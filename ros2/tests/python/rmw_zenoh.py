@@ -1,6 +1,10 @@
-"""Topics and services of ROS 2 over Zenoh: keys, attachments and tokens as rmw_zenoh has them."""
+"""Topics and services of ROS 2 over Zenoh: keys, attachments and tokens as rmw_zenoh has them.
+
+With the folder of fleet_certificates.sh in TEST_KEYS links are of TLS, and all go through the router.
+"""
 
 import collections
+import os
 import struct
 import time
 
@@ -18,6 +22,9 @@ QUALITIES = {
 ATTACHMENT = struct.Struct("<qqB16s")
 
 
+KEYS = os.environ.get("TEST_KEYS")
+
+
 def configuration(mode, connect, listen):
     config = zenoh.Config()
     for key, value in (
@@ -28,6 +35,15 @@ def configuration(mode, connect, listen):
         ("timestamping/enabled", "true"),
     ):
         config.insert_json5(key, value)
+    if KEYS:
+        side, name = ("listen", "base") if mode == "router" else ("connect", "driver")
+        for key, value in (
+            ("root_ca_certificate", f'"{KEYS}/ca.pem"'),
+            ("enable_mtls", "true"),
+            (side + "_certificate", f'"{KEYS}/{name}.pem"'),
+            (side + "_private_key", f'"{KEYS}/{name}.key"'),
+        ):
+            config.insert_json5("transport/link/tls/" + key, value)
     return config
 
 
@@ -42,7 +58,9 @@ class Node:
 
     def __init__(self, domain, endpoint, store, name, is_humble=False):
         self.domain, self.store, self.name, self.is_humble = domain, store, name, is_humble
-        self.session = zenoh.open(configuration("peer", f'["{endpoint}"]', '["tcp/127.0.0.1:0"]'))
+        # Peers would connect to each other too, past the router.
+        mode, listen = ("client", "[]") if KEYS else ("peer", '["tcp/127.0.0.1:0"]')
+        self.session = zenoh.open(configuration(mode, f'["{endpoint}"]', listen))
         self.identity = self.session.zid().__str__()
         self.tokens = []
         self.token("0/NN/%/%/" + name)

@@ -18,7 +18,8 @@ import rmw_zenoh
 def main():
     file = pathlib.Path(sys.argv[1])
     while True:
-        endpoint = sys.argv[2] if len(sys.argv) > 2 else f"tcp/127.0.0.1:{random.randint(20000, 30000)}"
+        link = "tls" if rmw_zenoh.KEYS else "tcp"
+        endpoint = sys.argv[2] if len(sys.argv) > 2 else f"{link}/127.0.0.1:{random.randint(20000, 30000)}"
         try:
             session = zenoh.open(rmw_zenoh.configuration("router", "[]", f'["{endpoint}"]'))
             break

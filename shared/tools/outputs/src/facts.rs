@@ -154,28 +154,14 @@ impl Facts {
     ) -> Self {
         let (processed, dropped) = (replay.frames.len() as u64, replay.skipped.len() as u64);
         let n_read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
-        let untracked = untracked(&replay.frames);
-        let deviations = || {
-            let tracked = replay.frames.iter().filter(|frame| frame.state == State::Tracking);
-            tracked.filter_map(|frame| Some((frame.index, deviation_m(frame)?)))
-        };
+        let mut frames = FrameFacts::default();
+        replay.frames.iter().for_each(|frame| frames.add(frame));
         let refined = replay.refined().map(|refined| [beside.focal_px, refined.camera.fx]);
         Self {
             ended: statistics.ended,
             n_read,
-            n_processed: processed,
             n_dropped: dropped,
             n_missing: n_read - processed - dropped,
-            n_untracked: replay.n_untracked(),
-            ends_untracked: replay.frames.last().is_some_and(|frame| frame.state != State::Tracking),
-            untracked,
-            n_degenerate: replay.frames.iter().filter(|frame| frame.is_degenerate()).count() as u64,
-            degenerate: spans(&replay.frames, FrameRecord::is_degenerate),
-            n_uncertain: deviations().filter(|(_, deviation)| *deviation > UNCERTAIN_M).count() as u64,
-            first_uncertain: deviations()
-                .find(|(_, deviation)| *deviation > UNCERTAIN_M)
-                .map(|(index, _)| index),
-            worst_deviation_m: deviations().map(|(_, deviation)| deviation).fold(0.0, f64::max),
             broken: beside.broken.clone(),
             n_loops_closed: replay.n_loops_closed(),
             n_loops_rejected: replay.n_loops_rejected(),
@@ -189,33 +175,56 @@ impl Facts {
             colour_focal_ratio: replay.colour(beside.stated_colour).model.focal_ratio,
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
+            ..frames.facts
         }
     }
 }
 
-/// Spans of frames that were not tracked.
-pub(crate) fn untracked(frames: &[FrameRecord]) -> Vec<Span> {
-    spans(frames, |frame| frame.state != State::Tracking)
+/// What processed frames say, counted as they come: also of a run that goes on.
+#[derive(Clone, Debug, Default)]
+pub struct FrameFacts {
+    facts: Facts,
+    first_nanos: Option<i64>,
+    is_degenerate: bool,
 }
 
-/// Spans of frames of one kind.
-fn spans(frames: &[FrameRecord], is_one: impl Fn(&FrameRecord) -> bool) -> Vec<Span> {
-    let first_nanos = frames.first().map_or(0, |frame| frame.stamp_nanos);
-    let mut spans: Vec<Span> = Vec::new();
-    let mut is_open = false;
-    for frame in frames {
-        let is_one = is_one(frame);
-        let at_s = frame.stamp_nanos.saturating_sub(first_nanos) as f64 * 1e-9;
-        match spans.last_mut().filter(|_| is_open && is_one) {
-            Some(span) => (span.last, span.to_s) = (frame.index, at_s),
-            None if is_one => {
-                spans.push(Span { first: frame.index, last: frame.index, from_s: at_s, to_s: at_s });
-            }
-            None => {}
+impl FrameFacts {
+    /// Takes the next frame in.
+    pub fn add(&mut self, frame: &FrameRecord) {
+        let first_nanos = *self.first_nanos.get_or_insert(frame.stamp_nanos);
+        let at = (frame.index, frame.stamp_nanos.saturating_sub(first_nanos) as f64 * 1e-9);
+        let facts = &mut self.facts;
+        let (is_untracked, is_degenerate) = (frame.state != State::Tracking, frame.is_degenerate());
+        facts.n_processed += 1;
+        facts.n_untracked += u64::from(is_untracked);
+        facts.n_degenerate += u64::from(is_degenerate);
+        if is_untracked {
+            extend(&mut facts.untracked, facts.ends_untracked, at);
         }
-        is_open = is_one;
+        if is_degenerate {
+            extend(&mut facts.degenerate, self.is_degenerate, at);
+        }
+        (facts.ends_untracked, self.is_degenerate) = (is_untracked, is_degenerate);
+        let Some(deviation) = deviation_m(frame).filter(|_| !is_untracked) else { return };
+        facts.worst_deviation_m = facts.worst_deviation_m.max(deviation);
+        if deviation > UNCERTAIN_M {
+            facts.n_uncertain += 1;
+            facts.first_uncertain.get_or_insert(frame.index);
+        }
     }
-    spans
+
+    /// Those of all frames so far; what else a run has is as by default.
+    pub fn facts(&self) -> &Facts {
+        &self.facts
+    }
+}
+
+/// Lengthens the last span, where it goes on, to the frame of that index and time, or begins one there.
+fn extend(spans: &mut Vec<Span>, goes_on: bool, (index, at_s): (u64, f64)) {
+    match spans.last_mut().filter(|_| goes_on) {
+        Some(span) => (span.last, span.to_s) = (index, at_s),
+        None => spans.push(Span { first: index, last: index, from_s: at_s, to_s: at_s }),
+    }
 }
 
 /// Stated standard deviation of a position along the worst of all directions, from above: the root

@@ -10,12 +10,13 @@ use super::super::list::ListEntry;
 use super::super::lzfse;
 use super::files::{Numbered, json, number_nanos, numbered, pinhole, some_depth, wrong};
 use super::pose::Poses;
-use super::{Asked, ColourCamera, FoundLayout, USUAL_FPS};
+use super::{Asked, FoundLayout, USUAL_FPS};
 use crate::SourceError;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
+use tessera_frames::ColourCamera;
 use tessera_geometry::{Camera, Pose};
 
 pub(super) const NAME: &str = "Record3D, unpacked (metadata, rgbd/)";

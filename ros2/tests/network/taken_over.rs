@@ -1,0 +1,56 @@
+//! A program that began a run and dies: it is started again, and the run is still its own.
+
+use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
+use crate::program::signal;
+use crate::services::ended;
+
+/// The process that a program keeps.
+fn kept_by(keeper: u32) -> u32 {
+    let mut found = None;
+    wait_for("a kept program", || {
+        found = std::fs::read_dir("/proc").unwrap().flatten().find_map(|process| {
+            let pid: u32 = process.file_name().to_str()?.parse().ok()?;
+            let status = std::fs::read_to_string(process.path().join("status")).ok()?;
+            let is_it =
+                status.contains(&format!("PPid:\t{keeper}\n")) && status.starts_with("Name:\ttessera-ros2\n");
+            is_it.then_some(pid)
+        });
+        found.is_some()
+    });
+    found.unwrap()
+}
+
+#[test]
+fn a_program_that_dies_is_started_again_and_takes_its_run_over() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    let ros2 = network.join_and_run(&setup);
+    setup.wait_for_growth("the first frames");
+    let taken = format!("the run {} goes on: it is taken over", setup.name);
+    // It alone: its keeper starts it again.
+    signal(kept_by(ros2.id()), "-KILL");
+    ros2.await_words("died (signal: 9 (SIGKILL)) and is started again");
+    ros2.await_words(&taken);
+    setup.wait_for_growth("frames after the program died");
+    // A second one beside it would send a second camera's images.
+    let (status, words) = network.join_and_run(&setup).wait();
+    assert!(status.code() == Some(4) && words.contains("carries the run"), "{status} {words}");
+    // Both: whoever starts the same command again, as a launch file with `respawn` does.
+    let kept = kept_by(ros2.id());
+    drop(ros2);
+    wait_for("the death of the kept program", || !std::path::Path::new(&format!("/proc/{kept}")).exists());
+    let ros2 = network.join_and_run(&setup);
+    ros2.await_words(&taken);
+    setup.wait_for_growth("frames after both died");
+    let reply = network.call("cyclone", "reset");
+    assert_eq!(reply["success"], true, "{reply}");
+    assert!(ended(&setup.out()).starts_with("\"finished\""), "{}", ended(&setup.out()));
+    let next = setup.frames().join("out-2");
+    wait_for_growth(&next, "frames of the next run");
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(ended(&next).starts_with("\"finished\""), "{} {words}", ended(&next));
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
