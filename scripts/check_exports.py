@@ -46,6 +46,10 @@ if trimesh:
     # Beside a material trimesh keeps the colours as an attribute.
     has_colours = visual.kind == "vertex" or "color" in getattr(visual, "vertex_attributes", {})
     check(has_colours, "trimesh: GLB has vertex colours")
+    scene.export(work / "again.glb")
+    again = next(iter(trimesh.load(work / "again.glb", process=False).geometry.values())).visual
+    kept = again.kind == "vertex" or "color" in getattr(again, "vertex_attributes", {})
+    check(kept, "trimesh: the colours are there after a round trip through GLB")
     turned = ply.vertices * [1, -1, -1]
     check(abs(turned - glb.vertices).max() < 1e-4, "trimesh: GLB stands upright, half a turn about x")
 

@@ -134,41 +134,36 @@ impl<'a> PreparedView<'a> {
     fn measure(&self, point: [Lanes; 3], (row, column): (Lanes, Lanes), least_distance_m: f32) -> SeenLine {
         let grid = &self.view.surface.grid;
         let (last_row, last_column) = (grid.height as f32 - 1.0, grid.width as f32 - 1.0);
-        let mut seen = SeenLine {
-            is_seen: [false; LANES],
-            distance_m: Lanes::ZERO,
-            depth_m: Lanes::ZERO,
-            cosine: Lanes::ZERO,
-            quad: [0; LANES],
-            weights: [[0.0; 4]; LANES],
-        };
+        let (mut is_inside, mut quad, mut weights) = ([false; LANES], [0; LANES], [[0.0; 4]; LANES]);
+        // What each point's quad says, all of it at once: in memory, lest the compiler take it apart.
+        let mut said: [QuadCorner; LANES] = [[0.0; LANES]; LANES];
         for k in 0..LANES {
             let (at_row, at_column) = (row.0[k], column.0[k]);
-            let is_inside =
+            let is_in_grid =
                 (at_row >= 0.0) & (at_column >= 0.0) & (at_row < last_row) & (at_column < last_column);
-            if !(is_inside & (point[2].0[k] > 0.0)) {
+            if !(is_in_grid & (point[2].0[k] > 0.0)) {
                 continue;
             }
             let (r, c) = (at_row as usize, at_column as usize);
-            let quad = r * grid.width + c;
-            if !self.is_quad[quad] {
+            let first = r * grid.width + c;
+            if !self.is_quad[first] {
                 continue;
             }
             let (v, u) = (at_row - r as f32, at_column - c as f32);
-            let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
-            let [a, b, c, d] = corners(quad, grid.width).map(|corner| Lanes(self.nodes[corner]));
-            let [wa, wb, wc, wd] = weights.map(Lanes::splat);
-            let node = (a * wa + b * wb + c * wc + d * wd).0;
-            let [x, y, z] = point.map(|axis| axis.0[k]);
-            let distance_m = node[0] * x + node[1] * y + node[2] * z + node[3];
-            seen.is_seen[k] = distance_m >= least_distance_m && node[COSINE] > LEAST_COSINE;
-            seen.distance_m.0[k] = distance_m;
-            seen.depth_m.0[k] = node[DEPTH];
-            seen.cosine.0[k] = node[COSINE];
-            seen.quad[k] = quad;
-            seen.weights[k] = weights;
+            let shares = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+            let [a, b, c, d] = corners(first, grid.width).map(|corner| &self.nodes[corner]);
+            for (at, sum) in said[k].iter_mut().enumerate() {
+                *sum = a[at] * shares[0] + b[at] * shares[1] + c[at] * shares[2] + d[at] * shares[3];
+            }
+            (is_inside[k], quad[k], weights[k]) = (true, first, shares);
         }
-        seen
+        let [nx, ny, nz, offset, depth_m, cosine] =
+            std::array::from_fn(|at| Lanes(std::array::from_fn(|k| said[k][at])));
+        let distance_m = nx * point[0] + ny * point[1] + nz * point[2] + offset;
+        let is_seen = std::array::from_fn(|k| {
+            is_inside[k] & (distance_m.0[k] >= least_distance_m) & (cosine.0[k] > LEAST_COSINE)
+        });
+        SeenLine { is_seen, distance_m, depth_m, cosine, quad, weights }
     }
 
     /// Red, green, blue of the surface where one of the points was seen.
