@@ -13,7 +13,7 @@ mod optimise;
 mod settings;
 mod tracking;
 
-pub use features::colour_model::{ColourModel, ColourRecord, ColourState};
+pub use features::colour_model::{ColourModel, ColourRecord, ColourState, UNTRUSTED};
 pub use features::seen_focal::{FocalView, seen_focal_ratio};
 pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;

@@ -1,10 +1,11 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--camera FILE] [--simulation 'KEY = VALUE'] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--simulation 'KEY = VALUE'] [key=value]...`
 //!
 //! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
-//! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random, and
-//! `--camera` takes another camera: a folder's frames are as they are, a scene is rendered with it.
+//! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random,
+//! `--colour-of` takes the colour images of another sequence of the same size, and `--camera` takes
+//! another camera: a folder's frames are as they are, a scene is rendered with it.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -22,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut out = None;
     let (mut every, mut is_reversed, mut hole_share, mut camera) = (1, false, 0.0, None);
     let mut simulation = SimulationOptions::default();
-    let mut colour_fault = None;
+    let (mut colour_fault, mut colour_of) = (None, None);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
@@ -32,6 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--reverse" => is_reversed = true,
             "--holes" => hole_share = arguments.next().ok_or("--holes SHARE")?.parse::<f64>()?,
             "--colour" => colour_fault = arguments.next(),
+            "--colour-of" => colour_of = arguments.next(),
             "--camera" => camera = arguments.next(),
             "--simulation" => {
                 let table = arguments.next().ok_or("--simulation 'key = value'")?;
@@ -57,7 +59,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let mut decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
         pierce(&mut decoded, hole_share);
-        spoil_colour(&mut decoded, colour_fault.as_deref())?;
+        spoil_colour(&mut decoded, colour_fault.as_deref(), source.camera().width as usize)?;
+        if let Some(other) = &colour_of {
+            let other = tessera_sources::open(&SourceSpec::parse(other), &options)?;
+            let images = decode(&*other)?;
+            for (frame, image) in decoded.iter_mut().zip(images.into_iter().cycle()) {
+                frame.colour = image.colour;
+            }
+        }
         reconstruction_alone(source, &decoded, &Settings::load(None, &overrides)?)?;
         for seed in 0..n_seeds {
             let mut settings = Settings::load(None, &overrides)?;
@@ -127,8 +136,8 @@ fn pierce(frames: &mut [RawFrame], share: f64) {
 }
 
 /// Plants a fault in all colour images: `off`, `frozen` (the first for all), `late` (of ten frames
-/// before), `foreign` (of frames far away in time), `dark`, or `noise`.
-fn spoil_colour(frames: &mut [RawFrame], fault: Option<&str>) -> Result<(), Box<dyn Error>> {
+/// before), `foreign` (of frames far away in time), `dark`, `noise`, or `blurred` (along the rows).
+fn spoil_colour(frames: &mut [RawFrame], fault: Option<&str>, width: usize) -> Result<(), Box<dyn Error>> {
     let Some(fault) = fault else { return Ok(()) };
     let images: Vec<Option<Vec<u8>>> = frames.iter().map(|frame| frame.colour.clone()).collect();
     let mut state = 1u64;
@@ -143,16 +152,30 @@ fn spoil_colour(frames: &mut [RawFrame], fault: Option<&str>) -> Result<(), Box<
             "late" => images[k.saturating_sub(10)].clone(),
             "foreign" => images[(k * 37 + images.len() / 2) % images.len()].clone(),
             "dark" => images[k].as_ref().map(|image| image.iter().map(|b| b / 64).collect()),
+            "blurred" => images[k].as_deref().map(|image| blurred(image, width)),
             "noise" => images[k].as_ref().map(|image| image.iter().map(|_| byte()).collect()),
             other => {
                 return Err(format!(
-                    "--colour is {other}, expected off, frozen, late, foreign, dark or noise"
+                    "--colour is {other}, expected off, frozen, late, foreign, dark, noise or blurred"
                 )
                 .into());
             }
         };
     }
     Ok(())
+}
+
+/// Each pixel the mean of those within 12 px in its row.
+fn blurred(image: &[u8], width: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(image.len());
+    for row in image.chunks_exact(3 * width) {
+        for column in 0..width {
+            let span = column.saturating_sub(12)..(column + 13).min(width);
+            let sum = |c: usize| span.clone().map(|k| u32::from(row[3 * k + c])).sum::<u32>();
+            out.extend((0..3).map(|c| (sum(c) / span.len() as u32) as u8));
+        }
+    }
+    out
 }
 
 /// CPU time of this process so far: unlike the wall clock it does not see the machine's load.

@@ -16,6 +16,11 @@ pub struct ColourSummary {
     pub applied_focal_ratio: f64,
     /// Residual of features against the surfaces after the correction, pixels.
     pub residual_px: f64,
+    /// What of it neither lag nor ratio explains, in units of what is allowed, and whether colour is
+    /// believed by that.
+    pub disagreement: f64,
+    /// As the disagreement.
+    pub is_believed: bool,
 }
 
 impl ColourSummary {
@@ -28,6 +33,8 @@ impl ColourSummary {
             applied_lag_s: state.model.lag_s,
             applied_focal_ratio: state.model.focal_ratio,
             residual_px: state.residual_px,
+            disagreement: state.disagreement,
+            is_believed: state.is_trusted(),
         })
     }
 }
@@ -54,6 +61,7 @@ mod tests {
         let colour = ColourRecord {
             n_pairs: 100,
             residual_px: 1.0,
+            disagreement: 0.3,
             information: [1e8, 0.0, 1e7],
             gradient: [2e6, -1e6],
         };
@@ -63,6 +71,10 @@ mod tests {
         assert!((found.colour_focal_ratio[0] - 0.9).abs() < 1e-9);
         assert!((found.applied_lag_s - 0.02).abs() < 1e-9);
         assert!((found.applied_focal_ratio - 0.9).abs() < 1e-9);
+        assert!(found.is_believed && found.disagreement < 0.35);
+        let foreign =
+            FrameRecord { colour: Some(ColourRecord { disagreement: 1.5, ..colour }), ..frames[0].clone() };
+        assert!(!summary(none, &vec![foreign; 10]).unwrap().is_believed);
         // What the camera file states is applied before anything is certain.
         let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95 };
         let found = summary(stated, &frames[..1]).unwrap();

@@ -119,6 +119,8 @@ pub struct Facts {
     pub seen_focal: Option<FocalRatio>,
     /// Focal length of colour over that of depth, as applied at the end.
     pub colour_focal_ratio: f64,
+    /// Disagreement of colour with depth at the end of the run, where it is not believed.
+    pub unbelieved_colour: Option<f64>,
     /// Focal length of the camera and of the refined one, pixels.
     pub refined_focal_px: Option<[f64; 2]>,
     /// What looked wrong with the source before the run.
@@ -156,6 +158,7 @@ impl Facts {
         let n_read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
         let mut frames = FrameFacts::default();
         replay.frames.iter().for_each(|frame| frames.add(frame));
+        let colour = replay.colour(beside.stated_colour);
         let refined = replay.refined().map(|refined| [beside.focal_px, refined.camera.fx]);
         Self {
             ended: statistics.ended,
@@ -172,7 +175,8 @@ impl Facts {
             units_per_metre: beside.units_per_metre,
             focal_px: beside.focal_px,
             seen_focal: beside.seen_focal,
-            colour_focal_ratio: replay.colour(beside.stated_colour).model.focal_ratio,
+            colour_focal_ratio: colour.model.focal_ratio,
+            unbelieved_colour: (!colour.is_trusted()).then_some(colour.disagreement),
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
             ..frames.facts

@@ -7,6 +7,7 @@ use crate::statistics::Ended;
 use crate::wrong_camera::{lens, off_truth, seen_lens, true_lens, units};
 use serde::Serialize;
 use std::fmt;
+use tessera_slam::UNTRUSTED;
 
 /// Spans of untracked frames shorter than this, seconds, are bridged by the prediction.
 const SHORT_SPAN_S: f64 = 0.5;
@@ -114,6 +115,7 @@ pub fn verdict(facts: &Facts) -> Verdict {
         dropped(facts),
         broken(facts),
         rejected_loops(facts),
+        unbelieved_colour(facts),
     ];
     let doubts = facts.source_doubts.iter().map(|doubt| {
         reason(
@@ -126,6 +128,16 @@ pub fn verdict(facts: &Facts) -> Verdict {
     // Stable: reasons of one grade keep their order.
     reasons.sort_by_key(|reason| std::cmp::Reverse(reason.grade));
     Verdict { grade: reasons.first().map_or(Grade::Good, |reason| reason.grade), reasons }
+}
+
+/// A note: what colour says is left out, and depth alone is judged by the others.
+fn unbelieved_colour(facts: &Facts) -> Option<Reason> {
+    facts.unbelieved_colour.map(|disagreement| {
+        let found = format!(
+            "colour was not used at the end: it moves otherwise than depth (disagreement {disagreement:.1}, below {UNTRUSTED} is believed); it may be of another time, camera or scene"
+        );
+        reason(Grade::Good, found, "")
+    })
 }
 
 pub(crate) fn reason(grade: Grade, found: String, advice: &str) -> Reason {

@@ -3,7 +3,8 @@
 //! A pose that follows wrong colour takes the data association of the surfaces along, which then
 //! agrees. So some frames are aligned once more without features, and their matches are judged there.
 
-use crate::features::colour_model::{ColourRecord, Observed};
+use crate::features::colour_model::ColourRecord;
+use crate::features::observed::Observed;
 use crate::features::sight::Judged;
 use crate::map::records::State;
 use crate::tracking::alignment::Aligner;

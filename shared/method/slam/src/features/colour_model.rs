@@ -4,11 +4,9 @@
 //! frame's record holds its normal equations about the parameters themselves, so that the state is
 //! their sum; what is applied follows from the state alone.
 
-use crate::map::context::Context;
 use nalgebra::{Matrix2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
-use tessera_features::Correspondence;
-use tessera_geometry::{Camera, Pose, Twist};
+use tessera_geometry::Camera;
 
 /// What is applied to the pixels of features.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,6 +56,8 @@ pub struct ColourRecord {
     pub n_pairs: u32,
     /// Median residual of a pair against its surfaces, mean over the pairs, pixels.
     pub residual_px: f64,
+    /// What of it no lag and no ratio explains, in units of what is allowed at this motion.
+    pub disagreement: f64,
     /// `sum w J^T J`: lag-lag, lag-ratio, ratio-ratio, per square pixel.
     pub information: [f64; 3],
     /// `sum w J^T (J x - r)` at the parameters `x` in effect.
@@ -66,16 +66,22 @@ pub struct ColourRecord {
 
 /// Share by which what was seen before counts less with each frame.
 const FORGETTING: f64 = 0.002;
-/// Residual from which on colour is not trusted, pixels.
-const UNTRUSTED_PX: f64 = 10.0;
-/// Least share that a frame has in the running residual.
-const RESIDUAL_SHARE: f64 = 0.1;
-/// Residual before the first frame, pixels.
+/// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.6, that of another
+/// scene 1 to 3.
+pub const UNTRUSTED: f64 = 0.85;
+/// Least share that a frame has in the running means.
+const LEAST_SHARE: f64 = 0.1;
+/// Residual in pixels, and disagreement, before the first frame.
 const FIRST_RESIDUAL_PX: f64 = 4.0;
-/// Matches of a frame that count for its residual, at least.
-const MIN_PAIRS: u32 = 20;
+const FIRST_DISAGREEMENT: f64 = 0.4;
+/// Matches that count for a frame's residual, at least.
+pub(crate) const MIN_PAIRS: u32 = 20;
+/// Residual from which on features are no start for the surfaces, pixels.
+const VAGUE_PX: f64 = 10.0;
+/// Frames in which colour is on probation.
+const PROBATION_FRAMES: u32 = 2;
 /// Frames before anything is applied.
-const MIN_FRAMES: u32 = 30;
+const MIN_FRAMES: u32 = 10;
 /// Matches err together: their number is worth this share.
 const INDEPENDENT: f64 = 0.05;
 /// A parameter is applied when it differs from none by this many deviations, and is worth it.
@@ -97,6 +103,8 @@ pub struct ColourState {
     pub gradient: [f64; 2],
     /// Running residual, pixels.
     pub residual_px: f64,
+    /// Running disagreement.
+    pub disagreement: f64,
     /// What is applied.
     pub model: ColourModel,
 }
@@ -108,6 +116,7 @@ impl Default for ColourState {
             information: [0.0; 3],
             gradient: [0.0; 2],
             residual_px: FIRST_RESIDUAL_PX,
+            disagreement: FIRST_DISAGREEMENT,
             model: ColourModel::default(),
         }
     }
@@ -152,16 +161,24 @@ impl ColourState {
         (0..3).for_each(|k| self.information[k] = kept * self.information[k] + record.information[k]);
         (0..2).for_each(|k| self.gradient[k] = kept * self.gradient[k] + record.gradient[k]);
         // The first frames count alike.
-        let share = RESIDUAL_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
+        let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
+        self.disagreement += share * (record.disagreement - self.disagreement);
         self.residual_px += share * (record.residual_px - self.residual_px);
         if self.n_frames >= MIN_FRAMES {
             self.decide();
         }
     }
 
-    /// Whether features may lead: beyond, colour is of another time or another scene.
-    pub(crate) fn is_trusted(&self) -> bool {
-        self.residual_px < UNTRUSTED_PX
+    /// Whether features may lead: otherwise colour is of another time or another scene.
+    pub fn is_trusted(&self) -> bool {
+        self.disagreement < UNTRUSTED
+    }
+
+    /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
+    /// of another scene that leads takes weak surfaces along and is found out late; or colour agrees
+    /// with depth too roughly.
+    pub(crate) fn is_on_probation(&self) -> bool {
+        self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX
     }
 
     /// Factor of the residuals' information: 1 where colour agrees with the surfaces to a pixel, 0
@@ -199,87 +216,5 @@ impl ColourState {
         };
         self.model.lag_s = chosen(lag, applied[0], LEAST_LAG_S, MOST_LAG_S);
         self.model.focal_ratio = 1.0 + chosen(ratio, applied[1], LEAST_RATIO, MOST_RATIO);
-    }
-}
-
-/// One frame's sums over its matches.
-pub(crate) struct Observed<'a> {
-    model: &'a ColourModel,
-    focal_px: f64,
-    scale_px: f64,
-    record: ColourRecord,
-    residuals_px: Vec<f64>,
-    /// Of each pair with enough matches.
-    medians_px: Vec<f64>,
-}
-
-/// Residuals beyond are of wrong matches or wrong poses, pixels.
-const MOST_RESIDUAL_PX: f64 = 40.0;
-
-impl<'a> Observed<'a> {
-    pub(crate) fn new(context: &'a Context, state: &ColourState) -> Self {
-        let camera = &context.camera;
-        Self {
-            model: &context.colour,
-            focal_px: 0.5 * (camera.fx.abs() + camera.fy.abs()),
-            scale_px: 2.0 * state.residual_px.max(1.0),
-            record: ColourRecord::default(),
-            residuals_px: Vec::new(),
-            medians_px: Vec::new(),
-        }
-    }
-
-    /// Adds a match between frames whose relative pose is known; `velocities` of query and target.
-    pub(crate) fn add(&mut self, c: &Correspondence, target_from_query: &Pose, velocities: [&Twist; 2]) {
-        let Some(point) = &c.query.point else { return };
-        let a = point.position_m;
-        let b = target_from_query.rotation * a + target_from_query.translation.vector;
-        if !(b.z > 0.1) {
-            return;
-        }
-        let (x, y) = (b.x / b.z, b.y / b.z);
-        // Of `(x/z, y/z)` by the point.
-        let project = |d: &Vector3<f64>| Vector2::new(d.x - x * d.z, d.y - y * d.z) / b.z;
-        let [query, target] = velocities;
-        let turned = |d: Vector3<f64>| target_from_query.rotation * d;
-        let by_lag =
-            project(&turned(query.phi.cross(&a) + query.rho)) - project(&(target.phi.cross(&b) + target.rho));
-        let inverse = -1.0 / self.model.focal_ratio;
-        let ray_b = Vector2::from(c.target.ray);
-        let by_ratio = project(&turned(Vector3::new(a.x, a.y, 0.0) * inverse)) - ray_b * inverse;
-        let r = (Vector2::new(x, y) - ray_b) * self.focal_px;
-        let size = r.norm();
-        if !(size < MOST_RESIDUAL_PX) {
-            return;
-        }
-        let (by_lag, by_ratio) = (by_lag * self.focal_px, by_ratio * self.focal_px);
-        let relative = size / self.scale_px;
-        let weight = 1.0 / (1.0 + relative * relative);
-        let target = by_lag * self.model.lag_s + by_ratio * (self.model.focal_ratio - 1.0) - r;
-        let record = &mut self.record;
-        record.information[0] += weight * by_lag.dot(&by_lag);
-        record.information[1] += weight * by_lag.dot(&by_ratio);
-        record.information[2] += weight * by_ratio.dot(&by_ratio);
-        record.gradient[0] += weight * by_lag.dot(&target);
-        record.gradient[1] += weight * by_ratio.dot(&target);
-        record.n_pairs += 1;
-        self.residuals_px.push(size);
-    }
-
-    /// Ends a pair.
-    pub(crate) fn end_pair(&mut self) {
-        let (n, middle) = (self.residuals_px.len(), self.residuals_px.len() / 2);
-        if n >= MIN_PAIRS as usize {
-            let (_, median, _) = self.residuals_px.select_nth_unstable_by(middle, f64::total_cmp);
-            self.medians_px.push(*median);
-        }
-        self.residuals_px.clear();
-    }
-
-    /// The frame's record; none without a match.
-    pub(crate) fn record(self) -> Option<ColourRecord> {
-        let n = self.medians_px.len() as f64;
-        let residual_px = self.medians_px.iter().sum::<f64>() / n;
-        (n > 0.0).then_some(ColourRecord { residual_px, ..self.record })
     }
 }

@@ -5,6 +5,7 @@ pub(crate) mod audit;
 pub(crate) mod colour_model;
 pub(crate) mod lift;
 pub(crate) mod matching;
+pub(crate) mod observed;
 pub(crate) mod residuals;
 pub(crate) mod seen_focal;
 pub(crate) mod sight;

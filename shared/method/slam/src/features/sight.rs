@@ -1,8 +1,9 @@
 //! What the tracker sees by features: the frame's own, the references', and the pairs between them.
 
-use crate::features::colour_model::{ColourModel, Observed};
+use crate::features::colour_model::ColourModel;
 use crate::features::lift::lift;
 use crate::features::matching::{FeaturePair, PairFinder, Reach, Seen};
+use crate::features::observed::Observed;
 use crate::features::residuals;
 use crate::features::weighted_pair::WeightedPair;
 use crate::map::context::Context;

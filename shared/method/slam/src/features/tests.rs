@@ -1,8 +1,9 @@
 //! Features of points in front of a plane, seen by a moving colour camera that lags and has another
 //! focal length.
 
-use crate::features::colour_model::{ColourModel, ColourState, Observed};
+use crate::features::colour_model::{ColourModel, ColourState};
 use crate::features::lift::lift;
+use crate::features::observed::Observed;
 use crate::features::residuals;
 use crate::loops::test_wall::context;
 use crate::map::context::Context;
@@ -129,6 +130,7 @@ fn a_planted_lag_and_a_planted_focal_length_are_found_and_none_where_there_is_no
         let found = estimate(&truth, ColourModel::default());
         assert!((found.model.lag_s - truth.lag_s).abs() < 1e-3, "{truth:?}: {found:?}");
         assert!((found.model.focal_ratio - truth.focal_ratio).abs() < 3e-3, "{truth:?}: {found:?}");
+        assert!(found.disagreement < 0.4, "{truth:?}: {found:?}");
         assert!(found.residual_px < 1.0, "{truth:?}: {found:?}");
         assert_eq!(found.weight(), 1.0);
     }

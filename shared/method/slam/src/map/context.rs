@@ -28,6 +28,8 @@ pub struct Context {
     pub(crate) feature_weight: f64,
     /// Whether features may lead.
     pub(crate) is_colour_trusted: bool,
+    /// Whether features may lead only where the surfaces lead nowhere.
+    pub(crate) is_colour_on_probation: bool,
     /// Observer of the steps of aligner and optimiser; none by default.
     pub steps: Steps,
 }
@@ -61,6 +63,7 @@ impl Context {
             colour: ColourModel::default(),
             feature_weight: 0.0,
             is_colour_trusted: true,
+            is_colour_on_probation: false,
         }
     }
 
@@ -71,8 +74,16 @@ impl Context {
             colour: if settings.correct { colour.model } else { ColourModel::default() },
             feature_weight: settings.weight * if settings.weight_by_residual { colour.weight() } else { 1.0 },
             is_colour_trusted: colour.is_trusted() || !settings.weight_by_residual,
+            is_colour_on_probation: colour.is_on_probation() && settings.weight_by_residual,
             ..self.clone()
         }
+    }
+
+    /// The same without initial guesses from features.
+    pub(crate) fn without_guesses(&self) -> Self {
+        let mut context = self.clone();
+        context.mapping.features.gives_guess = false;
+        context
     }
 
     /// The same with colour that lies against depth as this model says.

@@ -15,6 +15,9 @@ use crate::tracking::window_alignment::{WindowAlignment, align_coarse_to_fine, a
 use crate::tracking::{large_displacement, rotation_hypothesis};
 use tessera_geometry::{Pose, Twist};
 
+/// Outer iterations from a pose that was found.
+const OUTER_ITERATIONS_AGAIN: u32 = 3;
+
 /// Outcome of the alignment from the prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Decision {
@@ -92,6 +95,43 @@ const HYPOTHESES: [Hypothesis; 4] = [
 
 /// Aligns a frame that follows a tracked one. The error says why the prediction was rejected.
 pub(crate) fn track(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+) -> Result<WindowAlignment, String> {
+    if input.context.is_colour_on_probation {
+        let context = &input.context.without_guesses();
+        let found = track_from(&TrackingInput { context, ..*input }, aligner, prediction);
+        if let Ok(found) = found {
+            return Ok(once_more(input, aligner, prediction, found));
+        }
+    }
+    track_from(input, aligner, prediction)
+}
+
+/// Aligns a frame again from where it was found: its features have their full weight there.
+fn once_more(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+    found: WindowAlignment,
+) -> WindowAlignment {
+    let window = &input.context.mapping.window;
+    let guess = Prediction {
+        world_from_camera: found.alignment.world_from_camera,
+        is_known: true,
+        first_distance_m: window.min_first_distance_m,
+        outer_iterations: OUTER_ITERATIONS_AGAIN,
+        ..*prediction
+    };
+    let again = align_to_window(input, aligner, &guess);
+    match acceptance::tracking(window, &again.alignment) {
+        Ok(()) => WindowAlignment { reason: found.reason, ..again },
+        Err(_) => found,
+    }
+}
+
+fn track_from(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,

@@ -1,6 +1,7 @@
 //! The aligner's pure step: a frame's surface in, its record out.
 
 use crate::features::audit::colour_record;
+use crate::features::colour_model::ColourState;
 use crate::loops::appearance::Ferns;
 use crate::loops::join::with_sighting;
 use crate::loops::trigger::with_request;
@@ -121,7 +122,29 @@ impl Tracker {
         recent: &[FrameSurface<'_>],
         keyframes: &dyn KeyframeSurfaces,
     ) -> FrameRecord {
-        let context = &self.workload.at(frame.workload).with_colour(&self.state.colour);
+        let before = self.state.colour;
+        let record = self.align_by(&before, frame, recent, keyframes);
+        let mut after = before;
+        if let Some(colour) = &record.colour {
+            after.apply(colour);
+        }
+        if after.is_trusted() || !before.is_trusted() {
+            return record;
+        }
+        // Colour that this frame gives away has no part in it.
+        let alone = self.align_by(&after, frame, recent, keyframes);
+        if alone.state == State::Tracking { FrameRecord { colour: record.colour, ..alone } } else { record }
+    }
+
+    /// Aligns a frame with what is known of colour.
+    fn align_by(
+        &mut self,
+        colour: &ColourState,
+        frame: &FrameSurface<'_>,
+        recent: &[FrameSurface<'_>],
+        keyframes: &dyn KeyframeSurfaces,
+    ) -> FrameRecord {
+        let context = &self.workload.at(frame.workload).with_colour(colour);
         context.steps.enter(Step::Sampling);
         self.sampler.draw(&frame.surface, frame.index, &context.registration, &mut self.samples);
         let input = TrackingInput {

@@ -43,6 +43,12 @@ fn a_good_run_has_no_reasons_or_notes_alone() {
 }
 
 #[test]
+fn colour_that_is_not_believed_is_a_note() {
+    let foreign = Facts { unbelieved_colour: Some(1.93), ..good() };
+    check(&foreign, Grade::Good, &["colour was not used", "disagreement 1.9, below 0.85"]);
+}
+
+#[test]
 fn frames_without_a_pose_make_it_doubtful_and_half_of_them_failed() {
     let lost = Facts { n_untracked: 85, untracked: vec![span(315, 399)], ends_untracked: true, ..good() };
     check(
