@@ -344,7 +344,7 @@ fn relocalisation_that_is_asked_for_is_done_once_whoever_dies() {
     assert_eq!(rows.len(), 1, "{rows:?}");
     assert!(rows[0].starts_with(&format!("{ASKED_AT},")) && rows[0].contains(",relocalising,"), "{rows:?}");
     assert!(rows[0].contains("found by") && !rows[0].contains("the last pose"), "{rows:?}");
-    let line = "a relocalisation was asked for";
+    let line = "a relocalisation was asked for: the place is looked for";
     assert_eq!(reference.log().matches(line).count(), 1, "{}", reference.log());
     for plan in [
         "sensor=read:12",
