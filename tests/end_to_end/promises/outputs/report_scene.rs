@@ -96,7 +96,7 @@ fn the_page_has_the_map_the_poses_and_the_loops_of_the_run() {
     let summary: Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let verdicts = bytes(&scene["loops"]["verdict"]);
     assert_eq!(verdicts.len() as u64, summary["loops_found"].as_u64().unwrap());
-    assert!(verdicts.len() > 2, "the loops are those of the summary");
+    assert!(!verdicts.is_empty(), "the loops are those of the summary");
     assert_eq!(bytes(&scene["loops"]["ends"]).len(), 24 * verdicts.len());
 }
 

@@ -45,7 +45,8 @@ pub(crate) fn colour_record(
         return None;
     }
     let factor = aligner.independent_factor();
-    let mut sums = Observed::new(input.context, colour);
+    let covariance = alone.information.try_inverse()? * aligner.metric_factor(input.context);
+    let mut sums = Observed::new(input.context, colour, covariance);
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {
             continue;

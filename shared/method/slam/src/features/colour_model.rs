@@ -66,9 +66,11 @@ pub struct ColourRecord {
 
 /// Share by which what was seen before counts less with each frame.
 const FORGETTING: f64 = 0.002;
-/// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.6, that of another
+/// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.5, that of another
 /// scene 1 to 3.
 pub const UNTRUSTED: f64 = 0.85;
+/// A frame's disagreement that counts, at most: its surfaces may have gone astray.
+const MOST_DISAGREEMENT: f64 = 2.0;
 /// Least share that a frame has in the running means.
 const LEAST_SHARE: f64 = 0.1;
 /// Residual in pixels, and disagreement, before the first frame.
@@ -162,7 +164,7 @@ impl ColourState {
         (0..2).for_each(|k| self.gradient[k] = kept * self.gradient[k] + record.gradient[k]);
         // The first frames count alike.
         let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
-        self.disagreement += share * (record.disagreement - self.disagreement);
+        self.disagreement += share * (record.disagreement.min(MOST_DISAGREEMENT) - self.disagreement);
         self.residual_px += share * (record.residual_px - self.residual_px);
         if self.n_frames >= MIN_FRAMES {
             self.decide();
@@ -178,7 +180,7 @@ impl ColourState {
     /// of another scene that leads takes weak surfaces along and is found out late; or colour agrees
     /// with depth too roughly.
     pub(crate) fn is_on_probation(&self) -> bool {
-        self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX
+        self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
     }
 
     /// Factor of the residuals' information: 1 where colour agrees with the surfaces to a pixel, 0

@@ -2,27 +2,33 @@
 
 use crate::features::colour_model::{ColourModel, ColourRecord, ColourState, MIN_PAIRS};
 use crate::map::context::Context;
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x6, Vector2, Vector3};
 use tessera_features::Correspondence;
-use tessera_geometry::{Pose, Twist};
+use tessera_geometry::{Matrix6, Pose, Twist};
 
-/// Residuals beyond are of wrong matches or wrong poses, pixels.
+/// Residuals beyond say nothing of lag and ratio, pixels: a wrong pose, or colour of another time.
 const MOST_RESIDUAL_PX: f64 = 40.0;
 /// Lag and ratio less one that a real camera may have: standard deviations.
 const PLAUSIBLE_LAG_S: f64 = 0.03;
 const PLAUSIBLE_RATIO: f64 = 0.1;
-/// Residual that is allowed at rest, pixels, and more of it by the length of the motion in the image.
+/// Deviations of these that count as all of what is allowed.
+const IMPLAUSIBLE_SIGMAS: f64 = 4.0;
+/// Residual that is allowed at rest, pixels, more of it by the length of the motion in the image, and
+/// by the standard deviation that the pose has there: weak surfaces judge nothing.
 const ALLOWED_PX: f64 = 2.0;
 const ALLOWED_SHARE: f64 = 0.1;
+const ALLOWED_SIGMAS: f64 = 1.5;
 /// Rounds of weighting in the fit of lag and ratio.
 const ROUNDS: u32 = 4;
 
-/// A match's residual, its slopes, and how far the match moves in the image, pixels.
+/// A match's residual with its slopes, how far the match moves in the image, and the standard deviation
+/// of where the pose puts it, pixels.
 struct MatchRow {
     residual_px: Vector2<f64>,
     by_lag: Vector2<f64>,
     by_ratio: Vector2<f64>,
     motion_px: f64,
+    sigma_px: f64,
 }
 
 /// One frame's sums over its matches.
@@ -30,6 +36,7 @@ pub(crate) struct Observed<'a> {
     model: &'a ColourModel,
     focal_px: f64,
     scale_px: f64,
+    covariance: Matrix6,
     record: ColourRecord,
     rows: Vec<MatchRow>,
     /// Rows of ended pairs.
@@ -39,12 +46,14 @@ pub(crate) struct Observed<'a> {
 }
 
 impl<'a> Observed<'a> {
-    pub(crate) fn new(context: &'a Context, state: &ColourState) -> Self {
+    /// `covariance`: of the frame's pose by the surfaces, metric, in the tangent of its camera.
+    pub(crate) fn new(context: &'a Context, state: &ColourState, covariance: Matrix6) -> Self {
         let camera = &context.camera;
         Self {
             model: &context.colour,
             focal_px: 0.5 * (camera.fx.abs() + camera.fy.abs()),
             scale_px: 2.0 * state.residual_px.max(1.0),
+            covariance,
             record: ColourRecord::default(),
             rows: Vec::new(),
             n_ended: 0,
@@ -55,7 +64,8 @@ impl<'a> Observed<'a> {
     /// Adds a match between frames whose relative pose is known; `velocities` of query and target.
     pub(crate) fn add(&mut self, c: &Correspondence, target_from_query: &Pose, velocities: [&Twist; 2]) {
         let Some(row) = self.row(c, target_from_query, velocities) else { return };
-        let weight = self.weight(&row.residual_px);
+        let is_near = row.residual_px.norm() < MOST_RESIDUAL_PX;
+        let weight = if is_near { self.weight(&row.residual_px) } else { 0.0 };
         let (lag, ratio) = (self.model.lag_s, self.model.focal_ratio - 1.0);
         let target = row.by_lag * lag + row.by_ratio * ratio - row.residual_px;
         let record = &mut self.record;
@@ -84,12 +94,18 @@ impl<'a> Observed<'a> {
         let inverse = -1.0 / self.model.focal_ratio;
         let ray_b = Vector2::from(c.target.ray);
         let by_ratio = project(&turned(Vector3::new(a.x, a.y, 0.0) * inverse)) - ray_b * inverse;
+        let by_pose = Matrix2x6::from_columns(&std::array::from_fn::<_, 6, _>(|k| {
+            let e = Vector3::ith(k % 3, self.focal_px);
+            project(&turned(if k < 3 { e } else { e.cross(&a) }))
+        }));
+        let variance = (by_pose * self.covariance * by_pose.transpose()).trace();
         let residual_px = (Vector2::new(x, y) - ray_b) * self.focal_px;
-        (residual_px.norm() < MOST_RESIDUAL_PX).then(|| MatchRow {
+        Some(MatchRow {
             residual_px,
             by_lag: by_lag * self.focal_px,
             by_ratio: by_ratio * self.focal_px,
             motion_px: (ray_b - Vector2::from(c.query.ray)).norm() * self.focal_px,
+            sigma_px: variance.max(0.0).sqrt(),
         })
     }
 
@@ -106,17 +122,17 @@ impl<'a> Observed<'a> {
     pub(crate) fn record(self) -> Option<ColourRecord> {
         let n = self.medians_px.len() as f64;
         let residual_px = self.medians_px.iter().sum::<f64>() / n;
-        let motion_px = || median(self.rows.iter().map(|row| row.motion_px));
-        (n > 0.0).then(|| ColourRecord {
-            residual_px,
-            disagreement: self.unexplained_px() / (ALLOWED_PX + ALLOWED_SHARE * motion_px()),
-            ..self.record
-        })
+        (n > 0.0).then(|| ColourRecord { residual_px, disagreement: self.disagreement(), ..self.record })
     }
 
-    /// Residual that this frame's own best lag and ratio leave. Implausible ones count as a residual
-    /// themselves: colour of another scene may move as these say for a moment.
-    fn unexplained_px(&self) -> f64 {
+    fn allowed_px(&self) -> f64 {
+        let of = |value: fn(&MatchRow) -> f64| median(self.rows.iter().map(value));
+        ALLOWED_PX + ALLOWED_SHARE * of(|row| row.motion_px) + ALLOWED_SIGMAS * of(|row| row.sigma_px)
+    }
+
+    /// Residual that this frame's own best lag and ratio leave, in units of what is allowed. Implausible
+    /// ones count as well: colour of another scene may move as these say for a moment.
+    fn disagreement(&self) -> f64 {
         let (lag_prior, ratio_prior) = (PLAUSIBLE_LAG_S.powi(-2), PLAUSIBLE_RATIO.powi(-2));
         let prior = Matrix2::new(lag_prior, 0.0, 0.0, ratio_prior);
         let mut x = Vector2::zeros();
@@ -131,7 +147,8 @@ impl<'a> Observed<'a> {
             x = h.cholesky().map_or(x, |factor| -factor.solve(&g));
         }
         let left_px = median(self.rows.iter().map(|row| row.left_px(&x).norm()));
-        (left_px * left_px + x.dot(&(prior * x))).sqrt()
+        let implausible = x.dot(&(prior * x)) / (IMPLAUSIBLE_SIGMAS * IMPLAUSIBLE_SIGMAS);
+        ((left_px / self.allowed_px()).powi(2) + implausible).sqrt()
     }
 
     fn weight(&self, residual_px: &Vector2<f64>) -> f64 {

@@ -9,7 +9,7 @@ use crate::loops::test_wall::context;
 use crate::map::context::Context;
 use nalgebra::{Matrix3, Vector3};
 use tessera_features::{Correspondence, Feature, Observation, PointEstimate};
-use tessera_geometry::{Pose, Twist, compose_normalised, exp};
+use tessera_geometry::{Matrix6, Pose, Twist, compose_normalised, exp};
 use tessera_graph::PairBlock;
 use tessera_numerics::SplitMix64;
 use tessera_surface::{SurfaceView, Vertex};
@@ -83,7 +83,7 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
         context = context.with_colour(&state);
         let sides = [k, k + 1].map(|k| observed(&context, truth, k));
         let [(query, query_velocity), (target, target_velocity)] = [k, k + 1].map(frame);
-        let mut sums = Observed::new(&context, &state);
+        let mut sums = Observed::new(&context, &state, Matrix6::zeros());
         for (query_side, target_side) in sides[0].iter().zip(&sides[1]) {
             let c = Correspondence { query: *query_side, target: *target_side };
             sums.add(&c, &(target.inverse() * query), [&query_velocity, &target_velocity]);

@@ -65,9 +65,10 @@ const OF_MEDIAN: f64 = 1.5;
 /// Both show where colour disagrees with depth. The residual of features against the surfaces beyond
 /// that of matching is an angle `d`: it turns the camera by `d` and moves it by `d` times the
 /// distance of what it sees. A lag between the images is an error of a stamp: it moves the camera by
-/// its velocity times the lag. Without colour nothing is known of either, and nothing is added.
+/// its velocity times the lag. Without colour, or with one that is not believed, nothing is known of
+/// either, and nothing is added.
 fn systematic(colour: &ColourState, focal_px: f64, a: &Alignment) -> Matrix6 {
-    if colour.n_frames == 0 {
+    if colour.n_frames == 0 || !colour.is_trusted() {
         return Matrix6::zeros();
     }
     let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / focal_px;
