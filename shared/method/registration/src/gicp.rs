@@ -115,7 +115,7 @@ mod tests {
     /// One match in a run of lanes: the sums of `a~ = (0, 0, 0, 1)`.
     fn sums_of_one(e: [f32; 3], na: [f32; 3], nb: [f32; 3], epsilon: f32) -> BlockSums {
         let mut found = Found::default();
-        found.reset(LANES);
+        found.resize(LANES);
         found.e.set(0, e);
         found.na.set(0, na);
         found.nb.set(0, nb);

@@ -21,14 +21,6 @@ impl Columns3 {
         (self.x[i], self.y[i], self.z[i]) = (x, y, z);
     }
 
-    /// Makes all coordinates of `n` points 0.
-    pub(crate) fn reset(&mut self, n: usize) {
-        for column in [&mut self.x, &mut self.y, &mut self.z] {
-            column.clear();
-            column.resize(n, 0.0);
-        }
-    }
-
     pub(crate) fn resize(&mut self, n: usize) {
         self.x.resize(n, 0.0);
         self.y.resize(n, 0.0);

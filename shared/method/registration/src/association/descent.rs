@@ -72,7 +72,7 @@ pub(crate) fn read_ahead(surface: &SurfaceView<'_>, (row, column): (usize, usize
     }
 }
 
-/// Looks at the 3x3 cells around a cell, those beyond the image being its border.
+/// Looks at the 3x3 cells around a cell, as far as they lie in the image.
 #[inline(always)]
 fn around(
     middle: (usize, usize),
@@ -80,9 +80,10 @@ fn around(
     look: &mut impl FnMut(usize, usize) -> u64,
 ) -> u64 {
     let columns = [middle.1.saturating_sub(1), middle.1, (middle.1 + 1).min(width - 1)];
-    let rows = [middle.0.saturating_sub(1), middle.0, (middle.0 + 1).min(height - 1)];
     let mut best = u64::MAX;
-    for row in rows {
+    // As many rows as there are: a number that the compiler knows would have it gather all nine vertices
+    // at once, which is slower than reading them.
+    for row in middle.0.saturating_sub(1)..=(middle.0 + 1).min(height - 1) {
         for column in columns {
             best = look(row, column);
         }
@@ -102,4 +103,65 @@ fn key(v: &Vertex, q: [f32; 3]) -> u64 {
     let distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     let invalid = (v.flags_rgb & Vertex::VALID).wrapping_sub(1);
     u64::from(distance_sq.to_bits() | invalid) << 32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_numerics::SplitMix64;
+    use tessera_surface::Grid;
+
+    /// The descent with all 3x3 cells read again around each middle, those beyond the image being its
+    /// border.
+    fn nearest_by_all_cells(
+        surface: &SurfaceView<'_>,
+        mut middle: (usize, usize),
+        reach: u32,
+        q: [f32; 3],
+    ) -> Option<(usize, usize)> {
+        let (width, height) = (surface.grid.width, surface.grid.height);
+        let mut best = u64::MAX;
+        for _ in 0..reach.max(1) {
+            for row in [middle.0.saturating_sub(1), middle.0, (middle.0 + 1).min(height - 1)] {
+                for column in [middle.1.saturating_sub(1), middle.1, (middle.1 + 1).min(width - 1)] {
+                    let vertex = &surface.vertices[row * width + column];
+                    best = best.min(key(vertex, q) | ((row as u64) << 16) | column as u64);
+                }
+            }
+            if !is_found(best) {
+                return None;
+            }
+            middle = place_of(best);
+        }
+        Some(middle)
+    }
+
+    #[test]
+    fn the_descent_finds_what_reading_all_cells_finds() {
+        let mut random = SplitMix64::for_frame(7, 5);
+        for (width, height) in [(1, 1), (2, 1), (1, 3), (2, 2), (9, 7), (30, 20)] {
+            let grid = Grid { width, height, step: 4 };
+            let vertices: Vec<Vertex> = (0..grid.len())
+                .map(|i| Vertex {
+                    // Steps of a centimetre about a wall: equal distances do occur.
+                    position: [(i % width) as f32, (i / width) as f32, random.below(30) as f32]
+                        .map(|c| 0.01 * c),
+                    flags_rgb: Vertex::pack(if random.below(4) == 0 { 0 } else { Vertex::VALID }, 0, [0; 3]),
+                    ..Vertex::default()
+                })
+                .collect();
+            let surface = SurfaceView { grid, vertices: &vertices };
+            for row in 0..height {
+                for column in 0..width {
+                    let q = [random.below(width), random.below(height), random.below(30)]
+                        .map(|c| 0.01 * c as f32);
+                    for reach in 0..5 {
+                        let expected = nearest_by_all_cells(&surface, (row, column), reach, q);
+                        let found = nearest(&surface, (row, column), reach, q);
+                        assert_eq!(found, expected, "{width}x{height} at {row}, {column}, reach {reach}");
+                    }
+                }
+            }
+        }
+    }
 }

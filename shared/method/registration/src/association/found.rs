@@ -30,23 +30,26 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Room for `n` places, a whole number of lanes, all of which found nothing.
-    pub(crate) fn reset(&mut self, n: usize) {
-        for column in [&mut self.row, &mut self.is_inner, &mut self.distance_sq] {
-            column.clear();
+    /// Room for `n` places, a whole number of lanes; each is then [put](Self::put) or [left](Self::leave).
+    pub(crate) fn resize(&mut self, n: usize) {
+        for column in
+            [&mut self.row, &mut self.is_inner, &mut self.distance_sq, &mut self.sigmas, &mut self.weight]
+        {
             column.resize(n, 0.0);
         }
-        for column in [&mut self.sigmas, &mut self.weight] {
-            column.resize(n, 0.0);
-        }
-        for columns in [&mut self.b, &mut self.nb] {
-            columns.reset(n);
-        }
-        for columns in [&mut self.na, &mut self.e] {
+        for columns in [&mut self.b, &mut self.nb, &mut self.na, &mut self.e] {
             columns.resize(n);
         }
-        self.vertex.clear();
         self.vertex.resize(n, NONE);
+    }
+
+    /// A place that found nothing.
+    #[inline(always)]
+    pub(crate) fn leave(&mut self, place: usize) {
+        self.vertex[place] = NONE;
+        (self.row[place], self.is_inner[place]) = (0.0, 0.0);
+        self.b.set(place, [0.0; 3]);
+        self.nb.set(place, [0.0; 3]);
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -35,6 +35,8 @@ pub struct Matcher {
     noise: DepthNoise,
     settings: RegistrationSettings,
     pub(crate) chosen: Chosen,
+    /// Queries among them: the rest fills the lanes.
+    n_chosen: usize,
     located: Located,
     pub(crate) found: Found,
     rejection: Rejection,
@@ -58,6 +60,7 @@ impl Matcher {
             noise,
             settings: settings.clone(),
             chosen: Chosen::default(),
+            n_chosen: 0,
             located: Located::default(),
             found: Found::default(),
             rejection: Rejection::new(camera.grid.len()),
@@ -85,11 +88,27 @@ impl Matcher {
         target_from_query: &Pose,
         limits: &MatchLimits,
     ) -> (BlockSums, PairReport) {
+        self.choose(queries, selection);
+        self.match_chosen(target, target_from_query, limits)
+    }
+
+    /// Chooses queries for [`Self::match_chosen`].
+    pub fn choose(&mut self, queries: &Queries, selection: Selection) {
         self.steps.enter(Step::Search);
-        let motion = flat(target_from_query);
-        let n_queries = self.chosen.choose(queries, selection);
+        self.n_chosen = self.chosen.choose(queries, selection);
         self.arch.dispatch(Straighten { chosen: &mut self.chosen, shutter: queries.shutter() });
-        self.found.reset(self.chosen.len());
+    }
+
+    /// As [`Self::match_pair`], with the queries chosen last: they are the same at each pose of a pair.
+    pub fn match_chosen(
+        &mut self,
+        target: &Target<'_>,
+        target_from_query: &Pose,
+        limits: &MatchLimits,
+    ) -> (BlockSums, PairReport) {
+        self.steps.enter(Step::Search);
+        let (motion, n_queries) = (flat(target_from_query), self.n_chosen);
+        self.found.resize(self.chosen.len());
         self.locate(target, &motion);
         let limits = limits.at(self.camera.grid.step);
         let n_in_view = match target.tree {
@@ -164,8 +183,11 @@ impl Matcher {
                 let vertex = row * self.camera.grid.width + column;
                 self.found.put(place, vertex, row, &target.surface.vertices[vertex]);
                 n_found += 1;
+            } else {
+                self.found.leave(place);
             }
         }
+        (n..self.found.len()).for_each(|place| self.found.leave(place));
         n_found
     }
 }
@@ -209,5 +231,68 @@ impl pulp::WithSimd for Locate<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) {
         self.located.fill(&self.seen_by, self.points);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::association::target::ShutterTable;
+    use crate::sampling::Sample;
+    use tessera_geometry::{Camera, Twist};
+    use tessera_numerics::SplitMix64;
+    use tessera_surface::{Grid, SurfaceView, Vertex};
+
+    /// A rough wall with holes, as a surface and as queries.
+    fn wall(random: &mut SplitMix64, camera: &Camera, grid: Grid) -> (Vec<Vertex>, Vec<Sample>) {
+        let mut vertices = Vec::new();
+        for at in 0..grid.len() {
+            let (row, column) = (at / grid.width, at % grid.width);
+            let z = 2.0 + 0.001 * random.below(20) as f32;
+            let ray = camera.ray((row * grid.step) as f64, (column * grid.step) as f64);
+            vertices.push(Vertex {
+                position: [ray.x as f32 * z, ray.y as f32 * z, z],
+                flags_rgb: Vertex::pack(if random.below(5) == 0 { 0 } else { Vertex::VALID }, 0, [0; 3]),
+                normal: [0.0, 0.0, -1.0],
+                ..Vertex::default()
+            });
+        }
+        let sample = |at: usize| Sample {
+            point: vertices[at].position,
+            normal: vertices[at].normal,
+            grid_row: (at / grid.width) as u16,
+        };
+        let samples = (0..grid.len()).step_by(7).map(sample).collect();
+        (vertices, samples)
+    }
+
+    #[test]
+    fn what_was_matched_before_leaves_no_trace() {
+        let camera =
+            Camera { readout_s: 0.03, ..Camera::pinhole((160, 120), [131.0, 131.0, 79.5, 59.5], 5000.0) };
+        let grid = Grid { width: 40, height: 30, step: 4 };
+        let matcher = || {
+            let camera = GridCamera::new(&camera, grid, 0.0);
+            Matcher::new(camera, DepthNoise::default(), &RegistrationSettings::default())
+        };
+        let mut random = SplitMix64::for_frame(7, 6);
+        let twist = Twist { rho: nalgebra::Vector3::new(0.2, 0.1, 0.0), ..Twist::default() };
+        let shutter = ShutterTable::new(&camera, &twist, grid.height, grid.step, 0.0);
+        let limits = MatchLimits::new(0.1, 0.5);
+        let mut used = matcher();
+        for (count, away_m) in [(200, 0.02), (61, 0.3), (170, 40.0), (99, -0.1), (3, 0.0), (200, 0.05)] {
+            let (vertices, samples) = wall(&mut random, &camera, grid);
+            let target =
+                Target { surface: SurfaceView { grid, vertices: &vertices }, shutter: &shutter, tree: None };
+            let mut queries = Queries::default();
+            queries.fill(&samples, &shutter);
+            let selection = Selection { count, shift: 3 };
+            let at = |x: f64| Pose::translation(x, 0.01, 0.002);
+            let expected = [at(away_m), at(0.5 * away_m)]
+                .map(|pose| matcher().match_pair(&queries, selection, &target, &pose, &limits));
+            assert_eq!(used.match_pair(&queries, selection, &target, &at(away_m), &limits), expected[0]);
+            assert_eq!(used.match_chosen(&target, &at(0.5 * away_m), &limits), expected[1]);
+            assert!(away_m.abs() > 1.0 || count < 9 || expected[0].0.n > 5, "{count}: {:?}", expected[0].1);
+        }
     }
 }

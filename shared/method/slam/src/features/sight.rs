@@ -140,15 +140,16 @@ impl Sight {
         [n, min_words]: [usize; 2],
         is_admitted: impl Fn(&KeyframeState) -> bool,
     ) -> Vec<u32> {
-        let keyframes = &input.map.state().keyframes;
-        let is_held = |k: &&KeyframeState| k.is_active() && (!self.holds_admitted_only || is_admitted(k));
-        let held = keyframes.iter().filter(is_held).map(|keyframe| keyframe.id);
+        let map = input.map.state();
+        let is_held = |k: &&KeyframeState| !self.holds_admitted_only || is_admitted(k);
+        let held = map.active().filter(is_held).map(|keyframe| keyframe.id);
         self.places.hold_only(held, |id| input.surfaces.keyframes.features_once(id));
-        let is_admitted: Vec<bool> = keyframes.iter().map(|k| k.is_active() && is_admitted(k)).collect();
-        if !is_admitted.contains(&true) {
+        let mut admitted = vec![false; map.keyframes.len()];
+        map.active().filter(|k| is_admitted(k)).for_each(|k| admitted[k.id as usize] = true);
+        if !admitted.contains(&true) {
             return Vec::new();
         }
-        let is_admitted = |id: u32| is_admitted.get(id as usize) == Some(&true);
+        let is_admitted = |id: u32| admitted.get(id as usize) == Some(&true);
         let found = self.places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
         let mut chosen: Vec<u32> = Vec::new();
         for place in found.iter().map(|found| found.place) {

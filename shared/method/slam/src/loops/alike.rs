@@ -27,7 +27,7 @@ pub(crate) fn alike(
     if input.context.mapping.features.enabled && input.context.is_colour_trusted {
         alike = sight.recognise(input, frame.features, [MOST_BY_FEATURES, MIN_WORDS], closes_loop);
     }
-    let older = input.map.keyframes().filter(|older| older.is_active() && closes_loop(older));
+    let older = input.map.active().filter(|older| closes_loop(older));
     let best = older
         .map(|older| (similarity(code, &older.place), older.id))
         // The first among equals.

@@ -68,7 +68,7 @@ pub(crate) fn request(
     if state.pending.is_some() || is_soon || n_keyframes < 2 {
         return None;
     }
-    let n_retired = state.keyframes.iter().filter(|k| !k.is_active()).count() as u32;
+    let n_retired = (state.keyframes.len() - state.active().count()) as u32;
     let n_active = n_keyframes.saturating_sub(n_retired);
     let delay = f64::from(settings.delay_frames) + f64::from(n_active) * DELAY_PER_KEYFRAME;
     Some(RequestRecord {

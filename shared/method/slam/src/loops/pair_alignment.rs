@@ -40,10 +40,22 @@ impl PairAlignment<'_> {
         target_from_query: &Pose,
         tightness: f32,
     ) -> (PairBlock, PairReport) {
-        let selection = Selection { count: self.n_queries, shift: 0 };
-        let (queries, target) = (&self.query.queries, self.target.target());
+        self.choose(matcher);
+        self.search_chosen(matcher, target_from_query, tightness)
+    }
+
+    fn choose(&self, matcher: &mut Matcher) {
+        matcher.choose(&self.query.queries, Selection { count: self.n_queries, shift: 0 });
+    }
+
+    fn search_chosen(
+        &self,
+        matcher: &mut Matcher,
+        target_from_query: &Pose,
+        tightness: f32,
+    ) -> (PairBlock, PairReport) {
         let limits = (self.limits)(tightness);
-        let (sums, report) = matcher.match_pair(queries, selection, &target, target_from_query, &limits);
+        let (sums, report) = matcher.match_chosen(&self.target.target(), target_from_query, &limits);
         (PairBlock::new(target_from_query, &sums), report)
     }
 
@@ -54,17 +66,18 @@ impl PairAlignment<'_> {
         target_from_query: &Pose,
         tightness: &[f32],
     ) -> AlignedPair {
+        self.choose(matcher);
         let mut last = None;
         let mut associate = |poses: &[Pose], iteration: OuterIteration| {
             // The target is the origin.
-            let (block, report) = self.search(matcher, &poses[1], iteration.tightness);
+            let (block, report) = self.search_chosen(matcher, &poses[1], iteration.tightness);
             last = Some((block.clone(), report));
             vec![Pair::new(1, 0, block)]
         };
         let schedule = Schedule::steps(tightness, INNER_ITERATIONS);
         let solved = MultiEdge::pair(target_from_query, schedule).solve(&mut associate, &mut || ());
         let target_from_query = solved.graph.poses[1];
-        let (block, report) = last.unwrap_or_else(|| self.search(matcher, &target_from_query, 1.0));
+        let (block, report) = last.unwrap_or_else(|| self.search_chosen(matcher, &target_from_query, 1.0));
         let cost = block.cost(&target_from_query);
         AlignedPair { target_from_query, block, cost, report }
     }

@@ -62,8 +62,7 @@ struct CullingCandidate {
 
 /// Keyframes to cull when one more is made.
 pub(crate) fn culled(state: &TrackerState, settings: &MappingSettings) -> Vec<RetiredRecord> {
-    let active = state.keyframes.iter().filter(|k| k.is_active());
-    let mut views: Vec<CullingView> = active.map(|k| CullingView::of(&state.submaps, k)).collect();
+    let mut views: Vec<CullingView> = state.active().map(|k| CullingView::of(&state.submaps, k)).collect();
     let budget = if settings.keyframe.budget == 0 { usize::MAX } else { settings.keyframe.budget as usize };
     let mut culled = Vec::new();
     // With the one that is made now.
@@ -97,17 +96,28 @@ fn least_needed(views: &[CullingView]) -> Option<CullingCandidate> {
             .find(|other| other.component == view.component)
             .is_some_and(|first| first.id == view.id)
     };
-    let candidates = (0..by_x.len()).filter(|at| !is_first(by_x[*at])).filter_map(|at| candidate(&by_x, at));
-    candidates.min_by(|a, b| a.room_m.total_cmp(&b.room_m).then(b.id.cmp(&a.id)))
+    let mut least: Option<CullingCandidate> = None;
+    for at in (0..by_x.len()).filter(|at| !is_first(by_x[*at])) {
+        // Views farther away than the least room so far cannot make a room as small.
+        let within_m = least.as_ref().map_or(f64::INFINITY, |least| least.room_m * (1.0 + 1e-9));
+        let Some(found) = candidate(&by_x, at, within_m) else { continue };
+        let is_less = |least: &CullingCandidate| {
+            found.room_m.total_cmp(&least.room_m).then(least.id.cmp(&found.id)).is_lt()
+        };
+        if least.as_ref().is_none_or(is_less) {
+            least = Some(found);
+        }
+    }
+    least
 }
 
-/// A view with its two nearest others of the same component; `None` where it has none. `by_x`: sorted
-/// by the x of their centres, so that most need not be looked at.
-fn candidate(by_x: &[&CullingView], at: usize) -> Option<CullingCandidate> {
+/// A view with its two nearest others of the same component; `None` where it has none within `within_m`.
+/// `by_x`: sorted by the x of their centres, so that most need not be looked at.
+fn candidate(by_x: &[&CullingView], at: usize, within_m: f64) -> Option<CullingCandidate> {
     let view = by_x[at];
     let (mut nearest, mut first_m, mut second_m) = (None, f64::INFINITY, f64::INFINITY);
     let mut look = |other: &CullingView| {
-        let is_beyond = (other.centre.x - view.centre.x).abs() > second_m;
+        let is_beyond = (other.centre.x - view.centre.x).abs() > second_m.min(within_m);
         if !is_beyond && other.component == view.component {
             let distance_m = view.distance_m(other);
             if distance_m < first_m {
@@ -120,6 +130,9 @@ fn candidate(by_x: &[&CullingView], at: usize) -> Option<CullingCandidate> {
     };
     let _ = by_x[..at].iter().rev().all(|other| look(other));
     let _ = by_x[at + 1..].iter().all(|other| look(other));
+    if !second_m.is_finite() && within_m.is_finite() && nearest.is_some() {
+        return candidate(by_x, at, f64::INFINITY);
+    }
     // One of two views has no second neighbour.
     let room_m = first_m + if second_m.is_finite() { second_m } else { first_m };
     Some(CullingCandidate { id: view.id, nearest: nearest?, nearest_m: first_m, room_m })
@@ -167,6 +180,7 @@ pub(crate) fn with_retired(
 mod tests {
     use super::*;
     use tessera_geometry::PoseBits;
+    use tessera_numerics::SplitMix64;
 
     fn keyframe(id: u32, x_m: f64) -> KeyframeState {
         KeyframeState {
@@ -195,6 +209,45 @@ mod tests {
         let mut settings = MappingSettings::default();
         settings.keyframe.budget = budget;
         settings
+    }
+
+    #[test]
+    fn the_least_room_so_far_hides_no_smaller_one() {
+        let mut random = SplitMix64::for_frame(7, 3);
+        for n in [0usize, 1, 2, 6, 7, 8, 9, 40, 300] {
+            let mut views: Vec<CullingView> = (0..n as u32)
+                .map(|id| CullingView {
+                    id,
+                    component: u32::from(random.below(9) == 0),
+                    // Steps of a centimetre: equal rooms do occur.
+                    centre: Vector3::from_fn(|_, _| f64::from(random.below(60) as u32) * 0.01),
+                    axis: Vector3::z(),
+                })
+                .collect();
+            // Two views of a component of their own, far apart.
+            for view in views.iter_mut().filter(|view| view.id == 3 || view.id == 5) {
+                (view.component, view.centre) = (7, Vector3::x() * f64::from(view.id));
+            }
+            let settled = &views[..n.saturating_sub(NEWEST)];
+            let all: Vec<&CullingView> = settled.iter().collect();
+            let is_first = |view: &CullingView| {
+                settled.iter().find(|other| other.component == view.component).map(|first| first.id)
+                    == Some(view.id)
+            };
+            let expected = (0..all.len())
+                .filter(|at| !is_first(all[*at]))
+                .filter_map(|at| {
+                    let others = settled.iter().filter(|other| other.id != all[at].id);
+                    let same = others.filter(|other| other.component == all[at].component);
+                    let mut metres: Vec<f64> = same.map(|other| all[at].distance_m(other)).collect();
+                    metres.sort_by(f64::total_cmp);
+                    let first = *metres.first()?;
+                    Some((first + *metres.get(1).unwrap_or(&first), all[at].id))
+                })
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+            let found = least_needed(&views).map(|found| (found.room_m, found.id));
+            assert_eq!(found, expected, "{n} views");
+        }
     }
 
     #[test]

@@ -51,9 +51,15 @@ impl<'a> MapView<'a> {
         self.state.keyframes.iter().chain(self.candidate).filter(move |k| view.contains(k))
     }
 
+    /// Keyframes of one gauge to which others may be aligned, by id.
+    pub(crate) fn active(&self) -> impl Iterator<Item = &'a KeyframeState> + use<'a> {
+        let view = *self;
+        self.active_anywhere().filter(move |k| view.contains(k))
+    }
+
     /// Keyframes of all submaps to which others may be aligned, by id.
     pub(crate) fn active_anywhere(&self) -> impl Iterator<Item = &'a KeyframeState> + use<'a> {
-        self.state.keyframes.iter().chain(self.candidate).filter(|k| k.is_active())
+        self.state.active().chain(self.candidate.filter(|k| k.is_active()))
     }
 
     /// Number of keyframes of all submaps: the id of the next one.

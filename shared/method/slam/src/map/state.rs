@@ -1,6 +1,7 @@
 //! State of the tracker between two frames, as a fold over its journal.
 
 use crate::features::colour_model::{ColourModel, ColourState};
+use crate::map::active_ids::ActiveIds;
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
 use crate::map::pose_history::{RigidMotion, apply_correction, apply_join, apply_poses};
@@ -79,6 +80,9 @@ pub struct TrackerState {
     pub colour: ColourState,
     /// The source is exhausted.
     pub is_ended: bool,
+    /// Where the active keyframes stand.
+    #[serde(skip)]
+    pub(crate) active_ids: ActiveIds,
 }
 
 impl TrackerState {
@@ -103,6 +107,12 @@ impl TrackerState {
         }
     }
 
+    /// Keyframes to which others may be aligned, by id: without a look at those that were culled, which
+    /// are most of them in a long run.
+    pub(crate) fn active(&self) -> impl Iterator<Item = &KeyframeState> {
+        self.active_ids.of(&self.keyframes)
+    }
+
     /// A keyframe that this run made.
     pub(crate) fn is_own(&self, keyframe: &KeyframeState) -> bool {
         keyframe.session == self.session
@@ -114,6 +124,7 @@ impl TrackerState {
         // The map is optimised again only once it has grown.
         self.n_keyframes_at_request = self.n_map_keyframes;
         self.keyframes.clone_from(&map.keyframes);
+        self.active_ids = ActiveIds::default();
         self.submaps.clone_from(&map.submaps);
         self.submap = map.keyframes.last().map_or(0, |k| k.submap);
         self.start = map.start;
@@ -144,6 +155,7 @@ impl TrackerState {
                 alike: keyframe.alike.clone(),
                 anchored_to: None,
             });
+            self.active_ids.extend(&self.keyframes);
             keyframe.retires.iter().for_each(|retired| self.retire(retired));
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
             self.reference_entropy = None;
@@ -210,18 +222,15 @@ impl TrackerState {
 
     /// A keyframe leaves the working map, with all that is of use there alone.
     pub fn retire(&mut self, retired: &RetiredRecord) {
-        for keyframe in self.keyframes.iter_mut().filter(|k| k.anchored_to == Some(retired.keyframe)) {
-            keyframe.anchored_to = Some(retired.anchored_to);
-        }
-        for alike in self.keyframes.iter_mut().flat_map(|keyframe| &mut keyframe.alike) {
-            if *alike == retired.keyframe {
-                *alike = retired.anchored_to;
-            }
+        for keyframe in &mut self.keyframes {
+            let named = keyframe.anchored_to.iter_mut().chain(&mut keyframe.alike);
+            named.filter(|id| **id == retired.keyframe).for_each(|id| *id = retired.anchored_to);
         }
         if let Some(keyframe) = self.keyframes.get_mut(retired.keyframe as usize) {
             keyframe.anchored_to = Some(retired.anchored_to);
             (keyframe.edges, keyframe.covariance) = Default::default();
             (keyframe.place, keyframe.alike) = Default::default();
+            self.active_ids.remove(retired.keyframe);
         }
     }
 

@@ -54,8 +54,7 @@ pub(crate) fn select(map: &MapView<'_>, settings: &WindowSettings, predicted: &P
 
 /// Active keyframes within the limits of a view, nearest first, each with its score.
 pub(crate) fn near(map: &MapView<'_>, limits: &ViewLimits, view: &Pose) -> Vec<(f64, u32)> {
-    let active = map.keyframes().filter(|k| k.is_active());
-    let centres = active.map(|k| (k.id, Vector3::from(k.world_from_camera.translation_m)));
+    let centres = map.active().map(|k| (k.id, Vector3::from(k.world_from_camera.translation_m)));
     let axis_of = |id: u32| {
         let pose = map.keyframe(id).map_or(Pose::identity(), |k| Pose::from(&k.world_from_camera));
         optical_axis(&pose)
