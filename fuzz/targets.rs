@@ -12,7 +12,7 @@ use tessera_messages::{
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, OptimiseRecord, TrackerState};
 use tessera_sources::{FolderSource, FrameBuffers, RecordingOptions, RecordingSource, Source, load_camera};
-use tessera_surface::{Grid, Vertex};
+use tessera_surface::{Grid, Vertex, thinned};
 
 /// Takes any bytes, and panics where a promise is broken.
 pub type Target = fn(&[u8]);
@@ -245,10 +245,10 @@ pub fn sealed(path: &Path, kind: &str, payload: &[u8]) {
     journal.append(&Raw(payload), false).expect("the record fits");
 }
 
-/// Messages from shared memory, whose payload is what follows the header.
+/// Messages from shared memory, whose payload is what follows the header, and surfaces as they travel in a fleet.
 pub fn messages(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
-    match which % 6 {
+    match which % 7 {
         0 => {
             let Some((header, rest)) = split::<FrameHeader>(bytes) else { return };
             let shape = FrameShape { width: 4, height: 4 };
@@ -289,7 +289,7 @@ pub fn messages(bytes: &[u8]) {
                 assert!(pose.odom_from_camera.iter().all(|v| v.is_finite()));
             }
         }
-        _ => {
+        5 => {
             let Some((header, rest)) = split::<CameraFrame>(bytes) else { return };
             let shape = FrameShape { width: 16, height: 16 };
             let is_good = header.validate(shape).is_ok();
@@ -300,6 +300,13 @@ pub fn messages(bytes: &[u8]) {
             if let Ok(Some(camera)) = header.camera() {
                 camera.check().expect("a camera that was taken holds its rules");
             }
+        }
+        _ => {
+            let grid = Grid { width: 9, height: 6, step: 4 };
+            let Ok(vertices) = thinned::unpack(grid, bytes) else { return };
+            assert_eq!(vertices.len(), grid.len());
+            let numbers = vertices.iter().flat_map(|v| v.position.into_iter().chain(v.normal));
+            assert!(numbers.into_iter().all(f32::is_finite), "a vertex nowhere");
         }
     }
 }

@@ -1,17 +1,27 @@
-//! Features as they travel: the strongest of a keyframe, 40 bytes each, of which 32 are the descriptor.
+//! Features as they travel: the strongest of a keyframe, rounded, in the order of the keyframe, which is by level
+//! and row. A descriptor is told by where it differs from the nearest one before it.
 
-use tessera_features::Feature;
+use tessera_features::{Feature, hamming_distance};
+use tessera_numerics::{BitCoder, BitModel, NumberModel, RangeReader, RangeWriter};
 
 /// Features of a keyframe that travel, at most.
 pub const MOST_FEATURES: usize = 300;
-/// Bytes of a feature.
-const FEATURE_BYTES: usize = 8 + 32;
+/// Bits of their number.
+const COUNT_BITS: u32 = 9;
 /// Rounding of a position and of its deviation, pixels.
 const PIXEL_STEP: f32 = 1.0 / 16.0;
-/// Steps of a full turn.
-const ANGLE_STEPS: f32 = 256.0;
+/// Bits of a position, and of how many bits the columns of a keyframe take.
+const PLACE_BITS: u32 = 16;
+const WIDTH_BITS: u32 = 5;
+/// Steps of a full turn, in bits.
+const ANGLE_BITS: u32 = 8;
+const ANGLE_STEPS: f32 = (1 << ANGLE_BITS) as f32;
 /// Levels of the pyramid are below this one.
 const LEVELS: u8 = 16;
+/// A descriptor that differs from all before it in more bits than this is told by itself.
+const MOST_DIFFERENT: u32 = 90;
+/// Bits of a descriptor.
+const DESCRIPTOR_BITS: usize = 256;
 
 /// The strongest of these features, in their order, as bytes.
 pub fn pack_features(features: &[Feature]) -> Vec<u8> {
@@ -19,44 +29,138 @@ pub fn pack_features(features: &[Feature]) -> Vec<u8> {
     chosen.sort_by(|&a, &b| features[b].response.total_cmp(&features[a].response).then(a.cmp(&b)));
     chosen.truncate(MOST_FEATURES);
     chosen.sort_unstable();
-    chosen.into_iter().flat_map(|place| pack_feature(&features[place])).collect()
-}
-
-/// A conversion of a float to an integer saturates.
-fn pack_feature(feature: &Feature) -> [u8; FEATURE_BYTES] {
-    let mut bytes = [0; FEATURE_BYTES];
-    let [row, column] = feature.pixel.map(|pixel| ((pixel / PIXEL_STEP).round() as u16).to_le_bytes());
-    let turn = (feature.angle_rad / std::f32::consts::TAU * ANGLE_STEPS).round() as i32;
-    let sigma = (feature.sigma_px / PIXEL_STEP).round().clamp(1.0, 255.0) as u8;
-    bytes[..2].copy_from_slice(&row);
-    bytes[2..4].copy_from_slice(&column);
-    bytes[4..8].copy_from_slice(&[turn as u8, feature.response.round() as u8, sigma, feature.level % LEVELS]);
-    for (bytes, word) in bytes[8..].chunks_exact_mut(8).zip(feature.descriptor) {
-        bytes.copy_from_slice(&word.to_le_bytes());
+    let rounded: Vec<Rounded> = chosen.into_iter().map(|place| Rounded::of(&features[place])).collect();
+    let widest = rounded.iter().map(|feature| feature.column).max().unwrap_or(0);
+    let mut writer = RangeWriter::default();
+    writer.plain(rounded.len() as u32, COUNT_BITS);
+    let mut models = Models::new(writer.plain(u32::BITS - widest.leading_zeros(), WIDTH_BITS));
+    let mut before = Vec::with_capacity(rounded.len());
+    for feature in rounded {
+        // What is rounded is within its bounds.
+        before.extend(models.code(&mut writer, &before, feature));
     }
-    bytes
+    writer.finish()
 }
 
 /// The features of these bytes; `None` where they are none.
 pub fn unpack_features(bytes: &[u8]) -> Option<Vec<Feature>> {
-    let is_whole = bytes.len().is_multiple_of(FEATURE_BYTES) && bytes.len() <= MOST_FEATURES * FEATURE_BYTES;
-    is_whole.then(|| bytes.chunks_exact(FEATURE_BYTES).map(unpack_feature).collect())
+    let mut reader = RangeReader::new(bytes);
+    let n = reader.plain(0, COUNT_BITS) as usize;
+    let width_bits = reader.plain(0, WIDTH_BITS);
+    if n > MOST_FEATURES || width_bits > PLACE_BITS {
+        return None;
+    }
+    let (mut models, mut found) = (Models::new(width_bits), Vec::with_capacity(n));
+    for _ in 0..n {
+        found.push(models.code(&mut reader, &found, Rounded::default())?);
+    }
+    reader.ends().then(|| found.iter().map(Rounded::feature).collect())
 }
 
-fn unpack_feature(bytes: &[u8]) -> Feature {
-    let pixel = [0, 2].map(|at| f32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]])) * PIXEL_STEP);
-    let mut descriptor = [0; 4];
-    for (word, bytes) in descriptor.iter_mut().zip(bytes[8..].chunks_exact(8)) {
-        *word = bytes.iter().rev().fold(0, |sum: u64, byte| (sum << 8) | u64::from(*byte));
+/// A feature as integers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Rounded {
+    row: u32,
+    column: u32,
+    turn: u32,
+    response: u32,
+    sigma: u32,
+    level: u8,
+    descriptor: [u64; 4],
+}
+
+impl Rounded {
+    /// A conversion of a float to an integer saturates.
+    fn of(feature: &Feature) -> Self {
+        let [row, column] = feature.pixel.map(|pixel| u32::from((pixel / PIXEL_STEP).round() as u16));
+        let turn = (feature.angle_rad / std::f32::consts::TAU * ANGLE_STEPS).round() as i32;
+        Self {
+            row,
+            column,
+            turn: (turn as u8).into(),
+            response: (feature.response.round() as u8).into(),
+            sigma: (feature.sigma_px / PIXEL_STEP).round().clamp(1.0, 255.0) as u32,
+            level: feature.level % LEVELS,
+            descriptor: feature.descriptor,
+        }
     }
-    Feature {
-        pixel,
-        angle_rad: f32::from(bytes[4].cast_signed()) / ANGLE_STEPS * std::f32::consts::TAU,
-        response: bytes[5].into(),
-        sigma_px: f32::from(bytes[6].max(1)) * PIXEL_STEP,
-        level: bytes[7] % LEVELS,
-        reserved: [0; 3],
-        descriptor,
+
+    fn feature(&self) -> Feature {
+        Feature {
+            pixel: [self.row, self.column].map(|place| place as f32 * PIXEL_STEP),
+            angle_rad: f32::from((self.turn as u8).cast_signed()) / ANGLE_STEPS * std::f32::consts::TAU,
+            response: self.response as f32,
+            sigma_px: self.sigma as f32 * PIXEL_STEP,
+            level: self.level,
+            reserved: [0; 3],
+            descriptor: self.descriptor,
+        }
+    }
+}
+
+/// What was learnt of the features so far.
+struct Models {
+    width_bits: u32,
+    level: NumberModel,
+    /// Row steps, responses and deviations, by level.
+    numbers: Vec<[NumberModel; 3]>,
+    is_like_another: BitModel,
+    /// Each bit by itself, and where a like one has 0 or 1 there.
+    bits: [[BitModel; 3]; DESCRIPTOR_BITS],
+}
+
+impl Models {
+    fn new(width_bits: u32) -> Self {
+        Self {
+            width_bits,
+            level: NumberModel::default(),
+            numbers: (0..LEVELS).map(|_| Default::default()).collect(),
+            is_like_another: BitModel::default(),
+            bits: [[BitModel::default(); 3]; DESCRIPTOR_BITS],
+        }
+    }
+
+    /// Writes the feature behind those `before`, or reads it; `None` where what is read is no feature.
+    fn code(&mut self, coder: &mut impl BitCoder, before: &[Rounded], feature: Rounded) -> Option<Rounded> {
+        let last = before.last().copied().unwrap_or_default();
+        let step = self.level.signed(coder, i32::from(feature.level) - i32::from(last.level));
+        let level = u8::try_from(i32::from(last.level).checked_add(step)?).ok().filter(|l| *l < LEVELS)?;
+        let [rows, responses, sigmas] = &mut self.numbers[usize::from(level)];
+        // The rows of a level begin anew.
+        let above = if level == last.level { last.row as i32 } else { 0 };
+        let row = above.checked_add(rows.signed(coder, feature.row as i32 - above))?;
+        let row = u32::from(u16::try_from(row).ok()?);
+        let column = coder.plain(feature.column, self.width_bits);
+        let turn = coder.plain(feature.turn, ANGLE_BITS);
+        let response = responses.magnitude(coder, feature.response);
+        let sigma = sigmas.magnitude(coder, feature.sigma);
+        let is_sound = response <= 255 && (1..=255).contains(&sigma);
+        let descriptor = self.descriptor(coder, before, feature.descriptor)?;
+        is_sound.then_some(Rounded { row, column, turn, response, sigma, level, descriptor })
+    }
+
+    /// A descriptor, by where it differs from the nearest one before it.
+    fn descriptor(
+        &mut self,
+        coder: &mut impl BitCoder,
+        before: &[Rounded],
+        descriptor: [u64; 4],
+    ) -> Option<[u64; 4]> {
+        let others = before.iter().map(|other| hamming_distance(&other.descriptor, &descriptor)).zip(0..);
+        let nearest = others.min().filter(|(distance, _)| *distance <= MOST_DIFFERENT);
+        let mut like = None;
+        if !before.is_empty() && coder.bit(&mut self.is_like_another, nearest.is_some()) {
+            let n_bits = usize::BITS - (before.len() - 1).leading_zeros();
+            let place = coder.plain(nearest.map_or(0, |(_, place)| place), n_bits);
+            like = Some(before.get(place as usize)?.descriptor);
+        }
+        let mut found = [0; 4];
+        for (at, models) in self.bits.iter_mut().enumerate() {
+            let bit_of = |words: &[u64; 4]| words[at / 64] >> (at % 64) & 1;
+            let model = like.as_ref().map_or(0, |like| 1 + bit_of(like) as usize);
+            found[at / 64] |= u64::from(coder.bit(&mut models[model], bit_of(&descriptor) != 0)) << (at % 64);
+        }
+        Some(found)
     }
 }
 
@@ -101,10 +205,44 @@ mod tests {
         assert_eq!(back.len(), MOST_FEATURES);
         let weakest = back.iter().map(|f| f.response).fold(f32::MAX, f32::min);
         assert!(features.iter().filter(|f| f.response > weakest).count() <= MOST_FEATURES);
-        assert!(unpack_features(&bytes[1..]).is_none());
-        assert!(unpack_features(&[bytes.as_slice(), &bytes].concat()).is_none());
+        assert!(unpack_features(&bytes[..bytes.len() - 1]).is_none());
+        assert!(unpack_features(&[bytes.as_slice(), &[0]].concat()).is_none());
+        assert!(unpack_features(&[]).is_none() && unpack_features(&[255; 80]).is_none());
+        assert!(unpack_features(&pack_features(&[])).unwrap().is_empty());
+    }
+
+    #[test]
+    fn spoilt_bytes_are_refused_or_sound() {
+        let bytes = pack_features(&features(60));
         let sound = |f: &Feature| f.sigma_px > 0.0 && f.pixel.iter().all(|v| v.is_finite()) && f.level < 16;
-        assert!(unpack_features(&[0; 80]).unwrap().iter().all(sound));
-        assert!(unpack_features(&[255; 80]).unwrap().iter().all(sound));
+        let mut random = SplitMix64::new(7);
+        for _ in 0..2000 {
+            let mut spoilt = bytes.clone();
+            let at = random.below(spoilt.len());
+            spoilt[at] = random.next_u64() as u8;
+            assert!(unpack_features(&spoilt).iter().flatten().all(sound));
+            let noise: Vec<u8> = (0..random.below(3000)).map(|_| random.next_u64() as u8).collect();
+            assert!(unpack_features(&noise).iter().flatten().all(sound));
+        }
+    }
+
+    #[test]
+    fn what_came_travels_on_as_the_same_bytes() {
+        let bytes = pack_features(&features(MOST_FEATURES + 50));
+        assert_eq!(pack_features(&unpack_features(&bytes).unwrap()), bytes);
+    }
+
+    #[test]
+    fn like_descriptors_cost_less() {
+        let mut random = SplitMix64::new(9);
+        let mut like = features(200);
+        let first = like[0].descriptor;
+        for feature in &mut like {
+            feature.descriptor = first;
+            (0..20).for_each(|_| feature.descriptor[random.below(4)] ^= 1 << random.below(64));
+        }
+        // 37 bytes a feature of noise, of which the descriptor has 32.
+        let [like, other] = [like, features(200)].map(|features| pack_features(&features).len());
+        assert!(other < 200 * 41 && like < 200 * 25, "{like} and {other} bytes");
     }
 }

@@ -32,6 +32,8 @@ pub struct Piece {
     pub bytes: Vec<u8>,
     /// Bytes that travelled for it.
     pub wire_bytes: usize,
+    /// Whether its bytes are packed already, so that deflating them would be in vain; not told to the reader.
+    pub is_packed: bool,
 }
 
 /// Bytes of a piece's label.
@@ -44,23 +46,28 @@ impl Piece {
     /// A piece with bytes.
     pub fn data(identity: u64, at: u64, bytes: Vec<u8>) -> Self {
         let wire_bytes = bytes.len();
-        Self { kind: Kind::Data, identity, at, bytes, wire_bytes }
+        Self { kind: Kind::Data, identity, at, bytes, wire_bytes, is_packed: false }
+    }
+
+    /// A piece with bytes that are packed already.
+    pub fn packed(identity: u64, at: u64, bytes: Vec<u8>) -> Self {
+        Self { is_packed: true, ..Self::data(identity, at, bytes) }
     }
 
     /// The end of an answer, which reached up to `at`.
     pub fn end(identity: u64, at: u64) -> Self {
-        Self { kind: Kind::End, identity, at, bytes: Vec::new(), wire_bytes: 0 }
+        Self { kind: Kind::End, identity, at, bytes: Vec::new(), wire_bytes: 0, is_packed: false }
     }
 
     /// A refusal.
     pub fn refused(identity: u64, reason: &str) -> Self {
         let bytes = reason.as_bytes().to_vec();
-        Self { kind: Kind::Refused, identity, at: 0, wire_bytes: bytes.len(), bytes }
+        Self { kind: Kind::Refused, identity, at: 0, wire_bytes: bytes.len(), bytes, is_packed: false }
     }
 
     /// What travels: a label, and the bytes behind it, deflated where that is less.
     pub fn to_wire(&self) -> (Vec<u8>, Cow<'_, [u8]>) {
-        let deflated = (self.kind == Kind::Data).then(|| deflate(&self.bytes));
+        let deflated = (self.kind == Kind::Data && !self.is_packed).then(|| deflate(&self.bytes));
         match deflated.filter(|deflated| deflated.len() < self.bytes.len()) {
             Some(deflated) => (self.label_of(DEFLATED, &deflated), deflated.into()),
             None => (self.label(), Cow::Borrowed(&self.bytes)),
@@ -111,7 +118,7 @@ impl Piece {
             DEFLATED => (Kind::Data, inflate(bytes)?),
             _ => return Err(Refusal::Foreign),
         };
-        Ok(Self { kind, identity, at, bytes, wire_bytes })
+        Ok(Self { kind, identity, at, bytes, wire_bytes, is_packed: false })
     }
 }
 
@@ -166,6 +173,10 @@ mod tests {
             assert_eq!((back.kind, back.at, back.wire_bytes), (Kind::Data, 77, wire.len()));
             assert_eq!(back.bytes, bytes);
         }
+        let packed = Piece::packed(5, 77, vec![7; 3000]);
+        let (label, wire) = packed.to_wire();
+        assert_eq!((&label, &*wire), (&packed.label(), packed.bytes.as_slice()));
+        assert_eq!(Piece::read(&label, &wire).unwrap().bytes, packed.bytes);
         let bomb = Piece::data(5, 77, vec![7; MAX_SMALL_BYTES + 1]);
         let (label, wire) = bomb.to_wire();
         assert_eq!(Piece::read(&label, &wire), Err(Refusal::TooLarge));

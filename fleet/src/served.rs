@@ -207,7 +207,7 @@ impl Served {
         }
         let mut at = 0;
         for bytes in stream.chunks(MAX_PIECE_BYTES) {
-            if !give(Piece::data(self.identity, at, bytes.to_vec())) {
+            if !give(Piece::packed(self.identity, at, bytes.to_vec())) {
                 return Ok(());
             }
             at += bytes.len() as u64;

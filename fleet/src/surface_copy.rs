@@ -11,8 +11,8 @@ use tessera_surface::Grid;
 
 /// Its name in the folder of a run at the base.
 pub const SURFACES: &str = "surfaces.journal";
-/// What it calls itself.
-const KIND: &str = "surfaces";
+/// What it calls itself; the first form had Rice codes.
+const KIND: &str = "surfaces2";
 /// How long a base waits for one that is ending.
 const WAIT: Duration = Duration::from_millis(500);
 

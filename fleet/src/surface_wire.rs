@@ -5,10 +5,13 @@ use tessera_features::Feature;
 use tessera_messages::{StoredSurfaceError, load_surface};
 use tessera_slam::StoreSlot;
 use tessera_surface::packed::UnpackError;
-use tessera_surface::{Grid, Vertex, thinned};
+use tessera_surface::thinned::{self, Rounding};
+use tessera_surface::{Grid, Vertex};
 
 /// Surfaces of one request, at most.
 pub const MOST_WANTED: usize = 64;
+/// By what surfaces are rounded on their way.
+pub const ROUNDING: Rounding = Rounding { inverse_depth_steps: 4096, normal_steps: 31 };
 /// Bytes of a slot in a request.
 const SLOT_BYTES: usize = 20;
 /// Bytes in front of a surface: its length and its checksum.
@@ -82,15 +85,15 @@ pub enum SurfaceError {
 /// Where the bytes are no surface of this grid.
 pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
     let (vertices, features) = load_surface(grid, stored)?;
-    Ok(pack_surface(grid, &vertices, &features))
+    Ok(pack_surface(grid, &vertices, &features, ROUNDING))
 }
 
 /// Vertices and features as they travel.
 ///
 /// # Panics
 /// Where `vertices` are not as many as the grid has.
-pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature]) -> Vec<u8> {
-    let packed = thinned::pack(grid, vertices);
+pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature], rounding: Rounding) -> Vec<u8> {
+    let packed = thinned::pack(grid, vertices, rounding);
     let length = (packed.len() as u32).to_le_bytes();
     [length.as_slice(), &packed, &pack_features(features)].concat()
 }

@@ -3,18 +3,30 @@
 //!
 //! Each vertex is slid along its tangent plane to the ray of its place in the grid, so that its depth says where it
 //! is. Depth is rounded as its inverse, in which the noise of a depth camera is about the same at all distances,
-//! normals to a degree or two, colours to an eighth of their range. What [`unpack`] returns is a function of the
-//! bytes alone.
+//! by steps that the bytes tell ([`Rounding`]), normals likewise, colours to an eighth of their range. Residuals go
+//! through a range coder whose probabilities follow the residuals around. What [`unpack`] returns is a function of
+//! the bytes alone.
 
 use crate::octahedron::{from_normal_by, round, to_normal_by};
 use crate::packed::{UnpackError, predict_row};
 use crate::vertex::{Grid, Vertex};
-use tessera_numerics::{RiceReader, RiceWriter, unzigzag, zigzag};
+use tessera_numerics::{BitCoder, BitModel, NumberModel, RangeReader, RangeWriter};
 
-/// Rounding of the inverse of depth, 1/m: 1 mm at 2 m, an eighth of the noise (eq. 5).
-const INVERSE_DEPTH_STEP: f32 = 1.0 / 4096.0;
-/// Steps of a normal from the centre of the octahedral map to its border.
-const NORMAL_STEPS: f32 = 31.0;
+/// By what depth and normals are rounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rounding {
+    /// Steps of the inverse of depth, per 1/m, at least 1: 4096 are 1 mm at 2 m, an eighth of the noise (eq. 5).
+    pub inverse_depth_steps: u16,
+    /// Steps of a normal from the centre of the octahedral map to its border, at least 1: 31 are 2 degrees.
+    pub normal_steps: u8,
+}
+
+impl Rounding {
+    fn depth_step(self) -> f32 {
+        1.0 / f32::from(self.inverse_depth_steps)
+    }
+}
+
 /// Rounding of colours, of 256 levels.
 const COLOUR_STEP: i32 = 32;
 /// A vertex whose depth would change by more than this part on its way along the tangent plane keeps it.
@@ -37,32 +49,21 @@ fn kept(grid: Grid) -> (usize, usize) {
 ///
 /// # Panics
 /// Where `vertices` are not as many as the grid has.
-pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
+pub fn pack(grid: Grid, vertices: &[Vertex], rounding: Rounding) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
     let rays = Rays::of(grid, vertices);
-    let mut rows = ThinnedRows::new(kept(grid).0);
-    let mut writer = RiceWriter::default();
-    let mut codes = Vec::with_capacity(rows.flags.len());
+    let mut rows = ThinnedRows::new(kept(grid).0, rounding);
+    let (mut writer, mut models) = (RangeWriter::default(), Models::default());
     for (row, line) in vertices.chunks_exact(grid.width).enumerate().step_by(2) {
         rows.next();
         for (column, vertex) in line.iter().enumerate().step_by(2) {
             rows.set(column / 2, vertex, rays.depth_m(vertex, rays.at(row, column)));
         }
-        let mut left = 0;
-        codes.clear();
-        codes.extend(rows.flags.iter().map(|&flags| flags ^ std::mem::replace(&mut left, flags)));
-        writer.row(&codes);
-        for number in 0..NUMBERS {
-            codes.clear();
-            rows.complete(number, |value, prediction| {
-                codes.push(zigzag(value.wrapping_sub(prediction)));
-                value
-            });
-            writer.row(&codes);
-        }
+        rows.code(&mut writer, &mut models);
     }
     let [a, b, c, d] = rays.0.map(f32::to_le_bytes);
-    [a.as_slice(), &b, &c, &d, &writer.finish()].concat()
+    let [low, high] = rounding.inverse_depth_steps.to_le_bytes();
+    [a.as_slice(), &b, &c, &d, &[low, high, rounding.normal_steps], &writer.finish()].concat()
 }
 
 /// The vertices of a packed surface, row by row, those between the kept ones interpolated.
@@ -72,33 +73,24 @@ pub fn pack(grid: Grid, vertices: &[Vertex]) -> Vec<u8> {
 pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
     let error = UnpackError { width: grid.width, height: grid.height };
     let (width, height) = kept(grid);
-    let mut rows = ThinnedRows::new(width);
     let (rays, bytes) = Rays::read(bytes).ok_or(error)?;
-    let mut reader = RiceReader::new(bytes);
+    let (&[low, high, normal_steps], bytes) = bytes.split_first_chunk::<3>().ok_or(error)?;
+    let rounding = Rounding { inverse_depth_steps: u16::from_le_bytes([low, high]), normal_steps };
+    if rounding.inverse_depth_steps == 0 || normal_steps == 0 {
+        return Err(error);
+    }
+    let mut rows = ThinnedRows::new(width, rounding);
+    let (mut reader, mut models) = (RangeReader::new(bytes), Models::default());
     let mut vertices = vec![Vertex::default(); grid.len()];
-    let mut codes = vec![0; width];
     for row in 0..height {
         rows.next();
-        reader.row(&mut rows.flags).ok_or(error)?;
-        let mut left = 0;
-        for flags in &mut rows.flags {
-            *flags ^= left;
-            left = *flags;
-        }
-        let n_valid = rows.flags.iter().filter(|&&flags| is_valid(flags)).count();
-        for number in 0..NUMBERS {
-            reader.row(&mut codes[..n_valid]).ok_or(error)?;
-            let mut codes = codes[..n_valid].iter();
-            rows.complete(number, |_, prediction| {
-                prediction.wrapping_add(codes.next().map_or(0, |&code| unzigzag(code)))
-            });
-        }
+        rows.code(&mut reader, &mut models);
         let line = &mut vertices[2 * row * grid.width..][..grid.width];
         for (column, vertex) in line.iter_mut().step_by(2).enumerate() {
             *vertex = rows.vertex(column, rays.at(2 * row, 2 * column)).ok_or(error)?;
         }
     }
-    if !reader.is_at_end() {
+    if !reader.ends() {
         return Err(error);
     }
     interpolate(grid, &mut vertices);
@@ -218,32 +210,152 @@ fn is_valid(flags: u32) -> bool {
     flags & Vertex::VALID != 0
 }
 
-/// The row in work and the one above it, as integers.
+/// What was learnt of the numbers of vertices, by how well those around were predicted.
+struct Models {
+    numbers: Vec<[NumberModel; SURPRISES * OTHERS]>,
+    /// Whether the flags are those to the left; or else those above.
+    is_left: [BitModel; 8],
+    is_above: BitModel,
+    flags: NumberModel,
+}
+
+/// Classes of the residuals around, and of that of another number of the same vertex.
+const SURPRISES: usize = 10;
+const OTHERS: usize = 4;
+
+impl Default for Models {
+    fn default() -> Self {
+        let model = || std::array::from_fn(|_| NumberModel::default());
+        let (is_left, is_above) = Default::default();
+        Self {
+            numbers: (0..NUMBERS).map(|_| model()).collect(),
+            is_left,
+            is_above,
+            flags: NumberModel::default(),
+        }
+    }
+}
+
+impl Models {
+    /// Flags, predicted from those to the left, above, and above to the left.
+    fn flags(&mut self, coder: &mut impl BitCoder, flags: u32, [left, above, corner]: [u32; 3]) -> u32 {
+        let same = [left == above, above == corner, is_valid(left)];
+        let class = same.iter().fold(0, |sum, &is| 2 * sum + usize::from(is));
+        if coder.bit(&mut self.is_left[class], flags == left) {
+            return left;
+        }
+        if above != left && coder.bit(&mut self.is_above, flags == above) {
+            return above;
+        }
+        left ^ self.flags.magnitude(coder, flags ^ left)
+    }
+
+    /// A residual, where those around sum to `around` and another one of the vertex is `other`.
+    fn residual(
+        &mut self,
+        coder: &mut impl BitCoder,
+        number: usize,
+        value: i32,
+        [around, other]: [u32; 2],
+    ) -> i32 {
+        let surprise = match around {
+            0..=2 => around as usize,
+            3..=4 => 3,
+            5..=6 => 4,
+            7..=9 => 5,
+            10..=14 => 6,
+            15..=22 => 7,
+            23..=40 => 8,
+            _ => 9,
+        };
+        let other = (other as usize).min(OTHERS - 1);
+        self.numbers[number][OTHERS * surprise + other].signed(coder, value)
+    }
+}
+
+/// The row in work and the one above it, as integers, with how far each was from its prediction.
 struct ThinnedRows {
+    rounding: Rounding,
     flags: Vec<u32>,
+    flags_above: Vec<u32>,
     current: [Vec<i32>; NUMBERS],
     above: [Vec<i32>; NUMBERS],
+    missed: [Vec<u32>; NUMBERS],
+    missed_above: [Vec<u32>; NUMBERS],
 }
 
 impl ThinnedRows {
-    fn new(width: usize) -> Self {
+    fn new(width: usize, rounding: Rounding) -> Self {
         let zeros = || std::array::from_fn(|_| vec![0; width]);
-        Self { flags: vec![0; width], current: zeros(), above: zeros() }
+        let [missed, missed_above] = std::array::from_fn(|_| std::array::from_fn(|_| vec![0; width]));
+        let [flags, flags_above] = std::array::from_fn(|_| vec![0; width]);
+        Self { rounding, flags, flags_above, current: zeros(), above: zeros(), missed, missed_above }
     }
 
     fn next(&mut self) {
         std::mem::swap(&mut self.current, &mut self.above);
+        std::mem::swap(&mut self.missed, &mut self.missed_above);
+        std::mem::swap(&mut self.flags, &mut self.flags_above);
+    }
+
+    /// Writes the row, or reads it.
+    fn code(&mut self, coder: &mut impl BitCoder, models: &mut Models) {
+        let (mut left, mut corner) = (0, 0);
+        for (flags, &above) in self.flags.iter_mut().zip(&self.flags_above) {
+            *flags = models.flags(coder, *flags, [left, above, corner]);
+            (left, corner) = (*flags, above);
+        }
+        for number in 0..NUMBERS {
+            self.code_number(coder, models, number);
+        }
+    }
+
+    fn code_number(&mut self, coder: &mut impl BitCoder, models: &mut Models, number: usize) {
+        // Which number of the same vertex says how hard this one is to predict.
+        let (before, this) = self.missed.split_at_mut(number);
+        let (missed, above) = (&mut this[0], &self.missed_above[number]);
+        let other = |column: usize| match number {
+            1 => before[0][column] / 3,
+            2 => before[1][column],
+            4 => before[3][column],
+            5 => before[3][column].saturating_add(before[4][column]),
+            _ => 0,
+        };
+        let mut columns = 0..;
+        let width = self.flags.len();
+        let flags = &self.flags;
+        predict_row(
+            &mut self.current[number],
+            &self.above[number],
+            flags,
+            |_| true,
+            |value, prediction| {
+                let at: usize = columns.next().unwrap_or(0);
+                if !is_valid(flags[at]) {
+                    missed[at] = 0;
+                    return prediction;
+                }
+                let left = if at > 0 { missed[at - 1] } else { 0 };
+                let (corner, right) = (above[at.saturating_sub(1)], above[(at + 1).min(width - 1)]);
+                let around = [left, left, above[at], above[at], corner, right];
+                let around = around.iter().fold(0, |sum: u32, &v| sum.saturating_add(v));
+                let residual = value.wrapping_sub(prediction);
+                let residual = models.residual(coder, number, residual, [around, other(at)]);
+                missed[at] = residual.unsigned_abs();
+                prediction.wrapping_add(residual)
+            },
+        );
     }
 
     /// Rounds a vertex.
     fn set(&mut self, column: usize, vertex: &Vertex, depth_m: f32) {
-        let inverse = round(1.0 / depth_m / INVERSE_DEPTH_STEP);
+        let inverse = round(1.0 / depth_m / self.rounding.depth_step());
         let is_usable = vertex.is_valid() && depth_m > 0.0 && inverse > 0;
         self.flags[column] = if is_usable { vertex.flags_rgb & FLAGS } else { 0 };
         if !is_usable {
             return;
         }
-        let [u, v] = from_normal_by(NORMAL_STEPS, vertex.normal);
+        let [u, v] = from_normal_by(self.rounding.normal_steps.into(), vertex.normal);
         let [red, green, blue] = vertex.rgb().map(|value| i32::from(value) / COLOUR_STEP);
         let numbers = [inverse, u, v, green, red - green, blue - green];
         for (row, number) in self.current.iter_mut().zip(numbers) {
@@ -259,20 +371,15 @@ impl ThinnedRows {
         }
         let numbers: [i32; NUMBERS] = std::array::from_fn(|number| self.current[number][column]);
         let [inverse, u, v, green, red, blue] = numbers;
-        let depth_m = 1.0 / (inverse as f32 * INVERSE_DEPTH_STEP);
+        let depth_m = 1.0 / (inverse as f32 * self.rounding.depth_step());
         let middle = |value: i32| (value.clamp(0, 255 / COLOUR_STEP) * COLOUR_STEP + COLOUR_STEP / 2) as u8;
         let rgb = [red.wrapping_add(green), green, blue.wrapping_add(green)];
         (inverse > 0).then(|| Vertex {
             position: ray.map(|v| v * depth_m),
             flags_rgb: Vertex::pack(0, 0, rgb.map(middle)) | (flags & FLAGS),
-            normal: to_normal_by(NORMAL_STEPS, [u, v]),
+            normal: to_normal_by(self.rounding.normal_steps.into(), [u, v]),
             reserved: 0,
         })
-    }
-
-    /// Walks over the row of one number ([`predict_row`]).
-    fn complete(&mut self, number: usize, value_of: impl FnMut(i32, i32) -> i32) {
-        predict_row(&mut self.current[number], &self.above[number], &self.flags, is_valid, value_of);
     }
 }
 
@@ -282,6 +389,7 @@ mod tests {
     use tessera_numerics::SplitMix64;
 
     const GRID: Grid = Grid { width: 41, height: 30, step: 4 };
+    const FINE: Rounding = Rounding { inverse_depth_steps: 4096, normal_steps: 31 };
 
     /// A sloped wall with a step, noise and holes.
     fn surface(one_hole_in: usize) -> Vec<Vertex> {
@@ -310,7 +418,7 @@ mod tests {
     #[test]
     fn a_wall_comes_back_within_a_fraction_of_the_noise() {
         let surface = surface(usize::MAX);
-        let bytes = pack(GRID, &surface);
+        let bytes = pack(GRID, &surface, FINE);
         assert!(bytes.len() < 4 * kept(GRID).0 * kept(GRID).1, "{} bytes", bytes.len());
         let back = unpack(GRID, &bytes).unwrap();
         let mut n_missing = 0;
@@ -333,10 +441,10 @@ mod tests {
 
     #[test]
     fn nothing_stands_where_nothing_was_seen() {
-        let bytes = pack(GRID, &vec![Vertex::default(); GRID.len()]);
+        let bytes = pack(GRID, &vec![Vertex::default(); GRID.len()], FINE);
         assert_eq!(unpack(GRID, &bytes).unwrap(), vec![Vertex::default(); GRID.len()]);
         let surface = surface(4);
-        let back = unpack(GRID, &pack(GRID, &surface)).unwrap();
+        let back = unpack(GRID, &pack(GRID, &surface, FINE)).unwrap();
         for (at, (back, vertex)) in back.iter().zip(&surface).enumerate() {
             let is_kept = (at / GRID.width).is_multiple_of(2) && (at % GRID.width).is_multiple_of(2);
             assert!(!is_kept || back.is_valid() == vertex.is_valid());
@@ -345,11 +453,14 @@ mod tests {
 
     #[test]
     fn other_bytes_are_an_error() {
-        let packed = pack(GRID, &surface(10));
+        let packed = pack(GRID, &surface(10), FINE);
         assert!(unpack(GRID, &packed[..packed.len() - 1]).is_err());
         assert!(unpack(GRID, &[packed.as_slice(), &[0]].concat()).is_err());
         assert!(unpack(Grid { width: 51, ..GRID }, &packed).is_err());
         assert!(unpack(GRID, &[]).is_err());
+        // No steps at all.
+        let stepless = [&packed[..16], &[0, 0, 31], &packed[19..]].concat();
+        assert!(unpack(GRID, &stepless).is_err());
         let mut random = SplitMix64::new(2);
         for _ in 0..500 {
             let mut damaged = packed.clone();
