@@ -101,5 +101,8 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         moved: Vec::new(),
         sighting: None,
         join: None,
+        refused: None,
+        contradiction: None,
+        split: None,
     }
 }

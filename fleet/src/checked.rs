@@ -2,7 +2,9 @@
 //! that lies may spoil its own map and nothing else.
 
 use tessera_journal::decode;
-use tessera_slam::{AlignRecord, KeyframePose, KeyframeState, OptimiseRecord, State, StoreSlot};
+use tessera_slam::{
+    AlignRecord, FrameRecord, KeyframePose, KeyframeState, OptimiseRecord, State, StoreSlot,
+};
 use tessera_stage::slots;
 
 /// Bytes of a keyframe's surface, at most.
@@ -124,7 +126,7 @@ impl RunFacts {
         }
         match record {
             AlignRecord::Frame(frame) => {
-                self.check_submap(frame.submap)?;
+                self.check_submap(frame)?;
                 check_numbers(&frame.velocity)?;
                 if let Some(keyframe) = &frame.new_keyframe {
                     check_numbers(&keyframe.velocity)?;
@@ -169,12 +171,16 @@ impl RunFacts {
         }
     }
 
-    /// A submap is known or the next one.
-    fn check_submap(&self, submap: u32) -> Result<(), String> {
-        if submap <= self.n_submaps {
-            Ok(())
-        } else {
-            Err(format!("submap {submap}, there are {}", self.n_submaps))
+    /// A submap is known or the next one; a split makes one or two.
+    fn check_submap(&self, frame: &FrameRecord) -> Result<(), String> {
+        let mut next = self.n_submaps;
+        if let Some(split) = &frame.split {
+            next += u32::from(split.carried.is_some());
+            check_ids(split.firsts(), self.slots.len() + 1)?;
+        }
+        match frame.submap {
+            submap if submap <= next && (frame.split.is_none() || submap == next) => Ok(()),
+            submap => Err(format!("submap {submap}, there are {}", self.n_submaps)),
         }
     }
 

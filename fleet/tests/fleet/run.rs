@@ -101,6 +101,9 @@ impl GrowingRun {
             moved: Vec::new(),
             sighting: None,
             join: None,
+            refused: None,
+            contradiction: None,
+            split: None,
             new_keyframe,
             request: None,
         };

@@ -16,6 +16,10 @@ pub const FRAMES: &str = "40";
 const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\
                       units_per_metre = 5000.0\n";
 
+/// A camera for what a small one does not see.
+const CAMERA_320: &str = "width = 320\nheight = 240\nfx = 262.5\nfy = 262.5\ncx = 159.5\ncy = 119.5\n\
+                          units_per_metre = 5000.0\n";
+
 /// The outputs that must be the same bytes whatever happened.
 pub const OUTPUTS: [&str; 4] = ["trajectory.txt", "trajectory_online.txt", "keyframes.txt", "map.ply"];
 
@@ -315,14 +319,32 @@ pub fn lost_and_found() -> Run {
     run.frames(frames.len() as u64).of(&folder)
 }
 
+/// Out of the building's lift and back into it, up to another storey, and out of it.
+pub fn carried_by_a_lift() -> Run {
+    let run = room();
+    let camera = run.dir.path().join("camera_320.toml");
+    std::fs::write(&camera, CAMERA_320).unwrap();
+    let frames: Vec<u64> = (0..330).chain((0..330).rev()).chain(6490..6900).step_by(4).collect();
+    let folder = run.dir.path().join("recording");
+    write_images_of("building", &folder, &camera, &frames);
+    let row = |(k, frame): (usize, &u64)| (format!("{:.6}", k as f64 * 4.0 / 30.0), *frame);
+    write_lists(&folder, frames.iter().enumerate().map(row));
+    run.frames(frames.len() as u64).of(&folder)
+}
+
 /// Writes images of the room and the camera; answers their stamps, nanoseconds.
 pub fn write_images(folder: &Path, camera: &Path, n: u64) -> Vec<i64> {
+    write_images_of("room", folder, camera, &(0..n).collect::<Vec<_>>())
+}
+
+/// Writes these images of a scene and the camera; answers their stamps, nanoseconds.
+fn write_images_of(scene: &str, folder: &Path, camera: &Path, indices: &[u64]) -> Vec<i64> {
     let options = tessera_sources::SourceOptions {
         camera: Some(camera.display().to_string()),
-        frames: Some(n),
+        frames: indices.iter().max().map(|last| last + 1),
         ..tessera_sources::SourceOptions::default()
     };
-    let source = tessera_sources::open(&tessera_sources::SourceSpec::parse("room"), &options).unwrap();
+    let source = tessera_sources::open(&tessera_sources::SourceSpec::parse(scene), &options).unwrap();
     let (width, height) = (source.camera().width, source.camera().height);
     let n_pixels = (width * height) as usize;
     let (mut depth, mut colour) = (vec![0u16; n_pixels], vec![0u8; 3 * n_pixels]);
@@ -339,7 +361,7 @@ pub fn write_images(folder: &Path, camera: &Path, n: u64) -> Vec<i64> {
         save(format!("c{index}.png"), &colour, image::ExtendedColorType::Rgb8);
         info.stamp_nanos
     };
-    (0..n).map(&mut write).collect()
+    indices.iter().map(|index| write(*index)).collect()
 }
 
 /// Writes the lists of a folder: stamps, and which image comes then.

@@ -24,9 +24,10 @@ pub use map::joint::JointMap;
 pub use map::joint_cache::JointCache;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
-    AlignRecord, AppliedCorrection, BlockRecord, Correction, EdgeRecord, FrameRecord, JoinRecord,
-    KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord, OptimiseRecord,
-    RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, State, StoreSlot,
+    AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, FrameRecord,
+    JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
+    OptimiseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, SplitRecord,
+    State, StoreSlot,
 };
 pub use map::state::TrackerState;
 pub use map::submaps::{Origin, Submaps};

@@ -352,11 +352,21 @@ impl Records {
         trajectory
     }
 
-    /// The submaps at the end, and which of them are joined.
-    pub fn submaps(&self) -> Submaps {
+    /// The component of each frame, in order: frames of one component alone have a common gauge.
+    pub fn components(&self) -> Vec<u32> {
+        let history = self.history();
+        self.frames().map(|frame| history.component_of_frame(frame)).collect()
+    }
+
+    fn history(&self) -> PoseHistory {
         let mut history = PoseHistory::default();
         self.records.iter().for_each(|record| history.apply(record));
-        history.submaps().clone()
+        history
+    }
+
+    /// The submaps at the end, and which of them are joined.
+    pub fn submaps(&self) -> Submaps {
+        self.history().submaps().clone()
     }
 
     /// The camera of the final optimisation, where it was asked for and found.

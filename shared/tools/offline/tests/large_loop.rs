@@ -126,6 +126,9 @@ fn frame(id: u32, index: u64, pose: &Pose, alike: Vec<u32>) -> FrameRecord {
         moved: Vec::new(),
         sighting: None,
         join: None,
+        refused: None,
+        contradiction: None,
+        split: None,
         new_keyframe: Some(KeyframeRecord {
             id,
             frame_index: index,

@@ -59,6 +59,9 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
         moved: Vec::new(),
         sighting: None,
         join: None,
+        refused: None,
+        contradiction: None,
+        split: None,
     }))
 }
 

@@ -1,7 +1,7 @@
 //! A camera that loses its place for good and finds it again, killed all along: the submaps that it
 //! makes, and their join, keep their bytes.
 
-use crate::common::lost_and_found;
+use crate::common::{carried_by_a_lift, lost_and_found};
 
 #[test]
 fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
@@ -33,4 +33,27 @@ fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
     let forgetful = lost_and_found().with(&["--forget-every", "1"]);
     assert!(forgetful.finish().success());
     forgetful.assert_same_bytes(&whole, "all state forgotten after each frame");
+}
+
+#[test]
+fn a_ride_in_a_lift_is_noticed_and_kills_change_no_byte() {
+    let whole = carried_by_a_lift();
+    assert!(whole.finish().success());
+    let summary: serde_json::Value = serde_json::from_slice(&whole.output("summary.json")).unwrap();
+    assert!(summary["submaps"].as_u64() >= Some(2) && summary["submaps_joined"] == 0, "{summary}");
+    let states = String::from_utf8(whole.output("states.csv")).unwrap();
+    let noticed = states.lines().position(|line| line.contains("are not seen where they should be"));
+    let noticed = noticed.unwrap_or_else(|| panic!("not noticed: {states}")) - 1;
+    // Before the frame, with it, and behind it.
+    let plan = format!(
+        "align=computed:{}+,computed:{noticed}+,journaled:{noticed}+,checkpointed:{}+,published:{}+",
+        noticed - 4,
+        noticed + 1,
+        noticed + 5
+    );
+    let killed =
+        carried_by_a_lift().with(&["--set", "flow.checkpoint_kb=1"]).with_env("TESSERA_KILL_PLAN", &plan);
+    assert!(killed.finish().success(), "{plan}");
+    assert!(killed.n_deaths() >= 4, "{plan}\n{}", killed.log());
+    killed.assert_same_bytes(&whole, &plan);
 }

@@ -223,6 +223,12 @@ impl Sight {
         references.iter().map(count).max().unwrap_or(0)
     }
 
+    /// Features of a pair already found that agree with a relative pose, `target_from_query`.
+    pub(crate) fn n_agreeing_with(&self, key: SurfaceKey, at: &Pose) -> usize {
+        let Some(Some(pair)) = self.pairs.get(&key) else { return 0 };
+        pair.inliers.iter().filter(|c| residuals::squared_error(c, at) < AGREES_SQ).count()
+    }
+
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
     pub(crate) fn judge(&self, judged: &Judged<'_>, factor: f64, sums: &mut Observed<'_>) {
         let Some(Some(pair)) = self.pairs.get(&judged.key) else { return };

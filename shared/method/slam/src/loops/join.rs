@@ -1,11 +1,12 @@
 //! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
+use crate::loops::contradiction;
 use crate::loops::detection;
 use crate::loops::matchable::Matchable;
 use crate::loops::verification::{self, Tested};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
-use crate::map::state::KeyframeState;
+use crate::map::state::{KeyframeState, TrackerState};
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -19,11 +20,16 @@ use tessera_registration::Sampler;
 
 /// Frames from one search to the next: neighbours in time see the same and confirm little.
 const EVERY: u64 = 3;
+/// The same where the frame has too few features: a search by shape alone tries many alignments.
+const EVERY_BY_SHAPE: u64 = 9;
+const MIN_FEATURES: usize = 100;
 /// Largest disagreement of a sighting with the one before it.
 const AGREES_M: f64 = 0.1;
 const AGREES_RAD: f64 = 5.0_f64.to_radians();
 /// After each refuted join, twice as many confirmations are needed for the next, up to so many times.
 const MOST_DOUBLINGS: u32 = 5;
+/// Keyframes for which a join that was refused is not tested again: by then both have seen more.
+const REFUSED_FOR: u32 = 200;
 
 /// The record of a tracked frame with what it sees of other submaps, and with the join and its
 /// optimisation once that is certain.
@@ -33,7 +39,7 @@ pub(crate) fn with_sighting(
     record: FrameRecord,
 ) -> FrameRecord {
     let state = input.map.state();
-    if state.submaps.n_components() < 2 {
+    if state.submaps.n_components() < 2 || record.split.is_some() {
         return record;
     }
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
@@ -61,8 +67,18 @@ pub(crate) fn with_sighting(
 fn found(input: &TrackingInput<'_>, aligner: &mut Aligner, record: &FrameRecord) -> Option<SightingRecord> {
     let others: Vec<&KeyframeState> =
         input.map.active_anywhere().filter(|k| !input.map.contains(k)).collect();
-    let turn = (input.frame.index / EVERY) as usize;
-    let found = relocalise::recognise(input, aligner, &others, turn)?;
+    let found = if aligner.sight.n_features() >= MIN_FEATURES && input.context.is_colour_trusted {
+        let world_from_camera = Pose::from(&record.world_from_camera);
+        relocalise::glimpse(input, aligner, &others, |there, submap| {
+            let other_from_own = there * world_from_camera.inverse();
+            !is_known_refused(input.map.state(), &join_by(input, submap, &other_from_own))
+        })?
+    } else if input.frame.index.is_multiple_of(EVERY_BY_SHAPE) {
+        let turn = (input.frame.index / EVERY_BY_SHAPE) as usize;
+        relocalise::recognise(input, aligner, &others, turn)?
+    } else {
+        return None;
+    };
     sighting(input, record, &found, 1)
 }
 
@@ -154,6 +170,16 @@ pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecor
 fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRecord) -> FrameRecord {
     let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
     let Some((tested, join)) = verified else { return record };
+    let state = input.map.state();
+    if is_known_refused(state, &join) {
+        return record;
+    }
+    if contradiction::is_contradicted(input.context, state, input.surfaces.keyframes, &join) {
+        let said =
+            format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
+        let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
+        return FrameRecord { reason, refused: Some(join), ..record };
+    }
     let settings = &input.context.mapping.loops;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
     let request = detection::request(settings, input.map.state(), input.frame.index, n_keyframes, true);
@@ -167,6 +193,15 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
     );
     let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
     FrameRecord { reason, join: Some(join), request, ..record }
+}
+
+/// Whether the same join was refused a short while ago.
+fn is_known_refused(state: &TrackerState, join: &JoinRecord) -> bool {
+    let n = state.keyframes.len() as u32;
+    let is_known = |(refused, then): &(JoinRecord, u32)| {
+        n < then.saturating_add(REFUSED_FOR) && contradiction::is_same_join(refused, join)
+    };
+    state.refused.iter().any(is_known)
 }
 
 /// The tests of a loop between the camera's keyframe and the nearest one of the other submap; `None`
@@ -191,11 +226,15 @@ pub(crate) fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> 
 
 /// The older component keeps its gauge.
 pub(crate) fn join(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<JoinRecord> {
+    let seen = input.map.keyframe(sighting.seen)?;
+    Some(join_by(input, seen.submap, &other_from_own(input, sighting)?))
+}
+
+/// The join of the camera's component with that of a submap, from the gauge of one to that of the other.
+fn join_by(input: &TrackingInput<'_>, submap: u32, other_from_own: &Pose) -> JoinRecord {
     let submaps = &input.map.state().submaps;
-    let own = submaps.component(input.map.submap());
-    let other = submaps.component(input.map.keyframe(sighting.seen)?.submap);
-    let other_from_own = other_from_own(input, sighting)?;
-    let motion = if other < own { other_from_own } else { other_from_own.inverse() };
+    let [own, other] = [input.map.submap(), submap].map(|submap| submaps.component(submap));
+    let motion = if other < own { *other_from_own } else { other_from_own.inverse() };
     let kept_from_moved = PoseBits::from(&compose_normalised(&motion, &Twist::default()));
-    Some(JoinRecord { kept: own.min(other), moved: own.max(other), kept_from_moved })
+    JoinRecord { kept: own.min(other), moved: own.max(other), kept_from_moved }
 }

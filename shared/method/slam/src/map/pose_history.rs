@@ -8,7 +8,7 @@
 
 use crate::map::correction::{Correction, RefinedCamera};
 use crate::map::keyframe::{KeyframePose, KeyframeRecord, KeyframeState};
-use crate::map::records::{AlignRecord, FrameRecord, JoinRecord};
+use crate::map::records::{AlignRecord, FrameRecord, JoinRecord, SplitRecord};
 use crate::map::submaps::Submaps;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -21,6 +21,9 @@ pub(crate) trait KeyframePoses {
 
     /// The submap that a keyframe was made in, `None` beyond the last.
     fn submap(&self, id: usize) -> Option<u32>;
+
+    /// The same, to be changed.
+    fn submap_mut(&mut self, id: usize) -> Option<&mut u32>;
 }
 
 impl KeyframePoses for [KeyframeState] {
@@ -31,6 +34,10 @@ impl KeyframePoses for [KeyframeState] {
     fn submap(&self, id: usize) -> Option<u32> {
         self.get(id).map(|keyframe| keyframe.submap)
     }
+
+    fn submap_mut(&mut self, id: usize) -> Option<&mut u32> {
+        self.get_mut(id).map(|keyframe| &mut keyframe.submap)
+    }
 }
 
 impl KeyframePoses for [(u32, PoseBits)] {
@@ -40,6 +47,10 @@ impl KeyframePoses for [(u32, PoseBits)] {
 
     fn submap(&self, id: usize) -> Option<u32> {
         self.get(id).map(|(submap, _)| *submap)
+    }
+
+    fn submap_mut(&mut self, id: usize) -> Option<&mut u32> {
+        self.get_mut(id).map(|(submap, _)| submap)
     }
 }
 
@@ -96,6 +107,19 @@ pub(crate) fn apply_correction<K: KeyframePoses + ?Sized>(
     }
     apply_poses(keyframes, &correction.keyframes);
     Some(motions)
+}
+
+/// Puts the keyframes of a split into their submaps, of which the last one is `submap`: their poses stay as
+/// they are.
+pub(crate) fn apply_split<K: KeyframePoses + ?Sized>(keyframes: &mut K, split: &SplitRecord, submap: u32) {
+    let firsts: Vec<u32> = split.firsts().collect();
+    for (first, back) in firsts.iter().zip((0..firsts.len() as u32).rev()) {
+        let mut id = *first as usize;
+        while let Some(own) = keyframes.submap_mut(id) {
+            *own = submap.saturating_sub(back);
+            id += 1;
+        }
+    }
 }
 
 /// Moves one component's keyframes into the gauge of another, makes one of both, and returns the
@@ -170,6 +194,9 @@ impl PoseHistory {
                 self.submaps.extend_to(frame.submap);
                 if let Some(keyframe) = &frame.new_keyframe {
                     self.add_keyframe(keyframe, frame.submap);
+                }
+                if let Some(split) = &frame.split {
+                    apply_split(self.keyframes.as_mut_slice(), split, frame.submap);
                 }
                 if let Some(join) = &frame.join {
                     apply_join(self.keyframes.as_mut_slice(), &mut self.submaps, join);
@@ -322,6 +349,16 @@ mod tests {
         assert_eq!(history.component_of_keyframe(3), Some(0));
         history.apply_correction(&correction(&[], &[]));
         assert_eq!(history.submaps.n_components(), 1, "an empty correction judges nothing");
+    }
+
+    #[test]
+    fn a_split_gives_the_latest_keyframes_to_new_submaps() {
+        let mut keyframes = [0, 0, 0, 0, 0].map(|submap| (submap, along_x(1.0)));
+        apply_split(keyframes.as_mut_slice(), &SplitRecord { carried: None, first: 4 }, 1);
+        assert_eq!(keyframes.map(|(submap, _)| submap), [0, 0, 0, 0, 1]);
+        apply_split(keyframes.as_mut_slice(), &SplitRecord { carried: Some(1), first: 3 }, 3);
+        assert_eq!(keyframes.map(|(submap, _)| submap), [0, 2, 2, 3, 3]);
+        assert!(keyframes.iter().all(|(_, pose)| *pose == along_x(1.0)));
     }
 
     #[test]

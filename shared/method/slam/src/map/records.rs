@@ -83,6 +83,12 @@ pub struct FrameRecord {
     pub sighting: Option<SightingRecord>,
     /// Submaps that are joined behind this frame.
     pub join: Option<JoinRecord>,
+    /// A join that would be due, and that what both submaps saw contradicts.
+    pub refused: Option<JoinRecord>,
+    /// Keyframes of long ago that are not seen where the map has them, so far.
+    pub contradiction: Option<ContradictionRecord>,
+    /// Keyframes that are not of the submap that they were made in: it was left unnoticed.
+    pub split: Option<SplitRecord>,
     /// A keyframe made at this step: always the previous frame or, for the first frame of a submap, this
     /// one.
     pub new_keyframe: Option<KeyframeRecord>,
@@ -127,6 +133,33 @@ pub struct SightingRecord {
     pub seen_from_own: PoseBits,
     /// Frames that say so, each by the strict tests.
     pub n_confirmed: u32,
+}
+
+/// Views that contradict the map: what keyframes of long ago saw where the camera is thought to be is not
+/// there, one after the other (method 12.8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ContradictionRecord {
+    /// The first keyframe that was made since.
+    pub first: u32,
+    /// Keyframes with which one was missed.
+    pub n_missed: u32,
+}
+
+/// The camera had left its submap before that was noticed: its latest keyframes are of new ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SplitRecord {
+    /// The first keyframe of a submap of its own for the time in which the camera stood in something that
+    /// moved; none where it did not.
+    pub carried: Option<u32>,
+    /// The first keyframe of the submap in which the camera is now.
+    pub first: u32,
+}
+
+impl SplitRecord {
+    /// The first keyframe of each new submap, in the order of both.
+    pub fn firsts(&self) -> impl Iterator<Item = u32> + use<> {
+        self.carried.into_iter().chain([self.first])
+    }
 }
 
 /// Two components that become one: all poses of one of them move into the gauge of the other.

@@ -4,13 +4,18 @@ use crate::features::colour_model::{ColourModel, ColourState};
 use crate::map::active_ids::ActiveIds;
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
-use crate::map::pose_history::{RigidMotion, apply_correction, apply_join, apply_poses};
+use crate::map::pose_history::{RigidMotion, apply_correction, apply_join, apply_poses, apply_split};
 use crate::map::records::{
-    AlignRecord, AppliedCorrection, FrameRecord, JoinRecord, MapRecord, RequestRecord, SightingRecord, State,
+    AlignRecord, AppliedCorrection, ContradictionRecord, FrameRecord, JoinRecord, MapRecord, RequestRecord,
+    SightingRecord, SplitRecord, State,
 };
+use crate::map::split;
 use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, PoseBits};
+
+/// Refused joins that are remembered.
+const MOST_REFUSED: usize = 16;
 
 /// One of the last frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,6 +57,10 @@ pub struct TrackerState {
     pub submaps: Submaps,
     /// A place of another submap that the camera is thought to see.
     pub sighting: Option<SightingRecord>,
+    /// Joins that were refused, and the number of keyframes then; the newest last.
+    pub refused: Vec<(JoinRecord, u32)>,
+    /// As in [`FrameRecord::contradiction`].
+    pub contradiction: Option<ContradictionRecord>,
     /// Corrections that refuted a join.
     pub n_refuted: u32,
     /// The last two frames, newest last.
@@ -186,6 +195,13 @@ impl TrackerState {
             rotation: frame.rotation,
         });
         self.sighting = frame.sighting;
+        self.contradiction = frame.contradiction;
+        if let Some(split) = &frame.split {
+            self.apply_split(split, frame.submap);
+        }
+        if let Some(refused) = frame.refused {
+            self.refuse(refused);
+        }
         if let Some(join) = &frame.join {
             self.apply_join(join);
         }
@@ -201,6 +217,28 @@ impl TrackerState {
             self.reference_entropy = None;
         }
         self.submap = submap;
+    }
+
+    /// The camera turned out to have left its submap: what it saw since is of new ones, which are not where
+    /// the map had them.
+    fn apply_split(&mut self, split: &SplitRecord, submap: u32) {
+        let first = split.firsts().next().unwrap_or(split.first) as usize;
+        let left = first.checked_sub(1).and_then(|id| self.keyframes.get(id)).map_or(0, |k| k.submap);
+        apply_split(self.keyframes.as_mut_slice(), split, submap);
+        split::anchor_within_parts(&mut self.keyframes, split);
+        self.active_ids = ActiveIds::default();
+        self.active_ids.extend(&self.keyframes);
+        for new in submap.saturating_sub(u32::from(split.carried.is_some()))..=submap {
+            let (kept, kept_from_moved) = (self.submaps.component(left), PoseBits::IDENTITY);
+            self.refuse(JoinRecord { kept, moved: self.submaps.component(new), kept_from_moved });
+        }
+    }
+
+    fn refuse(&mut self, join: JoinRecord) {
+        if self.refused.len() == MOST_REFUSED {
+            self.refused.remove(0);
+        }
+        self.refused.push((join, self.keyframes.len() as u32));
     }
 
     /// Two components become one; where the camera's is the one that moves, `world_from_odom` goes

@@ -106,6 +106,9 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         moved: Vec::new(),
         sighting: None,
         join: None,
+        refused: None,
+        contradiction: None,
+        split: None,
         new_keyframe: None,
         request: None,
     }

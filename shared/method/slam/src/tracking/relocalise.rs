@@ -23,6 +23,9 @@ use tessera_geometry::{Pose, Twist, exp};
 
 /// Newest keyframes whose features are matched.
 const N_NEWEST: usize = 2;
+/// Keyframes that a glimpse matches, and features that must agree with one.
+const N_GLIMPSED: usize = 2;
+const GLIMPSED_INLIERS: usize = 20;
 /// Words of a frame that a keyframe shows at least to be tried.
 const MIN_WORDS: usize = 4;
 
@@ -109,6 +112,22 @@ pub(crate) fn recognise(
     first_that_fits(input, aligner, candidates).map(|(found, _)| found)
 }
 
+/// The place of a frame among these keyframes by features alone, at the cost of a search and of a match with
+/// the most promising keyframes: for frames that are tracked, and have no time for more. `is_worth_while` is
+/// asked with a pose there and its submap before surfaces are aligned.
+pub(crate) fn glimpse(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    keyframes: &[&KeyframeState],
+    is_worth_while: impl Fn(&Pose, u32) -> bool,
+) -> Option<WindowAlignment> {
+    let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
+    let ids = aligner.sight.recognise_frame(input, [N_GLIMPSED, MIN_WORDS], is_asked);
+    let seen = candidates_by_features(input, aligner, &ids, GLIMPSED_INLIERS);
+    let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
+    first_that_fits(input, aligner, vec![best]).map(|(found, _)| found)
+}
+
 /// The first candidate that passes, and how it was found.
 fn first_that_fits(
     input: &TrackingInput<'_>,
@@ -172,8 +191,18 @@ fn seen_candidates(
     let mut ids: Vec<u32> = known.into_iter().chain(newest).chain(in_turn.map(|k| k.id)).collect();
     ids.sort_unstable();
     ids.dedup();
+    candidates_by_features(input, aligner, &ids, 0)
+}
+
+/// Where the features of these keyframes say that the camera is, the most inliers first.
+fn candidates_by_features(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    ids: &[u32],
+    min_inliers: usize,
+) -> Vec<Candidate> {
     let mut found: Vec<(usize, Candidate)> = Vec::new();
-    for id in ids {
+    for &id in ids {
         let Some(keyframe) = input.map.keyframe(id) else { continue };
         let Some(reference) = reference(input, Member::Keyframe(id)) else { continue };
         let pose = reference.world_from_camera;
@@ -181,6 +210,9 @@ fn seen_candidates(
             continue;
         };
         let n = pair.inliers.len();
+        if n < min_inliers {
+            continue;
+        }
         let name = format!("{n} features of keyframe {id}");
         found.push((n, Candidate::at(pose * pair.target_from_query, keyframe.submap, name)));
     }

@@ -14,6 +14,7 @@ use crate::map::records::{
 use crate::map::state::TrackerState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::tracking::alignment::Aligner;
+use crate::tracking::elsewhere::with_contradiction;
 use crate::tracking::frame_record::{first_record, frame_record, lost_record};
 use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
 use crate::tracking::motion_model::predict;
@@ -175,6 +176,7 @@ impl Tracker {
                         let colour = colour_record(&input, &mut self.aligner, &aligned, &prediction);
                         let record = FrameRecord { colour, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
+                        let record = with_contradiction(&input, &mut self.aligner, &aligned, record);
                         let record = with_sighting(&input, &mut self.aligner, record);
                         with_request(&input, &mut self.aligner, &aligned, record)
                     } else {

@@ -1,0 +1,193 @@
+//! Noticing that the camera is elsewhere than the map has it (method 12.8): carried away by what it stands
+//! in, such as a lift, or taken for being in a place that looks alike.
+//!
+//! Nothing of the motion itself is seen. What is seen is that keyframes of long ago, which look at the same
+//! place by their poses, are missed: their features are not there, nor do their surfaces fit, for what the
+//! camera sees stands where they saw free space. One of them may have been blocked by a door; many of them,
+//! one after the other along a way and none between them that is seen, say that the place is another one.
+//! The camera then goes on in a submap of its own, to which the keyframes belong that were made since. If
+//! it was wrong, the next place that both know joins them again.
+
+use crate::features::matching::Reach;
+use crate::loops::detection;
+use crate::loops::matchable::Matchable;
+use crate::loops::verification;
+use crate::loops::view_limits::ViewLimits;
+use crate::map::records::{ContradictionRecord, FrameRecord, SplitRecord};
+use crate::map::state::KeyframeState;
+use crate::settings::GlobalSettings;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::window::{self, Member};
+use crate::tracking::window_alignment::{WindowAlignment, reference};
+use nalgebra::Vector3;
+use tessera_geometry::Pose;
+use tessera_registration::Sampler;
+
+/// Keyframes of long ago that look at what the frame looks at.
+const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to_radians() };
+/// Features that a frame and a keyframe have at least, so that missing each other says something.
+const MIN_FEATURES: usize = 100;
+/// Features on which a frame and a keyframe of the same place agree, wherever they see each other.
+const MIN_AGREEING: usize = 15;
+/// Share of the matches of the best member of a window from which on an old one fits.
+const FITS: f64 = 0.5;
+/// Keyframes that are missed before the camera is taken to be elsewhere, and its way meanwhile, metres.
+const MISSED: u32 = 12;
+const WAY_M: f64 = 1.5;
+/// Time without a new keyframe after which the camera stood, nanoseconds.
+const STOOD_NANOS: i64 = 2_000_000_000;
+/// Time from then to the first miss, at most, nanoseconds.
+const SOON_NANOS: i64 = 3_000_000_000;
+
+/// The record with what the frame says of old keyframes, and with a split once that is certain.
+pub(crate) fn with_contradiction(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    aligned: &WindowAlignment,
+    record: FrameRecord,
+) -> FrameRecord {
+    let known = input.map.state().contradiction;
+    let contradiction = match &record.new_keyframe {
+        // A correction decides on poses that are in doubt.
+        Some(keyframe) if record.moved.is_empty() => {
+            match look(input, aligner, aligned, &Pose::from(&record.world_from_camera)) {
+                Look::Seen => None,
+                Look::Missed => Some(match known {
+                    Some(known) => ContradictionRecord { n_missed: known.n_missed + 1, ..known },
+                    None => ContradictionRecord { first: keyframe.id, n_missed: 1 },
+                }),
+                Look::Nothing => known,
+            }
+        }
+        _ => known,
+    };
+    let record = FrameRecord { contradiction, ..record };
+    match contradiction.and_then(|known| split(input, &record, &known)) {
+        Some(split) => with_split(input, record, split),
+        None => record,
+    }
+}
+
+/// What a frame says of a keyframe of long ago.
+enum Look {
+    Seen,
+    Missed,
+    Nothing,
+}
+
+fn look(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    aligned: &WindowAlignment,
+    world_from_camera: &Pose,
+) -> Look {
+    let settings = &input.context.mapping;
+    let is_able =
+        settings.features.enabled && input.context.is_colour_trusted && settings.submaps.after_s > 0.0;
+    if !is_able || aligner.sight.n_features() < MIN_FEATURES {
+        return Look::Nothing;
+    }
+    if let Some(known) = in_window(input, aligner, aligned) {
+        return known;
+    }
+    let Some(old) = nearest_old(input, world_from_camera) else { return Look::Nothing };
+    let Some(there) = reference(input, Member::Keyframe(old.id)) else { return Look::Nothing };
+    if there.features.len() < MIN_FEATURES {
+        return Look::Nothing;
+    }
+    let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
+    let seen = pair.filter(|pair| pair.inliers.len() >= MIN_AGREEING).map(|pair| pair.target_from_query);
+    let Some(own) = input.map.state().active().last().filter(|k| input.map.contains(k)) else {
+        return Look::Nothing;
+    };
+    let old_from_world = Pose::from(&old.world_from_camera).inverse();
+    let camera_from_own = world_from_camera.inverse() * Pose::from(&own.world_from_camera);
+    let old_from_own = seen.unwrap_or(old_from_world * world_from_camera) * camera_from_own;
+    let mut sampler = Sampler::default();
+    let sides = [own, old].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
+    let global = &settings.global;
+    let tested =
+        verification::test(global, &mut input.context.matcher(), &sides[0], &sides[1], &old_from_own);
+    // What stands in the way of some is no other place.
+    match (seen, tested.in_front > GlobalSettings::MAX_IN_FRONT) {
+        (Some(_), false) => Look::Seen,
+        (None, true) => Look::Missed,
+        (Some(_), true) | (None, false) => Look::Nothing,
+    }
+}
+
+/// What the window's own alignment says: an old keyframe in it is seen where its features agree with the
+/// pose, and says nothing where its surface alone fits. `None`: none of them does.
+fn in_window(input: &TrackingInput<'_>, aligner: &Aligner, aligned: &WindowAlignment) -> Option<Look> {
+    let most = aligned.alignment.blocks.iter().map(|(_, sums)| sums.n).max().unwrap_or(0);
+    let mut fits = false;
+    for (member, (_, sums)) in aligned.members.iter().zip(&aligned.alignment.blocks) {
+        let Member::Keyframe(id) = member else { continue };
+        let Some(old) = input.map.keyframe(*id).filter(|k| is_old(input, k)) else { continue };
+        let at = Pose::from(&old.world_from_camera).inverse() * aligned.alignment.world_from_camera;
+        if f64::from(sums.n) < FITS * f64::from(most) {
+            continue;
+        }
+        if aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= MIN_AGREEING {
+            return Some(Look::Seen);
+        }
+        fits = true;
+    }
+    fits.then_some(Look::Nothing)
+}
+
+fn is_old(input: &TrackingInput<'_>, keyframe: &KeyframeState) -> bool {
+    detection::is_loop(&input.context.mapping.loops, input.map, keyframe, input.frame.index)
+}
+
+/// The keyframe of long ago whose view is the most like that of the frame.
+fn nearest_old<'a>(input: &TrackingInput<'a>, view: &Pose) -> Option<&'a KeyframeState> {
+    let near = window::near(&input.map, &SAME_VIEW, view);
+    near.iter().filter_map(|(_, id)| input.map.keyframe(*id)).find(|k| is_old(input, k))
+}
+
+/// Where the camera left its submap, once enough is missed along a way.
+fn split(
+    input: &TrackingInput<'_>,
+    record: &FrameRecord,
+    known: &ContradictionRecord,
+) -> Option<SplitRecord> {
+    let keyframes = &input.map.state().keyframes;
+    let start = keyframes.get(known.first as usize)?;
+    let way = Vector3::from(record.world_from_camera.translation_m)
+        - Vector3::from(start.world_from_camera.translation_m);
+    if known.n_missed < MISSED || way.norm() < WAY_M {
+        return None;
+    }
+    // Where the camera stood just before it missed what it knew, it stood in something that moved.
+    let is_before = |k: &&KeyframeState| start.stamp_nanos.saturating_sub(k.stamp_nanos) <= SOON_NANOS;
+    let n_before = keyframes[..known.first as usize]
+        .iter()
+        .rev()
+        .take_while(|k| input.map.contains(k) && is_before(k))
+        .count();
+    let from = (known.first as usize - n_before).saturating_sub(1);
+    let stood = |pair: &&[KeyframeState]| {
+        pair[1].stamp_nanos.saturating_sub(pair[0].stamp_nanos) >= STOOD_NANOS && input.map.contains(&pair[0])
+    };
+    let ride = keyframes[from..].windows(2).filter(stood).last();
+    Some(match ride {
+        Some(ride) => SplitRecord { carried: Some(known.first.min(ride[0].id)), first: ride[1].id },
+        None => SplitRecord { carried: None, first: known.first },
+    })
+}
+
+fn with_split(input: &TrackingInput<'_>, record: FrameRecord, split: SplitRecord) -> FrameRecord {
+    let submap = input.map.state().submaps.n() + split.firsts().count() as u32 - 1;
+    let n_missed = record.contradiction.map_or(0, |known| known.n_missed);
+    let carried = split.carried.map_or(String::new(), |first| {
+        format!(", and before that from keyframe {first} on in something that moved")
+    });
+    let said = format!(
+        "submap {submap} begins with keyframe {}: {n_missed} keyframes of long ago are not seen where they should be{carried}",
+        split.first
+    );
+    let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
+    FrameRecord { reason, submap, contradiction: None, split: Some(split), ..record }
+}
