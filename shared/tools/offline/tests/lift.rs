@@ -13,6 +13,7 @@ use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 /// Frames of the building: out of the lift on the ground storey into the first room; the door open, closing and
 /// closed before the first ride; the ride; out of the lift on the storey above.
 const OUT: u64 = 330;
+const BACK: u64 = 700;
 const DOOR: std::ops::Range<u64> = 6490..6570;
 const RIDE_AND_OUT: std::ops::Range<u64> = 6490..7000;
 /// A tenth of a second from frame to frame.
@@ -66,7 +67,7 @@ fn a_ride_is_noticed_and_the_way_back_leads_into_the_first_map() {
     let n_there = there.len();
     // The same way back: into the cabin, down, and out again.
     let indices: Vec<u64> =
-        there.into_iter().chain(RIDE_AND_OUT.rev()).chain(0..OUT).step_by(EVERY).collect();
+        there.into_iter().chain(RIDE_AND_OUT.rev()).chain(0..BACK).step_by(EVERY).collect();
     let records = run(&source, &indices);
     assert!(all_tracked(&records));
     let reasons: Vec<&str> =
@@ -89,16 +90,11 @@ fn a_ride_is_noticed_and_the_way_back_leads_into_the_first_map() {
 #[test]
 fn a_door_that_closes_and_opens_again_begins_no_submap() {
     let source = building();
-    let indices: Vec<u64> = (0..OUT)
-        .chain((0..OUT).rev())
-        .chain(DOOR)
-        .chain(DOOR.rev())
-        .chain(0..OUT)
-        .step_by(EVERY)
-        .collect();
+    let indices: Vec<u64> =
+        (0..OUT).chain((0..OUT).rev()).chain(DOOR).chain(DOOR.rev()).chain(0..OUT).step_by(EVERY).collect();
     let records = run(&source, &indices);
     assert!(all_tracked(&records));
     assert_eq!(records.submaps().n(), 1);
     let (_, error_m) = ate_m(&source, &indices, &records, 0);
-    assert!(error_m < 0.1, "{error_m} m");
+    assert!(error_m < 0.2, "{error_m} m");
 }

@@ -4,6 +4,7 @@
 use crate::loops::contradiction;
 use crate::loops::detection;
 use crate::loops::matchable::Matchable;
+use crate::loops::unlike;
 use crate::loops::verification::{self, Tested};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
@@ -174,7 +175,10 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
     if is_known_refused(state, &join) {
         return record;
     }
-    if contradiction::is_contradicted(input.context, state, input.surfaces.keyframes, &join) {
+    let (context, keyframes) = (input.context, input.surfaces.keyframes);
+    if contradiction::is_contradicted(context, state, keyframes, &join)
+        || unlike::is_unlike(context, state, keyframes, &join)
+    {
         let said =
             format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
         let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };

@@ -18,5 +18,6 @@ pub(crate) mod pair_alignment;
 #[cfg(test)]
 pub(crate) mod test_wall;
 pub(crate) mod trigger;
+pub(crate) mod unlike;
 pub(crate) mod verification;
 pub(crate) mod view_limits;

@@ -141,7 +141,7 @@ pub struct SightingRecord {
 pub struct ContradictionRecord {
     /// The first keyframe that was made since.
     pub first: u32,
-    /// Keyframes with which one was missed.
+    /// Keyframes with which one was missed, less those that others took back which were seen.
     pub n_missed: u32,
 }
 

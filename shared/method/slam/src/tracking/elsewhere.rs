@@ -35,6 +35,8 @@ const FITS: f64 = 0.5;
 /// Keyframes that are missed before the camera is taken to be elsewhere, and its way meanwhile, metres.
 const MISSED: u32 = 12;
 const WAY_M: f64 = 1.5;
+/// Misses that one keyframe takes back which is seen: a room that looks alike may be in view for a moment.
+const SEEN: u32 = 4;
 /// Time without a new keyframe after which the camera stood, nanoseconds.
 const STOOD_NANOS: i64 = 2_000_000_000;
 /// Time from then to the first miss, at most, nanoseconds.
@@ -52,7 +54,10 @@ pub(crate) fn with_contradiction(
         // A correction decides on poses that are in doubt.
         Some(keyframe) if record.moved.is_empty() => {
             match look(input, aligner, aligned, &Pose::from(&record.world_from_camera)) {
-                Look::Seen => None,
+                Look::Seen => known.and_then(|known| {
+                    let n_missed = known.n_missed.checked_sub(SEEN)?;
+                    Some(ContradictionRecord { n_missed, ..known })
+                }),
                 Look::Missed => Some(match known {
                     Some(known) => ContradictionRecord { n_missed: known.n_missed + 1, ..known },
                     None => ContradictionRecord { first: keyframe.id, n_missed: 1 },

@@ -1,0 +1,151 @@
+//! Whether two components that a join brings together look unlike where they see the same (method 12.8).
+//!
+//! Storeys of one building have the same walls, and rooms that are furnished alike: their surfaces agree. What
+//! they do not share is how they look all along the way. So a join is refused where many keyframes stand beside
+//! keyframes of the other component, look the same way, and share no features with them.
+
+use crate::features::matching::{PairFinder, Reach};
+use crate::loops::matchable::Matchable;
+use crate::loops::verification;
+use crate::loops::view_limits::{ViewLimits, optical_axis};
+use crate::map::context::Context;
+use crate::map::records::JoinRecord;
+use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::settings::GlobalSettings;
+use nalgebra::Vector3;
+use tessera_geometry::Pose;
+use tessera_numerics::parallel::map_in_parts;
+use tessera_registration::Sampler;
+
+/// Views that may share features, and those that do wherever they show the same place.
+const NEAR_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to_radians() };
+const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
+/// Keyframes that are looked at, at most.
+const MOST_TESTED: usize = 100;
+/// Features that a view has at least, and those on which views of one place agree.
+const MIN_FEATURES: usize = 100;
+const MIN_AGREEING: usize = 12;
+/// Views that share nothing in a join that is refused: at least so many, and this share of all. Right joins had
+/// none, those of two storeys 12 % and more.
+const UNLIKE: usize = 5;
+const UNLIKE_SHARE: f64 = 0.08;
+
+/// Whether keyframes of both components, which a join brings near each other, look unlike. The same for any
+/// number of threads.
+pub(crate) fn is_unlike(
+    context: &Context,
+    state: &TrackerState,
+    surfaces: &dyn KeyframeSurfaces,
+    joined: &JoinRecord,
+) -> bool {
+    if !context.mapping.features.enabled || !context.is_colour_trusted {
+        return false;
+    }
+    let pairs = pairs(state, joined);
+    let looks = map_in_parts(
+        &pairs,
+        || (Sampler::default(), PairFinder::new(context), context.matcher()),
+        |(sampler, finder, matcher), pair| {
+            let sides = [pair.moved, pair.kept].map(|k| {
+                Matchable::new(context, sampler, k, surfaces).with_features(context, surfaces.features(k.id))
+            });
+            let seen = [&sides[0], &sides[1]].map(|side| side.seen(context));
+            if seen.iter().any(|seen| seen.features.len() < MIN_FEATURES) {
+                return None;
+            }
+            let seed = u64::from(pair.moved.id) << 32 | u64::from(pair.kept.id);
+            let found = finder.find(context, seen, &pair.kept_from_moved, Reach::LOOP, seed);
+            if found.is_some_and(|found| found.inliers.len() >= MIN_AGREEING) {
+                return Some(true);
+            }
+            let mut violates = || {
+                let settings = &context.mapping.global;
+                let tested =
+                    verification::test(settings, matcher, &sides[0], &sides[1], &pair.kept_from_moved);
+                tested.in_front > GlobalSettings::MAX_IN_FRONT
+            };
+            (pair.is_same_view || violates()).then_some(false)
+        },
+        &mut || (),
+    );
+    let looks: Vec<bool> = looks.into_iter().flatten().collect();
+    is_refused(&looks)
+}
+
+/// Whether so many views share nothing.
+fn is_refused(looks_alike: &[bool]) -> bool {
+    let n_unlike = looks_alike.iter().filter(|is_alike| !**is_alike).count();
+    n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * looks_alike.len() as f64
+}
+
+/// A keyframe of the component that moves, and that of the other one whose view is the most like its own.
+struct ViewPair<'a> {
+    moved: &'a KeyframeState,
+    kept: &'a KeyframeState,
+    kept_from_moved: Pose,
+    is_same_view: bool,
+}
+
+/// The pairs of all keyframes of the component that moves, in their order; evenly chosen where they are many.
+fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<ViewPair<'a>> {
+    let join = Pose::from(&joined.kept_from_moved);
+    let of = |component: u32| {
+        let is_of = move |k: &&KeyframeState| state.submaps.component(k.submap) == component;
+        state.active().filter(is_of).map(|k| (k, Pose::from(&k.world_from_camera)))
+    };
+    let others: Vec<(&KeyframeState, Pose)> = of(joined.kept).collect();
+    let axes: Vec<Vector3<f64>> = others.iter().map(|(_, pose)| optical_axis(pose)).collect();
+    let beside = of(joined.moved).filter_map(|(moved, pose)| {
+        let there = join * pose;
+        let nearest = |limits: &ViewLimits| {
+            let centres = others.iter().map(|(_, pose)| pose.translation.vector).enumerate();
+            let near =
+                limits.nearest(&there.translation.vector, &optical_axis(&there), centres, |at| axes[at]);
+            near.first().map(|(_, at)| *at)
+        };
+        let same = nearest(&SAME_VIEW);
+        let (kept, kept_pose) = &others[same.or_else(|| nearest(&NEAR_VIEW))?];
+        let kept_from_moved = kept_pose.inverse() * there;
+        Some(ViewPair { moved, kept, kept_from_moved, is_same_view: same.is_some() })
+    });
+    let all: Vec<ViewPair<'_>> = beside.collect();
+    let step = all.len().div_ceil(MOST_TESTED).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loops::test_wall::keyframe;
+    use tessera_geometry::PoseBits;
+
+    #[test]
+    fn many_views_that_share_nothing_refuse_a_join() {
+        let looks = |n_alike: usize, n_unlike: usize| [vec![true; n_alike], vec![false; n_unlike]].concat();
+        assert!(!is_refused(&looks(0, 0)) && !is_refused(&looks(0, 4)));
+        assert!(is_refused(&looks(50, 5)) && !is_refused(&looks(70, 5)));
+    }
+
+    #[test]
+    fn each_view_has_the_one_of_the_other_component_that_is_most_like_it() {
+        let mut state = TrackerState::default();
+        state.submaps.extend_to(1);
+        let made_in = |id: u32, submap: u32, x_m: f64| KeyframeState { submap, ..keyframe(id, 0, x_m) };
+        state.keyframes = vec![
+            made_in(0, 0, 0.0),
+            made_in(1, 0, 0.3),
+            made_in(2, 1, 10.1),
+            made_in(3, 1, 11.0),
+            made_in(4, 1, 12.0),
+        ];
+        let joined = JoinRecord {
+            kept: 0,
+            moved: 1,
+            kept_from_moved: PoseBits::from(&Pose::translation(-10.0, 0.0, 0.0)),
+        };
+        let found: Vec<(u32, u32, bool)> =
+            pairs(&state, &joined).iter().map(|p| (p.moved.id, p.kept.id, p.is_same_view)).collect();
+        assert_eq!(found, [(2, 0, true), (3, 1, false)], "the last one stands alone");
+    }
+}
