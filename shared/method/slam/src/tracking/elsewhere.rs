@@ -162,25 +162,25 @@ fn split(
     let start = keyframes.get(known.first as usize)?;
     let way = Vector3::from(record.world_from_camera.translation_m)
         - Vector3::from(start.world_from_camera.translation_m);
-    if known.n_missed < MISSED || way.norm() < WAY_M {
-        return None;
-    }
-    // Where the camera stood just before it missed what it knew, it stood in something that moved.
-    let is_before = |k: &&KeyframeState| start.stamp_nanos.saturating_sub(k.stamp_nanos) <= SOON_NANOS;
-    let n_before = keyframes[..known.first as usize]
-        .iter()
-        .rev()
-        .take_while(|k| input.map.contains(k) && is_before(k))
-        .count();
-    let from = (known.first as usize - n_before).saturating_sub(1);
-    let stood = |pair: &&[KeyframeState]| {
-        pair[1].stamp_nanos.saturating_sub(pair[0].stamp_nanos) >= STOOD_NANOS && input.map.contains(&pair[0])
+    (known.n_missed >= MISSED && way.norm() >= WAY_M).then(|| border(keyframes, known.first))
+}
+
+/// Which of the latest keyframes are of new submaps, where the first miss was with this one. Where the camera
+/// stood just before, or stood after, it stood in something that moved.
+fn border(keyframes: &[KeyframeState], first: u32) -> SplitRecord {
+    let start = &keyframes[first as usize];
+    let is_of_submap = |k: &KeyframeState| k.submap == start.submap;
+    let is_soon =
+        |k: &&KeyframeState| is_of_submap(k) && start.stamp_nanos.saturating_sub(k.stamp_nanos) <= SOON_NANOS;
+    let n_before = keyframes[..first as usize].iter().rev().take_while(is_soon).count();
+    let from = (first as usize - n_before).saturating_sub(1);
+    let is_pause = |pair: &&[KeyframeState]| {
+        is_of_submap(&pair[0]) && pair[1].stamp_nanos.saturating_sub(pair[0].stamp_nanos) >= STOOD_NANOS
     };
-    let ride = keyframes[from..].windows(2).filter(stood).last();
-    Some(match ride {
-        Some(ride) => SplitRecord { carried: Some(known.first.min(ride[0].id)), first: ride[1].id },
-        None => SplitRecord { carried: None, first: known.first },
-    })
+    match keyframes[from..].windows(2).filter(is_pause).last() {
+        Some(pause) => SplitRecord { carried: Some(first.min(pause[0].id)), first: pause[1].id },
+        None => SplitRecord { carried: None, first },
+    }
 }
 
 fn with_split(input: &TrackingInput<'_>, record: FrameRecord, split: SplitRecord) -> FrameRecord {
@@ -195,4 +195,35 @@ fn with_split(input: &TrackingInput<'_>, record: FrameRecord, split: SplitRecord
     );
     let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
     FrameRecord { reason, submap, contradiction: None, split: Some(split), ..record }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loops::test_wall::keyframe;
+
+    /// Keyframes at these times, seconds.
+    fn at(seconds: &[i64]) -> Vec<KeyframeState> {
+        let made = |(id, s): (u32, &i64)| KeyframeState {
+            stamp_nanos: s * 1_000_000_000,
+            ..keyframe(id, 0, f64::from(id))
+        };
+        (0..).zip(seconds).map(made).collect()
+    }
+
+    #[test]
+    fn a_submap_begins_with_the_first_miss_and_another_where_the_camera_had_stood() {
+        let walk = at(&[0, 1, 2, 3, 4, 5]);
+        assert_eq!(border(&walk, 3), SplitRecord { carried: None, first: 3 });
+        // It stood after the first miss, before it, and long before it.
+        let ride = at(&[0, 1, 2, 12, 13, 14]);
+        assert_eq!(border(&ride, 1), SplitRecord { carried: Some(1), first: 3 });
+        assert_eq!(border(&ride, 4), SplitRecord { carried: Some(2), first: 3 });
+        let later = at(&[0, 10, 11, 12, 13, 14, 15]);
+        assert_eq!(border(&later, 6), SplitRecord { carried: None, first: 6 });
+        let mut lost = ride;
+        lost[..3].iter_mut().for_each(|k| k.submap = 7);
+        assert_eq!(border(&lost, 3), SplitRecord { carried: None, first: 3 });
+        assert_eq!(border(&at(&[0]), 0), SplitRecord { carried: None, first: 0 });
+    }
 }
