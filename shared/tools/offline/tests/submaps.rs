@@ -99,6 +99,20 @@ fn a_place_never_seen_and_back_into_the_old_map() {
 }
 
 #[test]
+fn threads_change_no_byte_of_a_run_with_a_join() {
+    let source = room();
+    let steps = [see(0..60), see((20..175).rev())].concat();
+    let checksums_with = |n_threads: usize| -> Vec<u32> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        let records = pool.install(|| run(&source, &steps));
+        assert_eq!((records.submaps().n(), records.submaps().n_components()), (2, 1));
+        assert!(records.n_corrections() > 0 && records.frames().any(|frame| frame.join.is_some()));
+        records.records.iter().map(|record| tessera_journal::fingerprint(record).unwrap()).collect()
+    };
+    assert!(checksums_with(1) == checksums_with(4));
+}
+
+#[test]
 fn submaps_that_share_nothing_stay_apart() {
     let source = room();
     let mut steps = see(0..60);

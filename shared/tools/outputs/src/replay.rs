@@ -25,6 +25,9 @@ pub struct Replay {
     pub first_tracked: Option<u64>,
     /// Poses of keyframes and frames with all corrections.
     poses: PoseHistory,
+    /// For each processed frame the component that its pose was published in: what is joined later was
+    /// another world frame then.
+    online_gauges: Vec<u32>,
     /// What the final optimisation made of the camera, where it was asked to.
     pub refinement: Option<Refinement>,
     /// Corrections that took effect.
@@ -40,6 +43,10 @@ pub struct Replay {
 impl Replay {
     /// Takes the next record in.
     pub fn apply(&mut self, record: AlignRecord) {
+        if let AlignRecord::Frame(frame) = &record {
+            // Before the record takes effect: a join stands behind its frame.
+            self.online_gauges.push(self.submaps().component(frame.submap));
+        }
         self.poses.apply(&record);
         match record {
             AlignRecord::Map(map) => self.add_map(*map),
@@ -116,6 +123,11 @@ impl Replay {
     /// The component of submaps that a frame is in: frames of one component alone have a common frame.
     pub fn component(&self, frame: &FrameRecord) -> u32 {
         self.poses.component_of_frame(frame)
+    }
+
+    /// For each processed frame the gauge of its pose as first published.
+    pub(crate) fn online_gauges(&self) -> &[u32] {
+        &self.online_gauges
     }
 
     /// Processed frames of each component, and those of them that were tracked.

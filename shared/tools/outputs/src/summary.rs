@@ -1,7 +1,7 @@
 //! `summary.json`.
 
 use crate::ToolError;
-use crate::accuracy::{Accuracy, accuracy};
+use crate::accuracy::{Accuracy, accuracy, accuracy_by_gauge};
 use crate::colour::ColourSummary;
 use crate::facts::{Beside, Facts};
 use crate::files::write_whole;
@@ -90,7 +90,7 @@ pub struct Summary {
     /// Of `trajectory.txt`; absent without ground truth.
     #[serde(rename = "final", skip_serializing_if = "Option::is_none")]
     pub of_final: Option<Accuracy>,
-    /// Of `trajectory_online.txt`; absent without ground truth.
+    /// Of `trajectory_online.txt`, by world frames where the camera began a submap; absent without ground truth.
     #[serde(rename = "online", skip_serializing_if = "Option::is_none")]
     pub of_online: Option<Accuracy>,
     /// How colour lies against depth; absent where no features were judged.
@@ -177,7 +177,8 @@ impl Summary {
             shared_memory_mb: statistics.shared_memory_mb,
             wall_s: statistics.wall_s,
             of_final: accuracy(&final_rows(replay)),
-            of_online: accuracy(&online_rows(replay)),
+            of_online: groundtruth
+                .and_then(|truth| accuracy_by_gauge(&online_rows(replay), replay.online_gauges(), truth)),
             colour: ColourSummary::new(&replay.colour(beside.stated_colour)),
             seen_focal_px: beside
                 .seen_focal

@@ -6,7 +6,7 @@ use crate::files::write_whole;
 use crate::replay::Replay;
 use std::collections::BTreeSet;
 use std::path::Path;
-use tessera_evaluation::{Trajectory, write_tum, write_tum_row};
+use tessera_evaluation::{Trajectory, format_stamp, write_tum, write_tum_row};
 use tessera_geometry::Pose;
 use tessera_slam::State;
 
@@ -53,7 +53,7 @@ pub fn as_trajectory(rows: &Rows) -> Option<Trajectory> {
 pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
     let files = [
         ("trajectory.txt", "final pose of every processed frame", final_rows(replay)),
-        ("trajectory_online.txt", "pose of every processed frame as first published", online_rows(replay)),
+        ("trajectory_online.txt", &online_words(replay), online_rows(replay)),
         ("keyframes.txt", "final pose of every keyframe of this run", keyframe_rows(replay)),
     ];
     for (name, what, rows) in files {
@@ -61,6 +61,18 @@ pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
     }
     write_submaps(replay, folder)?;
     write_marked(replay, folder)
+}
+
+/// What `trajectory_online.txt` holds, with the stamps from which on another world frame holds.
+fn online_words(replay: &Replay) -> String {
+    let mut words = "pose of every processed frame as first published".to_owned();
+    let gauges = replay.online_gauges();
+    let changes = gauges.windows(2).zip(replay.frames.iter().skip(1)).filter(|(pair, _)| pair[0] != pair[1]);
+    for (place, (_, frame)) in changes.enumerate() {
+        words.push_str(if place == 0 { "; in another world frame from " } else { ", " });
+        words.push_str(&format_stamp(frame.stamp_nanos));
+    }
+    words
 }
 
 fn write_rows(folder: &Path, name: &str, what: &str, rows: &Rows) -> Result<(), ToolError> {
@@ -165,6 +177,9 @@ mod tests {
         assert_eq!((of(&read("keyframes.txt")), apart.main_keyframes().count()), (2, 2));
         assert_eq!((of(&read("trajectory_marked.txt")), of(&read("trajectory_online.txt"))), (6, 6));
         assert!(read("trajectory_marked.txt").lines().last().unwrap().ends_with(" tracked 1"));
+        let online = read("trajectory_online.txt");
+        let words = online.lines().next().unwrap();
+        assert!(words.ends_with("as first published; in another world frame from 100.166665"), "{words}");
         write(&test_run::replay(), dir.path()).unwrap();
         assert!(!dir.path().join("trajectory_submap_1.txt").exists());
     }

@@ -148,6 +148,9 @@ impl Accuracy {
             let _ = write!(text, ", RPE {metres:.4} m/s {degrees:.3} deg/s");
         }
         let _ = write!(text, ", end {:.4} m, {} pairs", self.end_error_m, self.pairs);
+        if self.world_frames > 1 {
+            let _ = write!(text, "\n{:14}in {} world frames, each aligned by itself", "", self.world_frames);
+        }
         text
     }
 }
@@ -166,12 +169,13 @@ mod tests {
             rpe_rotation_rmse_deg_per_s: Some(1.345),
             end_error_m: 0.0456,
             pairs: 360,
+            world_frames: 2,
         };
         let accuracy = format!("  final       {}", accuracy.for_people());
         // The terminal breaks the sentences of the verdict, which name files and numbers.
         let (table, verdict) = text.split_once("  verdict     doubtful\n").unwrap();
         assert!(verdict.contains("try: tessera resume"), "{verdict}");
-        for line in table.lines().chain([accuracy.as_str()]) {
+        for line in table.lines().chain(accuracy.lines()) {
             assert!(line.len() <= 80, "{line}");
         }
         assert!(text.starts_with("room: interrupted, without the final optimisation\n"), "{text}");

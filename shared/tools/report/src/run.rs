@@ -45,6 +45,8 @@ pub struct Keyframe {
     pub position_m: [f64; 3],
     /// Whether an earlier run made it.
     pub is_of_map: bool,
+    /// The submap that it belongs to, where that is apart from the main map and stands beside it.
+    pub apart: Option<u32>,
     /// Keyframes before it to which it was aligned.
     pub edges: Vec<u32>,
 }

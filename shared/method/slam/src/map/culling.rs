@@ -23,7 +23,7 @@ const KEPT_WHOLE: usize = 40;
 const LARGE: usize = 200;
 /// Keyframes culled at a time: one for the new keyframe, and one more where a run starts in a map
 /// that is too dense or beyond its budget.
-const MOST_AT_A_TIME: usize = 2;
+pub(crate) const MOST_AT_A_TIME: usize = 2;
 /// Distance that a turn of one radian counts as: a degree is a centimetre.
 const METRES_PER_RADIAN: f64 = 0.573;
 

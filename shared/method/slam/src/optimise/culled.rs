@@ -2,14 +2,20 @@
 //! more, but what they measured as frames is kept with them and goes on to count.
 
 use crate::map::context::Context;
+use crate::map::culling::MOST_AT_A_TIME;
 use crate::map::records::{BlockRecord, FrameRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::optimise::refine::FrameHistory;
+use crate::settings::KeyframeSettings;
 use crate::tracking::degeneracy::{centroid, degenerate_directions};
 use std::collections::BTreeMap;
 use tessera_geometry::{Matrix6, Pose};
 use tessera_graph::{BlockSums, Pair, PairBlock};
+
+/// Weight of the blocks in a map at its budget: what is left of it is too sparse to bear the drift that
+/// the frames had, and the blocks need only hold the culled keyframes.
+const WEIGHT_AT_BUDGET: f64 = 0.1;
 
 /// The journaled blocks of the frames that became keyframes, as far as a culled keyframe is at
 /// either end.
@@ -91,14 +97,24 @@ impl CulledKeyframes {
 
     /// The blocks as pairs of vertices: first the active keyframes, by these ids, which rise, then
     /// the culled ones.
-    pub(crate) fn pairs(&self, active: &[KeyframeState]) -> Vec<Pair> {
+    pub(crate) fn pairs(&self, active: &[KeyframeState], weight: f64) -> Vec<Pair> {
         let vertex = |id: u32| {
             let culled = || Some(active.len() + self.ids.binary_search(&id).ok()?);
             active.binary_search_by_key(&id, |k| k.id).ok().or_else(culled)
         };
-        let pair = |b: &KeyframeBlock| Some(Pair::new(vertex(b.query)?, vertex(b.target)?, b.block.clone()));
+        let pair = |b: &KeyframeBlock| {
+            let pair = Pair::new(vertex(b.query)?, vertex(b.target)?, b.block.clone());
+            Some(Pair { weight, ..pair })
+        };
         self.blocks.iter().filter_map(pair).collect()
     }
+}
+
+/// Weight of the blocks of culled keyframes in a map of so many: full where what others see as well was
+/// culled, little where the budget culled what nothing else sees.
+pub(crate) fn weight(settings: &KeyframeSettings, n_active: usize) -> f64 {
+    let is_at_budget = settings.budget > 0 && n_active + MOST_AT_A_TIME >= settings.budget as usize;
+    if is_at_budget { WEIGHT_AT_BUDGET } else { 1.0 }
 }
 
 /// Whether these blocks resist every motion of the camera.
@@ -114,4 +130,19 @@ fn is_determined<'a>(
     let metric = information / context.matcher().metric_factor();
     let centroid = centroid(blocks.clone().map(|(sums, _)| sums));
     blocks.count() > 0 && degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_count_less_in_a_map_at_its_budget() {
+        let budget = |budget| KeyframeSettings { budget, ..KeyframeSettings::default() };
+        assert_eq!(weight(&budget(0), 5000), 1.0, "no budget");
+        assert_eq!(weight(&budget(300), 120), 1.0, "not reached");
+        assert_eq!(weight(&budget(300), 300), WEIGHT_AT_BUDGET);
+        // As many as are culled at a time may be missing.
+        assert_eq!(weight(&budget(300), 298), WEIGHT_AT_BUDGET);
+    }
 }

@@ -10,7 +10,7 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::KeyframeAssociation;
-use crate::optimise::culled::CulledKeyframes;
+use crate::optimise::culled::{self, CulledKeyframes};
 use crate::optimise::held::held;
 use crate::optimise::refine::FrameHistory;
 use crate::optimise::sample_cache::Drawn;
@@ -100,7 +100,8 @@ fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()
     };
     let matchable = (matchable, start.cache);
     let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
-    association.fixed_pairs = culled.pairs(keyframes);
+    let weight = culled::weight(&context.mapping.keyframe, keyframes.len());
+    association.fixed_pairs = culled.pairs(keyframes, weight);
     let solved = problem.solve(&mut association, progress);
     context.steps.leave();
     let loops = association.loop_records(&solved);

@@ -8,7 +8,11 @@ pub(super) fn of(summary: &Summary) -> Vec<(String, String)> {
     let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
     for (name, accuracy) in [("final", &summary.of_final), ("online", &summary.of_online)] {
         let Some(accuracy) = accuracy else { continue };
-        fact(&format!("ATE, {name}"), format!("{:.2} mm", 1e3 * accuracy.ate_rmse_m));
+        let by_parts = match accuracy.world_frames {
+            n if n > 1 => format!(", {n} world frames each by itself"),
+            _ => String::new(),
+        };
+        fact(&format!("ATE, {name}"), format!("{:.2} mm{by_parts}", 1e3 * accuracy.ate_rmse_m));
         if let Some(metres) = accuracy.rpe_translation_rmse_m_per_s {
             fact(&format!("RPE, {name}"), format!("{:.2} mm/s", 1e3 * metres));
         }

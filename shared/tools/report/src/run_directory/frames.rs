@@ -130,27 +130,68 @@ fn add_dropped(frames: &mut Vec<Frame>, skipped: &[(u64, String)]) {
     }
 }
 
-/// Keyframes at their final places.
+/// Space between maps that are apart, metres and as a share of the width of the one before.
+pub(super) const GAP_M: f64 = 0.5;
+/// As [`GAP_M`].
+pub(super) const GAP_SHARE: f64 = 0.1;
+
+/// Keyframes at their final places; submaps that are apart stand to the right of the main map, one
+/// beside the other, for how they lie to each other is not known.
 pub(super) fn keyframes(replay: &Replay, placed: &Placed) -> Vec<Keyframe> {
-    let of = |pose: &Pose| placed.view.of(&(placed.view_from_world * pose).translation.vector);
-    replay
+    let main_view = placed.view.pose() * placed.view_from_world;
+    let mut keyframes: Vec<Keyframe> = replay
         .keyframes
         .iter()
         .zip(replay.keyframe_poses())
         .enumerate()
         .map(|(place, (keyframe, pose))| Keyframe {
             id: keyframe.id,
-            position_m: of(&pose),
+            position_m: (main_view * pose).translation.vector.into(),
             is_of_map: place < replay.n_map_keyframes,
+            apart: None,
             edges: keyframe.edges.iter().map(|edge| edge.to).collect(),
         })
-        .collect()
+        .collect();
+    let mut last = Span::of(replay.main_keyframes().map(|(_, pose)| (main_view * pose).translation.vector));
+    let middle_m = last.middle_m;
+    for component in replay.apart().into_keys() {
+        let own: Vec<(u32, Pose)> = replay.keyframes_of(component).map(|(k, pose)| (k.id, pose)).collect();
+        let view = FrameView::new(own.iter().map(|(_, pose)| pose));
+        let at = |pose: &Pose| Vector3::from(view.of(&pose.translation.vector));
+        let span = Span::of(own.iter().map(|(_, pose)| at(pose)));
+        let gap_m = GAP_M + GAP_SHARE * (last.right_m - last.left_m);
+        let offset = Vector3::new(last.right_m + gap_m - span.left_m, middle_m - span.middle_m, 0.0);
+        for (id, pose) in &own {
+            if let Some(keyframe) = keyframes.get_mut(*id as usize) {
+                (keyframe.position_m, keyframe.apart) = ((at(pose) + offset).into(), Some(component));
+            }
+        }
+        last = Span { left_m: span.left_m + offset.x, right_m: span.right_m + offset.x, middle_m };
+    }
+    keyframes
+}
+
+/// How far keyframes reach to the left and to the right, and the middle of them forward.
+#[derive(Clone, Copy, Debug, Default)]
+struct Span {
+    left_m: f64,
+    right_m: f64,
+    middle_m: f64,
+}
+
+impl Span {
+    fn of(positions: impl Iterator<Item = Vector3<f64>>) -> Self {
+        let all = positions.map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.inf(&at), high.sup(&at)));
+        let Some((low, high)) = all else { return Self::default() };
+        Self { left_m: low.x, right_m: high.x, middle_m: 0.5 * (low.y + high.y) }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use tessera_outputs::test_run;
+    use tessera_slam::AlignRecord;
 
     #[test]
     fn a_camera_s_own_axes_become_right_forward_and_up() {
@@ -176,5 +217,22 @@ mod tests {
         assert_eq!(placed.truth_m.len(), 6);
         assert_eq!(keyframes(&replay, &placed)[2].edges, [0, 1]);
         assert!(place(&replay, None).truth_m.is_empty());
+    }
+
+    #[test]
+    fn submaps_that_are_apart_stand_beside_the_main_map() {
+        let mut replay = Replay::default();
+        for mut record in test_run::records() {
+            if let AlignRecord::Frame(frame) = &mut record {
+                frame.submap = u32::from(frame.index == 5);
+            }
+            replay.apply(record);
+        }
+        let keyframes = keyframes(&replay, &place(&replay, None));
+        assert_eq!(keyframes.iter().map(|k| k.apart).collect::<Vec<_>>(), [None, None, Some(1)]);
+        // Two at 0 and 1.2 m, the gap, and the third, which is at 0.4 m in its own world frame.
+        let right_m: Vec<f64> = keyframes.iter().map(|k| k.position_m[0]).collect();
+        let expected = [0.0, 1.2, 1.2 + GAP_M + GAP_SHARE * 1.2];
+        assert!(right_m.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{right_m:?}");
     }
 }

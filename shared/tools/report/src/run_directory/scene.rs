@@ -1,6 +1,6 @@
 //! The scene in 3D from the run directory: each component of submaps in axes of the page, beside the others.
 
-use super::frames::{FrameView, Placed, state, std_m};
+use super::frames::{FrameView, GAP_M, GAP_SHARE, Placed, state, std_m};
 use crate::run::LoopPair;
 use crate::scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
 use nalgebra::Vector3;
@@ -9,10 +9,6 @@ use tessera_geometry::Pose;
 use tessera_outputs::{MapPoint, Preview, Replay, preview};
 use tessera_settings::Settings;
 use tessera_stage::RunFiles;
-
-/// Space between maps that are apart, metres and as a share of the width of the one before.
-const GAP_M: f64 = 0.5;
-const GAP_SHARE: f64 = 0.1;
 
 /// The scene, whose map has at most `most_points` points.
 pub(super) fn of(
