@@ -303,7 +303,8 @@ pub fn messages(bytes: &[u8]) {
         }
         _ => {
             let grid = Grid { width: 9, height: 6, step: 4 };
-            let Ok(vertices) = thinned::unpack(grid, bytes) else { return };
+            let beside: Vec<usize> = (0..grid.len()).step_by(3).collect();
+            let Ok(vertices) = thinned::unpack(grid, bytes, &beside) else { return };
             assert_eq!(vertices.len(), grid.len());
             let numbers = vertices.iter().flat_map(|v| v.position.into_iter().chain(v.normal));
             assert!(numbers.into_iter().all(f32::is_finite), "a vertex nowhere");

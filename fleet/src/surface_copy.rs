@@ -12,7 +12,7 @@ use tessera_surface::Grid;
 /// Its name in the folder of a run at the base.
 pub const SURFACES: &str = "surfaces.journal";
 /// What it calls itself; the first form had Rice codes.
-const KIND: &str = "surfaces2";
+const KIND: &str = "surfaces3";
 /// How long a base waits for one that is ending.
 const WAIT: Duration = Duration::from_millis(500);
 

@@ -5,13 +5,13 @@ use tessera_features::Feature;
 use tessera_messages::{StoredSurfaceError, load_surface};
 use tessera_slam::StoreSlot;
 use tessera_surface::packed::UnpackError;
-use tessera_surface::thinned::{self, Rounding};
+use tessera_surface::thinned::{self, Thinning};
 use tessera_surface::{Grid, Vertex};
 
 /// Surfaces of one request, at most.
 pub const MOST_WANTED: usize = 64;
-/// By what surfaces are rounded on their way.
-pub const ROUNDING: Rounding = Rounding { inverse_depth_steps: 4096, normal_steps: 31 };
+/// How surfaces are thinned on their way.
+pub const THINNING: Thinning = Thinning { spacing: 3, inverse_depth_steps: 4096, normal_steps: 31 };
 /// Bytes of a slot in a request.
 const SLOT_BYTES: usize = 20;
 /// Bytes in front of a surface: its length and its checksum.
@@ -85,17 +85,38 @@ pub enum SurfaceError {
 /// Where the bytes are no surface of this grid.
 pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
     let (vertices, features) = load_surface(grid, stored)?;
-    Ok(pack_surface(grid, &vertices, &features, ROUNDING))
+    Ok(pack_surface(grid, &vertices, &features, THINNING))
 }
 
 /// Vertices and features as they travel.
 ///
 /// # Panics
-/// Where `vertices` are not as many as the grid has.
-pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature], rounding: Rounding) -> Vec<u8> {
-    let packed = thinned::pack(grid, vertices, rounding);
+/// Where `vertices` are not as many as the grid has, or the thinning is none.
+pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature], thinning: Thinning) -> Vec<u8> {
+    let features = pack_features(features);
+    // As the reader has them, who finds the places anew.
+    let beside = under(grid, &unpack_features(&features).unwrap_or_default());
+    let packed = thinned::pack(grid, vertices, &beside, thinning);
     let length = (packed.len() as u32).to_le_bytes();
-    [length.as_slice(), &packed, &pack_features(features)].concat()
+    [length.as_slice(), &packed, &features].concat()
+}
+
+/// The places of the grid under features, rising: what stands there says how far away they are, and most stand at
+/// edges, where nothing can be interpolated.
+fn under(grid: Grid, features: &[Feature]) -> Vec<usize> {
+    let step = grid.step as f32;
+    let cell = |pixel: f32, n: usize| {
+        let place = ((pixel - 0.5 * (step - 1.0)) / step + 0.5).floor();
+        (place >= 0.0 && place < n as f32).then_some(place as usize)
+    };
+    let place = |feature: &Feature| {
+        let [row, column] = feature.pixel;
+        Some(cell(row, grid.height)? * grid.width + cell(column, grid.width)?)
+    };
+    let mut places: Vec<usize> = features.iter().filter_map(place).collect();
+    places.sort_unstable();
+    places.dedup();
+    places
 }
 
 /// Vertices and features of a surface that travelled.
@@ -107,7 +128,8 @@ pub fn from_wire(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>)
     let (length, rest) = bytes.split_first_chunk().ok_or_else(wrong)?;
     let length = u32::from_le_bytes(*length) as usize;
     let (packed, features) = rest.split_at_checked(length).ok_or_else(wrong)?;
-    Ok((thinned::unpack(grid, packed)?, unpack_features(features).ok_or_else(wrong)?))
+    let features = unpack_features(features).ok_or_else(wrong)?;
+    Ok((thinned::unpack(grid, packed, &under(grid, &features))?, features))
 }
 
 /// Appends a surface to a stream; `None`: the robot has it no more.
@@ -161,6 +183,28 @@ mod tests {
         for wrong in [&bytes[1..], &[], &[bytes.as_slice(), &bytes].concat()] {
             assert!(WantedSurfaces::from_bytes(wrong).unwrap_err().contains("expected 1 to 64"));
         }
+    }
+
+    #[test]
+    fn what_stands_under_a_feature_travels_though_nothing_stands_around_it() {
+        let grid = Grid { width: 40, height: 30, step: 4 };
+        let mut vertices = vec![Vertex::default(); grid.len()];
+        let (row, column) = (10, 20);
+        let place = row * grid.width + column;
+        vertices[place] = Vertex {
+            position: [0.1, -0.2, 2.0],
+            flags_rgb: Vertex::pack(Vertex::VALID, 0, [90; 3]),
+            normal: [0.0, 0.0, -1.0],
+            reserved: 0,
+        };
+        let pixel = [row, column].map(|cell| cell as f32 * 4.0 + 2.2);
+        let feature = Feature { pixel, sigma_px: 1.0, response: 20.0, ..Feature::default() };
+        let travelled = |features: &[Feature]| {
+            let bytes = pack_surface(grid, &vertices, features, THINNING);
+            from_wire(grid, &bytes).unwrap().0[place]
+        };
+        assert!((travelled(&[feature]).position[2] - 2.0).abs() < 0.001);
+        assert!(!travelled(&[]).is_valid());
     }
 
     #[test]

@@ -133,6 +133,12 @@ impl PoseBits {
     /// The pose that maps every point to itself.
     pub const IDENTITY: Self = Self { translation_m: [0.0; 3], rotation_xyzw: [0.0, 0.0, 0.0, 1.0] };
 
+    /// The same in numbers of single precision: off by some 1e-7 of each.
+    pub fn to_single(self) -> Self {
+        let single = |v: f64| f64::from(v as f32);
+        Self { translation_m: self.translation_m.map(single), rotation_xyzw: self.rotation_xyzw.map(single) }
+    }
+
     /// Whether all numbers are finite and the quaternion has unit length within 1e-6.
     pub fn is_valid(&self) -> bool {
         let norm_sq: f64 = self.rotation_xyzw.iter().map(|v| v * v).sum();

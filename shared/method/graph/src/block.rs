@@ -6,7 +6,10 @@
 //! `F(X) = X Q X - 2 l X + c` for `X = vec(T - T0)`: no large numbers cancel, and the inner
 //! iterations cost nothing per point.
 
+mod quadratic;
+
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
+pub use quadratic::Quadratic;
 use tessera_geometry::{Matrix6, Pose, Vector6};
 
 /// Raw sums over matches: `Q` (10 products of `a~` times 6 of `Omega`), `l` (4 times 3), `c`,
@@ -22,26 +25,6 @@ pub struct BlockSums {
     pub c: f64,
     /// Matches.
     pub n: u32,
-}
-
-impl BlockSums {
-    /// `q`, `l` and `c` as one run of 73 numbers in single precision, for storing: they are about a pose
-    /// near the solution, where what is rounded off is below the noise.
-    pub fn to_numbers(&self) -> Vec<f32> {
-        self.q.iter().chain(&self.l).chain(std::iter::once(&self.c)).map(|v| *v as f32).collect()
-    }
-
-    /// The inverse of [`Self::to_numbers`]; `None` unless there are 73.
-    pub fn from_numbers(numbers: &[f32], n: u32) -> Option<Self> {
-        let numbers: &[f32; 73] = numbers.try_into().ok()?;
-        let number = |k: usize| f64::from(numbers[k]);
-        Some(Self {
-            q: std::array::from_fn(number),
-            l: std::array::from_fn(|k| number(60 + k)),
-            c: number(72),
-            n,
-        })
-    }
 }
 
 impl BlockSums {
@@ -70,16 +53,16 @@ impl BlockSums {
     /// The same cost about another transform: exact. `from`: the transform that these sums are about.
     pub fn about(&self, from: &Pose, to: &Pose) -> Self {
         let x = matrix_of(to) - matrix_of(from);
-        let block = PairBlock::new(from, self);
+        let terms = ExactTerms::new(self);
         let mut moved = *self;
         for k in 0..4 {
             let mut sum = Vector3::zeros();
             for m in 0..4 {
-                sum += block.q[PLACE[k][m]] * x.column(m);
+                sum += terms.q[PLACE[k][m]] * x.column(m);
             }
             (0..3).for_each(|c| moved.l[3 * k + c] -= sum[c]);
         }
-        moved.c = block.cost(to);
+        moved.c = terms.cost(&x);
         moved
     }
 
@@ -102,11 +85,25 @@ impl Default for BlockSums {
 pub struct PairBlock {
     /// `T0`, where the matches were found, as a 3x4 matrix.
     origin: Matrix3x4<f64>,
+    terms: Terms,
+    n: u32,
+}
+
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the exact terms are the rule, and read again and again")]
+enum Terms {
+    Exact(ExactTerms),
+    /// Where the sums over the matches were not kept.
+    Quadratic(Quadratic),
+}
+
+/// The cost of matches as sums, exact at any transform.
+#[derive(Clone, Debug)]
+struct ExactTerms {
     /// `Q` by pairs of columns, see [`PLACE`].
     q: [Matrix3<f64>; 10],
     l: [Vector3<f64>; 4],
     c: f64,
-    n: u32,
 }
 
 /// Where the block of columns `k` and `m` stands in `Q`: it is symmetric, and so is each block.
@@ -122,12 +119,13 @@ fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
 impl PairBlock {
     /// A block from its sums and the transform at which the matches were found.
     pub fn new(target_from_query: &Pose, sums: &BlockSums) -> Self {
-        let mut q = [Matrix3::zeros(); 10];
-        for (block, s) in q.iter_mut().zip(sums.q.chunks_exact(6)) {
-            *block = Matrix3::new(s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]);
-        }
-        let l = [0, 1, 2, 3].map(|k| Vector3::new(sums.l[3 * k], sums.l[3 * k + 1], sums.l[3 * k + 2]));
-        Self { origin: matrix_of(target_from_query), q, l, c: sums.c, n: sums.n }
+        let terms = Terms::Exact(ExactTerms::new(sums));
+        Self { origin: matrix_of(target_from_query), terms, n: sums.n }
+    }
+
+    /// A block of `n` matches from what is known of its cost about a transform.
+    pub fn quadratic(target_from_query: &Pose, cost: Quadratic, n: u32) -> Self {
+        Self { origin: matrix_of(target_from_query), terms: Terms::Quadratic(cost), n }
     }
 
     /// Matches in the block.
@@ -135,9 +133,38 @@ impl PairBlock {
         self.n
     }
 
-    /// The cost `sum e Omega e` at another transform: exact while the matches are frozen.
+    /// The cost `sum e Omega e` at another transform: exact while the matches are frozen, unless the block is
+    /// quadratic.
     pub fn cost(&self, target_from_query: &Pose) -> f64 {
-        let x = matrix_of(target_from_query) - self.origin;
+        let at = matrix_of(target_from_query);
+        match &self.terms {
+            Terms::Exact(terms) => terms.cost(&(at - self.origin)),
+            Terms::Quadratic(terms) => terms.cost(&self.origin, &at),
+        }
+    }
+
+    /// Gauss-Newton terms for a right perturbation of the query's pose: `(H, g, F)` with
+    /// `H d = -g` and `F` without the factor one half.
+    pub fn linearise(&self, target_from_query: &Pose) -> (Matrix6, Vector6, f64) {
+        let at = matrix_of(target_from_query);
+        match &self.terms {
+            Terms::Exact(terms) => terms.linearise(&self.origin, &at),
+            Terms::Quadratic(terms) => terms.linearise(&self.origin, &at),
+        }
+    }
+}
+
+impl ExactTerms {
+    fn new(sums: &BlockSums) -> Self {
+        let mut q = [Matrix3::zeros(); 10];
+        for (block, s) in q.iter_mut().zip(sums.q.chunks_exact(6)) {
+            *block = Matrix3::new(s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]);
+        }
+        let l = [0, 1, 2, 3].map(|k| Vector3::new(sums.l[3 * k], sums.l[3 * k + 1], sums.l[3 * k + 2]));
+        Self { q, l, c: sums.c }
+    }
+
+    fn cost(&self, x: &Matrix3x4<f64>) -> f64 {
         let mut cost = self.c;
         for k in 0..4 {
             let xk = x.column(k).into_owned();
@@ -151,11 +178,8 @@ impl PairBlock {
         cost
     }
 
-    /// Gauss-Newton terms for a right perturbation of the query's pose: `(H, g, F)` with
-    /// `H d = -g` and `F` without the factor one half.
-    pub fn linearise(&self, target_from_query: &Pose) -> (Matrix6, Vector6, f64) {
-        let at = matrix_of(target_from_query);
-        let x = at - self.origin;
+    fn linearise(&self, origin: &Matrix3x4<f64>, at: &Matrix3x4<f64>) -> (Matrix6, Vector6, f64) {
+        let x = at - origin;
         let r = at.fixed_view::<3, 3>(0, 0).into_owned();
         let rt = r.transpose();
         let mut cost = self.c;

@@ -1,27 +1,56 @@
-//! Surfaces for a narrow link: each second vertex of each second row, rounded to a fraction of the sensor's
+//! Surfaces for a narrow link: each n-th vertex of each n-th row, rounded to a fraction of the sensor's
 //! noise and predicted from those above and to the left; the vertices between are interpolated by the reader.
 //!
 //! Each vertex is slid along its tangent plane to the ray of its place in the grid, so that its depth says where it
 //! is. Depth is rounded as its inverse, in which the noise of a depth camera is about the same at all distances,
-//! by steps that the bytes tell ([`Rounding`]), normals likewise, colours to an eighth of their range. Residuals go
-//! through a range coder whose probabilities follow the residuals around. What [`unpack`] returns is a function of
-//! the bytes alone.
+//! by steps that the bytes tell ([`Thinning`]), normals likewise, colours to an eighth of their range. Residuals go
+//! through a range coder whose probabilities follow the residuals around. Vertices at places that the caller names
+//! are kept too. What [`unpack`] returns is a function of the bytes and these places alone.
+
+mod beside;
 
 use crate::octahedron::{from_normal_by, round, to_normal_by};
 use crate::packed::{UnpackError, predict_row};
+use crate::thinned::beside::Beside;
 use crate::vertex::{Grid, Vertex};
 use tessera_numerics::{BitCoder, BitModel, NumberModel, RangeReader, RangeWriter};
 
-/// By what depth and normals are rounded.
+/// Which vertices are kept, and by what their depth and normals are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rounding {
+pub struct Thinning {
+    /// From one kept row or column to the next, 1 to [`MOST_SPACING`].
+    pub spacing: u8,
     /// Steps of the inverse of depth, per 1/m, at least 1: 4096 are 1 mm at 2 m, an eighth of the noise (eq. 5).
     pub inverse_depth_steps: u16,
     /// Steps of a normal from the centre of the octahedral map to its border, at least 1: 31 are 2 degrees.
     pub normal_steps: u8,
 }
 
-impl Rounding {
+/// Largest [`Thinning::spacing`].
+pub const MOST_SPACING: u8 = 8;
+
+impl Thinning {
+    /// The numbers of four bytes; `None` where they are none of a thinning.
+    fn read([spacing, low, high, normal_steps]: [u8; 4]) -> Option<Self> {
+        let inverse_depth_steps = u16::from_le_bytes([low, high]);
+        let is_usable = (1..=MOST_SPACING).contains(&spacing) && inverse_depth_steps > 0 && normal_steps > 0;
+        is_usable.then_some(Self { spacing, inverse_depth_steps, normal_steps })
+    }
+
+    fn bytes(self) -> [u8; 4] {
+        let [low, high] = self.inverse_depth_steps.to_le_bytes();
+        [self.spacing, low, high, self.normal_steps]
+    }
+
+    /// The kept vertices of a grid.
+    fn kept(self, grid: Grid) -> (usize, usize) {
+        (grid.width.div_ceil(self.step()), grid.height.div_ceil(self.step()))
+    }
+
+    fn step(self) -> usize {
+        self.spacing.into()
+    }
+
     fn depth_step(self) -> f32 {
         1.0 / f32::from(self.inverse_depth_steps)
     }
@@ -36,104 +65,143 @@ const FLAGS: u32 = 0xff;
 /// Numbers of a vertex: inverse depth, normal on the octahedron, green, and red and blue less green. Only valid
 /// vertices have any.
 const NUMBERS: usize = 6;
-/// Farthest two kept vertices may be from each other's tangent planes for one to stand between them, as part
-/// of their depth.
-const MOST_BEND: f32 = 0.01;
+/// Farthest two kept vertices may be from each other's tangent planes for others to stand between them, as part
+/// of their depth and for each place from one to the other.
+const MOST_BEND: f32 = 0.005;
 
-/// The kept vertices of a grid.
-fn kept(grid: Grid) -> (usize, usize) {
-    (grid.width.div_ceil(2), grid.height.div_ceil(2))
-}
-
-/// Packs the vertices of a grid, row by row.
+/// Packs the vertices of a grid, row by row, and behind them those `beside` the kept ones, by their places in the
+/// grid.
 ///
 /// # Panics
-/// Where `vertices` are not as many as the grid has.
-pub fn pack(grid: Grid, vertices: &[Vertex], rounding: Rounding) -> Vec<u8> {
+/// Where `vertices` are not as many as the grid has, or the thinning is none.
+pub fn pack(grid: Grid, vertices: &[Vertex], beside: &[usize], thinning: Thinning) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
+    assert_eq!(Thinning::read(thinning.bytes()), Some(thinning), "a thinning");
     let rays = Rays::of(grid, vertices);
-    let mut rows = ThinnedRows::new(kept(grid).0, rounding);
-    let (mut writer, mut models) = (RangeWriter::default(), Models::default());
-    for (row, line) in vertices.chunks_exact(grid.width).enumerate().step_by(2) {
-        rows.next();
-        for (column, vertex) in line.iter().enumerate().step_by(2) {
-            rows.set(column / 2, vertex, rays.depth_m(vertex, rays.at(row, column)));
-        }
-        rows.code(&mut writer, &mut models);
-    }
+    let mut writer = RangeWriter::default();
+    let mut surface = ThinnedSurface { grid, rays, thinning };
+    surface.code(&mut writer, beside, Some(vertices));
     let [a, b, c, d] = rays.0.map(f32::to_le_bytes);
-    let [low, high] = rounding.inverse_depth_steps.to_le_bytes();
-    [a.as_slice(), &b, &c, &d, &[low, high, rounding.normal_steps], &writer.finish()].concat()
+    [a.as_slice(), &b, &c, &d, &thinning.bytes(), &writer.finish()].concat()
 }
 
-/// The vertices of a packed surface, row by row, those between the kept ones interpolated.
+/// The vertices of a packed surface, row by row, those between the kept ones interpolated. `beside` as when it was
+/// packed.
 ///
 /// # Errors
 /// Where the bytes are not of a surface of this grid.
-pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
+pub fn unpack(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<Vec<Vertex>, UnpackError> {
     let error = UnpackError { width: grid.width, height: grid.height };
-    let (width, height) = kept(grid);
     let (rays, bytes) = Rays::read(bytes).ok_or(error)?;
-    let (&[low, high, normal_steps], bytes) = bytes.split_first_chunk::<3>().ok_or(error)?;
-    let rounding = Rounding { inverse_depth_steps: u16::from_le_bytes([low, high]), normal_steps };
-    if rounding.inverse_depth_steps == 0 || normal_steps == 0 {
-        return Err(error);
-    }
-    let mut rows = ThinnedRows::new(width, rounding);
-    let (mut reader, mut models) = (RangeReader::new(bytes), Models::default());
-    let mut vertices = vec![Vertex::default(); grid.len()];
-    for row in 0..height {
-        rows.next();
-        rows.code(&mut reader, &mut models);
-        let line = &mut vertices[2 * row * grid.width..][..grid.width];
-        for (column, vertex) in line.iter_mut().step_by(2).enumerate() {
-            *vertex = rows.vertex(column, rays.at(2 * row, 2 * column)).ok_or(error)?;
+    let (head, bytes) = bytes.split_first_chunk().ok_or(error)?;
+    let thinning = Thinning::read(*head).ok_or(error)?;
+    let mut reader = RangeReader::new(bytes);
+    let mut surface = ThinnedSurface { grid, rays, thinning };
+    let vertices = surface.code(&mut reader, beside, None).ok_or(error)?;
+    if reader.ends() { Ok(vertices) } else { Err(error) }
+}
+
+/// A surface on its way into bytes or out of them.
+struct ThinnedSurface {
+    grid: Grid,
+    rays: Rays,
+    thinning: Thinning,
+}
+
+impl ThinnedSurface {
+    /// Writes the vertices `own`, or reads them: what a reader has of them. `None` where a vertex has no depth.
+    fn code(
+        &mut self,
+        coder: &mut impl BitCoder,
+        beside: &[usize],
+        own: Option<&[Vertex]>,
+    ) -> Option<Vec<Vertex>> {
+        let Self { grid, rays, thinning } = *self;
+        let ((width, height), step) = (thinning.kept(grid), thinning.step());
+        let (mut rows, mut models) = (ThinnedRows::new(width, thinning), Models::default());
+        let mut vertices = vec![Vertex::default(); grid.len()];
+        for row in (0..height).map(|row| row * step) {
+            rows.next();
+            let columns = (0..width).map(|column| (column, column * step));
+            for (kept, column) in columns.clone().filter(|_| own.is_some()) {
+                let vertex = &own?[row * grid.width + column];
+                rows.set(kept, vertex, rays.depth_m(vertex, rays.at(row, column)));
+            }
+            rows.code(coder, &mut models);
+            for (kept, column) in columns {
+                vertices[row * grid.width + column] = rows.vertex(kept, rays.at(row, column))?;
+            }
         }
+        interpolate(grid, step, &mut vertices);
+        let mut others = Beside::new(grid, rays, thinning);
+        let is_between = |place: usize| {
+            !((place / grid.width).is_multiple_of(step) && (place % grid.width).is_multiple_of(step))
+        };
+        let mut told = Vec::new();
+        for place in beside.iter().copied().filter(|place| *place < grid.len() && is_between(*place)) {
+            let own = own.map(|own| &own[place]);
+            told.extend(others.code(coder, (&vertices, place), own).map(|vertex| (place, vertex)));
+        }
+        told.into_iter().for_each(|(place, vertex)| vertices[place] = vertex);
+        Some(vertices)
     }
-    if !reader.ends() {
-        return Err(error);
-    }
-    interpolate(grid, &mut vertices);
-    Ok(vertices)
+}
+
+/// The place of the kept vertex nearest to a row and a column.
+fn nearest_kept(grid: Grid, thinning: Thinning, row: usize, column: usize) -> usize {
+    let ((width, height), step) = (thinning.kept(grid), thinning.step());
+    let nearest = |at: usize, n: usize| ((at + step / 2) / step).min(n - 1) * step;
+    nearest(row, height) * grid.width + nearest(column, width)
 }
 
 /// Fills in the vertices between the kept ones: first those of the kept rows, then the rows between.
-fn interpolate(grid: Grid, vertices: &mut [Vertex]) {
+fn interpolate(grid: Grid, step: usize, vertices: &mut [Vertex]) {
     let Grid { width, height, .. } = grid;
-    for row in (0..height).step_by(2) {
-        for at in (1..width.saturating_sub(1)).step_by(2).map(|column| row * width + column) {
-            vertices[at] = between(&vertices[at - 1], &vertices[at + 1]);
+    for row in (0..height).step_by(step) {
+        for from in (0..width.saturating_sub(step)).step_by(step) {
+            let ends = [0, step].map(|more| vertices[row * width + from + more]);
+            for place in 1..step {
+                vertices[row * width + from + place] = between(&ends, place, step);
+            }
         }
     }
-    for row in (1..height.saturating_sub(1)).step_by(2) {
-        for at in row * width..(row + 1) * width {
-            vertices[at] = between(&vertices[at - width], &vertices[at + width]);
+    for from in (0..height.saturating_sub(step)).step_by(step) {
+        for column in 0..width {
+            let ends = [0, step].map(|more| vertices[(from + more) * width + column]);
+            for place in 1..step {
+                vertices[(from + place) * width + column] = between(&ends, place, step);
+            }
         }
     }
 }
 
-/// The vertex in the middle of two, where both are of one smooth surface.
-fn between(a: &Vertex, b: &Vertex) -> Vertex {
+/// The vertex between two, at `place` of `step` from the first to the second, where both are of one smooth
+/// surface.
+fn between([a, b]: &[Vertex; 2], place: usize, step: usize) -> Vertex {
     if !(a.is_valid() && b.is_valid()) {
         return Vertex::default();
     }
     let offset: [f32; 3] = std::array::from_fn(|k| b.position[k] - a.position[k]);
     let off_plane = |normal: [f32; 3]| (0..3).map(|k| normal[k] * offset[k]).sum::<f32>().abs();
-    let most_m = MOST_BEND * a.position[2].min(b.position[2]);
+    let most_m = MOST_BEND * step as f32 * a.position[2].min(b.position[2]);
+    let length_of = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
     let sum: [f32; 3] = std::array::from_fn(|k| a.normal[k] + b.normal[k]);
-    let length = sum.iter().map(|v| v * v).sum::<f32>().sqrt();
     // Normals of more than 90 degrees between them are no smooth surface.
-    let is_smooth = off_plane(a.normal).max(off_plane(b.normal)) <= most_m && length >= 1.5;
+    let is_smooth = off_plane(a.normal).max(off_plane(b.normal)) <= most_m && length_of(sum) >= 1.5;
     if !is_smooth {
         return Vertex::default();
     }
-    let rgb = std::array::from_fn(|k| ((u16::from(a.rgb()[k]) + u16::from(b.rgb()[k])) / 2) as u8);
+    let share = place as f32 / step as f32;
+    let mix = |a: f32, b: f32| a + share * (b - a);
+    let normal: [f32; 3] = std::array::from_fn(|k| mix(a.normal[k], b.normal[k]));
+    let length = length_of(normal);
+    let rgb = std::array::from_fn(|k| mix(a.rgb()[k].into(), b.rgb()[k].into()) as u8);
     let is_boundary = !a.is_inner() && !b.is_inner();
     let flags = Vertex::VALID | if is_boundary { Vertex::BOUNDARY } else { 0 };
     Vertex {
-        position: std::array::from_fn(|k| a.position[k] + 0.5 * offset[k]),
+        position: std::array::from_fn(|k| a.position[k] + share * offset[k]),
         flags_rgb: Vertex::pack(flags, (a.row_offset() + b.row_offset()) / 2, rgb),
-        normal: sum.map(|v| v / length),
+        normal: normal.map(|v| v / length),
         reserved: 0,
     }
 }
@@ -275,7 +343,7 @@ impl Models {
 
 /// The row in work and the one above it, as integers, with how far each was from its prediction.
 struct ThinnedRows {
-    rounding: Rounding,
+    thinning: Thinning,
     flags: Vec<u32>,
     flags_above: Vec<u32>,
     current: [Vec<i32>; NUMBERS],
@@ -285,11 +353,11 @@ struct ThinnedRows {
 }
 
 impl ThinnedRows {
-    fn new(width: usize, rounding: Rounding) -> Self {
+    fn new(width: usize, thinning: Thinning) -> Self {
         let zeros = || std::array::from_fn(|_| vec![0; width]);
         let [missed, missed_above] = std::array::from_fn(|_| std::array::from_fn(|_| vec![0; width]));
         let [flags, flags_above] = std::array::from_fn(|_| vec![0; width]);
-        Self { rounding, flags, flags_above, current: zeros(), above: zeros(), missed, missed_above }
+        Self { thinning, flags, flags_above, current: zeros(), above: zeros(), missed, missed_above }
     }
 
     fn next(&mut self) {
@@ -349,127 +417,67 @@ impl ThinnedRows {
 
     /// Rounds a vertex.
     fn set(&mut self, column: usize, vertex: &Vertex, depth_m: f32) {
-        let inverse = round(1.0 / depth_m / self.rounding.depth_step());
-        let is_usable = vertex.is_valid() && depth_m > 0.0 && inverse > 0;
-        self.flags[column] = if is_usable { vertex.flags_rgb & FLAGS } else { 0 };
-        if !is_usable {
-            return;
-        }
-        let [u, v] = from_normal_by(self.rounding.normal_steps.into(), vertex.normal);
-        let [red, green, blue] = vertex.rgb().map(|value| i32::from(value) / COLOUR_STEP);
-        let numbers = [inverse, u, v, green, red - green, blue - green];
-        for (row, number) in self.current.iter_mut().zip(numbers) {
-            row[column] = number;
+        let rounded = RoundedVertex::of(self.thinning, vertex, depth_m).unwrap_or_default();
+        self.flags[column] = rounded.flags;
+        if rounded.is_valid() {
+            for (row, number) in self.current.iter_mut().zip(rounded.numbers) {
+                row[column] = number;
+            }
         }
     }
 
     /// The vertex of rounded numbers; `None` where there is none of that depth.
     fn vertex(&self, column: usize, ray: [f32; 3]) -> Option<Vertex> {
-        let flags = self.flags[column];
-        if !is_valid(flags) {
+        let numbers: [i32; NUMBERS] = std::array::from_fn(|number| self.current[number][column]);
+        RoundedVertex { flags: self.flags[column], numbers }.vertex(self.thinning, ray)
+    }
+}
+
+/// A vertex by its numbers, see [`NUMBERS`].
+#[derive(Clone, Copy, Debug, Default)]
+struct RoundedVertex {
+    flags: u32,
+    numbers: [i32; NUMBERS],
+}
+
+impl RoundedVertex {
+    /// A vertex that stands at this depth; `None` where it is none.
+    fn of(thinning: Thinning, vertex: &Vertex, depth_m: f32) -> Option<Self> {
+        let inverse = round(1.0 / depth_m / thinning.depth_step());
+        if !(vertex.is_valid() && depth_m > 0.0 && inverse > 0) {
+            return None;
+        }
+        let [u, v] = from_normal_by(thinning.normal_steps.into(), vertex.normal);
+        let [red, green, blue] = vertex.rgb().map(|value| i32::from(value) / COLOUR_STEP);
+        let numbers = [inverse, u, v, green, red - green, blue - green];
+        Some(Self { flags: vertex.flags_rgb & FLAGS, numbers })
+    }
+
+    fn is_valid(&self) -> bool {
+        is_valid(self.flags)
+    }
+
+    fn some_valid(self) -> Option<Self> {
+        self.is_valid().then_some(self)
+    }
+
+    /// The vertex on a ray; `None` where there is none of that depth.
+    fn vertex(&self, thinning: Thinning, ray: [f32; 3]) -> Option<Vertex> {
+        if !self.is_valid() {
             return Some(Vertex::default());
         }
-        let numbers: [i32; NUMBERS] = std::array::from_fn(|number| self.current[number][column]);
-        let [inverse, u, v, green, red, blue] = numbers;
-        let depth_m = 1.0 / (inverse as f32 * self.rounding.depth_step());
+        let [inverse, u, v, green, red, blue] = self.numbers;
+        let depth_m = 1.0 / (inverse as f32 * thinning.depth_step());
         let middle = |value: i32| (value.clamp(0, 255 / COLOUR_STEP) * COLOUR_STEP + COLOUR_STEP / 2) as u8;
         let rgb = [red.wrapping_add(green), green, blue.wrapping_add(green)];
         (inverse > 0).then(|| Vertex {
             position: ray.map(|v| v * depth_m),
-            flags_rgb: Vertex::pack(0, 0, rgb.map(middle)) | (flags & FLAGS),
-            normal: to_normal_by(self.rounding.normal_steps.into(), [u, v]),
+            flags_rgb: Vertex::pack(0, 0, rgb.map(middle)) | (self.flags & FLAGS),
+            normal: to_normal_by(thinning.normal_steps.into(), [u, v]),
             reserved: 0,
         })
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use tessera_numerics::SplitMix64;
-
-    const GRID: Grid = Grid { width: 41, height: 30, step: 4 };
-    const FINE: Rounding = Rounding { inverse_depth_steps: 4096, normal_steps: 31 };
-
-    /// A sloped wall with a step, noise and holes.
-    fn surface(one_hole_in: usize) -> Vec<Vertex> {
-        let mut random = SplitMix64::new(1);
-        let mut vertices = Vec::new();
-        for index in 0..GRID.len() {
-            let (row, column) = ((index / GRID.width) as f32, (index % GRID.width) as f32);
-            let (u, v) = ((column - 20.0) / 130.0, (row - 14.5) / 130.0);
-            // The plane z = d + 0.2 x.
-            let depth =
-                if column < 25.0 { 1.5 } else { 2.5 } / (1.0 - 0.2 * u) + 0.001 * random.unit() as f32;
-            let length = 1.04_f32.sqrt();
-            vertices.push(match random.below(one_hole_in) {
-                0 => Vertex::default(),
-                _ => Vertex {
-                    position: [u * depth, v * depth, depth],
-                    flags_rgb: Vertex::pack(Vertex::VALID, 1, [9, 100, 255]),
-                    normal: [0.2 / length, 0.0, -1.0 / length],
-                    reserved: 0,
-                },
-            });
-        }
-        vertices
-    }
-
-    #[test]
-    fn a_wall_comes_back_within_a_fraction_of_the_noise() {
-        let surface = surface(usize::MAX);
-        let bytes = pack(GRID, &surface, FINE);
-        assert!(bytes.len() < 4 * kept(GRID).0 * kept(GRID).1, "{} bytes", bytes.len());
-        let back = unpack(GRID, &bytes).unwrap();
-        let mut n_missing = 0;
-        for (at, (back, vertex)) in back.iter().zip(&surface).enumerate() {
-            let (row, column) = (at / GRID.width, at % GRID.width);
-            if !back.is_valid() {
-                // The last row has none below it, and nothing stands between wall and step.
-                assert!(row == GRID.height - 1 || column == 25, "row {row} column {column}");
-                n_missing += 1;
-                continue;
-            }
-            let off = (0..3).map(|k| (back.position[k] - vertex.position[k]) * vertex.normal[k]).sum::<f32>();
-            assert!(off.abs() < 0.0025, "{off} m at row {row} column {column}");
-            let dot = (0..3).map(|k| back.normal[k] * vertex.normal[k]).sum::<f32>();
-            assert!(dot > 0.999 && back.row_offset() == 1, "{dot}");
-            assert!((0..3).all(|k| back.rgb()[k].abs_diff(vertex.rgb()[k]) <= 16), "{:?}", back.rgb());
-        }
-        assert!(n_missing <= GRID.width + GRID.height);
-    }
-
-    #[test]
-    fn nothing_stands_where_nothing_was_seen() {
-        let bytes = pack(GRID, &vec![Vertex::default(); GRID.len()], FINE);
-        assert_eq!(unpack(GRID, &bytes).unwrap(), vec![Vertex::default(); GRID.len()]);
-        let surface = surface(4);
-        let back = unpack(GRID, &pack(GRID, &surface, FINE)).unwrap();
-        for (at, (back, vertex)) in back.iter().zip(&surface).enumerate() {
-            let is_kept = (at / GRID.width).is_multiple_of(2) && (at % GRID.width).is_multiple_of(2);
-            assert!(!is_kept || back.is_valid() == vertex.is_valid());
-        }
-    }
-
-    #[test]
-    fn other_bytes_are_an_error() {
-        let packed = pack(GRID, &surface(10), FINE);
-        assert!(unpack(GRID, &packed[..packed.len() - 1]).is_err());
-        assert!(unpack(GRID, &[packed.as_slice(), &[0]].concat()).is_err());
-        assert!(unpack(Grid { width: 51, ..GRID }, &packed).is_err());
-        assert!(unpack(GRID, &[]).is_err());
-        // No steps at all.
-        let stepless = [&packed[..16], &[0, 0, 31], &packed[19..]].concat();
-        assert!(unpack(GRID, &stepless).is_err());
-        let mut random = SplitMix64::new(2);
-        for _ in 0..500 {
-            let mut damaged = packed.clone();
-            let at = random.below(damaged.len());
-            damaged[at] = random.next_u64() as u8;
-            if let Ok(vertices) = unpack(GRID, &damaged) {
-                let is_finite = |v: &Vertex| v.position.iter().chain(&v.normal).all(|n| n.is_finite());
-                assert!(vertices.iter().all(is_finite));
-            }
-        }
-    }
-}
+mod tests;

@@ -3,7 +3,6 @@
 mod common;
 
 use tessera_geometry::{Matrix6, Pose, Vector6, from_upper_triangle, log};
-use tessera_graph::{BlockSums, PairBlock};
 use tessera_offline::Records;
 use tessera_slam::{Context, State};
 use tessera_sources::{SceneName, SimulationOptions, Source};
@@ -81,11 +80,7 @@ fn relative_errors(n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
         let information: Matrix6 = frame
             .blocks
             .iter()
-            .map(|b| {
-                let sums = BlockSums::from_numbers(&b.sums, b.n_matches).unwrap();
-                let origin = Pose::from(&b.keyframe_from_camera);
-                PairBlock::new(&origin, &sums).linearise(&origin).0
-            })
+            .map(|b| b.pair_block().unwrap().linearise(&Pose::from(&b.keyframe_from_camera)).0)
             .sum();
         let true_relative = truth[at].inverse() * truth[frame.index as usize];
         let error = log(&(estimate.inverse() * true_relative)).to_vector();

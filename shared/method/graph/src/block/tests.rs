@@ -42,6 +42,16 @@ fn direct(matches: &[Match], t: &Pose) -> (Matrix6, Vector6, f64) {
 }
 
 fn block(matches: &[Match], origin: &Pose) -> PairBlock {
+    PairBlock::new(origin, &sums(matches, origin))
+}
+
+/// The block as it is stored.
+fn quadratic(matches: &[Match], origin: &Pose) -> PairBlock {
+    let numbers = Quadratic::of(origin, &sums(matches, origin)).to_numbers();
+    PairBlock::quadratic(origin, Quadratic::from_numbers(&numbers).unwrap(), matches.len() as u32)
+}
+
+fn sums(matches: &[Match], origin: &Pose) -> BlockSums {
     let mut sums = BlockSums { n: matches.len() as u32, ..Default::default() };
     for m in matches {
         let e = m.b - origin.rotation * m.a - origin.translation.vector;
@@ -63,7 +73,7 @@ fn block(matches: &[Match], origin: &Pose) -> PairBlock {
         }
         sums.c += e.dot(&(o * e));
     }
-    PairBlock::new(origin, &sums)
+    sums
 }
 
 #[test]
@@ -83,10 +93,42 @@ fn the_statistics_equal_direct_sums_away_from_their_origin() {
 }
 
 #[test]
+fn the_stored_statistics_are_the_exact_ones_near_their_origin_and_bounded_far_away() {
+    let matches = matches(400);
+    let origin = exp(&Twist { rho: Vector3::new(0.1, -0.2, 0.05), phi: Vector3::new(0.02, 0.3, -0.1) });
+    let [exact, stored] = [block(&matches, &origin), quadratic(&matches, &origin)];
+    let ((h, g, f), (sh, sg, sf)) = (exact.linearise(&origin), stored.linearise(&origin));
+    assert!(
+        (h - sh).norm() < 1e-6 * h.norm() && (g - sg).norm() < 1e-6 * g.norm() && (f - sf).abs() < 1e-6 * f
+    );
+    // The pose that both ask for where the matches fit, 14 mm and 0.7 degrees away: apart by the square of that.
+    let [exact, stored] = [block(&matches, &Pose::identity()), quadratic(&matches, &Pose::identity())];
+    let asked = |block: &PairBlock, at: &Pose| {
+        let (h, g, _) = block.linearise(at);
+        compose_normalised(at, &Twist::from_vector(&h.try_inverse().map(|inverse| -inverse * g).unwrap()))
+    };
+    let near = Twist { rho: Vector3::new(0.01, 0.005, -0.008), phi: Vector3::new(-0.01, 0.005, 0.003) };
+    let near = compose_normalised(&Pose::identity(), &near);
+    let apart = asked(&exact, &near).inverse() * asked(&stored, &near);
+    let (metres, radians) = tessera_geometry::translation_rotation_norms(&apart);
+    assert!(metres < 3e-4 && radians < 2e-4, "{metres} m, {radians} rad");
+    let cost = |turn: f64| {
+        let far = Twist { rho: Vector3::new(2.0, 0.0, 1.0), phi: Vector3::new(0.0, turn, 0.0) };
+        stored.cost(&compose_normalised(&Pose::identity(), &far))
+    };
+    assert!(cost(3.0) < cost(1.5), "beyond a right angle it grows no more");
+    assert_eq!(Quadratic::from_numbers(&[0.0; 27]), None);
+}
+
+#[test]
 fn the_gradient_is_that_of_the_cost() {
     let matches = matches(100);
+    check_gradient(&block(&matches, &Pose::identity()));
+    check_gradient(&quadratic(&matches, &Pose::identity()));
+}
+
+fn check_gradient(block: &PairBlock) {
     let at = exp(&Twist { rho: Vector3::new(0.1, -0.2, 0.05), phi: Vector3::new(0.02, 0.3, -0.1) });
-    let block = block(&matches, &Pose::identity());
     let (_, g, f) = block.linearise(&at);
     for k in 0..6 {
         let mut d = Vector6::zeros();

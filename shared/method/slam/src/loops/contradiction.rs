@@ -9,9 +9,10 @@ use crate::map::records::{JoinRecord, LoopVerdict};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Origin;
 use crate::map::surfaces::KeyframeSurfaces;
+use crate::settings::GlobalSettings;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_numerics::parallel::map_in_parts;
-use tessera_registration::Sampler;
+use tessera_registration::{Matcher, Sampler};
 
 /// Pairs of keyframes by which a join is tested, at most.
 const MOST_TESTED: usize = 200;
@@ -19,6 +20,10 @@ const MOST_TESTED: usize = 200;
 /// those that agree. Right joins were seen to have none, joins of rooms that look alike 7 %.
 const LEAST_VIOLATED: usize = 3;
 const MOST_VIOLATED: f64 = 0.025;
+/// Share of what a keyframe saw in front of what another one of its own component saw, by which it is told that
+/// something moves. Where a person walks, most neighbours see a half of what floats or more; what stays where it
+/// is they do not see through at all.
+const SEEN_THROUGH: f64 = 0.5 * GlobalSettings::MAX_IN_FRONT;
 /// Joins that differ by more bring two components to different places, metres and radians.
 const APART_M: f64 = 1.0;
 const APART_RAD: f64 = 0.5;
@@ -31,8 +36,16 @@ struct JoinedKeyframe<'a> {
     world_from_camera: Pose,
 }
 
+impl JoinedKeyframe<'_> {
+    fn origin(&self, component: u32) -> Origin {
+        let KeyframeState { session, submap, .. } = *self.keyframe;
+        Origin { session, submap, component }
+    }
+}
+
 /// Whether keyframes of both components, which a join brings near each other, say that it is wrong: what the
-/// one saw floats in front of what the other saw. The same for any number of threads.
+/// one saw floats in front of what the other saw. What passes by ([`passes`]) says nothing. The same for any
+/// number of threads.
 pub(crate) fn is_contradicted(
     context: &Context,
     state: &TrackerState,
@@ -41,21 +54,103 @@ pub(crate) fn is_contradicted(
 ) -> bool {
     let both = keyframes_of_both(state, joined);
     let across = pairs_across(&both, joined.kept);
-    let settings = &context.mapping.global;
     let verdicts = map_in_parts(
         &across,
-        || (context.matcher(), Sampler::default()),
-        |(matcher, sampler), &(newer, older)| {
-            let sides =
-                [newer, older].map(|at| Matchable::new(context, sampler, both[at].keyframe, surfaces));
-            let older_from_newer = both[older].world_from_camera.inverse() * both[newer].world_from_camera;
-            verification::test(settings, matcher, &sides[0], &sides[1], &older_from_newer).verdict
-        },
+        || PairTester::new(context, &both, surfaces),
+        |tester, &(newer, older)| tester.verdict(newer, older),
         &mut || (),
     );
-    let n = |verdict: LoopVerdict| verdicts.iter().filter(|found| **found == verdict).count();
-    let n_violated = n(LoopVerdict::FreeSpaceViolated);
-    n_violated >= LEAST_VIOLATED && n_violated as f64 > MOST_VIOLATED * n(LoopVerdict::Accepted) as f64
+    let n_accepted = verdicts.iter().filter(|verdict| **verdict == LoopVerdict::Accepted).count();
+    let is_many = |n: usize| n >= LEAST_VIOLATED && n as f64 > MOST_VIOLATED * n_accepted as f64;
+    let mut violated = across;
+    let mut verdicts = verdicts.into_iter();
+    violated.retain(|_| verdicts.next() == Some(LoopVerdict::FreeSpaceViolated));
+    is_many(violated.len()) && is_many(violated.len() - n_passing(context, &both, surfaces, &violated))
+}
+
+/// Of pairs that violate free space, those in which all that floats passes by.
+fn n_passing(
+    context: &Context,
+    both: &[JoinedKeyframe<'_>],
+    surfaces: &dyn KeyframeSurfaces,
+    violated: &[(usize, usize)],
+) -> usize {
+    let tester = || PairTester::new(context, both, surfaces);
+    let floating = |tester: &mut PairTester<'_>, &(a, b): &(usize, usize)| {
+        [(a, b), (b, a)]
+            .into_iter()
+            .filter(|(own, other)| tester.in_front(*own, *other) > GlobalSettings::MAX_IN_FRONT)
+            .map(|(own, _)| own)
+            .collect()
+    };
+    let floating: Vec<Vec<usize>> = map_in_parts(violated, tester, floating, &mut || ());
+    let mut owners: Vec<usize> = floating.concat();
+    owners.sort_unstable();
+    owners.dedup();
+    let neighbours = OwnNeighbours::of(both);
+    let passing = map_in_parts(&owners, tester, |tester, own| passes(tester, &neighbours, *own), &mut || ());
+    let is_passing = |own: &usize| owners.binary_search(own).is_ok_and(|place| passing[place]);
+    floating.iter().filter(|owners| !owners.is_empty() && owners.iter().all(is_passing)).count()
+}
+
+/// Whether what a keyframe saw moves: its own component saw through it before or after, as where a person
+/// walks. What stays where it is was never seen through.
+fn passes(tester: &mut PairTester<'_>, neighbours: &OwnNeighbours, own: usize) -> bool {
+    neighbours.around(own).any(|neighbour| tester.in_front(own, neighbour) > SEEN_THROUGH)
+}
+
+/// Tests pairs of keyframes where the join puts them; holds the buffers.
+struct PairTester<'a> {
+    context: &'a Context,
+    both: &'a [JoinedKeyframe<'a>],
+    surfaces: &'a dyn KeyframeSurfaces,
+    matcher: Matcher,
+    sampler: Sampler,
+}
+
+impl<'a> PairTester<'a> {
+    fn new(context: &'a Context, both: &'a [JoinedKeyframe<'a>], surfaces: &'a dyn KeyframeSurfaces) -> Self {
+        Self { context, both, surfaces, matcher: context.matcher(), sampler: Sampler::default() }
+    }
+
+    fn verdict(&mut self, newer: usize, older: usize) -> LoopVerdict {
+        let (sides, older_from_newer) = self.sides(newer, older);
+        let settings = &self.context.mapping.global;
+        verification::test(settings, &mut self.matcher, &sides[0], &sides[1], &older_from_newer).verdict
+    }
+
+    /// Share of what the first one saw that floats in front of what the second one saw.
+    fn in_front(&mut self, query: usize, target: usize) -> f64 {
+        let (sides, target_from_query) = self.sides(query, target);
+        verification::in_front(&mut self.matcher, &sides[0], &sides[1], &target_from_query)
+    }
+
+    /// Both keyframes, and the pose of the first in the second one's frame.
+    fn sides(&mut self, a: usize, b: usize) -> ([Matchable<'a>; 2], Pose) {
+        let Self { context, both, surfaces, sampler, .. } = self;
+        let sides = [a, b].map(|at| Matchable::new(context, sampler, both[at].keyframe, *surfaces));
+        (sides, both[b].world_from_camera.inverse() * both[a].world_from_camera)
+    }
+}
+
+/// By keyframe: those of its own component that see the same, in the poses of that component.
+struct OwnNeighbours(Vec<(usize, usize)>);
+
+impl OwnNeighbours {
+    fn of(both: &[JoinedKeyframe<'_>]) -> Self {
+        let poses: Vec<Pose> = both.iter().map(|k| k.world_from_camera).collect();
+        let origins: Vec<Origin> = both.iter().map(|k| k.origin(u32::from(k.is_moved))).collect();
+        let pairs = covisibility::pairs(&poses, &origins);
+        let mut both_ways: Vec<(usize, usize)> =
+            pairs.into_iter().flat_map(|(a, b)| [(a, b), (b, a)]).collect();
+        both_ways.sort_unstable();
+        Self(both_ways)
+    }
+
+    fn around(&self, own: usize) -> impl Iterator<Item = usize> {
+        let first = self.0.partition_point(|(of, _)| *of < own);
+        self.0[first..].iter().take_while(move |(of, _)| *of == own).map(|(_, neighbour)| *neighbour)
+    }
 }
 
 fn keyframes_of_both<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<JoinedKeyframe<'a>> {
@@ -77,11 +172,7 @@ fn keyframes_of_both<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<Jo
 /// Pairs of neighbours of which one is of either component, evenly chosen from all.
 fn pairs_across(both: &[JoinedKeyframe<'_>], component: u32) -> Vec<(usize, usize)> {
     let poses: Vec<Pose> = both.iter().map(|k| k.world_from_camera).collect();
-    let origin = |k: &JoinedKeyframe<'_>| {
-        let KeyframeState { session, submap, .. } = *k.keyframe;
-        Origin { session, submap, component }
-    };
-    let origins: Vec<Origin> = both.iter().map(origin).collect();
+    let origins: Vec<Origin> = both.iter().map(|k| k.origin(component)).collect();
     let mut across = covisibility::pairs(&poses, &origins);
     across.retain(|(newer, older)| both[*newer].is_moved != both[*older].is_moved);
     let step = across.len().div_ceil(MOST_TESTED).max(1);

@@ -58,7 +58,6 @@ pub(crate) fn test(
     let newer_from_older = forward.target_from_query.inverse();
     let backward = alignment.reversed().solve(matcher, &newer_from_older, &BACKWARD);
     let (there, back) = (&forward.report, &backward.report);
-    let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
     let overlap = share(there.n_matches, there.n_queries).min(share(back.n_matches, back.n_queries));
     let in_front = share(there.n_in_front, there.n_in_view).max(share(back.n_in_front, back.n_in_view));
     let factor = matcher.metric_factor();
@@ -76,4 +75,22 @@ pub(crate) fn test(
         LoopVerdict::Accepted
     };
     Tested { overlap, in_front, inconsistency_sigmas, verdict }
+}
+
+/// Share of the queries in view that float in front of what the target saw, at the pair's own optimum, which is
+/// looked for as in [`test`].
+pub(crate) fn in_front(
+    matcher: &mut Matcher,
+    query: &Matchable<'_>,
+    target: &Matchable<'_>,
+    target_from_query: &Pose,
+) -> f64 {
+    let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
+    let alignment = PairAlignment { query, target, n_queries: N_QUERIES, limits: &limits };
+    let report = alignment.solve(matcher, target_from_query, &FORWARD).report;
+    share(report.n_in_front, report.n_in_view)
+}
+
+fn share(part: u32, whole: u32) -> f64 {
+    f64::from(part) / f64::from(whole.max(1))
 }

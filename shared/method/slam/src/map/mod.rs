@@ -11,6 +11,7 @@ pub(crate) mod keyframe;
 pub(crate) mod map_view;
 pub(crate) mod pose_history;
 pub(crate) mod records;
+mod single;
 pub(crate) mod split;
 pub(crate) mod state;
 pub(crate) mod submaps;

@@ -10,9 +10,11 @@ pub use crate::map::correction::{
 pub use crate::map::keyframe::{
     EdgeRecord, KeyframePose, KeyframeRecord, KeyframeState, RetiredRecord, StoreSlot,
 };
+use crate::map::single;
 use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{InertialRotation, PoseBits};
+use tessera_geometry::{InertialRotation, Pose, PoseBits};
+use tessera_graph::{PairBlock, Quadratic};
 use tessera_surface::WorkloadLevel;
 
 /// Beginning of the part of a reason that names degenerate directions.
@@ -61,7 +63,8 @@ pub struct FrameRecord {
     pub keyframe_from_camera: PoseBits,
     /// 6x6 covariance of `world_from_camera` (upper triangle, row by row, translation first), m
     /// and rad: of the tangent `d` in `world_from_camera * exp(d)`, thus along the camera's axes.
-    /// The first frame is certain. Empty where the frame is lost.
+    /// The first frame is certain. Empty where the frame is lost. Numbers of single precision.
+    #[serde(with = "single")]
     pub covariance: Vec<f64>,
     /// Correspondences in the last outer iteration.
     pub n_correspondences: u32,
@@ -109,17 +112,26 @@ impl FrameRecord {
     }
 }
 
-/// All matches between a frame and one keyframe: the exact sufficient statistics (method 5.4).
+/// All matches between a frame and one keyframe: their cost to second order (method 5.4).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlockRecord {
     /// The keyframe that was searched.
     pub keyframe: u32,
-    /// The transform at which the matches were found.
+    /// The transform at which the matches were found, in numbers of single precision.
+    #[serde(with = "single::pose")]
     pub keyframe_from_camera: PoseBits,
-    /// `Q`, `l` and `c`, 73 numbers.
-    pub sums: Vec<f32>,
+    /// `H`, `g` and `c`, 28 numbers.
+    pub cost: Vec<f32>,
     /// Matches.
     pub n_matches: u32,
+}
+
+impl BlockRecord {
+    /// The cost as a term of a graph; `None` where it is not one.
+    pub fn pair_block(&self) -> Option<PairBlock> {
+        let cost = Quadratic::from_numbers(&self.cost)?;
+        Some(PairBlock::quadratic(&Pose::from(&self.keyframe_from_camera), cost, self.n_matches))
+    }
 }
 
 /// A keyframe of another submap, seen from the camera's own.

@@ -3,15 +3,15 @@
 
 use crate::map::context::Context;
 use crate::map::culling::MOST_AT_A_TIME;
-use crate::map::records::{BlockRecord, FrameRecord};
+use crate::map::records::FrameRecord;
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::optimise::refine::FrameHistory;
 use crate::settings::KeyframeSettings;
-use crate::tracking::degeneracy::{centroid, degenerate_directions};
+use crate::tracking::degeneracy::{centroid_by_information, degenerate_directions};
 use std::collections::BTreeMap;
 use tessera_geometry::{Matrix6, Pose};
-use tessera_graph::{BlockSums, Pair, PairBlock};
+use tessera_graph::{Pair, PairBlock};
 
 /// Weight of the blocks in a map at its budget: what is left of it is too sparse to bear the drift that
 /// the frames had, and the blocks need only hold the culled keyframes.
@@ -73,20 +73,20 @@ impl CulledKeyframes {
         };
         let targets = frame.blocks.iter().filter_map(|b| {
             let target = keyframes.get(b.keyframe as usize).filter(|target| usable(target))?;
-            Some((target, BlockSums::from_numbers(&b.sums, b.n_matches)?, b))
+            Some((target, b.pair_block()?, Pose::from(&b.keyframe_from_camera)))
         });
-        let found: Vec<(&KeyframeState, BlockSums, &BlockRecord)> = targets.collect();
+        let found: Vec<(&KeyframeState, PairBlock, Pose)> = targets.collect();
         if !query.is_active() {
-            if !is_determined(context, found.iter().map(|(_, sums, b)| (sums, *b))) {
+            if !is_determined(context, found.iter().map(|(_, block, at)| block.linearise(at).0)) {
                 return;
             }
             self.ids.push(query.id);
         }
         let of_culled = found.into_iter().filter(|(target, ..)| !query.is_active() || !target.is_active());
-        self.blocks.extend(of_culled.map(|(target, sums, b)| KeyframeBlock {
+        self.blocks.extend(of_culled.map(|(target, block, _)| KeyframeBlock {
             query: query.id,
             target: target.id,
-            block: PairBlock::new(&Pose::from(&b.keyframe_from_camera), &sums),
+            block,
         }));
     }
 
@@ -117,19 +117,12 @@ pub(crate) fn weight(settings: &KeyframeSettings, n_active: usize) -> f64 {
     if is_at_budget { WEIGHT_AT_BUDGET } else { 1.0 }
 }
 
-/// Whether these blocks resist every motion of the camera.
-fn is_determined<'a>(
-    context: &Context,
-    blocks: impl Iterator<Item = (&'a BlockSums, &'a BlockRecord)> + Clone,
-) -> bool {
-    let mut information = Matrix6::zeros();
-    for (sums, record) in blocks.clone() {
-        let at = Pose::from(&record.keyframe_from_camera);
-        information += PairBlock::new(&at, sums).linearise(&at).0;
-    }
+/// Whether blocks of these informations resist every motion of the camera.
+fn is_determined(context: &Context, blocks: impl Iterator<Item = Matrix6>) -> bool {
+    let information: Matrix6 = blocks.sum();
     let metric = information / context.matcher().metric_factor();
-    let centroid = centroid(blocks.clone().map(|(sums, _)| sums));
-    blocks.count() > 0 && degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
+    let centroid = centroid_by_information(&information);
+    degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use crate::optimise::interpolation::PoseTimeline;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
-use tessera_graph::{BlockSums, Graph, Pair, PairBlock};
+use tessera_graph::{Graph, Pair, PairBlock};
 
 /// The frames of a run as they were journaled, read again when they are needed: they are too many
 /// to be kept.
@@ -32,19 +32,13 @@ pub(crate) struct FrameBlocks {
     pub(crate) index: u64,
     keyframe: u32,
     keyframe_from_camera: PoseBits,
-    blocks: Vec<(u32, PoseBits, Box<BlockSums>)>,
+    blocks: Vec<(u32, PairBlock)>,
 }
 
 impl FrameBlocks {
     pub(crate) fn of(frame: &FrameRecord) -> Option<Self> {
-        let blocks: Vec<_> = frame
-            .blocks
-            .iter()
-            .filter_map(|b| {
-                let sums = BlockSums::from_numbers(&b.sums, b.n_matches)?;
-                Some((b.keyframe, b.keyframe_from_camera, Box::new(sums)))
-            })
-            .collect();
+        let blocks: Vec<_> =
+            frame.blocks.iter().filter_map(|b| Some((b.keyframe, b.pair_block()?))).collect();
         (!blocks.is_empty()).then_some(Self {
             index: frame.index,
             keyframe: frame.keyframe,
@@ -64,12 +58,11 @@ impl FrameBlocks {
         let mut graph = Graph::default();
         let blocks: Vec<_> = self.blocks.iter().filter(|block| in_common(block.0, self.keyframe)).collect();
         let frame = blocks.len();
-        for (keyframe, origin, sums) in blocks {
+        for (keyframe, block) in blocks {
             let target = graph.poses.len();
             graph.poses.push(*keyframe_poses.get(*keyframe as usize)?);
             graph.is_fixed.push(true);
-            let block = PairBlock::new(&Pose::from(origin), sums);
-            graph.pairs.push(Pair::new(frame, target, block));
+            graph.pairs.push(Pair::new(frame, target, block.clone()));
         }
         graph.poses.push(start);
         graph.is_fixed.push(false);

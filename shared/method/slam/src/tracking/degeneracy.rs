@@ -43,6 +43,17 @@ pub(crate) fn centroid<'a>(sums: impl Iterator<Item = &'a BlockSums>) -> Vector3
     if total[3] > 0.0 { Vector3::new(total[0], total[1], total[2]) / total[3] } else { Vector3::zeros() }
 }
 
+/// The same where no more is known than the information `H` of the pose (right tangent, translation first), with
+/// the weights `tr Omega - Omega` instead of traces: as its upper right part is `- sum Omega [a]x`, what of it
+/// changes its sign when transposed is `- [sum (tr Omega - Omega) a]x`.
+pub(crate) fn centroid_by_information(information: &Matrix6) -> Vector3<f64> {
+    let [tt, tr] = [0, 3].map(|column| information.fixed_view::<3, 3>(0, column).into_owned());
+    let odd = tr.transpose() - tr;
+    let weighted = Vector3::new(odd[(2, 1)], odd[(0, 2)], odd[(1, 0)]);
+    let weights = Matrix3::identity() * tt.trace() - tt;
+    weights.try_inverse().map_or(Vector3::zeros(), |inverse| inverse * weighted)
+}
+
 /// The degenerate directions of a pose with this metric information (right tangent, translation first).
 pub(crate) fn degenerate_directions(
     settings: &WindowSettings,

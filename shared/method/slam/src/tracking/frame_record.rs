@@ -9,7 +9,7 @@ use crate::tracking::prediction::Prediction;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, PoseBits, upper_triangle};
-use tessera_graph::{PairBlock, entropy_of_covariance, metric_covariance};
+use tessera_graph::{PairBlock, Quadratic, entropy_of_covariance, metric_covariance};
 
 /// The keyframe of a frame before the first one.
 const NO_KEYFRAME: u32 = u32::MAX;
@@ -27,7 +27,9 @@ pub(crate) fn frame_record(
         let window = &input.context.mapping.window;
         let camera = &input.context.camera;
         let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs());
-        upper_triangle(&covariance::of_world(window, &input.map, aligned, &own, focal_px, input.frame.index))
+        let own = covariance::of_world(window, &input.map, aligned, &own, focal_px, input.frame.index);
+        // As it is written down.
+        upper_triangle(&own).into_iter().map(|v| f64::from(v as f32)).collect()
     });
     FrameRecord {
         state: aligned.state,
@@ -128,8 +130,8 @@ fn blocks(aligned: &WindowAlignment) -> Vec<BlockRecord> {
     let block = |(member, (origin, sums)): (&Member, &(Pose, tessera_graph::BlockSums))| match member {
         Member::Keyframe(keyframe) => Some(BlockRecord {
             keyframe: *keyframe,
-            keyframe_from_camera: PoseBits::from(origin),
-            sums: sums.to_numbers(),
+            keyframe_from_camera: PoseBits::from(origin).to_single(),
+            cost: Quadratic::of(origin, sums).to_numbers(),
             n_matches: sums.n,
         }),
         Member::Recent(_) => None,
