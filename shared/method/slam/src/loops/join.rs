@@ -27,7 +27,8 @@ const MIN_FEATURES: usize = 100;
 /// Largest disagreement of a sighting with the one before it.
 const AGREES_M: f64 = 0.1;
 const AGREES_RAD: f64 = 5.0_f64.to_radians();
-/// After each refuted join, twice as many confirmations are needed for the next, up to so many times.
+/// After each join that was refuted or refused, twice as many confirmations are needed for the next, up to so
+/// many times.
 const MOST_DOUBLINGS: u32 = 5;
 /// Keyframes for which a join that was refused is not tested again: by then both have seen more.
 const REFUSED_FOR: u32 = 200;
@@ -49,8 +50,7 @@ pub(crate) fn with_sighting(
     if !record.moved.is_empty() {
         return FrameRecord { sighting: known, ..record };
     }
-    let n_needed = input.context.mapping.relocalise.confirm_frames << state.n_refuted.min(MOST_DOUBLINGS);
-    let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed;
+    let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
     let sighting = match known {
         Some(known) if is_certain(&known) => Some(known),
         _ if !input.frame.index.is_multiple_of(EVERY) => known,
@@ -62,6 +62,18 @@ pub(crate) fn with_sighting(
         Some(certain) => joined(input, &certain, record),
         None => FrameRecord { sighting, ..record },
     }
+}
+
+/// Confirmations that make a sighting certain: more where joins were refuted, or refused between the two.
+fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
+    let state = input.map.state();
+    let seen = input.map.keyframe(sighting.seen).map_or(0, |k| state.submaps.component(k.submap));
+    let own = state.submaps.component(input.map.submap());
+    let is_between = |(join, _): &&(JoinRecord, u32)| {
+        [(join.kept, join.moved), (join.moved, join.kept)].contains(&(own, seen))
+    };
+    let n_refused = state.refused.iter().filter(is_between).count() as u32;
+    input.context.mapping.relocalise.confirm_frames << (state.n_refuted + n_refused).min(MOST_DOUBLINGS)
 }
 
 /// A first sighting: the frame's place among the keyframes of all other submaps.

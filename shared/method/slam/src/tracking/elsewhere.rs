@@ -18,6 +18,7 @@ use crate::map::state::KeyframeState;
 use crate::settings::GlobalSettings;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::relocalise;
 use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use nalgebra::Vector3;
@@ -25,7 +26,7 @@ use tessera_geometry::Pose;
 use tessera_registration::Sampler;
 
 /// Keyframes of long ago that look at what the frame looks at.
-const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to_radians() };
+const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
 /// Features that a frame and a keyframe have at least, so that missing each other says something.
 const MIN_FEATURES: usize = 100;
 /// Features on which a frame and a keyframe of the same place agree, wherever they see each other.
@@ -69,9 +70,17 @@ pub(crate) fn with_contradiction(
     };
     let record = FrameRecord { contradiction, ..record };
     match contradiction.and_then(|known| split(input, &record, &known)) {
+        // A drift of a metre misses what is near by the poses; what it sees is another part of the same map.
+        Some(_) if is_recognised(input, aligner) => FrameRecord { contradiction: None, ..record },
         Some(split) => with_split(input, record, split),
         None => record,
     }
+}
+
+/// Whether the frame has its place among the keyframes of long ago, wherever they are.
+fn is_recognised(input: &TrackingInput<'_>, aligner: &mut Aligner) -> bool {
+    let old: Vec<&KeyframeState> = input.map.active().filter(|k| is_old(input, k)).collect();
+    relocalise::glimpse(input, aligner, &old, |_, _| true).is_some()
 }
 
 /// What a frame says of a keyframe of long ago.
