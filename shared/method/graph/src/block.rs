@@ -85,13 +85,13 @@ impl Default for BlockSums {
 pub struct PairBlock {
     /// `T0`, where the matches were found, as a 3x4 matrix.
     origin: Matrix3x4<f64>,
-    terms: Terms,
+    terms: BlockTerms,
     n: u32,
 }
 
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "the exact terms are the rule, and read again and again")]
-enum Terms {
+enum BlockTerms {
     Exact(ExactTerms),
     /// Where the sums over the matches were not kept.
     Quadratic(Quadratic),
@@ -119,13 +119,13 @@ fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
 impl PairBlock {
     /// A block from its sums and the transform at which the matches were found.
     pub fn new(target_from_query: &Pose, sums: &BlockSums) -> Self {
-        let terms = Terms::Exact(ExactTerms::new(sums));
+        let terms = BlockTerms::Exact(ExactTerms::new(sums));
         Self { origin: matrix_of(target_from_query), terms, n: sums.n }
     }
 
     /// A block of `n` matches from what is known of its cost about a transform.
     pub fn quadratic(target_from_query: &Pose, cost: Quadratic, n: u32) -> Self {
-        Self { origin: matrix_of(target_from_query), terms: Terms::Quadratic(cost), n }
+        Self { origin: matrix_of(target_from_query), terms: BlockTerms::Quadratic(cost), n }
     }
 
     /// Matches in the block.
@@ -138,8 +138,8 @@ impl PairBlock {
     pub fn cost(&self, target_from_query: &Pose) -> f64 {
         let at = matrix_of(target_from_query);
         match &self.terms {
-            Terms::Exact(terms) => terms.cost(&(at - self.origin)),
-            Terms::Quadratic(terms) => terms.cost(&self.origin, &at),
+            BlockTerms::Exact(terms) => terms.cost(&(at - self.origin)),
+            BlockTerms::Quadratic(terms) => terms.cost(&self.origin, &at),
         }
     }
 
@@ -148,8 +148,8 @@ impl PairBlock {
     pub fn linearise(&self, target_from_query: &Pose) -> (Matrix6, Vector6, f64) {
         let at = matrix_of(target_from_query);
         match &self.terms {
-            Terms::Exact(terms) => terms.linearise(&self.origin, &at),
-            Terms::Quadratic(terms) => terms.linearise(&self.origin, &at),
+            BlockTerms::Exact(terms) => terms.linearise(&self.origin, &at),
+            BlockTerms::Quadratic(terms) => terms.linearise(&self.origin, &at),
         }
     }
 }

@@ -11,7 +11,7 @@ mod beside;
 
 use crate::octahedron::{from_normal_by, round, to_normal_by};
 use crate::packed::{UnpackError, predict_row};
-use crate::thinned::beside::Beside;
+use crate::thinned::beside::BetweenVertices;
 use crate::vertex::{Grid, Vertex};
 use tessera_numerics::{BitCoder, BitModel, NumberModel, RangeReader, RangeWriter};
 
@@ -133,7 +133,7 @@ impl ThinnedSurface {
             }
         }
         interpolate(grid, step, &mut vertices);
-        let mut others = Beside::new(grid, rays, thinning);
+        let mut others = BetweenVertices::new(grid, rays, thinning);
         let is_between = |place: usize| {
             !((place / grid.width).is_multiple_of(step) && (place % grid.width).is_multiple_of(step))
         };

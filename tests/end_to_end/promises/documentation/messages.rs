@@ -9,7 +9,7 @@ use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 13] = [
+const ELSEWHERE: [(&str, &str, &str); 15] = [
     ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
     ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
     ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
@@ -37,6 +37,16 @@ const ELSEWHERE: [(&str, &str, &str); 13] = [
         "a relocalisation was asked for",
         "interfaces/camera/external.rs",
         r#"contains("a relocalisation was asked for")"#,
+    ),
+    (
+        "are not seen where they should be",
+        "promises/durability/submaps.rs",
+        r#"contains("are not seen where they should be")"#,
+    ),
+    (
+        "both saw what contradicts it",
+        "../../shared/method/slam/src/loops/join.rs",
+        "both saw what contradicts it",
     ),
     ("newer frames had come", "../../processes/align/src/step.rs", "newer frames had come"),
 ];

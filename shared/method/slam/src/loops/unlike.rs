@@ -80,7 +80,7 @@ fn is_refused(looks_alike: &[bool]) -> bool {
 }
 
 /// A keyframe of the component that moves, and that of the other one whose view is the most like its own.
-struct ViewPair<'a> {
+struct JoinedViews<'a> {
     moved: &'a KeyframeState,
     kept: &'a KeyframeState,
     kept_from_moved: Pose,
@@ -88,7 +88,7 @@ struct ViewPair<'a> {
 }
 
 /// The pairs of all keyframes of the component that moves, in their order; evenly chosen where they are many.
-fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<ViewPair<'a>> {
+fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<JoinedViews<'a>> {
     let join = Pose::from(&joined.kept_from_moved);
     let of = |component: u32| {
         let is_of = move |k: &&KeyframeState| state.submaps.component(k.submap) == component;
@@ -107,9 +107,9 @@ fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<ViewPair<'a>> 
         let same = nearest(&SAME_VIEW);
         let (kept, kept_pose) = &others[same.or_else(|| nearest(&NEAR_VIEW))?];
         let kept_from_moved = kept_pose.inverse() * there;
-        Some(ViewPair { moved, kept, kept_from_moved, is_same_view: same.is_some() })
+        Some(JoinedViews { moved, kept, kept_from_moved, is_same_view: same.is_some() })
     });
-    let all: Vec<ViewPair<'_>> = beside.collect();
+    let all: Vec<JoinedViews<'_>> = beside.collect();
     let step = all.len().div_ceil(MOST_TESTED).max(1);
     all.into_iter().step_by(step).collect()
 }

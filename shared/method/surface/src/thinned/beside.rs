@@ -11,7 +11,7 @@ const TOLD: usize = 3;
 const KINDS: usize = 4;
 
 /// Writes vertices beside the kept ones, or reads them.
-pub(super) struct Beside {
+pub(super) struct BetweenVertices {
     grid: Grid,
     rays: Rays,
     thinning: Thinning,
@@ -22,7 +22,7 @@ pub(super) struct Beside {
     numbers: [[NumberModel; TOLD]; KINDS],
 }
 
-impl Beside {
+impl BetweenVertices {
     pub(super) fn new(grid: Grid, rays: Rays, thinning: Thinning) -> Self {
         let [is_told, is_same] = Default::default();
         let numbers = std::array::from_fn(|_| std::array::from_fn(|_| NumberModel::default()));

@@ -152,13 +152,14 @@ pub(super) fn keyframes(replay: &Replay, placed: &Placed) -> Vec<Keyframe> {
             edges: keyframe.edges.iter().map(|edge| edge.to).collect(),
         })
         .collect();
-    let mut last = Span::of(replay.main_keyframes().map(|(_, pose)| (main_view * pose).translation.vector));
+    let mut last =
+        MapExtent::of(replay.main_keyframes().map(|(_, pose)| (main_view * pose).translation.vector));
     let middle_m = last.middle_m;
     for component in replay.apart().into_keys() {
         let own: Vec<(u32, Pose)> = replay.keyframes_of(component).map(|(k, pose)| (k.id, pose)).collect();
         let view = FrameView::new(own.iter().map(|(_, pose)| pose));
         let at = |pose: &Pose| Vector3::from(view.of(&pose.translation.vector));
-        let span = Span::of(own.iter().map(|(_, pose)| at(pose)));
+        let span = MapExtent::of(own.iter().map(|(_, pose)| at(pose)));
         let gap_m = GAP_M + GAP_SHARE * (last.right_m - last.left_m);
         let offset = Vector3::new(last.right_m + gap_m - span.left_m, middle_m - span.middle_m, 0.0);
         for (id, pose) in &own {
@@ -166,20 +167,20 @@ pub(super) fn keyframes(replay: &Replay, placed: &Placed) -> Vec<Keyframe> {
                 (keyframe.position_m, keyframe.apart) = ((at(pose) + offset).into(), Some(component));
             }
         }
-        last = Span { left_m: span.left_m + offset.x, right_m: span.right_m + offset.x, middle_m };
+        last = MapExtent { left_m: span.left_m + offset.x, right_m: span.right_m + offset.x, middle_m };
     }
     keyframes
 }
 
 /// How far keyframes reach to the left and to the right, and the middle of them forward.
 #[derive(Clone, Copy, Debug, Default)]
-struct Span {
+struct MapExtent {
     left_m: f64,
     right_m: f64,
     middle_m: f64,
 }
 
-impl Span {
+impl MapExtent {
     fn of(positions: impl Iterator<Item = Vector3<f64>>) -> Self {
         let all = positions.map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.inf(&at), high.sup(&at)));
         let Some((low, high)) = all else { return Self::default() };
