@@ -321,7 +321,7 @@ pub fn lost_and_found() -> Run {
 
 /// Out of the building's lift and back into it, up to another storey, and out of it.
 pub fn carried_by_a_lift() -> Run {
-    let run = room().with(&["--set", "surface.step=1"]);
+    let run = room().with(&["--set", "surface.step=4"]);
     let camera = run.dir.path().join("camera.toml");
     std::fs::write(&camera, CAMERA_320).unwrap();
     let frames: Vec<u64> = (0..330).chain((0..330).rev()).chain(6490..6900).step_by(4).collect();
