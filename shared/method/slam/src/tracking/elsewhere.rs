@@ -186,7 +186,7 @@ fn border(keyframes: &[KeyframeState], first: u32) -> SplitRecord {
     let is_pause = |pair: &&[KeyframeState]| {
         is_of_submap(&pair[0]) && pair[1].stamp_nanos.saturating_sub(pair[0].stamp_nanos) >= STOOD_NANOS
     };
-    match keyframes[from..].windows(2).filter(is_pause).last() {
+    match keyframes[from..].windows(2).rfind(is_pause) {
         Some(pause) => SplitRecord { carried: Some(first.min(pause[0].id)), first: pause[1].id },
         None => SplitRecord { carried: None, first },
     }
