@@ -3,10 +3,10 @@
 //!
 //! Nothing of the motion itself is seen. What is seen is that keyframes of long ago, which look at the same
 //! place by their poses, are missed: their features are not there, nor do their surfaces fit, for what the
-//! camera sees stands where they saw free space. One of them may have been blocked by a door; many of them,
-//! one after the other along a way and none between them that is seen, say that the place is another one.
-//! The camera then goes on in a submap of its own, to which the keyframes belong that were made since. If
-//! it was wrong, the next place that both know joins them again.
+//! camera sees stands where they saw free space. One of them may have been blocked by a door; many of them
+//! along a way, and hardly one between them that is seen, say that the place is another one. The camera then
+//! goes on in a submap of its own, to which the keyframes belong that were made since. If that was wrong, the
+//! next place that both know joins them again.
 
 use crate::features::matching::Reach;
 use crate::loops::detection;
@@ -60,7 +60,9 @@ pub(crate) fn with_contradiction(
                     Some(ContradictionRecord { n_missed, ..known })
                 }),
                 Look::Missed => Some(match known {
-                    Some(known) => ContradictionRecord { n_missed: known.n_missed + 1, ..known },
+                    Some(known) => {
+                        ContradictionRecord { n_missed: known.n_missed.saturating_add(1), ..known }
+                    }
                     None => ContradictionRecord { first: keyframe.id, n_missed: 1 },
                 }),
                 Look::Nothing => known,
