@@ -17,6 +17,9 @@ use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
 use tessera_graph::{BlockSums, PairBlock};
 use tessera_surface::SurfaceView;
 
+/// Features of a view from which on what they do not share with another one says something.
+pub(crate) const ENOUGH_FEATURES: usize = 100;
+
 /// Names a surface: as [`Reference::key`].
 pub(crate) type SurfaceKey = (bool, u64);
 

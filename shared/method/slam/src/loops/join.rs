@@ -1,6 +1,7 @@
 //! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
+use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::contradiction;
 use crate::loops::detection;
 use crate::loops::matchable::Matchable;
@@ -23,7 +24,6 @@ use tessera_registration::Sampler;
 const EVERY: u64 = 3;
 /// The same where the frame has too few features: a search by shape alone tries many alignments.
 const EVERY_BY_SHAPE: u64 = 9;
-const MIN_FEATURES: usize = 100;
 /// Largest disagreement of a sighting with the one before it.
 const AGREES_M: f64 = 0.1;
 const AGREES_RAD: f64 = 5.0_f64.to_radians();
@@ -73,14 +73,15 @@ fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
         [(join.kept, join.moved), (join.moved, join.kept)].contains(&(own, seen))
     };
     let n_refused = state.refused.iter().filter(is_between).count() as u32;
-    input.context.mapping.relocalise.confirm_frames << (state.n_refuted + n_refused).min(MOST_DOUBLINGS)
+    input.context.mapping.relocalise.confirm_frames
+        << state.n_refuted.saturating_add(n_refused).min(MOST_DOUBLINGS)
 }
 
 /// A first sighting: the frame's place among the keyframes of all other submaps.
 fn found(input: &TrackingInput<'_>, aligner: &mut Aligner, record: &FrameRecord) -> Option<SightingRecord> {
     let others: Vec<&KeyframeState> =
         input.map.active_anywhere().filter(|k| !input.map.contains(k)).collect();
-    let found = if aligner.sight.n_features() >= MIN_FEATURES && input.context.is_colour_trusted {
+    let found = if aligner.sight.n_features() >= ENOUGH_FEATURES && input.context.is_colour_trusted {
         let world_from_camera = Pose::from(&record.world_from_camera);
         relocalise::glimpse(input, aligner, &others, |there, submap| {
             let other_from_own = there * world_from_camera.inverse();

@@ -5,6 +5,7 @@
 //! keyframes of the other component, look the same way, and share no features with them.
 
 use crate::features::matching::{PairFinder, Reach};
+use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::matchable::Matchable;
 use crate::loops::verification;
 use crate::loops::view_limits::{ViewLimits, optical_axis};
@@ -23,8 +24,7 @@ const NEAR_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
 /// Keyframes that are looked at, at most.
 const MOST_TESTED: usize = 100;
-/// Features that a view has at least, and those on which views of one place agree.
-const MIN_FEATURES: usize = 100;
+/// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;
 /// Views that share nothing in a join that is refused: at least so many, and this share of all. Right joins had
 /// none, those of two storeys 12 % and more.
@@ -51,7 +51,7 @@ pub(crate) fn is_unlike(
                 Matchable::new(context, sampler, k, surfaces).with_features(context, surfaces.features(k.id))
             });
             let seen = [&sides[0], &sides[1]].map(|side| side.seen(context));
-            if seen.iter().any(|seen| seen.features.len() < MIN_FEATURES) {
+            if seen.iter().any(|seen| seen.features.len() < ENOUGH_FEATURES) {
                 return None;
             }
             let seed = u64::from(pair.moved.id) << 32 | u64::from(pair.kept.id);

@@ -1,5 +1,5 @@
-//! Numbers of single precision in records: four bytes each. Whoever makes a record rounds them, so that what is
-//! in memory is what is read back.
+//! Numbers of single precision in records: four bytes each. They are rounded when a record is made, so that
+//! what is in memory is what is read back.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

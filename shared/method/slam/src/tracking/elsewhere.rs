@@ -9,6 +9,7 @@
 //! next place that both know joins them again.
 
 use crate::features::matching::Reach;
+use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::detection;
 use crate::loops::matchable::Matchable;
 use crate::loops::verification;
@@ -27,8 +28,6 @@ use tessera_registration::Sampler;
 
 /// Keyframes of long ago that look at what the frame looks at.
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
-/// Features that a frame and a keyframe have at least, so that missing each other says something.
-const MIN_FEATURES: usize = 100;
 /// Features on which a frame and a keyframe of the same place agree, wherever they see each other.
 const MIN_AGREEING: usize = 15;
 /// Share of the matches of the best member of a window from which on an old one fits.
@@ -101,7 +100,7 @@ fn look(
     let settings = &input.context.mapping;
     let is_able =
         settings.features.enabled && input.context.is_colour_trusted && settings.submaps.after_s > 0.0;
-    if !is_able || aligner.sight.n_features() < MIN_FEATURES {
+    if !is_able || aligner.sight.n_features() < ENOUGH_FEATURES {
         return Look::Nothing;
     }
     if let Some(known) = in_window(input, aligner, aligned) {
@@ -109,7 +108,7 @@ fn look(
     }
     let Some(old) = nearest_old(input, world_from_camera) else { return Look::Nothing };
     let Some(there) = reference(input, Member::Keyframe(old.id)) else { return Look::Nothing };
-    if there.features.len() < MIN_FEATURES {
+    if there.features.len() < ENOUGH_FEATURES {
         return Look::Nothing;
     }
     let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
