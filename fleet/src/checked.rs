@@ -3,7 +3,7 @@
 
 use tessera_journal::decode;
 use tessera_slam::{
-    AlignRecord, FrameRecord, KeyframePose, KeyframeState, OptimiseRecord, State, StoreSlot,
+    AlignRecord, FrameRecord, KeyframePose, KeyframeState, OptimiseRecord, SplitRecord, State, StoreSlot,
 };
 use tessera_stage::slots;
 
@@ -82,10 +82,15 @@ impl RunFacts {
                 self.is_active.extend(map.keyframes.iter().map(KeyframeState::is_active))
             }
             AlignRecord::Frame(frame) => {
-                let Some(keyframe) = &frame.new_keyframe else { return };
-                self.is_active.push(true);
-                for retired in &keyframe.retires {
-                    self.is_active[retired.keyframe as usize] = false;
+                if let Some(keyframe) = &frame.new_keyframe {
+                    self.is_active.push(true);
+                    for retired in &keyframe.retires {
+                        self.is_active[retired.keyframe as usize] = false;
+                    }
+                }
+                if let Some(SplitRecord { carried: Some(carried), first }) = frame.split {
+                    let carried = self.is_active.iter_mut().take(first as usize).skip(carried as usize);
+                    carried.for_each(|is_active| *is_active = false);
                 }
             }
             AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::End { .. } => {}
@@ -149,7 +154,11 @@ impl RunFacts {
                         self.n_submaps
                     ));
                 }
-                self.check_poses(&applied.correction.keyframes)?;
+                let keyframes = &applied.correction.keyframes;
+                if !keyframes.is_sorted_by(|a, b| a.id < b.id) {
+                    return Err("corrected keyframes that are not in order".to_owned());
+                }
+                self.check_poses(keyframes)?;
                 applied.correction.frames.iter().try_for_each(|(_, pose)| check_pose(pose))
             }
             AlignRecord::Map(map) => {

@@ -121,7 +121,7 @@ fn an_answer_is_used_where_it_fits_and_refused_in_words_where_not() {
         (other_run, "an answer to run"),
         (changed(&|a| a.request += 1), "an answer to request"),
         (changed(&|a| a.input_hash ^= 1), "other keyframes"),
-        (changed(&|a| a.keyframes[1].id = 9), "a pose of keyframe 9, expected 1"),
+        (changed(&|a| a.keyframes[1].id = 9), "keyframes, by id"),
         (changed(&|a| a.keyframes[1].world_from_camera.translation_m[0] = f64::NAN), "cannot have"),
         (changed(&|a| a.keyframes[0].world_from_camera.translation_m[0] += 0.1), "keyframe 0 moves"),
     ];

@@ -10,6 +10,7 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Origin;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::settings::GlobalSettings;
+use nalgebra::Vector3;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::{Matcher, Sampler};
@@ -25,6 +26,8 @@ const MOST_VIOLATED: f64 = 0.025;
 /// something moves. Where a person walks, most neighbours see a half of what floats or more; what stays where it
 /// is they do not see through at all.
 const SEEN_THROUGH: f64 = 0.5 * GlobalSettings::MAX_IN_FRONT;
+/// What is about the place at which two components of one run are joined, metres.
+const ABOUT_M: f64 = 6.0;
 /// Joins that differ by more bring two components to different places, metres and radians.
 const APART_M: f64 = 1.0;
 const APART_RAD: f64 = 0.5;
@@ -46,14 +49,19 @@ impl JoinedKeyframe<'_> {
 
 /// Whether keyframes of both components, which a join brings near each other, say that it is wrong: what the
 /// one saw floats in front of what the other saw. What passes by ([`passes`]) says nothing. The same for any
-/// number of threads.
+/// number of threads. With a place in the gauge that stays, what is farther than [`ABOUT_M`] from it says nothing
+/// either: components have drifted in themselves.
 pub(crate) fn is_contradicted(
     context: &Context,
     state: &TrackerState,
     surfaces: &dyn KeyframeSurfaces,
     joined: &JoinRecord,
+    place: Option<&Vector3<f64>>,
 ) -> bool {
-    let both = keyframes_of_both(state, joined);
+    let mut both = keyframes_of_both(state, joined);
+    both.retain(|k| {
+        place.is_none_or(|place| (k.world_from_camera.translation.vector - place).norm() <= ABOUT_M)
+    });
     let across = pairs_across(&both, joined.kept);
     let verdicts = map_in_parts(
         &across,

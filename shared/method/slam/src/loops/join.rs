@@ -5,7 +5,7 @@ use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::contradiction;
 use crate::loops::detection;
 use crate::loops::matchable::Matchable;
-use crate::loops::unlike;
+use crate::loops::unlike::{self, Resemblance};
 use crate::loops::verification::{self, Tested};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
@@ -30,6 +30,8 @@ const AGREES_RAD: f64 = 5.0_f64.to_radians();
 /// After each join that was refuted or refused, twice as many confirmations are needed for the next, up to so
 /// many times.
 const MOST_DOUBLINGS: u32 = 5;
+/// Places farther apart are different ones, metres.
+const ELSEWHERE_M: f64 = 2.0;
 /// Keyframes for which a join that was refused is not tested again: by then both have seen more.
 const REFUSED_FOR: u32 = 200;
 
@@ -59,7 +61,7 @@ pub(crate) fn with_sighting(
     };
     // A pending correction was computed from the keyframes as they are.
     match sighting.filter(|sighting| is_certain(sighting) && state.pending.is_none()) {
-        Some(certain) => joined(input, &certain, record),
+        Some(certain) => joined(input, aligner, &certain, record),
         None => FrameRecord { sighting, ..record },
     }
 }
@@ -181,21 +183,29 @@ pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecor
 
 /// The record with the join and a request to optimise both submaps together, where the keyframes
 /// themselves agree; without the sighting where they do not.
-fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRecord) -> FrameRecord {
+fn joined(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    sighting: &SightingRecord,
+    record: FrameRecord,
+) -> FrameRecord {
     let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
     let Some((tested, join)) = verified else { return record };
-    let state = input.map.state();
-    if is_known_refused(state, &join) {
+    if is_known_refused(input.map.state(), &join) || fits_elsewhere(input, aligner, &record, sighting) {
         return record;
     }
-    let (context, keyframes) = (input.context, input.surfaces.keyframes);
-    if contradiction::is_contradicted(context, state, keyframes, &join)
-        || unlike::is_unlike(context, state, keyframes, &join)
-    {
-        let said =
-            format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
-        let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
-        return FrameRecord { reason, refused: Some(join), ..record };
+    match resemblance(input, &record, &join) {
+        Resemblance::Alike => {}
+        Resemblance::TooFew => {
+            // Once more, with the keyframes to come.
+            let n_confirmed = sighting.n_confirmed.saturating_sub(1);
+            return FrameRecord { sighting: Some(SightingRecord { n_confirmed, ..*sighting }), ..record };
+        }
+        Resemblance::Unlike => {
+            let said =
+                format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
+            return FrameRecord { refused: Some(join), ..saying(record, &said) };
+        }
     }
     let settings = &input.context.mapping.loops;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
@@ -208,8 +218,49 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
         100.0 * tested.overlap,
         100.0 * tested.in_front
     );
-    let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
-    FrameRecord { reason, join: Some(join), request, ..record }
+    FrameRecord { join: Some(join), request, ..saying(record, &said) }
+}
+
+fn saying(record: FrameRecord, said: &str) -> FrameRecord {
+    let reason =
+        if record.reason.is_empty() { said.to_owned() } else { format!("{}; {said}", record.reason) };
+    FrameRecord { reason, ..record }
+}
+
+/// What the views of both components and their surfaces say of a join.
+fn resemblance(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> Resemblance {
+    let (context, state, keyframes) = (input.context, input.map.state(), input.surfaces.keyframes);
+    let camera = Pose::from(&record.world_from_camera);
+    let is_moved = state.submaps.component(input.map.submap()) == join.moved;
+    let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
+    let place = Some(&there.translation.vector);
+    match unlike::resemblance(context, state, keyframes, join) {
+        Resemblance::Alike if contradiction::is_contradicted(context, state, keyframes, join, place) => {
+            Resemblance::Unlike
+        }
+        looks => looks,
+    }
+}
+
+/// Whether the frame has its place elsewhere in the other component just as well: of rooms that look alike none
+/// says which one it is.
+fn fits_elsewhere(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+    sighting: &SightingRecord,
+) -> bool {
+    let (Some(other_from_own), Some(seen)) =
+        (other_from_own(input, sighting), input.map.keyframe(sighting.seen))
+    else {
+        return false;
+    };
+    let expected = other_from_own * Pose::from(&record.world_from_camera);
+    let other = input.map.in_submap(seen.submap);
+    let apart_m = |pose: &Pose| (expected.translation.vector - pose.translation.vector).norm();
+    let is_elsewhere = |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > ELSEWHERE_M;
+    let elsewhere: Vec<&KeyframeState> = other.active().filter(is_elsewhere).collect();
+    relocalise::glimpse(input, aligner, &elsewhere, |there, _| apart_m(there) > ELSEWHERE_M).is_some()
 }
 
 /// Whether the same join was refused a short while ago.

@@ -9,9 +9,10 @@ use crate::loops::appearance::Ferns;
 use crate::loops::contradiction;
 use crate::loops::join;
 use crate::loops::known_looks::{ComponentHashes, KnownLooks};
+use crate::loops::unlike::{self, Resemblance};
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
-use crate::map::pose_history::apply_join;
+use crate::map::placement::apply_join;
 use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
@@ -89,7 +90,7 @@ pub(crate) fn join_all(
         progress();
         match looker.meeting(state, surfaces, (known, &hashes), id) {
             Some((meeting, joined)) => {
-                apply_join(state.keyframes.as_mut_slice(), &mut state.submaps, &joined);
+                apply_join(&mut state.keyframes, &mut state.submaps, &joined);
                 meetings.push(meeting);
                 hashes = ComponentHashes::of(state);
                 looker.contradicted.clear();
@@ -179,10 +180,17 @@ impl Looker {
         };
         // Neighbours say the same: one test is enough for them.
         let is_known = self.contradicted.iter().any(|known| contradiction::is_same_join(known, &joined));
-        if is_known || contradiction::is_contradicted(&self.context, state, surfaces, &joined) {
-            return LookOutcome::Contradicted(joined);
+        let resemblance = match is_known {
+            true => Resemblance::Unlike,
+            false => unlike::resemblance(&self.context, state, surfaces, &joined),
+        };
+        let is_contradicted =
+            || contradiction::is_contradicted(&self.context, state, surfaces, &joined, None);
+        match resemblance {
+            Resemblance::TooFew => LookOutcome::Nothing,
+            Resemblance::Alike if !is_contradicted() => LookOutcome::Joined(meeting, joined),
+            Resemblance::Alike | Resemblance::Unlike => LookOutcome::Contradicted(joined),
         }
-        LookOutcome::Joined(meeting, joined)
     }
 
     fn first_sighting(

@@ -15,6 +15,7 @@ pub(crate) mod known_looks;
 pub(crate) mod matchable;
 pub(crate) mod meeting;
 pub(crate) mod pair_alignment;
+pub(crate) mod said_loops;
 #[cfg(test)]
 pub(crate) mod test_wall;
 pub(crate) mod trigger;

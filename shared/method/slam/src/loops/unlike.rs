@@ -27,22 +27,42 @@ const MOST_TESTED: usize = 100;
 /// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;
 /// Views that share nothing in a join that is refused: at least so many, and this share of all. Right joins had
-/// none, those of two storeys 12 % and more.
-const UNLIKE: usize = 5;
-const UNLIKE_SHARE: f64 = 0.08;
+/// none, those of two storeys 7 % and more.
+const UNLIKE: usize = 3;
+const UNLIKE_SHARE: f64 = 0.04;
 
-/// Whether keyframes of both components, which a join brings near each other, look unlike. The same for any
-/// number of threads.
-pub(crate) fn is_unlike(
+/// Views that must share features before a join is made, or half of the keyframes of the smaller component where
+/// it has fewer than twice as many: a first look may be at what is the same on every storey.
+const ENOUGH_ALIKE: usize = 15;
+
+/// What the views of both components say of a join that brings them near each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Resemblance {
+    /// Many share nothing.
+    Unlike,
+    /// Too few share features to tell.
+    TooFew,
+    Alike,
+}
+
+/// What the views of both components say; without colour they say nothing against it. The same for any number
+/// of threads.
+pub(crate) fn resemblance(
     context: &Context,
     state: &TrackerState,
     surfaces: &dyn KeyframeSurfaces,
     joined: &JoinRecord,
-) -> bool {
+) -> Resemblance {
     if !context.mapping.features.enabled || !context.is_colour_trusted {
-        return false;
+        return Resemblance::Alike;
     }
+    let n_of =
+        |component: u32| state.active().filter(|k| state.submaps.component(k.submap) == component).count();
+    let enough = ENOUGH_ALIKE.min(n_of(joined.moved).min(n_of(joined.kept)) / 2);
     let pairs = pairs(state, joined);
+    if pairs.len() < enough {
+        return Resemblance::TooFew;
+    }
     let looks = map_in_parts(
         &pairs,
         || (Sampler::default(), PairFinder::new(context), context.matcher()),
@@ -52,12 +72,12 @@ pub(crate) fn is_unlike(
             });
             let seen = [&sides[0], &sides[1]].map(|side| side.seen(context));
             if seen.iter().any(|seen| seen.features.len() < ENOUGH_FEATURES) {
-                return None;
+                return PairLook::Featureless;
             }
             let seed = u64::from(pair.moved.id) << 32 | u64::from(pair.kept.id);
             let found = finder.find(context, seen, &pair.kept_from_moved, Reach::LOOP, seed);
             if found.is_some_and(|found| found.inliers.len() >= MIN_AGREEING) {
-                return Some(true);
+                return PairLook::Alike;
             }
             let mut violates = || {
                 let settings = &context.mapping.global;
@@ -65,18 +85,35 @@ pub(crate) fn is_unlike(
                     verification::test(settings, matcher, &sides[0], &sides[1], &pair.kept_from_moved);
                 tested.in_front > GlobalSettings::MAX_IN_FRONT
             };
-            (pair.is_same_view || violates()).then_some(false)
+            if pair.is_same_view || violates() { PairLook::Unlike } else { PairLook::Elsewhere }
         },
         &mut || (),
     );
-    let looks: Vec<bool> = looks.into_iter().flatten().collect();
-    is_refused(&looks)
+    judged(&looks, enough)
 }
 
-/// Whether so many views share nothing.
-fn is_refused(looks_alike: &[bool]) -> bool {
-    let n_unlike = looks_alike.iter().filter(|is_alike| !**is_alike).count();
-    n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * looks_alike.len() as f64
+/// What a pair of views says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PairLook {
+    Alike,
+    Unlike,
+    /// They need not share anything.
+    Elsewhere,
+    /// One of them has too few features to share any.
+    Featureless,
+}
+
+fn judged(looks: &[PairLook], enough: usize) -> Resemblance {
+    let n = |what: PairLook| looks.iter().filter(|look| **look == what).count();
+    let (n_alike, n_unlike, n_featureless) =
+        (n(PairLook::Alike), n(PairLook::Unlike), n(PairLook::Featureless));
+    if n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * (n_alike + n_unlike) as f64 {
+        Resemblance::Unlike
+    } else if n_alike + n_featureless < enough {
+        Resemblance::TooFew
+    } else {
+        Resemblance::Alike
+    }
 }
 
 /// A keyframe of the component that moves, and that of the other one whose view is the most like its own.
@@ -122,9 +159,22 @@ mod tests {
 
     #[test]
     fn many_views_that_share_nothing_refuse_a_join() {
-        let looks = |n_alike: usize, n_unlike: usize| [vec![true; n_alike], vec![false; n_unlike]].concat();
-        assert!(!is_refused(&looks(0, 0)) && !is_refused(&looks(0, 4)));
-        assert!(is_refused(&looks(50, 5)) && !is_refused(&looks(70, 5)));
+        let looks = |n_alike: usize, n_unlike: usize| {
+            let looks = [
+                vec![PairLook::Alike; n_alike],
+                vec![PairLook::Unlike; n_unlike],
+                vec![PairLook::Elsewhere; 9],
+            ];
+            judged(&looks.concat(), 15)
+        };
+        assert_eq!((looks(0, 0), looks(14, 2)), (Resemblance::TooFew, Resemblance::TooFew));
+        assert_eq!((looks(15, 0), looks(90, 3)), (Resemblance::Alike, Resemblance::Alike));
+        assert_eq!((looks(0, 3), looks(70, 3)), (Resemblance::Unlike, Resemblance::Unlike));
+        assert_eq!(
+            judged(&[PairLook::Featureless; 15], 15),
+            Resemblance::Alike,
+            "bare walls say nothing against it"
+        );
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use crate::loops::matchable::Matchable;
 use crate::loops::pair_alignment::{AlignedPair, PairAlignment};
-use crate::map::records::{LoopRecord, LoopVerdict};
+use crate::map::records::LoopVerdict;
 use crate::settings::GlobalSettings;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -31,18 +31,6 @@ pub(crate) struct Tested {
 
 /// Tests by the ids of the newer and the older keyframe.
 pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
-
-impl Tested {
-    /// What a record says of a pair that passed.
-    pub(crate) fn accepted(record: &LoopRecord) -> Self {
-        Self {
-            overlap: record.overlap,
-            in_front: record.in_front,
-            inconsistency_sigmas: record.inconsistency_sigmas,
-            verdict: LoopVerdict::Accepted,
-        }
-    }
-}
 
 /// Tests the pair at its own optimum, which it looks for from `newer`'s pose in `older`'s frame.
 pub(crate) fn test(

@@ -50,11 +50,13 @@ pub struct Correction {
     pub request: u64,
     /// Hash of the input it was computed from.
     pub input_hash: u64,
-    /// Corrected keyframes, by id.
+    /// The keyframes that were solved for, by id: those of the working map at the request, and in the final
+    /// optimisation culled ones as well. Others move along with them ([`crate::PoseHistory`]).
     pub keyframes: Vec<KeyframePose>,
     /// Frames solved again against the optimised keyframes (final optimisation only).
     pub frames: Vec<(u64, PoseBits)>,
-    /// Loop pairs with what their tests found and the weight that the optimiser left them.
+    /// Loop pairs with what their tests found and the weight that the optimiser left them: those of which
+    /// earlier corrections said something else, and in the final one all.
     pub loops: Vec<LoopRecord>,
     /// The submaps of the request, apart where the optimiser refuted what had joined them.
     pub submaps: Submaps,

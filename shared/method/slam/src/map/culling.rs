@@ -150,32 +150,6 @@ pub fn given_up(keyframes: &[KeyframeState], kept_bytes: u64) -> impl Iterator<I
     keyframes[..keyframes.len() - n_kept].iter().filter(|keyframe| !keyframe.is_active())
 }
 
-/// Poses of all keyframes from those of the active ones and of the `culled` ones that were solved for,
-/// by id: the others move along with their anchors.
-pub(crate) fn with_retired(
-    keyframes: &[KeyframeState],
-    active: &[KeyframeState],
-    solved: &[Pose],
-    culled: &[(u32, Pose)],
-) -> Vec<Pose> {
-    let solved_of = |id: u32| active.binary_search_by_key(&id, |k| k.id).ok().and_then(|k| solved.get(k));
-    keyframes
-        .iter()
-        .map(|keyframe| {
-            let old = Pose::from(&keyframe.world_from_camera);
-            let solved_for = || culled.binary_search_by_key(&keyframe.id, |c| c.0).ok().map(|k| &culled[k].1);
-            if let Some(pose) = solved_of(keyframe.id).or_else(solved_for) {
-                return *pose;
-            }
-            let anchor = keyframe.anchored_to.and_then(|id| keyframes.get(id as usize));
-            match anchor.and_then(|anchor| Some((anchor, solved_of(anchor.id)?))) {
-                Some((anchor, pose)) => pose * Pose::from(&anchor.world_from_camera).inverse() * old,
-                None => old,
-            }
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -338,14 +312,5 @@ mod tests {
         state.retire(&RetiredRecord { keyframe: 1, anchored_to: 2 });
         state.retire(&RetiredRecord { keyframe: 2, anchored_to: 3 });
         assert_eq!(state.keyframes[1].anchored_to, Some(3), "its own anchor went");
-        let active: Vec<KeyframeState> = state.keyframes.iter().filter(|k| k.is_active()).cloned().collect();
-        assert_eq!(active.iter().map(|k| k.id).collect::<Vec<_>>(), [0, 3]);
-        let solved = [Pose::identity(), Pose::translation(0.3, 1.0, 0.0)];
-        let all = with_retired(&state.keyframes, &active, &solved, &[]);
-        let expected = [[0.0, 0.0], [0.1, 1.0], [0.2, 1.0], [0.3, 1.0]];
-        for (pose, [x, y]) in all.iter().zip(expected) {
-            let t = pose.translation.vector;
-            assert!((t.x - x).abs() < 1e-12 && (t.y - y).abs() < 1e-12, "{t}");
-        }
     }
 }

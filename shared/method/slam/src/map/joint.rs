@@ -5,12 +5,13 @@ use crate::loops::meeting::{Meeting, join_all};
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::joint_cache::JointCache;
+use crate::map::placement::apply_correction;
 use crate::map::records::{AlignRecord, Correction, KeyframePose, RequestRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::answer::origins;
-use crate::optimise::optimiser::{Optimiser, Pending, SolvedKeyframes, by_id};
+use crate::optimise::optimiser::{Optimiser, Pending, SolvedKeyframes};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use std::ops::Range;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
@@ -139,9 +140,7 @@ impl JointMap {
         let correction = optimiser.solve(&request, surfaces, &none, progress);
         (*drawn, *features) = optimiser.into_known();
         let correction = correction?;
-        for pose in &correction.keyframes {
-            self.state.keyframes[pose.id as usize].world_from_camera = pose.world_from_camera;
-        }
+        let _ = apply_correction(&mut self.state.keyframes, &correction);
         self.state.submaps.judge(&correction.submaps);
         Some(correction)
     }
@@ -194,16 +193,19 @@ impl JointMap {
         let poses = in_own_gauge(&own.keyframes, &submaps, &solved);
         let mut loops = solved.solution.loops;
         loops.retain(|l| (l.newer.max(l.older) as usize) < own.keyframes.len());
-        let mut keyframes = by_id(&own.keyframes, &poses);
-        for origin in origins(&own.keyframes, &submaps) {
-            keyframes[origin].world_from_camera = own.keyframes[origin].world_from_camera;
-        }
+        let origins = origins(&own.keyframes, &submaps);
+        let pose = |id: u32| match &own.keyframes[id as usize] {
+            origin if origins.contains(&(id as usize)) => origin.world_from_camera,
+            _ => PoseBits::from(&poses[id as usize]),
+        };
+        let own_ids = solved.solved.iter().map(|k| k.id).filter(|id| (*id as usize) < own.keyframes.len());
+        let keyframes = own_ids.map(|id| KeyframePose { id, world_from_camera: pose(id) }).collect();
         Some(Correction {
             request: request.request,
             input_hash: input_hash(&own.keyframes),
             keyframes,
             frames: Vec::new(),
-            loops,
+            loops: optimiser.to_say(request, loops),
             submaps,
             outer_iterations: solved.solution.outer_iterations,
             n_graduated_rounds: solved.solution.n_rounds,

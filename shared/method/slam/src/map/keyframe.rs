@@ -94,7 +94,8 @@ pub struct KeyframeState {
     pub place: PlaceCode,
     /// Keyframes that look like it, as journaled.
     pub alike: Vec<u32>,
-    /// The keyframe that this one moves along with since it left the working map.
+    /// The keyframe that this one moves along with since it left the working map; itself, where it is of what
+    /// the camera was carried in.
     pub anchored_to: Option<u32>,
 }
 

@@ -1,30 +1,26 @@
 //! A submap that the camera had left before that was noticed (method 12.8): what of the working map goes
 //! with which part.
 
-use crate::map::keyframe::KeyframeState;
+use crate::map::placement::{HasPlacement, Placement};
 use crate::map::records::SplitRecord;
 use nalgebra::Vector3;
 
 /// Anchors again, within its own part, each culled keyframe that moved along with one of another part: with
 /// the nearest one there. Where there is none it is active again.
-pub(crate) fn anchor_within_parts(keyframes: &mut [KeyframeState], split: &SplitRecord) {
+pub(crate) fn anchor_within_parts<K: HasPlacement>(keyframes: &mut [K], split: &SplitRecord) {
     let part = |id: u32| split.firsts().filter(|first| id >= *first).count();
-    let centre = |k: &KeyframeState| Vector3::from(k.world_from_camera.translation_m);
-    let is_across = |k: &KeyframeState| k.anchored_to.is_some_and(|anchor| part(anchor) != part(k.id));
-    let anchors: Vec<(usize, Option<u32>)> = keyframes
-        .iter()
-        .enumerate()
-        .filter(|(_, k)| is_across(k))
-        .map(|(place, k)| {
-            let beside = keyframes.iter().filter(|o| o.is_active() && part(o.id) == part(k.id));
-            let of_submap = beside.filter(|o| o.submap == k.submap);
-            let away = |o: &KeyframeState| (centre(o) - centre(k)).norm_squared();
-            let nearest = of_submap.min_by(|a, b| away(a).total_cmp(&away(b)).then(a.id.cmp(&b.id)));
-            (place, nearest.map(|o| o.id))
-        })
-        .collect();
-    for (place, anchor) in anchors {
-        keyframes[place].anchored_to = anchor;
+    let all: Vec<(u32, Placement)> = (0..).zip(keyframes.iter().map(HasPlacement::placement)).collect();
+    let centre = |k: &Placement| Vector3::from(k.world_from_camera.translation_m);
+    for (id, culled) in &all {
+        if culled.anchored_to.is_none_or(|anchor| part(anchor) == part(*id)) {
+            continue;
+        }
+        let beside = all.iter().filter(|(other, k)| k.anchored_to.is_none() && part(*other) == part(*id));
+        let of_submap = beside.filter(|(_, k)| k.submap == culled.submap);
+        let away = |k: &Placement| (centre(k) - centre(culled)).norm_squared();
+        let nearest = of_submap.min_by(|(a, k), (b, l)| away(k).total_cmp(&away(l)).then(a.cmp(b)));
+        let anchored_to = nearest.map(|(other, _)| *other);
+        keyframes[*id as usize].set_placement(Placement { anchored_to, ..*culled });
     }
 }
 
@@ -32,6 +28,7 @@ pub(crate) fn anchor_within_parts(keyframes: &mut [KeyframeState], split: &Split
 mod tests {
     use super::*;
     use crate::loops::test_wall::keyframe;
+    use crate::map::keyframe::KeyframeState;
 
     #[test]
     fn a_culled_keyframe_stays_with_its_own_part() {

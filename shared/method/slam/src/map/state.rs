@@ -4,12 +4,12 @@ use crate::features::colour_model::{ColourModel, ColourState};
 use crate::map::active_ids::ActiveIds;
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
-use crate::map::pose_history::{RigidMotion, apply_correction, apply_join, apply_poses, apply_split};
+use crate::map::placement::{RigidMotion, apply_correction, apply_join, apply_poses};
+use crate::map::placement::{apply_retired, apply_split};
 use crate::map::records::{
     AlignRecord, AppliedCorrection, ContradictionRecord, FrameRecord, JoinRecord, MapRecord, RequestRecord,
     SightingRecord, SplitRecord, State,
 };
-use crate::map::split;
 use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, PoseBits};
@@ -224,8 +224,7 @@ impl TrackerState {
     fn apply_split(&mut self, split: &SplitRecord, submap: u32) {
         let first = split.firsts().next().unwrap_or(split.first) as usize;
         let left = first.checked_sub(1).and_then(|id| self.keyframes.get(id)).map_or(0, |k| k.submap);
-        apply_split(self.keyframes.as_mut_slice(), split, submap);
-        split::anchor_within_parts(&mut self.keyframes, split);
+        apply_split(&mut self.keyframes, split, submap);
         self.active_ids = ActiveIds::default();
         self.active_ids.extend(&self.keyframes);
         for new in submap.saturating_sub(u32::from(split.carried.is_some()))..=submap {
@@ -245,7 +244,7 @@ impl TrackerState {
     /// along, so that `odom_from_camera` does not jump.
     fn apply_join(&mut self, join: &JoinRecord) {
         let is_moved = self.submaps.component(self.submap) == join.moved;
-        let motion = apply_join(self.keyframes.as_mut_slice(), &mut self.submaps, join);
+        let motion = apply_join(&mut self.keyframes, &mut self.submaps, join);
         if is_moved {
             self.move_camera(&motion);
         }
@@ -260,12 +259,11 @@ impl TrackerState {
 
     /// A keyframe leaves the working map, with all that is of use there alone.
     pub fn retire(&mut self, retired: &RetiredRecord) {
-        for keyframe in &mut self.keyframes {
-            let named = keyframe.anchored_to.iter_mut().chain(&mut keyframe.alike);
-            named.filter(|id| **id == retired.keyframe).for_each(|id| *id = retired.anchored_to);
+        apply_retired(&mut self.keyframes, retired);
+        for id in self.keyframes.iter_mut().flat_map(|keyframe| &mut keyframe.alike) {
+            *id = if *id == retired.keyframe { retired.anchored_to } else { *id };
         }
         if let Some(keyframe) = self.keyframes.get_mut(retired.keyframe as usize) {
-            keyframe.anchored_to = Some(retired.anchored_to);
             (keyframe.edges, keyframe.covariance) = Default::default();
             (keyframe.place, keyframe.alike) = Default::default();
             self.active_ids.remove(retired.keyframe);
@@ -277,7 +275,7 @@ impl TrackerState {
         if frame.moved.is_empty() {
             return;
         }
-        apply_poses(self.keyframes.as_mut_slice(), &frame.moved);
+        apply_poses(&mut self.keyframes, &frame.moved);
         let before = self.world_from_odom.unwrap_or(PoseBits::IDENTITY);
         let motion = RigidMotion::between(&before, &frame.world_from_odom);
         for recent in &mut self.recent {
@@ -292,11 +290,11 @@ impl TrackerState {
         self.n_keyframes_at_request = request.n_keyframes;
     }
 
-    /// Corrected keyframes take their new poses; what is newer moves rigidly with the last of them in
-    /// its submap, and so does `world_from_odom`, so that `odom_from_camera` does not jump.
+    /// Keyframes move as [`apply_correction`] says, and `world_from_odom` with what came after them, so that
+    /// `odom_from_camera` does not jump.
     fn apply_correction(&mut self, applied: &AppliedCorrection) {
         self.pending = None;
-        let Some(motions) = apply_correction(self.keyframes.as_mut_slice(), &applied.correction) else {
+        let Some(motions) = apply_correction(&mut self.keyframes, &applied.correction) else {
             return;
         };
         if let Some(motion) = motions.get(&self.submap) {

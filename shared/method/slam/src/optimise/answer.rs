@@ -5,7 +5,6 @@ use crate::map::input_hash::input_hash;
 use crate::map::records::{Correction, KeyframePose, LoopRecord, RequestRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
-use tessera_geometry::PoseBits;
 
 /// Largest coordinate of a pose, metres.
 const MAX_COORDINATE_M: f64 = 1e6;
@@ -47,20 +46,20 @@ fn check_submaps(expected: &Submaps, found: &Submaps) -> Result<(), String> {
     }
 }
 
-/// One pose for each keyframe, in order.
+/// A pose of each active keyframe at least, by id.
 fn check_poses(keyframes: &[KeyframeState], poses: &[KeyframePose]) -> Result<(), String> {
-    if poses.len() != keyframes.len() {
-        return Err(format!("poses of {} keyframes, expected {}", poses.len(), keyframes.len()));
+    let is_rising = poses.is_sorted_by(|a, b| a.id < b.id);
+    if !is_rising || poses.last().is_some_and(|pose| pose.id as usize >= keyframes.len()) {
+        return Err(format!("poses that are not of {} keyframes, by id", keyframes.len()));
     }
-    for (pose, keyframe) in poses.iter().zip(keyframes) {
-        if pose.id != keyframe.id {
-            return Err(format!("a pose of keyframe {}, expected {}", pose.id, keyframe.id));
-        }
-        let PoseBits { translation_m, .. } = pose.world_from_camera;
-        let is_near = translation_m.iter().all(|v| v.abs() <= MAX_COORDINATE_M);
-        if !(is_near && pose.world_from_camera.is_valid()) {
-            let found = pose.world_from_camera;
-            return Err(format!("a pose that keyframe {} cannot have: {found:?}", pose.id));
+    let is_named = |id: u32| poses.binary_search_by_key(&id, |pose| pose.id).is_ok();
+    if let Some(missed) = keyframes.iter().find(|k| k.is_active() && !is_named(k.id)) {
+        return Err(format!("no pose of keyframe {}, which was to be solved for", missed.id));
+    }
+    for KeyframePose { id, world_from_camera } in poses {
+        let is_near = world_from_camera.translation_m.iter().all(|v| v.abs() <= MAX_COORDINATE_M);
+        if !(is_near && world_from_camera.is_valid()) {
+            return Err(format!("a pose that keyframe {id} cannot have: {world_from_camera:?}"));
         }
     }
     Ok(())
@@ -68,8 +67,8 @@ fn check_poses(keyframes: &[KeyframeState], poses: &[KeyframePose]) -> Result<()
 
 fn check_gauge(keyframes: &[KeyframeState], answer: &Correction) -> Result<(), String> {
     for origin in origins(keyframes, &answer.submaps) {
-        let found = answer.keyframes[origin].world_from_camera;
-        if found != keyframes[origin].world_from_camera {
+        let found = answer.keyframes.iter().find(|pose| pose.id as usize == origin);
+        if found.is_none_or(|pose| pose.world_from_camera != keyframes[origin].world_from_camera) {
             return Err(format!("keyframe {origin} moves, which is the origin of its map"));
         }
     }
@@ -103,10 +102,10 @@ mod tests {
     use super::*;
     use crate::loops::test_wall::keyframe;
     use crate::map::records::LoopVerdict;
-    use tessera_geometry::Pose;
+    use tessera_geometry::{Pose, PoseBits};
 
     const REQUEST: RequestRecord =
-        RequestRecord { request: 3, n_keyframes: 3, effective_before: 9, is_final: false };
+        RequestRecord { request: 3, n_keyframes: 4, effective_before: 9, is_final: false };
 
     type Change<'a> = &'a dyn Fn(&mut Correction);
 
@@ -141,7 +140,9 @@ mod tests {
 
     #[test]
     fn an_answer_is_used_only_where_it_fits_the_request() {
-        let keyframes = [keyframe(0, 0, 0.0), keyframe(1, 0, 1.0), keyframe(2, 0, 2.0)];
+        let mut keyframes =
+            [keyframe(0, 0, 0.0), keyframe(1, 0, 1.0), keyframe(2, 0, 2.0), keyframe(3, 0, 3.0)];
+        keyframes[1].anchored_to = Some(2);
         let submaps = Submaps::apart(1);
         let refusal = |change: Change<'_>| {
             let mut changed = answer(&keyframes);
@@ -150,18 +151,20 @@ mod tests {
         };
         assert_eq!(refusal(&|_| ()), "");
         assert_eq!(refusal(&|a| a.keyframes[2].world_from_camera = at(2.5)), "");
-        let cases: [(Change<'_>, &str); 12] = [
+        assert_eq!(refusal(&|a| a.keyframes.retain(|k| k.id != 1)), "", "a culled one moves along");
+        let cases: [(Change<'_>, &str); 13] = [
             (&|a| a.request = 2, "request 2, expected 3"),
             (&|a| a.input_hash ^= 1, "other keyframes"),
             (&|a| a.frames.push((0, at(0.0))), "poses of frames"),
             (&|a| a.submaps = Submaps::apart(2), "2 submaps, expected 1"),
-            (&|a| a.keyframes.truncate(2), "2 keyframes, expected 3"),
-            (&|a| a.keyframes.swap(1, 2), "keyframe 2, expected 1"),
+            (&|a| a.keyframes.truncate(3), "no pose of keyframe 3"),
+            (&|a| a.keyframes.swap(1, 2), "not of 4 keyframes, by id"),
+            (&|a| a.keyframes[3].id = 4, "not of 4 keyframes, by id"),
             (&|a| a.keyframes[1].world_from_camera = at(f64::NAN), "keyframe 1 cannot have"),
             (&|a| a.keyframes[1].world_from_camera = at(1e9), "keyframe 1 cannot have"),
             (&|a| a.keyframes[1].world_from_camera.rotation_xyzw[3] = 1.1, "keyframe 1 cannot have"),
             (&|a| a.keyframes[0].world_from_camera = at(0.1), "keyframe 0 moves"),
-            (&|a| a.loops[0].newer = 3, "a loop that none can be"),
+            (&|a| a.loops[0].newer = 4, "a loop that none can be"),
             (&|a| a.loops[0].weight = f64::NAN, "a loop that none can be"),
         ];
         for (change, words) in cases {

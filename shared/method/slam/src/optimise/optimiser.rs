@@ -2,12 +2,12 @@
 
 use crate::features::colour_model::ColourState;
 use crate::loops::feature_cache::FeatureCache;
-use crate::loops::verification::{KnownLoops, Tested};
+use crate::loops::said_loops::SaidLoops;
 use crate::map::context::Context;
-use crate::map::culling::with_retired;
 use crate::map::input_hash::input_hash;
+use crate::map::placement::corrected;
 use crate::map::records::{
-    AlignRecord, Correction, KeyframePose, LoopVerdict, OptimiseRecord, RefinedCamera, Refinement,
+    AlignRecord, Correction, KeyframePose, LoopRecord, OptimiseRecord, RefinedCamera, Refinement,
     RequestRecord,
 };
 use crate::map::state::{KeyframeState, TrackerState};
@@ -28,7 +28,7 @@ use tessera_numerics::Step;
 /// The optimiser: a fold over both journals plus a pure solve.
 ///
 /// A request's input is the aligner's journal up to the record that holds it, with the corrections
-/// before it, and the loops that the last correction's record names as accepted: they passed their
+/// before it, and the loops that the records of corrections name as accepted: they passed their
 /// tests at their own optimum and are not tested again.
 pub struct Optimiser {
     context: Context,
@@ -36,8 +36,8 @@ pub struct Optimiser {
     /// Requests with what they ask for.
     pending: VecDeque<Pending>,
     n_answered: u64,
-    /// Loop pairs that passed their tests in the last correction.
-    known: KnownLoops,
+    /// What the corrections so far say of loop pairs of the working map.
+    said: SaidLoops,
     drawn: Drawn,
     cache: FeatureCache,
 }
@@ -54,7 +54,9 @@ pub(crate) struct Pending {
 pub(crate) struct SolvedKeyframes {
     active: Vec<KeyframeState>,
     pub(crate) solution: Solution,
-    /// Of all keyframes, by id.
+    /// The keyframes that were solved for, by id.
+    pub(crate) solved: Vec<KeyframePose>,
+    /// Poses of all keyframes, by id.
     pub(crate) poses: Vec<Pose>,
 }
 
@@ -63,7 +65,7 @@ pub(crate) struct SolvedKeyframes {
 pub struct OptimiserState<'a> {
     state: Cow<'a, TrackerState>,
     n_answered: u64,
-    known: Vec<((u32, u32), Tested)>,
+    said: Cow<'a, SaidLoops>,
 }
 
 impl Optimiser {
@@ -74,7 +76,7 @@ impl Optimiser {
             context,
             pending: VecDeque::new(),
             n_answered: 0,
-            known: KnownLoops::new(),
+            said: SaidLoops::default(),
             drawn: Drawn::default(),
             cache: FeatureCache::default(),
         }
@@ -120,12 +122,7 @@ impl Optimiser {
         let correction = record.correction();
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|pending| pending.request.request > correction.request);
-        self.known = correction
-            .loops
-            .iter()
-            .filter(|l| matches!(l.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted))
-            .map(|l| ((l.newer, l.older), Tested::accepted(l)))
-            .collect();
+        self.said.take(correction);
     }
 
     /// The oldest request without an answer.
@@ -154,7 +151,7 @@ impl Optimiser {
         self.pending.is_empty().then(|| OptimiserState {
             state: Cow::Borrowed(&self.state),
             n_answered: self.n_answered,
-            known: self.known.iter().map(|(ids, tested)| (*ids, *tested)).collect(),
+            said: Cow::Borrowed(&self.said),
         })
     }
 
@@ -165,7 +162,7 @@ impl Optimiser {
             state: snapshot.state.into_owned(),
             pending: VecDeque::new(),
             n_answered: snapshot.n_answered,
-            known: snapshot.known.into_iter().collect(),
+            said: snapshot.said.into_owned(),
             drawn: Drawn::default(),
             cache: FeatureCache::default(),
         }
@@ -193,12 +190,12 @@ impl Optimiser {
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
-            keyframes: by_id(keyframes, poses),
+            keyframes: solved.solved,
             frames,
             refinement,
             outer_iterations: solution.outer_iterations,
             n_graduated_rounds: solution.n_rounds,
-            loops: solved.solution.loops,
+            loops: self.to_say(request, solved.solution.loops),
             submaps: solved.solution.submaps,
         })
     }
@@ -226,13 +223,21 @@ impl Optimiser {
             surfaces,
             drawn: &self.drawn,
             cache: &self.cache,
-            known: &self.known,
+            known: &self.said.accepted(),
             history: request.is_final.then_some((self.state.session, history)),
             outer_iterations: iterations,
         };
         let solution = global::solve(&start, submaps, progress);
-        let poses = with_retired(keyframes, &active, &solution.poses, &solution.culled);
-        SolvedKeyframes { active, solution, poses }
+        let solved = named(&active, &solution.poses, &solution.culled);
+        let poses = all_poses(keyframes, &solved);
+        SolvedKeyframes { active, solution, solved, poses }
+    }
+
+    /// The loop pairs that a correction names: those that have another verdict than was said before, and in
+    /// the final one all.
+    pub(crate) fn to_say(&self, request: &RequestRecord, mut loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
+        loops.retain(|pair| request.is_final || !self.said.is_said(pair));
+        loops
     }
 
     /// Completes an answer that a base computed ([`JointMap::answer`](crate::JointMap::answer)) with what
@@ -252,7 +257,7 @@ impl Optimiser {
         if !request.is_final {
             return Ok(answer);
         }
-        let poses: Vec<Pose> = answer.keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
+        let poses = all_poses(&pending.keyframes, &answer.keyframes);
         let frames = self.refine(&poses, &answer.submaps, history);
         Ok(Correction { frames, ..answer })
     }
@@ -289,7 +294,7 @@ impl Optimiser {
     ) -> Refinement {
         match refine_camera(&self.context, active, surfaces, solution, progress) {
             Ok(found) => {
-                let poses = with_retired(keyframes, active, &found.world_from_camera, &[]);
+                let poses = all_poses(keyframes, &named(active, &found.world_from_camera, &[]));
                 Refinement::Refined(Box::new(RefinedCamera {
                     moved_px: found.moved_px,
                     n_held: found.held.len() as u32,
@@ -310,8 +315,26 @@ impl Optimiser {
     }
 }
 
-/// The poses of keyframes as a correction has them.
-pub(crate) fn by_id(keyframes: &[KeyframeState], poses: &[Pose]) -> Vec<KeyframePose> {
+/// The poses of the active keyframes and of the culled ones that were solved for, as a correction has them.
+fn named(active: &[KeyframeState], poses: &[Pose], culled: &[(u32, Pose)]) -> Vec<KeyframePose> {
+    let active = active.iter().map(|k| k.id).zip(poses);
+    let all = active.chain(culled.iter().map(|(id, pose)| (*id, pose)));
+    let mut named: Vec<KeyframePose> =
+        all.map(|(id, pose)| KeyframePose { id, world_from_camera: PoseBits::from(pose) }).collect();
+    named.sort_by_key(|k| k.id);
+    named
+}
+
+/// Poses of all keyframes once those that are named have theirs.
+fn all_poses(keyframes: &[KeyframeState], named: &[KeyframePose]) -> Vec<Pose> {
+    match corrected(keyframes, named) {
+        Some((poses, _)) => poses.iter().map(Pose::from).collect(),
+        None => keyframes.iter().map(|k| Pose::from(&k.world_from_camera)).collect(),
+    }
+}
+
+/// The poses of all keyframes as a correction could have them.
+fn by_id(keyframes: &[KeyframeState], poses: &[Pose]) -> Vec<KeyframePose> {
     let entry = |(k, pose): (&KeyframeState, &Pose)| KeyframePose {
         id: k.id,
         world_from_camera: PoseBits::from(pose),
