@@ -51,6 +51,7 @@ pub(crate) struct Sight {
     /// Motion that the observations were made with.
     velocity: Twist,
     features: Vec<Feature>,
+    n_features: usize,
     observations: Arc<[Observation]>,
     pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
     /// The active keyframes of all submaps, as of the last recognition.
@@ -67,6 +68,7 @@ impl Sight {
             index: 0,
             velocity: Twist::default(),
             features: Vec::new(),
+            n_features: 0,
             observations: Arc::new([]),
             pairs: BTreeMap::new(),
             places: PlaceIndex::new(context.registration.isa.arch()),
@@ -92,7 +94,20 @@ impl Sight {
         if context.mapping.features.enabled && !is_frozen {
             self.features.extend_from_slice(frame.features);
         }
+        self.n_features = self.features.len();
         self.observations = lift(context, &self.features, &frame.surface, velocity).into();
+    }
+
+    /// Leaves out features of this frame by their points, metres in its camera.
+    pub(crate) fn leave_out(&mut self, is_left_out: impl Fn(&[f32; 3]) -> bool) {
+        let is_kept = |o: &Observation| {
+            o.point.is_none_or(|point| !is_left_out(&std::array::from_fn(|k| point.position_m[k] as f32)))
+        };
+        let kept: Vec<bool> = self.observations.iter().map(is_kept).collect();
+        let mut of_features = kept.iter();
+        self.features.retain(|_| of_features.next() != Some(&false));
+        let all = self.observations.iter().zip(&kept);
+        self.observations = all.filter(|(_, is_kept)| **is_kept).map(|(o, _)| *o).collect();
     }
 
     /// Observes the features again with a better known motion, where that moves them.
@@ -107,8 +122,9 @@ impl Sight {
         self.observations = lift(context, &self.features, surface, velocity).into();
     }
 
+    /// Features of the frame, those that were left out among them.
     pub(crate) fn n_features(&self) -> usize {
-        self.features.len()
+        self.n_features
     }
 
     /// The pair with a reference: found once for each frame, within reach of

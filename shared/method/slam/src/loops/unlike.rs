@@ -27,13 +27,16 @@ const MOST_TESTED: usize = 100;
 /// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;
 /// Views that share nothing in a join that is refused: at least so many, and this share of all. Right joins had
-/// none, those of two storeys 7 % and more.
-const UNLIKE: usize = 3;
-const UNLIKE_SHARE: f64 = 0.04;
+/// up to three or 6 %, those of two storeys 7 % and more.
+const UNLIKE: usize = 4;
+const UNLIKE_SHARE: f64 = 0.06;
 
 /// Views that must share features before a join is made, or half of the keyframes of the smaller component where
 /// it has fewer than twice as many: a first look may be at what is the same on every storey.
 const ENOUGH_ALIKE: usize = 15;
+
+/// Views that say something from which on a few that share nothing refuse a join: of less, most must.
+const FEW_LOOKS: usize = 20;
 
 /// What the views of both components say of a join that brings them near each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,9 +110,10 @@ fn judged(looks: &[PairLook], enough: usize) -> Resemblance {
     let n = |what: PairLook| looks.iter().filter(|look| **look == what).count();
     let (n_alike, n_unlike, n_featureless) =
         (n(PairLook::Alike), n(PairLook::Unlike), n(PairLook::Featureless));
-    if n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * (n_alike + n_unlike) as f64 {
+    let is_many = n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * (n_alike + n_unlike) as f64;
+    if is_many && (n_alike + n_unlike >= FEW_LOOKS || n_unlike > n_alike) {
         Resemblance::Unlike
-    } else if n_alike + n_featureless < enough {
+    } else if is_many || n_alike + n_featureless < enough {
         Resemblance::TooFew
     } else {
         Resemblance::Alike
@@ -169,7 +173,8 @@ mod tests {
         };
         assert_eq!((looks(0, 0), looks(14, 2)), (Resemblance::TooFew, Resemblance::TooFew));
         assert_eq!((looks(15, 0), looks(90, 3)), (Resemblance::Alike, Resemblance::Alike));
-        assert_eq!((looks(0, 3), looks(70, 3)), (Resemblance::Unlike, Resemblance::Unlike));
+        assert_eq!((looks(0, 4), looks(60, 4)), (Resemblance::Unlike, Resemblance::Unlike));
+        assert_eq!(looks(15, 4), Resemblance::TooFew, "a few at a door");
         assert_eq!(
             judged(&[PairLook::Featureless; 15], 15),
             Resemblance::Alike,

@@ -148,7 +148,7 @@ impl Optimiser {
     /// What a successor needs to go on from here; `None` while a request is pending, whose
     /// keyframes are those of an earlier moment.
     pub fn snapshot(&self) -> Option<OptimiserState<'_>> {
-        self.pending.is_empty().then(|| OptimiserState {
+        self.pending.is_empty().then_some(OptimiserState {
             state: Cow::Borrowed(&self.state),
             n_answered: self.n_answered,
             said: Cow::Borrowed(&self.said),

@@ -45,6 +45,10 @@ pub struct WindowSettings {
     /// Standard deviation that the last pose's rotation adds to the gyroscope's, degrees.
     #[serde(skip)]
     pub inertial_floor_deg: f64,
+    /// Whether a frame is aligned without what stands where a moment ago nothing stood; not where
+    /// `registration.weight.robust_sigmas` is 0.
+    #[serde(skip)]
+    pub at_rest_only: bool,
     /// Whether large-displacement hypotheses are tried where the other attempts fail.
     pub long_strides: bool,
     /// Least share of queries with a match.
@@ -93,6 +97,7 @@ impl Default for WindowSettings {
             prior_rotation_deg: 3.0,
             inertial_rotation: true,
             inertial_floor_deg: 0.2,
+            at_rest_only: true,
             long_strides: true,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,

@@ -22,7 +22,7 @@ use crate::tracking::prediction::Prediction;
 use crate::tracking::promotion::with_keyframe;
 use crate::tracking::window_alignment::WindowAlignment;
 use crate::tracking::workload::Workload;
-use crate::tracking::{hypotheses, relocalise, submap};
+use crate::tracking::{hypotheses, passing, relocalise, submap};
 use tessera_numerics::Step;
 use tessera_registration::{Sample, Sampler};
 
@@ -160,6 +160,8 @@ impl Tracker {
         let prediction = predict(&input);
         let before = self.state.recent.last().and_then(|last| recent.iter().find(|r| r.index == last.index));
         self.aligner.sight.begin(context, frame, before, &prediction.velocity);
+        let at_rest = passing::at_rest(&input, &mut self.aligner.sight, &prediction);
+        let input = TrackingInput { samples: at_rest.as_deref().unwrap_or(input.samples), ..input };
         let record = if input.samples.len() < MIN_SAMPLES {
             sparse_record(&input, &prediction)
         } else if self.state.keyframes.is_empty() {

@@ -1,0 +1,217 @@
+//! What moves before the camera (method 6): a frame is aligned to what was not seen to be empty a moment ago.
+//!
+//! A person who walks close by is half of the view, and the nearest and so the most precise half: the frame would
+//! follow. But a keyframe of a second ago saw through where the person is now. A surface that stands there has
+//! moved, whichever way the camera went; of the world at rest only what the map has in a wrong place would.
+
+use crate::features::sight::Sight;
+use crate::map::context::Context;
+use crate::map::keyframe::KeyframeState;
+use crate::map::map_view::MapView;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::reference;
+use nalgebra::Vector3;
+use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_registration::Sample;
+use tessera_surface::SurfaceView;
+
+/// Age of the keyframes that are asked, nanoseconds: before that little has moved, and beyond it drift is no
+/// longer small.
+const LEAST_AGE_NANOS: i64 = 400_000_000;
+const MOST_AGE_NANOS: i64 = 5_000_000_000;
+/// Keyframes that are asked, and the time between them, nanoseconds.
+const MOST_ASKED: usize = 3;
+const APART_NANOS: i64 = 600_000_000;
+/// Motion since the last frame up to which a prediction is precise, metres and radians.
+const MOST_MOVED_M: f64 = 0.06;
+const MOST_TURNED_RAD: f64 = 4.0_f64.to_radians();
+/// How far behind a point a keyframe must have seen, metres, and standard deviations of both depths.
+const BEHIND_M: f32 = 0.1;
+const BEHIND_SIGMAS: f32 = 3.0;
+/// Vertices about the place that must all lie behind it: an edge may be a cell away.
+const LEAST_BEHIND: usize = 6;
+/// Share of the samples that may have moved: less is noise, more is a pose that is wrong.
+const LEAST_SHARE: f64 = 0.05;
+const MOST_SHARE: f64 = 0.75;
+/// Samples to which a frame is not thinned.
+const LEAST_AT_REST: usize = 300;
+
+/// Samples of a frame that are at rest, and features as well; `None` where it has all of them left.
+pub(crate) fn at_rest(
+    input: &TrackingInput<'_>,
+    sight: &mut Sight,
+    prediction: &Prediction,
+) -> Option<Vec<Sample>> {
+    let seen_through = SeenThrough::from(input, prediction);
+    let at_rest = seen_through.at_rest(input.samples)?;
+    sight.leave_out(|point| seen_through.has_moved(point));
+    Some(at_rest)
+}
+
+/// What a keyframe saw.
+struct PastView<'a> {
+    surface: SurfaceView<'a>,
+    view_from_camera: Pose,
+}
+
+/// What keyframes of a moment ago saw, from where a frame is thought to be.
+struct SeenThrough<'a> {
+    context: &'a Context,
+    views: Vec<PastView<'a>>,
+}
+
+impl<'a> SeenThrough<'a> {
+    /// From a predicted pose; nothing is known where the prediction is not precise.
+    fn from(input: &TrackingInput<'a>, prediction: &Prediction) -> Self {
+        let context = input.context;
+        let is_robust = context.registration.weight.robust_sigmas > 0.0;
+        let is_wanted = context.mapping.window.at_rest_only && is_robust && is_precise(prediction);
+        let ids = if is_wanted { asked(&input.map, input.frame.stamp_nanos) } else { Vec::new() };
+        let view = |id| {
+            let Reference { surface, world_from_camera, .. } = reference(input, Member::Keyframe(id))?;
+            let view_from_camera = world_from_camera.inverse() * prediction.world_from_camera;
+            Some(PastView { surface, view_from_camera })
+        };
+        Self { context: input.context, views: ids.into_iter().filter_map(view).collect() }
+    }
+
+    /// The samples at rest; `None` where all of them are, or where too many are not.
+    fn at_rest(&self, samples: &[Sample]) -> Option<Vec<Sample>> {
+        if self.views.is_empty() {
+            return None;
+        }
+        let at_rest: Vec<Sample> =
+            samples.iter().filter(|sample| !self.has_moved(&sample.point)).copied().collect();
+        let share = 1.0 - at_rest.len() as f64 / samples.len() as f64;
+        let is_enough = at_rest.len() >= LEAST_AT_REST;
+        (is_enough && (LEAST_SHARE..=MOST_SHARE).contains(&share)).then_some(at_rest)
+    }
+
+    /// Whether a point of the frame, metres in its camera, stands where a keyframe saw farther.
+    fn has_moved(&self, point: &[f32; 3]) -> bool {
+        let point = Vector3::from(point.map(f64::from));
+        self.views.iter().any(|view| {
+            let at = &view.view_from_camera;
+            view.is_before(self.context, &(at.rotation * point + at.translation.vector))
+        })
+    }
+}
+
+impl PastView<'_> {
+    /// Whether all that was seen about the pixel of a point lies behind it.
+    fn is_before(&self, context: &Context, point: &Vector3<f64>) -> bool {
+        let Some((row, column)) = context.camera.project(point) else { return false };
+        let (grid, depth_m) = (self.surface.grid, point.z as f32);
+        let cell = |pixel: f64| libm::floor(pixel / grid.step as f64) as i64;
+        let (row, column) = (cell(row), cell(column));
+        let is_inside =
+            row >= 1 && column >= 1 && row < grid.height as i64 - 1 && column < grid.width as i64 - 1;
+        if !is_inside {
+            return false;
+        }
+        let mut n_behind = 0;
+        for r in row - 1..=row + 1 {
+            for c in column - 1..=column + 1 {
+                let vertex = &self.surface.vertices[r as usize * grid.width + c as usize];
+                if !vertex.is_valid() {
+                    continue;
+                }
+                let seen_m = vertex.position[2];
+                let noise_m = context.noise.sigma_m(depth_m) + context.noise.sigma_m(seen_m);
+                if seen_m < depth_m + BEHIND_M + BEHIND_SIGMAS * noise_m {
+                    return false;
+                }
+                n_behind += 1;
+            }
+        }
+        n_behind >= LEAST_BEHIND
+    }
+}
+
+/// Whether a prediction is as good as what is asked of it: it errs by a part of the motion since the last frame.
+fn is_precise(prediction: &Prediction) -> bool {
+    let Some((previous, _)) = prediction.previous.filter(|_| prediction.is_known) else { return false };
+    let (moved_m, turned_rad) =
+        translation_rotation_norms(&(previous.inverse() * prediction.world_from_camera));
+    moved_m <= MOST_MOVED_M && turned_rad <= MOST_TURNED_RAD
+}
+
+/// Keyframes of this run that are old enough and not too old at a time in nanoseconds, the newest first.
+fn asked(map: &MapView<'_>, now: i64) -> Vec<u32> {
+    let age = |k: &KeyframeState| now.saturating_sub(k.stamp_nanos);
+    let own = map.state().keyframes.iter().rev().take_while(|k| map.is_own(k));
+    let mut asked: Vec<&KeyframeState> = Vec::new();
+    for keyframe in own.take_while(|k| age(k) <= MOST_AGE_NANOS) {
+        let is_apart = asked.last().is_none_or(|last| age(keyframe) - age(last) >= APART_NANOS);
+        let is_old = age(keyframe) >= LEAST_AGE_NANOS;
+        if is_old && is_apart && keyframe.is_active() && map.contains(keyframe) && asked.len() < MOST_ASKED {
+            asked.push(keyframe);
+        }
+    }
+    asked.into_iter().map(|k| k.id).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loops::test_wall::{Walls, context, keyframe};
+    use crate::map::state::TrackerState;
+    use crate::map::surfaces::KeyframeSurfaces;
+
+    fn sample(x_m: f32, depth_m: f32) -> Sample {
+        Sample { point: [x_m, 0.0, depth_m], normal: [0.0, 0.0, -1.0], grid_row: 0 }
+    }
+
+    #[test]
+    fn what_stands_before_a_wall_that_was_seen_has_moved() {
+        let context = context();
+        let walls = Walls::seen_by(&context, &[keyframe(0, 0, 0.0)]);
+        let surface = SurfaceView { grid: context.grid, vertices: walls.vertices(0) };
+        // The frame is 0.1 m to the right of the keyframe, which saw the wall at 2 m.
+        let view_from_camera = Pose::translation(0.1, 0.0, 0.0);
+        let seen = SeenThrough { context: &context, views: vec![PastView { surface, view_from_camera }] };
+        assert!(seen.has_moved(&[0.0, 0.0, 1.5]) && !seen.has_moved(&[0.0, 0.0, 2.0]));
+        assert!(!seen.has_moved(&[0.0, 0.0, 1.87]), "that may be noise");
+        assert!(!seen.has_moved(&[0.0, 0.0, 2.5]), "behind the wall nothing was seen");
+        assert!(!seen.has_moved(&[1.0, 0.0, 1.5]), "beside its view nothing was seen");
+        let samples =
+            |n_before: usize| [vec![sample(0.0, 1.5); n_before], vec![sample(0.0, 2.0); 400]].concat();
+        let n_at_rest = |n_before| seen.at_rest(&samples(n_before)).map(|at_rest| at_rest.len());
+        assert_eq!(n_at_rest(400), Some(400));
+        assert_eq!((n_at_rest(16), n_at_rest(1600)), (None, None), "noise, and a pose that is wrong");
+        assert_eq!(SeenThrough { context: &context, views: Vec::new() }.at_rest(&samples(400)), None);
+    }
+
+    #[test]
+    fn keyframes_asked_are_asked_some_time_apart() {
+        let made = |id: u32, stamp_nanos: i64| KeyframeState { stamp_nanos, ..keyframe(id, 1, 0.0) };
+        let tenths = [0, 50, 60, 62, 70, 80, 90, 97];
+        let keyframes = (0..).zip(tenths.map(|t| t * 100_000_000)).map(|(id, stamp)| made(id, stamp));
+        let mut state =
+            TrackerState { session: 1, keyframes: keyframes.collect(), ..TrackerState::default() };
+        let ids = |state: &TrackerState| asked(&MapView::from(state), 10_000_000_000);
+        assert_eq!(ids(&state), [6, 5, 4]);
+        state.keyframes[5].anchored_to = Some(4);
+        assert_eq!(ids(&state), [6, 4, 3], "a culled one is not asked");
+        state.keyframes[4].session = 0;
+        assert_eq!(ids(&state), [6], "nor one of an earlier run, which has another clock");
+    }
+
+    #[test]
+    fn a_prediction_is_precise_while_the_camera_moves_little() {
+        let moved = |x_m: f64, is_known: bool| Prediction {
+            world_from_camera: Pose::translation(x_m, 0.0, 0.0),
+            previous: Some((Pose::identity(), 0.03)),
+            is_known,
+            velocity: tessera_geometry::Twist::default(),
+            rotation_sigma_rad: None,
+            first_distance_m: 0.1,
+            outer_iterations: 6,
+        };
+        assert!(is_precise(&moved(0.05, true)) && !is_precise(&moved(0.07, true)));
+        assert!(!is_precise(&moved(0.05, false)), "no motion is known");
+        assert!(!is_precise(&Prediction { previous: None, ..moved(0.05, true) }));
+    }
+}
