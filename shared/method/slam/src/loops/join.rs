@@ -30,8 +30,8 @@ const AGREES_RAD: f64 = 5.0_f64.to_radians();
 /// After each join that was refuted or refused, twice as many confirmations are needed for the next, up to so
 /// many times.
 const MOST_DOUBLINGS: u32 = 5;
-/// Places farther apart are different ones, metres.
-const ELSEWHERE_M: f64 = 2.0;
+/// Keyframes farther than this from a place show another place, metres.
+pub(crate) const ELSEWHERE_M: f64 = 2.0;
 /// Keyframes for which a join that was refused is not tested again: by then both have seen more.
 const REFUSED_FOR: u32 = 200;
 
@@ -221,7 +221,8 @@ fn joined(
     FrameRecord { join: Some(join), request, ..saying(record, &said) }
 }
 
-fn saying(record: FrameRecord, said: &str) -> FrameRecord {
+/// The record with something more in its reason.
+pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
     let reason =
         if record.reason.is_empty() { said.to_owned() } else { format!("{}; {said}", record.reason) };
     FrameRecord { reason, ..record }

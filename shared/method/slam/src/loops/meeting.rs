@@ -28,8 +28,6 @@ use tessera_surface::SurfaceView;
 const MIN_SAMPLES: usize = 100;
 /// Neighbours of a keyframe that are asked to confirm what it sees.
 const MOST_ASKED: usize = 12;
-/// Keyframes farther than this from a place show another place, metres.
-const ELSEWHERE_M: f64 = 2.0;
 /// Poses that differ by more are different places, metres and radians.
 const APART_M: f64 = 1.0;
 const APART_RAD: f64 = 0.5;
@@ -214,7 +212,7 @@ impl Looker {
     ) -> bool {
         let is_elsewhere = |k: &&KeyframeState| {
             let apart = translation_rotation_norms(&(expected.inverse() * Pose::from(&k.world_from_camera)));
-            k.is_active() && state.submaps.component(k.submap) == component && apart.0 > ELSEWHERE_M
+            k.is_active() && state.submaps.component(k.submap) == component && apart.0 > join::ELSEWHERE_M
         };
         let elsewhere: Vec<&KeyframeState> = state.keyframes.iter().filter(is_elsewhere).collect();
         if elsewhere.is_empty() {

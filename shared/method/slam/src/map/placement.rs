@@ -161,10 +161,10 @@ pub(crate) fn apply_split<K: HasPlacement>(keyframes: &mut [K], split: &SplitRec
         }
     }
     split::anchor_within_parts(keyframes, split);
-    for id in split.carried.map_or(0..0, |carried| carried..split.first) {
-        if let Some(keyframe) = keyframes.get_mut(id as usize) {
-            keyframe.set_placement(Placement { anchored_to: Some(id), ..keyframe.placement() });
-        }
+    // Bounded by the keyframes, whatever a record names.
+    let n_before = split.carried.unwrap_or(u32::MAX) as usize;
+    for (id, keyframe) in (0..).zip(keyframes).take(split.first as usize).skip(n_before) {
+        keyframe.set_placement(Placement { anchored_to: Some(id), ..keyframe.placement() });
     }
 }
 

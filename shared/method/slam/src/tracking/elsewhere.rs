@@ -11,6 +11,7 @@
 use crate::features::matching::Reach;
 use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::detection;
+use crate::loops::join::saying;
 use crate::loops::matchable::Matchable;
 use crate::loops::verification;
 use crate::loops::view_limits::ViewLimits;
@@ -264,8 +265,7 @@ fn with_split(input: &TrackingInput<'_>, record: FrameRecord, split: SplitRecord
         "submap {submap} begins with keyframe {}: {n_missed} keyframes of long ago are not seen where they should be{carried}",
         split.first
     );
-    let reason = if record.reason.is_empty() { said } else { format!("{}; {said}", record.reason) };
-    FrameRecord { reason, submap, contradiction: None, split: Some(split), ..record }
+    FrameRecord { submap, contradiction: None, split: Some(split), ..saying(record, &said) }
 }
 
 #[cfg(test)]
