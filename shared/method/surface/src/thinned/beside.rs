@@ -1,7 +1,9 @@
 //! Vertices beside the kept ones: a caller names places whose depth matters more, as those under features, which
 //! lie at edges where nothing can be interpolated. Each is told by what differs from what its reader would take.
 
-use super::{Rays, RoundedVertex, Thinning, nearest_kept};
+use super::rays::Rays;
+use super::rounded::RoundedVertex;
+use super::{Thinning, nearest_kept};
 use crate::vertex::{Grid, Vertex};
 use tessera_numerics::{BitCoder, BitModel, NumberModel};
 
