@@ -6,6 +6,7 @@ use crate::lifeline::Lifeline;
 use crate::log::start_log;
 use crate::memory::limit_memory;
 use crate::names::RunFiles;
+use crate::priority::step_back;
 use crate::probe::Probe;
 use crate::run_file::RunFile;
 use crate::stopwatch::Stopwatch;
@@ -92,6 +93,10 @@ impl StageContext {
             path,
             problem: error.to_string(),
         };
+        if stage == Stage::Optimise {
+            // Before the threads that inherit it.
+            step_back();
+        }
         start_log(&files.log(), stage.name()).map_err(|e| wrong(files.log(), &e))?;
         let run = RunFile::read(&files)?;
         let config = files.config();

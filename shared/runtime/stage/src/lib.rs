@@ -18,6 +18,7 @@ mod marks;
 mod memory;
 mod names;
 mod notify;
+mod priority;
 mod probe;
 mod pulse;
 mod run_file;

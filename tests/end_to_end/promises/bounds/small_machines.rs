@@ -192,3 +192,19 @@ fn is_backwards(log: &str) -> bool {
     let is_stamp = |text: &str| text.len() > 20 && text.starts_with("20");
     stamps.windows(2).any(|pair| is_stamp(pair[0]) && is_stamp(pair[1]) && pair[1] < pair[0])
 }
+
+#[test]
+fn the_optimiser_lets_the_other_stages_go_first() {
+    let run = room().frames(FRAMES).with(&["--live"]);
+    let mut child = run.start();
+    run.wait_until_busy();
+    let nice = |stage: &str| {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", run.stage_pid(stage))).unwrap();
+        let behind_name = stat.rsplit_once(") ").unwrap().1.to_owned();
+        behind_name.split(' ').nth(16).unwrap().parse::<i32>().unwrap()
+    };
+    let [align, optimise] = ["align", "optimise"].map(nice);
+    assert_eq!(nice("reconstruct"), align);
+    assert_eq!(optimise, 19.min(align + 10));
+    assert!(child.wait().unwrap().success());
+}

@@ -6,7 +6,9 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::settings::LoopSettings;
 
 /// Frames by which each keyframe delays the effect of a request: its share of the optimisation.
-const DELAY_PER_KEYFRAME: f64 = 0.5;
+const DELAY_PER_KEYFRAME: f64 = 0.05;
+/// Keyframes between two requests as a share of the working map: of a large one a few change little.
+const INTERVAL_SHARE: f64 = 0.05;
 
 /// A place along the trajectory, in time and in the graph.
 #[derive(Clone, Copy, Debug)]
@@ -52,24 +54,47 @@ pub(crate) fn is_loop<'a>(
     closes_loop(settings, &frame, &TrackPoint::of_keyframe(keyframe))
 }
 
-/// An optimisation request made at frame `index`; `None` while one is pending or, unless it is
-/// urgent, shortly after the last. The correction takes effect a number of frames later that
-/// depends on the graph's size alone.
+/// How long an optimisation may wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Urgency {
+    /// Keyframes moved, or components were joined.
+    AtOnce,
+    /// Drift is seen that only an optimisation takes away.
+    Soon,
+    /// The window sees a loop, to which the frame is aligned already.
+    Later,
+}
+
+impl Urgency {
+    /// Keyframes that are made from one request to the next, at least, in a map of so many active ones.
+    fn interval(self, settings: &LoopSettings, n_active: u32) -> u32 {
+        let share = f64::from(n_active) * INTERVAL_SHARE;
+        match self {
+            Self::AtOnce => 0,
+            Self::Soon => settings.request_interval,
+            Self::Later => settings.request_interval.max(share as u32),
+        }
+    }
+}
+
+/// An optimisation request made at frame `index`; `None` while one is pending, or too shortly after the last.
+/// The correction takes effect a number of frames later that depends on the graph's size alone.
 pub(crate) fn request(
     settings: &LoopSettings,
     state: &TrackerState,
     index: u64,
     n_keyframes: u32,
-    is_urgent: bool,
+    urgency: Urgency,
 ) -> Option<RequestRecord> {
-    let is_soon = !is_urgent
-        && state.n_keyframes_at_request > 0
-        && n_keyframes < state.n_keyframes_at_request + settings.request_interval;
-    if state.pending.is_some() || is_soon || n_keyframes < 2 {
+    if state.pending.is_some() || n_keyframes < 2 {
         return None;
     }
     let n_retired = (state.keyframes.len() - state.active().count()) as u32;
     let n_active = n_keyframes.saturating_sub(n_retired);
+    let next = state.n_keyframes_at_request.saturating_add(urgency.interval(settings, n_active));
+    if state.n_keyframes_at_request > 0 && n_keyframes < next {
+        return None;
+    }
     let delay = f64::from(settings.delay_frames) + f64::from(n_active) * DELAY_PER_KEYFRAME;
     Some(RequestRecord {
         request: state.n_requests,
@@ -98,5 +123,20 @@ mod tests {
         let state = TrackerState { keyframes: keyframes.clone(), session: 1, ..TrackerState::default() };
         assert!(is_loop(&settings, &state, &keyframes[3], 75));
         assert!(!is_loop(&settings, &state, &keyframes[4], 75));
+    }
+
+    #[test]
+    fn a_large_map_is_optimised_for_a_loop_less_often_and_for_drift_as_often() {
+        let settings = LoopSettings::default();
+        let state = |n: u32| TrackerState {
+            keyframes: (0..n).map(|id| keyframe(id, 0, 0.0)).collect(),
+            n_keyframes_at_request: n - 40,
+            ..TrackerState::default()
+        };
+        let asked = |n: u32, urgency| request(&settings, &state(n), 900, n, urgency).is_some();
+        assert!(asked(600, Urgency::Later) && !asked(1000, Urgency::Later));
+        assert!(asked(1000, Urgency::Soon) && asked(1000, Urgency::AtOnce));
+        let request = request(&settings, &state(1000), 900, 1000, Urgency::Soon).unwrap();
+        assert_eq!(request.effective_before, 901 + 15 + 50);
     }
 }

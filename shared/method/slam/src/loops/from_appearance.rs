@@ -12,6 +12,7 @@ use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::settings::GlobalSettings;
+use crate::tracking::degeneracy::is_determined;
 use std::sync::Arc;
 use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock, Schedule};
@@ -76,6 +77,10 @@ fn alike(
     let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
     let guess = by_features(context, finder, newer, older, seed);
     let (at, block) = aligned(matcher, newer, older, guess);
+    // Bare walls fit wherever they are tried: what they leave open only features can tell.
+    if guess.is_none() && !is_determined(context, &block.linearise(&at).0) {
+        return None;
+    }
     let settings = &context.mapping.global;
     let tested = verification::test(settings, matcher, newer, older, &at);
     // No pose speaks for this pair: it must overlap well in both directions.

@@ -3,7 +3,7 @@
 
 use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::contradiction;
-use crate::loops::detection;
+use crate::loops::detection::{self, Urgency};
 use crate::loops::matchable::Matchable;
 use crate::loops::unlike::{self, Resemblance};
 use crate::loops::verification::{self, Tested};
@@ -61,7 +61,7 @@ pub(crate) fn with_sighting(
     };
     // A pending correction was computed from the keyframes as they are.
     match sighting.filter(|sighting| is_certain(sighting) && state.pending.is_none()) {
-        Some(certain) => joined(input, aligner, &certain, record),
+        Some(certain) => joined(input, &certain, record),
         None => FrameRecord { sighting, ..record },
     }
 }
@@ -108,7 +108,9 @@ fn confirmed(
     let expected = other_from_own(input, known)? * Pose::from(&record.world_from_camera);
     let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.velocity));
     match seen_at(input, aligner, known.seen, &expected, velocity) {
-        Some(found) if agrees(&found, &expected) => sighting(input, record, &found, known.n_confirmed + 1),
+        Some(found) if agrees(&found, &expected) && !fits_elsewhere(input, aligner, record, known) => {
+            sighting(input, record, &found, known.n_confirmed + 1)
+        }
         _ => None,
     }
 }
@@ -185,13 +187,12 @@ pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecor
 /// themselves agree; without the sighting where they do not.
 fn joined(
     input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
     sighting: &SightingRecord,
     record: FrameRecord,
 ) -> FrameRecord {
     let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
     let Some((tested, join)) = verified else { return record };
-    if is_known_refused(input.map.state(), &join) || fits_elsewhere(input, aligner, &record, sighting) {
+    if is_known_refused(input.map.state(), &join) {
         return record;
     }
     match resemblance(input, &record, &join) {
@@ -209,7 +210,7 @@ fn joined(
     }
     let settings = &input.context.mapping.loops;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
-    let request = detection::request(settings, input.map.state(), input.frame.index, n_keyframes, true);
+    let request = detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
     let said = format!(
         "submap {} is joined to {}: {} frames agree, {:.0} % overlap, {:.1} % in front",
         join.moved,

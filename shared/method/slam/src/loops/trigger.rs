@@ -3,7 +3,7 @@
 
 use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
-use crate::loops::detection;
+use crate::loops::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, KeyframeRecord};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -28,9 +28,9 @@ pub(crate) fn with_request(
     let settings = &input.context.mapping.loops;
     let frame = input.frame;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
-    let is_urgent = !record.moved.is_empty();
-    let request = detection::request(settings, input.map.state(), frame.index, n_keyframes, is_urgent);
-    if record.request.is_some() || request.is_none() {
+    let request = |urgency| detection::request(settings, input.map.state(), frame.index, n_keyframes, urgency);
+    let has_moved = !record.moved.is_empty();
+    if record.request.is_some() || request(if has_moved { Urgency::AtOnce } else { Urgency::Soon }).is_none() {
         return record;
     }
     let sees_loop = aligned.members.iter().any(|m| match m {
@@ -40,9 +40,15 @@ pub(crate) fn with_request(
         Member::Recent(_) => false,
     });
     let at = Pose::from(&record.world_from_camera);
-    if sees_loop || record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &at)) {
-        record.request = request;
-    }
+    record.request = if sees_loop && has_moved {
+        request(Urgency::AtOnce)
+    } else if record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &at)) {
+        request(Urgency::Soon)
+    } else if sees_loop {
+        request(Urgency::Later)
+    } else {
+        None
+    };
     record
 }
 

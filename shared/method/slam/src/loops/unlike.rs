@@ -15,7 +15,7 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::settings::GlobalSettings;
 use nalgebra::Vector3;
-use tessera_geometry::Pose;
+use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::Sampler;
 
@@ -26,6 +26,10 @@ const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to
 const MOST_TESTED: usize = 100;
 /// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;
+/// How far from where the join has them features of a pair may put it, metres and radians: beyond, they are of
+/// another place that looks alike.
+const DRIFTED_M: f64 = 1.5;
+const DRIFTED_RAD: f64 = 30.0_f64.to_radians();
 /// Views that share nothing in a join that is refused: at least so many, and this share of all. Right joins had
 /// up to three or 6 %, those of two storeys 7 % and more.
 const UNLIKE: usize = 4;
@@ -78,8 +82,16 @@ pub(crate) fn resemblance(
                 return PairLook::Featureless;
             }
             let seed = u64::from(pair.moved.id) << 32 | u64::from(pair.kept.id);
-            let found = finder.find(context, seen, &pair.kept_from_moved, Reach::LOOP, seed);
-            if found.is_some_and(|found| found.inliers.len() >= MIN_AGREEING) {
+            let mut shares = |reach: Reach| {
+                let found = finder.find(context, seen, &pair.kept_from_moved, reach, seed);
+                found.is_some_and(|found| {
+                    let apart = pair.kept_from_moved.inverse() * found.target_from_query;
+                    let (apart_m, apart_rad) = translation_rotation_norms(&apart);
+                    found.inliers.len() >= MIN_AGREEING && apart_m <= DRIFTED_M && apart_rad <= DRIFTED_RAD
+                })
+            };
+            // Components have drifted in themselves: farther from the place than it would be looked for.
+            if shares(Reach::LOOP) || shares(Reach::ANYWHERE) {
                 return PairLook::Alike;
             }
             let mut violates = || {

@@ -24,6 +24,9 @@ const LARGE: usize = 200;
 /// Keyframes culled at a time: one for the new keyframe, and one more where a run starts in a map
 /// that is too dense or beyond its budget.
 pub(crate) const MOST_AT_A_TIME: usize = 2;
+/// Time for which tracking looks back at what keyframes saw, culled or not, nanoseconds: beyond it drift is no
+/// longer small.
+pub(crate) const LOOKED_BACK_NANOS: i64 = 5_000_000_000;
 /// Distance that a turn of one radian counts as: a degree is a centimetre.
 const METRES_PER_RADIAN: f64 = 0.573;
 
@@ -139,12 +142,19 @@ fn candidate(by_x: &[&CullingView], at: usize, within_m: f64) -> Option<CullingC
 }
 
 /// Culled keyframes whose surfaces are given up, so that those of the others take `kept_bytes` at most in
-/// the store: the oldest ones. What is given up stays so, however the map grows.
+/// the store: the oldest ones. What is given up stays so, however the map grows. None of the last seconds is:
+/// the next frames look back at them (method 6).
 pub fn given_up(keyframes: &[KeyframeState], kept_bytes: u64) -> impl Iterator<Item = &KeyframeState> {
+    let newest = keyframes.last();
+    let is_recent = |k: &KeyframeState| {
+        newest.is_some_and(|newest| {
+            k.session == newest.session && newest.stamp_nanos.saturating_sub(k.stamp_nanos) <= LOOKED_BACK_NANOS
+        })
+    };
     let mut kept = 0u64;
     let mut fits = |keyframe: &KeyframeState| {
         kept = kept.saturating_add(if keyframe.is_active() { 0 } else { keyframe.slot.len });
-        kept <= kept_bytes
+        kept <= kept_bytes || is_recent(keyframe)
     };
     let n_kept = keyframes.iter().rev().take_while(|keyframe| fits(keyframe)).count();
     keyframes[..keyframes.len() - n_kept].iter().filter(|keyframe| !keyframe.is_active())
@@ -271,7 +281,9 @@ mod tests {
     #[test]
     fn the_oldest_of_the_culled_are_given_up_and_none_comes_back() {
         let mut state = line(&[0.0; 8]);
-        state.keyframes.iter_mut().for_each(|k| k.slot.len = 10);
+        for keyframe in &mut state.keyframes {
+            (keyframe.slot.len, keyframe.stamp_nanos) = (10, i64::from(keyframe.id) * 6_000_000_000);
+        }
         let given_up = |state: &TrackerState, bytes| -> Vec<u32> {
             given_up(&state.keyframes, bytes).map(|keyframe| keyframe.id).collect()
         };
@@ -287,6 +299,9 @@ mod tests {
         }
         assert_eq!(given_up(&state, 0), [1, 2, 4, 5, 6]);
         assert_eq!(given_up(&state, 50), []);
+        // Tracking still looks back at the last one that was culled.
+        state.keyframes[7].stamp_nanos = state.keyframes[6].stamp_nanos + 5_000_000_000;
+        assert_eq!(given_up(&state, 0), [1, 2, 4, 5]);
     }
 
     #[test]

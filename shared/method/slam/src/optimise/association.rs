@@ -2,6 +2,7 @@
 //! recognised by appearance.
 
 use crate::features::matching::{FeaturePair, PairFinder, Reach};
+use crate::features::sight::ENOUGH_FEATURES;
 use crate::features::weighted_pair::WeightedPair;
 use crate::loops::covisibility;
 use crate::loops::detection::{self, TrackPoint};
@@ -15,9 +16,10 @@ use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::settings::GlobalSettings;
+use crate::tracking::degeneracy::is_determined;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use tessera_geometry::Pose;
+use tessera_geometry::{Matrix6, Pose};
 use tessera_graph::{DataAssociation, OuterIteration, Pair, Solved};
 use tessera_numerics::Step;
 use tessera_numerics::parallel::map_in_parts;
@@ -96,12 +98,6 @@ impl<'a> KeyframeAssociation<'a> {
         });
         let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
         let seen = self.seen_by_both(finder, poses, (query, target), reach);
-        // What shares many features overlaps, however little depth there is.
-        let is_seen = seen.as_ref().is_some_and(|pair| pair.sums.n >= MIN_FEATURES);
-        let tested = tested.map(|tested| match tested.verdict {
-            LoopVerdict::LittleOverlap if is_seen => Tested { verdict: LoopVerdict::Accepted, ..tested },
-            _ => tested,
-        });
         let weight = self.context.feature_weight
             * self.context.mapping.features.keyframe_weight
             * matcher.metric_factor();
@@ -117,7 +113,39 @@ impl<'a> KeyframeAssociation<'a> {
                 .clone()
                 .map(|found| WeightedPair::new(found, weight, &(poses[target].inverse() * poses[query]))),
         };
-        SearchedPair { pair: Pair { is_loop, ..search.find(self.context, matcher, poses) }, tested, seen }
+        let pair = Pair { is_loop, ..search.find(self.context, matcher, poses) };
+        let tested = tested.map(|tested| {
+            let verdict = self.by_features(tested.verdict, [queries, surface], seen.as_deref(), || {
+                pair.block.linearise(&(poses[target].inverse() * poses[query])).0
+            });
+            Tested { verdict, ..tested }
+        });
+        SearchedPair { pair, tested, seen }
+    }
+
+    /// The verdict on a loop by its surfaces, with what features say of it: what shares many overlaps, however
+    /// little depth there is, and of bare walls that fit wherever they are tried none says that two views with
+    /// features, which share none, are of one place.
+    fn by_features(
+        &self,
+        verdict: LoopVerdict,
+        sides: [&Matchable<'_>; 2],
+        seen: Option<&FeaturePair>,
+        information: impl Fn() -> Matrix6,
+    ) -> LoopVerdict {
+        let have_features =
+            || sides.iter().all(|side| side.seen(self.context).features.len() >= ENOUGH_FEATURES);
+        match (verdict, seen) {
+            (LoopVerdict::LittleOverlap, Some(pair)) if pair.sums.n >= MIN_FEATURES => LoopVerdict::Accepted,
+            (LoopVerdict::Accepted, None)
+                if self.context.is_colour_trusted
+                    && have_features()
+                    && !is_determined(self.context, &information()) =>
+            {
+                LoopVerdict::Inconsistent
+            }
+            (verdict, _) => verdict,
+        }
     }
 
     /// Features that two keyframes share, looked for once near where their poses predict them.

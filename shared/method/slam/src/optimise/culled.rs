@@ -8,9 +8,9 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::optimise::refine::FrameHistory;
 use crate::settings::KeyframeSettings;
-use crate::tracking::degeneracy::{centroid_by_information, degenerate_directions};
+use crate::tracking::degeneracy::is_determined;
 use std::collections::BTreeMap;
-use tessera_geometry::{Matrix6, Pose};
+use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock};
 
 /// Weight of the blocks in a map at its budget: what is left of it is too sparse to bear the drift that
@@ -77,7 +77,8 @@ impl CulledKeyframes {
         });
         let found: Vec<(&KeyframeState, PairBlock, Pose)> = targets.collect();
         if !query.is_active() {
-            if !is_determined(context, found.iter().map(|(_, block, at)| block.linearise(at).0)) {
+            let information = found.iter().map(|(_, block, at)| block.linearise(at).0).sum();
+            if !is_determined(context, &information) {
                 return;
             }
             self.ids.push(query.id);
@@ -115,14 +116,6 @@ impl CulledKeyframes {
 pub(crate) fn weight(settings: &KeyframeSettings, n_active: usize) -> f64 {
     let is_at_budget = settings.budget > 0 && n_active + MOST_AT_A_TIME >= settings.budget as usize;
     if is_at_budget { WEIGHT_AT_BUDGET } else { 1.0 }
-}
-
-/// Whether blocks of these informations resist every motion of the camera.
-fn is_determined(context: &Context, blocks: impl Iterator<Item = Matrix6>) -> bool {
-    let information: Matrix6 = blocks.sum();
-    let metric = information / context.matcher().metric_factor();
-    let centroid = centroid_by_information(&information);
-    degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
 }
 
 #[cfg(test)]

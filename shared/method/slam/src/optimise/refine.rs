@@ -6,7 +6,7 @@ use crate::map::submaps::Submaps;
 use crate::optimise::interpolation::PoseTimeline;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use tessera_geometry::{Pose, PoseBits};
+use tessera_geometry::{Pose, PoseBits, translation_rotation_norms};
 use tessera_graph::{Graph, Pair, PairBlock};
 
 /// The frames of a run as they were journaled, read again when they are needed: they are too many
@@ -47,8 +47,9 @@ impl FrameBlocks {
         })
     }
 
-    /// The pose that fits all blocks best, keyframes fixed; `None` when they do not determine it. Only
-    /// blocks with keyframes `in_common` with the reference keyframe count.
+    /// The pose that fits all blocks best, keyframes fixed; that by the reference keyframe alone where the blocks
+    /// put the frame farther away than it can have been wrong. `None` when they do not determine it. Only blocks
+    /// with keyframes `in_common` with the reference keyframe count.
     pub(crate) fn solve(
         &self,
         keyframe_poses: &[Pose],
@@ -67,10 +68,16 @@ impl FrameBlocks {
         graph.poses.push(start);
         graph.is_fixed.push(false);
         graph.optimise(10, &mut || ()).ok()?;
-        graph.poses.pop()
+        let found = graph.poses.pop()?;
+        let (moved_m, turned_rad) = translation_rotation_norms(&(start.inverse() * found));
+        Some(if moved_m <= MOST_MOVED_M && turned_rad <= MOST_TURNED_RAD { found } else { start })
     }
 }
 
+/// How far from where its reference keyframe has it a frame is solved again, metres and radians: where keyframes
+/// have moved against each other, two walls of a corridor that were parallel meet, far away.
+const MOST_MOVED_M: f64 = 0.05;
+const MOST_TURNED_RAD: f64 = 2.0_f64.to_radians();
 /// Frames that are solved at once: what is read of a history at a time.
 const CHUNK: usize = 1024;
 
@@ -128,5 +135,41 @@ impl Refiner<'_> {
             Some((frame.index, pose))
         };
         chunk.par_iter().filter_map(solve).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+    use tessera_graph::BlockSums;
+
+    /// Matches on a wall with this normal, on the floor, and hardly any along the corridor.
+    fn corridor(normal: Vector3<f64>) -> PairBlock {
+        let (wall, floor) = (normal * normal.transpose(), Vector3::y() * Vector3::y().transpose());
+        let omega = 1e6 * (wall + floor) + 1e-3 * Matrix3::identity();
+        let mut sums = BlockSums::default();
+        for point in [[-1.0, 1.0, 2.0], [1.0, 1.0, 2.0], [-1.0, -1.0, 3.0], [1.0, -1.0, 3.0], [0.5, 0.0, 2.5]] {
+            sums.add(&Vector3::from(point), &Vector3::zeros(), &omega);
+            sums.n += 1;
+        }
+        PairBlock::new(&Pose::identity(), &sums)
+    }
+
+    #[test]
+    fn a_frame_between_walls_that_meet_far_away_stays_where_its_keyframe_has_it() {
+        let apart_by = |x_m: f64| {
+            let tilted = Vector3::new(1.0, 0.0, 0.02).normalize();
+            let frame = FrameBlocks {
+                index: 1,
+                keyframe: 0,
+                keyframe_from_camera: PoseBits::IDENTITY,
+                blocks: vec![(0, corridor(Vector3::x())), (1, corridor(tilted))],
+            };
+            let poses = [Pose::identity(), Pose::translation(x_m, 0.0, 0.0)];
+            frame.solve(&poses, |_, _| true).unwrap().translation.vector
+        };
+        assert!((apart_by(0.0002).z - 0.01).abs() < 0.002, "{}", apart_by(0.0002));
+        assert_eq!(apart_by(0.03), Vector3::zeros(), "both walls fit a metre and a half away");
     }
 }

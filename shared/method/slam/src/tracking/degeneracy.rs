@@ -4,6 +4,7 @@
 //! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
+use crate::map::context::Context;
 use crate::map::records::DEGENERATE;
 use crate::settings::WindowSettings;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
@@ -46,7 +47,7 @@ pub(crate) fn centroid<'a>(sums: impl Iterator<Item = &'a BlockSums>) -> Vector3
 /// The same where no more is known than the information `H` of the pose (right tangent, translation first), with
 /// the weights `tr Omega - Omega` instead of traces: as its upper right part is `- sum Omega [a]x`, what of it
 /// changes its sign when transposed is `- [sum (tr Omega - Omega) a]x`.
-pub(crate) fn centroid_by_information(information: &Matrix6) -> Vector3<f64> {
+fn centroid_by_information(information: &Matrix6) -> Vector3<f64> {
     let [tt, tr] = [0, 3].map(|column| information.fixed_view::<3, 3>(0, column).into_owned());
     let odd = tr.transpose() - tr;
     let weighted = Vector3::new(odd[(2, 1)], odd[(0, 2)], odd[(1, 0)]);
@@ -93,6 +94,13 @@ pub(crate) fn degenerate_directions(
         }
     }
     degenerate
+}
+
+/// Whether matches of this information of a pose, in the blocks' units, resist every motion of the camera.
+pub(crate) fn is_determined(context: &Context, information: &Matrix6) -> bool {
+    let metric = information / context.matcher().metric_factor();
+    let centroid = centroid_by_information(information);
+    degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
 }
 
 fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<f64>) -> DegenerateDirection {

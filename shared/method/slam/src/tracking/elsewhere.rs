@@ -25,11 +25,13 @@ use crate::tracking::relocalise;
 use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use nalgebra::Vector3;
-use tessera_geometry::Pose;
+use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_registration::Sampler;
 
 /// Keyframes of long ago that look at what the frame looks at.
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
+/// One that looks the same wherever features are seen at all.
+const SAME_LOOK: ViewLimits = ViewLimits { radius_m: 0.3, angle_rad: 15.0_f64.to_radians() };
 /// Features on which a frame and a keyframe of the same place agree, wherever they see each other.
 const MIN_AGREEING: usize = 15;
 /// Share of the matches of the best member of a window from which on an old one fits.
@@ -112,16 +114,25 @@ fn look(
     if !is_able || aligner.sight.n_features() < ENOUGH_FEATURES {
         return Look::Nothing;
     }
-    if let Some(known) = in_window(input, aligner, aligned) {
-        return known;
-    }
-    let Some(old) = nearest_old(input, world_from_camera) else { return Look::Nothing };
+    let fitting = match in_window(input, aligner, aligned) {
+        Some(InWindow::Seen) => return Look::Seen,
+        Some(InWindow::Fits(old)) => Some(old),
+        None => None,
+    };
+    let Some(old) = fitting.or_else(|| nearest_old(input, world_from_camera)) else { return Look::Nothing };
     let Some(there) = reference(input, Member::Keyframe(old.id)) else { return Look::Nothing };
     if there.features.len() < ENOUGH_FEATURES {
         return Look::Nothing;
     }
     let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
     let seen = pair.filter(|pair| pair.inliers.len() >= MIN_AGREEING).map(|pair| pair.target_from_query);
+    if fitting.is_some() {
+        // Walls of the same shape that look otherwise, where the newest keyframes look as they did.
+        let looks_otherwise = seen.is_none()
+            && aligned.alignment.n_agreeing as usize >= 2 * MIN_AGREEING
+            && is_same_view(&Pose::from(&old.world_from_camera), world_from_camera);
+        return if looks_otherwise { Look::Missed } else { Look::Nothing };
+    }
     let Some(own) = input.map.state().active().last().filter(|k| input.map.contains(k)) else {
         return Look::Nothing;
     };
@@ -141,11 +152,22 @@ fn look(
     }
 }
 
-/// What the window's own alignment says: an old keyframe in it is seen where its features agree with the
-/// pose, and says nothing where its surface alone fits. `None`: none of them does.
-fn in_window(input: &TrackingInput<'_>, aligner: &Aligner, aligned: &WindowAlignment) -> Option<Look> {
+/// What a window's alignment says of an old keyframe in it.
+enum InWindow<'a> {
+    /// Its features agree with the pose.
+    Seen,
+    /// Its surface alone fits.
+    Fits(&'a KeyframeState),
+}
+
+/// What the window's own alignment says; `None`: no old keyframe in it fits.
+fn in_window<'a>(
+    input: &TrackingInput<'a>,
+    aligner: &Aligner,
+    aligned: &WindowAlignment,
+) -> Option<InWindow<'a>> {
     let most = aligned.alignment.blocks.iter().map(|(_, sums)| sums.n).max().unwrap_or(0);
-    let mut fits = false;
+    let mut fits = None;
     for (member, (_, sums)) in aligned.members.iter().zip(&aligned.alignment.blocks) {
         let Member::Keyframe(id) = member else { continue };
         let Some(old) = input.map.keyframe(*id).filter(|k| is_old(input, k)) else { continue };
@@ -154,11 +176,17 @@ fn in_window(input: &TrackingInput<'_>, aligner: &Aligner, aligned: &WindowAlign
             continue;
         }
         if aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= MIN_AGREEING {
-            return Some(Look::Seen);
+            return Some(InWindow::Seen);
         }
-        fits = true;
+        fits = fits.or(Some(InWindow::Fits(old)));
     }
-    fits.then_some(Look::Nothing)
+    fits
+}
+
+/// Whether two cameras see the same from nearly the same place, so that it looks the same.
+fn is_same_view(a: &Pose, b: &Pose) -> bool {
+    let (apart_m, apart_rad) = translation_rotation_norms(&(a.inverse() * b));
+    apart_m <= SAME_LOOK.radius_m && apart_rad <= SAME_LOOK.angle_rad
 }
 
 fn is_old(input: &TrackingInput<'_>, keyframe: &KeyframeState) -> bool {

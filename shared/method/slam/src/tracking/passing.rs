@@ -6,6 +6,7 @@
 
 use crate::features::sight::Sight;
 use crate::map::context::Context;
+use crate::map::culling::LOOKED_BACK_NANOS;
 use crate::map::keyframe::KeyframeState;
 use crate::map::map_view::MapView;
 use crate::tracking::input::TrackingInput;
@@ -17,10 +18,8 @@ use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_registration::Sample;
 use tessera_surface::SurfaceView;
 
-/// Age of the keyframes that are asked, nanoseconds: before that little has moved, and beyond it drift is no
-/// longer small.
+/// Age of the keyframes that are asked, nanoseconds, up to [`LOOKED_BACK_NANOS`]: before that little has moved.
 const LEAST_AGE_NANOS: i64 = 400_000_000;
-const MOST_AGE_NANOS: i64 = 5_000_000_000;
 /// Keyframes that are asked, and the time between them, nanoseconds.
 const MOST_ASKED: usize = 3;
 const APART_NANOS: i64 = 600_000_000;
@@ -138,15 +137,16 @@ fn is_precise(prediction: &Prediction) -> bool {
     moved_m <= MOST_MOVED_M && turned_rad <= MOST_TURNED_RAD
 }
 
-/// Keyframes of this run that are old enough and not too old at a time in nanoseconds, the newest first.
+/// Keyframes of this run that are old enough and not too old at a time in nanoseconds, the newest first. Culled
+/// ones as well: where the map is known, each new one is.
 fn asked(map: &MapView<'_>, now: i64) -> Vec<u32> {
     let age = |k: &KeyframeState| now.saturating_sub(k.stamp_nanos);
     let own = map.state().keyframes.iter().rev().take_while(|k| map.is_own(k));
     let mut asked: Vec<&KeyframeState> = Vec::new();
-    for keyframe in own.take_while(|k| age(k) <= MOST_AGE_NANOS) {
+    for keyframe in own.take_while(|k| age(k) <= LOOKED_BACK_NANOS) {
         let is_apart = asked.last().is_none_or(|last| age(keyframe) - age(last) >= APART_NANOS);
         let is_old = age(keyframe) >= LEAST_AGE_NANOS;
-        if is_old && is_apart && keyframe.is_active() && map.contains(keyframe) && asked.len() < MOST_ASKED {
+        if is_old && is_apart && map.contains(keyframe) && asked.len() < MOST_ASKED {
             asked.push(keyframe);
         }
     }
@@ -194,9 +194,9 @@ mod tests {
         let ids = |state: &TrackerState| asked(&MapView::from(state), 10_000_000_000);
         assert_eq!(ids(&state), [6, 5, 4]);
         state.keyframes[5].anchored_to = Some(4);
-        assert_eq!(ids(&state), [6, 4, 3], "a culled one is not asked");
-        state.keyframes[4].session = 0;
-        assert_eq!(ids(&state), [6], "nor one of an earlier run, which has another clock");
+        assert_eq!(ids(&state), [6, 5, 4], "a culled one saw what it saw");
+        state.keyframes[5].session = 0;
+        assert_eq!(ids(&state), [6], "one of an earlier run has another clock");
     }
 
     #[test]
