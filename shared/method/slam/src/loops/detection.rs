@@ -8,7 +8,7 @@ use crate::settings::LoopSettings;
 /// Frames by which each keyframe delays the effect of a request: its share of the optimisation.
 const DELAY_PER_KEYFRAME: f64 = 0.05;
 /// Keyframes between two requests as a share of the working map: of a large one a few change little.
-const INTERVAL_SHARE: f64 = 0.05;
+const INTERVAL_SHARE: f64 = 0.1;
 
 /// A place along the trajectory, in time and in the graph.
 #[derive(Clone, Copy, Debug)]
@@ -134,7 +134,7 @@ mod tests {
             ..TrackerState::default()
         };
         let asked = |n: u32, urgency| request(&settings, &state(n), 900, n, urgency).is_some();
-        assert!(asked(600, Urgency::Later) && !asked(1000, Urgency::Later));
+        assert!(asked(300, Urgency::Later) && !asked(500, Urgency::Later));
         assert!(asked(1000, Urgency::Soon) && asked(1000, Urgency::AtOnce));
         let request = request(&settings, &state(1000), 900, 1000, Urgency::Soon).unwrap();
         assert_eq!(request.effective_before, 901 + 15 + 50);

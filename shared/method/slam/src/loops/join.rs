@@ -185,11 +185,7 @@ pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecor
 
 /// The record with the join and a request to optimise both submaps together, where the keyframes
 /// themselves agree; without the sighting where they do not.
-fn joined(
-    input: &TrackingInput<'_>,
-    sighting: &SightingRecord,
-    record: FrameRecord,
-) -> FrameRecord {
+fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRecord) -> FrameRecord {
     let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
     let Some((tested, join)) = verified else { return record };
     if is_known_refused(input.map.state(), &join) {
@@ -210,7 +206,8 @@ fn joined(
     }
     let settings = &input.context.mapping.loops;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
-    let request = detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
+    let request =
+        detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
     let said = format!(
         "submap {} is joined to {}: {} frames agree, {:.0} % overlap, {:.1} % in front",
         join.moved,

@@ -28,9 +28,11 @@ pub(crate) fn with_request(
     let settings = &input.context.mapping.loops;
     let frame = input.frame;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
-    let request = |urgency| detection::request(settings, input.map.state(), frame.index, n_keyframes, urgency);
+    let request =
+        |urgency| detection::request(settings, input.map.state(), frame.index, n_keyframes, urgency);
     let has_moved = !record.moved.is_empty();
-    if record.request.is_some() || request(if has_moved { Urgency::AtOnce } else { Urgency::Soon }).is_none() {
+    if record.request.is_some() || request(if has_moved { Urgency::AtOnce } else { Urgency::Soon }).is_none()
+    {
         return record;
     }
     let sees_loop = aligned.members.iter().any(|m| match m {

@@ -34,6 +34,9 @@ const DRIFTED_RAD: f64 = 30.0_f64.to_radians();
 /// up to three or 6 %, those of two storeys 7 % and more.
 const UNLIKE: usize = 4;
 const UNLIKE_SHARE: f64 = 0.06;
+/// Views in a row that share nothing and none of which shares anything: a place that is another one, however much
+/// of the rest looks alike. A storey's lobby may have no more keyframes.
+const UNLIKE_IN_A_ROW: usize = 3;
 
 /// Views that must share features before a join is made, or half of the keyframes of the smaller component where
 /// it has fewer than twice as many: a first look may be at what is the same on every storey.
@@ -122,7 +125,9 @@ fn judged(looks: &[PairLook], enough: usize) -> Resemblance {
     let n = |what: PairLook| looks.iter().filter(|look| **look == what).count();
     let (n_alike, n_unlike, n_featureless) =
         (n(PairLook::Alike), n(PairLook::Unlike), n(PairLook::Featureless));
-    let is_many = n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * (n_alike + n_unlike) as f64;
+    let is_place = longest_unlike(looks) >= UNLIKE_IN_A_ROW;
+    let is_many =
+        is_place || n_unlike >= UNLIKE && n_unlike as f64 >= UNLIKE_SHARE * (n_alike + n_unlike) as f64;
     if is_many && (n_alike + n_unlike >= FEW_LOOKS || n_unlike > n_alike) {
         Resemblance::Unlike
     } else if is_many || n_alike + n_featureless < enough {
@@ -130,6 +135,14 @@ fn judged(looks: &[PairLook], enough: usize) -> Resemblance {
     } else {
         Resemblance::Alike
     }
+}
+
+/// The longest row of views that share nothing, in the order of their keyframes; those that say nothing left out.
+fn longest_unlike(looks: &[PairLook]) -> usize {
+    let telling: Vec<PairLook> =
+        looks.iter().copied().filter(|look| [PairLook::Alike, PairLook::Unlike].contains(look)).collect();
+    let rows = telling.split(|look| *look == PairLook::Alike);
+    rows.map(<[PairLook]>::len).max().unwrap_or(0)
 }
 
 /// A keyframe of the component that moves, and that of the other one whose view is the most like its own.
@@ -175,18 +188,29 @@ mod tests {
 
     #[test]
     fn many_views_that_share_nothing_refuse_a_join() {
-        let looks = |n_alike: usize, n_unlike: usize| {
-            let looks = [
-                vec![PairLook::Alike; n_alike],
-                vec![PairLook::Unlike; n_unlike],
-                vec![PairLook::Elsewhere; 9],
-            ];
-            judged(&looks.concat(), 15)
+        // A is alike, U is unlike, a point says nothing.
+        let looks = |text: &str| {
+            let look = |letter| match letter {
+                'A' => PairLook::Alike,
+                'U' => PairLook::Unlike,
+                _ => PairLook::Elsewhere,
+            };
+            judged(&text.chars().map(look).collect::<Vec<_>>(), 15)
         };
-        assert_eq!((looks(0, 0), looks(14, 2)), (Resemblance::TooFew, Resemblance::TooFew));
-        assert_eq!((looks(15, 0), looks(90, 3)), (Resemblance::Alike, Resemblance::Alike));
-        assert_eq!((looks(0, 4), looks(60, 4)), (Resemblance::Unlike, Resemblance::Unlike));
-        assert_eq!(looks(15, 4), Resemblance::TooFew, "a few at a door");
+        let alike = |n: usize| "A".repeat(n);
+        let scattered = |n: usize| "UA.A".repeat(n);
+        assert_eq!((looks("...."), looks(&(alike(14) + "UAU"))), (Resemblance::TooFew, Resemblance::Alike));
+        assert_eq!(looks(&(alike(13) + "U")), Resemblance::TooFew);
+        assert_eq!(
+            (looks(&alike(15)), looks(&(scattered(3) + &alike(84)))),
+            (Resemblance::Alike, Resemblance::Alike)
+        );
+        assert_eq!(looks(&(scattered(4) + &alike(50))), Resemblance::Unlike, "four of 62");
+        assert_eq!(looks(&(scattered(4) + &alike(60))), Resemblance::Alike, "four of 72");
+        assert_eq!(looks("UUUU"), Resemblance::Unlike);
+        assert_eq!(looks(&(scattered(4) + &alike(7))), Resemblance::TooFew, "a few at a door");
+        assert_eq!(looks(&("UU..U".to_owned() + &alike(90))), Resemblance::Unlike, "a lobby is another one");
+        assert_eq!(looks(&("UUAU".to_owned() + &alike(90))), Resemblance::Alike);
         assert_eq!(
             judged(&[PairLook::Featureless; 15], 15),
             Resemblance::Alike,

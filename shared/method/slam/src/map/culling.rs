@@ -148,7 +148,8 @@ pub fn given_up(keyframes: &[KeyframeState], kept_bytes: u64) -> impl Iterator<I
     let newest = keyframes.last();
     let is_recent = |k: &KeyframeState| {
         newest.is_some_and(|newest| {
-            k.session == newest.session && newest.stamp_nanos.saturating_sub(k.stamp_nanos) <= LOOKED_BACK_NANOS
+            k.session == newest.session
+                && newest.stamp_nanos.saturating_sub(k.stamp_nanos) <= LOOKED_BACK_NANOS
         })
     };
     let mut kept = 0u64;

@@ -149,7 +149,8 @@ mod tests {
         let (wall, floor) = (normal * normal.transpose(), Vector3::y() * Vector3::y().transpose());
         let omega = 1e6 * (wall + floor) + 1e-3 * Matrix3::identity();
         let mut sums = BlockSums::default();
-        for point in [[-1.0, 1.0, 2.0], [1.0, 1.0, 2.0], [-1.0, -1.0, 3.0], [1.0, -1.0, 3.0], [0.5, 0.0, 2.5]] {
+        for point in [[-1.0, 1.0, 2.0], [1.0, 1.0, 2.0], [-1.0, -1.0, 3.0], [1.0, -1.0, 3.0], [0.5, 0.0, 2.5]]
+        {
             sums.add(&Vector3::from(point), &Vector3::zeros(), &omega);
             sums.n += 1;
         }

@@ -6,7 +6,6 @@ use crate::vertex::{Grid, Vertex};
 /// of their depth and for each place from one to the other.
 const MOST_BEND: f32 = 0.005;
 
-
 /// Fills in the vertices between the kept ones: first those of the kept rows, then the rows between.
 pub(super) fn interpolate(grid: Grid, step: usize, vertices: &mut [Vertex]) {
     let Grid { width, height, .. } = grid;
