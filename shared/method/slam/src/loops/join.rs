@@ -20,10 +20,11 @@ use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyfra
 use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
 use tessera_registration::Sampler;
 
-/// Frames from one search to the next: neighbours in time see the same and confirm little.
-const EVERY: u64 = 3;
-/// The same where the frame has too few features: a search by shape alone tries many alignments.
-const EVERY_BY_SHAPE: u64 = 9;
+/// Frames of a turn: one look in each, so that no frame takes long, and neighbours in time see the same and
+/// confirm little.
+const TURN_FRAMES: u64 = 3;
+/// Turns from one search by shape alone to the next, which tries many alignments.
+const TURNS_BY_SHAPE: u64 = 6;
 /// Largest disagreement of a sighting with the one before it.
 const AGREES_M: f64 = 0.1;
 const AGREES_RAD: f64 = 5.0_f64.to_radians();
@@ -53,17 +54,33 @@ pub(crate) fn with_sighting(
         return FrameRecord { sighting: known, ..record };
     }
     let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
-    let sighting = match known {
-        Some(known) if is_certain(&known) => Some(known),
-        _ if !input.frame.index.is_multiple_of(EVERY) => known,
-        Some(known) => confirmed(input, aligner, &record, &known),
-        None => found(input, aligner, &record),
+    let turn = turn(input, &record);
+    let sighting = match (known, turn) {
+        (Some(known), _) if is_certain(&known) => Some(known),
+        (known, None) => known,
+        (None, Some(turn)) if turn.is_multiple_of(2) => found(input, aligner, &record, turn),
+        (None, Some(_)) => None,
+        (Some(known), Some(turn)) if turn.is_multiple_of(2) => confirmed(input, aligner, &record, &known),
+        (Some(known), Some(_)) => (!fits_elsewhere(input, aligner, &record, &known)).then_some(known),
     };
     // A pending correction was computed from the keyframes as they are.
     match sighting.filter(|sighting| is_certain(sighting) && state.pending.is_none()) {
         Some(certain) => joined(input, &certain, record),
         None => FrameRecord { sighting, ..record },
     }
+}
+
+/// The turn of this frame; `None` where it has none. A frame that makes a keyframe, which is aligned twice, leaves
+/// it to the next one, unless the one before made one too.
+fn turn(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<u64> {
+    let (index, makes_keyframe) = (input.frame.index, record.new_keyframe.is_some());
+    let made_keyframe = || input.map.last_own_keyframe().is_some_and(|last| last.frame_index + 2 == index);
+    let has_it = match index % TURN_FRAMES {
+        0 => !makes_keyframe || made_keyframe(),
+        1 => !makes_keyframe && made_keyframe(),
+        _ => false,
+    };
+    has_it.then_some(index / TURN_FRAMES)
 }
 
 /// Confirmations that make a sighting certain: more where joins were refuted, or refused between the two.
@@ -80,7 +97,12 @@ fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
 }
 
 /// A first sighting: the frame's place among the keyframes of all other submaps.
-fn found(input: &TrackingInput<'_>, aligner: &mut Aligner, record: &FrameRecord) -> Option<SightingRecord> {
+fn found(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+    turn: u64,
+) -> Option<SightingRecord> {
     let others: Vec<&KeyframeState> =
         input.map.active_anywhere().filter(|k| !input.map.contains(k)).collect();
     let found = if aligner.sight.n_features() >= ENOUGH_FEATURES && input.context.is_colour_trusted {
@@ -89,9 +111,8 @@ fn found(input: &TrackingInput<'_>, aligner: &mut Aligner, record: &FrameRecord)
             let other_from_own = there * world_from_camera.inverse();
             !is_known_refused(input.map.state(), &join_by(input, submap, &other_from_own))
         })?
-    } else if input.frame.index.is_multiple_of(EVERY_BY_SHAPE) {
-        let turn = (input.frame.index / EVERY_BY_SHAPE) as usize;
-        relocalise::recognise(input, aligner, &others, turn)?
+    } else if turn.is_multiple_of(TURNS_BY_SHAPE) {
+        relocalise::recognise(input, aligner, &others, (turn / TURNS_BY_SHAPE) as usize)?
     } else {
         return None;
     };
@@ -108,9 +129,7 @@ fn confirmed(
     let expected = other_from_own(input, known)? * Pose::from(&record.world_from_camera);
     let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.velocity));
     match seen_at(input, aligner, known.seen, &expected, velocity) {
-        Some(found) if agrees(&found, &expected) && !fits_elsewhere(input, aligner, record, known) => {
-            sighting(input, record, &found, known.n_confirmed + 1)
-        }
+        Some(found) if agrees(&found, &expected) => sighting(input, record, &found, known.n_confirmed + 1),
         _ => None,
     }
 }

@@ -13,20 +13,23 @@ use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::detection;
 use crate::loops::join::saying;
 use crate::loops::matchable::Matchable;
+use crate::loops::pair_alignment::PairAlignment;
 use crate::loops::verification;
 use crate::loops::view_limits::ViewLimits;
+use crate::map::context::Context;
 use crate::map::records::{ContradictionRecord, FrameRecord, SplitRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::settings::GlobalSettings;
 use crate::tracking::alignment::Aligner;
+use crate::tracking::degeneracy::is_determined;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::relocalise;
 use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use nalgebra::Vector3;
 use tessera_geometry::{Pose, translation_rotation_norms};
-use tessera_registration::Sampler;
+use tessera_registration::{MatchLimits, Sampler};
 
 /// Keyframes of long ago that look at what the frame looks at.
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
@@ -34,6 +37,12 @@ const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to
 const SAME_LOOK: ViewLimits = ViewLimits { radius_m: 0.3, angle_rad: 15.0_f64.to_radians() };
 /// Features on which a frame and a keyframe of the same place agree, wherever they see each other.
 const MIN_AGREEING: usize = 15;
+/// Keyframes of long ago that must all look otherwise, at most.
+const MOST_LOOKED_AT: usize = 3;
+/// Features that agree with a member of the window, where they are seen well enough to be missed elsewhere.
+const MIN_FOLLOWED: u32 = 30;
+/// How fast a camera turns whose image is blurred, and unlike a sharp one of the same place, radians a second.
+const BLURRED_RAD_PER_S: f64 = 0.7;
 /// Share of the matches of the best member of a window from which on an old one fits.
 const FITS: f64 = 0.5;
 /// Keyframes that are missed before the camera is taken to be elsewhere, and its way meanwhile, metres.
@@ -126,13 +135,6 @@ fn look(
     }
     let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
     let seen = pair.filter(|pair| pair.inliers.len() >= MIN_AGREEING).map(|pair| pair.target_from_query);
-    if fitting.is_some() {
-        // Walls of the same shape that look otherwise, where the newest keyframes look as they did.
-        let looks_otherwise = seen.is_none()
-            && aligned.alignment.n_agreeing as usize >= 2 * MIN_AGREEING
-            && is_same_view(&Pose::from(&old.world_from_camera), world_from_camera);
-        return if looks_otherwise { Look::Missed } else { Look::Nothing };
-    }
     let Some(own) = input.map.state().active().last().filter(|k| input.map.contains(k)) else {
         return Look::Nothing;
     };
@@ -141,6 +143,21 @@ fn look(
     let old_from_own = seen.unwrap_or(old_from_world * world_from_camera) * camera_from_own;
     let mut sampler = Sampler::default();
     let sides = [own, old].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
+    if seen.is_none() {
+        // Along bare walls the map may have slid, and is the same place for all that. What the camera stood in
+        // has moved along all of them.
+        if !has_stood(input) && !are_determined(input.context, &sides, &old_from_own) {
+            return Look::Nothing;
+        }
+        let is_blurred = aligned.alignment.velocity.phi.norm() > BLURRED_RAD_PER_S;
+        let is_followed = aligned.alignment.n_agreeing >= MIN_FOLLOWED && !is_blurred;
+        if is_followed && looks_otherwise(input, aligner, world_from_camera) {
+            return Look::Missed;
+        }
+    }
+    if fitting.is_some() {
+        return Look::Nothing;
+    }
     let global = &settings.global;
     let tested =
         verification::test(global, &mut input.context.matcher(), &sides[0], &sides[1], &old_from_own);
@@ -183,10 +200,44 @@ fn in_window<'a>(
     fits
 }
 
-/// Whether two cameras see the same from nearly the same place, so that it looks the same.
-fn is_same_view(a: &Pose, b: &Pose) -> bool {
-    let (apart_m, apart_rad) = translation_rotation_norms(&(a.inverse() * b));
-    apart_m <= SAME_LOOK.radius_m && apart_rad <= SAME_LOOK.angle_rad
+/// Whether the surfaces of two keyframes hold each other in every direction.
+fn are_determined(context: &Context, [query, target]: &[Matchable<'_>; 2], target_from_query: &Pose) -> bool {
+    let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
+    let pair = PairAlignment { query, target, n_queries: GlobalSettings::QUERIES_PER_PAIR, limits: &limits };
+    let (block, _) = pair.search(&mut context.matcher(), target_from_query, 1.0);
+    is_determined(context, &block.linearise(target_from_query).0)
+}
+
+/// Whether the camera stood just before the first keyframe that missed one, or before the newest.
+fn has_stood(input: &TrackingInput<'_>) -> bool {
+    let state = input.map.state();
+    let Some(newest) = state.keyframes.len().checked_sub(1) else { return false };
+    let first = state.contradiction.map_or(newest, |known| (known.first as usize).min(newest));
+    let made: Vec<Made> = state.keyframes.iter().map(Made::of).collect();
+    stand(&made, first).is_some()
+}
+
+/// Whether walls of the same shape look otherwise: of the keyframes of long ago that saw the same from nearly the
+/// same place none shares features, wherever they are looked for.
+fn looks_otherwise(input: &TrackingInput<'_>, aligner: &mut Aligner, view: &Pose) -> bool {
+    let near = window::near(&input.map, &SAME_LOOK, view);
+    let old = near.iter().filter_map(|(_, id)| input.map.keyframe(*id)).filter(|k| is_old(input, k));
+    let references = old.take(MOST_LOOKED_AT).filter_map(|k| reference(input, Member::Keyframe(k.id)));
+    let mut n_missed = 0;
+    for there in references.filter(|there| there.features.len() >= ENOUGH_FEATURES) {
+        let is_upright = turn_between(&there.world_from_camera, view) <= SAME_LOOK.angle_rad;
+        let pair = aligner.sight.pair(input.context, &there, view, Reach::ANYWHERE);
+        if pair.is_some_and(|pair| pair.inliers.len() >= MIN_AGREEING) {
+            return false;
+        }
+        n_missed += u32::from(is_upright);
+    }
+    n_missed > 0
+}
+
+/// The whole turn from one camera to another, that about the optical axis among it, radians.
+fn turn_between(a: &Pose, b: &Pose) -> f64 {
+    translation_rotation_norms(&(a.inverse() * b)).1
 }
 
 fn is_old(input: &TrackingInput<'_>, keyframe: &KeyframeState) -> bool {
