@@ -40,7 +40,7 @@ const MIN_AGREEING: usize = 15;
 /// Keyframes of long ago that must all look otherwise, at most.
 const MOST_LOOKED_AT: usize = 3;
 /// Features that agree with a member of the window, where they are seen well enough to be missed elsewhere.
-const MIN_FOLLOWED: u32 = 30;
+const MIN_FOLLOWED: u32 = 15;
 /// How fast a camera turns whose image is blurred, and unlike a sharp one of the same place, radians a second.
 const BLURRED_RAD_PER_S: f64 = 0.7;
 /// Share of the matches of the best member of a window from which on an old one fits.
