@@ -3,9 +3,8 @@
 mod common;
 
 use common::ate_m;
-use tessera_geometry::Camera;
 use tessera_offline::Method;
-use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_sources::Source;
 
 /// Frames of the building: from a lobby down the corridor, 14 m.
 const DOWN: std::ops::Range<u64> = 5450..5990;
@@ -13,13 +12,7 @@ const EVERY: usize = 2;
 
 #[test]
 fn a_corridor_of_bare_walls_keeps_its_length() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("camera.toml");
-    let camera = Camera::pinhole((320, 240), [262.5, 262.5, 159.5, 119.5], 5000.0);
-    std::fs::write(&file, toml::to_string(&camera).unwrap()).unwrap();
-    let options = SimulationOptions::default();
-    let source =
-        SimulatedSource::open(SceneName::Building, Some(file.to_str().unwrap()), None, &options).unwrap();
+    let source = common::small_building();
     let indices: Vec<u64> = DOWN.step_by(EVERY).collect();
     let frames = common::frames(&source, &indices);
     let records = common::run(&source, &Method::default(), &frames);

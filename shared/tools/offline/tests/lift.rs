@@ -3,12 +3,11 @@
 
 mod common;
 
-use common::{Step, step_frame};
+use common::{Step, small_building, step_frame};
 use rayon::prelude::*;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
-use tessera_geometry::Camera;
 use tessera_offline::{Method, RawFrame, Records, Run, State};
-use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_sources::{SimulatedSource, Source};
 
 /// Frames of the building: out of the lift on the ground storey into the first room; the door open, closing and
 /// closed before the first ride; the ride; out of the lift on the storey above.
@@ -18,15 +17,6 @@ const DOOR: std::ops::Range<u64> = 6490..6570;
 const RIDE_AND_OUT: std::ops::Range<u64> = 6490..7000;
 /// A tenth of a second from frame to frame.
 const EVERY: usize = 3;
-
-fn building() -> SimulatedSource {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("camera.toml");
-    let camera = Camera::pinhole((320, 240), [262.5, 262.5, 159.5, 119.5], 5000.0);
-    std::fs::write(&file, toml::to_string(&camera).unwrap()).unwrap();
-    let options = SimulationOptions::default();
-    SimulatedSource::open(SceneName::Building, Some(file.to_str().unwrap()), None, &options).unwrap()
-}
 
 /// Frames of the building in this order, each third one.
 fn run(source: &SimulatedSource, indices: &[u64]) -> Records {
@@ -62,7 +52,7 @@ fn all_tracked(records: &Records) -> bool {
 
 #[test]
 fn a_ride_is_noticed_and_the_way_back_leads_into_the_first_map() {
-    let source = building();
+    let source = small_building();
     let there: Vec<u64> = (0..OUT).chain((0..OUT).rev()).chain(RIDE_AND_OUT).collect();
     let n_there = there.len();
     // The same way back: into the cabin, down, and out again.
@@ -89,7 +79,7 @@ fn a_ride_is_noticed_and_the_way_back_leads_into_the_first_map() {
 
 #[test]
 fn a_door_that_closes_and_opens_again_begins_no_submap() {
-    let source = building();
+    let source = small_building();
     let indices: Vec<u64> =
         (0..OUT).chain((0..OUT).rev()).chain(DOOR).chain(DOOR.rev()).chain(0..OUT).step_by(EVERY).collect();
     let records = run(&source, &indices);

@@ -3,22 +3,14 @@
 mod common;
 
 use common::ate_m;
-use tessera_geometry::Camera;
 use tessera_offline::Method;
-use tessera_sources::{SceneName, SimulatedSource, SimulationOptions};
 
 /// Frames of the building: into a room, past the person, and on.
 const PAST: std::ops::Range<u64> = 7980..8150;
 
 #[test]
-fn a_person_who_walks_past_takes_nobody_along() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("camera.toml");
-    let camera = Camera::pinhole((320, 240), [262.5, 262.5, 159.5, 119.5], 5000.0);
-    std::fs::write(&file, toml::to_string(&camera).unwrap()).unwrap();
-    let options = SimulationOptions::default();
-    let source =
-        SimulatedSource::open(SceneName::Building, Some(file.to_str().unwrap()), None, &options).unwrap();
+fn a_person_who_walks_past_does_not_take_the_camera_along() {
+    let source = common::small_building();
     let indices: Vec<u64> = PAST.collect();
     let frames = common::frames(&source, &indices);
     let error_m = |is_left_out: bool| {

@@ -195,7 +195,8 @@ fn is_backwards(log: &str) -> bool {
 
 #[test]
 fn the_optimiser_lets_the_other_stages_go_first() {
-    let run = room().frames(FRAMES).with(&["--live"]);
+    // Longer than the test needs: it ends the run itself.
+    let run = room().frames(1800).with(&["--live"]);
     let mut child = run.start();
     run.wait_until_busy();
     let nice = |stage: &str| {
@@ -206,5 +207,6 @@ fn the_optimiser_lets_the_other_stages_go_first() {
     let [align, optimise] = ["align", "optimise"].map(nice);
     assert_eq!(nice("reconstruct"), align);
     assert_eq!(optimise, 19.min(align + 10));
-    assert!(child.wait().unwrap().success());
+    child.kill().unwrap();
+    child.wait().unwrap();
 }

@@ -2,7 +2,7 @@
 //!
 //! A person who walks close by is half of the view, and the nearest and so the most precise half: the frame would
 //! follow. But a keyframe of a second ago saw through where the person is now. A surface that stands there has
-//! moved, whichever way the camera went; of the world at rest only what the map has in a wrong place would.
+//! moved, however the camera did; of the world at rest only what the map has in a wrong place would.
 
 use crate::features::sight::Sight;
 use crate::map::context::Context;

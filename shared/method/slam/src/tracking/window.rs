@@ -45,7 +45,7 @@ pub(crate) fn select(map: &MapView<'_>, settings: &WindowSettings, predicted: &P
         members.push(Member::Keyframe(last_keyframe.id));
     }
     near.retain(|n| last_keyframe.is_none_or(|k| n.1 != k.id));
-    // What contradicts the frames of late must not bend them, whichever of both is right.
+    // What contradicts the frames of late must not bend them, even where it is right.
     if let Some(contradiction) = map.state().contradiction.filter(|known| known.n_missed >= DOUBTED) {
         near.retain(|n| n.1 >= contradiction.first);
     }

@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
-use tessera_geometry::Pose;
+use tessera_geometry::{Camera, Pose};
 use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
 
@@ -17,6 +17,16 @@ pub(crate) fn surfaces_alone() -> Method {
 /// A simulated scene.
 pub(crate) fn scene(name: SceneName, options: &SimulationOptions) -> SimulatedSource {
     SimulatedSource::open(name, None, None, options).unwrap()
+}
+
+/// The building, seen by a camera of 320x240 pixels.
+pub(crate) fn small_building() -> SimulatedSource {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("camera.toml");
+    let camera = Camera::pinhole((320, 240), [262.5, 262.5, 159.5, 119.5], 5000.0);
+    std::fs::write(&file, toml::to_string(&camera).unwrap()).unwrap();
+    let options = SimulationOptions::default();
+    SimulatedSource::open(SceneName::Building, Some(file.to_str().unwrap()), None, &options).unwrap()
 }
 
 /// One step of a scenario: a frame of the scene, or a covered lens.
