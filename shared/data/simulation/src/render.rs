@@ -47,6 +47,10 @@ impl Exposure<'_> {
         let (width, height) = (self.rays.width, self.rays.height);
         scratch.planes.clear();
         scratch.planes.resize(width * height, [0.0; 3]);
+        // Where no ray meets anything the image is black, whatever was in the buffer.
+        if let Some(rgb) = rgb.as_deref_mut() {
+            rgb.fill(0);
+        }
         let is_rolling = self.camera.readout_s != 0.0;
         let global = self.viewpoint(self.stamp_s);
         self.fill_visible(&global, &mut scratch.visible);

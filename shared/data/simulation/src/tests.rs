@@ -31,6 +31,24 @@ fn a_frame_is_the_same_in_any_order_and_on_any_thread() {
 }
 
 #[test]
+fn every_pixel_is_written_whatever_the_buffers_hold() {
+    let small = SimulationOptions { sensor: DepthSensor::Exact, ..SimulationOptions::default() };
+    for name in [SceneName::Room, SceneName::House, SceneName::Building] {
+        let source = open(name, &small);
+        let n = source.rays.width * source.rays.height;
+        // The building looks out of doors in its first frame.
+        for index in [0, 90] {
+            let [first, second] = [7u8, 99].map(|old| {
+                let (mut depth, mut colour) = (vec![u16::from(old); n], vec![old; 3 * n]);
+                source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+                (depth, colour)
+            });
+            assert!(first == second, "{name:?}, frame {index}");
+        }
+    }
+}
+
+#[test]
 fn exact_depth_moves_from_frame_to_frame_as_the_true_poses_say() {
     // Points of one frame, carried by the ground truth into another, lie on its surface.
     for (distortion, readout_s) in
