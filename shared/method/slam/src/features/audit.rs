@@ -2,6 +2,8 @@
 //!
 //! A pose that follows wrong colour takes the data association of the surfaces along, which then
 //! agrees. So some frames are aligned once more without features, and their matches are judged there.
+//! Surfaces that leave a direction open, as those of a corridor or of one wall do, judge nothing: along it
+//! their pose is a prediction, and it would be colour that is found wrong.
 
 use crate::features::colour_model::ColourRecord;
 use crate::features::observed::Observed;
@@ -19,7 +21,7 @@ const EVERY: u64 = 8;
 /// Outer iterations: the start is at a solution, or not far from one.
 const OUTER_ITERATIONS: u32 = 3;
 
-/// What a frame's features say of colour; `None` where it is not audited, or too few match.
+/// What a frame's features say of colour; `None` where it is not audited, too few match, or the surfaces cannot tell.
 pub(crate) fn colour_record(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -41,7 +43,7 @@ pub(crate) fn colour_record(
         ..*prediction
     };
     let alone = aligner.align(input.context, input.samples, &references, &guess);
-    if !alone.is_solved {
+    if !alone.is_solved || !alone.degenerate.is_empty() {
         return None;
     }
     let factor = aligner.independent_factor();

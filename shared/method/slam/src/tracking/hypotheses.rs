@@ -102,7 +102,10 @@ pub(crate) fn track(
     if input.context.is_colour_on_probation {
         let context = &input.context.without_guesses();
         let found = track_from(&TrackingInput { context, ..*input }, aligner, prediction);
-        if let Ok(found) = found {
+        // Where surfaces leave a direction open, what is not known to be wrong is better than nothing.
+        if let Ok(found) = found
+            && found.alignment.degenerate.is_empty()
+        {
             return Ok(once_more(input, aligner, prediction, found));
         }
     }
