@@ -1,12 +1,12 @@
 //! The aligner's durable state: a fold over its journal, and the files behind it.
 
 use crate::journal_fold::{FoldSnapshot, JournalFold};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
 use tessera_messages::store_surface;
 use tessera_settings::Fsync;
-use tessera_slam::{AlignRecord, Correction, FrameRecord, OptimiseRecord, Tracker, given_up};
+use tessera_slam::{AlignRecord, Correction, FrameRecord, GivenUp, OptimiseRecord, Tracker};
 use tessera_stage::{
     ALIGN_JOURNAL, Checkpoint, Marks, OPTIMISE_JOURNAL, StageContext, StageError, StateAt, StoredKeyframes,
     journal_slot, slots, store_slot,
@@ -37,7 +37,7 @@ pub(crate) struct JournaledAligner {
     /// Bytes that the surfaces of culled keyframes may take.
     culled_bytes: u64,
     /// Keyframes whose surfaces this process has given up.
-    given_up: BTreeSet<u32>,
+    given_up: GivenUp,
 }
 
 impl JournaledAligner {
@@ -99,7 +99,7 @@ impl JournaledAligner {
         let (pending, fsync) = (BTreeMap::new(), flow.fsync);
         let grid = context.layout.grid;
         let culled_bytes = u64::from(flow.culled_mb) * 1_000_000;
-        let given_up = BTreeSet::new();
+        let given_up = GivenUp::default();
         let mut state = Self {
             fold,
             keyframes,
@@ -173,10 +173,8 @@ impl JournaledAligner {
         if state.pending.is_some() {
             return Ok(());
         }
-        for keyframe in given_up(&state.keyframes, self.culled_bytes) {
-            if self.given_up.insert(keyframe.id) {
-                self.store.give_up(&journal_slot(&keyframe.slot))?;
-            }
+        for keyframe in self.given_up.more(&state.keyframes, self.culled_bytes) {
+            self.store.give_up(&journal_slot(&keyframe.slot))?;
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;
 pub use loops::meeting::Meeting;
 pub use map::context::Context;
-pub use map::culling::given_up;
+pub use map::given_up::GivenUp;
 pub use map::joint::JointMap;
 pub use map::joint_cache::JointCache;
 pub use map::pose_history::{FramePose, PoseHistory};

@@ -11,6 +11,7 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::settings::MappingSettings;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 
 /// The newest keyframes, which are never culled: the window and the next loop test need them.
@@ -46,10 +47,12 @@ impl CullingView {
         Self { id: keyframe.id, component: submaps.component(keyframe.submap), centre, axis }
     }
 
-    /// Distance of the centres and the angle between the optical axes together, metres.
-    fn distance_m(&self, other: &Self) -> f64 {
-        let turn = METRES_PER_RADIAN * (self.axis - other.axis).norm();
-        ((self.centre - other.centre).norm_squared() + turn * turn).sqrt()
+    /// Distance of the centres and the angle between the optical axes together, metres; `None` where the centres
+    /// alone are as far apart as `most_m`.
+    fn distance_m(&self, other: &Self, most_m: f64) -> Option<f64> {
+        let apart_sq = (self.centre - other.centre).norm_squared();
+        let turn = || METRES_PER_RADIAN * (self.axis - other.axis).norm();
+        (apart_sq < most_m * most_m).then(|| (apart_sq + turn() * turn()).sqrt())
     }
 }
 
@@ -93,17 +96,19 @@ fn least_needed(views: &[CullingView]) -> Option<CullingCandidate> {
     let settled = &views[..views.len().saturating_sub(NEWEST)];
     let mut by_x: Vec<&CullingView> = settled.iter().collect();
     by_x.sort_by(|a, b| a.centre.x.total_cmp(&b.centre.x).then(a.id.cmp(&b.id)));
-    let is_first = |view: &CullingView| {
-        settled
-            .iter()
-            .find(|other| other.component == view.component)
-            .is_some_and(|first| first.id == view.id)
-    };
+    let mut components: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
+    settled.iter().for_each(|view| components.entry(view.component).or_insert((view.id, 0)).1 += 1);
+    // The first view of a view's component, and how many there are.
+    let of = |view: &CullingView| components.get(&view.component).copied().unwrap_or((view.id, 1));
     let mut least: Option<CullingCandidate> = None;
-    for at in (0..by_x.len()).filter(|at| !is_first(by_x[*at])) {
+    for (at, view) in by_x.iter().enumerate() {
+        let (first, n) = of(view);
+        if first == view.id {
+            continue;
+        }
         // Views farther away than the least room so far cannot make a room as small.
         let within_m = least.as_ref().map_or(f64::INFINITY, |least| least.room_m * (1.0 + 1e-9));
-        let Some(found) = candidate(&by_x, at, within_m) else { continue };
+        let Some(found) = candidate(&by_x, at, within_m, n == 2) else { continue };
         let is_less = |least: &CullingCandidate| {
             found.room_m.total_cmp(&least.room_m).then(least.id.cmp(&found.id)).is_lt()
         };
@@ -114,51 +119,39 @@ fn least_needed(views: &[CullingView]) -> Option<CullingCandidate> {
     least
 }
 
-/// A view with its two nearest others of the same component; `None` where it has none within `within_m`.
-/// `by_x`: sorted by the x of their centres, so that most need not be looked at.
-fn candidate(by_x: &[&CullingView], at: usize, within_m: f64) -> Option<CullingCandidate> {
+/// A view with its two nearest others of the same component; `None` where it has none within `within_m`, or one
+/// alone, unless it is one of two. `by_x`: sorted by the x of their centres, so that most need not be looked at.
+fn candidate(
+    by_x: &[&CullingView],
+    at: usize,
+    within_m: f64,
+    is_one_of_two: bool,
+) -> Option<CullingCandidate> {
     let view = by_x[at];
     let (mut nearest, mut first_m, mut second_m) = (None, f64::INFINITY, f64::INFINITY);
     let mut look = |other: &CullingView| {
-        let is_beyond = (other.centre.x - view.centre.x).abs() > second_m.min(within_m);
-        if !is_beyond && other.component == view.component {
-            let distance_m = view.distance_m(other);
+        let most_m = second_m.min(within_m);
+        if (other.centre.x - view.centre.x).abs() > most_m {
+            return false;
+        }
+        if other.component == view.component
+            && let Some(distance_m) = view.distance_m(other, most_m)
+        {
             if distance_m < first_m {
                 (nearest, first_m, second_m) = (Some(other.id), distance_m, first_m);
             } else {
                 second_m = second_m.min(distance_m);
             }
         }
-        !is_beyond
+        true
     };
     let _ = by_x[..at].iter().rev().all(|other| look(other));
     let _ = by_x[at + 1..].iter().all(|other| look(other));
-    if !second_m.is_finite() && within_m.is_finite() && nearest.is_some() {
-        return candidate(by_x, at, f64::INFINITY);
-    }
     // One of two views has no second neighbour.
-    let room_m = first_m + if second_m.is_finite() { second_m } else { first_m };
-    Some(CullingCandidate { id: view.id, nearest: nearest?, nearest_m: first_m, room_m })
-}
-
-/// Culled keyframes whose surfaces are given up, so that those of the others take `kept_bytes` at most in
-/// the store: the oldest ones. What is given up stays so, however the map grows. None of the last seconds is:
-/// the next frames look back at them (method 6).
-pub fn given_up(keyframes: &[KeyframeState], kept_bytes: u64) -> impl Iterator<Item = &KeyframeState> {
-    let newest = keyframes.last();
-    let is_recent = |k: &KeyframeState| {
-        newest.is_some_and(|newest| {
-            k.session == newest.session
-                && newest.stamp_nanos.saturating_sub(k.stamp_nanos) <= LOOKED_BACK_NANOS
-        })
-    };
-    let mut kept = 0u64;
-    let mut fits = |keyframe: &KeyframeState| {
-        kept = kept.saturating_add(if keyframe.is_active() { 0 } else { keyframe.slot.len });
-        kept <= kept_bytes || is_recent(keyframe)
-    };
-    let n_kept = keyframes.iter().rev().take_while(|keyframe| fits(keyframe)).count();
-    keyframes[..keyframes.len() - n_kept].iter().filter(|keyframe| !keyframe.is_active())
+    let other_m = if is_one_of_two { first_m } else { second_m };
+    let is_found = other_m.is_finite();
+    let nearest = nearest.filter(|_| is_found)?;
+    Some(CullingCandidate { id: view.id, nearest, nearest_m: first_m, room_m: first_m + other_m })
 }
 
 #[cfg(test)]
@@ -224,7 +217,8 @@ mod tests {
                 .filter_map(|at| {
                     let others = settled.iter().filter(|other| other.id != all[at].id);
                     let same = others.filter(|other| other.component == all[at].component);
-                    let mut metres: Vec<f64> = same.map(|other| all[at].distance_m(other)).collect();
+                    let mut metres: Vec<f64> =
+                        same.filter_map(|other| all[at].distance_m(other, f64::INFINITY)).collect();
                     metres.sort_by(f64::total_cmp);
                     let first = *metres.first()?;
                     Some((first + *metres.get(1).unwrap_or(&first), all[at].id))
@@ -277,32 +271,6 @@ mod tests {
         assert_eq!(culled(&line(&row(LARGE, 0.1)), &settings(0)), []);
         assert_eq!(culled(&line(&row(4 * LARGE, 0.1)), &settings(0)).len(), MOST_AT_A_TIME);
         assert_eq!(culled(&line(&row(4 * LARGE, 0.151)), &settings(0)), []);
-    }
-
-    #[test]
-    fn the_oldest_of_the_culled_are_given_up_and_none_comes_back() {
-        let mut state = line(&[0.0; 8]);
-        for keyframe in &mut state.keyframes {
-            (keyframe.slot.len, keyframe.stamp_nanos) = (10, i64::from(keyframe.id) * 6_000_000_000);
-        }
-        let given_up = |state: &TrackerState, bytes| -> Vec<u32> {
-            given_up(&state.keyframes, bytes).map(|keyframe| keyframe.id).collect()
-        };
-        let mut before = Vec::new();
-        for (culled, expected) in
-            [(2, vec![]), (5, vec![]), (4, vec![2]), (1, vec![1, 2]), (6, vec![1, 2, 4])]
-        {
-            state.retire(&RetiredRecord { keyframe: culled, anchored_to: 0 });
-            let now = given_up(&state, 20);
-            assert_eq!(now, expected);
-            assert!(before.iter().all(|id| now.contains(id)));
-            before = now;
-        }
-        assert_eq!(given_up(&state, 0), [1, 2, 4, 5, 6]);
-        assert_eq!(given_up(&state, 50), []);
-        // Tracking still looks back at the last one that was culled.
-        state.keyframes[7].stamp_nanos = state.keyframes[6].stamp_nanos + 5_000_000_000;
-        assert_eq!(given_up(&state, 0), [1, 2, 4, 5]);
     }
 
     #[test]

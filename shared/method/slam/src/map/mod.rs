@@ -4,6 +4,7 @@ pub(crate) mod active_ids;
 pub(crate) mod context;
 pub(crate) mod correction;
 pub(crate) mod culling;
+pub(crate) mod given_up;
 pub(crate) mod input_hash;
 pub(crate) mod joint;
 pub(crate) mod joint_cache;
