@@ -9,6 +9,7 @@ pub(crate) mod detection;
 pub(crate) mod extended_window;
 pub(crate) mod feature_cache;
 pub(crate) mod from_appearance;
+pub(crate) mod in_place;
 pub(crate) mod join;
 pub(crate) mod keyframe_pair;
 pub(crate) mod known_looks;

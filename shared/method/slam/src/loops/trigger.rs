@@ -2,11 +2,16 @@
 //! like an old one.
 
 use crate::features::matching::Reach;
+use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::appearance::similarity;
 use crate::loops::detection::{self, Urgency};
+use crate::loops::in_place::{is_in_place, old_members};
+use crate::loops::view_limits::{ViewLimits, optical_axis};
 use crate::map::records::{FrameRecord, KeyframeRecord};
+use crate::map::state::KeyframeState;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Reference;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use tessera_geometry::{Pose, translation_rotation_norms};
@@ -35,16 +40,15 @@ pub(crate) fn with_request(
     {
         return record;
     }
-    let sees_loop = aligned.members.iter().any(|m| match m {
-        Member::Keyframe(id) => {
-            input.map.keyframe(*id).is_some_and(|k| detection::is_loop(settings, input.map, k, frame.index))
-        }
-        Member::Recent(_) => false,
-    });
+    let sees_loop = old_members(input, aligned).next().is_some();
     let at = Pose::from(&record.world_from_camera);
+    // What is seen where it should be is not also elsewhere: that is a place that looks alike.
+    let is_in_place = is_in_place(input, aligner, aligned);
     record.request = if sees_loop && has_moved {
         request(Urgency::AtOnce)
-    } else if record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &at)) {
+    } else if !is_in_place
+        && record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &at))
+    {
         request(Urgency::Soon)
     } else if sees_loop {
         request(Urgency::Later)
@@ -54,8 +58,8 @@ pub(crate) fn with_request(
     record
 }
 
-/// Whether a new keyframe looks like one with which it could close a loop, and the frame's features see
-/// the camera elsewhere than it is; by ferns alone the looks suffice. The optimiser verifies it.
+/// Whether a new keyframe looks like one with which it could close a loop, and the camera stands elsewhere than
+/// that says. The optimiser verifies it.
 fn shows_drift(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -64,23 +68,37 @@ fn shows_drift(
 ) -> bool {
     keyframe.alike.iter().any(|id| {
         let Some(older) = input.map.keyframe(*id) else { return false };
+        let Some(there) = reference(input, Member::Keyframe(*id)) else { return false };
+        let has_features = |n: usize| n >= ENOUGH_FEATURES && input.context.is_colour_trusted;
+        // Where both have features to tell by, looks alone say nothing: of bare walls all views are alike.
+        if has_features(aligner.sight.n_features()) && has_features(there.features.len()) {
+            return is_seen_elsewhere(input, aligner, &there, world_from_camera);
+        }
         let is_similar =
             similarity(&keyframe.place, &older.place) >= input.context.mapping.loops.min_similarity;
-        is_similar || is_seen_elsewhere(input, aligner, *id, world_from_camera)
+        is_similar && !is_near(input, older, world_from_camera)
     })
 }
 
 fn is_seen_elsewhere(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
-    older: u32,
+    older: &Reference<'_>,
     world_from_camera: &Pose,
 ) -> bool {
-    let Some(older) = reference(input, Member::Keyframe(older)) else { return false };
-    let found = aligner.sight.pair(input.context, &older, world_from_camera, Reach::ANYWHERE);
+    let found = aligner.sight.pair(input.context, older, world_from_camera, Reach::ANYWHERE);
     found.filter(|pair| pair.inliers.len() >= MIN_INLIERS).is_some_and(|pair| {
         let seen = older.world_from_camera * pair.target_from_query;
         let (apart_m, apart_rad) = translation_rotation_norms(&(world_from_camera.inverse() * seen));
         apart_m > DRIFT_M || apart_rad > DRIFT_RAD
     })
+}
+
+/// Whether a keyframe stands near enough for the window to see it: to such a one the frame is aligned.
+fn is_near(input: &TrackingInput<'_>, older: &KeyframeState, world_from_camera: &Pose) -> bool {
+    let limits = ViewLimits::from(&input.context.mapping.window);
+    let [here, there] = [*world_from_camera, Pose::from(&older.world_from_camera)];
+    let other = std::iter::once((older.id, there.translation.vector));
+    let axis_of = |_| optical_axis(&there);
+    !limits.within(&here.translation.vector, &optical_axis(&here), other, axis_of).is_empty()
 }

@@ -3,6 +3,7 @@
 
 use crate::loops::alike::alike;
 use crate::loops::detection;
+use crate::loops::in_place::is_in_place;
 use crate::map::culling;
 use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
 use crate::map::state::{KeyframeState, RecentFrame};
@@ -20,6 +21,8 @@ use tessera_geometry::{Pose, log};
 /// Outer iterations of the repeated alignment: it starts at a solution, so once with wide limits
 /// and once with the last.
 const REPEATED_ITERATIONS: u32 = 2;
+/// Where the camera is where the map has it, one keyframe of so many is looked for among all others.
+const LOOKED_FOR_IN_PLACE: u32 = 4;
 
 /// Makes the previous frame a keyframe where the keyframe test asks for it, and repeats the
 /// alignment; at most once per frame.
@@ -29,7 +32,7 @@ pub(crate) fn with_keyframe(
     aligned: WindowAlignment,
     record: FrameRecord,
 ) -> (WindowAlignment, FrameRecord) {
-    match new_keyframe(input, aligner, &record) {
+    match new_keyframe(input, aligner, &aligned, &record) {
         Some(keyframe) => realign(input, aligner, aligned, record, keyframe),
         None => (aligned, record),
     }
@@ -39,6 +42,7 @@ pub(crate) fn with_keyframe(
 fn new_keyframe(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
+    aligned: &WindowAlignment,
     record: &FrameRecord,
 ) -> Option<KeyframeRecord> {
     let state = input.map.state();
@@ -58,15 +62,18 @@ fn new_keyframe(
         return None;
     }
     let place = input.ferns.code(&surface.surface);
+    let id = input.map.n_keyframes() as u32;
+    // The window has closed what loops there are.
+    let is_looked_for = id.is_multiple_of(LOOKED_FOR_IN_PLACE) || !is_in_place(input, aligner, aligned);
     Some(KeyframeRecord {
-        id: input.map.n_keyframes() as u32,
+        id,
         frame_index: previous.index,
         stamp_nanos: previous.stamp_nanos,
         world_from_camera: previous.world_from_camera,
         velocity: central_velocity(input, previous, &Pose::from(&record.world_from_camera)),
         slot: StoreSlot::default(),
         edges: Vec::new(),
-        alike: alike(input, &mut aligner.sight, surface, &place),
+        alike: if is_looked_for { alike(input, &mut aligner.sight, surface, &place) } else { Vec::new() },
         place,
         retires: culling::culled(state, &input.context.mapping),
     })
