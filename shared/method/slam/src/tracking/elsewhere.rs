@@ -91,11 +91,22 @@ pub(crate) fn with_contradiction(
     };
     let record = FrameRecord { contradiction, ..record };
     match contradiction.and_then(|known| split(input, &record, &known)) {
-        // A drift of a metre misses what is near by the poses; what it sees is another part of the same map.
-        Some(_) if is_recognised(input, aligner) => FrameRecord { contradiction: None, ..record },
+        // A drift of a metre misses what is near by the poses; what it sees is another part of the same map, unless
+        // frame after frame is seen in another one.
+        Some(_) if !is_sighted_elsewhere(input) && is_recognised(input, aligner) => {
+            FrameRecord { contradiction: None, ..record }
+        }
         Some(split) => with_split(input, record, split),
         None => record,
     }
+}
+
+/// Whether the last frames have their place in another component, as often as makes a sighting certain.
+fn is_sighted_elsewhere(input: &TrackingInput<'_>) -> bool {
+    let n_certain = input.context.mapping.relocalise.confirm_frames;
+    let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
+    let sighting = input.map.state().sighting;
+    sighting.is_some_and(|sighting| sighting.n_confirmed >= n_certain && is_other(sighting.seen))
 }
 
 /// Whether the frame has its place among the keyframes of long ago, wherever they are.
@@ -213,8 +224,11 @@ fn has_stood(input: &TrackingInput<'_>) -> bool {
     let state = input.map.state();
     let Some(newest) = state.keyframes.len().checked_sub(1) else { return false };
     let first = state.contradiction.map_or(newest, |known| (known.first as usize).min(newest));
-    let made: Vec<Made> = state.keyframes.iter().map(Made::of).collect();
-    stand(&made, first).is_some()
+    // Those of long before say nothing, and are many.
+    let at = Made::of(&state.keyframes[first]);
+    let before = state.keyframes[..first].iter().rposition(|k| !Made::of(k).is_soon_before(&at)).unwrap_or(0);
+    let made: Vec<Made> = state.keyframes[before..].iter().map(Made::of).collect();
+    stand(&made, first - before).is_some()
 }
 
 /// Whether walls of the same shape look otherwise: of the keyframes of long ago that saw the same from nearly the
@@ -302,14 +316,16 @@ impl Made {
         let KeyframeState { id, stamp_nanos, submap, .. } = *keyframe;
         Self { id, stamp_nanos, submap }
     }
+
+    /// Whether it was made in the moments before another one of its submap.
+    fn is_soon_before(&self, other: &Self) -> bool {
+        self.submap == other.submap && other.stamp_nanos.saturating_sub(self.stamp_nanos) <= SOON_NANOS
+    }
 }
 
 /// The first keyframe from which on one comes within [`SOON_NANOS`] before another one of its submap.
 fn soon_before(made: &[Made], at: usize) -> usize {
-    let is_soon = |k: &&Made| {
-        k.submap == made[at].submap && made[at].stamp_nanos.saturating_sub(k.stamp_nanos) <= SOON_NANOS
-    };
-    at - made[..at].iter().rev().take_while(is_soon).count()
+    at - made[..at].iter().rev().take_while(|k| k.is_soon_before(&made[at])).count()
 }
 
 /// Whether no keyframe came between two for so long, in the submap of the first one.
