@@ -32,6 +32,7 @@ mod place_index;
 mod pose;
 mod pyramid;
 mod settings;
+mod sorted_runs;
 mod spread;
 
 pub use extract::{ExtractWorkspace, extract};

@@ -9,7 +9,7 @@
 
 use crate::feature::Feature;
 use crate::matching::hamming_distance;
-use std::collections::BTreeSet;
+use crate::sorted_runs::SortedRuns;
 
 /// Words of a place and of a search: the strongest features.
 const WORDS: usize = 128;
@@ -46,7 +46,7 @@ pub struct PlaceIndex {
     /// By place; none of a place that is not there.
     words: Vec<Option<Box<[Descriptor]>>>,
     /// Entries `part << 32 | place << WORD_BITS | word`, in order.
-    parts: [BTreeSet<u64>; PARTS],
+    parts: [SortedRuns; PARTS],
 }
 
 impl PlaceIndex {
@@ -73,7 +73,6 @@ impl PlaceIndex {
         mut features: impl FnMut(u32) -> F,
     ) {
         let mut is_held = vec![false; self.words.len()];
-        let mut added: [Vec<u64>; PARTS] = Default::default();
         for place in places.filter(|place| *place < MAX_PLACES) {
             let at = place as usize;
             if at >= self.words.len() {
@@ -85,8 +84,8 @@ impl PlaceIndex {
                 let features = features(place);
                 let words = strongest(features.as_ref());
                 let words: Box<[Descriptor]> = words.iter().map(|feature| feature.descriptor).collect();
-                for (k, added) in added.iter_mut().enumerate() {
-                    added.extend(entries(place, &words, k));
+                for (k, part) in self.parts.iter_mut().enumerate() {
+                    entries(place, &words, k).for_each(|entry| part.insert(entry));
                 }
                 self.words[at] = Some(words);
             }
@@ -94,18 +93,8 @@ impl PlaceIndex {
         for (place, words) in (0..).zip(&mut self.words) {
             if let Some(words) = words.take_if(|_| !is_held[place as usize]) {
                 for (k, part) in self.parts.iter_mut().enumerate() {
-                    entries(place, &words, k).for_each(|entry| {
-                        part.remove(&entry);
-                    });
+                    entries(place, &words, k).for_each(|entry| part.remove(entry));
                 }
-            }
-        }
-        for (part, added) in self.parts.iter_mut().zip(added) {
-            if part.is_empty() {
-                // Made at once, in order.
-                *part = added.into_iter().collect();
-            } else {
-                part.extend(added);
             }
         }
     }
@@ -152,8 +141,9 @@ impl<A: Fn(u32) -> bool> pulp::WithSimd for PlaceSearch<'_, A> {
             for (k, part) in index.parts.iter().enumerate() {
                 let bits = bits(descriptor, k);
                 let middle = u64::from(bits) << 32;
-                index.look(descriptor, bits, part.range(middle..), &is_admitted, &mut seen);
-                index.look(descriptor, bits, part.range(..middle).rev(), &is_admitted, &mut seen);
+                let (below, from) = part.around(middle);
+                index.look(descriptor, bits, from, &is_admitted, &mut seen);
+                index.look(descriptor, bits, below, &is_admitted, &mut seen);
             }
             seen.sort_unstable();
             seen.dedup();
