@@ -32,9 +32,9 @@ fn a_frame_is_the_same_in_any_order_and_on_any_thread() {
 
 #[test]
 fn every_pixel_is_written_whatever_the_buffers_hold() {
-    let small = SimulationOptions { sensor: DepthSensor::Exact, ..SimulationOptions::default() };
+    let exact = SimulationOptions { sensor: DepthSensor::Exact, ..SimulationOptions::default() };
     for name in [SceneName::Room, SceneName::House, SceneName::Building] {
-        let source = open(name, &small);
+        let source = open(name, &exact);
         let n = source.rays.width * source.rays.height;
         // The building looks out of doors in its first frame.
         for index in [0, 90] {

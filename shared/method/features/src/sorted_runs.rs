@@ -58,7 +58,7 @@ impl SortedRuns {
         let at = self.run_of(number);
         let run = self.runs.get(at).map_or(&[][..], Vec::as_slice);
         let (below, from) = run.split_at(run.partition_point(|other| *other < number));
-        let before = self.runs[..at.min(self.runs.len())].iter().rev().flat_map(|run| run.iter().rev());
+        let before = self.runs[..at].iter().rev().flat_map(|run| run.iter().rev());
         let after = self.runs.iter().skip(at + 1).flatten();
         (below.iter().rev().chain(before), from.iter().chain(after))
     }
