@@ -16,6 +16,7 @@ pub(crate) mod prediction;
 pub(crate) mod promotion;
 pub(crate) mod relocalise;
 pub(crate) mod rotation_hypothesis;
+pub(crate) mod stand;
 pub(crate) mod submap;
 pub(crate) mod tracker;
 pub(crate) mod trees;
