@@ -143,6 +143,9 @@ fn of_verdict(verdict: LoopVerdict) -> [u8; 3] {
     match verdict {
         LoopVerdict::Accepted => GREEN,
         LoopVerdict::Outvoted => VERMILION,
-        LoopVerdict::LittleOverlap | LoopVerdict::FreeSpaceViolated | LoopVerdict::Inconsistent => ORANGE,
+        LoopVerdict::LittleOverlap
+        | LoopVerdict::FreeSpaceViolated
+        | LoopVerdict::Inconsistent
+        | LoopVerdict::Contradicted => ORANGE,
     }
 }

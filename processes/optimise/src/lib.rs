@@ -28,7 +28,7 @@ pub fn main(args: &StageArgs) -> ExitCode {
 
 /// Each loop candidate with its tests, and how many went which way.
 fn log_loops(correction: &Correction) {
-    let mut n_by_verdict = [0_u32; 5];
+    let mut n_by_verdict = [0_u32; 6];
     for pair in &correction.loops {
         let place = match pair.verdict {
             LoopVerdict::Accepted => 0,
@@ -36,6 +36,7 @@ fn log_loops(correction: &Correction) {
             LoopVerdict::FreeSpaceViolated => 2,
             LoopVerdict::Inconsistent => 3,
             LoopVerdict::Outvoted => 4,
+            LoopVerdict::Contradicted => 5,
         };
         n_by_verdict[place] += 1;
         tracing::debug!(
@@ -50,8 +51,16 @@ fn log_loops(correction: &Correction) {
             pair.verdict
         );
     }
-    let [closed, little_overlap, free_space_violated, inconsistent, rejected] = n_by_verdict;
-    tracing::info!(closed, little_overlap, free_space_violated, inconsistent, rejected, "loop pairs");
+    let [closed, little_overlap, free_space_violated, inconsistent, rejected, contradicted] = n_by_verdict;
+    tracing::info!(
+        closed,
+        little_overlap,
+        free_space_violated,
+        inconsistent,
+        rejected,
+        contradicted,
+        "loop pairs"
+    );
 }
 
 /// Waits for the answer of a base to a request; in vain at once for what the stage itself must answer.

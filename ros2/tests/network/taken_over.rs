@@ -37,7 +37,7 @@ fn a_program_that_dies_is_started_again_and_takes_its_run_over() {
     // A second one beside it would send a second camera's images.
     let (status, words) = network.join_and_run(&setup).wait();
     assert!(status.code() == Some(4) && words.contains("carries the run"), "{status} {words}");
-    // Both: whoever starts the same command again, as a launch file with `respawn` does.
+    // Both: the same command started again, as a launch file with `respawn` does.
     let kept = kept_by(ros2.id());
     drop(ros2);
     wait_for("the death of the kept program", || !std::path::Path::new(&format!("/proc/{kept}")).exists());

@@ -1,7 +1,7 @@
 //! The work of a factorisation: subtrees of the elimination tree side by side, then the panels that need
 //! several of them, each with its rows on all threads.
 //!
-//! Every block takes its products in the order of elimination, whichever thread does it.
+//! Every block takes its products in the order of elimination, on any thread.
 
 use crate::block_cholesky::{BlockCholesky, BlockKind};
 use crate::block6::{Block6, NotPositiveDefinite, divide, factorise_block, subtract_products};

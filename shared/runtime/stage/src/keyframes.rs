@@ -304,7 +304,7 @@ mod tests {
             keyframes.add_unread(id as u32, slot).unwrap();
         }
         assert_eq!(keyframes.vertices(0).len(), 12);
-        assert!(keyframes.check().is_ok(), "what nobody read was not looked at");
+        assert!(keyframes.check().is_ok(), "what was not read was not looked at");
         assert_eq!(keyframes.vertices(1).len(), 12, "a surface without a measurement");
         let message = keyframes.check().unwrap_err().to_string();
         assert!(message.contains("checksum"), "{message}");

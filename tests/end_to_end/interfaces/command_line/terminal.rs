@@ -139,7 +139,7 @@ fn without_a_terminal_there_is_no_control_sequence() {
     let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
     assert!(!out.contains('\x1b') && !err.contains('\x1b'), "{out}{err}");
     assert_fits(&out, "summary");
-    // An error stays in one line, for whoever searches in it.
+    // An error stays in one line, for a search in it.
     let output = Command::new(env!("CARGO_BIN_EXE_tessera")).args(&words).output().unwrap();
     let err = String::from_utf8(output.stderr).unwrap();
     assert_eq!(err.lines().count(), 1, "{err}");

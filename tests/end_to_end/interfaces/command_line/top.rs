@@ -32,7 +32,7 @@ fn scrape(name: &str, wanted: &[String]) -> String {
     answer
 }
 
-/// Asks at an address as Prometheus does; `None` while nobody answers.
+/// Asks at an address as Prometheus does; `None` without an answer.
 fn ask(address: &str) -> Option<String> {
     let mut stream = TcpStream::connect(address).ok()?;
     stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
@@ -61,7 +61,7 @@ fn a_run_answers_for_itself_while_it_lasts() {
     });
     signal(stopped, "CONT");
     assert!(child.wait().unwrap().success(), "{}", run.log());
-    assert!(TcpStream::connect(&address).is_err(), "nobody answers for a run that is over");
+    assert!(TcpStream::connect(&address).is_err(), "no answer for a run that is over");
     let plain = room();
     assert!(plain.finish().success());
     run.assert_same_bytes(&plain, "metrics were asked for");
@@ -145,7 +145,7 @@ fn a_running_pipeline_is_seen_and_changes_no_byte() {
 
     let undisturbed = room();
     assert!(undisturbed.finish().success());
-    run.assert_same_bytes(&undisturbed, "somebody looked on");
+    run.assert_same_bytes(&undisturbed, "a viewer looked on");
     let over = top(&[&run.name, "--json"]);
     assert_eq!(over.status.code(), Some(2));
     assert!(String::from_utf8(over.stderr).unwrap().contains("is going on"), "a run that is over");

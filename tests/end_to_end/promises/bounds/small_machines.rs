@@ -79,7 +79,7 @@ fn shared_memory_that_fills_up_is_told_and_loses_nothing() {
     if !has_namespaces() {
         return;
     }
-    // The aligner stops until somebody has taken the rest, and has killed the sensor: its
+    // The aligner stops until the rest is taken and the sensor killed: its
     // successor finds room only where it is quicker than the thief.
     let run = room()
         .frames(FRAMES)

@@ -123,7 +123,7 @@ fn every_message_of_the_manual_is_one_that_users_get() {
         None => told.0.iter().any(|(_, text)| has(text, row)),
     };
     let untold: Vec<&String> = rows.iter().filter(|row| !is_told(row)).collect();
-    assert!(untold.is_empty(), "nobody says {untold:#?}");
+    assert!(untold.is_empty(), "no page says {untold:#?}");
     for (when, text) in told.0.iter().filter(|(_, text)| text.starts_with("tessera: ")) {
         assert!(rows.iter().any(|row| has(text, row)), "the manual lacks what {when:?} says: {text}");
     }
@@ -251,7 +251,7 @@ fn of_cameras(told: &mut Told) {
 }
 
 fn of_running(told: &mut Told) {
-    // One stage stops itself, so that the run goes on until somebody was told of it.
+    // One stage stops itself, so that the run goes on until that was told.
     let run = room().with_env("TESSERA_KILL_PLAN", "reconstruct=sent:5:stop;align=stored:3");
     let run = run.with(&["--set", "flow.hang_s=3"]);
     let mut child = run.start();

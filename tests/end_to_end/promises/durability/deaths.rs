@@ -87,7 +87,7 @@ fn a_successor_goes_on_from_a_checkpoint() {
     assert!(n_from_checkpoints(&run, "optimise") > 0, "{}", run.log());
     run.assert_same_bytes(undisturbed(), plan);
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
-    assert!(!run.out().join("align.checkpoint").exists(), "nobody needs it any more");
+    assert!(!run.out().join("align.checkpoint").exists(), "it is not needed any more");
 }
 
 #[test]

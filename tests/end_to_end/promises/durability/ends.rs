@@ -25,7 +25,7 @@ fn stages_end_when_their_supervisor_is_killed() {
     signal(child.id(), "KILL");
     child.wait().unwrap();
     wait_for("the stages to end", || run.stage_pids().is_empty());
-    // What the dead run left is in nobody's way: a run of the same name takes it over.
+    // What the dead run left is in no one's way: a run of the same name takes it over.
     let other = room().named(&run.name);
     assert!(other.finish().success());
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());

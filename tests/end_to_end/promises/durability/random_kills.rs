@@ -99,7 +99,7 @@ fn the_dead_leave_no_half_made_nodes() {
         items.filter(|item| item.file_type().is_ok_and(|kind| kind.is_dir())).count()
     };
     let is_ready = |pid: &u32| run.log().contains(&format!("[{pid}] ready"));
-    // The supervisor and four stages, and nobody else.
+    // The supervisor and four stages, and no other.
     wait_for("the nodes of the living alone", || {
         let pids = run.stage_pids();
         pids.len() == 4 && pids.iter().all(is_ready) && n_nodes() == 5

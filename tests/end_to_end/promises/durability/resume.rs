@@ -63,7 +63,7 @@ fn a_stage_frozen_when_its_supervisor_died_never_writes_again() {
     signal(child.id(), "KILL");
     child.wait().unwrap();
     // The kernel may wake and hang up a stopped process that its parent's death orphaned: then
-    // none is left, and resume has nobody to end.
+    // none is left, and resume has none to end.
     wait_for("the others to end", || run.stage_pids().len() <= 1);
     assert_resumes(&run, "with a frozen aligner left");
     assert!(run.stage_pids().is_empty());

@@ -13,7 +13,7 @@ const FRAMES: u64 = 150;
 fn nonsense_is_refused_and_changes_nothing() {
     let undisturbed = room().frames(FRAMES);
     assert!(undisturbed.finish().success());
-    // The aligner stops in the middle, and nobody takes that for a hang: time to write nonsense.
+    // The aligner stops in the middle, which is not taken for a hang: time to write nonsense.
     let run = room()
         .frames(FRAMES)
         .with(&["--set", "flow.hang_s=600"])

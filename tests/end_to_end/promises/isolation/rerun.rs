@@ -1,4 +1,4 @@
-//! `tessera run --rerun` and `tessera view`: a run as Rerun has it, and the run as if nobody looked.
+//! `tessera run --rerun` and `tessera view`: a run as Rerun has it, and the run as without a viewer.
 
 use crate::common::{Run, room, wait_for};
 use crate::requirements::missing;
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 const FRAMES: u64 = 60;
 
-/// The program that is built apart, where somebody built it.
+/// The program that is built apart, where it was built.
 fn is_built() -> bool {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("view/target/release/tessera-view");
     if !path.is_file() {

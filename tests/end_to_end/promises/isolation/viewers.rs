@@ -59,7 +59,7 @@ impl Drop for Viewer {
     }
 }
 
-/// The program of `tessera view`, where somebody built it.
+/// The program of `tessera view`, where it was built.
 fn viewer_program() -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("view/target/release/tessera-view");
     if !path.is_file() {

@@ -32,7 +32,7 @@ impl Trace {
         self.of_kind("X").filter(|e| e["pid"] == pid && e["cat"] == category).collect()
     }
 
-    /// Slices of a row are apart, as whoever adds microseconds finds it: Chrome's own reader leaves
+    /// Slices of a row are apart, as a sum of microseconds finds it: Chrome's own reader leaves
     /// out what overlaps by less than nothing.
     fn assert_apart(&self) {
         let mut rows: BTreeMap<(u64, u64), Vec<(f64, f64)>> = BTreeMap::new();

@@ -12,10 +12,11 @@ use crate::map::records::State;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 
-/// Frames that are all audited at first, and the distance of those audited from then on.
+/// Frames that are all audited at first; from then on one of so many is.
 const ALL_UNTIL: u32 = 40;
 const EVERY: u64 = 8;
 /// Outer iterations: the start is at a solution, or not far from one.
@@ -27,9 +28,10 @@ pub(crate) fn colour_record(
     aligner: &mut Aligner,
     aligned: &WindowAlignment,
     prediction: &Prediction,
+    makes_keyframe: bool,
 ) -> Option<ColourRecord> {
     let colour = &input.map.state().colour;
-    let is_due = colour.n_frames < ALL_UNTIL || input.frame.index.is_multiple_of(EVERY);
+    let is_due = colour.n_frames < ALL_UNTIL || turn(input, EVERY, makes_keyframe).is_some();
     if !is_due || aligner.sight.n_features() == 0 || aligned.state != State::Tracking {
         return None;
     }

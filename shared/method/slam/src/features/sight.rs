@@ -54,8 +54,11 @@ pub(crate) struct Sight {
     n_features: usize,
     observations: Arc<[Observation]>,
     pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
-    /// The active keyframes of all submaps, as of the last recognition.
-    places: PlaceIndex,
+    /// The active keyframes of all submaps, as of the last recognition; sets of keyframes that differ much have an
+    /// index each.
+    places: BTreeMap<u32, PlaceIndex>,
+    /// The index that is used.
+    pub(crate) places_used: u32,
     /// Of them those alone among which a frame is looked for: what it sees depends on no other.
     pub(crate) holds_admitted_only: bool,
 }
@@ -71,7 +74,8 @@ impl Sight {
             n_features: 0,
             observations: Arc::new([]),
             pairs: BTreeMap::new(),
-            places: PlaceIndex::new(context.registration.isa.arch()),
+            places: BTreeMap::new(),
+            places_used: 0,
             holds_admitted_only: false,
         }
     }
@@ -162,14 +166,16 @@ impl Sight {
         let map = input.map.state();
         let is_held = |k: &&KeyframeState| !self.holds_admitted_only || is_admitted(k);
         let held = map.active().filter(is_held).map(|keyframe| keyframe.id);
-        self.places.hold_only(held, |id| input.surfaces.keyframes.features_once(id));
+        let arch = input.context.registration.isa.arch();
+        let places = self.places.entry(self.places_used).or_insert_with(|| PlaceIndex::new(arch));
+        places.hold_only(held, |id| input.surfaces.keyframes.features_once(id));
         let mut admitted = vec![false; map.keyframes.len()];
         map.active().filter(|k| is_admitted(k)).for_each(|k| admitted[k.id as usize] = true);
         if !admitted.contains(&true) {
             return Vec::new();
         }
         let is_admitted = |id: u32| admitted.get(id as usize) == Some(&true);
-        let found = self.places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
+        let found = places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
         let mut chosen: Vec<u32> = Vec::new();
         for place in found.iter().map(|found| found.place) {
             if chosen.len() < n && chosen.iter().all(|other| other.abs_diff(place) > NEAR_IN_TIME) {

@@ -32,24 +32,27 @@ const ABOUT_M: f64 = 6.0;
 const APART_M: f64 = 1.0;
 const APART_RAD: f64 = 0.5;
 
-/// A keyframe of either component of a join.
+/// A keyframe where it is tested.
+pub(crate) struct PlacedKeyframe<'a> {
+    pub(crate) keyframe: &'a KeyframeState,
+    pub(crate) world_from_camera: Pose,
+}
+
+/// A keyframe of either component of a join, where that puts it.
 struct JoinedKeyframe<'a> {
-    keyframe: &'a KeyframeState,
+    placed: PlacedKeyframe<'a>,
     is_moved: bool,
-    /// Where the join puts it.
-    world_from_camera: Pose,
 }
 
 impl JoinedKeyframe<'_> {
     fn origin(&self, component: u32) -> Origin {
-        let KeyframeState { session, submap, .. } = *self.keyframe;
+        let KeyframeState { session, submap, .. } = *self.placed.keyframe;
         Origin { session, submap, component }
     }
 }
 
-/// Whether keyframes of both components, which a join brings near each other, say that it is wrong: what the
-/// one saw floats in front of what the other saw. What passes by ([`passes`]) says nothing. The same for any
-/// number of threads. With a place in the gauge that stays, what is farther than [`ABOUT_M`] from it says nothing
+/// Whether keyframes of both components, which a join brings near each other, say that it is wrong. The same for
+/// any number of threads. With a place in the gauge that stays, what is farther than [`ABOUT_M`] from it says nothing
 /// either: components have drifted in themselves.
 pub(crate) fn is_contradicted(
     context: &Context,
@@ -60,12 +63,27 @@ pub(crate) fn is_contradicted(
 ) -> bool {
     let mut both = keyframes_of_both(state, joined);
     both.retain(|k| {
-        place.is_none_or(|place| (k.world_from_camera.translation.vector - place).norm() <= ABOUT_M)
+        let at = &k.placed.world_from_camera.translation.vector;
+        place.is_none_or(|place| (at - place).norm() <= ABOUT_M)
     });
     let across = pairs_across(&both, joined.kept);
+    let own = own_pairs(&both);
+    let placed: Vec<PlacedKeyframe<'_>> = both.into_iter().map(|joined| joined.placed).collect();
+    contradict(context, &placed, surfaces, across, || OwnNeighbours::of(own))
+}
+
+/// Whether pairs of keyframes of two parts of a map contradict each other: what the one saw floats in front of
+/// what the other saw. What passes by ([`passes`]) says nothing; `own`: neighbours of one part.
+pub(crate) fn contradict(
+    context: &Context,
+    both: &[PlacedKeyframe<'_>],
+    surfaces: &dyn KeyframeSurfaces,
+    across: Vec<(usize, usize)>,
+    own: impl FnOnce() -> OwnNeighbours,
+) -> bool {
     let verdicts = map_in_parts(
         &across,
-        || PairTester::new(context, &both, surfaces),
+        || PairTester::new(context, both, surfaces),
         |tester, &(newer, older)| tester.verdict(newer, older),
         &mut || (),
     );
@@ -74,15 +92,16 @@ pub(crate) fn is_contradicted(
     let mut violated = across;
     let mut verdicts = verdicts.into_iter();
     violated.retain(|_| verdicts.next() == Some(LoopVerdict::FreeSpaceViolated));
-    is_many(violated.len()) && is_many(violated.len() - n_passing(context, &both, surfaces, &violated))
+    is_many(violated.len()) && is_many(violated.len() - n_passing(context, both, surfaces, &violated, &own()))
 }
 
 /// Of pairs that violate free space, those in which all that floats passes by.
 fn n_passing(
     context: &Context,
-    both: &[JoinedKeyframe<'_>],
+    both: &[PlacedKeyframe<'_>],
     surfaces: &dyn KeyframeSurfaces,
     violated: &[(usize, usize)],
+    neighbours: &OwnNeighbours,
 ) -> usize {
     let tester = || PairTester::new(context, both, surfaces);
     let floating = |tester: &mut PairTester<'_>, &(a, b): &(usize, usize)| {
@@ -96,8 +115,7 @@ fn n_passing(
     let mut owners: Vec<usize> = floating.concat();
     owners.sort_unstable();
     owners.dedup();
-    let neighbours = OwnNeighbours::of(both);
-    let passing = map_in_parts(&owners, tester, |tester, own| passes(tester, &neighbours, *own), &mut || ());
+    let passing = map_in_parts(&owners, tester, |tester, own| passes(tester, neighbours, *own), &mut || ());
     let is_passing = |own: &usize| owners.binary_search(own).is_ok_and(|place| passing[place]);
     floating.iter().filter(|owners| !owners.is_empty() && owners.iter().all(is_passing)).count()
 }
@@ -111,14 +129,14 @@ fn passes(tester: &mut PairTester<'_>, neighbours: &OwnNeighbours, own: usize) -
 /// Tests pairs of keyframes where the join puts them; holds the buffers.
 struct PairTester<'a> {
     context: &'a Context,
-    both: &'a [JoinedKeyframe<'a>],
+    both: &'a [PlacedKeyframe<'a>],
     surfaces: &'a dyn KeyframeSurfaces,
     matcher: Matcher,
     sampler: Sampler,
 }
 
 impl<'a> PairTester<'a> {
-    fn new(context: &'a Context, both: &'a [JoinedKeyframe<'a>], surfaces: &'a dyn KeyframeSurfaces) -> Self {
+    fn new(context: &'a Context, both: &'a [PlacedKeyframe<'a>], surfaces: &'a dyn KeyframeSurfaces) -> Self {
         Self { context, both, surfaces, matcher: context.matcher(), sampler: Sampler::default() }
     }
 
@@ -142,14 +160,11 @@ impl<'a> PairTester<'a> {
     }
 }
 
-/// By keyframe: those of its own component that see the same, in the poses of that component.
-struct OwnNeighbours(Vec<(usize, usize)>);
+/// By keyframe: those of its own part that see the same.
+pub(crate) struct OwnNeighbours(Vec<(usize, usize)>);
 
 impl OwnNeighbours {
-    fn of(both: &[JoinedKeyframe<'_>]) -> Self {
-        let poses: Vec<Pose> = both.iter().map(|k| k.world_from_camera).collect();
-        let origins: Vec<Origin> = both.iter().map(|k| k.origin(u32::from(k.is_moved))).collect();
-        let pairs = covisibility::pairs(&poses, &origins);
+    pub(crate) fn of(pairs: Vec<(usize, usize)>) -> Self {
         let mut both_ways: Vec<(usize, usize)> =
             pairs.into_iter().flat_map(|(a, b)| [(a, b), (b, a)]).collect();
         both_ways.sort_unstable();
@@ -169,23 +184,37 @@ fn keyframes_of_both<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<Jo
             (state.submaps.component(keyframe.submap), Pose::from(&keyframe.world_from_camera));
         let is_moved = component == joined.moved;
         let world_from_camera = if is_moved { kept_from_moved * pose } else { pose };
-        (is_moved || component == joined.kept).then_some(JoinedKeyframe {
-            keyframe,
-            is_moved,
-            world_from_camera,
-        })
+        let placed = PlacedKeyframe { keyframe, world_from_camera };
+        (is_moved || component == joined.kept).then_some(JoinedKeyframe { placed, is_moved })
     };
     state.keyframes.iter().filter(|k| k.is_active()).filter_map(place).collect()
 }
 
 /// Pairs of neighbours of which one is of either component, evenly chosen from all.
 fn pairs_across(both: &[JoinedKeyframe<'_>], component: u32) -> Vec<(usize, usize)> {
-    let poses: Vec<Pose> = both.iter().map(|k| k.world_from_camera).collect();
-    let origins: Vec<Origin> = both.iter().map(|k| k.origin(component)).collect();
-    let mut across = covisibility::pairs(&poses, &origins);
+    let mut across = neighbours(both, |_| component);
     across.retain(|(newer, older)| both[*newer].is_moved != both[*older].is_moved);
-    let step = across.len().div_ceil(MOST_TESTED).max(1);
-    across.into_iter().step_by(step).collect()
+    evenly(across)
+}
+
+/// Pairs of neighbours of one component.
+fn own_pairs(both: &[JoinedKeyframe<'_>]) -> Vec<(usize, usize)> {
+    neighbours(both, |k| u32::from(k.is_moved))
+}
+
+fn neighbours(
+    both: &[JoinedKeyframe<'_>],
+    component: impl Fn(&JoinedKeyframe<'_>) -> u32,
+) -> Vec<(usize, usize)> {
+    let poses: Vec<Pose> = both.iter().map(|k| k.placed.world_from_camera).collect();
+    let origins: Vec<Origin> = both.iter().map(|k| k.origin(component(k))).collect();
+    covisibility::pairs(&poses, &origins)
+}
+
+/// As many of these pairs as are tested.
+pub(crate) fn evenly(pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
+    let step = pairs.len().div_ceil(MOST_TESTED).max(1);
+    pairs.into_iter().step_by(step).collect()
 }
 
 /// Whether two joins bring the same components to the same place.

@@ -36,6 +36,7 @@ impl RoundedGuess {
 /// Two keyframes that look alike, aligned by themselves, with the tests of that pose.
 #[derive(Debug)]
 pub(crate) struct AlikePair {
+    pub(crate) older_from_newer: Pose,
     pub(crate) block: PairBlock,
     pub(crate) tested: Tested,
 }

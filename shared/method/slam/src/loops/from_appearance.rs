@@ -2,8 +2,9 @@
 //! aligned from where their features agree, or without an initial guess.
 
 use crate::features::matching::{PairFinder, Reach};
+use crate::loops::brought_together::apart_m;
 use crate::loops::detection::{self, TrackPoint};
-use crate::loops::feature_cache::{AlikePair, FeatureCache};
+use crate::loops::feature_cache::{AlikePair, FeatureCache, PairIds};
 use crate::loops::matchable::Matchable;
 use crate::loops::pair_alignment::PairAlignment;
 use crate::loops::verification::{self, Tested};
@@ -42,15 +43,35 @@ fn candidates(
     })
 }
 
-/// Pairs found by their looks among `newer`, with their matches at the pose that the pair alone
-/// found: in a graph they pull as far as they must.
+/// A pair found by its looks, with its matches at the pose that the pair alone found: in a graph it pulls as far
+/// as it must.
+pub(crate) struct RecognisedPair {
+    pub(crate) pair: Pair,
+    pub(crate) tested: Tested,
+    /// How far that is from where the poses have it ([`apart_m`]).
+    pub(crate) apart_m: f64,
+}
+
+/// Which pairs are looked for.
+pub(crate) struct AskedPairs<'a> {
+    /// The newer keyframes of them.
+    pub(crate) newer: &'a [usize],
+    pub(crate) poses: &'a [Pose],
+    /// How far a pair may be from where the poses have it ([`apart_m`]).
+    pub(crate) most_apart_m: f64,
+    /// Whether a pair is known to be of two places that look alike.
+    pub(crate) is_refused: &'a (dyn Fn(&PairIds) -> bool + Sync),
+}
+
+/// Pairs found by their looks.
 pub(crate) fn pairs(
     context: &Context,
     (keyframes, origins): (&[KeyframeState], &[Origin]),
     (matchable, cache): (&[Matchable<'_>], &FeatureCache),
-    newer: &[usize],
+    asked: &AskedPairs<'_>,
     progress: &mut dyn FnMut(),
-) -> Vec<(Pair, Tested)> {
+) -> Vec<RecognisedPair> {
+    let AskedPairs { newer, poses, most_apart_m, is_refused } = *asked;
     let found = map_in_parts(
         newer,
         || (context.matcher(), PairFinder::new(context)),
@@ -58,8 +79,14 @@ pub(crate) fn pairs(
             candidates(context, keyframes, origins, query).find_map(|target| {
                 let ids = (keyframes[query].id, keyframes[target].id);
                 let sides = [&matchable[query], &matchable[target]];
-                let pair = cache.alike(ids, || alike(context, searchers, sides, ids).map(Arc::new))?;
-                Some((Pair { is_loop: true, ..Pair::new(query, target, pair.block.clone()) }, pair.tested))
+                if is_refused(&ids) {
+                    return None;
+                }
+                let found = cache.alike(ids, || alike(context, searchers, sides, ids).map(Arc::new))?;
+                let apart_m = apart_m(&(poses[target].inverse() * poses[query]), &found.older_from_newer);
+                let pair = Pair { is_loop: true, ..Pair::new(query, target, found.block.clone()) };
+                let recognised = RecognisedPair { pair, tested: found.tested, apart_m };
+                (apart_m <= most_apart_m).then_some(recognised)
             })
         },
         progress,
@@ -85,7 +112,7 @@ fn alike(
     let tested = verification::test(settings, matcher, newer, older, &at);
     // No pose speaks for this pair: it must overlap well in both directions.
     let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
-    is_good.then_some(AlikePair { block, tested })
+    is_good.then_some(AlikePair { older_from_newer: at, block, tested })
 }
 
 /// `older_from_newer` on which features agree.

@@ -15,6 +15,7 @@ use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::place;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::relocalise;
+use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes};
 use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
@@ -54,7 +55,7 @@ pub(crate) fn with_sighting(
         return FrameRecord { sighting: known, ..record };
     }
     let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
-    let turn = turn(input, &record);
+    let turn = turn(input, TURN_FRAMES, record.new_keyframe.is_some());
     let sighting = match (known, turn) {
         (Some(known), _) if is_certain(&known) => Some(known),
         (known, None) => known,
@@ -68,19 +69,6 @@ pub(crate) fn with_sighting(
         Some(certain) => joined(input, &certain, record),
         None => FrameRecord { sighting, ..record },
     }
-}
-
-/// The turn of this frame; `None` where it has none. A frame that makes a keyframe, which is aligned twice, leaves
-/// it to the next one, unless the one before made one too.
-fn turn(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<u64> {
-    let (index, makes_keyframe) = (input.frame.index, record.new_keyframe.is_some());
-    let made_keyframe = || input.map.last_own_keyframe().is_some_and(|last| last.frame_index + 2 == index);
-    let has_it = match index % TURN_FRAMES {
-        0 => !makes_keyframe || made_keyframe(),
-        1 => !makes_keyframe && made_keyframe(),
-        _ => false,
-    };
-    has_it.then_some(index / TURN_FRAMES)
 }
 
 /// Confirmations that make a sighting certain: more where joins were refuted, or refused between the two.

@@ -218,6 +218,8 @@ impl Looker {
         if elsewhere.is_empty() {
             return false;
         }
+        // Looks among the keyframes of one component take turns with those among all before it.
+        self.aligner.sight.places_used = 1 + component;
         let fits = self.look(state, surfaces, keyframe, |input, aligner| {
             let sighting = recognised(input, aligner, keyframe, &elsewhere)?;
             let found = join::other_from_own(input, &sighting)? * Pose::from(&keyframe.world_from_camera);
@@ -225,6 +227,7 @@ impl Looker {
             let is_apart = apart.0 > APART_M || apart.1 > APART_RAD;
             Some(is_apart && join::verified(input, &sighting).is_some())
         });
+        self.aligner.sight.places_used = 0;
         fits.flatten() == Some(true)
     }
 

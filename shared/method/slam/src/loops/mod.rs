@@ -2,6 +2,7 @@
 
 pub(crate) mod alike;
 pub(crate) mod appearance;
+pub(crate) mod brought_together;
 pub(crate) mod conflict;
 pub(crate) mod contradiction;
 pub(crate) mod covisibility;

@@ -7,6 +7,9 @@ use tessera_registration::{MatchLimits, Matcher, PairReport, Selection};
 
 /// Levenberg-Marquardt steps for one set of matches.
 const INNER_ITERATIONS: u32 = 10;
+/// A pose that an outer iteration moves by less, metres and radians, is as good as solved: of the limits only the
+/// last are left to try.
+const STILL: f64 = 5e-4;
 
 /// How two keyframes are aligned.
 #[derive(Clone, Copy)]
@@ -74,7 +77,7 @@ impl PairAlignment<'_> {
             last = Some((block.clone(), report));
             vec![Pair::new(1, 0, block)]
         };
-        let schedule = Schedule::steps(tightness, INNER_ITERATIONS);
+        let schedule = Schedule { converged_step: STILL, ..Schedule::steps(tightness, INNER_ITERATIONS) };
         let solved = MultiEdge::pair(target_from_query, schedule).solve(&mut associate, &mut || ());
         let target_from_query = solved.graph.poses[1];
         let (block, report) = last.unwrap_or_else(|| self.search_chosen(matcher, &target_from_query, 1.0));

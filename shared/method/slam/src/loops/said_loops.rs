@@ -40,13 +40,16 @@ impl SaidLoops {
         })
     }
 
-    /// Pairs that passed their tests, which need no other.
-    pub(crate) fn accepted(&self) -> KnownLoops {
-        let has_passed =
-            |tested: &Tested| matches!(tested.verdict, LoopVerdict::Accepted | LoopVerdict::Outvoted);
-        let passed = self.0.iter().filter(|(_, (tested, _))| has_passed(tested));
-        passed
-            .map(|(ids, (tested, _))| (*ids, Tested { verdict: LoopVerdict::Accepted, ..*tested }))
+    /// Pairs that passed their tests, which need no other, and those of places that look alike.
+    pub(crate) fn settled(&self) -> KnownLoops {
+        let settled = |tested: &Tested| match tested.verdict {
+            LoopVerdict::Accepted | LoopVerdict::Outvoted => Some(LoopVerdict::Accepted),
+            LoopVerdict::Contradicted => Some(LoopVerdict::Contradicted),
+            LoopVerdict::LittleOverlap | LoopVerdict::FreeSpaceViolated | LoopVerdict::Inconsistent => None,
+        };
+        let pairs = self.0.iter();
+        pairs
+            .filter_map(|(ids, (tested, _))| Some((*ids, Tested { verdict: settled(tested)?, ..*tested })))
             .collect()
     }
 }
@@ -88,8 +91,8 @@ mod tests {
         assert!(first.iter().all(|pair| said.is_said(pair)));
         assert!(said.is_said(&pair(8, 1, Accepted, 0.9)), "a weight moves in each optimisation");
         assert!(!said.is_said(&pair(8, 1, Accepted, 0.4)) && !said.is_said(&pair(9, 2, Accepted, 1.0)));
-        assert_eq!(said.accepted().keys().collect::<Vec<_>>(), [&(8, 1), &(9, 1)]);
-        assert_eq!(said.accepted()[&(9, 1)].verdict, Accepted);
+        assert_eq!(said.settled().keys().collect::<Vec<_>>(), [&(8, 1), &(9, 1)]);
+        assert_eq!(said.settled()[&(9, 1)].verdict, Accepted);
         said.take(&correction(&[], &[]));
         assert!(first.iter().all(|pair| said.is_said(pair)), "a request that was declined");
         said.take(&correction(&[1, 8, 9], &[pair(9, 1, Accepted, 1.0)]));

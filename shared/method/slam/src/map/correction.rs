@@ -19,6 +19,8 @@ pub enum LoopVerdict {
     Inconsistent,
     /// The tests passed, but it contradicts the rest of the graph: the optimiser took its weight.
     Outvoted,
+    /// Found by its looks, and contradicted by what it would bring together: a place that looks alike.
+    Contradicted,
 }
 
 /// A pair of keyframes that would close a loop, and why it does or does not take part.

@@ -1,4 +1,4 @@
-//! Effect of records on where keyframes stand: the one fold that gives final poses (method 8.4).
+//! Effect of records on where keyframes stand: the one fold that gives final poses (method 8.5).
 //!
 //! A correction names the keyframes that were solved for, which are those of the working map at its request.
 //! They take their corrected poses; a culled one moves rigidly with the keyframe that it is anchored to, and

@@ -7,7 +7,7 @@ use crate::features::weighted_pair::WeightedPair;
 use crate::loops::covisibility;
 use crate::loops::detection::{self, TrackPoint};
 use crate::loops::feature_cache::{FeatureCache, PairIds, RoundedGuess};
-use crate::loops::from_appearance;
+use crate::loops::from_appearance::{self, AskedPairs};
 use crate::loops::keyframe_pair::{MIN_FEATURES, PairSearch};
 use crate::loops::matchable::Matchable;
 use crate::loops::verification::{self, KnownLoops, Tested};
@@ -34,6 +34,10 @@ pub(crate) struct KeyframeAssociation<'a> {
     pub(crate) cache: &'a FeatureCache,
     /// Loops that are not tested again.
     pub(crate) known: KnownLoops,
+    /// How far pairs by appearance may be from where the poses have them, metres.
+    pub(crate) most_apart_m: f64,
+    /// Those that there are, and how far each is.
+    pub(crate) recognised: Vec<(PairIds, f64)>,
     /// Pairs that are part of each iteration as they are.
     pub(crate) fixed_pairs: Vec<Pair>,
     /// Features by ids of the newer and the older keyframe, where they were looked for.
@@ -63,7 +67,21 @@ impl<'a> KeyframeAssociation<'a> {
     ) -> Self {
         let (seen, tests, rejected) = (SeenPairs::new(), Vec::new(), Vec::new());
         let fixed_pairs = Vec::new();
-        Self { context, keyframes, origins, matchable, cache, known, fixed_pairs, seen, tests, rejected }
+        let (most_apart_m, recognised) = (f64::INFINITY, Vec::new());
+        Self {
+            context,
+            keyframes,
+            origins,
+            matchable,
+            cache,
+            known,
+            most_apart_m,
+            recognised,
+            fixed_pairs,
+            seen,
+            tests,
+            rejected,
+        }
     }
 
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
@@ -171,7 +189,7 @@ impl<'a> KeyframeAssociation<'a> {
     }
 
     /// Pairs by appearance for the keyframes that no loop holds yet.
-    fn recognise(&mut self, pairs: &mut Vec<Pair>, progress: &mut dyn FnMut()) {
+    fn recognise(&mut self, pairs: &mut Vec<Pair>, poses: &[Pose], progress: &mut dyn FnMut()) {
         self.context.steps.enter(Step::Recognise);
         let mut is_closed = vec![false; self.keyframes.len()];
         for pair in pairs.iter().filter(|pair| pair.is_loop) {
@@ -180,11 +198,20 @@ impl<'a> KeyframeAssociation<'a> {
         let open: Vec<usize> = (0..self.keyframes.len()).filter(|&i| !is_closed[i]).collect();
         let keyframes = (self.keyframes, self.origins);
         let matchable = (&self.matchable[..], self.cache);
-        for (pair, tested) in from_appearance::pairs(self.context, keyframes, matchable, &open, progress) {
-            pairs.push(pair);
-            self.tests.push(Some(tested));
+        let is_refused = |ids: &PairIds| {
+            self.known.get(ids).is_some_and(|known| known.verdict == LoopVerdict::Contradicted)
+        };
+        let asked =
+            AskedPairs { newer: &open, poses, most_apart_m: self.most_apart_m, is_refused: &is_refused };
+        for found in from_appearance::pairs(self.context, keyframes, matchable, &asked, progress) {
+            let ids = (self.keyframes[found.pair.query].id, self.keyframes[found.pair.target].id);
+            self.recognised.push((ids, found.apart_m));
+            pairs.push(found.pair);
+            self.tests.push(Some(found.tested));
             // The poses will move: what was refused where they were may fit then.
-            self.known.retain(|_, tested| tested.verdict == LoopVerdict::Accepted);
+            self.known.retain(|_, tested| {
+                matches!(tested.verdict, LoopVerdict::Accepted | LoopVerdict::Contradicted)
+            });
         }
     }
 
@@ -246,7 +273,7 @@ impl DataAssociation for KeyframeAssociation<'_> {
             }
         }
         if iteration.index == 0 {
-            self.recognise(&mut pairs, progress);
+            self.recognise(&mut pairs, poses, progress);
         }
         pairs.extend_from_slice(&self.fixed_pairs);
         self.context.steps.enter(Step::Solve);

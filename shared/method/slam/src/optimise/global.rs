@@ -1,11 +1,12 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
-use crate::loops::feature_cache::FeatureCache;
+use crate::loops::brought_together::{self, FAR_M};
+use crate::loops::feature_cache::{FeatureCache, PairIds};
 use crate::loops::matchable::Matchable;
 use crate::loops::verification::KnownLoops;
 use crate::map::context::Context;
-use crate::map::records::LoopRecord;
+use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
@@ -35,6 +36,8 @@ pub(crate) struct Solution {
     pub(crate) submaps: Submaps,
     /// Graduated rounds over all outer iterations; 0: every loop fitted at once.
     pub(crate) n_rounds: u32,
+    /// Pairs by appearance, and how far each was from where the poses had it, metres.
+    pub(crate) recognised: Vec<(PairIds, f64)>,
 }
 
 /// What an optimisation starts from.
@@ -59,12 +62,12 @@ pub(crate) struct Start<'a> {
 /// Solves for all active keyframes. Where that takes all weight from the loops that hold submaps
 /// together, their join is refuted, and they are solved for again, apart.
 pub(crate) fn solve(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()) -> Solution {
-    let solution = solve_joined(start, submaps, progress);
+    let solution = solve_uncontradicted(start, submaps, progress);
     if solution.submaps == *submaps {
         return solution;
     }
     let submaps = &solution.submaps;
-    let apart = solve_joined(start, submaps, progress);
+    let apart = solve_uncontradicted(start, submaps, progress);
     // The loops that were refused are part of the answer.
     let submap_of = |id: u32| start.keyframes.get(id as usize).map_or(0, |k| submaps.component(k.submap));
     let refused = solution.loops.iter().filter(|l| submap_of(l.newer) != submap_of(l.older));
@@ -73,10 +76,48 @@ pub(crate) fn solve(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnM
     Solution { loops, ..apart }
 }
 
+/// Solves for all active keyframes. Where pairs by appearance bring keyframes together that contradict each other,
+/// they are solved for again without the farthest of those pairs.
+fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()) -> Solution {
+    let keyframes = (start.active, &submaps.origins(start.active)[..]);
+    let before: Vec<Pose> = start.active.iter().map(|k| Pose::from(&k.world_from_camera)).collect();
+    let (mut most_apart_m, mut refused) = (f64::INFINITY, Vec::new());
+    loop {
+        let mut solution = solve_joined(start, submaps, most_apart_m, progress);
+        let poses = [&before[..], &solution.poses];
+        let farthest_m = solution.recognised.iter().map(|(_, apart_m)| *apart_m).fold(0.0, f64::max);
+        if !(farthest_m > FAR_M)
+            || !brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses)
+        {
+            // The pairs that were refused are part of the answer.
+            solution.loops.extend(refused);
+            solution.loops.sort_by_key(|l| (l.newer, l.older));
+            solution.loops.dedup_by_key(|l| (l.newer, l.older));
+            return solution;
+        }
+        most_apart_m = 0.5 * farthest_m;
+        refused.extend(refused_pairs(&solution, most_apart_m));
+    }
+}
+
+/// The pairs by appearance that are farther from where the poses have them than what is left.
+fn refused_pairs(solution: &Solution, most_apart_m: f64) -> impl Iterator<Item = LoopRecord> + '_ {
+    let far = solution.recognised.iter().filter(move |(_, apart_m)| *apart_m > most_apart_m);
+    far.filter_map(|((newer, older), _)| {
+        let place = solution.loops.binary_search_by_key(&(*newer, *older), |l| (l.newer, l.older)).ok()?;
+        Some(LoopRecord { weight: 0.0, verdict: LoopVerdict::Contradicted, ..solution.loops[place] })
+    })
+}
+
 /// Solves for all active keyframes, the first one of each component fixed. The same bits for any
 /// number of threads: each pair is summed by itself, and pairs are added in order. Without a solution
 /// the poses stay as they are: a correction that changes nothing.
-fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()) -> Solution {
+fn solve_joined(
+    start: &Start<'_>,
+    submaps: &Submaps,
+    most_apart_m: f64,
+    progress: &mut dyn FnMut(),
+) -> Solution {
     let Start { context, active: keyframes, known, .. } = *start;
     let matchable = matchable(context, keyframes, start.surfaces, start.drawn, progress);
     let origins = submaps.origins(keyframes);
@@ -102,15 +143,17 @@ fn solve_joined(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn FnMut()
     let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
     let weight = culled::weight(&context.mapping.keyframe, keyframes.len());
     association.fixed_pairs = culled.pairs(keyframes, weight);
+    association.most_apart_m = most_apart_m;
     let solved = problem.solve(&mut association, progress);
     context.steps.leave();
+    let recognised = std::mem::take(&mut association.recognised);
     let loops = association.loop_records(&solved);
     let (outer_iterations, n_rounds) = (solved.outer_iterations, solved.n_rounds);
     let held = held(submaps.n(), &loops, start.keyframes);
     let submaps = if solved.is_solved { held } else { submaps.clone() };
     let mut poses = solved.graph.poses;
     let culled = culled.ids().iter().copied().zip(poses.split_off(keyframes.len())).collect();
-    Solution { poses, culled, loops, submaps, outer_iterations, n_rounds }
+    Solution { poses, culled, loops, submaps, outer_iterations, n_rounds, recognised }
 }
 
 /// All keyframes with their samples, drawn or known from an earlier optimisation.

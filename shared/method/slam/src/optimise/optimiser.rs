@@ -223,7 +223,7 @@ impl Optimiser {
             surfaces,
             drawn: &self.drawn,
             cache: &self.cache,
-            known: &self.said.accepted(),
+            known: &self.said.settled(),
             history: request.is_final.then_some((self.state.session, history)),
             outer_iterations: iterations,
         };

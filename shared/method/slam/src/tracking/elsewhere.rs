@@ -62,10 +62,11 @@ pub(crate) fn with_contradiction(
     aligned: &WindowAlignment,
     record: FrameRecord,
 ) -> FrameRecord {
-    let known = input.map.state().contradiction;
-    let contradiction = match &record.new_keyframe {
-        // A correction decides on poses that are in doubt.
-        Some(keyframe) if record.moved.is_empty() => {
+    let state = input.map.state();
+    let known = state.contradiction;
+    let contradiction = match state.keyframes.last() {
+        // The frame that makes a keyframe has enough to do. A correction decides on poses that are in doubt.
+        Some(newest) if state.frames_since_keyframe == 1 && record.moved.is_empty() => {
             match look(input, aligner, aligned, &Pose::from(&record.world_from_camera)) {
                 Look::Seen => known.and_then(|known| {
                     let n_missed = known.n_missed.checked_sub(SEEN)?;
@@ -75,7 +76,7 @@ pub(crate) fn with_contradiction(
                     Some(known) => {
                         ContradictionRecord { n_missed: known.n_missed.saturating_add(1), ..known }
                     }
-                    None => ContradictionRecord { first: keyframe.id, n_missed: 1 },
+                    None => ContradictionRecord { first: newest.id, n_missed: 1 },
                 }),
                 Look::Nothing => known,
             }

@@ -20,6 +20,7 @@ pub(crate) mod stand;
 pub(crate) mod submap;
 pub(crate) mod tracker;
 pub(crate) mod trees;
+pub(crate) mod turn;
 pub(crate) mod window;
 pub(crate) mod window_alignment;
 pub(crate) mod window_association;

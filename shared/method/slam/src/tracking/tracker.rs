@@ -175,7 +175,9 @@ impl Tracker {
                     let record = frame_record(&input, &self.aligner, &aligned, None);
                     if aligned.state == State::Tracking {
                         let (aligned, record) = with_keyframe(&input, &mut self.aligner, aligned, record);
-                        let colour = colour_record(&input, &mut self.aligner, &aligned, &prediction);
+                        let makes_keyframe = record.new_keyframe.is_some();
+                        let colour =
+                            colour_record(&input, &mut self.aligner, &aligned, &prediction, makes_keyframe);
                         let record = FrameRecord { colour, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
                         let record = with_contradiction(&input, &mut self.aligner, &aligned, record);

@@ -35,6 +35,7 @@ fn judged(pair: &LoopRecord) -> LoopPair {
             (ReportedVerdict::Refused, "not verified: floats in space seen to be empty")
         }
         LoopVerdict::Inconsistent => (ReportedVerdict::Refused, "not verified: both directions disagree"),
+        LoopVerdict::Contradicted => (ReportedVerdict::Refused, "refused: a place that looks alike"),
         LoopVerdict::Outvoted => (ReportedVerdict::Outvoted, "rejected: contradicts the rest of the graph"),
     };
     let numbers = [pair.overlap, pair.in_front, pair.inconsistency_sigmas, pair.residual_sigmas, pair.weight];
