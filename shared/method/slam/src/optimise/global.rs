@@ -89,10 +89,9 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
         if !(farthest_m > FAR_M)
             || !brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses)
         {
-            // The pairs that were refused are part of the answer.
+            // The pairs that were refused are part of the answer: of what is said of a pair the last counts.
             solution.loops.extend(refused);
             solution.loops.sort_by_key(|l| (l.newer, l.older));
-            solution.loops.dedup_by_key(|l| (l.newer, l.older));
             return solution;
         }
         most_apart_m = 0.5 * farthest_m;
@@ -103,9 +102,9 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
 /// The pairs by appearance that are farther from where the poses have them than what is left.
 fn refused_pairs(solution: &Solution, most_apart_m: f64) -> impl Iterator<Item = LoopRecord> + '_ {
     let far = solution.recognised.iter().filter(move |(_, apart_m)| *apart_m > most_apart_m);
-    far.filter_map(|((newer, older), _)| {
-        let place = solution.loops.binary_search_by_key(&(*newer, *older), |l| (l.newer, l.older)).ok()?;
-        Some(LoopRecord { weight: 0.0, verdict: LoopVerdict::Contradicted, ..solution.loops[place] })
+    far.filter_map(|(ids, _)| {
+        let said = solution.loops.iter().rfind(|l| (l.newer, l.older) == *ids)?;
+        Some(LoopRecord { weight: 0.0, verdict: LoopVerdict::Contradicted, ..*said })
     })
 }
 

@@ -11,7 +11,7 @@ pub(crate) fn turn(input: &TrackingInput<'_>, every: u64, makes_keyframe: bool) 
     let index = input.frame.index;
     let mut made = input.map.keyframes().rev().take_while(|k| input.map.is_own(k)).map(|k| k.frame_index);
     let [last, before] = [made.next(), made.next()];
-    let pace = Pace {
+    let pace = KeyframePace {
         makes_keyframe,
         n_since: last.map(|last| index.saturating_sub(last).saturating_sub(1)),
         n_between: last.zip(before).map(|(last, before)| last.saturating_sub(before)),
@@ -21,7 +21,7 @@ pub(crate) fn turn(input: &TrackingInput<'_>, every: u64, makes_keyframe: bool) 
 
 /// How keyframes come.
 #[derive(Clone, Copy)]
-struct Pace {
+struct KeyframePace {
     makes_keyframe: bool,
     /// Frames since the one that made the last keyframe: 1 behind it.
     n_since: Option<u64>,
@@ -29,7 +29,7 @@ struct Pace {
     n_between: Option<u64>,
 }
 
-impl Pace {
+impl KeyframePace {
     /// Whether the frame at this place of its step has the turn: the first one that is free, and the third one
     /// where neither of those before it was.
     fn has_turn(&self, place: u64) -> bool {
@@ -58,7 +58,7 @@ mod tests {
             let mut frames = Vec::new();
             for (frame, &makes_keyframe) in (0u64..).zip(&makes) {
                 let [last, before] = [1, 2].map(|back| made.len().checked_sub(back).map(|at| made[at]));
-                let pace = Pace {
+                let pace = KeyframePace {
                     makes_keyframe,
                     n_since: last.map(|last| frame - last),
                     n_between: last.zip(before).map(|(last, before)| last - before),
