@@ -22,8 +22,10 @@ use tessera_registration::Sampler;
 /// Views that may share features, and those that do wherever they show the same place.
 const NEAR_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to_radians() };
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
-/// Keyframes that are looked at, at most.
-const MOST_TESTED: usize = 100;
+/// Keyframes that are looked at, at most, while frames wait, and where none does: of a place with a few keyframes
+/// that is another one, as a storey's lobby, all must be looked at to be seen in a row.
+pub(crate) const FEW_TESTED: usize = 100;
+pub(crate) const MANY_TESTED: usize = 1000;
 /// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;
 /// How far from where the join has them features of a pair may put it, metres and radians: beyond, they are of
@@ -62,6 +64,7 @@ pub(crate) fn resemblance(
     state: &TrackerState,
     surfaces: &dyn KeyframeSurfaces,
     joined: &JoinRecord,
+    most_tested: usize,
 ) -> Resemblance {
     if !context.mapping.features.enabled || !context.is_colour_trusted {
         return Resemblance::Alike;
@@ -69,7 +72,7 @@ pub(crate) fn resemblance(
     let n_of =
         |component: u32| state.active().filter(|k| state.submaps.component(k.submap) == component).count();
     let enough = ENOUGH_ALIKE.min(n_of(joined.moved).min(n_of(joined.kept)) / 2);
-    let pairs = pairs(state, joined);
+    let pairs = pairs(state, joined, most_tested);
     if pairs.len() < enough {
         return Resemblance::TooFew;
     }
@@ -154,7 +157,7 @@ struct JoinedViews<'a> {
 }
 
 /// The pairs of all keyframes of the component that moves, in their order; evenly chosen where they are many.
-fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<JoinedViews<'a>> {
+fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord, most_tested: usize) -> Vec<JoinedViews<'a>> {
     let join = Pose::from(&joined.kept_from_moved);
     let of = |component: u32| {
         let is_of = move |k: &&KeyframeState| state.submaps.component(k.submap) == component;
@@ -176,7 +179,7 @@ fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<JoinedViews<'a
         Some(JoinedViews { moved, kept, kept_from_moved, is_same_view: same.is_some() })
     });
     let all: Vec<JoinedViews<'_>> = beside.collect();
-    let step = all.len().div_ceil(MOST_TESTED).max(1);
+    let step = all.len().div_ceil(most_tested).max(1);
     all.into_iter().step_by(step).collect()
 }
 
@@ -235,8 +238,10 @@ mod tests {
             moved: 1,
             kept_from_moved: PoseBits::from(&Pose::translation(-10.0, 0.0, 0.0)),
         };
-        let found: Vec<(u32, u32, bool)> =
-            pairs(&state, &joined).iter().map(|p| (p.moved.id, p.kept.id, p.is_same_view)).collect();
+        let found: Vec<(u32, u32, bool)> = pairs(&state, &joined, FEW_TESTED)
+            .iter()
+            .map(|p| (p.moved.id, p.kept.id, p.is_same_view))
+            .collect();
         assert_eq!(found, [(2, 0, true), (3, 1, false)], "the last one stands alone");
     }
 }
