@@ -84,5 +84,6 @@ mod interfaces {
     mod camera {
         mod camera_interface;
         mod external;
+        mod foreign_camera;
     }
 }

@@ -57,9 +57,9 @@ pub(crate) struct Sight {
     /// The active keyframes of all submaps, as of the last recognition; sets of keyframes that differ much have an
     /// index each.
     places: BTreeMap<u32, PlaceIndex>,
-    /// The index that is used.
+    /// The index that is used: the caller's name of a set.
     pub(crate) places_used: u32,
-    /// Of them those alone among which a frame is looked for: what it sees depends on no other.
+    /// An index has those keyframes alone among which a frame is looked for: what it sees depends on no other.
     pub(crate) holds_admitted_only: bool,
 }
 

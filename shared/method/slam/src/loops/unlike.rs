@@ -24,7 +24,7 @@ const NEAR_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
 /// Keyframes that are looked at, at most, while frames wait, and where none does: of a place with a few keyframes
 /// that is another one, as a storey's lobby, all must be looked at to be seen in a row.
-pub(crate) const FEW_TESTED: usize = 300;
+pub(crate) const FEW_TESTED: usize = 100;
 pub(crate) const MANY_TESTED: usize = 1000;
 /// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;

@@ -86,7 +86,8 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
         let mut solution = solve_joined(start, submaps, most_apart_m, progress);
         let poses = [&before[..], &solution.poses];
         let farthest_m = solution.recognised.iter().map(|(_, apart_m)| *apart_m).fold(0.0, f64::max);
-        if !(farthest_m > FAR_M)
+        // From nowhere there is no half of the way.
+        if !(farthest_m > FAR_M && farthest_m.is_finite())
             || !brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses)
         {
             // The pairs that were refused are part of the answer: of what is said of a pair the last counts.
