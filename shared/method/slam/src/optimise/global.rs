@@ -87,9 +87,10 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
         let poses = [&before[..], &solution.poses];
         let farthest_m = solution.recognised.iter().map(|(_, apart_m)| *apart_m).fold(0.0, f64::max);
         // From nowhere there is no half of the way.
-        if !(farthest_m > FAR_M && farthest_m.is_finite())
-            || !brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses)
-        {
+        let is_contradicted = farthest_m > FAR_M
+            && farthest_m.is_finite()
+            && brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses);
+        if !is_contradicted {
             // The pairs that were refused are part of the answer: of what is said of a pair the last counts.
             solution.loops.extend(refused);
             solution.loops.sort_by_key(|l| (l.newer, l.older));
