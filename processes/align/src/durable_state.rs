@@ -1,6 +1,7 @@
 //! The aligner's durable state: a fold over its journal, and the files behind it.
 
 use crate::journal_fold::{FoldSnapshot, JournalFold};
+use crate::posed::PosedFrame;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use tessera_journal::{Follower, Journal, Store};
@@ -24,6 +25,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 pub(crate) struct JournaledAligner {
     pub(crate) fold: JournalFold,
     pub(crate) keyframes: StoredKeyframes,
+    pub(crate) posed: PosedFrame,
     journal: Journal<AlignRecord>,
     store: Store,
     corrections: Follower<OptimiseRecord>,
@@ -103,6 +105,7 @@ impl JournaledAligner {
         let mut state = Self {
             fold,
             keyframes,
+            posed: PosedFrame::open(&files.live_posed(), context.settings.run.live)?,
             journal,
             store,
             corrections,

@@ -1,8 +1,9 @@
 //! The align stage: surfaces come in, poses go out; it owns the map's keyframes.
 //!
 //! The order for each frame: compute, keyframe surface into the store, record into the journal,
-//! publish the pose, acknowledge. So an acknowledged frame is durable; a frame that is not comes
-//! again, is computed again to the same bits, and is journaled exactly once.
+//! publish the pose, acknowledge. Where the map takes its time behind a pose, the pose is published
+//! before that. An acknowledged frame is durable; a frame that is not comes again, is computed again
+//! to the same bits, and is journaled exactly once.
 #![forbid(unsafe_code)]
 
 mod correction;
@@ -14,6 +15,7 @@ mod live;
 mod load_shedding;
 mod lossless;
 mod ports;
+mod posed;
 mod publish;
 mod step;
 

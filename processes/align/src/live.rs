@@ -40,13 +40,15 @@ pub(crate) fn run(
             }
         }
         let next = state.fold.tracker.next_index();
-        if apply_oldest_correction(state, ports, next)? {
+        let posed = state.posed.due(next);
+        if posed.is_none() && apply_oldest_correction(state, ports, next)? {
             continue;
         }
         let first = state.fold.tracker.first_recent_index().min(next);
         ports.inbox.release_below(first);
         ports.inbox.fill(first, None, &mut ports.pulse)?;
-        let Some(index) = ports.inbox.newest(next) else {
+        let posed = posed.filter(|index| ports.inbox.get(*index).is_some());
+        let Some(index) = posed.or_else(|| ports.inbox.newest(next)) else {
             ports.wait(WaitingOn::Surfaces)?;
             has_waited = true;
             continue;

@@ -5,6 +5,7 @@ use crate::flow::FlowControl;
 use crate::inbox::Inbox;
 use crate::publish::pose_message;
 use tessera_messages::{Flow, PoseMessage, Stage, StepTimes, WaitingOn};
+use tessera_slam::FrameRecord;
 use tessera_stage::{IDLE, Pulse, StageContext, StageError, monotonic_nanos};
 use tessera_transport::{Link, Listener, Notifier, Publisher};
 
@@ -15,8 +16,8 @@ pub(crate) struct Ports {
     pub(crate) pulse: Pulse,
     /// Nothing was received yet: a writer's history may be under way.
     pub(crate) is_fresh: bool,
+    pub(crate) poses: PosePort,
     listener: Listener,
-    poses: Publisher<PoseMessage>,
     flow: Publisher<Flow>,
     sensor: Notifier,
     optimise: Notifier,
@@ -29,7 +30,7 @@ impl Ports {
             inbox: Inbox::open(link, context.run.n_frames)?,
             control: FlowControl::begin(0, 0),
             is_fresh: true,
-            poses: link.pose_publisher()?,
+            poses: PosePort(link.pose_publisher()?),
             flow: link.flow_publisher()?,
             sensor: link.notifier(Stage::Sensor)?,
             optimise: link.notifier(Stage::Optimise)?,
@@ -60,23 +61,7 @@ impl Ports {
     /// Publishes the last frame's pose again.
     pub(crate) fn publish_again(&mut self, state: &JournaledAligner) -> Result<(), StageError> {
         if let Some(record) = &state.fold.last_frame {
-            self.poses.send(pose_message(record, StepTimes::default()))?;
-        }
-        Ok(())
-    }
-
-    /// Publishes the last frame's pose.
-    pub(crate) fn publish(
-        &mut self,
-        state: &JournaledAligner,
-        mut times: StepTimes,
-    ) -> Result<(), StageError> {
-        let Some(record) = &state.fold.last_frame else { return Ok(()) };
-        times.pose_sent = monotonic_nanos();
-        self.poses.send(pose_message(record, times))?;
-        self.pulse.output(record.index);
-        if times.frame_sent > 0 {
-            self.pulse.published(times.pose_sent.saturating_sub(times.frame_sent));
+            self.poses.0.send(pose_message(record, StepTimes::default()))?;
         }
         Ok(())
     }
@@ -99,7 +84,7 @@ impl Ports {
         if !self.listener.wait(IDLE)? {
             // Late subscribers get the last messages.
             self.flow.update();
-            self.poses.update();
+            self.poses.0.update();
         }
         Ok(())
     }
@@ -107,5 +92,26 @@ impl Ports {
     /// Releases the surfaces in hand.
     pub(crate) fn release(&mut self) {
         self.inbox.clear();
+    }
+}
+
+/// Where poses go out.
+pub(crate) struct PosePort(Publisher<PoseMessage>);
+
+impl PosePort {
+    /// Publishes the pose of a frame.
+    pub(crate) fn publish(
+        &mut self,
+        pulse: &mut Pulse,
+        record: &FrameRecord,
+        mut times: StepTimes,
+    ) -> Result<(), StageError> {
+        times.pose_sent = monotonic_nanos();
+        self.0.send(pose_message(record, times))?;
+        pulse.output(record.index);
+        if times.frame_sent > 0 {
+            pulse.published(times.pose_sent.saturating_sub(times.frame_sent));
+        }
+        Ok(())
     }
 }

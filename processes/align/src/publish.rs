@@ -4,7 +4,8 @@ use tessera_geometry::{Pose, PoseBits, from_upper_triangle};
 use tessera_messages::{PoseMessage, StepTimes, pack_reason};
 use tessera_slam::{FrameRecord, State};
 
-/// The pose message of a record: a pure function of it, but for the times.
+/// The pose message of a record: a pure function of it, but for the times. What its reason says of the map is
+/// in the journal alone where the pose goes out first.
 pub(crate) fn pose_message(record: &FrameRecord, times: StepTimes) -> PoseMessage {
     let world_from_odom = Pose::from(&record.world_from_odom);
     let odom_from_camera = world_from_odom.inverse() * Pose::from(&record.world_from_camera);

@@ -1,10 +1,10 @@
 //! Work on one frame, the same in a lossless and in a live run but for a [`Policy`]: skip, align,
-//! store, journal, publish, acknowledge.
+//! store, journal, publish, acknowledge. A pose that much is left to do behind goes out before it.
 
 use crate::durable_state::JournaledAligner;
 use crate::inbox::ReceivedSurface;
 use crate::ports::Ports;
-use tessera_messages::{Kind, Phase};
+use tessera_messages::{Kind, Phase, StepTimes};
 use tessera_numerics::Step;
 use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, State};
 use tessera_stage::{StageContext, StageError, monotonic_nanos};
@@ -71,10 +71,12 @@ pub(crate) fn process_frame(
     }
     times.align_began = began;
     ports.pulse.phase(Phase::Transport, began.saturating_sub(times.surface_sent));
-    let mut record = align(context, state, ports, index)?;
-    let computed = monotonic_nanos();
-    ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
+    let (mut record, sent_ahead) = align(context, state, ports, index, times)?;
     context.kill_points.pass("computed", index);
+    let computed = monotonic_nanos();
+    if sent_ahead.is_none() {
+        ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
+    }
     let steps = ports.pulse.steps();
     if record.new_keyframe.is_some() {
         // Only a frame that stores a surface spends time in this step.
@@ -95,8 +97,10 @@ pub(crate) fn process_frame(
         );
     }
     steps.enter(Step::Send);
-    ports.publish(state, times)?;
-    context.kill_points.pass("published", index);
+    if let (None, Some(record)) = (sent_ahead, &state.fold.last_frame) {
+        ports.poses.publish(&mut ports.pulse, record, times)?;
+        context.kill_points.pass("published", index);
+    }
     acknowledge(policy, state, ports)?;
     context.kill_points.pass("acknowledged", index);
     if concerns_optimiser {
@@ -106,7 +110,10 @@ pub(crate) fn process_frame(
     ports.pulse.beat.loops = state.fold.n_loops;
     steps.leave();
     let now = monotonic_nanos();
-    ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed));
+    match sent_ahead {
+        Some(sent) => ports.pulse.phase(Phase::Mapping, now.saturating_sub(sent)),
+        None => ports.pulse.phase(Phase::Publishing, now.saturating_sub(computed)),
+    }
     ports.pulse.done(began, now);
     Ok(())
 }
@@ -139,22 +146,43 @@ fn skip_frames(
     Ok(())
 }
 
-/// The pure step: a surface in shared memory to a record.
+/// The pure step: a surface in shared memory to a record. Where much is left to do behind the pose, it is
+/// published as soon as it is known; answers when.
 fn align(
     context: &StageContext,
     state: &mut JournaledAligner,
-    ports: &Ports,
+    Ports { inbox, pulse, poses, .. }: &mut Ports,
     index: u64,
-) -> Result<FrameRecord, StageError> {
-    let Some(surface) = ports.inbox.get(index) else {
+    times: StepTimes,
+) -> Result<(FrameRecord, Option<u64>), StageError> {
+    let Some(surface) = inbox.get(index) else {
         return Err(StageError::Inconsistent(format!("the surface of frame {index} is not at hand")));
     };
-    let recent = ports.inbox.recent(state.fold.tracker.first_recent_index(), index);
+    let JournaledAligner { fold, keyframes, posed, .. } = state;
+    let recent = inbox.recent(fold.tracker.first_recent_index(), index);
     log_addresses(context, surface, &recent);
-    let record = state.fold.tracker.align(&surface.view(ports.inbox.grid), &recent, &state.keyframes);
-    state.keyframes.check()?;
-    state.keyframes.check_held()?;
-    Ok(record)
+    let mut sent: Result<Option<u64>, StageError> = Ok(None);
+    let at_hand = &*keyframes;
+    let mut send = |record: &FrameRecord| {
+        if at_hand.is_damaged() {
+            return Ok(None);
+        }
+        let known = monotonic_nanos();
+        pulse.steps().enter(Step::Send);
+        pulse.phase(Phase::Computing, known.saturating_sub(times.align_began));
+        posed.note(index)?;
+        poses.publish(pulse, record, times)?;
+        context.kill_points.pass("published", index);
+        let now = monotonic_nanos();
+        pulse.phase(Phase::Publishing, now.saturating_sub(known));
+        Ok(Some(now))
+    };
+    let view = surface.view(inbox.grid);
+    let record = fold.tracker.align_pose_first(&view, &recent, at_hand, &mut |r| sent = send(r));
+    let sent = sent?;
+    keyframes.check()?;
+    keyframes.check_held()?;
+    Ok((record, sent))
 }
 
 /// Appends the surface of the new keyframe to the store.

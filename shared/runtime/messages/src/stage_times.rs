@@ -16,11 +16,14 @@ pub enum Phase {
     Computing,
     /// Making the result durable, and handing it on.
     Publishing,
+    /// What a frame means for the map, behind a pose that was handed on ahead.
+    Mapping,
 }
 
 impl Phase {
     /// All phases in the order of time.
-    pub const ALL: [Phase; 4] = [Phase::Waiting, Phase::Transport, Phase::Computing, Phase::Publishing];
+    pub const ALL: [Phase; 5] =
+        [Phase::Waiting, Phase::Transport, Phase::Computing, Phase::Publishing, Phase::Mapping];
 
     /// Name for people and for metrics.
     pub fn name(self) -> &'static str {
@@ -29,6 +32,7 @@ impl Phase {
             Phase::Transport => "transport",
             Phase::Computing => "computing",
             Phase::Publishing => "publishing",
+            Phase::Mapping => "mapping",
         }
     }
 }
@@ -68,7 +72,7 @@ pub struct StageTimes {
 }
 
 impl Message for StageTimes {
-    const NAME: &'static str = "tessera.StageTimes.v1";
+    const NAME: &'static str = "tessera.StageTimes.v2";
 }
 
 impl StageTimes {

@@ -145,6 +145,11 @@ impl StoredKeyframes {
         self.damage.take().map_or(Ok(()), Err)
     }
 
+    /// Whether a surface was not read as it was written: what is computed from it goes nowhere.
+    pub fn is_damaged(&self) -> bool {
+        self.damage.get().is_some()
+    }
+
     /// The bytes of a keyframe's surface as they stand in the store; `None`: it was given up.
     ///
     /// # Errors

@@ -84,4 +84,9 @@ impl RunFiles {
     pub fn live_clock(&self) -> PathBuf {
         self.dir.join("live.clock")
     }
+
+    /// The frame of a live run whose pose was sent last ahead of its record.
+    pub fn live_posed(&self) -> PathBuf {
+        self.dir.join("live.posed")
+    }
 }

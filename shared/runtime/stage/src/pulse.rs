@@ -142,7 +142,7 @@ impl Pulse {
     /// A phase of the frame in hand took so long.
     pub fn phase(&mut self, phase: Phase, nanos: u64) {
         self.distributions.phase(phase, nanos);
-        if matches!(phase, Phase::Computing | Phase::Publishing) {
+        if matches!(phase, Phase::Computing | Phase::Publishing | Phase::Mapping) {
             let to = monotonic_nanos();
             self.trace_part(phase.name(), to.saturating_sub(nanos), to);
         }

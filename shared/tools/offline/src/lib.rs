@@ -76,6 +76,17 @@ pub struct Tracked {
     pub covariance: Vec<f64>,
 }
 
+/// What is published of a frame.
+#[derive(PartialEq)]
+struct PublishedPose(State, u32, [PoseBits; 2], Vec<f64>);
+
+impl PublishedPose {
+    fn of(record: &FrameRecord) -> Self {
+        let poses = [record.world_from_camera, record.world_from_odom];
+        Self(record.state, record.n_correspondences, poses, record.covariance.clone())
+    }
+}
+
 /// The settings of the algorithms.
 #[derive(Clone, Debug, Default)]
 pub struct Method {
@@ -203,7 +214,11 @@ impl Run {
                 view(*index, *stamp, vertices.as_slice(), features.as_slice())
             })
             .collect();
-        let record = self.tracker.align(&current, &recent, &self.keyframes);
+        let mut posed = None;
+        let record = self.tracker.align_pose_first(&current, &recent, &self.keyframes, &mut |record| {
+            posed = Some(PublishedPose::of(record));
+        });
+        debug_assert!(posed.is_none_or(|posed| posed == PublishedPose::of(&record)), "frame {index}");
         if let Some(keyframe) = &record.new_keyframe {
             let is_current = keyframe.frame_index == index;
             let source = if is_current { Some(&vertices) } else { self.previous.as_ref().map(|p| &p.2) };

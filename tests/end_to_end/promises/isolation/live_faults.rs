@@ -46,9 +46,14 @@ fn after_a_kill_no_other_process_restarts() {
 /// A recording of the room with so much time between its frames that one can come again and
 /// again before the next.
 fn slow_recording(run: &Run, n_frames: u64, gap_s: f64) {
+    recording(run, (0..n_frames).collect::<Vec<_>>().as_slice(), gap_s);
+}
+
+/// A recording of these images of the room.
+fn recording(run: &Run, images: &[u64], gap_s: f64) {
     let folder = run.dir.path().join("recording");
-    write_images(&folder, &run.dir.path().join("camera.toml"), n_frames);
-    write_lists(&folder, (0..n_frames).map(|index| (format!("{:.6}", index as f64 * gap_s), index)));
+    write_images(&folder, &run.dir.path().join("camera.toml"), images.iter().max().unwrap() + 1);
+    write_lists(&folder, (0..).zip(images).map(|(at, image)| (format!("{:.6}", f64::from(at) * gap_s), *image)));
 }
 
 /// Seconds from the first blow at a stage until its last life was ready; `None`: it was not struck.
@@ -116,6 +121,21 @@ fn poison_frames_are_left_out_and_counted() {
     };
     assert_eq!([1, 2, 3, 4].map(is_tracking), [false, false, false, true], "{states}");
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn a_pose_that_was_sent_is_recorded() {
+    let run = room();
+    // So far apart that each makes the one before it a keyframe.
+    recording(&run, &[0, 5, 10, 15], 2.0);
+    let folder = run.dir.path().join("recording");
+    let run = run.of(&folder).with(&["--live"]).with_env("TESSERA_KILL_PLAN", "align=published:3");
+    assert!(run.finish().success(), "{}", run.log());
+    assert_eq!(run.n_deaths(), 1, "{}", run.log());
+    assert_eq!(run.output("live.posed"), 3u64.to_le_bytes(), "sent ahead of its record");
+    let states = String::from_utf8(run.output("states.csv")).unwrap();
+    let row = states.lines().find(|line| line.starts_with("3,"));
+    assert!(row.is_some_and(|row| row.contains(",tracking,")), "{states}\n{}", run.log());
 }
 
 #[test]

@@ -65,8 +65,7 @@ pub(crate) fn with_contradiction(
     let state = input.map.state();
     let known = state.contradiction;
     let contradiction = match state.keyframes.last() {
-        // The frame that makes a keyframe has enough to do. A correction decides on poses that are in doubt.
-        Some(newest) if state.frames_since_keyframe == 1 && record.moved.is_empty() => {
+        Some(newest) if is_compared(input, &record) => {
             match look(input, aligner, aligned, &Pose::from(&record.world_from_camera)) {
                 Look::Seen => known.and_then(|known| {
                     let n_missed = known.n_missed.checked_sub(SEEN)?;
@@ -93,6 +92,12 @@ pub(crate) fn with_contradiction(
         Some(split) => with_split(input, record, split),
         None => record,
     }
+}
+
+/// Whether a frame is compared with keyframes of long ago. The one that makes a keyframe has enough to do, and a
+/// correction decides on poses that are in doubt.
+pub(crate) fn is_compared(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
+    input.map.state().frames_since_keyframe == 1 && record.moved.is_empty()
 }
 
 /// Whether the last frames have their place in another component, as often as makes a sighting certain.

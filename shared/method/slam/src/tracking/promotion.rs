@@ -24,6 +24,16 @@ const REPEATED_ITERATIONS: u32 = 2;
 /// Where the camera is where the map has it, one keyframe of so many is looked for among all others.
 const LOOKED_FOR_IN_PLACE: u32 = 4;
 
+/// A frame behind the keyframe test.
+pub(crate) struct Promoted {
+    /// Its alignment, repeated where it makes a keyframe.
+    pub(crate) aligned: WindowAlignment,
+    /// Its record, a new keyframe without what it means for others.
+    pub(crate) record: FrameRecord,
+    /// Whether the new keyframe is looked for among all others.
+    pub(crate) is_looked_for: bool,
+}
+
 /// Makes the previous frame a keyframe where the keyframe test asks for it, and repeats the
 /// alignment; at most once per frame.
 pub(crate) fn with_keyframe(
@@ -31,18 +41,37 @@ pub(crate) fn with_keyframe(
     aligner: &mut Aligner,
     aligned: WindowAlignment,
     record: FrameRecord,
-) -> (WindowAlignment, FrameRecord) {
-    match new_keyframe(input, aligner, &aligned, &record) {
-        Some(keyframe) => realign(input, aligner, aligned, record, keyframe),
-        None => (aligned, record),
+) -> Promoted {
+    let Some(keyframe) = new_keyframe(input, &record) else {
+        return Promoted { aligned, record, is_looked_for: false };
+    };
+    // The window has closed what loops there are.
+    let is_looked_for =
+        keyframe.id.is_multiple_of(LOOKED_FOR_IN_PLACE) || !is_in_place(input, aligner, &aligned);
+    let (aligned, record) = realign(input, aligner, aligned, record, keyframe);
+    Promoted { aligned, record, is_looked_for }
+}
+
+/// The record with what a new keyframe means for others: those that it looks like, and those that leave the
+/// working map for it.
+pub(crate) fn with_place(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    is_looked_for: bool,
+    mut record: FrameRecord,
+) -> FrameRecord {
+    let Some(keyframe) = &mut record.new_keyframe else { return record };
+    let surface = input.surfaces.recent.iter().find(|s| s.index == keyframe.frame_index);
+    if let Some(surface) = surface.filter(|_| is_looked_for) {
+        keyframe.alike = alike(input, &mut aligner.sight, surface, &keyframe.place);
     }
+    keyframe.retires = culling::culled(input.map.state(), &input.context.mapping);
+    record
 }
 
 /// The previous frame as a keyframe, where the new one is too far from the last (method 9.1).
 fn new_keyframe(
     input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
-    aligned: &WindowAlignment,
     record: &FrameRecord,
 ) -> Option<KeyframeRecord> {
     let state = input.map.state();
@@ -61,21 +90,17 @@ fn new_keyframe(
     {
         return None;
     }
-    let place = input.ferns.code(&surface.surface);
-    let id = input.map.n_keyframes() as u32;
-    // The window has closed what loops there are.
-    let is_looked_for = id.is_multiple_of(LOOKED_FOR_IN_PLACE) || !is_in_place(input, aligner, aligned);
     Some(KeyframeRecord {
-        id,
+        id: input.map.n_keyframes() as u32,
         frame_index: previous.index,
         stamp_nanos: previous.stamp_nanos,
         world_from_camera: previous.world_from_camera,
         velocity: central_velocity(input, previous, &Pose::from(&record.world_from_camera)),
         slot: StoreSlot::default(),
         edges: Vec::new(),
-        alike: if is_looked_for { alike(input, &mut aligner.sight, surface, &place) } else { Vec::new() },
-        place,
-        retires: culling::culled(state, &input.context.mapping),
+        place: input.ferns.code(&surface.surface),
+        alike: Vec::new(),
+        retires: Vec::new(),
     })
 }
 

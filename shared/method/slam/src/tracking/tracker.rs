@@ -14,12 +14,12 @@ use crate::map::records::{
 use crate::map::state::TrackerState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::tracking::alignment::Aligner;
-use crate::tracking::elsewhere::with_contradiction;
+use crate::tracking::elsewhere::{is_compared, with_contradiction};
 use crate::tracking::frame_record::{first_record, frame_record, lost_record};
 use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
 use crate::tracking::motion_model::predict;
 use crate::tracking::prediction::Prediction;
-use crate::tracking::promotion::with_keyframe;
+use crate::tracking::promotion::{Promoted, with_keyframe, with_place};
 use crate::tracking::window_alignment::WindowAlignment;
 use crate::tracking::workload::Workload;
 use crate::tracking::{hypotheses, passing, relocalise, submap};
@@ -123,17 +123,27 @@ impl Tracker {
         recent: &[FrameSurface<'_>],
         keyframes: &dyn KeyframeSurfaces,
     ) -> FrameRecord {
+        self.align_pose_first(frame, recent, keyframes, &mut |_| ())
+    }
+
+    /// As [`Self::align`], with the pose as soon as it is known where much is left to do for the map behind it:
+    /// `posed` gets the record as it is then, at most once. State, poses, covariance, matches and velocity in it
+    /// are those of the answer; its reason and all that concerns the map are not yet.
+    pub fn align_pose_first(
+        &mut self,
+        frame: &FrameSurface<'_>,
+        recent: &[FrameSurface<'_>],
+        keyframes: &dyn KeyframeSurfaces,
+        posed: &mut dyn FnMut(&FrameRecord),
+    ) -> FrameRecord {
         let before = self.state.colour;
-        let record = self.align_by(&before, frame, recent, keyframes);
-        let mut after = before;
-        if let Some(colour) = &record.colour {
-            after.apply(colour);
-        }
-        if after.is_trusted() || !before.is_trusted() {
+        let record = self.align_by(&before, frame, recent, keyframes, posed);
+        if !gives_colour_away(&before, &record) {
             return record;
         }
         // Colour that this frame gives away has no part in it.
-        let alone = self.align_by(&after, frame, recent, keyframes);
+        let after = with_frame(&before, &record);
+        let alone = self.align_by(&after, frame, recent, keyframes, &mut |_| ());
         if alone.state == State::Tracking { FrameRecord { colour: record.colour, ..alone } } else { record }
     }
 
@@ -144,6 +154,7 @@ impl Tracker {
         frame: &FrameSurface<'_>,
         recent: &[FrameSurface<'_>],
         keyframes: &dyn KeyframeSurfaces,
+        posed: &mut dyn FnMut(&FrameRecord),
     ) -> FrameRecord {
         let context = &self.workload.at(frame.workload).with_colour(colour);
         context.steps.enter(Step::Sampling);
@@ -174,12 +185,18 @@ impl Tracker {
                     let input = input.in_submap(aligned.submap);
                     let record = frame_record(&input, &self.aligner, &aligned, None);
                     if aligned.state == State::Tracking {
-                        let (aligned, record) = with_keyframe(&input, &mut self.aligner, aligned, record);
+                        let Promoted { aligned, record, is_looked_for } =
+                            with_keyframe(&input, &mut self.aligner, aligned, record);
                         let makes_keyframe = record.new_keyframe.is_some();
-                        let colour =
+                        let observed =
                             colour_record(&input, &mut self.aligner, &aligned, &prediction, makes_keyframe);
-                        let record = FrameRecord { colour, ..record };
+                        let record = FrameRecord { colour: observed, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
+                        if has_more_to_do(&input, &record) && !gives_colour_away(colour, &record) {
+                            posed(&record);
+                            context.steps.enter(Step::Keyframe);
+                        }
+                        let record = with_place(&input, &mut self.aligner, is_looked_for, record);
                         let record = with_contradiction(&input, &mut self.aligner, &aligned, record);
                         let record = with_sighting(&input, &mut self.aligner, record);
                         with_request(&input, &mut self.aligner, &aligned, record)
@@ -192,6 +209,27 @@ impl Tracker {
         context.steps.leave();
         if is_asked { relocalise::noted(record) } else { record }
     }
+}
+
+/// What is known of colour behind a frame.
+fn with_frame(before: &ColourState, record: &FrameRecord) -> ColourState {
+    let mut after = *before;
+    if let Some(colour) = &record.colour {
+        after.apply(colour);
+    }
+    after
+}
+
+/// Whether colour is trusted before a frame, and no longer behind it.
+fn gives_colour_away(before: &ColourState, record: &FrameRecord) -> bool {
+    before.is_trusted() && !with_frame(before, record).is_trusted()
+}
+
+/// Whether a tracked frame says something of the map that takes its time.
+fn has_more_to_do(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
+    record.new_keyframe.is_some()
+        || is_compared(input, record)
+        || input.map.state().submaps.n_components() > 1
 }
 
 /// The frame's place: tracked from the frame before, or found again in the map.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 23] = [
+const DOCUMENTED: [&str; 24] = [
     "align.checkpoint",
     "align.journal",
     "base.answer",
@@ -15,6 +15,7 @@ const DOCUMENTED: [&str; 23] = [
     "keyframes.store",
     "keyframes.txt",
     "live.clock",
+    "live.posed",
     "log.txt",
     "map.ply",
     "optimise.checkpoint",
