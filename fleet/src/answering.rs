@@ -57,6 +57,11 @@ impl Answering {
         }
     }
 
+    /// Whether an answer is computed, or waits to be delivered.
+    pub(crate) fn is_open(&self) -> bool {
+        self.running.is_some() || self.ready.is_some()
+    }
+
     /// The answer that waits to be delivered.
     pub(crate) fn take_ready(&mut self) -> Option<Answer> {
         self.ready.take()

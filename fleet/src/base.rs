@@ -23,7 +23,9 @@ pub const MAX_ROBOTS: usize = 64;
 /// Between two looks.
 const TICK: Duration = Duration::from_millis(50);
 /// Between two questions to a robot that had nothing new.
-const PAUSE: Duration = Duration::from_millis(200);
+const PAUSE: Duration = Duration::from_millis(500);
+/// While an answer to it is made.
+const SHORT_PAUSE: Duration = Duration::from_millis(100);
 /// Between two writings of the status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
 
@@ -128,8 +130,9 @@ fn start_workers(
             let is_gone = |carrier: &mut dyn Carrier| !carrier.robots().contains(&name);
             while !stop.load(Ordering::Relaxed) && !is_gone(&mut *carrier) {
                 match visit(&mut *carrier, &shared, &name, None, &stop) {
-                    Ok(Visit::Took) => {}
-                    Ok(Visit::Nothing | Visit::Whole) => std::thread::sleep(PAUSE),
+                    Ok(Visit::Took { is_all: false }) => {}
+                    Ok(_) if lock(&shared).is_answering(&name) => std::thread::sleep(SHORT_PAUSE),
+                    Ok(_) => std::thread::sleep(PAUSE),
                     Err(error) => {
                         lock(&shared).failure.get_or_insert(error);
                         return;

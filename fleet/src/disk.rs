@@ -69,7 +69,7 @@ fn copy_from_disk(folder: &Path, shared: &SharedRef, stop: &AtomicBool) -> Resul
     let mut carrier = LocalCarrier::open(folder)?;
     while !stop.load(Ordering::Relaxed) {
         match visit(&mut carrier, shared, DISK, Some(folder), stop)? {
-            Visit::Took => {}
+            Visit::Took { .. } => {}
             Visit::Whole => {
                 let mut shared = lock(shared);
                 let place = shared.arrivals.runs.iter().position(|run| run.origin.as_deref() == Some(folder));

@@ -1,8 +1,8 @@
 //! Features as they travel: the strongest of a keyframe, rounded, in the order of the keyframe, which is by level
 //! and row. A descriptor is told by where it differs from the nearest one before it.
 
-use tessera_features::{Feature, hamming_distance};
-use tessera_numerics::{BitCoder, BitModel, NumberModel, RangeReader, RangeWriter};
+use tessera_features::{Feature, nearest_before};
+use tessera_numerics::{BitCoder, BitModel, Isa, NumberModel, RangeReader, RangeWriter};
 
 /// Features of a keyframe that travel, at most.
 pub const MOST_FEATURES: usize = 300;
@@ -25,19 +25,34 @@ const DESCRIPTOR_BITS: usize = 256;
 
 /// The strongest of these features, in their order, as bytes.
 pub fn pack_features(features: &[Feature]) -> Vec<u8> {
+    pack_rounded(&strongest(features))
+}
+
+/// As [`pack_features`], and the features as their reader has them.
+pub fn pack_and_round(features: &[Feature]) -> (Vec<u8>, Vec<Feature>) {
+    let rounded = strongest(features);
+    (pack_rounded(&rounded), rounded.iter().map(Rounded::feature).collect())
+}
+
+fn strongest(features: &[Feature]) -> Vec<Rounded> {
     let mut chosen: Vec<usize> = (0..features.len()).collect();
     chosen.sort_by(|&a, &b| features[b].response.total_cmp(&features[a].response).then(a.cmp(&b)));
     chosen.truncate(MOST_FEATURES);
     chosen.sort_unstable();
-    let rounded: Vec<Rounded> = chosen.into_iter().map(|place| Rounded::of(&features[place])).collect();
+    chosen.into_iter().map(|place| Rounded::of(&features[place])).collect()
+}
+
+fn pack_rounded(rounded: &[Rounded]) -> Vec<u8> {
     let widest = rounded.iter().map(|feature| feature.column).max().unwrap_or(0);
     let mut writer = RangeWriter::default();
     writer.plain(rounded.len() as u32, COUNT_BITS);
     let mut models = Models::new(writer.plain(u32::BITS - widest.leading_zeros(), WIDTH_BITS));
-    let mut before = Vec::with_capacity(rounded.len());
-    for feature in rounded {
-        // What is rounded is within its bounds.
-        before.extend(models.code(&mut writer, &before, feature));
+    let descriptors: Vec<[u64; 4]> = rounded.iter().map(|feature| feature.descriptor).collect();
+    let nearest = nearest_before(&descriptors, Isa::default());
+    for (place, (feature, nearest)) in rounded.iter().zip(nearest).enumerate() {
+        let like = nearest.filter(|(_, distance)| *distance <= MOST_DIFFERENT).map(|(like, _)| like as u32);
+        // What is rounded is within its bounds, so that it comes back as it is.
+        models.code(&mut writer, &rounded[..place], *feature, like);
     }
     writer.finish()
 }
@@ -52,7 +67,7 @@ pub fn unpack_features(bytes: &[u8]) -> Option<Vec<Feature>> {
     }
     let (mut models, mut found) = (Models::new(width_bits), Vec::with_capacity(n));
     for _ in 0..n {
-        found.push(models.code(&mut reader, &found, Rounded::default())?);
+        found.push(models.code(&mut reader, &found, Rounded::default(), None)?);
     }
     reader.ends().then(|| found.iter().map(Rounded::feature).collect())
 }
@@ -120,8 +135,15 @@ impl Models {
         }
     }
 
-    /// Writes the feature behind those `before`, or reads it; `None` where what is read is no feature.
-    fn code(&mut self, coder: &mut impl BitCoder, before: &[Rounded], feature: Rounded) -> Option<Rounded> {
+    /// Writes the feature behind those `before`, or reads it; `None` where what is read is no feature. `like`: the
+    /// place of one before that the descriptor to be written is told by.
+    fn code(
+        &mut self,
+        coder: &mut impl BitCoder,
+        before: &[Rounded],
+        feature: Rounded,
+        like: Option<u32>,
+    ) -> Option<Rounded> {
         let last = before.last().copied().unwrap_or_default();
         let step = self.level.signed(coder, i32::from(feature.level) - i32::from(last.level));
         let level = u8::try_from(i32::from(last.level).checked_add(step)?).ok().filter(|l| *l < LEVELS)?;
@@ -135,23 +157,22 @@ impl Models {
         let response = responses.magnitude(coder, feature.response);
         let sigma = sigmas.magnitude(coder, feature.sigma);
         let is_sound = response <= 255 && (1..=255).contains(&sigma);
-        let descriptor = self.descriptor(coder, before, feature.descriptor)?;
+        let descriptor = self.descriptor(coder, before, feature.descriptor, like)?;
         is_sound.then_some(Rounded { row, column, turn, response, sigma, level, descriptor })
     }
 
-    /// A descriptor, by where it differs from the nearest one before it.
+    /// A descriptor, by where it differs from the one before it at the place `nearest`.
     fn descriptor(
         &mut self,
         coder: &mut impl BitCoder,
         before: &[Rounded],
         descriptor: [u64; 4],
+        nearest: Option<u32>,
     ) -> Option<[u64; 4]> {
-        let others = before.iter().map(|other| hamming_distance(&other.descriptor, &descriptor)).zip(0..);
-        let nearest = others.min().filter(|(distance, _)| *distance <= MOST_DIFFERENT);
         let mut like = None;
         if !before.is_empty() && coder.bit(&mut self.is_like_another, nearest.is_some()) {
             let n_bits = usize::BITS - (before.len() - 1).leading_zeros();
-            let place = coder.plain(nearest.map_or(0, |(_, place)| place), n_bits);
+            let place = coder.plain(nearest.unwrap_or(0), n_bits);
             like = Some(before.get(place as usize)?.descriptor);
         }
         let mut found = [0; 4];
@@ -230,6 +251,8 @@ mod tests {
     fn what_came_travels_on_as_the_same_bytes() {
         let bytes = pack_features(&features(MOST_FEATURES + 50));
         assert_eq!(pack_features(&unpack_features(&bytes).unwrap()), bytes);
+        let (same, rounded) = pack_and_round(&features(MOST_FEATURES + 50));
+        assert_eq!((same, Some(rounded)), (bytes.clone(), unpack_features(&bytes)));
     }
 
     #[test]

@@ -2,11 +2,10 @@
 //! deflated where that is less.
 
 use crate::wire::{MAX_SMALL_BYTES, Refusal};
-use flate2::Compression;
 use flate2::read::DeflateDecoder;
-use flate2::write::DeflateEncoder;
+use flate2::{Compress, Compression, FlushCompress, Status};
 use std::borrow::Cow;
-use std::io::{Read, Write};
+use std::io::Read;
 
 /// What a piece is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,9 +65,9 @@ impl Piece {
     }
 
     /// What travels: a label, and the bytes behind it, deflated where that is less.
-    pub fn to_wire(&self) -> (Vec<u8>, Cow<'_, [u8]>) {
-        let deflated = (self.kind == Kind::Data && !self.is_packed).then(|| deflate(&self.bytes));
-        match deflated.filter(|deflated| deflated.len() < self.bytes.len()) {
+    pub fn to_wire(&self, deflater: &mut Deflater) -> (Vec<u8>, Cow<'_, [u8]>) {
+        let is_loose = self.kind == Kind::Data && !self.is_packed;
+        match is_loose.then(|| deflater.less(&self.bytes)).flatten() {
             Some(deflated) => (self.label_of(DEFLATED, &deflated), deflated.into()),
             None => (self.label(), Cow::Borrowed(&self.bytes)),
         }
@@ -122,11 +121,25 @@ impl Piece {
     }
 }
 
-fn deflate(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::default());
-    // Writing to a vector does not fail.
-    let _ = encoder.write_all(bytes);
-    encoder.finish().unwrap_or_default()
+/// Deflates one piece after the other. Its tables take more memory than most pieces, so that making them anew for
+/// each would cost more than the work.
+pub struct Deflater(Compress);
+
+impl Default for Deflater {
+    fn default() -> Self {
+        Self(Compress::new(Compression::default(), false))
+    }
+}
+
+impl Deflater {
+    /// These bytes deflated; `None` where that is not less.
+    fn less(&mut self, bytes: &[u8]) -> Option<Vec<u8>> {
+        self.0.reset();
+        let mut deflated = Vec::with_capacity(bytes.len());
+        let status = self.0.compress_vec(bytes, &mut deflated, FlushCompress::Finish);
+        let is_whole = matches!(status, Ok(Status::StreamEnd));
+        (is_whole && deflated.len() < bytes.len()).then_some(deflated)
+    }
 }
 
 fn inflate(bytes: &[u8]) -> Result<Vec<u8>, Refusal> {
@@ -164,21 +177,22 @@ mod tests {
 
     #[test]
     fn a_piece_is_deflated_where_that_is_less_and_never_grows_beyond_a_bound() {
+        let mut deflater = Deflater::default();
         let random: Vec<u8> = (0..3000u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         for bytes in [vec![], vec![7; 3000], random] {
             let piece = Piece::data(5, 77, bytes.clone());
-            let (label, wire) = piece.to_wire();
+            let (label, wire) = piece.to_wire(&mut deflater);
             assert!(wire.len() <= bytes.len());
             let back = Piece::read(&label, &wire).unwrap();
             assert_eq!((back.kind, back.at, back.wire_bytes), (Kind::Data, 77, wire.len()));
             assert_eq!(back.bytes, bytes);
         }
         let packed = Piece::packed(5, 77, vec![7; 3000]);
-        let (label, wire) = packed.to_wire();
+        let (label, wire) = packed.to_wire(&mut deflater);
         assert_eq!((&label, &*wire), (&packed.label(), packed.bytes.as_slice()));
         assert_eq!(Piece::read(&label, &wire).unwrap().bytes, packed.bytes);
         let bomb = Piece::data(5, 77, vec![7; MAX_SMALL_BYTES + 1]);
-        let (label, wire) = bomb.to_wire();
+        let (label, wire) = bomb.to_wire(&mut deflater);
         assert_eq!(Piece::read(&label, &wire), Err(Refusal::TooLarge));
         let nonsense = Piece::data(5, 77, vec![1, 2, 3]);
         assert_eq!(Piece::read(&nonsense.label_of(DEFLATED, &[1, 2, 3]), &[1, 2, 3]), Err(Refusal::Foreign));

@@ -6,7 +6,7 @@ use crate::wire::{Growing, MAX_PIECE_BYTES, MAX_SMALL_BYTES, Offer, PROTOCOL, Pi
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use tessera_journal::{Chain, MAX_FRAMED_BYTES, RECORD_HEADER_BYTES, StoreView, checksum_in};
 use tessera_messages::max_stored_bytes;
@@ -25,6 +25,25 @@ pub struct Served {
     folder: PathBuf,
     identity: u64,
     journals: BTreeMap<Growing, Whole>,
+    /// Of this run.
+    grid: Option<Grid>,
+    /// Checksums of small files as they were when they were read last.
+    small: BTreeMap<&'static str, (Version, u32)>,
+}
+
+/// A state of a small file: each is written whole, as a new file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Version {
+    inode: u64,
+    n_bytes: u64,
+    changed: (i64, i64),
+}
+
+impl Version {
+    fn of(path: &Path) -> io::Result<Self> {
+        let found = std::fs::metadata(path)?;
+        Ok(Self { inode: found.ino(), n_bytes: found.len(), changed: (found.ctime(), found.ctime_nsec()) })
+    }
 }
 
 /// How far a journal is whole.
@@ -68,13 +87,15 @@ impl Served {
     /// # Errors
     /// Where it has no `run.json` yet.
     pub fn open(folder: &Path) -> io::Result<Self> {
-        let mut served = Self { folder: folder.into(), identity: 0, journals: BTreeMap::new() };
-        served.begin(identity_of(&small_file(folder, "run.json")?));
+        let (folder, journals, small) = (folder.to_owned(), BTreeMap::new(), BTreeMap::new());
+        let mut served = Self { folder, identity: 0, journals, grid: None, small };
+        served.begin(identity_of(&small_file(&served.folder, "run.json")?));
         Ok(served)
     }
 
     fn begin(&mut self, identity: u64) {
         self.identity = identity;
+        self.grid = None;
         self.journals = [Growing::Align, Growing::Optimise].map(|file| (file, Whole::new(file))).into();
     }
 
@@ -130,11 +151,12 @@ impl Served {
     fn offer(&mut self) -> io::Result<Vec<u8>> {
         self.look(Growing::Align)?;
         self.look(Growing::Optimise)?;
-        let present = |name: &&str| self.folder.join(name).is_file();
-        let small = SMALL_FILES.into_iter().filter(present).map(|name| {
-            let bytes = small_file(&self.folder, name)?;
-            Ok((name.to_owned(), crc32fast::hash(&bytes)))
-        });
+        let mut small = BTreeMap::new();
+        for name in SMALL_FILES {
+            if self.folder.join(name).is_file() {
+                small.insert(name.to_owned(), self.checksum_of_small(name)?);
+            }
+        }
         let run: serde_json::Value = serde_json::from_slice(&small_file(&self.folder, "run.json")?)?;
         let text = |key: &str| run.get(key).and_then(|value| value.as_str()).unwrap_or_default().to_owned();
         let offer = Offer {
@@ -145,9 +167,20 @@ impl Served {
             align_bytes: self.journals[&Growing::Align].chain.len_bytes(),
             optimise_bytes: self.journals[&Growing::Optimise].chain.len_bytes(),
             store_bytes: len(&self.folder.join(Growing::Store.file()))?,
-            small: small.collect::<io::Result<_>>()?,
+            small,
         };
         Ok(serde_json::to_vec(&offer)?)
+    }
+
+    /// CRC-32 of a small file, read anew where it is another one than before.
+    fn checksum_of_small(&mut self, name: &'static str) -> io::Result<u32> {
+        let version = Version::of(&self.folder.join(name))?;
+        if let Some((_, checksum)) = self.small.get(name).filter(|(known, _)| *known == version) {
+            return Ok(*checksum);
+        }
+        let checksum = crc32fast::hash(&small_file(&self.folder, name)?);
+        self.small.insert(name, (version, checksum));
+        Ok(checksum)
     }
 
     /// Goes through what a journal has gained. A journal that was cut or replaced, as that of a run that
@@ -187,12 +220,15 @@ impl Served {
 
     /// Gives surfaces as they travel, one at least and no more once `max` bytes are reached.
     fn give_surfaces(
-        &self,
+        &mut self,
         wanted: &WantedSurfaces,
         max: u64,
         give: &mut dyn FnMut(Piece) -> bool,
     ) -> io::Result<()> {
-        let grid = grid_of(&self.folder).map_err(io::Error::other)?;
+        let grid = match self.grid {
+            Some(grid) => grid,
+            None => *self.grid.insert(grid_of(&self.folder).map_err(io::Error::other)?),
+        };
         let most = max_stored_bytes(grid) as u64;
         let view = StoreView::open(&self.folder.join(Growing::Store.file())).map_err(io::Error::other)?;
         let mut stream = Vec::new();

@@ -164,6 +164,11 @@ impl Shared {
         ready
     }
 
+    /// Whether an answer to a run of this robot is made, or waits to be brought.
+    pub(crate) fn is_answering(&self, robot: &str) -> bool {
+        self.runs.iter().any(|run| run.status.robot == robot && run.answering.is_open())
+    }
+
     pub(crate) fn count(&mut self, robot: &str, pulled: &Pulled) {
         for (refusal, words) in &pulled.refused {
             self.refused.count(robot, *refusal, words);

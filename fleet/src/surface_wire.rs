@@ -1,6 +1,6 @@
 //! Surfaces of keyframes as they travel: which ones a base wants, and the stream in which they come.
 
-use crate::feature_wire::{pack_features, unpack_features};
+use crate::feature_wire::{pack_and_round, unpack_features};
 use tessera_features::Feature;
 use tessera_messages::{StoredSurfaceError, load_surface};
 use tessera_slam::StoreSlot;
@@ -93,9 +93,9 @@ pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
 /// # Panics
 /// Where `vertices` are not as many as the grid has, or the thinning is none.
 pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature], thinning: Thinning) -> Vec<u8> {
-    let features = pack_features(features);
-    // As the reader has them, who finds the places anew.
-    let beside = under(grid, &unpack_features(&features).unwrap_or_default());
+    // The reader finds the places anew, from the features that it has.
+    let (features, rounded) = pack_and_round(features);
+    let beside = under(grid, &rounded);
     let packed = thinned::pack(grid, vertices, &beside, thinning);
     let length = (packed.len() as u32).to_le_bytes();
     [length.as_slice(), &packed, &features].concat()

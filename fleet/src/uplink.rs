@@ -5,6 +5,7 @@ use crate::error::FleetError;
 use crate::inbox::Inbox;
 use crate::network::{alive_key, run_key};
 use crate::served::Served;
+use crate::piece::Deflater;
 use crate::wire::{Piece, Request};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -51,10 +52,11 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
         .map_err(network)?;
     let _alive = session.liveliness().declare_token(alive_key(&options.robot)).wait().map_err(network)?;
     say(&format!("answers as robot {}", options.robot));
-    let (mut pace, mut inbox) = (Pace::new(options.max_bytes_per_s), Inbox::default());
+    let mut way = Way { pace: Pace::new(options.max_bytes_per_s), deflater: Deflater::default() };
+    let mut inbox = Inbox::default();
     while !stop.load(Ordering::Relaxed) {
         match queries.recv_timeout(TICK) {
-            Ok(Some(query)) => answer((&mut served, &mut inbox), &query, &mut pace, stop),
+            Ok(Some(query)) => answer((&mut served, &mut inbox), &query, &mut way, stop),
             Ok(None) => {}
             Err(error) => return Err(FleetError::Network(error.to_string())),
         }
@@ -62,10 +64,16 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
     Ok(())
 }
 
-fn answer((served, inbox): (&mut Served, &mut Inbox), query: &Query, pace: &mut Pace, stop: &AtomicBool) {
+/// How pieces go out.
+struct Way {
+    pace: Pace,
+    deflater: Deflater,
+}
+
+fn answer((served, inbox): (&mut Served, &mut Inbox), query: &Query, way: &mut Way, stop: &AtomicBool) {
     let mut give = |piece: Piece| {
-        let (label, bytes) = piece.to_wire();
-        pace.wait_for(bytes.len());
+        let (label, bytes) = piece.to_wire(&mut way.deflater);
+        way.pace.wait_for(bytes.len());
         // That a reply was taken says nothing; the next request does.
         let given = query.reply(query.key_expr().clone(), bytes.into_owned()).attachment(label).wait();
         given.is_ok() && !stop.load(Ordering::Relaxed)

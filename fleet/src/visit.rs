@@ -12,7 +12,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a visit to a robot brought.
 pub(crate) enum Visit {
-    Took,
+    Took {
+        /// Nothing was missing behind it.
+        is_all: bool,
+    },
     Nothing,
     /// Nothing, and nothing is missing.
     Whole,
@@ -55,7 +58,7 @@ pub(crate) fn visit(
             run.problem =
                 pulled.refused.last().map(|(refusal, words)| format!("{}: {words}", refusal.words()));
             match (pulled.taken_bytes > 0, run.lag_bytes) {
-                (true, _) => Ok(Visit::Took),
+                (true, lag_bytes) => Ok(Visit::Took { is_all: lag_bytes == 0 }),
                 (false, 0) => Ok(Visit::Whole),
                 (false, _) => Ok(Visit::Nothing),
             }

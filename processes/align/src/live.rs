@@ -7,11 +7,15 @@ use crate::load_shedding::{FramePace, LoadShedding};
 use crate::ports::Ports;
 use crate::step::{Acknowledge, MissingSurface, Policy, process_frame};
 use tessera_messages::WaitingOn;
-use tessera_stage::{Outcome, StageContext, StageError};
+use tessera_stage::{Outcome, StageContext, StageError, monotonic_nanos};
 use tessera_surface::WorkloadLevel;
 
 const POLICY: Policy =
     Policy { skips_poison: true, missing_surface: MissingSurface::Postpone, acknowledge: Acknowledge::Frame };
+
+/// How long a successor waits for the frame whose pose was sent before its record was journaled: an idle writer
+/// gives it within 10 ms, on a busy machine later.
+const POSED_NANOS: u64 = 300_000_000;
 
 /// Runs until the run is finished, the stage is told to stop, or the state is to be read back.
 pub(crate) fn run(
@@ -29,6 +33,7 @@ pub(crate) fn run(
     // Before its first frame it waits for others to start.
     let mut has_waited = true;
     ports.notify_optimiser();
+    await_posed(state, ports)?;
     loop {
         if context.lifeline.is_cut() {
             return Ok(Pause::Over(Outcome::Stopped));
@@ -65,6 +70,21 @@ pub(crate) fn run(
         if forget_every > 0 && n_done >= forget_every && state.fold.end.is_none() {
             return Ok(Pause::Forget);
         }
+    }
+}
+
+/// Waits for the frame whose pose a predecessor had sent, and behind which nothing newer has come.
+fn await_posed(state: &JournaledAligner, ports: &mut Ports) -> Result<(), StageError> {
+    let next = state.fold.tracker.next_index();
+    let Some(posed) = state.posed.due(next) else { return Ok(()) };
+    let (first, began) = (state.fold.tracker.first_recent_index().min(next), monotonic_nanos());
+    loop {
+        ports.inbox.fill(first, None, &mut ports.pulse)?;
+        let is_late = monotonic_nanos().saturating_sub(began) > POSED_NANOS;
+        if ports.inbox.newest(posed).is_some() || is_late {
+            return Ok(());
+        }
+        ports.wait(WaitingOn::Surfaces)?;
     }
 }
 

@@ -62,16 +62,17 @@ impl Layout {
         }
     }
 
-    /// Surfaces: reconstruct to align.
+    /// Surfaces: reconstruct to align. Live, a late reader gets that of the frame whose pose its predecessor had
+    /// sent, the one before it and a newer one.
     pub fn surfaces(&self) -> Service {
-        let queue = self.queue();
+        let queue = if self.live { 4 } else { self.queue() };
         Service {
             name: "surfaces",
             publishers: 2,
             subscribers: 2,
             buffer: queue,
             borrowed: self.recent as usize + self.window as usize + 2,
-            history: if self.live { 1 } else { queue },
+            history: if self.live { 3 } else { queue },
             loans: 1,
         }
     }
