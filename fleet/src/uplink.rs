@@ -4,8 +4,8 @@
 use crate::error::FleetError;
 use crate::inbox::Inbox;
 use crate::network::{alive_key, run_key};
-use crate::served::Served;
 use crate::piece::Deflater;
+use crate::served::Served;
 use crate::wire::{Piece, Request};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -53,7 +53,10 @@ fn slow_recording(run: &Run, n_frames: u64, gap_s: f64) {
 fn recording(run: &Run, images: &[u64], gap_s: f64) {
     let folder = run.dir.path().join("recording");
     write_images(&folder, &run.dir.path().join("camera.toml"), images.iter().max().unwrap() + 1);
-    write_lists(&folder, (0..).zip(images).map(|(at, image)| (format!("{:.6}", f64::from(at) * gap_s), *image)));
+    write_lists(
+        &folder,
+        (0..).zip(images).map(|(at, image)| (format!("{:.6}", f64::from(at) * gap_s), *image)),
+    );
 }
 
 /// Seconds from the first blow at a stage until its last life was ready; `None`: it was not struck.

@@ -70,10 +70,7 @@ pub(crate) fn with_place(
 }
 
 /// The previous frame as a keyframe, where the new one is too far from the last (method 9.1).
-fn new_keyframe(
-    input: &TrackingInput<'_>,
-    record: &FrameRecord,
-) -> Option<KeyframeRecord> {
+fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<KeyframeRecord> {
     let state = input.map.state();
     let last_keyframe = input.map.last_keyframe()?;
     let previous = state.recent.last()?;
