@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 pub const MAX_ROBOTS: usize = 64;
 /// Between two looks.
 const TICK: Duration = Duration::from_millis(50);
-/// Between two questions to a robot that had nothing new.
+/// Between two questions to a robot, where nothing was left to take.
 const PAUSE: Duration = Duration::from_millis(500);
 /// While an answer to it is made.
 const SHORT_PAUSE: Duration = Duration::from_millis(100);

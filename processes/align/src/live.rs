@@ -33,7 +33,7 @@ pub(crate) fn run(
     // Before its first frame it waits for others to start.
     let mut has_waited = true;
     ports.notify_optimiser();
-    await_posed(state, ports)?;
+    let mut posed = await_posed(state, ports)?;
     loop {
         if context.lifeline.is_cut() {
             return Ok(Pause::Over(Outcome::Stopped));
@@ -45,15 +45,13 @@ pub(crate) fn run(
             }
         }
         let next = state.fold.tracker.next_index();
-        let posed = state.posed.due(next);
         if posed.is_none() && apply_oldest_correction(state, ports, next)? {
             continue;
         }
         let first = state.fold.tracker.first_recent_index().min(next);
         ports.inbox.release_below(first);
         ports.inbox.fill(first, None, &mut ports.pulse)?;
-        let posed = posed.filter(|index| ports.inbox.get(*index).is_some());
-        let Some(index) = posed.or_else(|| ports.inbox.newest(next)) else {
+        let Some(index) = posed.take().or_else(|| ports.inbox.newest(next)) else {
             ports.wait(WaitingOn::Surfaces)?;
             has_waited = true;
             continue;
@@ -73,16 +71,16 @@ pub(crate) fn run(
     }
 }
 
-/// Waits for the frame whose pose a predecessor had sent, and behind which nothing newer has come.
-fn await_posed(state: &JournaledAligner, ports: &mut Ports) -> Result<(), StageError> {
+/// Waits for the frame whose pose a predecessor had sent; `None`: there is none, or newer ones alone are left.
+fn await_posed(state: &JournaledAligner, ports: &mut Ports) -> Result<Option<u64>, StageError> {
     let next = state.fold.tracker.next_index();
-    let Some(posed) = state.posed.due(next) else { return Ok(()) };
+    let Some(posed) = state.posed.due(next) else { return Ok(None) };
     let (first, began) = (state.fold.tracker.first_recent_index().min(next), monotonic_nanos());
     loop {
         ports.inbox.fill(first, None, &mut ports.pulse)?;
         let is_late = monotonic_nanos().saturating_sub(began) > POSED_NANOS;
         if ports.inbox.newest(posed).is_some() || is_late {
-            return Ok(());
+            return Ok(ports.inbox.get(posed).map(|_| posed));
         }
         ports.wait(WaitingOn::Surfaces)?;
     }

@@ -3,6 +3,7 @@
 
 use crate::loops::covisibility;
 use crate::loops::matchable::Matchable;
+use crate::loops::track_ends::at_track_ends;
 use crate::loops::verification;
 use crate::map::context::Context;
 use crate::map::records::{JoinRecord, LoopVerdict};
@@ -52,8 +53,8 @@ impl JoinedKeyframe<'_> {
 }
 
 /// Whether keyframes of both components, which a join brings near each other, say that it is wrong. The same for
-/// any number of threads. With a place in the gauge that stays, what is farther than [`ABOUT_M`] from it says nothing
-/// either: components have drifted in themselves.
+/// any number of threads. With a place in the gauge that stays, what is farther than [`ABOUT_M`] from it says nothing:
+/// components have drifted in themselves. Without one, what is at the end of its track says nothing.
 pub(crate) fn is_contradicted(
     context: &Context,
     state: &TrackerState,
@@ -62,10 +63,12 @@ pub(crate) fn is_contradicted(
     place: Option<&Vector3<f64>>,
 ) -> bool {
     let mut both = keyframes_of_both(state, joined);
-    both.retain(|k| {
-        let at = &k.placed.world_from_camera.translation.vector;
-        place.is_none_or(|place| (at - place).norm() <= ABOUT_M)
-    });
+    if let Some(place) = place {
+        both.retain(|k| (k.placed.world_from_camera.translation.vector - place).norm() <= ABOUT_M);
+    } else {
+        let ends = at_track_ends(&state.keyframes);
+        both.retain(|k| ends.get(k.placed.keyframe.id as usize) != Some(&true));
+    }
     let across = pairs_across(&both, joined.kept);
     let own = own_pairs(&both);
     let placed: Vec<PlacedKeyframe<'_>> = both.into_iter().map(|joined| joined.placed).collect();

@@ -240,7 +240,7 @@ fn resemblance(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecor
     let is_moved = state.submaps.component(input.map.submap()) == join.moved;
     let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
     let place = Some(&there.translation.vector);
-    match unlike::resemblance(context, state, keyframes, join, unlike::FEW_TESTED) {
+    match unlike::resemblance(context, state, keyframes, join, unlike::IN_RUN) {
         Resemblance::Alike if contradiction::is_contradicted(context, state, keyframes, join, place) => {
             Resemblance::Unlike
         }

@@ -180,7 +180,7 @@ impl Looker {
         let is_known = self.contradicted.iter().any(|known| contradiction::is_same_join(known, &joined));
         let resemblance = match is_known {
             true => Resemblance::Unlike,
-            false => unlike::resemblance(&self.context, state, surfaces, &joined, unlike::MANY_TESTED),
+            false => unlike::resemblance(&self.context, state, surfaces, &joined, unlike::IN_BASE),
         };
         let is_contradicted =
             || contradiction::is_contradicted(&self.context, state, surfaces, &joined, None);

@@ -7,6 +7,7 @@
 use crate::features::matching::{PairFinder, Reach};
 use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::matchable::Matchable;
+use crate::loops::track_ends::at_track_ends;
 use crate::loops::verification;
 use crate::loops::view_limits::{ViewLimits, optical_axis};
 use crate::map::context::Context;
@@ -22,10 +23,21 @@ use tessera_registration::Sampler;
 /// Views that may share features, and those that do wherever they show the same place.
 const NEAR_VIEW: ViewLimits = ViewLimits { radius_m: 1.0, angle_rad: 35.0_f64.to_radians() };
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
-/// Keyframes that are looked at, at most, while frames wait, and where none does: of a place with a few keyframes
-/// that is another one, as a storey's lobby, all must be looked at to be seen in a row.
-pub(crate) const FEW_TESTED: usize = 100;
-pub(crate) const MANY_TESTED: usize = 1000;
+
+/// Which keyframes are looked at.
+#[derive(Clone, Copy)]
+pub(crate) struct Extent {
+    /// So many at most.
+    most_tested: usize,
+    /// Those at the ends of their tracks say nothing against a join.
+    doubts_ends: bool,
+}
+
+/// In a run, whose frames wait. Its camera is at the end of a track that has just begun.
+pub(crate) const IN_RUN: Extent = Extent { most_tested: 100, doubts_ends: false };
+/// In a base: of a place with a few keyframes that is another one, as a storey's lobby, all must be looked at to be
+/// seen in a row.
+pub(crate) const IN_BASE: Extent = Extent { most_tested: 1000, doubts_ends: true };
 /// Features on which views of one place agree.
 const MIN_AGREEING: usize = 12;
 /// How far from where the join has them features of a pair may put it, metres and radians: beyond, they are of
@@ -64,7 +76,7 @@ pub(crate) fn resemblance(
     state: &TrackerState,
     surfaces: &dyn KeyframeSurfaces,
     joined: &JoinRecord,
-    most_tested: usize,
+    extent: Extent,
 ) -> Resemblance {
     if !context.mapping.features.enabled || !context.is_colour_trusted {
         return Resemblance::Alike;
@@ -72,7 +84,7 @@ pub(crate) fn resemblance(
     let n_of =
         |component: u32| state.active().filter(|k| state.submaps.component(k.submap) == component).count();
     let enough = ENOUGH_ALIKE.min(n_of(joined.moved).min(n_of(joined.kept)) / 2);
-    let pairs = pairs(state, joined, most_tested);
+    let pairs = pairs(state, joined, extent);
     if pairs.len() < enough {
         return Resemblance::TooFew;
     }
@@ -99,6 +111,9 @@ pub(crate) fn resemblance(
             // Components have drifted in themselves: farther from the place than it would be looked for.
             if shares(Reach::LOOP) || shares(Reach::ANYWHERE) {
                 return PairLook::Alike;
+            }
+            if pair.is_in_doubt {
+                return PairLook::Elsewhere;
             }
             let mut violates = || {
                 let settings = &context.mapping.global;
@@ -154,10 +169,14 @@ struct JoinedViews<'a> {
     kept: &'a KeyframeState,
     kept_from_moved: Pose,
     is_same_view: bool,
+    /// One of them may not be where its component has it.
+    is_in_doubt: bool,
 }
 
 /// The pairs of all keyframes of the component that moves, in their order; evenly chosen where they are many.
-fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord, most_tested: usize) -> Vec<JoinedViews<'a>> {
+fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord, extent: Extent) -> Vec<JoinedViews<'a>> {
+    let ends = if extent.doubts_ends { at_track_ends(&state.keyframes) } else { Vec::new() };
+    let is_in_doubt = |k: &KeyframeState| ends.get(k.id as usize) == Some(&true);
     let join = Pose::from(&joined.kept_from_moved);
     let of = |component: u32| {
         let is_of = move |k: &&KeyframeState| state.submaps.component(k.submap) == component;
@@ -176,10 +195,11 @@ fn pairs<'a>(state: &'a TrackerState, joined: &JoinRecord, most_tested: usize) -
         let same = nearest(&SAME_VIEW);
         let (kept, kept_pose) = &others[same.or_else(|| nearest(&NEAR_VIEW))?];
         let kept_from_moved = kept_pose.inverse() * there;
-        Some(JoinedViews { moved, kept, kept_from_moved, is_same_view: same.is_some() })
+        let is_in_doubt = is_in_doubt(moved) || is_in_doubt(kept);
+        Some(JoinedViews { moved, kept, kept_from_moved, is_same_view: same.is_some(), is_in_doubt })
     });
     let all: Vec<JoinedViews<'_>> = beside.collect();
-    let step = all.len().div_ceil(most_tested).max(1);
+    let step = all.len().div_ceil(extent.most_tested).max(1);
     all.into_iter().step_by(step).collect()
 }
 
@@ -238,10 +258,8 @@ mod tests {
             moved: 1,
             kept_from_moved: PoseBits::from(&Pose::translation(-10.0, 0.0, 0.0)),
         };
-        let found: Vec<(u32, u32, bool)> = pairs(&state, &joined, FEW_TESTED)
-            .iter()
-            .map(|p| (p.moved.id, p.kept.id, p.is_same_view))
-            .collect();
+        let found: Vec<(u32, u32, bool)> =
+            pairs(&state, &joined, IN_RUN).iter().map(|p| (p.moved.id, p.kept.id, p.is_same_view)).collect();
         assert_eq!(found, [(2, 0, true), (3, 1, false)], "the last one stands alone");
     }
 }

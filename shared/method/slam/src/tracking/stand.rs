@@ -5,7 +5,7 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 
 /// Time without a new keyframe after which the camera stood, nanoseconds.
-const STOOD_NANOS: i64 = 2_000_000_000;
+pub(crate) const STOOD_NANOS: i64 = 2_000_000_000;
 /// Time from then to the first miss, at most, nanoseconds.
 const SOON_NANOS: i64 = 3_000_000_000;
 /// Time without a new keyframe after which what moved before the camera, such as a door, has come to rest,
