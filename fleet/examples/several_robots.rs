@@ -25,8 +25,8 @@ use tessera_geometry::{Camera, Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
 use tessera_slam::{
-    AlignRecord, AppliedCorrection, Context, Correction, FramePose, JointMap, KeyframeSurfaces, LoopVerdict,
-    Meeting, PoseHistory, TrackerState,
+    AlignRecord, AppliedCorrection, Context, Correction, FrameHistory, FramePose, JointMap, KeyframeSurfaces,
+    LoopVerdict, Meeting, PoseHistory, TrackerState,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::thinned::Thinning;
@@ -188,7 +188,9 @@ fn one_seed(walks: &Walks, seed: u64) -> Result<Outcome, Box<dyn Error>> {
     // At its moment: what a join says, before the optimisation judges it.
     let is_wrong = |m: &Meeting| is_apart(&error_of(&map, &robots, truth, (m.own, m.seen)));
     let meetings: Vec<(Meeting, bool)> = found.into_iter().map(|m| (m, is_wrong(&m))).collect();
-    let correction = map.optimise(&surfaces, &mut || ());
+    let records: Vec<&[AlignRecord]> = robots.iter().map(|robot| robot.records.as_slice()).collect();
+    let histories: Vec<&dyn FrameHistory> = records.iter().map(|records| records as _).collect();
+    let correction = map.optimise(&surfaces, &histories, &mut || ());
     say_verdicts(&map, correction.as_ref());
     let outcome = judged(&map, &robots, truth, &meetings, correction.as_ref());
     println!("seed {seed}: {}", outcome.told());

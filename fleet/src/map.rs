@@ -14,7 +14,7 @@ use tessera_evaluation::write_tum;
 use tessera_geometry::Pose;
 use tessera_outputs::{write_file, write_joint_map};
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, AppliedCorrection, Context, JointCache, JointMap, Meeting};
+use tessera_slam::{AlignRecord, AppliedCorrection, Context, FrameHistory, JointCache, JointMap, Meeting};
 use tessera_stage::RunFile;
 
 /// Folder of the map in the base's folder.
@@ -154,7 +154,9 @@ fn joint(
     let meetings = map.join(&surfaces, &mut || ());
     cost.join_s = begun.elapsed().as_secs_f64();
     // Runs that share no place stay as they are.
-    let correction = if meetings.is_empty() { None } else { map.optimise(&surfaces, &mut || ()) };
+    let histories: Vec<&dyn FrameHistory> = pasts.iter().map(|(_, past)| &past.journal as _).collect();
+    let correction = if meetings.is_empty() { None } else { map.optimise(&surfaces, &histories, &mut || ()) };
+    drop(histories);
     cost.optimise_s = begun.elapsed().as_secs_f64() - cost.join_s;
     let components = components(&map);
     write_clouds(folder, &map, &components, pasts[0].1, &surfaces)?;

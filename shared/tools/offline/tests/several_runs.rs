@@ -6,8 +6,8 @@ use common::scene;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_slam::{
-    AlignRecord, Context, Correction, FramePose, JointMap, KeyframeSurfaces, OptimiseRecord, Optimiser,
-    PoseHistory, RequestRecord, TrackerState,
+    AlignRecord, Context, Correction, FrameHistory, FramePose, JointMap, KeyframeSurfaces, OptimiseRecord,
+    Optimiser, PoseHistory, RequestRecord, TrackerState,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::Vertex;
@@ -81,7 +81,9 @@ fn runs_that_share_a_place_become_one_map_and_others_stay_apart() {
         let (mut map, surfaces) = joint(&room, &[&first, &elsewhere, &second]);
         assert_eq!(map.submaps().n_components(), 3);
         let meetings = map.join(&surfaces, &mut || ());
-        let correction = map.optimise(&surfaces, &mut || ()).unwrap();
+        let records = [&first, &elsewhere, &second].map(|run| run.records.as_slice());
+        let histories = records.each_ref().map(|records| records as &dyn FrameHistory);
+        let correction = map.optimise(&surfaces, &histories, &mut || ()).unwrap();
         (map, meetings, correction)
     };
     let (map, meetings, correction) = solve();
@@ -188,6 +190,6 @@ fn runs_without_a_place_in_common_are_maps_of_their_own() {
     let runs = [finished(&room, 0..8), finished(&room, n / 2..n / 2 + 8)];
     let (mut map, surfaces) = joint(&room, &[&runs[0], &runs[1]]);
     assert!(map.join(&surfaces, &mut || ()).is_empty());
-    map.optimise(&surfaces, &mut || ());
+    map.optimise(&surfaces, &[], &mut || ());
     assert_eq!(map.submaps().n_components(), 2);
 }

@@ -11,6 +11,7 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::answer::origins;
+use crate::optimise::culled::RunFrames;
 use crate::optimise::optimiser::{Optimiser, Pending, SolvedKeyframes};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use std::ops::Range;
@@ -29,6 +30,8 @@ pub struct JointMap {
 struct MemberRun {
     keyframes: Range<usize>,
     submaps: Range<u32>,
+    /// Its number among all runs that keyframes are of.
+    session: u32,
 }
 
 impl JointMap {
@@ -86,6 +89,7 @@ impl JointMap {
         self.runs.push(MemberRun {
             keyframes: first as usize..self.state.keyframes.len(),
             submaps: first_submap..first_submap + n_submaps,
+            session: session + map.session,
         });
     }
 
@@ -123,10 +127,13 @@ impl JointMap {
     }
 
     /// Solves for all keyframes in one graph, the first of each component fixed; components come apart
-    /// again where the loops between them lost their weight. `None` with fewer than two keyframes.
+    /// again where the loops between them lost their weight. `None` with fewer than two keyframes. `histories`: the
+    /// frames of the runs, in the order in which these were added; what culled keyframes measured holds those
+    /// together that are kept.
     pub fn optimise(
         &mut self,
         surfaces: &dyn KeyframeSurfaces,
+        histories: &[&dyn FrameHistory],
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
         let n_keyframes = self.state.keyframes.len() as u32;
@@ -137,7 +144,11 @@ impl JointMap {
         let JointCache { drawn, features, .. } = &mut self.cache;
         let optimiser = optimiser.knowing(std::mem::take(drawn), std::mem::take(features));
         let none: &[AlignRecord] = &[];
-        let correction = optimiser.solve(&request, surfaces, &none, progress);
+        let mut runs = Vec::new();
+        for (MemberRun { keyframes, session, .. }, history) in self.runs.iter().zip(histories) {
+            runs.push(RunFrames { keyframes: keyframes.clone(), session: *session, history: *history });
+        }
+        let correction = optimiser.solve_with(&request, surfaces, (&none, &runs), progress);
         (*drawn, *features) = optimiser.into_known();
         let correction = correction?;
         let _ = apply_correction(&mut self.state.keyframes, &correction);

@@ -10,6 +10,7 @@ use crate::optimise::refine::FrameHistory;
 use crate::settings::KeyframeSettings;
 use crate::tracking::degeneracy::is_determined;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock};
 
@@ -33,35 +34,46 @@ struct KeyframeBlock {
     block: PairBlock,
 }
 
+/// The frames of one run of those that a map is of.
+#[derive(Clone)]
+pub(crate) struct RunFrames<'a> {
+    /// Its keyframes, by their numbers in the map; its frames name them from 0 on.
+    pub(crate) keyframes: Range<usize>,
+    /// Which of them it made itself: its number among the runs of the map.
+    pub(crate) session: u32,
+    pub(crate) history: &'a dyn FrameHistory,
+}
+
 impl CulledKeyframes {
-    /// Reads the blocks of this run's keyframes from its frames. A culled keyframe that they leave
-    /// undetermined, or that hangs on such ones alone, is not among them.
+    /// Reads the blocks of the runs' keyframes from their frames. A culled keyframe that they leave
+    /// undetermined, or that hangs on such ones alone, is not among them. `runs`: in the order of their keyframes.
     pub(crate) fn of(
         context: &Context,
         keyframes: &[KeyframeState],
         submaps: &Submaps,
-        session: u32,
-        history: &dyn FrameHistory,
+        runs: &[RunFrames<'_>],
     ) -> Self {
-        let own: BTreeMap<u64, &KeyframeState> =
-            keyframes.iter().filter(|k| k.session == session).map(|k| (k.frame_index, k)).collect();
         let mut culled = Self::default();
-        if keyframes.iter().all(KeyframeState::is_active) {
-            return culled;
-        }
-        history.visit(&mut |frame| {
-            if let Some(query) = own.get(&frame.index) {
-                culled.add(context, keyframes, submaps, query, frame);
+        for run in runs {
+            let of_run = keyframes.get(run.keyframes.clone()).unwrap_or_default();
+            if of_run.iter().all(KeyframeState::is_active) {
+                continue;
             }
-        });
+            let own: BTreeMap<u64, &KeyframeState> =
+                of_run.iter().filter(|k| k.session == run.session).map(|k| (k.frame_index, k)).collect();
+            run.history.visit(&mut |frame| {
+                if let Some(query) = own.get(&frame.index) {
+                    culled.add(context, (of_run, submaps), query, frame);
+                }
+            });
+        }
         culled
     }
 
     fn add(
         &mut self,
         context: &Context,
-        keyframes: &[KeyframeState],
-        submaps: &Submaps,
+        (of_run, submaps): (&[KeyframeState], &Submaps),
         query: &KeyframeState,
         frame: &FrameRecord,
     ) {
@@ -72,7 +84,7 @@ impl CulledKeyframes {
                 && (target.is_active() || self.ids.binary_search(&target.id).is_ok())
         };
         let targets = frame.blocks.iter().filter_map(|b| {
-            let target = keyframes.get(b.keyframe as usize).filter(|target| usable(target))?;
+            let target = of_run.get(b.keyframe as usize).filter(|target| usable(target))?;
             Some((target, b.pair_block()?, Pose::from(&b.keyframe_from_camera)))
         });
         let found: Vec<(&KeyframeState, PairBlock, Pose)> = targets.collect();

@@ -11,9 +11,8 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::KeyframeAssociation;
-use crate::optimise::culled::{self, CulledKeyframes};
+use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
 use crate::optimise::held::held;
-use crate::optimise::refine::FrameHistory;
 use crate::optimise::sample_cache::Drawn;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
@@ -53,9 +52,8 @@ pub(crate) struct Start<'a> {
     pub(crate) cache: &'a FeatureCache,
     /// Loops that are not tested again.
     pub(crate) known: &'a KnownLoops,
-    /// The frames of this run by its number among those of the map, where culled keyframes are
-    /// solved for as well; otherwise they move along with their anchors.
-    pub(crate) history: Option<(u32, &'a dyn FrameHistory)>,
+    /// The frames of the runs whose culled keyframes are solved for as well; others move along with their anchors.
+    pub(crate) runs: &'a [RunFrames<'a>],
     pub(crate) outer_iterations: u32,
 }
 
@@ -122,9 +120,7 @@ fn solve_joined(
     let Start { context, active: keyframes, known, .. } = *start;
     let matchable = matchable(context, keyframes, start.surfaces, start.drawn, progress);
     let origins = submaps.origins(keyframes);
-    let culled = start.history.map_or_else(CulledKeyframes::default, |(session, history)| {
-        CulledKeyframes::of(context, start.keyframes, submaps, session, history)
-    });
+    let culled = CulledKeyframes::of(context, start.keyframes, submaps, start.runs);
     let vertices = keyframes.iter().chain(culled.ids().iter().map(|id| &start.keyframes[*id as usize]));
     let poses: Vec<Pose> = vertices.map(|k| Pose::from(&k.world_from_camera)).collect();
     let mut is_fixed = gauges(&origins);

@@ -14,6 +14,7 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::answer;
+use crate::optimise::culled::RunFrames;
 use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
@@ -178,8 +179,27 @@ impl Optimiser {
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
         let pending = self.find(request)?;
+        let own = self.own_frames(pending, history);
+        self.solve_with(request, surfaces, (history, own.as_slice()), progress)
+    }
+
+    /// The frames of this run, where its culled keyframes are solved for.
+    fn own_frames<'a>(&self, pending: &Pending, history: &'a dyn FrameHistory) -> Vec<RunFrames<'a>> {
+        let (keyframes, session) = (0..pending.keyframes.len(), self.state.session);
+        if pending.request.is_final { vec![RunFrames { keyframes, session, history }] } else { Vec::new() }
+    }
+
+    /// As [`Self::solve`], with the frames of all runs whose culled keyframes are solved for.
+    pub(crate) fn solve_with(
+        &self,
+        request: &RequestRecord,
+        surfaces: &dyn KeyframeSurfaces,
+        (history, runs): (&dyn FrameHistory, &[RunFrames<'_>]),
+        progress: &mut dyn FnMut(),
+    ) -> Option<Correction> {
+        let pending = self.find(request)?;
         let keyframes = &pending.keyframes;
-        let solved = self.solve_keyframes(pending, surfaces, history, progress);
+        let solved = self.solve_of(pending, surfaces, runs, progress);
         let (solution, poses) = (&solved.solution, &solved.poses);
         self.context.steps.enter(Step::Refine);
         let frames =
@@ -209,6 +229,16 @@ impl Optimiser {
         history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
     ) -> SolvedKeyframes {
+        self.solve_of(pending, surfaces, &self.own_frames(pending, history), progress)
+    }
+
+    fn solve_of(
+        &self,
+        pending: &Pending,
+        surfaces: &dyn KeyframeSurfaces,
+        runs: &[RunFrames<'_>],
+        progress: &mut dyn FnMut(),
+    ) -> SolvedKeyframes {
         let Pending { request, keyframes, submaps, colour } = pending;
         let context = self.context.with_colour(colour);
         let settings = &self.context.mapping.global;
@@ -224,7 +254,7 @@ impl Optimiser {
             drawn: &self.drawn,
             cache: &self.cache,
             known: &self.said.settled(),
-            history: request.is_final.then_some((self.state.session, history)),
+            runs,
             outer_iterations: iterations,
         };
         let solution = global::solve(&start, submaps, progress);
