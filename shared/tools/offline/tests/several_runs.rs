@@ -26,7 +26,11 @@ fn finished(source: &SimulatedSource, frames: std::ops::Range<u64>) -> Finished 
 
 /// A run over some frames of a scene.
 fn finished_of(source: &SimulatedSource, frames: &[u64]) -> Finished {
-    let mut run = Run::new(source.camera(), &Method::default()).unwrap();
+    finished_by(&Method::default(), source, frames)
+}
+
+fn finished_by(method: &Method, source: &SimulatedSource, frames: &[u64]) -> Finished {
+    let mut run = Run::new(source.camera(), method).unwrap();
     for index in frames {
         run.push(&RawFrame::read(source, *index).unwrap());
     }
@@ -103,6 +107,34 @@ fn runs_that_share_a_place_become_one_map_and_others_stay_apart() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let (_, meetings_again, correction_again) = pool.install(solve);
     assert!(meetings_again == meetings && correction_again == correction);
+}
+
+#[test]
+fn what_culled_keyframes_measured_counts_in_the_map_of_several_runs() {
+    let room = scene(SceneName::Room, &SimulationOptions::default());
+    let mut method = Method::default();
+    method.mapping.keyframe.budget = 10;
+    let walk = |frames: std::ops::Range<u64>| finished_by(&method, &room, &frames.collect::<Vec<_>>());
+    let runs = [walk(0..60), walk(40..100)];
+    let (mut map, surfaces) = joint(&room, &[&runs[0], &runs[1]]);
+    assert_eq!(map.join(&surfaces, &mut || ()).len(), 1);
+    let (keyframes, own) = (map.keyframes().to_vec(), [0, 1].map(|run| map.keyframes_of(run)));
+    let records = runs.each_ref().map(|run| run.records.as_slice());
+    let histories = records.each_ref().map(|records| records as &dyn FrameHistory);
+    let correction = map.optimise(&surfaces, &histories, &mut || ()).unwrap();
+    let solved = |id: usize| correction.keyframes.iter().find(|k| k.id as usize == id);
+    let culled =
+        |run: usize| own[run].clone().filter(|id| !keyframes[*id].is_active() && solved(*id).is_some());
+    let n_culled = [0, 1].map(|run| culled(run).count());
+    assert!(n_culled.iter().all(|n| *n > 0), "{n_culled:?} culled keyframes are solved for");
+    // Each has the blocks of its own frames: it is where it was.
+    let world_from_truth = Pose::from(&map.keyframes()[0].world_from_camera) * runs[0].truth[0].inverse();
+    for (run, id) in [0, 1].into_iter().flat_map(|run| culled(run).map(move |id| (run, id))) {
+        let found = Pose::from(&solved(id).unwrap().world_from_camera);
+        let expected = world_from_truth * runs[run].truth[keyframes[id].frame_index as usize];
+        let (metres, radians) = translation_rotation_norms(&(expected.inverse() * found));
+        assert!(metres < 0.03 && radians < 0.02, "keyframe {id}: {metres} m, {radians} rad");
+    }
 }
 
 /// In the lounges of the building, which look alike, a person walks in the first one alone: what was seen of it

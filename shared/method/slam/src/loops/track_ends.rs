@@ -27,7 +27,7 @@ pub(crate) fn at_track_ends(keyframes: &[KeyframeState]) -> Vec<bool> {
         .collect()
 }
 
-/// Where the end of a track begins: not before its middle.
+/// Where the end of a track begins: it is the last tenth at most, for of a short track all says something.
 fn end_of(mut stamps: Vec<i64>) -> i64 {
     stamps.sort_unstable();
     let (first, last) = (stamps.first().copied().unwrap_or(0), stamps.last().copied().unwrap_or(0));
@@ -35,7 +35,7 @@ fn end_of(mut stamps: Vec<i64>) -> i64 {
         pair[1].saturating_sub(pair[0]) >= STOOD_NANOS && last.saturating_sub(pair[1]) <= UNNOTICED_NANOS
     };
     let stood = stamps.windows(2).find(is_late_stand).map_or(last, |pair| pair[0]);
-    stood.saturating_sub(ENTERED_NANOS).max(first.midpoint(last))
+    stood.saturating_sub(ENTERED_NANOS).max(last - (last - first) / 10)
 }
 
 #[cfg(test)]
@@ -55,17 +55,24 @@ mod tests {
 
     #[test]
     fn the_last_of_a_track_and_what_follows_a_late_stand_are_at_its_end() {
-        let of = |tenths: &[i64]| {
-            let at: Vec<(u32, i64)> = tenths.iter().map(|t| (0, *t)).collect();
+        // A hundred seconds on foot, a keyframe each second, and some more.
+        let n_before_end = |more: &[i64]| {
+            let at: Vec<(u32, i64)> =
+                (0..100).map(|k| 10 * k).chain(more.iter().copied()).map(|t| (0, t)).collect();
             at_track_ends(&made(&at)).iter().filter(|is_end| !**is_end).count()
         };
-        assert_eq!(of(&[0, 10, 20, 30, 40, 50]), 3, "the last 2.5 s");
-        assert_eq!(of(&[0, 15, 30, 45, 60, 75, 90, 140, 150]), 5, "it stood, and went on for 1 s");
-        assert_eq!(of(&[0, 10, 20, 30, 100, 110, 120]), 4, "half of it at most");
-        let long_ago = [0, 10, 20, 30, 100, 110, 125, 140, 155, 170, 185, 200, 215, 230];
-        assert_eq!(of(&long_ago), 12);
+        assert_eq!(n_before_end(&[]), 97, "the last 2.5 s");
+        assert_eq!(n_before_end(&[1040, 1050]), 97, "it stood, and went on for a second");
+        let on: Vec<i64> = (0..10).map(|k| 1040 + 15 * k).collect();
+        assert_eq!(n_before_end(&on), 108, "it stood long ago");
         assert!(at_track_ends(&[]).is_empty());
-        let two = made(&[(0, 0), (1, 10), (0, 15), (1, 25), (0, 30), (1, 40)]);
-        assert_eq!(at_track_ends(&two), [false, false, true, true, true, true]);
+    }
+
+    #[test]
+    fn the_end_of_a_track_is_a_tenth_of_it_at_most() {
+        let at: Vec<(u32, i64)> = (0..20).flat_map(|k| [(0, 10 * k), (1, 10 * k + 5)]).collect();
+        let ends = at_track_ends(&made(&at));
+        assert_eq!(ends.iter().filter(|is_end| **is_end).count(), 4, "two of each submap");
+        assert!(ends[36..].iter().all(|is_end| *is_end));
     }
 }
