@@ -7,12 +7,11 @@
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tessera_stage::StageError;
 
 /// Index of the frame whose pose was sent last ahead of its record, in a file of eight bytes.
 pub(crate) struct PosedFrame {
-    path: PathBuf,
     /// None in a lossless run.
     file: Option<File>,
     /// What the file held when it was opened.
@@ -22,10 +21,13 @@ pub(crate) struct PosedFrame {
 impl PosedFrame {
     /// Opens or makes the file of a live run; that of a machine that was cut off may hold anything.
     pub(crate) fn open(path: &Path, is_live: bool) -> Result<Self, StageError> {
-        let mut posed = Self { path: path.to_owned(), file: None, of_predecessor: None };
+        let mut posed = Self { file: None, of_predecessor: None };
         if is_live {
             let file = File::options().read(true).write(true).create(true).truncate(false).open(path);
-            let file = file.map_err(|error| posed.wrong(&error))?;
+            let file = file.map_err(|error| StageError::RunFile {
+                path: path.to_owned(),
+                problem: format!("cannot open: {error}"),
+            })?;
             let mut bytes = [0; 8];
             posed.of_predecessor =
                 file.read_exact_at(&mut bytes, 0).is_ok().then(|| u64::from_le_bytes(bytes));
@@ -34,19 +36,15 @@ impl PosedFrame {
         Ok(posed)
     }
 
-    /// Notes that the pose of frame `index` is about to be sent.
-    pub(crate) fn note(&self, index: u64) -> Result<(), StageError> {
-        let written = self.file.as_ref().map_or(Ok(()), |file| file.write_all_at(&index.to_le_bytes(), 0));
-        written.map_err(|error| self.wrong(&error))
+    /// Notes that the pose of frame `index` is about to be sent; answers whether it may be. On a full disk it may
+    /// not: then it goes out behind its record, where the journal says what is wrong.
+    pub(crate) fn note(&self, index: u64) -> bool {
+        self.file.as_ref().is_none_or(|file| file.write_all_at(&index.to_le_bytes(), 0).is_ok())
     }
 
     /// The frame that a predecessor had sent the pose of, if it is still to be recorded.
     pub(crate) fn due(&self, next_index: u64) -> Option<u64> {
         self.of_predecessor.filter(|index| *index >= next_index)
-    }
-
-    fn wrong(&self, error: &std::io::Error) -> StageError {
-        StageError::RunFile { path: self.path.clone(), problem: error.to_string() }
     }
 }
 
@@ -60,8 +58,7 @@ mod tests {
         let path = folder.path().join("live.posed");
         let first = PosedFrame::open(&path, true).unwrap();
         assert_eq!(first.due(0), None);
-        first.note(7).unwrap();
-        first.note(300).unwrap();
+        assert!(first.note(7) && first.note(300));
         assert_eq!(first.due(0), None, "its own");
         let successor = PosedFrame::open(&path, true).unwrap();
         assert_eq!(successor.due(300), Some(300));
@@ -75,7 +72,7 @@ mod tests {
     fn a_lossless_run_needs_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("live.posed");
-        PosedFrame::open(&path, false).unwrap().note(7).unwrap();
+        assert!(PosedFrame::open(&path, false).unwrap().note(7));
         assert!(!path.exists());
     }
 }

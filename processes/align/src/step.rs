@@ -164,13 +164,12 @@ fn align(
     let mut sent: Result<Option<u64>, StageError> = Ok(None);
     let at_hand = &*keyframes;
     let mut send = |record: &FrameRecord| {
-        if at_hand.is_damaged() {
+        if at_hand.is_damaged() || !posed.note(index) {
             return Ok(None);
         }
         let known = monotonic_nanos();
         pulse.steps().enter(Step::Send);
         pulse.phase(Phase::Computing, known.saturating_sub(times.align_began));
-        posed.note(index)?;
         poses.publish(pulse, record, times)?;
         context.kill_points.pass("published", index);
         let now = monotonic_nanos();

@@ -35,7 +35,7 @@ fn end_of(mut stamps: Vec<i64>) -> i64 {
         pair[1].saturating_sub(pair[0]) >= STOOD_NANOS && last.saturating_sub(pair[1]) <= UNNOTICED_NANOS
     };
     let stood = stamps.windows(2).find(is_late_stand).map_or(last, |pair| pair[0]);
-    stood.saturating_sub(ENTERED_NANOS).max(last - (last - first) / 10)
+    stood.saturating_sub(ENTERED_NANOS).max(last.saturating_sub(last.saturating_sub(first) / 10))
 }
 
 #[cfg(test)]

@@ -199,7 +199,8 @@ impl JointMap {
             submaps: self.state.submaps.clone(),
             colour: own.colour,
         });
-        let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, history, progress);
+        let frames = optimiser.own_frames(own, history);
+        let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, &frames, progress);
         let submaps = solved.solution.submaps.first(own.submaps.n());
         let poses = in_own_gauge(&own.keyframes, &submaps, &solved);
         let mut loops = solved.solution.loops;

@@ -184,7 +184,11 @@ impl Optimiser {
     }
 
     /// The frames of this run, where its culled keyframes are solved for.
-    fn own_frames<'a>(&self, pending: &Pending, history: &'a dyn FrameHistory) -> Vec<RunFrames<'a>> {
+    pub(crate) fn own_frames<'a>(
+        &self,
+        pending: &Pending,
+        history: &'a dyn FrameHistory,
+    ) -> Vec<RunFrames<'a>> {
         let (keyframes, session) = (0..pending.keyframes.len(), self.state.session);
         if pending.request.is_final { vec![RunFrames { keyframes, session, history }] } else { Vec::new() }
     }
@@ -199,7 +203,7 @@ impl Optimiser {
     ) -> Option<Correction> {
         let pending = self.find(request)?;
         let keyframes = &pending.keyframes;
-        let solved = self.solve_of(pending, surfaces, runs, progress);
+        let solved = self.solve_keyframes(pending, surfaces, runs, progress);
         let (solution, poses) = (&solved.solution, &solved.poses);
         self.context.steps.enter(Step::Refine);
         let frames =
@@ -223,16 +227,6 @@ impl Optimiser {
     /// Solves for the keyframes of a request, which may be more than the state's own: those of other runs
     /// behind them.
     pub(crate) fn solve_keyframes(
-        &self,
-        pending: &Pending,
-        surfaces: &dyn KeyframeSurfaces,
-        history: &dyn FrameHistory,
-        progress: &mut dyn FnMut(),
-    ) -> SolvedKeyframes {
-        self.solve_of(pending, surfaces, &self.own_frames(pending, history), progress)
-    }
-
-    fn solve_of(
         &self,
         pending: &Pending,
         surfaces: &dyn KeyframeSurfaces,
