@@ -33,6 +33,9 @@ use tessera_registration::{MatchLimits, Sampler};
 
 /// Keyframes of long ago that look at what the frame looks at.
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
+/// The same where none is that near and the camera had stood just before: a door that opens may have carried it
+/// along.
+const SAME_VIEW_BEHIND_A_STAND: ViewLimits = ViewLimits { radius_m: 1.2, ..SAME_VIEW };
 /// One that looks the same wherever features are seen at all.
 const SAME_LOOK: ViewLimits = ViewLimits { radius_m: 0.3, angle_rad: 15.0_f64.to_radians() };
 /// Features on which a frame and a keyframe of the same place agree, wherever they see each other.
@@ -259,8 +262,11 @@ fn is_old(input: &TrackingInput<'_>, keyframe: &KeyframeState) -> bool {
 
 /// The keyframe of long ago whose view is the most like that of the frame.
 fn nearest_old<'a>(input: &TrackingInput<'a>, view: &Pose) -> Option<&'a KeyframeState> {
-    let near = window::near(&input.map, &SAME_VIEW, view);
-    near.iter().filter_map(|(_, id)| input.map.keyframe(*id)).find(|k| is_old(input, k))
+    let nearest = |limits: &ViewLimits| {
+        let near = window::near(&input.map, limits, view);
+        near.iter().filter_map(|(_, id)| input.map.keyframe(*id)).find(|k| is_old(input, k))
+    };
+    nearest(&SAME_VIEW).or_else(|| has_stood(input).then(|| nearest(&SAME_VIEW_BEHIND_A_STAND)).flatten())
 }
 
 /// Where the camera left its submap, once enough is missed along a way, or behind a stand.
