@@ -1,5 +1,6 @@
 //! The surfaces of several runs as those of one map.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use tessera_features::Feature;
 use tessera_slam::KeyframeSurfaces;
@@ -31,8 +32,18 @@ impl KeyframeSurfaces for JointSurfaces<'_> {
         surfaces.vertices(id)
     }
 
+    fn vertices_once(&self, keyframe: u32) -> Cow<'_, [Vertex]> {
+        let (surfaces, id) = self.of(keyframe);
+        surfaces.vertices_once(id)
+    }
+
     fn features(&self, keyframe: u32) -> &[Feature] {
         let (surfaces, id) = self.of(keyframe);
         surfaces.features(id)
+    }
+
+    fn features_once(&self, keyframe: u32) -> Cow<'_, [Feature]> {
+        let (surfaces, id) = self.of(keyframe);
+        surfaces.features_once(id)
     }
 }

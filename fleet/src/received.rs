@@ -3,6 +3,7 @@
 use crate::error::FleetError;
 use crate::surface_copy::{TravelledSurface, read_surfaces};
 use crate::surface_wire::from_wire;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -83,10 +84,24 @@ impl KeyframeSurfaces for RunSurfaces {
         }
     }
 
+    fn vertices_once(&self, keyframe: u32) -> Cow<'_, [Vertex]> {
+        match self {
+            Self::Whole(stored) => stored.vertices_once(keyframe),
+            Self::Received(received) => received.vertices_once(keyframe),
+        }
+    }
+
     fn features(&self, keyframe: u32) -> &[Feature] {
         match self {
             Self::Whole(stored) => stored.features(keyframe),
             Self::Received(received) => received.features(keyframe),
+        }
+    }
+
+    fn features_once(&self, keyframe: u32) -> Cow<'_, [Feature]> {
+        match self {
+            Self::Whole(stored) => stored.features_once(keyframe),
+            Self::Received(received) => received.features_once(keyframe),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::feature_wire::{pack_and_round, unpack_features};
 use tessera_features::Feature;
-use tessera_messages::{StoredSurfaceError, load_surface};
+use tessera_messages::{StoredSurfaceError, load_features, load_vertices};
 use tessera_slam::StoreSlot;
 use tessera_surface::packed::UnpackError;
 use tessera_surface::thinned::{self, Thinning};
@@ -84,8 +84,10 @@ pub enum SurfaceError {
 /// # Errors
 /// Where the bytes are no surface of this grid.
 pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
-    let (vertices, features) = load_surface(grid, stored)?;
-    Ok(pack_surface(grid, &vertices, &features, THINNING))
+    let (features, beside) = packed_features(grid, &load_features(stored)?);
+    let is_looked_at = thinned::looked_at(grid, &beside, THINNING);
+    let vertices = load_vertices(grid, stored, |place| is_looked_at[place])?;
+    Ok(joined(&thinned::pack(grid, &vertices, &beside, THINNING), &features))
 }
 
 /// Vertices and features as they travel.
@@ -93,12 +95,19 @@ pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
 /// # Panics
 /// Where `vertices` are not as many as the grid has, or the thinning is none.
 pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature], thinning: Thinning) -> Vec<u8> {
-    // The reader finds the places anew, from the features that it has.
+    let (features, beside) = packed_features(grid, features);
+    joined(&thinned::pack(grid, vertices, &beside, thinning), &features)
+}
+
+/// Features as they travel, and the places under them, which the reader finds anew from the features that it has.
+fn packed_features(grid: Grid, features: &[Feature]) -> (Vec<u8>, Vec<usize>) {
     let (features, rounded) = pack_and_round(features);
-    let beside = under(grid, &rounded);
-    let packed = thinned::pack(grid, vertices, &beside, thinning);
-    let length = (packed.len() as u32).to_le_bytes();
-    [length.as_slice(), &packed, &features].concat()
+    (features, under(grid, &rounded))
+}
+
+fn joined(vertices: &[u8], features: &[u8]) -> Vec<u8> {
+    let length = (vertices.len() as u32).to_le_bytes();
+    [length.as_slice(), vertices, features].concat()
 }
 
 /// The places of the grid under features, rising: what stands there says how far away they are, and most stand at
@@ -172,6 +181,7 @@ pub fn frames(stream: &[u8]) -> Vec<Framed<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tessera_messages::{load_surface, store_surface, vertices_of_features, write_features};
 
     #[test]
     fn wanted_surfaces_come_back_or_are_refused() {
@@ -183,6 +193,36 @@ mod tests {
         for wrong in [&bytes[1..], &[], &[bytes.as_slice(), &bytes].concat()] {
             assert!(WantedSurfaces::from_bytes(wrong).unwrap_err().contains("expected 1 to 64"));
         }
+    }
+
+    /// The robot looks at few of the stored vertices: what it leaves out is not what travels.
+    #[test]
+    fn a_stored_surface_travels_as_its_vertices_and_features_do() {
+        let grid = Grid { width: 41, height: 30, step: 4 };
+        let vertex = |place: usize| {
+            let (row, column) = ((place / grid.width) as f32, (place % grid.width) as f32);
+            let depth = if column < 25.0 { 1.5 } else { 2.5 };
+            Vertex {
+                position: [(column - 20.0) / 130.0 * depth, (row - 14.5) / 130.0 * depth, depth],
+                flags_rgb: Vertex::pack(Vertex::VALID, 0, [place as u8; 3]),
+                normal: [0.0, 0.0, -1.0],
+                reserved: 0,
+            }
+        };
+        let features: Vec<Feature> = (0..60)
+            .map(|k| Feature {
+                pixel: [k as f32 * 1.9, k as f32 * 2.7],
+                sigma_px: 1.0,
+                descriptor: [k; 4],
+                ..Feature::default()
+            })
+            .collect();
+        let mut payload: Vec<Vertex> = (0..grid.len()).map(vertex).collect();
+        payload.resize(grid.len() + vertices_of_features(features.len()), Vertex::default());
+        write_features(&mut payload[grid.len()..], &features);
+        let (stored, _) = store_surface(grid, &payload);
+        let (vertices, features) = load_surface(grid, &stored).unwrap();
+        assert_eq!(wire_form(grid, &stored).unwrap(), pack_surface(grid, &vertices, &features, THINNING));
     }
 
     #[test]

@@ -26,6 +26,9 @@ const RATES: [u32; SLOWEST as usize + 1] = {
 const EXACT: u32 = 4;
 /// Buckets of a magnitude of 32 bits.
 const BUCKETS: usize = 64;
+/// Bits of a state that leave it at once, and the bytes of them.
+const OUT_BITS: u32 = 32;
+const OUT_BYTES: usize = (OUT_BITS / 8) as usize;
 /// Bits behind the last one: most bytes that were not written so end with others.
 const END: u32 = 0xa53c;
 const END_BITS: u32 = 16;
@@ -79,14 +82,14 @@ pub trait BitCoder {
 /// Bits as bytes.
 #[derive(Debug)]
 pub struct RangeWriter {
-    low: u32,
-    high: u32,
+    low: u64,
+    high: u64,
     bytes: Vec<u8>,
 }
 
 impl Default for RangeWriter {
     fn default() -> Self {
-        Self { low: 0, high: u32::MAX, bytes: Vec::new() }
+        Self { low: 0, high: u64::MAX, bytes: Vec::new() }
     }
 }
 
@@ -102,14 +105,14 @@ impl RangeWriter {
 
 /// The last value of a range for which the bit is 1.
 #[inline]
-fn middle(low: u32, high: u32, one: u16) -> u32 {
-    low + ((u64::from(high - low) * u64::from(one)) >> 16) as u32
+fn middle(low: u64, high: u64, one: u16) -> u64 {
+    low + ((high - low) >> 16) * u64::from(one)
 }
 
 /// The fewest highest bytes that say which range it is, zeros behind them, and how many.
-fn last_bytes(low: u32, high: u32) -> (u32, usize) {
-    let cut = |n: usize| high & (u32::MAX << (32 - 8 * n));
-    (1..4).map(|n| (cut(n), n)).find(|(last, _)| *last >= low).unwrap_or((high, 4))
+fn last_bytes(low: u64, high: u64) -> (u64, usize) {
+    let cut = |n: usize| high & (u64::MAX << (64 - 8 * n));
+    (1..8).map(|n| (cut(n), n)).find(|(last, _)| *last >= low).unwrap_or((high, 8))
 }
 
 impl BitCoder for RangeWriter {
@@ -117,21 +120,27 @@ impl BitCoder for RangeWriter {
     fn split(&mut self, one: u16, bit: bool) -> bool {
         let middle = middle(self.low, self.high, one);
         (self.low, self.high) = if bit { (self.low, middle) } else { (middle + 1, self.high) };
-        while (self.low ^ self.high) >> 24 == 0 {
-            self.bytes.push((self.high >> 24) as u8);
-            self.low <<= 8;
-            self.high = self.high << 8 | 0xff;
+        // Seldom, so that the branch is taken right.
+        while (self.low ^ self.high) >> OUT_BITS == 0 {
+            self.bytes.extend(((self.high >> OUT_BITS) as u32).to_be_bytes());
+            (self.low, self.high) = shifted(self.low, self.high);
         }
         bit
     }
 }
 
+/// A range without the bits that its ends share.
+#[inline]
+fn shifted(low: u64, high: u64) -> (u64, u64) {
+    (low << OUT_BITS, high << OUT_BITS | u64::from(u32::MAX))
+}
+
 /// Bits from bytes. Any bytes are bits of something; whether they were written so, [`Self::ends`] says.
 #[derive(Debug)]
 pub struct RangeReader<'a> {
-    low: u32,
-    high: u32,
-    value: u32,
+    low: u64,
+    high: u64,
+    value: u64,
     bytes: &'a [u8],
     /// Bytes that were shifted out.
     n_done: usize,
@@ -140,8 +149,8 @@ pub struct RangeReader<'a> {
 impl<'a> RangeReader<'a> {
     /// Begins at the first bit.
     pub fn new(bytes: &'a [u8]) -> Self {
-        let value = (0..4).fold(0, |sum, at| sum << 8 | byte(bytes, at));
-        Self { low: 0, high: u32::MAX, value, bytes, n_done: 0 }
+        let value = word(bytes, 0) << OUT_BITS | word(bytes, OUT_BYTES);
+        Self { low: 0, high: u64::MAX, value, bytes, n_done: 0 }
     }
 
     /// Whether the bits so far are all, as [`RangeWriter::finish`] ends them.
@@ -152,9 +161,10 @@ impl<'a> RangeReader<'a> {
     }
 }
 
-/// A byte; behind the last one there are zeros.
-fn byte(bytes: &[u8], at: usize) -> u32 {
-    bytes.get(at).copied().unwrap_or(0).into()
+/// As many bytes as leave a state at once; behind the last one there are zeros.
+fn word(bytes: &[u8], from: usize) -> u64 {
+    let byte = |at: usize| u64::from(bytes.get(at).copied().unwrap_or(0));
+    (from..from + OUT_BYTES).fold(0, |sum, at| sum << 8 | byte(at))
 }
 
 impl BitCoder for RangeReader<'_> {
@@ -163,11 +173,10 @@ impl BitCoder for RangeReader<'_> {
         let middle = middle(self.low, self.high, one);
         let bit = self.value <= middle;
         (self.low, self.high) = if bit { (self.low, middle) } else { (middle + 1, self.high) };
-        while (self.low ^ self.high) >> 24 == 0 {
-            self.low <<= 8;
-            self.high = self.high << 8 | 0xff;
-            self.value = self.value << 8 | byte(self.bytes, self.n_done + 4);
-            self.n_done += 1;
+        while (self.low ^ self.high) >> OUT_BITS == 0 {
+            (self.low, self.high) = shifted(self.low, self.high);
+            self.value = self.value << OUT_BITS | word(self.bytes, self.n_done + 2 * OUT_BYTES);
+            self.n_done += OUT_BYTES;
         }
         bit
     }

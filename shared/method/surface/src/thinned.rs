@@ -15,7 +15,7 @@ mod rows;
 
 use crate::packed::UnpackError;
 use crate::thinned::beside::BetweenVertices;
-use crate::thinned::interpolated::interpolate;
+use crate::thinned::interpolated::{interpolate, interpolated};
 use crate::thinned::rays::Rays;
 use crate::thinned::rows::{Models, ThinnedRows};
 use crate::vertex::{Grid, Vertex};
@@ -62,15 +62,26 @@ impl Thinning {
     }
 }
 
+/// The places of a grid that [`pack`] looks at, place by place: the kept ones and those beside them.
+pub fn looked_at(grid: Grid, beside: &[usize], thinning: Thinning) -> Vec<bool> {
+    let mut is_looked_at = vec![false; grid.len()];
+    for row in (0..grid.height).step_by(thinning.step()) {
+        let kept = (0..grid.width).step_by(thinning.step());
+        kept.for_each(|column| is_looked_at[row * grid.width + column] = true);
+    }
+    beside.iter().filter(|place| **place < grid.len()).for_each(|&place| is_looked_at[place] = true);
+    is_looked_at
+}
+
 /// Packs the vertices of a grid, row by row, and behind them those `beside` the kept ones, by their places in the
-/// grid.
+/// grid. Of the others ([`looked_at`]) nothing is read.
 ///
 /// # Panics
 /// Where `vertices` are not as many as the grid has, or the thinning is none.
 pub fn pack(grid: Grid, vertices: &[Vertex], beside: &[usize], thinning: Thinning) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
     assert_eq!(Thinning::read(thinning.bytes()), Some(thinning), "a thinning");
-    let rays = Rays::of(grid, vertices);
+    let rays = Rays::of(grid, vertices, thinning.step());
     let mut writer = RangeWriter::default();
     let mut surface = ThinnedSurface { grid, rays, thinning };
     surface.code(&mut writer, beside, Some(vertices));
@@ -102,7 +113,7 @@ struct ThinnedSurface {
 }
 
 impl ThinnedSurface {
-    /// Writes the vertices `own`, or reads them: what a reader has of them. `None` where a vertex has no depth.
+    /// Writes the vertices `own`, or reads all that a reader has. `None` where a vertex has no depth.
     fn code(
         &mut self,
         coder: &mut impl BitCoder,
@@ -125,24 +136,33 @@ impl ThinnedSurface {
                 vertices[row * grid.width + column] = rows.vertex(kept, rays.at(row, column))?;
             }
         }
-        interpolate(grid, step, &mut vertices);
+        // A writer needs a few of them.
+        if own.is_none() {
+            interpolate(grid, step, &mut vertices);
+        }
         let mut others = BetweenVertices::new(grid, rays, thinning);
         let is_between = |place: usize| {
             !((place / grid.width).is_multiple_of(step) && (place % grid.width).is_multiple_of(step))
         };
         let mut told = Vec::new();
         for place in beside.iter().copied().filter(|place| *place < grid.len() && is_between(*place)) {
+            let between = match own {
+                Some(_) => interpolated(grid, step, &vertices, place),
+                None => vertices[place],
+            };
             let own = own.map(|own| &own[place]);
-            told.extend(others.code(coder, (&vertices, place), own).map(|vertex| (place, vertex)));
+            let nearest = vertices[nearest_kept(grid, thinning, place)];
+            told.extend(others.code(coder, place, [between, nearest], own).map(|vertex| (place, vertex)));
         }
         told.into_iter().for_each(|(place, vertex)| vertices[place] = vertex);
         Some(vertices)
     }
 }
 
-/// The place of the kept vertex nearest to a row and a column.
-fn nearest_kept(grid: Grid, thinning: Thinning, row: usize, column: usize) -> usize {
+/// The place of the kept vertex nearest to a place.
+fn nearest_kept(grid: Grid, thinning: Thinning, place: usize) -> usize {
     let ((width, height), step) = (thinning.kept(grid), thinning.step());
+    let (row, column) = (place / grid.width, place % grid.width);
     let nearest = |at: usize, n: usize| ((at + step / 2) / step).min(n - 1) * step;
     nearest(row, height) * grid.width + nearest(column, width)
 }

@@ -28,7 +28,9 @@ pub use pose::{POSE_STATES, PoseMessage, pack_reason};
 pub use rotation::RotationBits;
 pub use stage::Stage;
 pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
-pub use stored_surface::{StoredSurfaceError, load_features, load_surface, max_stored_bytes, store_surface};
+pub use stored_surface::{
+    StoredSurfaceError, load_features, load_surface, load_vertices, max_stored_bytes, store_surface,
+};
 pub use surface::{SurfaceExpectation, SurfaceHeader};
 pub use surface_payload::{MAX_FEATURES, read_features, vertices_of_features, write_features};
 pub use time_counts::TimeCounts;

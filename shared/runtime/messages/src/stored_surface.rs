@@ -4,7 +4,7 @@
 use crate::message::Refusal;
 use crate::surface_payload::{MAX_FEATURES, check_features, read_features};
 use tessera_features::Feature;
-use tessera_surface::packed::{UnpackError, pack_and_round, unpack};
+use tessera_surface::packed::{UnpackError, pack_and_round, unpack, unpack_some};
 use tessera_surface::{Grid, Vertex};
 
 /// Bytes of the length in front.
@@ -52,6 +52,20 @@ pub fn load_surface(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Featur
     let features = load_features(bytes)?;
     let (packed, _) = parts(bytes)?;
     Ok((unpack(grid, packed)?, features))
+}
+
+/// Vertices of a stored surface at some places of the grid alone; at the others there is the default. The features
+/// are not looked at.
+///
+/// # Errors
+/// Where the bytes are no surface of this grid.
+pub fn load_vertices(
+    grid: Grid,
+    bytes: &[u8],
+    is_wanted: impl Fn(usize) -> bool,
+) -> Result<Vec<Vertex>, StoredSurfaceError> {
+    let (packed, _) = parts(bytes)?;
+    Ok(unpack_some(grid, packed, is_wanted)?)
 }
 
 /// Features of a stored surface alone.
@@ -111,6 +125,8 @@ mod tests {
         assert_eq!(vertices, rounded);
         assert_eq!(back[..features.len()], features);
         assert_eq!(load_features(&bytes).unwrap(), back);
+        let some = load_vertices(grid, &bytes, |place| place == 9).unwrap();
+        assert_eq!((some[9], some[8]), (vertices[9], Vertex::default()));
         let message = |bytes: &[u8]| load_surface(grid, bytes).unwrap_err().to_string();
         assert!(message(&bytes[..2]).contains("2 bytes are no surface: expected at least 4"));
         assert!(message(&bytes[..20]).contains("of packed vertices"));

@@ -3,7 +3,7 @@
 use crate::error::StageError;
 use std::borrow::Cow;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use tessera_features::Feature;
 use tessera_journal::{JournalError, Slot, StoreView};
 use tessera_messages::{StoredSurfaceError, load_features, load_surface, max_stored_bytes};
@@ -22,6 +22,9 @@ pub fn store_slot(slot: &Slot) -> StoreSlot {
 
 /// Most surfaces that are held unpacked while others may be forgotten.
 const MOST_UNPACKED: usize = 64;
+/// Surfaces that are held unpacked for a single look, at most: 250 MB. A solve for more keyframes reads the others
+/// anew each time it looks at them.
+const MOST_LOOKED_AT: usize = 400;
 
 /// All keyframes so far; each is unpacked when it is first read.
 #[derive(Debug)]
@@ -36,6 +39,8 @@ pub struct StoredKeyframes {
     given_up: OnceLock<u32>,
     /// A surface without a measurement, in place of one that is damaged or was given up.
     blank: OnceLock<Vec<Vertex>>,
+    /// Surfaces that are held unpacked.
+    n_held: AtomicUsize,
     /// Calls of [`Self::forget_unused`].
     now: u64,
 }
@@ -46,6 +51,12 @@ struct StoredKeyframe {
     /// `None`: it is damaged.
     surface: OnceLock<Option<UnpackedSurface>>,
     last_use: AtomicU64,
+}
+
+impl StoredKeyframe {
+    fn is_held(&self) -> bool {
+        self.surface.get().is_some()
+    }
 }
 
 #[derive(Debug)]
@@ -68,6 +79,7 @@ impl StoredKeyframes {
             damage: OnceLock::new(),
             given_up: OnceLock::new(),
             blank: OnceLock::new(),
+            n_held: AtomicUsize::new(0),
             now: 0,
         })
     }
@@ -131,6 +143,9 @@ impl StoredKeyframes {
     pub fn hold_newest(&mut self, vertices: Vec<Vertex>, bytes: &[u8]) -> Result<(), StageError> {
         if let Some(newest) = self.keyframes.last_mut() {
             let features = load_features(bytes).map_err(|error| not_a_surface(&newest.slot, &error))?;
+            if newest.surface.get().is_none() {
+                *self.n_held.get_mut() += 1;
+            }
             newest.surface = OnceLock::from(Some(UnpackedSurface { vertices, features }));
         }
         Ok(())
@@ -195,12 +210,11 @@ impl StoredKeyframes {
         if !self.now.is_multiple_of(n_calls) {
             return;
         }
-        let held = self.keyframes.iter().filter(|keyframe| keyframe.surface.get().is_some()).count();
-        if held > MOST_UNPACKED {
+        if *self.n_held.get_mut() > MOST_UNPACKED {
             let now = self.now;
             for keyframe in &mut self.keyframes {
-                if *keyframe.last_use.get_mut() + n_calls < now {
-                    keyframe.surface = OnceLock::new();
+                if *keyframe.last_use.get_mut() + n_calls < now && keyframe.surface.take().is_some() {
+                    *self.n_held.get_mut() -= 1;
                 }
             }
         }
@@ -220,14 +234,20 @@ impl StoredKeyframes {
     fn surface(&self, id: u32) -> Option<&UnpackedSurface> {
         let keyframe = self.keyframes.get(id as usize)?;
         keyframe.last_use.store(self.now, Ordering::Relaxed);
-        let read = || {
-            let surface = self.read(&keyframe.slot).map_err(|error| self.damage.set(error)).ok()?;
-            if surface.vertices.is_empty() {
-                self.given_up.get_or_init(|| id);
-            }
-            Some(surface)
+        let hold = || {
+            self.n_held.fetch_add(1, Ordering::Relaxed);
+            self.read_known(id, keyframe)
         };
-        keyframe.surface.get_or_init(read).as_ref()
+        keyframe.surface.get_or_init(hold).as_ref()
+    }
+
+    /// Reads the surface of a keyframe; `None`: it is damaged.
+    fn read_known(&self, id: u32, keyframe: &StoredKeyframe) -> Option<UnpackedSurface> {
+        let surface = self.read(&keyframe.slot).map_err(|error| self.damage.set(error)).ok()?;
+        if surface.vertices.is_empty() {
+            self.given_up.get_or_init(|| id);
+        }
+        Some(surface)
     }
 
     fn read(&self, slot: &StoreSlot) -> Result<UnpackedSurface, StageError> {
@@ -256,6 +276,18 @@ impl KeyframeSurfaces for StoredKeyframes {
         }
     }
 
+    fn vertices_once(&self, keyframe: u32) -> Cow<'_, [Vertex]> {
+        let is_full = self.n_held.load(Ordering::Relaxed) >= MOST_LOOKED_AT;
+        let Some(known) = self.keyframes.get(keyframe as usize).filter(|known| is_full && !known.is_held())
+        else {
+            return self.vertices(keyframe).into();
+        };
+        match self.read_known(keyframe, known) {
+            Some(surface) if !surface.vertices.is_empty() => surface.vertices.into(),
+            _ => self.blank().into(),
+        }
+    }
+
     fn features(&self, keyframe: u32) -> &[Feature] {
         self.surface(keyframe).map_or(&[], |surface| &surface.features)
     }
@@ -263,7 +295,7 @@ impl KeyframeSurfaces for StoredKeyframes {
     /// Without the vertices, which take a hundred times as long to unpack.
     fn features_once(&self, keyframe: u32) -> Cow<'_, [Feature]> {
         let Some(known) = self.keyframes.get(keyframe as usize) else { return Cow::Borrowed(&[]) };
-        if known.surface.get().is_some() {
+        if known.is_held() {
             return self.features(keyframe).into();
         }
         let read = || -> Result<Vec<Feature>, StageError> {
@@ -379,19 +411,52 @@ mod tests {
             keyframes.add_unread(id, &store_slot(&slot)).unwrap();
             assert_eq!(keyframes.vertices(id), surface(id));
         }
-        let held = |keyframes: &StoredKeyframes| {
-            keyframes.keyframes.iter().filter(|keyframe| keyframe.surface.get().is_some()).count()
-        };
-        assert_eq!(held(&keyframes), n_keyframes as usize);
+        assert_eq!(n_held(&keyframes), n_keyframes as usize);
         for _ in 0..12 {
             assert_eq!(keyframes.vertices(7), surface(7));
             keyframes.forget_unused(4);
         }
-        assert_eq!(held(&keyframes), 1);
+        assert_eq!(n_held(&keyframes), 1);
         assert_eq!(keyframes.load(8).unwrap(), surface(8));
-        assert_eq!(held(&keyframes), 1);
+        assert_eq!(n_held(&keyframes), 1);
         assert!(keyframes.load(n_keyframes).unwrap_err().to_string().contains("there are 128"));
         assert_eq!(keyframes.vertices(9), surface(9));
         assert!(keyframes.check().is_ok());
+    }
+
+    #[test]
+    fn single_looks_hold_a_bounded_number_of_surfaces() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut store = Store::open(&path, Duration::ZERO).unwrap();
+        let grid = Grid { width: 2, height: 2, step: 4 };
+        let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
+        let surface = |id: u32| [Vertex { flags_rgb: id << 8, ..Vertex::default() }; 4];
+        let n_keyframes = MOST_LOOKED_AT as u32 + 30;
+        for id in 0..n_keyframes {
+            let slot = store.append(&store_surface(grid, &surface(id)).0, false).unwrap();
+            keyframes.add_unread(id, &store_slot(&slot)).unwrap();
+        }
+        let held = |keyframes: &StoredKeyframes| {
+            assert_eq!(keyframes.n_held.load(Ordering::Relaxed), n_held(keyframes));
+            n_held(keyframes)
+        };
+        for _ in 0..2 {
+            (0..n_keyframes).for_each(|id| assert_eq!(*keyframes.vertices_once(id), surface(id)));
+            assert_eq!(held(&keyframes), MOST_LOOKED_AT);
+        }
+        // Who needs one at hand gets it.
+        assert_eq!(keyframes.vertices(n_keyframes - 1), surface(n_keyframes - 1));
+        assert_eq!(held(&keyframes), MOST_LOOKED_AT + 1);
+        keyframes.forget_unused(1);
+        keyframes.forget_unused(1);
+        assert_eq!(held(&keyframes), 0);
+        assert_eq!(*keyframes.vertices_once(3), surface(3));
+        assert_eq!(held(&keyframes), 1);
+        assert!(keyframes.check().is_ok());
+    }
+
+    fn n_held(keyframes: &StoredKeyframes) -> usize {
+        keyframes.keyframes.iter().filter(|keyframe| keyframe.is_held()).count()
     }
 }

@@ -10,10 +10,12 @@ use crate::tracking::input::Surfaces;
 use crate::tracking::tracker::Tracker;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
 use tessera_graph::{INNER_ITERATIONS, MultiEdge, OuterIteration, Pair, Schedule};
 use tessera_registration::{MatchLimits, Queries, Sample, Sampler};
+use tessera_surface::Vertex;
 
 /// Outer iterations, from wide limits to the tightest.
 const OUTER_ITERATIONS: u32 = 3;
@@ -27,6 +29,7 @@ pub(crate) struct WindowPose<'a> {
     submap: u32,
     pub(crate) is_fixed: bool,
     matchable: Matchable<'a>,
+    vertices: Cow<'a, [Vertex]>,
 }
 
 impl WindowPose<'_> {
@@ -81,7 +84,8 @@ impl Tracker {
                 let keyframe = &keyframes[id as usize];
                 let matchable = Matchable::new(&self.context, &mut sampler, keyframe, surfaces.keyframes);
                 let KeyframeState { session, submap, .. } = *keyframe;
-                WindowPose { id, session, submap, is_fixed, matchable }
+                let vertices = matchable.vertices();
+                WindowPose { id, session, submap, is_fixed, matchable, vertices }
             })
             .collect()
     }
@@ -128,7 +132,7 @@ fn searches<'a>(
     let mut searches = Vec::new();
     for (target, older) in vertices.iter().enumerate() {
         let mut search = |query: usize, queries: &'a Queries, is_consecutive: bool| {
-            let surface = older.matchable.target();
+            let surface = older.matchable.target(&older.vertices);
             searches.push(PairSearch {
                 query,
                 target,

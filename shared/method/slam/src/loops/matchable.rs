@@ -5,22 +5,42 @@ use crate::features::matching::Seen;
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
+use std::borrow::Cow;
 use std::sync::OnceLock;
 use tessera_features::{Feature, Observation};
 use tessera_geometry::{Twist, Vector6};
 use tessera_registration::{KdTree, Queries, Sample, Sampler, ShutterTable, Target};
-use tessera_surface::SurfaceView;
+use tessera_surface::{Grid, SurfaceView, Vertex};
 
 /// A keyframe as both sides of a pair: its samples as queries, its surface as a target, each with
 /// the readout motion at its stamp.
 pub(crate) struct Matchable<'a> {
     pub(crate) queries: Queries,
     shutter: ShutterTable,
-    surface: SurfaceView<'a>,
+    surface: KeyframeSurface<'a>,
     tree: Option<KdTree>,
     velocity: Twist,
-    features: &'a [Feature],
+    features: Cow<'a, [Feature]>,
     observations: OnceLock<Vec<Observation>>,
+}
+
+/// The surface of a keyframe, which is read when it is looked at: of many keyframes not all are at hand.
+#[derive(Clone, Copy)]
+pub(crate) struct KeyframeSurface<'a> {
+    pub(crate) surfaces: &'a dyn KeyframeSurfaces,
+    pub(crate) keyframe: u32,
+    pub(crate) grid: Grid,
+}
+
+impl<'a> KeyframeSurface<'a> {
+    pub(crate) fn vertices(&self) -> Cow<'a, [Vertex]> {
+        self.surfaces.vertices_once(self.keyframe)
+    }
+
+    /// As a view, of its [`Self::vertices`].
+    pub(crate) fn view<'v>(&self, vertices: &'v [Vertex]) -> SurfaceView<'v> {
+        SurfaceView { grid: self.grid, vertices }
+    }
 }
 
 impl<'a> Matchable<'a> {
@@ -31,39 +51,50 @@ impl<'a> Matchable<'a> {
         keyframe: &KeyframeState,
         surfaces: &'a dyn KeyframeSurfaces,
     ) -> Self {
-        let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframe.id) };
+        let surface = KeyframeSurface { surfaces, keyframe: keyframe.id, grid: context.grid };
+        let vertices = surface.vertices();
+        let view = surface.view(&vertices);
         let mut samples = Vec::new();
-        sampler.draw(&surface, keyframe.frame_index, &context.registration, &mut samples);
-        Self::with_samples(context, keyframe, surface, &samples)
+        sampler.draw(&view, keyframe.frame_index, &context.registration, &mut samples);
+        Self::with_samples(context, keyframe, (surface, &view), &samples)
     }
 
     /// A keyframe with samples that are known.
     pub(crate) fn with_samples(
         context: &Context,
         keyframe: &KeyframeState,
-        surface: SurfaceView<'a>,
+        (surface, view): (KeyframeSurface<'a>, &SurfaceView<'_>),
         samples: &[Sample],
     ) -> Self {
         let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
         let shutter = context.shutter(&velocity);
         let mut queries = Queries::default();
         queries.fill(samples, &shutter);
-        let tree = context.tree(&surface, &shutter);
-        Self { queries, shutter, surface, tree, velocity, features: &[], observations: OnceLock::new() }
+        let (tree, features) = (context.tree(view, &shutter), Cow::default());
+        Self { queries, shutter, surface, tree, velocity, features, observations: OnceLock::new() }
     }
 
     /// The keyframe with its features.
-    pub(crate) fn with_features(self, context: &Context, features: &'a [Feature]) -> Self {
+    pub(crate) fn with_features(self, context: &Context, features: Cow<'a, [Feature]>) -> Self {
         if context.mapping.features.enabled { Self { features, ..self } } else { self }
     }
 
     /// Its features with their observations, which are made when they are first asked for.
     pub(crate) fn seen(&self, context: &Context) -> Seen<'_> {
-        let observe = || lift(context, self.features, &self.surface, &self.velocity);
-        Seen { features: self.features, observations: self.observations.get_or_init(observe) }
+        let observe = || {
+            let vertices = self.vertices();
+            lift(context, &self.features, &self.surface.view(&vertices), &self.velocity)
+        };
+        Seen { features: &self.features, observations: self.observations.get_or_init(observe) }
     }
 
-    pub(crate) fn target(&self) -> Target<'_> {
-        Target { surface: self.surface, shutter: &self.shutter, tree: self.tree.as_ref() }
+    pub(crate) fn vertices(&self) -> Cow<'a, [Vertex]> {
+        self.surface.vertices()
+    }
+
+    /// As a target, of its [`Self::vertices`].
+    pub(crate) fn target<'v>(&'v self, vertices: &'v [Vertex]) -> Target<'v> {
+        let surface = self.surface.view(vertices);
+        Target { surface, shutter: &self.shutter, tree: self.tree.as_ref() }
     }
 }

@@ -3,7 +3,7 @@
 use crate::loops::matchable::Matchable;
 use tessera_geometry::Pose;
 use tessera_graph::{MultiEdge, OuterIteration, Pair, PairBlock, Schedule};
-use tessera_registration::{MatchLimits, Matcher, PairReport, Selection};
+use tessera_registration::{MatchLimits, Matcher, PairReport, Selection, Target};
 
 /// Levenberg-Marquardt steps for one set of matches.
 const INNER_ITERATIONS: u32 = 10;
@@ -44,7 +44,8 @@ impl PairAlignment<'_> {
         tightness: f32,
     ) -> (PairBlock, PairReport) {
         self.choose(matcher);
-        self.search_chosen(matcher, target_from_query, tightness)
+        let vertices = self.target.vertices();
+        self.search_chosen(matcher, &self.target.target(&vertices), target_from_query, tightness)
     }
 
     fn choose(&self, matcher: &mut Matcher) {
@@ -54,11 +55,12 @@ impl PairAlignment<'_> {
     fn search_chosen(
         &self,
         matcher: &mut Matcher,
+        target: &Target<'_>,
         target_from_query: &Pose,
         tightness: f32,
     ) -> (PairBlock, PairReport) {
         let limits = (self.limits)(tightness);
-        let (sums, report) = matcher.match_chosen(&self.target.target(), target_from_query, &limits);
+        let (sums, report) = matcher.match_chosen(target, target_from_query, &limits);
         (PairBlock::new(target_from_query, &sums), report)
     }
 
@@ -70,17 +72,20 @@ impl PairAlignment<'_> {
         tightness: &[f32],
     ) -> AlignedPair {
         self.choose(matcher);
+        let vertices = self.target.vertices();
+        let target = self.target.target(&vertices);
         let mut last = None;
         let mut associate = |poses: &[Pose], iteration: OuterIteration| {
             // The target is the origin.
-            let (block, report) = self.search_chosen(matcher, &poses[1], iteration.tightness);
+            let (block, report) = self.search_chosen(matcher, &target, &poses[1], iteration.tightness);
             last = Some((block.clone(), report));
             vec![Pair::new(1, 0, block)]
         };
         let schedule = Schedule { converged_step: STILL, ..Schedule::steps(tightness, INNER_ITERATIONS) };
         let solved = MultiEdge::pair(target_from_query, schedule).solve(&mut associate, &mut || ());
         let target_from_query = solved.graph.poses[1];
-        let (block, report) = last.unwrap_or_else(|| self.search_chosen(matcher, &target_from_query, 1.0));
+        let (block, report) =
+            last.unwrap_or_else(|| self.search_chosen(matcher, &target, &target_from_query, 1.0));
         let cost = block.cost(&target_from_query);
         AlignedPair { target_from_query, block, cost, report }
     }

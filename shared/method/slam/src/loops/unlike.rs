@@ -93,7 +93,8 @@ pub(crate) fn resemblance(
         || (Sampler::default(), PairFinder::new(context), context.matcher()),
         |(sampler, finder, matcher), pair| {
             let sides = [pair.moved, pair.kept].map(|k| {
-                Matchable::new(context, sampler, k, surfaces).with_features(context, surfaces.features(k.id))
+                Matchable::new(context, sampler, k, surfaces)
+                    .with_features(context, surfaces.features_once(k.id))
             });
             let seen = [&sides[0], &sides[1]].map(|side| side.seen(context));
             if seen.iter().any(|seen| seen.features.len() < ENOUGH_FEATURES) {

@@ -9,6 +9,11 @@ pub trait KeyframeSurfaces: Sync {
     /// Vertices of a keyframe, row by row; the grid is the same for all.
     fn vertices(&self, keyframe: u32) -> &[Vertex];
 
+    /// The same for a single look: of many keyframes not all need stay at hand.
+    fn vertices_once(&self, keyframe: u32) -> Cow<'_, [Vertex]> {
+        self.vertices(keyframe).into()
+    }
+
     /// Features of a keyframe's colour image; none where there is no colour.
     fn features(&self, _keyframe: u32) -> &[Feature] {
         &[]

@@ -17,6 +17,7 @@ use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::settings::GlobalSettings;
 use crate::tracking::degeneracy::is_determined;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_geometry::{Matrix6, Pose};
@@ -24,6 +25,7 @@ use tessera_graph::{DataAssociation, OuterIteration, Pair, Solved};
 use tessera_numerics::Step;
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::{MatchLimits, Matcher};
+use tessera_surface::Vertex;
 
 /// The pairs of all keyframes, each a vertex.
 pub(crate) struct KeyframeAssociation<'a> {
@@ -58,6 +60,14 @@ struct SearchedPair {
     seen: Option<Arc<FeaturePair>>,
 }
 
+/// What looks at pairs one after the other.
+struct PairSearcher<'a> {
+    matcher: Matcher,
+    finder: PairFinder,
+    /// The place of the last target, and its vertices.
+    looked_at: Option<(usize, Cow<'a, [Vertex]>)>,
+}
+
 impl<'a> KeyframeAssociation<'a> {
     pub(crate) fn new(
         context: &'a Context,
@@ -87,20 +97,25 @@ impl<'a> KeyframeAssociation<'a> {
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
         map_in_parts(
             &covisibility::pairs(poses, self.origins),
-            || (self.context.matcher(), PairFinder::new(self.context)),
-            |searchers, &pair| self.search_one(searchers, poses, pair, tightness),
+            || PairSearcher {
+                matcher: self.context.matcher(),
+                finder: PairFinder::new(self.context),
+                looked_at: None,
+            },
+            |searcher, &pair| self.search_one(searcher, poses, pair, tightness),
             progress,
         )
     }
 
     fn search_one(
         &self,
-        (matcher, finder): &mut (Matcher, PairFinder),
+        searcher: &mut PairSearcher<'a>,
         poses: &[Pose],
         (query, target): (usize, usize),
         tightness: f32,
     ) -> SearchedPair {
         let settings = &self.context.mapping.global;
+        let PairSearcher { matcher, finder, looked_at } = searcher;
         let [newer, older] = [query, target].map(|k| &self.keyframes[k]);
         let is_loop = detection::closes_loop(
             &self.context.mapping.loops,
@@ -120,11 +135,16 @@ impl<'a> KeyframeAssociation<'a> {
             * self.context.mapping.features.keyframe_weight
             * matcher.metric_factor();
         let limits = if is_loop { MatchLimits::drifted } else { MatchLimits::new };
+        // Pairs come by target, so that the surface of each is read once.
+        if looked_at.as_ref().is_none_or(|(of, _)| *of != target) {
+            *looked_at = Some((target, surface.vertices()));
+        }
+        let vertices = looked_at.as_ref().map_or(&[][..], |(_, vertices)| vertices);
         let search = PairSearch {
             query,
             target,
             queries: &queries.queries,
-            surface: surface.target(),
+            surface: surface.target(vertices),
             is_consecutive: query == target + 1 && self.origins[query] == self.origins[target],
             limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
             features: seen

@@ -3,7 +3,7 @@
 
 use crate::loops::brought_together::{self, FAR_M};
 use crate::loops::feature_cache::{FeatureCache, PairIds};
-use crate::loops::matchable::Matchable;
+use crate::loops::matchable::{KeyframeSurface, Matchable};
 use crate::loops::verification::KnownLoops;
 use crate::map::context::Context;
 use crate::map::records::{LoopRecord, LoopVerdict};
@@ -20,7 +20,6 @@ use tessera_graph::{GemanMcClure, INNER_ITERATIONS, MultiEdge, Schedule};
 use tessera_numerics::Step;
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::{Sampler, gather};
-use tessera_surface::SurfaceView;
 
 /// The outcome of an optimisation.
 pub(crate) struct Solution {
@@ -166,13 +165,15 @@ fn matchable<'a>(
         keyframes,
         Sampler::default,
         |sampler, k| {
-            let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(k.id) };
-            let draw = || sampler.choose(&surface, k.frame_index, &context.registration).into();
+            let surface = KeyframeSurface { surfaces, keyframe: k.id, grid: context.grid };
+            let vertices = surface.vertices();
+            let view = surface.view(&vertices);
+            let draw = || sampler.choose(&view, k.frame_index, &context.registration).into();
             let mut samples = Vec::new();
-            let key = (k.id, k.frame_index, surface.vertices.len());
-            gather(&surface, &drawn.of(key, draw), &mut samples);
-            Matchable::with_samples(context, k, surface, &samples)
-                .with_features(context, surfaces.features(k.id))
+            let key = (k.id, k.frame_index, vertices.len());
+            gather(&view, &drawn.of(key, draw), &mut samples);
+            Matchable::with_samples(context, k, (surface, &view), &samples)
+                .with_features(context, surfaces.features_once(k.id))
         },
         progress,
     );

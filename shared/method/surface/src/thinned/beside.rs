@@ -1,9 +1,9 @@
 //! Vertices beside the kept ones: a caller names places whose depth matters more, as those under features, which
 //! lie at edges where nothing can be interpolated. Each is told by what differs from what its reader would take.
 
+use super::Thinning;
 use super::rays::Rays;
 use super::rounded::RoundedVertex;
-use super::{Thinning, nearest_kept};
 use crate::vertex::{Grid, Vertex};
 use tessera_numerics::{BitCoder, BitModel, NumberModel};
 
@@ -32,12 +32,14 @@ impl BetweenVertices {
         Self { grid, rays, thinning, last, is_told, is_same, flags, numbers }
     }
 
-    /// The vertex at a place, which the writer names and the reader is told; `vertices` are those that the reader
-    /// has so far. `None` where there is nothing to tell, or what is told is no vertex.
+    /// The vertex at a place, which the writer names and the reader is told; `between`: what the reader has there
+    /// so far, and `nearest`: the nearest kept one. `None` where there is nothing to tell, or what is told is no
+    /// vertex.
     pub(super) fn code(
         &mut self,
         coder: &mut impl BitCoder,
-        (vertices, place): (&[Vertex], usize),
+        place: usize,
+        [between, nearest]: [Vertex; 2],
         own: Option<&Vertex>,
     ) -> Option<Vertex> {
         let (row, column) = (place / self.grid.width, place % self.grid.width);
@@ -45,8 +47,7 @@ impl BetweenVertices {
         let rounded = |vertex: &Vertex| {
             RoundedVertex::of(self.thinning, vertex, self.rays.depth_m(vertex, ray)).filter(|v| v.is_valid())
         };
-        let nearest = &vertices[nearest_kept(self.grid, self.thinning, row, column)];
-        let (kind, instead) = [rounded(&vertices[place]), rounded(nearest), self.last.some_valid()]
+        let (kind, instead) = [rounded(&between), rounded(&nearest), self.last.some_valid()]
             .into_iter()
             .enumerate()
             .find_map(|(kind, vertex)| Some((kind, vertex?)))

@@ -27,6 +27,25 @@ pub(super) fn interpolate(grid: Grid, step: usize, vertices: &mut [Vertex]) {
     }
 }
 
+/// What [`interpolate`] fills in at one place.
+pub(super) fn interpolated(grid: Grid, step: usize, vertices: &[Vertex], place: usize) -> Vertex {
+    let (row, column) = (place / grid.width, place % grid.width);
+    let (row_above, left) = (row - row % step, column - column % step);
+    let of_row = |row: usize| {
+        let at = |column: usize| vertices[row * grid.width + column];
+        match column - left {
+            0 => at(column),
+            _ if left + step >= grid.width => Vertex::default(),
+            place => between(&[at(left), at(left + step)], place, step),
+        }
+    };
+    match row - row_above {
+        0 => of_row(row),
+        _ if row_above + step >= grid.height => Vertex::default(),
+        place => between(&[of_row(row_above), of_row(row_above + step)], place, step),
+    }
+}
+
 /// The vertex between two, at `place` of `step` from the first to the second, where both are of one smooth
 /// surface.
 fn between([a, b]: &[Vertex; 2], place: usize, step: usize) -> Vertex {

@@ -11,13 +11,19 @@ const MOST_SLIDE: f32 = 0.03;
 pub(super) struct Rays(pub(super) [f32; 4]);
 
 impl Rays {
-    /// The least squares fit to the valid vertices: which ray a vertex is slid to does not matter much.
-    pub(super) fn of(grid: Grid, vertices: &[Vertex]) -> Self {
+    /// The least squares fit to the valid ones among each `step`-th vertex of each `step`-th row: which ray a
+    /// vertex is slid to does not matter much.
+    pub(super) fn of(grid: Grid, vertices: &[Vertex], step: usize) -> Self {
         let (mut columns, mut rows) = (LineFit::default(), LineFit::default());
-        for (at, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.is_valid() && v.position[2] > 0.0) {
-            let [x, y, z] = vertex.position.map(f64::from);
-            columns.add((at % grid.width) as f64, x / z);
-            rows.add((at / grid.width) as f64, y / z);
+        for row in (0..grid.height).step_by(step) {
+            for column in (0..grid.width).step_by(step) {
+                let vertex = &vertices[row * grid.width + column];
+                if vertex.is_valid() && vertex.position[2] > 0.0 {
+                    let [x, y, z] = vertex.position.map(f64::from);
+                    columns.add(column as f64, x / z);
+                    rows.add(row as f64, y / z);
+                }
+            }
         }
         let ([a, b], [c, d]) = (columns.line(), rows.line());
         Self([a, b, c, d])

@@ -71,6 +71,24 @@ fn nothing_stands_where_nothing_was_seen() {
     }
 }
 
+#[test]
+fn one_interpolated_vertex_is_that_of_all() {
+    for step in 1..=4 {
+        let own = surface(9);
+        let mut all = vec![Vertex::default(); GRID.len()];
+        for (place, is_kept) in
+            looked_at(GRID, &[], Thinning { spacing: step as u8, ..FINE }).iter().enumerate()
+        {
+            all[place] = if *is_kept { own[place] } else { Vertex::default() };
+        }
+        let kept = all.clone();
+        interpolate(GRID, step, &mut all);
+        for (place, expected) in all.iter().enumerate() {
+            assert_eq!(interpolated(GRID, step, &kept, place), *expected, "place {place} of {step}");
+        }
+    }
+}
+
 /// Between the kept vertices nothing stands at the step and about the holes, unless it is told.
 #[test]
 fn vertices_beside_the_kept_ones_come_back_where_nothing_can_be_interpolated() {

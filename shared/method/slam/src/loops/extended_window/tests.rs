@@ -5,12 +5,10 @@ use crate::map::context::Context;
 /// The keyframes of these ids and sessions, the first one fixed, each 1 cm beside the one before.
 fn vertices<'a>(context: &Context, keyframes: &[KeyframeState], walls: &'a Walls) -> Vec<WindowPose<'a>> {
     let mut sampler = Sampler::default();
-    let vertex = |k: &KeyframeState| WindowPose {
-        id: k.id,
-        session: k.session,
-        submap: k.submap,
-        is_fixed: k.id < 2,
-        matchable: Matchable::new(context, &mut sampler, k, walls),
+    let vertex = |k: &KeyframeState| {
+        let matchable = Matchable::new(context, &mut sampler, k, walls);
+        let (vertices, is_fixed) = (matchable.vertices(), k.id < 2);
+        WindowPose { id: k.id, session: k.session, submap: k.submap, is_fixed, matchable, vertices }
     };
     keyframes.iter().map(vertex).collect()
 }
