@@ -24,7 +24,7 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::degeneracy::is_determined;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::relocalise;
-use crate::tracking::stand::{Made, border, joined_since, stand};
+use crate::tracking::stand::{Made, border, border_long_ago, joined_since, stand, stood_long_ago};
 use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use nalgebra::Vector3;
@@ -291,6 +291,10 @@ fn split(
     let has_looked =
         |stood: usize| record.stamp_nanos.saturating_sub(made[stood + 1].stamp_nanos) >= LOOKED_NANOS;
     if is_along_a_way && stood.is_none() {
+        let at = |place: usize| Vector3::from(keyframes[place].world_from_camera.translation_m);
+        if let Some(stood) = stood_long_ago(&made, first, |place| (at(place + 1) - at(place)).norm()) {
+            return Some(border_long_ago(&made, first, stood));
+        }
         let first = joined_since(&made, &input.map.state().submaps).unwrap_or(start.id);
         return Some(SplitRecord { carried: None, first });
     }

@@ -12,6 +12,11 @@ const SOON_NANOS: i64 = 3_000_000_000;
 /// nanoseconds.
 const SETTLED_NANOS: i64 = 600_000_000;
 
+/// Way of a submap up to where the camera stood after which the map has been seen to be right so far, metres.
+const TRIED_M: f64 = 10.0;
+/// Time behind a ride that was not noticed in which its doors move, nanoseconds.
+const DOORS_NANOS: i64 = 5_000_000_000;
+
 /// The first keyframe of the camera's submap, where that was joined to older ones: nothing carried the camera,
 /// so it is the join that was wrong. `None` where it was not joined, or has gone on from an older one since.
 pub(crate) fn joined_since(made: &[Made], submaps: &Submaps) -> Option<u32> {
@@ -60,6 +65,25 @@ pub(crate) fn stand(made: &[Made], first: usize) -> Option<usize> {
     made[from..].windows(2).rposition(stood).map(|place| from + place)
 }
 
+/// The same where the camera went on for long before the first miss: that it was carried was not noticed. `None`
+/// where it has not stood since its submap began, or had gone so little until then that nothing says that the
+/// beginning was right. `way_m`: from one keyframe to the next.
+pub(crate) fn stood_long_ago(made: &[Made], first: usize, way_m: impl Fn(usize) -> f64) -> Option<usize> {
+    let submap = made[first].submap;
+    let begun = first - made[..first].iter().rev().take_while(|k| k.submap == submap).count();
+    let stood = made[begun..=first].windows(2).rposition(|pair| is_pause(pair, submap, STOOD_NANOS))?;
+    let stood = begun + stood;
+    ((begun..stood).map(way_m).sum::<f64>() >= TRIED_M).then_some(stood)
+}
+
+/// As [`border`], where that the camera was carried was noticed long after.
+pub(crate) fn border_long_ago(made: &[Made], first: usize, stood: usize) -> SplitRecord {
+    let until = made[stood + 1].stamp_nanos.saturating_add(DOORS_NANOS);
+    let n_soon = made[stood..=first].iter().take_while(|k| k.stamp_nanos <= until).count();
+    let soon = &made[..stood + n_soon.max(2)];
+    border(soon, soon.len() - 1, stood)
+}
+
 /// Which of the latest keyframes are of new submaps, where the first miss was with this one and the camera had
 /// stood in something that moved. Its doors moved before it left and when it had come: their time goes along.
 pub(crate) fn border(made: &[Made], first: usize, stood: usize) -> SplitRecord {
@@ -97,6 +121,26 @@ mod tests {
         let mut lost = ride;
         lost[..3].iter_mut().for_each(|k| k.submap = 7);
         assert_eq!((border_of(&lost, 3), border_of(&at(&[0]), 0)), (None, None));
+    }
+
+    #[test]
+    fn a_ride_that_was_not_noticed_takes_back_what_came_after_it_alone() {
+        // A way of 13 keyframes, a ride, whose door opens for a second, and a long way behind it with a pause.
+        let way: Vec<i64> = (0..13).map(|k| 5 * k).collect();
+        let behind: Vec<i64> = (0..300).map(|k| 174 + 5 * k + if k > 200 { 10 } else { 0 }).collect();
+        let made = at(&[way.as_slice(), &[160, 163, 166], &behind].concat());
+        let first = made.len() - 2;
+        assert_eq!(stand(&made, first), None);
+        let stood = stood_long_ago(&made, first, |_| 1.0).unwrap();
+        assert_eq!(made[stood].stamp_nanos, 6_000_000_000);
+        let SplitRecord { carried, first: arrived } = border_long_ago(&made, first, stood);
+        assert_eq!((carried.unwrap(), arrived), (stood as u32, 16), "behind the door");
+        assert_eq!(stood_long_ago(&made, first, |_| 0.5), None, "too short a way before it");
+        let mut joined = made.clone();
+        joined[..8].iter_mut().for_each(|k| k.submap = 3);
+        assert_eq!(stood_long_ago(&joined, first, |_| 1.0), None, "of another submap for the most part");
+        let walk: Vec<i64> = (0..300).map(|k| 5 * k).collect();
+        assert_eq!(stood_long_ago(&at(&walk), 298, |_| 1.0), None, "it never stood");
     }
 
     #[test]
