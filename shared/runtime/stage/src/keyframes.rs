@@ -22,9 +22,9 @@ pub fn store_slot(slot: &Slot) -> StoreSlot {
 
 /// Most surfaces that are held unpacked while others may be forgotten.
 const MOST_UNPACKED: usize = 64;
-/// Surfaces that are held unpacked for a single look, at most: 250 MB. A solve for more keyframes reads the others
+/// Surfaces that are held unpacked for a single look, at most: 614 MB. A solve for more keyframes reads the others
 /// anew each time it looks at them.
-const MOST_LOOKED_AT: usize = 400;
+const MOST_LOOKED_AT: usize = 1000;
 
 /// All keyframes so far; each is unpacked when it is first read.
 #[derive(Debug)]
