@@ -88,7 +88,7 @@ impl RunFacts {
                         self.is_active[retired.keyframe as usize] = false;
                     }
                 }
-                if let Some(SplitRecord { carried: Some(carried), first }) = frame.split {
+                if let Some(SplitRecord { carried: Some(carried), first, .. }) = frame.split {
                     let carried = self.is_active.iter_mut().take(first as usize).skip(carried as usize);
                     carried.for_each(|is_active| *is_active = false);
                 }
@@ -180,11 +180,11 @@ impl RunFacts {
         }
     }
 
-    /// A submap is known or the next one; a split makes one or two.
+    /// A submap is known or the next one; a split makes one to three.
     fn check_submap(&self, frame: &FrameRecord) -> Result<(), String> {
         let mut next = self.n_submaps;
         if let Some(split) = &frame.split {
-            next += u32::from(split.carried.is_some());
+            next += split.firsts().count() as u32 - 1;
             check_ids(split.firsts(), self.slots.len() + 1)?;
         }
         match frame.submap {

@@ -160,6 +160,8 @@ pub struct ContradictionRecord {
 /// The camera had left its submap before that was noticed: its latest keyframes are of new ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SplitRecord {
+    /// The first keyframe of a submap of its own for what lay before that, where its join is taken back as well.
+    pub before: Option<u32>,
     /// The first keyframe of a submap of its own for the time in which the camera stood in something that
     /// moved; none where it did not.
     pub carried: Option<u32>,
@@ -168,9 +170,14 @@ pub struct SplitRecord {
 }
 
 impl SplitRecord {
-    /// The first keyframe of each new submap, in the order of both.
+    /// Only what came since this keyframe is of a new submap.
+    pub(crate) fn since(first: u32) -> Self {
+        Self { before: None, carried: None, first }
+    }
+
+    /// The first keyframe of each new submap, in their order.
     pub fn firsts(&self) -> impl Iterator<Item = u32> + use<> {
-        self.carried.into_iter().chain([self.first])
+        self.before.into_iter().chain(self.carried).chain([self.first])
     }
 }
 

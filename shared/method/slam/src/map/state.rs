@@ -223,11 +223,11 @@ impl TrackerState {
     /// the map had them.
     fn apply_split(&mut self, split: &SplitRecord, submap: u32) {
         let first = split.firsts().next().unwrap_or(split.first) as usize;
-        let left = first.checked_sub(1).and_then(|id| self.keyframes.get(id)).map_or(0, |k| k.submap);
+        let left = self.keyframes.get(first).map_or(0, |k| k.submap);
         apply_split(&mut self.keyframes, split, submap);
         self.active_ids = ActiveIds::default();
         self.active_ids.extend(&self.keyframes);
-        for new in submap.saturating_sub(u32::from(split.carried.is_some()))..=submap {
+        for new in (submap + 1).saturating_sub(split.firsts().count() as u32)..=submap {
             let (kept, kept_from_moved) = (self.submaps.component(left), PoseBits::IDENTITY);
             self.refuse(JoinRecord { kept, moved: self.submaps.component(new), kept_from_moved });
         }

@@ -291,12 +291,11 @@ fn split(
     let has_looked =
         |stood: usize| record.stamp_nanos.saturating_sub(made[stood + 1].stamp_nanos) >= LOOKED_NANOS;
     if is_along_a_way && stood.is_none() {
-        let at = |place: usize| Vector3::from(keyframes[place].world_from_camera.translation_m);
-        if let Some(stood) = stood_long_ago(&made, first, |place| (at(place + 1) - at(place)).norm()) {
-            return Some(border_long_ago(&made, first, stood));
-        }
-        let first = joined_since(&made, &input.map.state().submaps).unwrap_or(start.id);
-        return Some(SplitRecord { carried: None, first });
+        let joined = joined_since(&made, &input.map.state().submaps);
+        return Some(match stood_long_ago(&made, first) {
+            Some(stood) => border_long_ago(&made, (first, stood), joined),
+            None => SplitRecord::since(joined.unwrap_or(start.id)),
+        });
     }
     stood.filter(|stood| is_along_a_way || has_looked(*stood)).map(|stood| border(&made, first, stood))
 }
@@ -307,8 +306,10 @@ fn with_split(input: &TrackingInput<'_>, record: FrameRecord, split: SplitRecord
     let carried = split.carried.map_or(String::new(), |first| {
         format!(", and before that from keyframe {first} on in something that moved")
     });
+    let before =
+        split.before.map_or(String::new(), |first| format!(", and from {first} on no longer joined"));
     let said = format!(
-        "submap {submap} begins with keyframe {}: {n_missed} keyframes of long ago are not seen where they should be{carried}",
+        "submap {submap} begins with keyframe {}: {n_missed} keyframes of long ago are not seen where they should be{carried}{before}",
         split.first
     );
     FrameRecord { submap, contradiction: None, split: Some(split), ..saying(record, &said) }

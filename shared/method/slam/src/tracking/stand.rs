@@ -12,8 +12,6 @@ const SOON_NANOS: i64 = 3_000_000_000;
 /// nanoseconds.
 const SETTLED_NANOS: i64 = 600_000_000;
 
-/// Way of a submap up to where the camera stood after which the map has been seen to be right so far, metres.
-const TRIED_M: f64 = 10.0;
 /// Time behind a ride that was not noticed in which its doors move, nanoseconds.
 const DOORS_NANOS: i64 = 5_000_000_000;
 
@@ -66,22 +64,26 @@ pub(crate) fn stand(made: &[Made], first: usize) -> Option<usize> {
 }
 
 /// The same where the camera went on for long before the first miss: that it was carried was not noticed. `None`
-/// where it has not stood since its submap began, or had gone so little until then that nothing says that the
-/// beginning was right. `way_m`: from one keyframe to the next.
-pub(crate) fn stood_long_ago(made: &[Made], first: usize, way_m: impl Fn(usize) -> f64) -> Option<usize> {
+/// where it has not stood since its submap began.
+pub(crate) fn stood_long_ago(made: &[Made], first: usize) -> Option<usize> {
     let submap = made[first].submap;
     let begun = first - made[..first].iter().rev().take_while(|k| k.submap == submap).count();
     let stood = made[begun..=first].windows(2).rposition(|pair| is_pause(pair, submap, STOOD_NANOS))?;
-    let stood = begun + stood;
-    ((begun..stood).map(way_m).sum::<f64>() >= TRIED_M).then_some(stood)
+    Some(begun + stood)
 }
 
-/// As [`border`], where that the camera was carried was noticed long after.
-pub(crate) fn border_long_ago(made: &[Made], first: usize, stood: usize) -> SplitRecord {
+/// As [`border`], where that the camera was carried was noticed long after. Or it was the join of the submap that
+/// was wrong, with this keyframe as the first since then: so what lay before leaves as well, by itself.
+pub(crate) fn border_long_ago(
+    made: &[Made],
+    (first, stood): (usize, usize),
+    joined: Option<u32>,
+) -> SplitRecord {
     let until = made[stood + 1].stamp_nanos.saturating_add(DOORS_NANOS);
     let n_soon = made[stood..=first].iter().take_while(|k| k.stamp_nanos <= until).count();
     let soon = &made[..stood + n_soon.max(2)];
-    border(soon, soon.len() - 1, stood)
+    let split = border(soon, soon.len() - 1, stood);
+    SplitRecord { before: joined.filter(|id| split.carried.is_some_and(|carried| *id < carried)), ..split }
 }
 
 /// Which of the latest keyframes are of new submaps, where the first miss was with this one and the camera had
@@ -91,7 +93,7 @@ pub(crate) fn border(made: &[Made], first: usize, stood: usize) -> SplitRecord {
     let before = made[soon_before(made, stood)..=stood].windows(2).rfind(is_settled);
     let carried = before.map_or(made[stood].id, |pair| pair[1].id);
     let arrived = made[stood..].windows(2).rfind(is_settled).map_or(made[stood + 1].id, |pair| pair[1].id);
-    SplitRecord { carried: Some(carried.min(made[first].id)), first: arrived }
+    SplitRecord { before: None, carried: Some(carried.min(made[first].id)), first: arrived }
 }
 
 #[cfg(test)]
@@ -105,7 +107,7 @@ mod tests {
     }
 
     fn border_of(made: &[Made], first: usize) -> Option<(u32, u32)> {
-        let SplitRecord { carried, first } = border(made, first, stand(made, first)?);
+        let SplitRecord { carried, first, .. } = border(made, first, stand(made, first)?);
         Some((carried?, first))
     }
 
@@ -124,23 +126,23 @@ mod tests {
     }
 
     #[test]
-    fn a_ride_that_was_not_noticed_takes_back_what_came_after_it_alone() {
-        // A way of 13 keyframes, a ride, whose door opens for a second, and a long way behind it with a pause.
+    fn a_ride_that_was_not_noticed_parts_what_came_before_and_after_it() {
+        // A way, a ride, whose door opens for a second, and a long way behind it with a pause.
         let way: Vec<i64> = (0..13).map(|k| 5 * k).collect();
         let behind: Vec<i64> = (0..300).map(|k| 174 + 5 * k + if k > 200 { 10 } else { 0 }).collect();
         let made = at(&[way.as_slice(), &[160, 163, 166], &behind].concat());
         let first = made.len() - 2;
         assert_eq!(stand(&made, first), None);
-        let stood = stood_long_ago(&made, first, |_| 1.0).unwrap();
-        assert_eq!(made[stood].stamp_nanos, 6_000_000_000);
-        let SplitRecord { carried, first: arrived } = border_long_ago(&made, first, stood);
-        assert_eq!((carried.unwrap(), arrived), (stood as u32, 16), "behind the door");
-        assert_eq!(stood_long_ago(&made, first, |_| 0.5), None, "too short a way before it");
-        let mut joined = made.clone();
-        joined[..8].iter_mut().for_each(|k| k.submap = 3);
-        assert_eq!(stood_long_ago(&joined, first, |_| 1.0), None, "of another submap for the most part");
-        let walk: Vec<i64> = (0..300).map(|k| 5 * k).collect();
-        assert_eq!(stood_long_ago(&at(&walk), 298, |_| 1.0), None, "it never stood");
+        let stood = stood_long_ago(&made, first).unwrap();
+        assert_eq!(stood, 12);
+        let split = |joined| border_long_ago(&made, (first, stood), joined);
+        let parts = SplitRecord { before: None, carried: Some(12), first: 16 };
+        assert_eq!(split(None), parts, "behind the door");
+        assert_eq!(split(Some(4)), SplitRecord { before: Some(4), ..parts }, "its join may have been wrong");
+        assert_eq!(split(Some(12)), parts, "nothing lay before");
+        let mut elsewhere = made.clone();
+        elsewhere[..13].iter_mut().for_each(|k| k.submap = 3);
+        assert_eq!(stood_long_ago(&elsewhere, first), None, "it stood in another submap");
     }
 
     #[test]
