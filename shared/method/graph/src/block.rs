@@ -90,9 +90,9 @@ pub struct PairBlock {
 }
 
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "the exact terms are the rule, and read again and again")]
 enum BlockTerms {
-    Exact(ExactTerms),
+    /// Three times as large, and in a large map a tenth of all.
+    Exact(Box<ExactTerms>),
     /// Where the sums over the matches were not kept.
     Quadratic(Quadratic),
 }
@@ -119,7 +119,7 @@ fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
 impl PairBlock {
     /// A block from its sums and the transform at which the matches were found.
     pub fn new(target_from_query: &Pose, sums: &BlockSums) -> Self {
-        let terms = BlockTerms::Exact(ExactTerms::new(sums));
+        let terms = BlockTerms::Exact(Box::new(ExactTerms::new(sums)));
         Self { origin: matrix_of(target_from_query), terms, n: sums.n }
     }
 

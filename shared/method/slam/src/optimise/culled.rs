@@ -108,18 +108,19 @@ impl CulledKeyframes {
         &self.ids
     }
 
-    /// The blocks as pairs of vertices: first the active keyframes, by these ids, which rise, then
+    /// The blocks, which it has no more, as pairs of vertices: first the active keyframes, by these ids, which rise, then
     /// the culled ones.
-    pub(crate) fn pairs(&self, active: &[KeyframeState], weight: f64) -> Vec<Pair> {
+    pub(crate) fn take_pairs(&mut self, active: &[KeyframeState], weight: f64) -> Vec<Pair> {
+        let blocks = std::mem::take(&mut self.blocks);
         let vertex = |id: u32| {
             let culled = || Some(active.len() + self.ids.binary_search(&id).ok()?);
             active.binary_search_by_key(&id, |k| k.id).ok().or_else(culled)
         };
-        let pair = |b: &KeyframeBlock| {
-            let pair = Pair::new(vertex(b.query)?, vertex(b.target)?, b.block.clone());
+        let pair = |b: KeyframeBlock| {
+            let pair = Pair::new(vertex(b.query)?, vertex(b.target)?, b.block);
             Some(Pair { weight, ..pair })
         };
-        self.blocks.iter().filter_map(pair).collect()
+        blocks.into_iter().filter_map(pair).collect()
     }
 }
 

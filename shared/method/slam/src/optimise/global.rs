@@ -119,7 +119,7 @@ fn solve_joined(
     let Start { context, active: keyframes, known, .. } = *start;
     let matchable = matchable(context, keyframes, start.surfaces, start.drawn, progress);
     let origins = submaps.origins(keyframes);
-    let culled = CulledKeyframes::of(context, start.keyframes, submaps, start.runs);
+    let mut culled = CulledKeyframes::of(context, start.keyframes, submaps, start.runs);
     let vertices = keyframes.iter().chain(culled.ids().iter().map(|id| &start.keyframes[*id as usize]));
     let poses: Vec<Pose> = vertices.map(|k| Pose::from(&k.world_from_camera)).collect();
     let mut is_fixed = gauges(&origins);
@@ -138,7 +138,7 @@ fn solve_joined(
     let matchable = (matchable, start.cache);
     let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
     let weight = culled::weight(&context.mapping.keyframe, keyframes.len());
-    association.fixed_pairs = culled.pairs(keyframes, weight);
+    association.fixed_pairs = culled.take_pairs(keyframes, weight);
     association.most_apart_m = most_apart_m;
     let solved = problem.solve(&mut association, progress);
     context.steps.leave();

@@ -279,6 +279,7 @@ fn split(
     let new = record.new_keyframe.as_ref().map(|k| Made {
         id: k.id,
         stamp_nanos: k.stamp_nanos,
+        session: input.map.state().session,
         submap: record.submap,
     });
     let start = keyframes.get(known.first as usize).filter(|_| known.n_missed >= MISSED_BEHIND_A_STAND)?;

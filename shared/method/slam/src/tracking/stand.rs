@@ -31,13 +31,15 @@ pub(crate) fn joined_since(made: &[Made], submaps: &Submaps) -> Option<u32> {
 pub(crate) struct Made {
     pub(crate) id: u32,
     pub(crate) stamp_nanos: i64,
+    /// The run that made it.
+    pub(crate) session: u32,
     pub(crate) submap: u32,
 }
 
 impl Made {
     pub(crate) fn of(keyframe: &KeyframeState) -> Self {
-        let KeyframeState { id, stamp_nanos, submap, .. } = *keyframe;
-        Self { id, stamp_nanos, submap }
+        let KeyframeState { id, stamp_nanos, session, submap, .. } = *keyframe;
+        Self { id, stamp_nanos, session, submap }
     }
 
     /// Whether it was made in the moments before another one of its submap.
@@ -64,10 +66,11 @@ pub(crate) fn stand(made: &[Made], first: usize) -> Option<usize> {
 }
 
 /// The same where the camera went on for long before the first miss: that it was carried was not noticed. `None`
-/// where it has not stood since its submap began.
+/// where it has not stood since its submap began, or went on in it in this run.
 pub(crate) fn stood_long_ago(made: &[Made], first: usize) -> Option<usize> {
-    let submap = made[first].submap;
-    let begun = first - made[..first].iter().rev().take_while(|k| k.submap == submap).count();
+    let Made { session, submap, .. } = made[first];
+    let is_of_it = |k: &&Made| (k.session, k.submap) == (session, submap);
+    let begun = first - made[..first].iter().rev().take_while(is_of_it).count();
     let stood = made[begun..=first].windows(2).rposition(|pair| is_pause(pair, submap, STOOD_NANOS))?;
     Some(begun + stood)
 }
@@ -102,7 +105,7 @@ mod tests {
 
     /// Keyframes at these times, tenths of a second.
     fn at(tenths: &[i64]) -> Vec<Made> {
-        let made = |(id, t): (u32, &i64)| Made { id, stamp_nanos: t * 100_000_000, submap: 0 };
+        let made = |(id, t): (u32, &i64)| Made { id, stamp_nanos: t * 100_000_000, session: 0, submap: 0 };
         (0..).zip(tenths).map(made).collect()
     }
 
@@ -143,6 +146,9 @@ mod tests {
         let mut elsewhere = made.clone();
         elsewhere[..13].iter_mut().for_each(|k| k.submap = 3);
         assert_eq!(stood_long_ago(&elsewhere, first), None, "it stood in another submap");
+        let mut later = made;
+        later[13..].iter_mut().for_each(|k| k.session = 1);
+        assert_eq!(stood_long_ago(&later, first), None, "between two runs");
     }
 
     #[test]
@@ -156,7 +162,12 @@ mod tests {
     #[test]
     fn a_contradiction_on_foot_takes_back_the_join_of_the_submap_alone() {
         let made = |submaps: &[u32]| -> Vec<Made> {
-            let made = |(id, submap): (u32, &u32)| Made { id, stamp_nanos: i64::from(id), submap: *submap };
+            let made = |(id, submap): (u32, &u32)| Made {
+                id,
+                stamp_nanos: i64::from(id),
+                session: 0,
+                submap: *submap,
+            };
             (0..).zip(submaps).map(made).collect()
         };
         let mut joined = Submaps::apart(3);
