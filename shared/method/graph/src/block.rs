@@ -90,8 +90,9 @@ pub struct PairBlock {
 }
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "in the last optimisation of a large map most are quadratic")]
 enum BlockTerms {
-    /// Three times as large, and in a large map a tenth of all.
+    /// More than twice as large.
     Exact(Box<ExactTerms>),
     /// Where the sums over the matches were not kept.
     Quadratic(Quadratic),
