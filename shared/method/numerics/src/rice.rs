@@ -90,7 +90,20 @@ impl<'a> RiceReader<'a> {
     /// Reads a row; `None` where the bytes end before it does, or hold no code.
     pub fn row(&mut self, values: &mut [u32]) -> Option<()> {
         let k = self.take(PARAMETER_BITS)?;
+        let (longest, low) = (ESCAPE + k, (1 << k) - 1);
         for value in values {
+            if self.n_bits < longest {
+                self.refill();
+            }
+            let zeros = self.bits.trailing_zeros();
+            let n = zeros + 1 + k;
+            // Nearly all codes.
+            if zeros < ESCAPE && n <= self.n_bits {
+                *value = zeros << k | (self.bits >> (zeros + 1)) as u32 & low;
+                self.bits >>= n;
+                self.n_bits -= n;
+                continue;
+            }
             self.refill();
             let zeros = self.bits.trailing_zeros();
             if zeros > ESCAPE {

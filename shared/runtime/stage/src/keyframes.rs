@@ -22,9 +22,9 @@ pub fn store_slot(slot: &Slot) -> StoreSlot {
 
 /// Most surfaces that are held unpacked while others may be forgotten.
 const MOST_UNPACKED: usize = 64;
-/// Surfaces that are held unpacked for a single look, at most: 614 MB. A solve for more keyframes reads the others
-/// anew each time it looks at them.
-const MOST_LOOKED_AT: usize = 1000;
+/// Bytes of the surfaces that are held unpacked for a single look, at most: 1,000 of 160x120 vertices. A solve for
+/// more keyframes reads the others anew each time it looks at them.
+const MOST_LOOKED_AT_BYTES: usize = 614_000_000;
 
 /// All keyframes so far; each is unpacked when it is first read.
 #[derive(Debug)]
@@ -39,6 +39,8 @@ pub struct StoredKeyframes {
     given_up: OnceLock<u32>,
     /// A surface without a measurement, in place of one that is damaged or was given up.
     blank: OnceLock<Vec<Vertex>>,
+    /// Surfaces that are held unpacked for a single look, at most.
+    most_looked_at: usize,
     /// Surfaces that are held unpacked.
     n_held: AtomicUsize,
     /// Calls of [`Self::forget_unused`].
@@ -79,6 +81,7 @@ impl StoredKeyframes {
             damage: OnceLock::new(),
             given_up: OnceLock::new(),
             blank: OnceLock::new(),
+            most_looked_at: MOST_LOOKED_AT_BYTES / (size_of::<Vertex>() * grid.len().max(1)),
             n_held: AtomicUsize::new(0),
             now: 0,
         })
@@ -277,7 +280,7 @@ impl KeyframeSurfaces for StoredKeyframes {
     }
 
     fn vertices_once(&self, keyframe: u32) -> Cow<'_, [Vertex]> {
-        let is_full = self.n_held.load(Ordering::Relaxed) >= MOST_LOOKED_AT;
+        let is_full = self.n_held.load(Ordering::Relaxed) >= self.most_looked_at;
         let Some(known) = self.keyframes.get(keyframe as usize).filter(|known| is_full && !known.is_held())
         else {
             return self.vertices(keyframe).into();
@@ -432,7 +435,9 @@ mod tests {
         let grid = Grid { width: 2, height: 2, step: 4 };
         let mut keyframes = StoredKeyframes::open(&path, grid).unwrap();
         let surface = |id: u32| [Vertex { flags_rgb: id << 8, ..Vertex::default() }; 4];
-        let n_keyframes = MOST_LOOKED_AT as u32 + 30;
+        assert_eq!(keyframes.most_looked_at, MOST_LOOKED_AT_BYTES / 128);
+        keyframes.most_looked_at = 100;
+        let n_keyframes = 130;
         for id in 0..n_keyframes {
             let slot = store.append(&store_surface(grid, &surface(id)).0, false).unwrap();
             keyframes.add_unread(id, &store_slot(&slot)).unwrap();
@@ -443,11 +448,11 @@ mod tests {
         };
         for _ in 0..2 {
             (0..n_keyframes).for_each(|id| assert_eq!(*keyframes.vertices_once(id), surface(id)));
-            assert_eq!(held(&keyframes), MOST_LOOKED_AT);
+            assert_eq!(held(&keyframes), 100);
         }
         // Who needs one at hand gets it.
         assert_eq!(keyframes.vertices(n_keyframes - 1), surface(n_keyframes - 1));
-        assert_eq!(held(&keyframes), MOST_LOOKED_AT + 1);
+        assert_eq!(held(&keyframes), 101);
         keyframes.forget_unused(1);
         keyframes.forget_unused(1);
         assert_eq!(held(&keyframes), 0);
