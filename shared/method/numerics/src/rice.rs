@@ -218,4 +218,17 @@ mod tests {
             while reader.row(&mut row[..100]).is_some() {}
         }
     }
+
+    #[test]
+    fn an_escape_comes_back_wherever_it_stands_among_short_codes() {
+        for n in 0..130 {
+            let row: Vec<u32> = (0..400).map(|at| if at == n { 40 } else { 0 }).collect();
+            let mut writer = RiceWriter::default();
+            writer.row(&row);
+            let bytes = writer.finish();
+            let (mut reader, mut back) = (RiceReader::new(&bytes), vec![0; row.len()]);
+            reader.row(&mut back).unwrap();
+            assert!(back == row && reader.is_at_end(), "at {n}");
+        }
+    }
 }
