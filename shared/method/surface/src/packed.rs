@@ -83,8 +83,7 @@ pub fn unpack(grid: Grid, bytes: &[u8]) -> Result<Vec<Vertex>, UnpackError> {
     unpack_some(grid, bytes, |_| true)
 }
 
-/// As [`unpack`], with the vertices of some places alone, at two thirds of its cost for a few; at the others there
-/// is the default.
+/// As [`unpack`], with the vertices of some places alone; at the others there is the default.
 ///
 /// # Errors
 /// As [`unpack`].

@@ -227,7 +227,7 @@ impl TrackerState {
         apply_split(&mut self.keyframes, split, submap);
         self.active_ids = ActiveIds::default();
         self.active_ids.extend(&self.keyframes);
-        for new in (submap + 1).saturating_sub(split.firsts().count() as u32)..=submap {
+        for new in submap.saturating_sub(split.firsts().count() as u32 - 1)..=submap {
             let (kept, kept_from_moved) = (self.submaps.component(left), PoseBits::IDENTITY);
             self.refuse(JoinRecord { kept, moved: self.submaps.component(new), kept_from_moved });
         }

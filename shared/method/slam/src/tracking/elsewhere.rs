@@ -307,8 +307,9 @@ fn with_split(input: &TrackingInput<'_>, record: FrameRecord, split: SplitRecord
     let carried = split.carried.map_or(String::new(), |first| {
         format!(", and before that from keyframe {first} on in something that moved")
     });
-    let before =
-        split.before.map_or(String::new(), |first| format!(", and from {first} on no longer joined"));
+    let before = split
+        .before
+        .map_or(String::new(), |first| format!("; what was joined with keyframe {first} is apart again"));
     let said = format!(
         "submap {submap} begins with keyframe {}: {n_missed} keyframes of long ago are not seen where they should be{carried}{before}",
         split.first
