@@ -7,7 +7,7 @@ use crate::map::{KnownMap, MadeMap, MapCost, make_map, map_folder, map_number};
 use crate::shared::{Shared, SharedRef, lock};
 use crate::summary::Summary;
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Makes maps, one at a time, beside the copying.
 #[derive(Default)]
@@ -22,7 +22,13 @@ pub(crate) struct Mapper {
     pub(crate) summary: Option<Summary>,
     pub(crate) cost: Option<MapCost>,
     known: KnownMap,
+    /// Since when there is nothing to be done but to wait for last words.
+    done: Option<Instant>,
 }
+
+/// How long a base waits for the last word of a run that has ended: a run whose supervisor was killed
+/// behind the end of its journals never says it.
+const LAST_WORD_WITHIN: Duration = Duration::from_secs(30);
 
 impl Mapper {
     pub(crate) fn step(&mut self, options: &BaseOptions, shared: &SharedRef) -> Result<(), FleetError> {
@@ -78,10 +84,15 @@ impl Mapper {
         self.running = Some((number, std::thread::spawn(make)));
     }
 
-    /// Whether so many runs have ended and the map is of all that is here.
-    pub(crate) fn is_done(&self, shared: &SharedRef, n_runs: usize) -> bool {
+    /// Whether so many runs have ended, with their last words, and the map is of all that is here.
+    pub(crate) fn is_done(&mut self, shared: &SharedRef, n_runs: usize) -> bool {
         let shared = lock(shared);
         let n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
-        n_ended >= n_runs && self.running.is_none() && self.made_of == Some(shared.extents())
+        if n_ended < n_runs || self.running.is_some() || self.made_of != Some(shared.extents()) {
+            self.done = None;
+            return false;
+        }
+        let done = *self.done.get_or_insert_with(Instant::now);
+        shared.runs.iter().all(|run| !run.is_closing) || done.elapsed() >= LAST_WORD_WITHIN
     }
 }

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tessera_journal::{Durability, MAX_FRAMED_BYTES, write_atomically};
 use tessera_messages::max_stored_bytes;
+use tessera_outputs::{Ended, read_statistics};
 use tessera_surface::Grid;
 
 /// Bytes of a request, at first, at least and at most: it grows while answers take less than
@@ -112,6 +113,12 @@ impl Replica {
     /// Whether every surface that a map is made of is here.
     pub fn is_complete(&self) -> bool {
         self.n_surfaces().1 == 0
+    }
+
+    /// Whether the statistics are those that a run writes last, some time after the end of its journals.
+    pub fn has_last_word(&self) -> bool {
+        let said = read_statistics(&self.folder).map(|statistics| statistics.ended);
+        said.is_ok_and(|ended| matches!(ended, Ended::Finished | Ended::Failed))
     }
 
     /// What a map can be made of now; `None`: of no more than before.

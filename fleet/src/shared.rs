@@ -31,6 +31,8 @@ pub(crate) struct RunState {
     /// What a map can be made of: of a whole copy, the bytes of the aligner's journal of which every surface
     /// is here.
     pub(crate) extent: Extent,
+    /// It has ended, and nothing but a last small file may be on its way.
+    pub(crate) is_closing: bool,
     /// Answers to its requests.
     pub(crate) answering: Answering,
     rate: Rate,
@@ -135,6 +137,9 @@ impl Shared {
         run.status.bytes = replica.len_bytes();
         (run.status.surfaces, run.status.surfaces_waiting) = replica.n_surfaces();
         run.status.is_ended = facts.is_ended && replica.is_complete();
+        // A run on disk is as it is.
+        let is_from_disk = self.arrivals.runs[number].origin.is_some();
+        run.is_closing = run.status.is_ended && !is_from_disk && !replica.has_last_word();
         run.status.received_bytes += received;
         run.rate.received += received;
         let seconds = run.rate.since.elapsed().as_secs_f64();

@@ -36,6 +36,25 @@ fn a_base_says_what_it_has_and_there_is_one_of_a_folder() {
 }
 
 #[test]
+fn a_base_ends_with_the_last_word_of_a_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let (run, folder, port) = (dir.path().join("run"), dir.path().join("base"), free_port());
+    let mut growing = GrowingRun::begin(&run, "desk", 4);
+    (0..20).for_each(|_| growing.grow());
+    growing.say_how_it_ended("unfinished");
+    growing.end_journals();
+    let mut bases = base(&folder, port, 1);
+    let _robot = uplink(&run, "a", port);
+    wait_for("a map of the whole run", || {
+        let said = status(&folder);
+        said.mapped > 0 && said.runs[0].is_ended
+    });
+    growing.say_how_it_ended("finished");
+    wait_for_success(&mut bases, "the base");
+    assert_same(&run, &copy_of(&folder, "a"));
+}
+
+#[test]
 fn plain_tcp_beyond_this_machine_is_refused() {
     for arguments in
         [["base", "x", "--listen", "tcp/0.0.0.0:7447"], ["uplink", "x", "--to", "tcp/192.0.2.1:7447"]]

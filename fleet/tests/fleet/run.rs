@@ -151,9 +151,20 @@ impl GrowingRun {
 
     /// The source is exhausted, and there is nothing to be optimised.
     pub(crate) fn end(&mut self) {
+        self.end_journals();
+        self.say_how_it_ended("finished");
+    }
+
+    /// As far as the aligner ends it.
+    pub(crate) fn end_journals(&mut self) {
         let end = AlignRecord::End { n_frames: self.n_frames, request: None };
         self.align.append(&end, true).unwrap();
-        std::fs::write(self.files.dir.join("statistics.json"), "{}").unwrap();
+    }
+
+    /// What the supervisor says while the run goes on, and last.
+    pub(crate) fn say_how_it_ended(&self, ended: &str) {
+        let statistics = format!("{{\"ended\": \"{ended}\"}}");
+        std::fs::write(self.files.dir.join("statistics.json"), statistics).unwrap();
     }
 }
 
