@@ -100,15 +100,31 @@ fn samples(method: &Method, grid: Grid, vertices: &[Vertex]) -> Vec<Sample> {
 #[divan::bench]
 fn pack_surface(bencher: Bencher<'_, '_>) {
     let pair = PairOfFrames::new();
-    bencher.bench_local(|| packed::pack(pair.grid, &pair.surfaces[0]));
+    let beside = beside(pair.grid);
+    bencher.bench_local(|| packed::pack(pair.grid, &pair.surfaces[0], &beside));
 }
 
 /// The bytes of the store into a keyframe's surface.
 #[divan::bench]
 fn unpack_surface(bencher: Bencher<'_, '_>) {
     let pair = PairOfFrames::new();
-    let bytes = packed::pack(pair.grid, &pair.surfaces[0]);
-    bencher.bench_local(|| packed::unpack(pair.grid, &bytes));
+    let beside = beside(pair.grid);
+    let bytes = packed::pack(pair.grid, &pair.surfaces[0], &beside);
+    bencher.bench_local(|| packed::unpack(pair.grid, &bytes, &beside));
+}
+
+/// Of these bytes the vertices that travel in a fleet.
+#[divan::bench]
+fn unpack_first_vertices(bencher: Bencher<'_, '_>) {
+    let pair = PairOfFrames::new();
+    let beside = beside(pair.grid);
+    let bytes = packed::pack(pair.grid, &pair.surfaces[0], &beside);
+    bencher.bench_local(|| packed::unpack_first(pair.grid, &bytes, &beside));
+}
+
+/// As many places as a keyframe has under features.
+fn beside(grid: Grid) -> Vec<usize> {
+    (0..grid.len()).step_by(61).collect()
 }
 
 /// Samples by place and by direction of the normal.

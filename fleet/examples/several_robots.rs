@@ -248,7 +248,8 @@ impl MappedWalk {
         for keyframe in &self.state.keyframes {
             let id = keyframe.id as usize;
             let (vertices, features) = if keyframe.is_active() {
-                let bytes = pack_surface(grid, &self.vertices[id], &self.features[id], thinning);
+                let bytes =
+                    pack_surface(grid, |place| self.vertices[id][place], &self.features[id], thinning);
                 sizes.push(bytes.len());
                 from_wire(grid, &bytes)?
             } else {

@@ -2,6 +2,7 @@
 //! and row. A descriptor is told by where it differs from the nearest one before it.
 
 use tessera_features::{Feature, nearest_before};
+use tessera_messages::POSITION_STEP_PX;
 use tessera_numerics::{BitCoder, BitModel, Isa, NumberModel, RangeReader, RangeWriter};
 
 /// Features of a keyframe that travel, at most.
@@ -9,7 +10,7 @@ pub const MOST_FEATURES: usize = 300;
 /// Bits of their number.
 const COUNT_BITS: u32 = 9;
 /// Rounding of a position and of its deviation, pixels.
-const PIXEL_STEP: f32 = 1.0 / 16.0;
+const PIXEL_STEP: f32 = POSITION_STEP_PX;
 /// Bits of a position, and of how many bits the columns of a keyframe take.
 const PLACE_BITS: u32 = 16;
 const WIDTH_BITS: u32 = 5;

@@ -2,16 +2,17 @@
 
 use crate::feature_wire::{pack_and_round, unpack_features};
 use tessera_features::Feature;
-use tessera_messages::{StoredSurfaceError, load_features, load_vertices};
+use tessera_messages::{StoredSurfaceError, load_first, places_under};
 use tessera_slam::StoreSlot;
-use tessera_surface::packed::UnpackError;
+use tessera_surface::packed::{FIRST_SPACING, UnpackError};
 use tessera_surface::thinned::{self, Thinning};
 use tessera_surface::{Grid, Vertex};
 
 /// Surfaces of one request, at most.
 pub const MOST_WANTED: usize = 64;
 /// How surfaces are thinned on their way.
-pub const THINNING: Thinning = Thinning { spacing: 3, inverse_depth_steps: 4096, normal_steps: 31 };
+pub const THINNING: Thinning =
+    Thinning { spacing: FIRST_SPACING, inverse_depth_steps: 4096, normal_steps: 31 };
 /// Bytes of a slot in a request.
 const SLOT_BYTES: usize = 20;
 /// Bytes in front of a surface: its length and its checksum.
@@ -84,48 +85,26 @@ pub enum SurfaceError {
 /// # Errors
 /// Where the bytes are no surface of this grid.
 pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
-    let (features, beside) = packed_features(grid, &load_features(stored)?);
-    let is_looked_at = thinned::looked_at(grid, &beside, THINNING);
-    let vertices = load_vertices(grid, stored, |place| is_looked_at[place])?;
-    Ok(joined(&thinned::pack(grid, &vertices, &beside, THINNING), &features))
+    // What travels is among the first vertices.
+    let (vertices, features) = load_first(grid, stored)?;
+    Ok(pack_surface(grid, |place| vertices.vertex(place), &features, THINNING))
 }
 
-/// Vertices and features as they travel.
+/// Vertices, by their places in the grid, and features as they travel.
 ///
 /// # Panics
-/// Where `vertices` are not as many as the grid has, or the thinning is none.
-pub fn pack_surface(grid: Grid, vertices: &[Vertex], features: &[Feature], thinning: Thinning) -> Vec<u8> {
-    let (features, beside) = packed_features(grid, features);
-    joined(&thinned::pack(grid, vertices, &beside, thinning), &features)
-}
-
-/// Features as they travel, and the places under them, which the reader finds anew from the features that it has.
-fn packed_features(grid: Grid, features: &[Feature]) -> (Vec<u8>, Vec<usize>) {
+/// Where the thinning is none.
+pub fn pack_surface(
+    grid: Grid,
+    vertex_at: impl Fn(usize) -> Vertex,
+    features: &[Feature],
+    thinning: Thinning,
+) -> Vec<u8> {
     let (features, rounded) = pack_and_round(features);
-    (features, under(grid, &rounded))
-}
-
-fn joined(vertices: &[u8], features: &[u8]) -> Vec<u8> {
+    // Its reader finds the places under features anew, from those that it has.
+    let vertices = thinned::pack(grid, vertex_at, &places_under(grid, &rounded), thinning);
     let length = (vertices.len() as u32).to_le_bytes();
-    [length.as_slice(), vertices, features].concat()
-}
-
-/// The places of the grid under features, rising: what stands there says how far away they are, and most stand at
-/// edges, where nothing can be interpolated.
-fn under(grid: Grid, features: &[Feature]) -> Vec<usize> {
-    let step = grid.step as f32;
-    let cell = |pixel: f32, n: usize| {
-        let place = ((pixel - 0.5 * (step - 1.0)) / step + 0.5).floor();
-        (place >= 0.0 && place < n as f32).then_some(place as usize)
-    };
-    let place = |feature: &Feature| {
-        let [row, column] = feature.pixel;
-        Some(cell(row, grid.height)? * grid.width + cell(column, grid.width)?)
-    };
-    let mut places: Vec<usize> = features.iter().filter_map(place).collect();
-    places.sort_unstable();
-    places.dedup();
-    places
+    [length.as_slice(), &vertices, &features].concat()
 }
 
 /// Vertices and features of a surface that travelled.
@@ -138,7 +117,7 @@ pub fn from_wire(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>)
     let length = u32::from_le_bytes(*length) as usize;
     let (packed, features) = rest.split_at_checked(length).ok_or_else(wrong)?;
     let features = unpack_features(features).ok_or_else(wrong)?;
-    Ok((thinned::unpack(grid, packed, &under(grid, &features))?, features))
+    Ok((thinned::unpack(grid, packed, &places_under(grid, &features))?, features))
 }
 
 /// Appends a surface to a stream; `None`: the robot has it no more.
@@ -222,7 +201,10 @@ mod tests {
         write_features(&mut payload[grid.len()..], &features);
         let (stored, _) = store_surface(grid, &payload);
         let (vertices, features) = load_surface(grid, &stored).unwrap();
-        assert_eq!(wire_form(grid, &stored).unwrap(), pack_surface(grid, &vertices, &features, THINNING));
+        assert_eq!(
+            wire_form(grid, &stored).unwrap(),
+            pack_surface(grid, |place| vertices[place], &features, THINNING)
+        );
     }
 
     #[test]
@@ -240,7 +222,7 @@ mod tests {
         let pixel = [row, column].map(|cell| cell as f32 * 4.0 + 2.2);
         let feature = Feature { pixel, sigma_px: 1.0, response: 20.0, ..Feature::default() };
         let travelled = |features: &[Feature]| {
-            let bytes = pack_surface(grid, &vertices, features, THINNING);
+            let bytes = pack_surface(grid, |place| vertices[place], features, THINNING);
             from_wire(grid, &bytes).unwrap().0[place]
         };
         assert!((travelled(&[feature]).position[2] - 2.0).abs() < 0.001);

@@ -8,14 +8,14 @@
 //! are kept too. What [`unpack`] returns is a function of the bytes and these places alone.
 
 mod beside;
-mod interpolated;
+mod kept;
 mod rays;
 mod rounded;
 mod rows;
 
 use crate::packed::UnpackError;
 use crate::thinned::beside::BetweenVertices;
-use crate::thinned::interpolated::{interpolate, interpolated};
+use crate::thinned::kept::KeptVertices;
 use crate::thinned::rays::Rays;
 use crate::thinned::rows::{Models, ThinnedRows};
 use crate::vertex::{Grid, Vertex};
@@ -48,11 +48,6 @@ impl Thinning {
         [self.spacing, low, high, self.normal_steps]
     }
 
-    /// The kept vertices of a grid.
-    fn kept(self, grid: Grid) -> (usize, usize) {
-        (grid.width.div_ceil(self.step()), grid.height.div_ceil(self.step()))
-    }
-
     fn step(self) -> usize {
         self.spacing.into()
     }
@@ -62,29 +57,24 @@ impl Thinning {
     }
 }
 
-/// The places of a grid that [`pack`] looks at, place by place: the kept ones and those beside them.
-pub fn looked_at(grid: Grid, beside: &[usize], thinning: Thinning) -> Vec<bool> {
-    let mut is_looked_at = vec![false; grid.len()];
-    for row in (0..grid.height).step_by(thinning.step()) {
-        let kept = (0..grid.width).step_by(thinning.step());
-        kept.for_each(|column| is_looked_at[row * grid.width + column] = true);
-    }
-    beside.iter().filter(|place| **place < grid.len()).for_each(|&place| is_looked_at[place] = true);
-    is_looked_at
-}
-
 /// Packs the vertices of a grid, row by row, and behind them those `beside` the kept ones, by their places in the
-/// grid. Of the others ([`looked_at`]) nothing is read.
+/// grid. Of the others nothing is asked.
 ///
 /// # Panics
-/// Where `vertices` are not as many as the grid has, or the thinning is none.
-pub fn pack(grid: Grid, vertices: &[Vertex], beside: &[usize], thinning: Thinning) -> Vec<u8> {
-    assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
+/// Where the thinning is none.
+pub fn pack(
+    grid: Grid,
+    vertex_at: impl Fn(usize) -> Vertex,
+    beside: &[usize],
+    thinning: Thinning,
+) -> Vec<u8> {
     assert_eq!(Thinning::read(thinning.bytes()), Some(thinning), "a thinning");
-    let rays = Rays::of(grid, vertices, thinning.step());
+    let vertices = KeptVertices::of(grid, thinning.step(), &vertex_at);
+    let rays = Rays::of(&vertices);
     let mut writer = RangeWriter::default();
     let mut surface = ThinnedSurface { grid, rays, thinning };
-    surface.code(&mut writer, beside, Some(vertices));
+    let kept = surface.code_kept(&mut writer, Some(&vertices)).expect("a writer has all vertices");
+    surface.code_beside(&mut writer, beside, &kept, Some(&vertex_at));
     let [a, b, c, d] = rays.0.map(f32::to_le_bytes);
     [a.as_slice(), &b, &c, &d, &thinning.bytes(), &writer.finish()].concat()
 }
@@ -101,7 +91,10 @@ pub fn unpack(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<Vec<Vertex>,
     let thinning = Thinning::read(*head).ok_or(error)?;
     let mut reader = RangeReader::new(bytes);
     let mut surface = ThinnedSurface { grid, rays, thinning };
-    let vertices = surface.code(&mut reader, beside, None).ok_or(error)?;
+    let kept = surface.code_kept(&mut reader, None).ok_or(error)?;
+    let mut vertices = kept.spread();
+    let told = surface.code_beside(&mut reader, beside, &kept, None::<&fn(usize) -> Vertex>);
+    told.into_iter().for_each(|(place, vertex)| vertices[place] = vertex);
     if reader.ends() { Ok(vertices) } else { Err(error) }
 }
 
@@ -113,58 +106,49 @@ struct ThinnedSurface {
 }
 
 impl ThinnedSurface {
-    /// Writes the vertices `own`, or reads all that a reader has. `None` where a vertex has no depth.
-    fn code(
+    /// Writes the kept vertices `own`, or reads them; what a reader has. `None` where a vertex has no depth.
+    fn code_kept(&mut self, coder: &mut impl BitCoder, own: Option<&KeptVertices>) -> Option<KeptVertices> {
+        let Self { grid, rays, thinning } = *self;
+        let step = thinning.step();
+        let mut kept = KeptVertices::new(grid, step);
+        let (mut rows, mut models) = (ThinnedRows::new(kept.width(), thinning), Models::default());
+        for row in 0..kept.height() {
+            rows.next();
+            for column in (0..kept.width()).filter(|_| own.is_some()) {
+                let vertex = own?.at(row, column);
+                rows.set(column, vertex, rays.depth_m(vertex, rays.at(row * step, column * step)));
+            }
+            rows.code(coder, &mut models);
+            for column in 0..kept.width() {
+                *kept.at_mut(row, column) = rows.vertex(column, rays.at(row * step, column * step))?;
+            }
+        }
+        Some(kept)
+    }
+
+    /// Writes the vertices `own` beside the kept ones, or reads them: what a reader has, by their places.
+    fn code_beside(
         &mut self,
         coder: &mut impl BitCoder,
         beside: &[usize],
-        own: Option<&[Vertex]>,
-    ) -> Option<Vec<Vertex>> {
+        kept: &KeptVertices,
+        own: Option<&impl Fn(usize) -> Vertex>,
+    ) -> Vec<(usize, Vertex)> {
         let Self { grid, rays, thinning } = *self;
-        let ((width, height), step) = (thinning.kept(grid), thinning.step());
-        let (mut rows, mut models) = (ThinnedRows::new(width, thinning), Models::default());
-        let mut vertices = vec![Vertex::default(); grid.len()];
-        for row in (0..height).map(|row| row * step) {
-            rows.next();
-            let columns = (0..width).map(|column| (column, column * step));
-            for (kept, column) in columns.clone().filter(|_| own.is_some()) {
-                let vertex = &own?[row * grid.width + column];
-                rows.set(kept, vertex, rays.depth_m(vertex, rays.at(row, column)));
-            }
-            rows.code(coder, &mut models);
-            for (kept, column) in columns {
-                vertices[row * grid.width + column] = rows.vertex(kept, rays.at(row, column))?;
-            }
-        }
-        // A writer needs a few of them.
-        if own.is_none() {
-            interpolate(grid, step, &mut vertices);
-        }
+        let step = thinning.step();
         let mut others = BetweenVertices::new(grid, rays, thinning);
         let is_between = |place: usize| {
             !((place / grid.width).is_multiple_of(step) && (place % grid.width).is_multiple_of(step))
         };
         let mut told = Vec::new();
         for place in beside.iter().copied().filter(|place| *place < grid.len() && is_between(*place)) {
-            let between = match own {
-                Some(_) => interpolated(grid, step, &vertices, place),
-                None => vertices[place],
-            };
-            let own = own.map(|own| &own[place]);
-            let nearest = vertices[nearest_kept(grid, thinning, place)];
-            told.extend(others.code(coder, place, [between, nearest], own).map(|vertex| (place, vertex)));
+            let own = own.map(|own| own(place));
+            let found =
+                others.code(coder, place, [kept.interpolated(place), kept.nearest(place)], own.as_ref());
+            told.extend(found.map(|vertex| (place, vertex)));
         }
-        told.into_iter().for_each(|(place, vertex)| vertices[place] = vertex);
-        Some(vertices)
+        told
     }
-}
-
-/// The place of the kept vertex nearest to a place.
-fn nearest_kept(grid: Grid, thinning: Thinning, place: usize) -> usize {
-    let ((width, height), step) = (thinning.kept(grid), thinning.step());
-    let (row, column) = (place / grid.width, place % grid.width);
-    let nearest = |at: usize, n: usize| ((at + step / 2) / step).min(n - 1) * step;
-    nearest(row, height) * grid.width + nearest(column, width)
 }
 
 #[cfg(test)]

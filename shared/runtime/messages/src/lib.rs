@@ -29,7 +29,8 @@ pub use rotation::RotationBits;
 pub use stage::Stage;
 pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
 pub use stored_surface::{
-    StoredSurfaceError, load_features, load_surface, load_vertices, max_stored_bytes, store_surface,
+    POSITION_STEP_PX, StoredSurfaceError, load_features, load_first, load_surface, max_stored_bytes,
+    places_under, store_surface,
 };
 pub use surface::{SurfaceExpectation, SurfaceHeader};
 pub use surface_payload::{MAX_FEATURES, read_features, vertices_of_features, write_features};

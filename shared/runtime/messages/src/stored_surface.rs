@@ -1,14 +1,16 @@
 //! A keyframe's surface as it stands in the store: the length of the packed vertices, these, and
-//! behind them the features as they are.
+//! behind them the features as they are. The vertices under features come with the first ones.
 
 use crate::message::Refusal;
 use crate::surface_payload::{MAX_FEATURES, check_features, read_features};
 use tessera_features::Feature;
-use tessera_surface::packed::{UnpackError, pack_and_round, unpack, unpack_some};
+use tessera_surface::packed::{FirstVertices, UnpackError, pack_and_round, unpack, unpack_first};
 use tessera_surface::{Grid, Vertex};
 
 /// Bytes of the length in front.
 const LENGTH: usize = size_of::<u32>();
+/// What stands under a feature is found from its position rounded to this, pixels: as it travels.
+pub const POSITION_STEP_PX: f32 = 1.0 / 16.0;
 
 /// Why bytes of a store are no surface.
 #[derive(Debug, thiserror::Error)]
@@ -35,8 +37,8 @@ pub enum StoredSurfaceError {
 /// # Panics
 /// Where the payload has fewer vertices than the grid.
 pub fn store_surface(grid: Grid, payload: &[Vertex]) -> (Vec<u8>, Vec<Vertex>) {
-    let (packed, vertices) = pack_and_round(grid, &payload[..grid.len()]);
     let features = read_features(payload, grid.len());
+    let (packed, vertices) = pack_and_round(grid, &payload[..grid.len()], &places_under(grid, &features));
     let mut bytes = Vec::with_capacity(LENGTH + packed.len() + size_of_val(features.as_slice()));
     bytes.extend((packed.len() as u32).to_le_bytes());
     bytes.extend(packed);
@@ -51,21 +53,17 @@ pub fn store_surface(grid: Grid, payload: &[Vertex]) -> (Vec<u8>, Vec<Vertex>) {
 pub fn load_surface(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>), StoredSurfaceError> {
     let features = load_features(bytes)?;
     let (packed, _) = parts(bytes)?;
-    Ok((unpack(grid, packed)?, features))
+    Ok((unpack(grid, packed, &places_under(grid, &features))?, features))
 }
 
-/// Vertices of a stored surface at some places of the grid alone; at the others there is the default. The features
-/// are not looked at.
+/// Of the vertices of a stored surface the first ones alone and those under features; and the features.
 ///
 /// # Errors
-/// Where the bytes are no surface of this grid.
-pub fn load_vertices(
-    grid: Grid,
-    bytes: &[u8],
-    is_wanted: impl Fn(usize) -> bool,
-) -> Result<Vec<Vertex>, StoredSurfaceError> {
+/// Where the bytes are no surface of this grid; what is behind the first vertices is not looked at.
+pub fn load_first(grid: Grid, bytes: &[u8]) -> Result<(FirstVertices, Vec<Feature>), StoredSurfaceError> {
+    let features = load_features(bytes)?;
     let (packed, _) = parts(bytes)?;
-    Ok(unpack_some(grid, packed, is_wanted)?)
+    Ok((unpack_first(grid, packed, &places_under(grid, &features))?, features))
 }
 
 /// Features of a stored surface alone.
@@ -77,6 +75,25 @@ pub fn load_features(bytes: &[u8]) -> Result<Vec<Feature>, StoredSurfaceError> {
     let features: Vec<Feature> = bytemuck::pod_collect_to_vec(features);
     check_features(0, &features)?;
     Ok(features)
+}
+
+/// The places of the grid under features, rising: what stands there says how far away they are, and most stand at
+/// edges, where nothing can be interpolated.
+pub fn places_under(grid: Grid, features: &[Feature]) -> Vec<usize> {
+    let step = grid.step as f32;
+    let cell = |pixel: f32, n: usize| {
+        let pixel = (pixel / POSITION_STEP_PX).round() * POSITION_STEP_PX;
+        let place = ((pixel - 0.5 * (step - 1.0)) / step + 0.5).floor();
+        (place >= 0.0 && place < n as f32).then_some(place as usize)
+    };
+    let place = |feature: &Feature| {
+        let [row, column] = feature.pixel;
+        Some(cell(row, grid.height)? * grid.width + cell(column, grid.width)?)
+    };
+    let mut places: Vec<usize> = features.iter().filter_map(place).collect();
+    places.sort_unstable();
+    places.dedup();
+    places
 }
 
 /// The packed vertices, and the features behind them.
@@ -125,8 +142,10 @@ mod tests {
         assert_eq!(vertices, rounded);
         assert_eq!(back[..features.len()], features);
         assert_eq!(load_features(&bytes).unwrap(), back);
-        let some = load_vertices(grid, &bytes, |place| place == 9).unwrap();
-        assert_eq!((some[9], some[8]), (vertices[9], Vertex::default()));
+        // Features at rows 0 to 4 of column 2, under which are the first vertices of the first two rows.
+        let (first, same) = load_first(grid, &bytes).unwrap();
+        assert_eq!(same, back);
+        assert_eq!([8, 3, 1].map(|place| first.vertex(place)), [vertices[8], vertices[3], Vertex::default()]);
         let message = |bytes: &[u8]| load_surface(grid, bytes).unwrap_err().to_string();
         assert!(message(&bytes[..2]).contains("2 bytes are no surface: expected at least 4"));
         assert!(message(&bytes[..20]).contains("of packed vertices"));

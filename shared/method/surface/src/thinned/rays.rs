@@ -1,6 +1,7 @@
 //! The rays to which vertices are slid, so that their depth says where they are.
 
-use crate::vertex::{Grid, Vertex};
+use super::kept::KeptVertices;
+use crate::vertex::Vertex;
 
 /// A vertex whose depth would change by more than this part on its way along the tangent plane keeps it.
 const MOST_SLIDE: f32 = 0.03;
@@ -11,17 +12,17 @@ const MOST_SLIDE: f32 = 0.03;
 pub(super) struct Rays(pub(super) [f32; 4]);
 
 impl Rays {
-    /// The least squares fit to the valid ones among each `step`-th vertex of each `step`-th row: which ray a
-    /// vertex is slid to does not matter much.
-    pub(super) fn of(grid: Grid, vertices: &[Vertex], step: usize) -> Self {
+    /// The least squares fit to the valid ones of the kept vertices: which ray a vertex is slid to does not matter
+    /// much.
+    pub(super) fn of(kept: &KeptVertices) -> Self {
         let (mut columns, mut rows) = (LineFit::default(), LineFit::default());
-        for row in (0..grid.height).step_by(step) {
-            for column in (0..grid.width).step_by(step) {
-                let vertex = &vertices[row * grid.width + column];
+        for row in 0..kept.height() {
+            for column in 0..kept.width() {
+                let vertex = kept.at(row, column);
                 if vertex.is_valid() && vertex.position[2] > 0.0 {
                     let [x, y, z] = vertex.position.map(f64::from);
-                    columns.add(column as f64, x / z);
-                    rows.add(row as f64, y / z);
+                    columns.add((column * kept.step()) as f64, x / z);
+                    rows.add((row * kept.step()) as f64, y / z);
                 }
             }
         }

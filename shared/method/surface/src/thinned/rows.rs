@@ -121,27 +121,21 @@ impl ThinnedRows {
         let mut columns = 0..;
         let width = self.flags.len();
         let flags = &self.flags;
-        predict_row(
-            &mut self.current[number],
-            &self.above[number],
-            flags,
-            |_| true,
-            |value, prediction| {
-                let at: usize = columns.next().unwrap_or(0);
-                if !is_valid(flags[at]) {
-                    missed[at] = 0;
-                    return prediction;
-                }
-                let left = if at > 0 { missed[at - 1] } else { 0 };
-                let (corner, right) = (above[at.saturating_sub(1)], above[(at + 1).min(width - 1)]);
-                let around = [left, left, above[at], above[at], corner, right];
-                let around = around.iter().fold(0, |sum: u32, &v| sum.saturating_add(v));
-                let residual = value.wrapping_sub(prediction);
-                let residual = models.residual(coder, number, residual, [around, other(at)]);
-                missed[at] = residual.unsigned_abs();
-                prediction.wrapping_add(residual)
-            },
-        );
+        predict_row(&mut self.current[number], &self.above[number], flags, |_, value, prediction| {
+            let at: usize = columns.next().unwrap_or(0);
+            if !is_valid(flags[at]) {
+                missed[at] = 0;
+                return prediction;
+            }
+            let left = if at > 0 { missed[at - 1] } else { 0 };
+            let (corner, right) = (above[at.saturating_sub(1)], above[(at + 1).min(width - 1)]);
+            let around = [left, left, above[at], above[at], corner, right];
+            let around = around.iter().fold(0, |sum: u32, &v| sum.saturating_add(v));
+            let residual = value.wrapping_sub(prediction);
+            let residual = models.residual(coder, number, residual, [around, other(at)]);
+            missed[at] = residual.unsigned_abs();
+            prediction.wrapping_add(residual)
+        });
     }
 
     /// Rounds a vertex.

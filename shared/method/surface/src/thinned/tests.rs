@@ -29,6 +29,10 @@ fn surface(one_hole_in: usize) -> Vec<Vertex> {
     vertices
 }
 
+fn pack(grid: Grid, vertices: &[Vertex], beside: &[usize], thinning: Thinning) -> Vec<u8> {
+    super::pack(grid, |place| vertices[place], beside, thinning)
+}
+
 #[test]
 fn a_wall_comes_back_within_a_fraction_of_the_noise() {
     (1..=4).for_each(check_wall);
@@ -37,7 +41,8 @@ fn a_wall_comes_back_within_a_fraction_of_the_noise() {
 fn check_wall(spacing: u8) {
     let (surface, thinning) = (surface(usize::MAX), Thinning { spacing, ..FINE });
     let bytes = pack(GRID, &surface, &[], thinning);
-    let (width, height) = thinning.kept(GRID);
+    let kept = KeptVertices::new(GRID, thinning.step());
+    let (width, height) = (kept.width(), kept.height());
     assert!(bytes.len() < 50 + 4 * width * height, "{} bytes", bytes.len());
     let back = unpack(GRID, &bytes, &[]).unwrap();
     let mut n_missing = 0;
@@ -73,18 +78,11 @@ fn nothing_stands_where_nothing_was_seen() {
 
 #[test]
 fn one_interpolated_vertex_is_that_of_all() {
+    let own = surface(9);
     for step in 1..=4 {
-        let own = surface(9);
-        let mut all = vec![Vertex::default(); GRID.len()];
-        for (place, is_kept) in
-            looked_at(GRID, &[], Thinning { spacing: step as u8, ..FINE }).iter().enumerate()
-        {
-            all[place] = if *is_kept { own[place] } else { Vertex::default() };
-        }
-        let kept = all.clone();
-        interpolate(GRID, step, &mut all);
-        for (place, expected) in all.iter().enumerate() {
-            assert_eq!(interpolated(GRID, step, &kept, place), *expected, "place {place} of {step}");
+        let kept = KeptVertices::of(GRID, step, |place| own[place]);
+        for (place, expected) in kept.spread().iter().enumerate() {
+            assert_eq!(kept.interpolated(place), *expected, "place {place} of {step}");
         }
     }
 }
