@@ -1,9 +1,9 @@
 //! Features as they travel: the strongest of a keyframe, rounded, in the order of the keyframe, which is by level
 //! and row. A descriptor is told by where it differs from the nearest one before it.
 
-use tessera_features::{Feature, nearest_before};
+use tessera_features::{Feature, hamming_distance, nearest_before};
 use tessera_messages::POSITION_STEP_PX;
-use tessera_numerics::{BitCoder, BitModel, Isa, NumberModel, RangeReader, RangeWriter};
+use tessera_numerics::{BitCoder, BitModel, ByteParts, Isa, NumberModel, RangeReader, RangeWriter};
 
 /// Features of a keyframe that travel, at most.
 pub const MOST_FEATURES: usize = 300;
@@ -21,8 +21,36 @@ const ANGLE_STEPS: f32 = (1 << ANGLE_BITS) as f32;
 const LEVELS: u8 = 16;
 /// A descriptor that differs from all before it in more bits than this is told by itself.
 const MOST_DIFFERENT: u32 = 90;
-/// Bits of a descriptor.
-const DESCRIPTOR_BITS: usize = 256;
+/// Distances of a class, of which each has one probability for a bit to differ.
+const DISTANCES: u32 = 8;
+const CLASSES: usize = (MOST_DIFFERENT / DISTANCES) as usize + 1;
+/// Bytes by where a descriptor differs from a like one: how often each comes, by class.
+static DIFFERENCES: [ByteParts; CLASSES] = {
+    let mut parts = [ByteParts::new(&[1; 256]); CLASSES];
+    let mut class = 0;
+    while class < CLASSES {
+        parts[class] = differences(class as u64);
+        class += 1;
+    }
+    parts
+};
+
+/// Each bit of a byte differs with the probability of the middle of a class of distances, of 256 bits.
+const fn differences(class: u64) -> ByteParts {
+    // In 64ths: 4 and 12 of 256 are 1 and 3.
+    let one = 2 * class + 1;
+    let mut shares = [1; 256];
+    let mut byte: usize = 1;
+    while byte < 256 {
+        let n_ones = byte.count_ones();
+        let share = (one.pow(n_ones) * (64 - one).pow(8 - n_ones)) >> 32;
+        if share > 1 {
+            shares[byte] = share as u32;
+        }
+        byte += 1;
+    }
+    ByteParts::new(&shares)
+}
 
 /// The strongest of these features, in their order, as bytes, and as their reader has them.
 pub fn pack_and_round(features: &[Feature]) -> (Vec<u8>, Vec<Feature>) {
@@ -116,8 +144,8 @@ struct Models {
     /// Row steps, responses and deviations, by level.
     numbers: Vec<[NumberModel; 3]>,
     is_like_another: BitModel,
-    /// Each bit by itself, and where a like one has 0 or 1 there.
-    bits: [[BitModel; 3]; DESCRIPTOR_BITS],
+    /// Classes of distances to like descriptors.
+    class: NumberModel,
 }
 
 impl Models {
@@ -127,7 +155,7 @@ impl Models {
             level: NumberModel::default(),
             numbers: (0..LEVELS).map(|_| Default::default()).collect(),
             is_like_another: BitModel::default(),
-            bits: [[BitModel::default(); 3]; DESCRIPTOR_BITS],
+            class: NumberModel::default(),
         }
     }
 
@@ -165,17 +193,23 @@ impl Models {
         descriptor: [u64; 4],
         nearest: Option<u32>,
     ) -> Option<[u64; 4]> {
-        let mut like = None;
-        if !before.is_empty() && coder.bit(&mut self.is_like_another, nearest.is_some()) {
-            let n_bits = usize::BITS - (before.len() - 1).leading_zeros();
-            let place = coder.plain(nearest.unwrap_or(0), n_bits);
-            like = Some(before.get(place as usize)?.descriptor);
+        let is_like_another = !before.is_empty() && coder.bit(&mut self.is_like_another, nearest.is_some());
+        if !is_like_another {
+            let mut word = |word: u64| {
+                let high = coder.plain((word >> u32::BITS) as u32, u32::BITS);
+                u64::from(high) << u32::BITS | u64::from(coder.plain(word as u32, u32::BITS))
+            };
+            return Some(descriptor.map(&mut word));
         }
-        let mut found = [0; 4];
-        for (at, models) in self.bits.iter_mut().enumerate() {
-            let bit_of = |words: &[u64; 4]| words[at / 64] >> (at % 64) & 1;
-            let model = like.as_ref().map_or(0, |like| 1 + bit_of(like) as usize);
-            found[at / 64] |= u64::from(coder.bit(&mut models[model], bit_of(&descriptor) != 0)) << (at % 64);
+        let n_bits = usize::BITS - (before.len() - 1).leading_zeros();
+        let place = coder.plain(nearest.unwrap_or(0), n_bits);
+        let like = before.get(place as usize)?.descriptor;
+        let class = self.class.magnitude(coder, hamming_distance(&descriptor, &like) / DISTANCES);
+        let parts = DIFFERENCES.get(class as usize)?;
+        let mut found = like;
+        for (found, of) in found.iter_mut().zip(descriptor) {
+            let different = (*found ^ of).to_le_bytes();
+            *found ^= u64::from_le_bytes(different.map(|byte| coder.part(parts, byte.into()) as u8));
         }
         Some(found)
     }

@@ -29,6 +29,6 @@ pub use jackknife::jackknife_sigma;
 pub use prefetch::prefetch;
 pub use random::{SplitMix64, mix};
 pub use range::{SettingError, check_range};
-pub use range_coder::{BitCoder, BitModel, NumberModel, RangeReader, RangeWriter};
+pub use range_coder::{BitCoder, BitModel, ByteParts, NumberModel, Parts, RangeReader, RangeWriter};
 pub use rice::{RiceReader, RiceWriter, unzigzag, zigzag};
 pub use steps::*;
