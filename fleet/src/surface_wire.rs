@@ -12,7 +12,7 @@ use tessera_surface::{Grid, Vertex};
 pub const MOST_WANTED: usize = 64;
 /// How surfaces are thinned on their way.
 pub const THINNING: Thinning =
-    Thinning { spacing: FIRST_SPACING, inverse_depth_steps: 4096, normal_steps: 31 };
+    Thinning { spacing: FIRST_SPACING, inverse_depth_steps: 4096, normal_steps: 16 };
 /// Bytes of a slot in a request.
 const SLOT_BYTES: usize = 20;
 /// Bytes in front of a surface: its length and its checksum.
