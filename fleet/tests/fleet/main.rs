@@ -1,5 +1,6 @@
 //! Robots and a base: copies without and with a network, faults on purpose, maps of several runs.
 
+mod alike;
 mod copies;
 mod corrections;
 mod disturbed;

@@ -40,7 +40,6 @@ pub(crate) fn is_contradicted(
         .zip(after)
         .map(|(keyframe, pose)| PlacedKeyframe { keyframe, world_from_camera: *pose })
         .collect();
-    contradiction::contradict(context, &placed, surfaces, contradiction::evenly(across), || {
-        OwnNeighbours::of(own)
-    })
+    let (across, own) = (contradiction::evenly(across), || OwnNeighbours::of(own));
+    contradiction::contradict(context, contradiction::IN_RUN, &placed, surfaces, across, own)
 }
