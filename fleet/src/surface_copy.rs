@@ -11,7 +11,7 @@ use tessera_surface::Grid;
 
 /// Its name in the folder of a run at the base.
 pub const SURFACES: &str = "surfaces.journal";
-/// What it calls itself; the first form had Rice codes, the third ranges of 32 bits.
+/// What it calls itself; the first form had Rice codes, the third ranges of 32 bits, the fourth learnt bits of descriptors.
 const KIND: &str = "surfaces5";
 /// How long a base waits for one that is ending.
 const WAIT: Duration = Duration::from_millis(500);

@@ -36,7 +36,7 @@ pub(crate) struct Evidence {
 pub(crate) const IN_RUN: Evidence =
     Evidence { in_front: GlobalSettings::MAX_IN_FRONT, is_of_all: false, least: 3, most_share: 0.025 };
 /// In a base, which has thinned surfaces: of them too little floats where another room is seen through a door. Right
-/// joins were seen to have up to 5.2 %, most of them none, joins of rooms that look alike 7.6 % and more.
+/// joins were seen to have up to 5.2 %, joins of rooms that look alike 7.6 % and more.
 pub(crate) const IN_BASE: Evidence =
     Evidence { in_front: 0.5 * GlobalSettings::MAX_IN_FRONT, is_of_all: true, least: 4, most_share: 0.0625 };
 
