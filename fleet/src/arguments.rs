@@ -2,7 +2,9 @@
 
 use crate::chaos::MOST_TIMES;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use tessera_report::loopback_address;
 
 /// Many robots, one map, over Zenoh
 #[derive(Debug, Parser)]
@@ -61,6 +63,9 @@ Without --config it listens on this machine alone, and with --add alone not at a
 Examples:
   tessera base fleet                                      listen on tcp/127.0.0.1:7447
   tessera base fleet status --json                        what it does and has
+  tessera base fleet top                                  the same as it goes on
+  tessera base fleet top --metrics 127.0.0.1:9465         for Prometheus
+  tessera base fleet view                                 in a browser
   tessera base fleet --config base.json5                  TLS, docs/fleet.md
   tessera base house --add runs/monday --add runs/tuesday one map of finished runs")]
 pub struct BaseArguments {
@@ -69,9 +74,9 @@ pub struct BaseArguments {
     /// Say what a base is doing, instead of being one
     #[arg(value_enum)]
     pub action: Option<Action>,
-    /// With status: print JSON
-    #[arg(long, requires = "action")]
-    pub json: bool,
+    /// How to look at it.
+    #[command(flatten)]
+    pub look: LookArguments,
     /// Take a run from disk too; ends when it is in the map, unless --listen or --config is given
     #[arg(long, value_name = "RUNDIR", conflicts_with = "action")]
     pub add: Vec<PathBuf>,
@@ -100,6 +105,46 @@ pub struct BaseArguments {
 pub enum Action {
     /// What it does and has
     Status,
+    /// The same as it goes on, on a terminal
+    Top,
+    /// Its report as it goes on, for browsers on this machine
+    View,
+}
+
+impl Action {
+    /// As it stands on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Status => "status",
+            Self::Top => "top",
+            Self::View => "view",
+        }
+    }
+}
+
+/// How a base is looked at.
+#[derive(Clone, Debug, Default, Args)]
+pub struct LookArguments {
+    /// With status: print JSON; with top: a line of JSON for each look
+    #[arg(long, requires = "action")]
+    pub json: bool,
+    /// With top: answer Prometheus at this address of the loopback interface (port 0: a free one)
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = loopback_address, requires = "action",
+          conflicts_with_all = ["json", "count", "interval"])]
+    pub metrics: Option<SocketAddr>,
+    /// With top: seconds between two looks [default: 1]
+    #[arg(long, value_name = "S", value_parser = seconds, requires = "action")]
+    pub interval: Option<f64>,
+    /// With top: end after so many looks
+    #[arg(long, value_name = "N", requires = "action")]
+    pub count: Option<u64>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.05..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected seconds from 0.05 to 3600".to_owned()),
+    }
 }
 
 /// `tessera chaos --fleet`.
@@ -165,11 +210,17 @@ mod tests {
         let parse = |line: &str| Arguments::try_parse_from(line.split(' '));
         assert!(parse("x uplink room-1 --to tcp/127.0.0.1:7447").is_ok());
         assert!(parse("x base fleet status --json").is_ok());
+        assert!(parse("x base fleet top --json --interval 0.5 --count 2").is_ok());
+        assert!(parse("x base fleet top --metrics 127.0.0.1:0").is_ok());
         assert!(parse("x chaos --times 100 --run a --run b --json").is_ok());
         for wrong in [
             "x uplink room-1",
             "x base fleet --json",
             "x base fleet stat",
+            "x base fleet --count 2",
+            "x base fleet top --interval 0",
+            "x base fleet top --metrics 0.0.0.0:9465",
+            "x base fleet top --metrics 127.0.0.1:0 --json",
             "x base fleet status --add a",
             "x chaos --times 0",
             "x chaos --times 1001",

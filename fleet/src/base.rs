@@ -5,10 +5,9 @@ use crate::carrier::Carrier;
 use crate::disk::add_from_disk;
 use crate::error::FleetError;
 use crate::mapper::Mapper;
-use crate::report::write_report;
 use crate::shared::{Shared, SharedRef, lock};
+use crate::shown::Shown;
 use crate::status::{RunStatus, Status};
-use crate::traffic::Traffic;
 use crate::visit::{Visit, visit};
 use crate::wire::Refusal;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +15,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Robots of a base at a time, at most.
 pub const MAX_ROBOTS: usize = 64;
@@ -26,8 +25,6 @@ const TICK: Duration = Duration::from_millis(50);
 const PAUSE: Duration = Duration::from_millis(500);
 /// While an answer to it is made.
 const SHORT_PAUSE: Duration = Duration::from_millis(100);
-/// Between two writings of the status.
-const STATUS_EVERY: Duration = Duration::from_millis(500);
 
 /// What a base is asked to do.
 #[derive(Clone, Debug)]
@@ -68,8 +65,7 @@ pub fn base(
     let mut workers: BTreeMap<String, JoinHandle<()>> = BTreeMap::new();
     add_from_disk(options, &shared, &mut workers, stop)?;
     let mut mapper = Mapper::default();
-    let (mut traffic, begun, mut reported) = (Traffic::default(), Instant::now(), 0);
-    let mut said = Instant::now().checked_sub(STATUS_EVERY);
+    let mut shown = Shown::default();
     loop {
         let present = match &mut network {
             Some(network) => start_workers(*network, &shared, &mut workers, stop),
@@ -82,15 +78,8 @@ pub fn base(
         mapper.step(options, &shared)?;
         let is_done = options.until.is_some_and(|n| mapper.is_done(&shared, n)) && !is_adding(&workers);
         let is_over = is_done || stop.load(Ordering::Relaxed);
-        if is_over || said.is_none_or(|said| said.elapsed() >= STATUS_EVERY) {
-            let status = status(options, &shared, &mapper, &present);
-            status.write(&options.folder)?;
-            said = Some(Instant::now());
-            traffic.note(begun.elapsed().as_secs_f64(), &status.runs);
-            if is_over || status.mapped != reported {
-                reported = status.mapped;
-                write_report(&options.folder, &status, &traffic)?;
-            }
+        if is_over || shown.is_due() {
+            shown.show(&options.folder, &status(options, &shared, &mapper, &present), is_over)?;
         }
         if is_over {
             stop.store(true, Ordering::Relaxed);

@@ -10,15 +10,15 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tessera_fleet::arguments::{Arguments, BaseArguments, Command, FleetChaosArguments, UplinkArguments};
-use tessera_fleet::arrivals::{CopyForm, DISK, FLEET_JOURNAL};
+use tessera_fleet::arrivals::{CopyForm, DISK};
 use tessera_fleet::base::{BaseOptions, Network, base};
 use tessera_fleet::chaos::{FleetCampaign, FleetFault, end_with_parent, fleet_campaign};
 use tessera_fleet::error::FleetError;
+use tessera_fleet::looking::look;
 use tessera_fleet::network::ZenohNetwork;
 use tessera_fleet::session::{End, configuration, locators};
 use tessera_fleet::status::Status;
 use tessera_fleet::uplink::{UplinkOptions, uplink};
-use tessera_journal::lock_file;
 
 fn main() -> ExitCode {
     end_with_parent();
@@ -68,8 +68,8 @@ fn host_name() -> String {
 }
 
 fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
-    if arguments.action.is_some() {
-        return say_status(&arguments.folder, arguments.json);
+    if let Some(action) = arguments.action {
+        return look(&arguments.folder, action, &arguments.look);
     }
     let stop = stop_flag()?;
     let is_listening = arguments.add.is_empty() || arguments.listen.is_some() || arguments.config.is_some();
@@ -132,21 +132,4 @@ fn run_chaos(arguments: &FleetChaosArguments) -> Result<(), FleetError> {
     let text = if arguments.json { report.to_json_lines() } else { report.for_people() };
     println!("{}", text.trim_end());
     report.verdict()
-}
-
-fn say_status(folder: &Path, is_json: bool) -> Result<(), FleetError> {
-    let status = Status::read(folder)?;
-    if is_json {
-        let text = serde_json::to_string_pretty(&status).map_err(|e| FleetError::Input(e.to_string()))?;
-        println!("{text}");
-    } else {
-        print!("{}", status.text(is_running(folder)));
-    }
-    Ok(())
-}
-
-/// Whether a base holds the folder's journal.
-fn is_running(folder: &Path) -> bool {
-    let path = folder.join(FLEET_JOURNAL);
-    std::fs::File::open(&path).is_ok_and(|file| lock_file(&file, &path, Duration::ZERO).is_err())
 }

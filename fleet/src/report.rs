@@ -10,11 +10,10 @@ use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_journal::{Durability, write_atomically};
 use tessera_outputs::html::{self, escaped};
+use tessera_report::STYLE;
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
-/// That of the reports of single runs.
-const STYLE: &str = include_str!("../../shared/tools/report/src/style.css");
 /// Points of a way that are drawn: more cannot be seen.
 const MOST_POINTS: usize = 1000;
 
@@ -34,11 +33,16 @@ pub struct RunWay {
 /// # Errors
 /// Where it cannot be written.
 pub fn write_report(base: &Path, status: &Status, traffic: &Traffic) -> Result<(), FleetError> {
-    let ways = status.map.as_ref().map_or(Vec::new(), |map| ways(&map_folder(base), map));
-    let page = page(status, traffic, &ways);
+    let page = page_of(base, status, traffic);
     let path = base.join(REPORT_FILE);
     write_atomically(&path, Durability::Scratch, |writer| writer.write_all(page.as_bytes()))
         .map_err(FleetError::io("write", &path))
+}
+
+/// The page of a base, with the ways that stand in its folder.
+pub fn page_of(base: &Path, status: &Status, traffic: &Traffic) -> String {
+    let ways = status.map.as_ref().map_or(Vec::new(), |map| ways(&map_folder(base), map));
+    page(status, traffic, &ways)
 }
 
 /// The ways of all runs in a map's folder.
@@ -156,11 +160,7 @@ fn joins(map: &Summary) -> String {
 fn runs(status: &Status, map: &Summary) -> String {
     let row = |run: &crate::status::RunStatus| {
         let in_map = map.runs.iter().find(|known| known.robot == run.robot && known.run == run.run);
-        let state = match (run.is_ended, run.is_connected) {
-            (true, _) => "ended",
-            (false, true) => "goes on",
-            (false, false) => "away",
-        };
+        let state = run.state(true).words();
         let left_out = in_map.and_then(|run| run.left_out.clone()).map(|why| format!("left out: {why}"));
         let words = [Some(state.to_owned()), left_out, run.problem.clone()];
         vec![

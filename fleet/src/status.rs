@@ -1,6 +1,7 @@
 //! What a base has to show: `status.json` in its folder, written anew each second, and the same in words.
 
 pub use crate::answering::AnswerStatus;
+use crate::arrivals::FLEET_JOURNAL;
 use crate::error::FleetError;
 use crate::map::MapCost;
 use crate::summary::{JoinVerdict, Summary};
@@ -9,10 +10,17 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
-use tessera_journal::{Durability, write_atomically};
+use std::time::Duration;
+use tessera_journal::{Durability, lock_file, write_atomically};
 
 /// Its name in the base's folder.
 pub const STATUS_FILE: &str = "status.json";
+
+/// Whether a base holds the journal of a folder.
+pub fn is_running(base: &Path) -> bool {
+    let path = base.join(FLEET_JOURNAL);
+    std::fs::File::open(&path).is_ok_and(|file| lock_file(&file, &path, Duration::ZERO).is_err())
+}
 
 /// What a base is doing. Field names are an interface: scripts read them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -150,17 +158,25 @@ impl Status {
 
     /// In words, as `tessera base DIR status` prints it.
     pub fn text(&self, is_running: bool) -> String {
+        let runs = self.runs.iter().map(|run| format!("  {}\n", run.text(is_running)));
+        let runs = runs.collect::<String>();
+        format!("{}\n{runs}{}", self.headline(is_running), self.below_runs())
+    }
+
+    /// Which base this is, in a line.
+    pub fn headline(&self, is_running: bool) -> String {
+        let running = if is_running { format!("pid {}", self.pid) } else { "not running".into() };
+        let listens = self.listens.as_deref().unwrap_or("no network");
+        format!("base: {running}, {listens}")
+    }
+
+    /// What was refused, and the map, in words.
+    pub fn below_runs(&self) -> String {
         let mut text = String::new();
         let line = |text: &mut String, words: String| {
             // Writing to a string does not fail.
             let _ = writeln!(text, "{words}");
         };
-        let running = if is_running { format!("pid {}", self.pid) } else { "not running".into() };
-        let listens = self.listens.as_deref().unwrap_or("no network");
-        line(&mut text, format!("base: {running}, {listens}"));
-        for run in &self.runs {
-            line(&mut text, format!("  {}", run.text(is_running)));
-        }
         for refused in &self.refused {
             let last = if refused.last.is_empty() { String::new() } else { format!(" ({})", refused.last) };
             let (robot, what) = (&refused.robot, refused.what.words());
@@ -186,14 +202,45 @@ impl Status {
     }
 }
 
+/// What a run is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunState {
+    /// It has come to its end and is here whole.
+    Ended,
+    /// Its robot can be asked.
+    GoesOn,
+    /// Its robot cannot be asked now.
+    Away,
+}
+
+impl RunState {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Ended => "ended",
+            Self::GoesOn => "goes on",
+            Self::Away => "away",
+        }
+    }
+}
+
 impl RunStatus {
+    /// What it is doing, where a base looks at it or no longer does.
+    pub fn state(&self, is_running: bool) -> RunState {
+        match (self.is_ended, self.is_connected && is_running) {
+            (true, _) => RunState::Ended,
+            (false, true) => RunState::GoesOn,
+            (false, false) => RunState::Away,
+        }
+    }
+
     fn text(&self, is_running: bool) -> String {
-        let state = match (self.is_ended, self.is_connected && is_running) {
-            (true, _) => "ended".into(),
-            (false, true) => {
+        let state = match self.state(is_running) {
+            RunState::Ended => "ended".into(),
+            RunState::GoesOn => {
                 format!("{} behind, {}/s", bytes(self.lag_bytes), bytes(self.bytes_per_s as u64))
             }
-            (false, false) => format!("away, {} behind", bytes(self.lag_bytes)),
+            RunState::Away => format!("away, {} behind", bytes(self.lag_bytes)),
         };
         let corrections = match (self.corrections_from_base, &self.answer) {
             (0, _) => String::new(),
@@ -253,7 +300,8 @@ fn map_text(map: &Summary, number: u64) -> String {
     text
 }
 
-fn bytes(n: u64) -> String {
+/// Bytes as people read them.
+pub fn bytes(n: u64) -> String {
     match n {
         0..1000 => format!("{n} B"),
         1000..1_000_000 => format!("{:.1} kB", n as f64 / 1e3),

@@ -1,7 +1,14 @@
 //! Which robots were there and what came from them, since the base started.
 
+use crate::error::FleetError;
 use crate::status::RunStatus;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
+use tessera_journal::{Durability, write_atomically};
+
+/// Its name in the base's folder.
+pub const TRAFFIC_FILE: &str = "traffic.json";
 
 /// Seconds between two looks, at first.
 const FIRST_EVERY_S: f64 = 1.0;
@@ -9,7 +16,7 @@ const FIRST_EVERY_S: f64 = 1.0;
 const MOST_LOOKS: usize = 1000;
 
 /// One look at one robot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RobotLook {
     /// Whether it could be asked.
     pub is_connected: bool,
@@ -20,7 +27,7 @@ pub struct RobotLook {
 }
 
 /// Looks at all robots; bounded, however long a base runs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Traffic {
     every_s: f64,
     /// Seconds since the base started, rising, and the robots that had come by then.
@@ -55,6 +62,23 @@ impl Traffic {
             });
             self.every_s *= 2.0;
         }
+    }
+
+    /// Writes it into the base's folder.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn write(&self, base: &Path) -> Result<(), FleetError> {
+        let path = base.join(TRAFFIC_FILE);
+        let text = serde_json::to_vec(self).map_err(|e| FleetError::Input(e.to_string()))?;
+        write_atomically(&path, Durability::Scratch, |writer| writer.write_all(&text))
+            .map_err(FleetError::io("write", &path))
+    }
+
+    /// What the base in a folder last wrote; nothing where it has written none, or another version did.
+    pub fn read(base: &Path) -> Self {
+        let text = std::fs::read_to_string(base.join(TRAFFIC_FILE));
+        text.ok().and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
     }
 
     /// Seconds of the last look.

@@ -5,6 +5,7 @@ mod copies;
 mod corrections;
 mod disturbed;
 mod faults;
+mod looking;
 mod maps;
 mod processes;
 #[path = "../../../tests/requirements.rs"]

@@ -1,6 +1,5 @@
 //! `tessera run`: its arguments.
 
-use super::top;
 use super::topics::TopicArguments;
 use clap::Args;
 use std::net::SocketAddr;
@@ -88,7 +87,7 @@ pub(crate) struct RunArguments {
     #[arg(long, value_name = "FILE", conflicts_with = "hold", help_heading = "For experts")]
     pub(crate) trace: Option<PathBuf>,
     /// Answer Prometheus at this address of the loopback interface while the run lasts
-    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = top::loopback, help_heading = "For experts")]
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = tessera_report::loopback_address, help_heading = "For experts")]
     pub(crate) metrics: Option<SocketAddr>,
     /// Decode all frames into memory first
     #[arg(long, help_heading = "For experts")]

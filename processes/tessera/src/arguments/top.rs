@@ -2,6 +2,7 @@
 
 use clap::Args;
 use std::net::SocketAddr;
+use tessera_report::loopback_address;
 
 /// `tessera top`.
 #[derive(Clone, Debug, Args)]
@@ -27,16 +28,8 @@ pub(crate) struct TopArguments {
     #[arg(long)]
     pub(crate) json: bool,
     /// Answer Prometheus at this address of the loopback interface (port 0: a free one)
-    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = loopback, conflicts_with_all = ["json", "count"])]
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = loopback_address, conflicts_with_all = ["json", "count"])]
     pub(crate) metrics: Option<SocketAddr>,
-}
-
-pub(super) fn loopback(text: &str) -> Result<SocketAddr, String> {
-    match text.parse::<SocketAddr>() {
-        Ok(address) if address.ip().is_loopback() => Ok(address),
-        Ok(address) => Err(format!("{} is not of this machine alone, expected 127.0.0.1:PORT", address.ip())),
-        Err(_) => Err("expected 127.0.0.1:PORT".to_owned()),
-    }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -8,7 +8,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
-use tessera_report::{Answer, answer};
+use tessera_report::{METRICS_PATH, answer};
 
 /// Time between two looks for a question.
 const POLL: Duration = Duration::from_millis(50);
@@ -78,13 +78,8 @@ pub(crate) fn serve(
         watcher.listen(POLL)?;
         while let Ok((stream, _)) = listener.accept() {
             // A client that goes away harms itself alone.
-            let _ = answer(stream, "/metrics", || figures(metrics(&watcher.look())));
+            let _ = answer(stream, METRICS_PATH, || metrics(&watcher.look()).into());
         }
     }
     Ok(())
-}
-
-fn figures(text: String) -> Answer {
-    let head = "Content-Type: text/plain; version=0.0.4\r\n".into();
-    Answer { status: "200 OK", head, body: text.into() }
 }

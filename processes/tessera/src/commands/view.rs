@@ -5,14 +5,15 @@ use crate::companion::{VIEWER, become_program};
 use crate::exit::{CommandError, Exit};
 use crate::run_folder;
 use crate::terminal::say;
-use tessera_report::PageServer;
+use tessera_report::{PageServer, RunPage};
 
 /// Becomes the viewer's program, or the server of the page; comes back only where it cannot.
 pub(crate) fn view(arguments: &ViewArguments) -> Result<Exit, CommandError> {
     if arguments.web {
-        let server = PageServer::open(&run_folder::find(&arguments.run)?)?;
+        let page = RunPage { run_folder: run_folder::find(&arguments.run)? };
+        let server = PageServer::open()?;
         say(&format!("{} shows the run to browsers on this machine; Ctrl-C ends this", server.url()?));
-        return Err(server.serve().into());
+        return Err(server.serve(&page).into());
     }
     let mut command = VIEWER.command()?;
     command.arg(&arguments.run);

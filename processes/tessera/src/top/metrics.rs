@@ -1,7 +1,7 @@
 //! A snapshot as Prometheus reads it (text format 0.0.4).
 
 use super::snapshot::{Snapshot, StageLine};
-use std::fmt::Write;
+use tessera_report::Exposition;
 
 /// Reads one figure of a stage.
 type Figure = fn(&StageLine) -> f64;
@@ -19,36 +19,36 @@ const FIGURES: [(&str, &str, &str, Figure); 8] = [
 ];
 
 /// All figures of a snapshot.
-pub(crate) fn metrics(snapshot: &Snapshot) -> String {
-    let mut text = String::new();
-    let run = &snapshot.name;
-    // Writing to a String cannot fail.
+pub(crate) fn metrics(snapshot: &Snapshot) -> Exposition {
+    let mut figures = Exposition::default();
+    let run = ("run", snapshot.name.as_str());
     for (name, kind, meaning, figure) in FIGURES {
-        let _ = writeln!(text, "# HELP {name} {meaning}\n# TYPE {name} {kind}");
+        figures.family(name, kind, meaning);
         for stage in &snapshot.stages {
-            let _ = writeln!(text, "{name}{{run=\"{run}\",stage=\"{}\"}} {}", stage.stage, figure(stage));
+            figures.sample(name, &[run, ("stage", stage.stage)], figure(stage));
         }
     }
     let gauges = [
-        ("keyframes", "In the map.", snapshot.keyframes),
-        ("loops", "In the map.", snapshot.loops),
-        ("workload_level", "Workload level of new frames, 0 full to 3 least.", snapshot.workload),
+        ("tessera_keyframes", "In the map.", snapshot.keyframes),
+        ("tessera_loops", "In the map.", snapshot.loops),
+        ("tessera_workload_level", "Workload level of new frames, 0 full to 3 least.", snapshot.workload),
     ];
     for (name, meaning, value) in gauges {
-        let _ = writeln!(text, "# HELP tessera_{name} {meaning}\n# TYPE tessera_{name} gauge");
-        let _ = writeln!(text, "tessera_{name}{{run=\"{run}\"}} {value}");
+        figures.family(name, "gauge", meaning);
+        figures.sample(name, &[run], value as f64);
     }
     const TIMES: &str = "tessera_step_seconds";
-    let _ = writeln!(text, "# HELP {TIMES} Time of a phase or step in a frame.\n# TYPE {TIMES} summary");
+    figures.family(TIMES, "summary", "Time of a phase or step in a frame.");
     for stage in &snapshot.stages {
         for (step, t) in &stage.times_ms {
-            let labels = format!("run=\"{run}\",stage=\"{}\",step=\"{step}\"", stage.stage);
+            let labels = [run, ("stage", stage.stage), ("step", step)];
             for (quantile, ms) in [("0.5", t.p50), ("0.9", t.p90), ("0.99", t.p99), ("1", t.max)] {
-                let _ = writeln!(text, "{TIMES}{{{labels},quantile=\"{quantile}\"}} {}", ms * 1e-3);
+                let [run, stage, step] = labels;
+                figures.sample(TIMES, &[run, stage, step, ("quantile", quantile)], ms * 1e-3);
             }
-            let _ = writeln!(text, "{TIMES}_sum{{{labels}}} {}", t.mean * t.n as f64 * 1e-3);
-            let _ = writeln!(text, "{TIMES}_count{{{labels}}} {}", t.n);
+            figures.sample(&format!("{TIMES}_sum"), &labels, t.mean * t.n as f64 * 1e-3);
+            figures.sample(&format!("{TIMES}_count"), &labels, t.n as f64);
         }
     }
-    text
+    figures
 }

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest that a client may take to ask.
 const TO_ASK: Duration = Duration::from_millis(500);
@@ -31,9 +31,7 @@ pub fn answer(mut stream: TcpStream, path: &str, make: impl FnOnce() -> Answer) 
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(TO_ASK))?;
     stream.set_write_timeout(Some(TO_READ))?;
-    let mut request = [0; MOST_BYTES];
-    let n = stream.read(&mut request)?;
-    let request = String::from_utf8_lossy(&request[..n]);
+    let request = read_request(&mut stream)?;
     let words = |text: &str| Answer { status: "", head: String::new(), body: text.into() };
     let Answer { status, head, body } = if !is_of_this_machine(&request) {
         Answer { status: "403 Forbidden", ..words("ask by the address 127.0.0.1\n") }
@@ -44,6 +42,20 @@ pub fn answer(mut stream: TcpStream, path: &str, make: impl FnOnce() -> Answer) 
     };
     write!(stream, "HTTP/1.1 {status}\r\n{head}Content-Length: {}\r\nConnection: close\r\n\r\n", body.len())?;
     stream.write_all(&body)
+}
+
+/// The head of a request, in whatever pieces it comes.
+fn read_request(stream: &mut TcpStream) -> io::Result<String> {
+    let until = Instant::now() + TO_ASK;
+    let mut request = [0; MOST_BYTES];
+    let mut n = 0;
+    while n < MOST_BYTES && !request[..n].ends_with(b"\r\n\r\n") && Instant::now() < until {
+        match stream.read(&mut request[n..])? {
+            0 => break,
+            more => n += more,
+        }
+    }
+    Ok(String::from_utf8_lossy(&request[..n]).into_owned())
 }
 
 /// Whether the name that the request was made to, where it has one, is one of the loopback interface.
@@ -64,6 +76,24 @@ fn is_of_this_machine(request: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_request_is_read_in_whatever_pieces_it_comes() {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let server = std::thread::spawn(move || {
+            let made = || Answer { status: "200 OK", head: String::new(), body: b"all".to_vec() };
+            answer(listener.accept().unwrap().0, "/", made)
+        });
+        for piece in ["GET ", "/ HTTP/1.1\r\nHost: ", "127.0.0.1\r\n", "\r\n"] {
+            client.write_all(piece.as_bytes()).unwrap();
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let mut said = String::new();
+        client.read_to_string(&mut said).unwrap();
+        assert!(said.starts_with("HTTP/1.1 200 OK") && said.ends_with("all"), "{said}");
+        server.join().unwrap().unwrap();
+    }
 
     #[test]
     fn names_from_elsewhere_are_refused() {

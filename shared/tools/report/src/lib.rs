@@ -6,6 +6,7 @@
 
 mod chart;
 mod compare;
+mod exposition;
 mod graph;
 mod http;
 mod page;
@@ -19,8 +20,9 @@ mod tracks;
 mod work;
 mod worst;
 
+pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
-pub use page::page;
+pub use page::{STYLE, page};
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
     Event, Frame, FrameState, Keyframe, LoopPair, ProcessSample, ReportedRun, ReportedVerdict, Setting,
@@ -28,7 +30,7 @@ pub use run::{
 };
 pub use run_directory::{REPORT_FILE, write};
 pub use scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
-pub use serve::PageServer;
+pub use serve::{LivePage, PageServer, RunPage};
 
 /// Why a page could not be drawn.
 #[derive(Debug, thiserror::Error)]

@@ -5,7 +5,8 @@ use crate::scene::VIEWER;
 use crate::{ReportError, compare, sections};
 use tessera_outputs::html::escaped;
 
-const STYLE: &str = include_str!("style.css");
+/// Of all pages of Tessera.
+pub const STYLE: &str = include_str!("style.css");
 
 /// The whole page: one run, or several side by side and then one after the other.
 ///

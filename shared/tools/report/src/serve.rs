@@ -1,38 +1,70 @@
-//! The report of a run while it goes on, for browsers on this machine.
+//! A page that changes, for browsers on this machine.
 //!
-//! The server is one more reader of the run directory. No process of the run knows of it, and a browser
-//! that is slow or frozen delays nothing but other browsers.
+//! The server is one more reader of a folder. No process that writes there knows of it, and a browser that
+//! is slow or frozen delays nothing but other browsers.
 
 use crate::http::{Answer, answer};
 use crate::run_directory::page_of;
 use std::net::{Ipv4Addr, TcpListener};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime};
 use tessera_outputs::{STATISTICS_FILE, ToolError};
 use tessera_stage::RunFiles;
 
-/// Time after which a browser asks again, while the run goes on, seconds, at least.
+/// Time after which a browser asks again, while the page goes on to change, seconds, at least.
 const REFRESH_S: u64 = 5;
-/// The same as a multiple of the time that the page took to make: the run needs the processor more.
+/// The same as a multiple of the time that the page took to make: others need the processor more.
 const REFRESH_SHARE: u64 = 10;
-/// A journal that has not grown for so long is that of a run that is over, or waits.
+/// A file that has not been written for so long is of something that is over, or waits.
 const IDLE: Duration = Duration::from_secs(15);
+
+/// What a page shows, and what tells whether it has changed.
+pub trait LivePage {
+    /// The file that is written while the page goes on to change.
+    fn growing(&self) -> PathBuf;
+    /// When something was written that changes the page beside it.
+    fn ended(&self) -> Option<SystemTime> {
+        None
+    }
+    /// The page as it is now.
+    ///
+    /// # Errors
+    /// Where there is nothing to show yet.
+    fn make(&self) -> Result<String, ToolError>;
+}
+
+/// The report of a run while it goes on.
+#[derive(Clone, Debug)]
+pub struct RunPage {
+    /// Folder of the run.
+    pub run_folder: PathBuf,
+}
+
+impl LivePage for RunPage {
+    fn growing(&self) -> PathBuf {
+        RunFiles::new(&self.run_folder).align_journal()
+    }
+
+    fn ended(&self) -> Option<SystemTime> {
+        std::fs::metadata(self.run_folder.join(STATISTICS_FILE)).and_then(|about| about.modified()).ok()
+    }
+
+    fn make(&self) -> Result<String, ToolError> {
+        page_of(&[&self.run_folder])
+    }
+}
 
 /// A server of one page, on the loopback interface alone.
 #[derive(Debug)]
-pub struct PageServer {
-    listener: TcpListener,
-    run_folder: PathBuf,
-}
+pub struct PageServer(TcpListener);
 
 impl PageServer {
-    /// A server at a free port for the run of a folder.
+    /// A server at a free port.
     ///
     /// # Errors
     /// Where no port can be had.
-    pub fn open(run_folder: &Path) -> Result<Self, ToolError> {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(cannot)?;
-        Ok(Self { listener, run_folder: run_folder.to_owned() })
+    pub fn open() -> Result<Self, ToolError> {
+        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map(Self).map_err(cannot)
     }
 
     /// What to open in a browser.
@@ -40,16 +72,16 @@ impl PageServer {
     /// # Errors
     /// Where the system does not tell the port.
     pub fn url(&self) -> Result<String, ToolError> {
-        Ok(format!("http://{}/", self.listener.local_addr().map_err(cannot)?))
+        Ok(format!("http://{}/", self.0.local_addr().map_err(cannot)?))
     }
 
     /// Answers browsers, one after the other; comes back only where the socket fails.
-    pub fn serve(&self) -> ToolError {
-        let mut page = Page::default();
+    pub fn serve(&self, page: &dyn LivePage) -> ToolError {
+        let mut made = MadePage::default();
         loop {
-            match self.listener.accept() {
+            match self.0.accept() {
                 // A browser that goes away harms itself alone.
-                Ok((stream, _)) => drop(answer(stream, "/", || page.answer(&self.run_folder))),
+                Ok((stream, _)) => drop(answer(stream, "/", || made.answer(page))),
                 Err(error) => return cannot(error),
             }
         }
@@ -60,24 +92,25 @@ fn cannot(error: std::io::Error) -> ToolError {
     ToolError::Stage(format!("cannot serve the page on 127.0.0.1: {error}"))
 }
 
+/// Length of the growing file, when it was written, and when what stands beside it was.
+type Version = (u64, Option<SystemTime>, Option<SystemTime>);
+
 /// The page as it was last made.
 #[derive(Default)]
-struct Page {
-    /// Bytes of the journal then, and when the run's end was last written.
-    of: Option<(u64, Option<SystemTime>)>,
+struct MadePage {
+    of: Option<Version>,
     body: Vec<u8>,
     /// Time that it took to make.
     took: Duration,
 }
 
-impl Page {
-    /// The page as it is now; made again only where the run has gone on or ended.
-    fn answer(&mut self, run_folder: &Path) -> Answer {
-        let journal = std::fs::metadata(RunFiles::new(run_folder).align_journal());
-        let end = std::fs::metadata(run_folder.join(STATISTICS_FILE)).and_then(|about| about.modified());
-        let of = journal.as_ref().ok().map(|about| (about.len(), end.ok()));
-        let age = journal.and_then(|about| about.modified()).ok().and_then(|at| at.elapsed().ok());
-        let goes_on = age.is_none_or(|age| age < IDLE);
+impl MadePage {
+    /// The page as it is now; made again only where something was written.
+    fn answer(&mut self, page: &dyn LivePage) -> Answer {
+        let growing = std::fs::metadata(page.growing()).ok();
+        let written = growing.as_ref().and_then(|about| about.modified().ok());
+        let of = growing.map(|about| (about.len(), written, page.ended()));
+        let goes_on = written.and_then(|at| at.elapsed().ok()).is_none_or(|age| age < IDLE);
         let begin = Instant::now();
         let head = |took: Duration| {
             let refresh_s = REFRESH_S.max(REFRESH_SHARE * took.as_secs());
@@ -85,9 +118,9 @@ impl Page {
             format!("Content-Type: text/html; charset=utf-8\r\nCache-Control: no-store\r\n{refresh}")
         };
         if self.of != of || of.is_none() {
-            match page_of(&[run_folder]) {
+            match page.make() {
                 Ok(page) => *self = Self { of, body: page.into_bytes(), took: begin.elapsed() },
-                // A run that has only begun; asked again a little later it has a page.
+                // What has only begun has a page when it is asked again a little later.
                 Err(error) => {
                     let body = format!("no page yet: {error}\n").into_bytes();
                     return Answer { status: "503 Service Unavailable", head: head(begin.elapsed()), body };
@@ -107,10 +140,10 @@ mod tests {
     #[test]
     fn a_folder_without_a_run_is_told_and_asked_for_again() {
         let folder = tempfile::tempdir().unwrap();
-        let server = PageServer::open(folder.path()).unwrap();
+        let server = PageServer::open().unwrap();
         let address = server.url().unwrap().trim_start_matches("http://").trim_end_matches('/').to_owned();
         assert!(address.starts_with("127.0.0.1:"));
-        std::thread::spawn(move || server.serve());
+        std::thread::spawn(move || server.serve(&RunPage { run_folder: folder.path().into() }));
         let ask = |request: &str| {
             let mut stream = TcpStream::connect(&address).unwrap();
             stream.write_all(request.as_bytes()).unwrap();
