@@ -1,6 +1,5 @@
 //! Robots and a base: copies without and with a network, faults on purpose, maps of several runs.
 
-mod alike;
 mod copies;
 mod corrections;
 mod disturbed;
@@ -13,3 +12,4 @@ mod requirements;
 mod robot;
 mod run;
 mod strangers;
+mod travelled;

@@ -4,7 +4,7 @@
 use crate::loops::covisibility;
 use crate::loops::matchable::Matchable;
 use crate::loops::track_ends::at_track_ends;
-use crate::loops::verification;
+use crate::loops::verification::{self, InFront};
 use crate::map::context::Context;
 use crate::map::records::{JoinRecord, LoopVerdict};
 use crate::map::state::{KeyframeState, TrackerState};
@@ -145,7 +145,7 @@ fn n_passing<'a>(
 /// Whether what a keyframe saw moves: its own component saw through it before or after, as where a person
 /// walks. What stays where it is was never seen through.
 fn passes(tester: &mut PairTester<'_>, neighbours: &OwnNeighbours, own: usize, seen_through: f64) -> bool {
-    neighbours.around(own).any(|neighbour| tester.in_front(own, neighbour) > seen_through)
+    neighbours.around(own).any(|neighbour| tester.in_front(own, neighbour).at_optimum > seen_through)
 }
 
 /// Tests pairs of keyframes where the join puts them; holds the buffers.
@@ -170,7 +170,7 @@ impl<'a> PairTester<'a> {
         let is_asked = is_violated || evidence.is_of_all && tested.verdict != LoopVerdict::LittleOverlap;
         let floating: Vec<usize> = [(newer, older), (older, newer)]
             .into_iter()
-            .filter(|(own, other)| is_asked && self.in_front(*own, *other) > evidence.in_front)
+            .filter(|(own, other)| is_asked && self.floats(*own, *other, evidence))
             .map(|(own, _)| own)
             .collect();
         // A loop is refused where what floats is seen on the way from one optimum to the other.
@@ -182,8 +182,15 @@ impl<'a> PairTester<'a> {
         }
     }
 
-    /// Share of what the first one saw that floats in front of what the second one saw.
-    fn in_front(&mut self, query: usize, target: usize) -> f64 {
+    /// Whether too much of what the first one saw floats in front of what the second one saw. Of all pairs many
+    /// overlap little, where an optimum by itself may be any: what speaks floats where the join puts it, too.
+    fn floats(&mut self, query: usize, target: usize, evidence: Evidence) -> bool {
+        let InFront { at_optimum, as_placed } = self.in_front(query, target);
+        let share = if evidence.is_of_all { at_optimum.min(as_placed) } else { at_optimum };
+        share > evidence.in_front
+    }
+
+    fn in_front(&mut self, query: usize, target: usize) -> InFront {
         let (sides, target_from_query) = self.sides(query, target);
         verification::in_front(&mut self.matcher, &sides[0], &sides[1], &target_from_query)
     }

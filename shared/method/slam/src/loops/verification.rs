@@ -65,18 +65,28 @@ pub(crate) fn test(
     Tested { overlap, in_front, inconsistency_sigmas, verdict }
 }
 
-/// Share of the queries in view that float in front of what the target saw, at the pair's own optimum, which is
-/// looked for as in [`test`].
+/// Share of the queries in view that float in front of what the target saw.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InFront {
+    /// At the pair's own optimum, which is looked for as in [`test`].
+    pub(crate) at_optimum: f64,
+    /// Where the pair is put.
+    pub(crate) as_placed: f64,
+}
+
+/// What of the query floats in front of what the target saw.
 pub(crate) fn in_front(
     matcher: &mut Matcher,
     query: &Matchable<'_>,
     target: &Matchable<'_>,
     target_from_query: &Pose,
-) -> f64 {
+) -> InFront {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
     let alignment = PairAlignment { query, target, n_queries: N_QUERIES, limits: &limits };
-    let report = alignment.solve(matcher, target_from_query, &FORWARD).report;
-    share(report.n_in_front, report.n_in_view)
+    let at_optimum = alignment.solve(matcher, target_from_query, &FORWARD).report;
+    let (_, as_placed) = alignment.search(matcher, target_from_query, 1.0);
+    let [at_optimum, as_placed] = [at_optimum, as_placed].map(|r| share(r.n_in_front, r.n_in_view));
+    InFront { at_optimum, as_placed }
 }
 
 fn share(part: u32, whole: u32) -> f64 {

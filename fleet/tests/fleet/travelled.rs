@@ -1,17 +1,18 @@
-//! Two offices that are the same to a camera, by surfaces as they travel: of what tells them apart, which is seen
-//! through their doors, thinning takes a part.
+//! Joins by surfaces as they travel: thinning takes a part of what tells rooms apart that look alike, and of what
+//! two halves of a kitchen share.
+
+use crate::requirements::data;
 
 use std::ops::Range;
 use tessera_features::Feature;
 use tessera_fleet::surface_wire::{THINNING, from_wire, pack_surface};
 use tessera_offline::{Method, RawFrame, Run};
-use tessera_slam::{AlignRecord, Context, JointMap, KeyframeSurfaces, TrackerState};
-use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
+use tessera_slam::{AlignRecord, Context, JointMap, KeyframeSurfaces, Meeting, TrackerState};
+use tessera_sources::{FolderSource, SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{Grid, Vertex};
 
-/// Frames in the first office and in the second one, from door to door.
+/// Frames in the first office and in the second one, from door to door, which are the same to a camera.
 const OFFICES: [Range<u64>; 2] = [230..745, 745..1260];
-const EVERY: usize = 5;
 
 struct Travelled(Vec<(Vec<Vertex>, Vec<Feature>)>);
 
@@ -26,10 +27,14 @@ impl KeyframeSurfaces for Travelled {
 }
 
 /// The map of a robot, and its surfaces as a base has them.
-fn walked(source: &SimulatedSource, method: &Method, frames: Range<u64>) -> (TrackerState, Travelled) {
+fn walked(
+    source: &dyn Source,
+    method: &Method,
+    (frames, every): (Range<u64>, usize),
+) -> (TrackerState, Travelled) {
     let mut run = Run::new(source.camera(), method).unwrap();
     let (mut features, mut before): (Vec<Vec<Feature>>, Vec<Feature>) = Default::default();
-    for index in frames.step_by(EVERY) {
+    for index in frames.step_by(every) {
         run.push(&RawFrame::read(source, index).unwrap());
         let own = run.last_features().to_vec();
         // A keyframe is this frame or the one before it.
@@ -54,20 +59,37 @@ fn walked(source: &SimulatedSource, method: &Method, frames: Range<u64>) -> (Tra
     (state, Travelled(map.surfaces.into_iter().zip(features).map(travelled).collect()))
 }
 
+/// What two robots see of each other's maps.
+fn joined(source: &dyn Source, method: &Method, parts: [Range<u64>; 2], every: usize) -> Vec<Meeting> {
+    let [(first, mut surfaces), (second, others)] = parts.map(|part| walked(source, method, (part, every)));
+    surfaces.0.extend(others.0);
+    let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
+    let mut map = JointMap::new(context);
+    map.add(&first);
+    map.add(&second);
+    map.join(&surfaces, &mut || ())
+}
+
 #[test]
-fn rooms_that_look_alike_stay_apart_by_surfaces_as_they_travel() {
+fn rooms_that_look_alike_stay_apart() {
+    const EVERY: usize = 5;
     let source =
         SimulatedSource::open(SceneName::Building, None, Some(1300), &SimulationOptions::default()).unwrap();
     let mut method = Method::default();
     // By this seed only 4 pairs violate free space as loops, of 167 that agree.
     method.registration.seed = 1;
     method.mapping.loops.min_frames /= EVERY as u64;
-    let [(first, mut surfaces), (second, others)] = OFFICES.map(|office| walked(&source, &method, office));
-    surfaces.0.extend(others.0);
-    let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
-    let mut map = JointMap::new(context);
-    map.add(&first);
-    map.add(&second);
-    let meetings = map.join(&surfaces, &mut || ());
+    let meetings = joined(&source, &method, OFFICES, EVERY);
     assert!(meetings.is_empty(), "{meetings:?}");
+}
+
+#[test]
+fn halves_of_a_kitchen_are_joined() {
+    let Some(kitchen) = data("kitchen_450") else { return };
+    let source = FolderSource::open(&kitchen, None, None).unwrap();
+    let mut method = Method::default();
+    // By this seed something floats in 6 of 78 pairs at their own optimum, up to 0.3 m from where the join puts them.
+    method.registration.seed = 12;
+    let meetings = joined(&source, &method, [0..250, 200..450], 1);
+    assert!(!meetings.is_empty());
 }
