@@ -24,7 +24,7 @@ const MOST_TESTED: usize = 200;
 pub(crate) struct Evidence {
     /// Share of what the one saw that floats in front of what the other saw, by which a pair says so.
     in_front: f64,
-    /// Whether pairs that agree as loops are asked too.
+    /// Whether pairs that agree as loops are asked too, where they overlap enough to be sure of their optimum.
     is_of_all: bool,
     /// At least so many pairs, and more than this share of those that agree.
     least: usize,
@@ -36,9 +36,9 @@ pub(crate) struct Evidence {
 pub(crate) const IN_RUN: Evidence =
     Evidence { in_front: GlobalSettings::MAX_IN_FRONT, is_of_all: false, least: 3, most_share: 0.025 };
 /// In a base, which has thinned surfaces: of them too little floats where another room is seen through a door. Right
-/// joins were seen to have up to 5.2 %, joins of rooms that look alike 7.6 % and more.
+/// joins were seen to have up to 2.7 %, joins of rooms that look alike 7.5 % and more.
 pub(crate) const IN_BASE: Evidence =
-    Evidence { in_front: 0.5 * GlobalSettings::MAX_IN_FRONT, is_of_all: true, least: 4, most_share: 0.0625 };
+    Evidence { in_front: 0.5 * GlobalSettings::MAX_IN_FRONT, is_of_all: true, least: 4, most_share: 0.05 };
 
 /// Part of [`Evidence::in_front`] that another keyframe of its own component saw through of what one saw, by which it
 /// is told that something moves. Where a person walks, most neighbours see a half of what floats or more; what stays
@@ -167,7 +167,7 @@ impl<'a> PairTester<'a> {
         let settings = &self.context.mapping.global;
         let tested = verification::test(settings, &mut self.matcher, &sides[0], &sides[1], &older_from_newer);
         let is_violated = tested.verdict == LoopVerdict::FreeSpaceViolated;
-        let is_asked = is_violated || evidence.is_of_all && tested.verdict != LoopVerdict::LittleOverlap;
+        let is_asked = is_violated || evidence.is_of_all && tested.overlap >= settings.min_overlap;
         let floating: Vec<usize> = [(newer, older), (older, newer)]
             .into_iter()
             .filter(|(own, other)| is_asked && self.floats(*own, *other, evidence))
@@ -182,8 +182,8 @@ impl<'a> PairTester<'a> {
         }
     }
 
-    /// Whether too much of what the first one saw floats in front of what the second one saw. Of all pairs many
-    /// overlap little, where an optimum by itself may be any: what speaks floats where the join puts it, too.
+    /// Whether too much of what the first one saw floats in front of what the second one saw. In a base where the
+    /// join puts it, too: a pair that is asked for the first time may end anywhere by itself.
     fn floats(&mut self, query: usize, target: usize, evidence: Evidence) -> bool {
         let InFront { at_optimum, as_placed } = self.in_front(query, target);
         let share = if evidence.is_of_all { at_optimum.min(as_placed) } else { at_optimum };
