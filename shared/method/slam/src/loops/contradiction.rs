@@ -183,7 +183,7 @@ impl<'a> PairTester<'a> {
     }
 
     /// Whether too much of what the first one saw floats in front of what the second one saw. In a base where the
-    /// join puts it, too: the optimum of a pair by itself was seen to be up to 0.3 m from there, and to have what floats.
+    /// join puts it, too: a pair by itself was seen to end up to 0.3 m from there, where something floats.
     fn floats(&mut self, query: usize, target: usize, evidence: Evidence) -> bool {
         let InFront { at_optimum, as_placed } = self.in_front(query, target);
         let share = if evidence.is_of_all { at_optimum.min(as_placed) } else { at_optimum };

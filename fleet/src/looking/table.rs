@@ -19,7 +19,7 @@ const COLUMNS: [(&str, u16); 8] = [
 ];
 
 /// Draws a status: runs, and below them what was refused and the map.
-pub(crate) fn draw(frame: &mut Frame<'_>, status: &Status, is_running: bool) {
+pub(super) fn draw(frame: &mut Frame<'_>, status: &Status, is_running: bool) {
     let n_runs = u16::try_from(status.runs.len()).unwrap_or(u16::MAX);
     let areas = Layout::vertical([
         Constraint::Length(2),

@@ -29,7 +29,7 @@ const FIGURES: [(&str, &str, &str, Figure); 9] = [
 ];
 
 /// All figures of a base.
-pub fn metrics(status: &Status, is_running: bool) -> Exposition {
+pub(super) fn figures(status: &Status, is_running: bool) -> Exposition {
     let mut figures = Exposition::default();
     figures.family("tessera_fleet_up", "gauge", "1 while the base runs.");
     figures.sample("tessera_fleet_up", &[], f64::from(is_running));
@@ -54,11 +54,11 @@ pub fn metrics(status: &Status, is_running: bool) -> Exposition {
             refused.n as f64,
         );
     }
-    map_metrics(&mut figures, status);
+    map_figures(&mut figures, status);
     figures
 }
 
-fn map_metrics(figures: &mut Exposition, status: &Status) {
+fn map_figures(figures: &mut Exposition, status: &Status) {
     let mut gauge = |name: &str, meaning: &str, value: f64| {
         figures.family(name, "gauge", meaning);
         figures.sample(name, &[], value);
@@ -112,7 +112,7 @@ mod tests {
             map: Some(Summary { components: vec![component], ..Summary::default() }),
             ..Status::default()
         };
-        let text = metrics(&status, true).text().to_owned();
+        let text = figures(&status, true).text().to_owned();
         for line in [
             "tessera_fleet_up 1",
             "tessera_fleet_frames{robot=\"a\",run=\"one\"} 60",
@@ -125,7 +125,7 @@ mod tests {
             assert!(text.lines().any(|other| other == line), "{line} is missing in\n{text}");
         }
         assert!(text.contains("tessera_fleet_refused_total{robot=\"x\\\"\",what="), "{text}");
-        let stopped = metrics(&status, false).text().to_owned();
+        let stopped = figures(&status, false).text().to_owned();
         assert!(stopped.contains("tessera_fleet_up 0") && stopped.contains("{state=\"away\"} 2"));
     }
 }
