@@ -59,7 +59,9 @@ pub(super) fn draw_looks(folder: &Path, arguments: &LookArguments) -> Result<(),
         Ok(true)
     });
     ratatui::restore();
-    looked
+    looked?;
+    // What was drawn is gone, and of a base that is over there is no more to come.
+    if is_running(folder) { Ok(()) } else { say(&Status::read(folder)?.text(false)) }
 }
 
 /// Whether a key was pressed that ends the view.
