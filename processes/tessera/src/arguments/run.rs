@@ -1,7 +1,7 @@
 //! `tessera run`: its arguments.
 
 use super::topics::TopicArguments;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use tessera_numerics::Isa;
@@ -70,6 +70,10 @@ pub(crate) struct RunArguments {
     /// Frames come at the source's own rate and the newest wins; drops are counted
     #[arg(long)]
     pub(crate) live: bool,
+    /// Who optimises all keyframes: this run, or the base of a fleet for run.base_wait_s each time (5 s where that
+    /// is 0) and this run behind that [default: local]
+    #[arg(long, value_enum, value_name = "WHERE", help_heading = "For a fleet")]
+    pub(crate) optimise: Option<OptimiseWhere>,
     /// Prepare and hold the run, or go on with the one of that name, for stages that are
     /// started from outside: by systemd, or `tessera stage`
     #[arg(long, requires = "name", help_heading = "For experts")]
@@ -99,6 +103,29 @@ pub(crate) struct RunArguments {
     pub(crate) speech: Speech,
 }
 
+/// Where all keyframes are optimised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OptimiseWhere {
+    /// By the run's own process
+    Local,
+    /// By the base of a fleet, where it answers in time
+    Remote,
+}
+
+impl OptimiseWhere {
+    /// Time for which a base is waited for where the settings have none, seconds.
+    const WAIT_S: f64 = 5.0;
+
+    /// `run.base_wait_s` in the place of what the settings have.
+    pub(crate) fn base_wait_s(self, of_settings: f64) -> f64 {
+        match self {
+            Self::Local => 0.0,
+            Self::Remote if of_settings > 0.0 => of_settings,
+            Self::Remote => Self::WAIT_S,
+        }
+    }
+}
+
 /// How much is said, and in what form.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct Speech {
@@ -118,4 +145,16 @@ fn isa(word: &str) -> Result<Isa, String> {
     all.into_iter()
         .find(|isa| isa.to_string() == word)
         .ok_or("expected auto, baseline, avx2, avx512 or neon".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_base_is_waited_for_as_long_as_the_settings_say() {
+        let waits = |at: OptimiseWhere| [0.0, 60.0].map(|of_settings| at.base_wait_s(of_settings));
+        assert_eq!(waits(OptimiseWhere::Remote), [5.0, 60.0]);
+        assert_eq!(waits(OptimiseWhere::Local), [0.0, 0.0]);
+    }
 }

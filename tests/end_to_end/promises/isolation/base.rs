@@ -25,8 +25,10 @@ fn summary(run: &Run) -> serde_json::Value {
 
 #[test]
 fn a_run_that_asks_a_base_needs_none() {
-    let (alone, run) = (alone(), room().with(&ASKING));
+    let (alone, run) = (alone(), room().with(&["--optimise", "remote"]));
     assert!(run.finish().success());
+    let config = String::from_utf8(run.output("config.toml")).unwrap();
+    assert!(config.lines().any(|line| line == "base_wait_s = 5.0"), "{config}");
     run.assert_same_bytes(&alone, "no base is there");
     assert_eq!(run.output("optimise.journal"), alone.output("optimise.journal"));
     assert_eq!(summary(&run)["corrections_from_base"], 0);
