@@ -6,6 +6,7 @@ mod disturbed;
 mod faults;
 mod looking;
 mod maps;
+mod nonsense;
 mod processes;
 #[path = "../../../tests/requirements.rs"]
 mod requirements;
