@@ -157,9 +157,9 @@ loopback interface alone, with a relay between each robot and the base. It cuts
 a link, delays it by 500 ms, throttles it to 50 kB/s, sends bytes twice, makes a
 robot connect anew; uplinks and base are killed with SIGKILL. Runs grow from
 their first byte to their last meanwhile. Then copies are compared with the
-runs byte by byte, surfaces in the form in which they travel, and the map with that of an undisturbed base which the runs
-came to in the same order. Exit code 0: the promise was kept; 4: it was not, and
-the folder stays for a look.
+runs byte by byte, surfaces in the form in which they travel, and the map with
+that of an undisturbed base which the runs came to in the same order. Exit code
+0: the promise was kept; 4: it was not, and the folder stays for a look.
 
 Examples:
   tessera chaos --fleet                           two runs of the simulated room
