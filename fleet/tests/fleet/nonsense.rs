@@ -47,7 +47,11 @@ fn surface() -> Vec<u8> {
         let depth = if column < 12.0 { 1.5 } else { 2.5 };
         Vertex {
             position: [(column - 10.0) / 130.0 * depth, (row - 7.5) / 130.0 * depth, depth],
-            flags_rgb: Vertex::pack(if place.is_multiple_of(7) { 0 } else { Vertex::VALID }, 0, [place as u8; 3]),
+            flags_rgb: Vertex::pack(
+                if place.is_multiple_of(7) { 0 } else { Vertex::VALID },
+                0,
+                [place as u8; 3],
+            ),
             normal: [0.0, 0.0, -1.0],
             reserved: 0,
         }
