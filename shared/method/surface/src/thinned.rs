@@ -73,7 +73,7 @@ pub fn pack(
     let rays = Rays::of(&vertices);
     let mut writer = RangeWriter::default();
     let mut surface = ThinnedSurface { grid, rays, thinning };
-    let kept = surface.code_kept(&mut writer, Some(&vertices)).expect("a writer has all vertices");
+    let kept = surface.code_kept(&mut writer, Some(vertices)).expect("a writer has all vertices");
     surface.code_beside(&mut writer, beside, &kept, Some(&vertex_at));
     let [a, b, c, d] = rays.0.map(f32::to_le_bytes);
     [a.as_slice(), &b, &c, &d, &thinning.bytes(), &writer.finish()].concat()
@@ -106,16 +106,18 @@ struct ThinnedSurface {
 }
 
 impl ThinnedSurface {
-    /// Writes the kept vertices `own`, or reads them; what a reader has. `None` where a vertex has no depth.
-    fn code_kept(&mut self, coder: &mut impl BitCoder, own: Option<&KeptVertices>) -> Option<KeptVertices> {
+    /// Writes the kept vertices `own`, or reads them; what a reader has, row by row in the place of what was
+    /// written. `None` where a vertex has no depth.
+    fn code_kept(&mut self, coder: &mut impl BitCoder, own: Option<KeptVertices>) -> Option<KeptVertices> {
         let Self { grid, rays, thinning } = *self;
         let step = thinning.step();
-        let mut kept = KeptVertices::new(grid, step);
+        let writes = own.is_some();
+        let mut kept = own.unwrap_or_else(|| KeptVertices::new(grid, step));
         let (mut rows, mut models) = (ThinnedRows::new(kept.width(), thinning), Models::default());
         for row in 0..kept.height() {
             rows.next();
-            for column in (0..kept.width()).filter(|_| own.is_some()) {
-                let vertex = own?.at(row, column);
+            for column in (0..kept.width()).filter(|_| writes) {
+                let vertex = kept.at(row, column);
                 rows.set(column, vertex, rays.depth_m(vertex, rays.at(row * step, column * step)));
             }
             rows.code(coder, &mut models);
