@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
-# A long test: runs under faults, then one long live run; memory, files and shared memory before,
-# during and after.
-#   scripts/soak.sh [SOURCE] [RUNS] [FAULTS] [LIVE_MINUTES]      (room 20 50 30)
-#   scripts/soak.sh building 0 0 60      an hour through the building, five laps and a bit
+# A long test: runs under faults, a fleet under faults, then one long live run; memory, files and shared
+# memory before, during and after.
+#   scripts/soak.sh [SOURCE] [RUNS] [FAULTS] [LIVE_MINUTES] [FLEET_FAULTS]      (room 20 50 30 100)
+#   scripts/soak.sh building 0 0 60 0    an hour through the building, five laps and a bit
+#   scripts/soak.sh room 0 0 0 100       a fleet alone: 100 faults of each of seven kinds, with either form of copies
+# The fleet is left out where its program is not built (docs/fleet.md).
 # TESSERA names the program [target/release/tessera]. Ends with 1 where a promise was broken or
 # one of these runs left something behind. The counts are the machine's, with those of others.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-source=${1:-room} runs=${2:-20} faults=${3:-50} minutes=${4:-30}
+source=${1:-room} runs=${2:-20} faults=${3:-50} minutes=${4:-30} fleet_faults=${5:-100}
 tessera=${TESSERA:-target/release/tessera}
 if [ ! -x "$tessera" ]; then
     cargo build --release
@@ -38,6 +40,20 @@ for ((run = 1; run <= runs; run++)); do
     say "after run $run of $runs"
 done
 [ "$runs" -eq 0 ] || tail -30 "$folder/chaos.txt"
+
+if [ "$fleet_faults" -gt 0 ] && [ ! -x fleet/target/release/tessera-fleet ]; then
+    echo "skipped: a fleet under faults: fleet/target/release/tessera-fleet is not built"
+elif [ "$fleet_faults" -gt 0 ]; then
+    for form in "" --whole; do
+        # An empty word is none.
+        # shellcheck disable=SC2086
+        if ! "$tessera" chaos --fleet --times "$fleet_faults" --seed "$fleet_faults" $form >"$folder/fleet.txt" 2>&1; then
+            failed=$((failed + 1))
+        fi
+        cat "$folder/fleet.txt"
+        say "after a fleet $form"
+    done
+fi
 
 # Memory of a process's own, without mapped files, megabytes.
 resident() { awk '/RssAnon/ { printf "%.1f", $2 / 1000 }' "/proc/$1/status" 2>/dev/null || echo -; }
