@@ -116,7 +116,7 @@ struct Looker {
 
 impl Looker {
     fn new(context: &Context, state: &TrackerState) -> Self {
-        let context = context.with_colour(&state.colour);
+        let context = context.with_colour(&state.colour, &state.noise);
         let mut aligner = Aligner::new(&context);
         aligner.sight.holds_admitted_only = true;
         Self {

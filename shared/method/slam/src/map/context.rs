@@ -2,6 +2,7 @@
 
 use crate::features::colour_model::{ColourModel, ColourState};
 use crate::settings::MappingSettings;
+use crate::tracking::noise_scales::{NoiseScales, NoiseState};
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;
 use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
@@ -24,8 +25,8 @@ pub struct Context {
     pub offset_px: f64,
     /// How colour lies against depth, as far as it is certain.
     pub(crate) colour: ColourModel,
-    /// Factor of the information of features; between keyframes that of the settings beside it.
-    pub(crate) feature_weight: f64,
+    /// Factors of the covariances that the sensors' models state.
+    pub(crate) scales: NoiseScales,
     /// Whether features may lead.
     pub(crate) is_colour_trusted: bool,
     /// Whether features may lead only where the surfaces lead nowhere.
@@ -61,22 +62,28 @@ impl Context {
             noise: DepthNoise::default(),
             offset_px,
             colour: ColourModel::default(),
-            feature_weight: 0.0,
+            scales: NoiseState::default().scales(),
             is_colour_trusted: true,
             is_colour_on_probation: false,
         }
     }
 
     /// The same with what is known of colour.
-    pub(crate) fn with_colour(&self, colour: &ColourState) -> Self {
+    pub(crate) fn with_colour(&self, colour: &ColourState, noise: &NoiseState) -> Self {
         let settings = &self.mapping.features;
         Self {
             colour: if settings.correct { colour.model } else { ColourModel::default() },
-            feature_weight: settings.weight * if settings.weight_by_residual { colour.weight() } else { 1.0 },
-            is_colour_trusted: colour.is_trusted() || !settings.weight_by_residual,
-            is_colour_on_probation: colour.is_on_probation() && settings.weight_by_residual,
+            scales: noise.scales(),
+            is_colour_trusted: colour.is_trusted(),
+            is_colour_on_probation: colour.is_on_probation(),
             ..self.clone()
         }
+    }
+
+    /// Factor of the features' metric information beside that of the surfaces' blocks in units of their model;
+    /// 0 where colour is not trusted.
+    pub(crate) fn feature_weight(&self) -> f64 {
+        if self.is_colour_trusted { self.scales.surfaces / self.scales.features } else { 0.0 }
     }
 
     /// The same without initial guesses from features.

@@ -198,6 +198,7 @@ impl JointMap {
             keyframes: self.state.keyframes.clone(),
             submaps: self.state.submaps.clone(),
             colour: own.colour,
+            noise: own.noise,
         });
         let frames = optimiser.own_frames(own, history);
         let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, &frames, progress);

@@ -12,6 +12,7 @@ pub use crate::map::keyframe::{
 };
 use crate::map::single;
 use crate::map::submaps::Submaps;
+use crate::tracking::noise_scales::NoiseRecord;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, Pose, PoseBits};
 use tessera_graph::{PairBlock, Quadratic};
@@ -77,6 +78,8 @@ pub struct FrameRecord {
     pub entropy_nats: f64,
     /// What its features say of colour; nothing where too few match.
     pub colour: Option<ColourRecord>,
+    /// What its alignment tells of the noise scales; nothing where it was not aligned.
+    pub noise: Option<NoiseRecord>,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
     /// Keyframes of the window that moved with this frame, because what was seen long ago

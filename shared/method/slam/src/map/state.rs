@@ -11,6 +11,7 @@ use crate::map::records::{
     SightingRecord, SplitRecord, State,
 };
 use crate::map::submaps::Submaps;
+use crate::tracking::noise_scales::NoiseState;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, PoseBits};
 
@@ -87,6 +88,8 @@ pub struct TrackerState {
     pub n_confirmed: u32,
     /// What all frames say of colour.
     pub colour: ColourState,
+    /// Noise scales of surfaces and features.
+    pub noise: NoiseState,
     /// The source is exhausted.
     pub is_ended: bool,
     /// Where the active keyframes stand.
@@ -174,6 +177,9 @@ impl TrackerState {
         }
         if let Some(colour) = &frame.colour {
             self.colour.apply(colour);
+        }
+        if let Some(noise) = &frame.noise {
+            self.noise.apply(noise);
         }
         self.is_placed |= frame.state == State::Tracking;
         self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };

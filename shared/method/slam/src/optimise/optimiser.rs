@@ -20,6 +20,7 @@ use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::sample_cache::Drawn;
 use crate::settings::GlobalSettings;
+use crate::tracking::noise_scales::NoiseState;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -49,6 +50,7 @@ pub(crate) struct Pending {
     pub(crate) keyframes: Vec<KeyframeState>,
     pub(crate) submaps: Submaps,
     pub(crate) colour: ColourState,
+    pub(crate) noise: NoiseState,
 }
 
 /// The keyframes of a request, solved for.
@@ -86,7 +88,8 @@ impl Optimiser {
     /// An optimiser that was asked for all keyframes of a state that no journal led to.
     pub(crate) fn asked(context: Context, state: &TrackerState, request: RequestRecord) -> Self {
         let (keyframes, submaps) = (state.keyframes.clone(), state.submaps.clone());
-        let pending = Pending { request, keyframes, submaps, colour: state.colour };
+        let (colour, noise) = (state.colour, state.noise);
+        let pending = Pending { request, keyframes, submaps, colour, noise };
         Self { pending: VecDeque::from([pending]), ..Self::new(context) }
     }
 
@@ -113,8 +116,8 @@ impl Optimiser {
         {
             let n = (request.n_keyframes as usize).min(self.state.keyframes.len());
             let keyframes = self.state.keyframes[..n].to_vec();
-            let (submaps, colour) = (self.state.submaps.clone(), self.state.colour);
-            self.pending.push_back(Pending { request, keyframes, submaps, colour });
+            let (submaps, colour, noise) = (self.state.submaps.clone(), self.state.colour, self.state.noise);
+            self.pending.push_back(Pending { request, keyframes, submaps, colour, noise });
         }
     }
 
@@ -233,8 +236,8 @@ impl Optimiser {
         runs: &[RunFrames<'_>],
         progress: &mut dyn FnMut(),
     ) -> SolvedKeyframes {
-        let Pending { request, keyframes, submaps, colour } = pending;
-        let context = self.context.with_colour(colour);
+        let Pending { request, keyframes, submaps, colour, noise } = pending;
+        let context = self.context.with_colour(colour, noise);
         let settings = &self.context.mapping.global;
         let iterations =
             if request.is_final { settings.final_iterations } else { GlobalSettings::OUTER_ITERATIONS };

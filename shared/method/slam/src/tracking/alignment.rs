@@ -2,6 +2,7 @@
 //! outer loop, [`MultiEdge::solve`].
 
 use crate::features::sight::Sight;
+use crate::features::weighted_pair::WeightedPair;
 use crate::map::context::Context;
 use crate::tracking::degeneracy::DegenerateDirection;
 use crate::tracking::prediction::{Prediction, Reference};
@@ -36,6 +37,8 @@ pub(crate) struct Alignment {
     /// Features that agree with the result, of the reference that has most.
     pub(crate) n_agreeing: u32,
     pub(crate) is_solved: bool,
+    /// One per reference: the sums of its surfaces alone, and the features that it shares with the frame.
+    pub(crate) parts: Vec<(BlockSums, Option<WeightedPair>)>,
 }
 
 impl Alignment {
@@ -112,12 +115,14 @@ impl Aligner {
             references,
             targets,
             factor,
+            nominal_factor: independent * context.mapping.window.correlation,
             matcher: &mut self.matcher,
             queries: &mut self.queries,
             shutter: &mut self.shutter,
             velocity: prediction.velocity,
             blocks: Vec::new(),
             reports: Vec::new(),
+            surfaces: Vec::new(),
             degenerate: Vec::new(),
         };
         let solved = problem.solve(&mut association, &mut || ());
@@ -128,7 +133,7 @@ impl Aligner {
             let priors: Matrix6 = solved.graph.priors.iter().map(|p| p.information).sum();
             information = solved.graph.information(frame) + priors;
         }
-        let WindowAssociation { velocity, blocks, reports, degenerate, .. } = association;
+        let WindowAssociation { velocity, blocks, reports, degenerate, surfaces, .. } = association;
         Alignment {
             world_from_camera,
             velocity,
@@ -139,6 +144,7 @@ impl Aligner {
             rotation_sigma_rad: prediction.rotation_sigma_rad,
             n_agreeing: 0,
             is_solved: solved.is_solved,
+            parts: surfaces.into_iter().zip(references).map(|(s, r)| (s, r.pair.clone())).collect(),
         }
     }
 
@@ -162,7 +168,7 @@ impl Aligner {
     /// Makes an inverse information matrix metric: the variance of one correspondence times how
     /// many correspondences say the same (method 9.3).
     pub(crate) fn metric_factor(&self, context: &Context) -> f64 {
-        self.independent_factor() * context.mapping.window.correlation
+        self.independent_factor() * context.scales.surfaces
     }
 
     /// As [`Self::metric_factor`] for independent correspondences.

@@ -5,8 +5,9 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
+use crate::tracking::noise_scales::{self, NoiseRecord, PairEvidence};
 use crate::tracking::prediction::Prediction;
-use crate::tracking::window::Member;
+use crate::tracking::window::{Member, world_from_member};
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, PoseBits, upper_triangle};
 use tessera_graph::{PairBlock, Quadratic, entropy_of_covariance, metric_covariance};
@@ -38,6 +39,7 @@ pub(crate) fn frame_record(
         n_correspondences: a.n_matches(),
         velocity: a.velocity.to_vector().into(),
         entropy_nats: entropy(input, aligner, aligned).unwrap_or(f64::NAN),
+        noise: noise(input, aligner, aligned),
         blocks: blocks(aligned),
         new_keyframe,
         ..record_at(input, &a.world_from_camera)
@@ -104,6 +106,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         rotation: frame.rotation,
         entropy_nats: f64::NAN,
         colour: None,
+        noise: None,
         blocks: Vec::new(),
         moved: Vec::new(),
         sighting: None,
@@ -137,6 +140,21 @@ fn blocks(aligned: &WindowAlignment) -> Vec<BlockRecord> {
         Member::Recent(_) => None,
     };
     pairs.filter_map(block).collect()
+}
+
+/// Evidence of the noise scales, from each reference.
+fn noise(input: &TrackingInput<'_>, aligner: &Aligner, aligned: &WindowAlignment) -> Option<NoiseRecord> {
+    let a = &aligned.alignment;
+    let members = aligned.members.iter().zip(&a.blocks).zip(&a.parts);
+    let pairs = members.filter_map(|((member, (origin, _)), (surfaces, features))| {
+        let target_from_query = world_from_member(&input.map, member)?.inverse() * a.world_from_camera;
+        Some(PairEvidence {
+            target_from_query,
+            surfaces: (origin, surfaces),
+            features: features.as_ref(),
+        })
+    });
+    noise_scales::record(pairs, aligner.independent_factor(), &input.context.scales)
 }
 
 /// Entropy of the pose relative to the last keyframe, nats (eq. 14); `None` where that is not in

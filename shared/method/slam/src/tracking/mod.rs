@@ -11,6 +11,7 @@ pub(crate) mod input;
 pub(crate) mod keyframe_test;
 pub(crate) mod large_displacement;
 pub(crate) mod motion_model;
+pub(crate) mod noise_scales;
 pub(crate) mod passing;
 pub(crate) mod prediction;
 pub(crate) mod promotion;

@@ -156,7 +156,7 @@ impl Tracker {
         keyframes: &dyn KeyframeSurfaces,
         posed: &mut dyn FnMut(&FrameRecord),
     ) -> FrameRecord {
-        let context = &self.workload.at(frame.workload).with_colour(colour);
+        let context = &self.workload.at(frame.workload).with_colour(colour, &self.state.noise);
         context.steps.enter(Step::Sampling);
         self.sampler.draw(&frame.surface, frame.index, &context.registration, &mut self.samples);
         let input = TrackingInput {

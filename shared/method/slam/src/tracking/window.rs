@@ -68,3 +68,11 @@ pub(crate) fn near(map: &MapView<'_>, limits: &ViewLimits, view: &Pose) -> Vec<(
     };
     limits.nearest(&view.translation.vector, &optical_axis(view), centres, axis_of)
 }
+
+/// The pose of a member, if it is still there.
+pub(crate) fn world_from_member(map: &MapView<'_>, member: &Member) -> Option<Pose> {
+    match member {
+        Member::Recent(place) => map.state().recent.get(*place).map(|r| Pose::from(&r.world_from_camera)),
+        Member::Keyframe(id) => map.keyframe(*id).map(|k| Pose::from(&k.world_from_camera)),
+    }
+}

@@ -51,7 +51,7 @@ pub(crate) fn align_to(
 ) -> WindowAlignment {
     let (members, mut references): (Vec<Member>, Vec<Reference<'_>>) =
         members.into_iter().filter_map(|member| Some((member, reference(input, member)?))).unzip();
-    let weight = input.context.feature_weight * aligner.independent_factor();
+    let weight = input.context.feature_weight() * aligner.independent_factor();
     aligner.sight.pair_all(input.context, &mut references, &guess.world_from_camera, weight);
     let mut alignment = aligner.align(input.context, samples, &references, guess);
     if input.context.is_colour_trusted {

@@ -17,6 +17,8 @@ pub(crate) struct WindowAssociation<'a, 'b> {
     pub(crate) targets: Vec<Target<'a>>,
     /// Makes an inverse information matrix metric.
     pub(crate) factor: f64,
+    /// The same by the sensor's model and its usual correlation, by which directions are degenerate.
+    pub(crate) nominal_factor: f64,
     pub(crate) matcher: &'a mut Matcher,
     pub(crate) queries: &'a mut Queries,
     pub(crate) shutter: &'a mut ShutterTable,
@@ -25,6 +27,8 @@ pub(crate) struct WindowAssociation<'a, 'b> {
     /// One per reference: where its matches were found, and their sums.
     pub(crate) blocks: Vec<(Pose, BlockSums)>,
     pub(crate) reports: Vec<PairReport>,
+    /// One per reference: the sums of its surfaces alone.
+    pub(crate) surfaces: Vec<BlockSums>,
     /// Degenerate directions of the tightest matches.
     pub(crate) degenerate: Vec<DegenerateDirection>,
 }
@@ -56,6 +60,7 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         self.queries.set_shutter(self.shutter);
         self.blocks.clear();
         self.reports.clear();
+        self.surfaces.clear();
         let limits = MatchLimits::new(self.prediction.first_distance_m, iteration.tightness);
         let window = &self.context.mapping.window;
         // While the pose is still far off, fewer matches lead it as well.
@@ -66,6 +71,7 @@ impl DataAssociation for WindowAssociation<'_, '_> {
             let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
             let (mut sums, report) =
                 self.matcher.match_pair(self.queries, selection, target, &target_from_query, &limits);
+            self.surfaces.push(sums);
             if let Some(pair) = &reference.pair {
                 pair.add_to(&mut sums, &target_from_query);
             }
@@ -83,7 +89,7 @@ impl DataAssociation for WindowAssociation<'_, '_> {
     fn hold(&mut self, solved: &Graph) -> Vec<Prior> {
         let vertex = self.references.len();
         let centroid = degeneracy::centroid(self.blocks.iter().map(|(_, sums)| sums));
-        let metric = solved.information(vertex) / self.factor;
+        let metric = solved.information(vertex) / self.nominal_factor;
         self.degenerate = degeneracy::degenerate_directions(&self.context.mapping.window, &metric, &centroid);
         if self.degenerate.is_empty() {
             return Vec::new();

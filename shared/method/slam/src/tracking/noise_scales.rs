@@ -1,0 +1,155 @@
+//! Variance components of surfaces and features, estimated while the run goes on (method 9.5).
+//!
+//! A reference that shares both kinds of measurement with a frame gives the relative pose twice: from
+//! surfaces with normal matrix `N_s` and gradient `g_s`, from features with `N_f` and `g_f`, each under its
+//! sensor's model. With the covariances `s_s^2 N_s^-1` and `s_f^2 N_f^-1`, the part of the two solutions'
+//! disagreement that belongs to a kind `k` at their joint optimum is `q_k`, its redundancy
+//! `r_k = 6 - tr(N_k N^-1)`, and Förstner's estimator `s_k^2 <- s_k^2 sum q_k / sum r_k` is a step of
+//! expectation maximisation (Förstner 1979; Teunissen and Amiri-Simkooei, J. Geodesy 2008).
+//!
+//! As poses are compared, not points, the scales hold what all matches of a kind err by together
+//! (calibration, lag, blur, the filter's correlation): the error of the reference's own pose alone cancels.
+
+use crate::features::weighted_pair::WeightedPair;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{Matrix6, Pose, Vector6};
+use tessera_graph::{BlockSums, PairBlock};
+
+/// Share of the evidence that stays from frame to frame: a memory of 100 frames.
+const KEPT: f64 = 0.99;
+/// Degrees of freedom of the prior: about what four frames with both kinds add.
+const PRIOR_FREEDOM: f64 = 20.0;
+/// Degrees of freedom of Student's t, by which one disagreement far beyond its covariance counts
+/// less (Lange, Little and Taylor, JASA 1989: 4).
+const STUDENT_FREEDOM: f64 = 4.0;
+/// Ratio of the surfaces' pose scale to the mean squared residual of their matches: matches that err together
+/// (method 9.5; fitted: the geometric mean over fr1_rpy_400, d435_office_400 and `room`).
+const SURFACE_CORRELATION: f64 = 10.0;
+/// Mean squared residual of surfaces before any was measured, in units of the model.
+const SURFACE_RESIDUAL: f64 = 0.005;
+/// Scale of the features where none was compared: the model's own.
+const FEATURE_SCALE: f64 = 1.0;
+
+/// A frame's evidence of the scales: sums over its pairs, divided by their number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct NoiseRecord {
+    /// Mean squared residual of the surfaces' matches in units of their model.
+    pub surface_residual: f64,
+    /// Squared disagreement that falls to surfaces and to features, in units of their models.
+    pub squared: [f64; 2],
+    /// Redundancy of each.
+    pub redundancy: [f64; 2],
+}
+
+/// The scales as of all frames so far.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoiseState {
+    surface_residual: f64,
+    n_frames: f64,
+    squared: [f64; 2],
+    redundancy: [f64; 2],
+}
+
+impl Default for NoiseState {
+    fn default() -> Self {
+        Self {
+            surface_residual: SURFACE_RESIDUAL,
+            n_frames: 0.0,
+            squared: [0.0; 2],
+            redundancy: [0.0; 2],
+        }
+    }
+}
+
+/// Factors of the covariances that the sensors' models state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseScales {
+    /// Of a pose from surfaces.
+    pub surfaces: f64,
+    /// Of a pose from features.
+    pub features: f64,
+}
+
+impl NoiseState {
+    /// Takes a frame's record in.
+    pub(crate) fn apply(&mut self, record: &NoiseRecord) {
+        self.n_frames = KEPT * self.n_frames + 1.0;
+        self.surface_residual += (record.surface_residual - self.surface_residual) / (self.n_frames + 1.0);
+        for k in 0..2 {
+            self.squared[k] = KEPT * self.squared[k] + record.squared[k];
+            self.redundancy[k] = KEPT * self.redundancy[k] + record.redundancy[k];
+        }
+    }
+
+    /// The scales: the evidence with the prior's degrees of freedom.
+    pub fn scales(&self) -> NoiseScales {
+        let prior = [SURFACE_CORRELATION * self.surface_residual, FEATURE_SCALE];
+        let [surfaces, features] = [0, 1].map(|k| {
+            (self.squared[k] + PRIOR_FREEDOM * prior[k]) / (self.redundancy[k] + PRIOR_FREEDOM)
+        });
+        NoiseScales { surfaces, features }
+    }
+
+    /// Relative standard deviation of each scale, surfaces first: that of a chi-square of as many degrees of freedom.
+    pub fn relative_deviations(&self) -> [f64; 2] {
+        self.redundancy.map(|r| (2.0 / (r + PRIOR_FREEDOM)).sqrt())
+    }
+}
+
+/// A pair's surfaces and features, each about the transform that they were found at.
+pub(crate) struct PairEvidence<'a> {
+    pub(crate) target_from_query: Pose,
+    pub(crate) surfaces: (&'a Pose, &'a BlockSums),
+    pub(crate) features: Option<&'a WeightedPair>,
+}
+
+/// A frame's evidence from all its pairs; `model`: makes the surfaces' sums metric; `None` without a match.
+pub(crate) fn record<'a>(
+    pairs: impl Iterator<Item = PairEvidence<'a>>,
+    model: f64,
+    scales: &NoiseScales,
+) -> Option<NoiseRecord> {
+    let mut record = NoiseRecord::default();
+    let (mut cost, mut n_matches, mut n_pairs) = (0.0, 0.0, 0.0);
+    for pair in pairs {
+        let (origin, sums) = pair.surfaces;
+        let (h, g, c) = PairBlock::new(origin, sums).linearise(&pair.target_from_query);
+        cost += c / model;
+        n_matches += f64::from(sums.n);
+        let Some(features) = pair.features else { continue };
+        let found = &features.found;
+        let (h_f, g_f, _) =
+            PairBlock::new(&found.target_from_query, &found.sums).linearise(&pair.target_from_query);
+        let surfaces = (h / (model * scales.surfaces), g / (model * scales.surfaces));
+        let features = (h_f / scales.features, g_f / scales.features);
+        let Some((squared, redundancy)) = components(&surfaces, &features) else { continue };
+        n_pairs += 1.0;
+        let weight = (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared[0] + squared[1]);
+        for (k, scale) in [scales.surfaces, scales.features].into_iter().enumerate() {
+            record.squared[k] += scale * weight * squared[k];
+            record.redundancy[k] += redundancy[k];
+        }
+    }
+    if n_pairs > 0.0 {
+        record.squared = record.squared.map(|v| v / n_pairs);
+        record.redundancy = record.redundancy.map(|v| v / n_pairs);
+    }
+    record.surface_residual = cost / n_matches;
+    (n_matches > 0.0).then_some(record)
+}
+
+/// Squared disagreement and redundancy of two groups of normal equations `(N, g)` at their joint optimum.
+fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<([f64; 2], [f64; 2])> {
+    let joint = (a.0 + b.0).cholesky()?;
+    let x = -joint.solve(&(a.1 + b.1));
+    // The gradients of the two groups there are opposite.
+    let pull = a.0 * x + a.1;
+    let part = |normal: &Matrix6| {
+        // A direction without information has no pull: the floor only keeps the inverse finite.
+        let floor = Matrix6::identity() * (1e-9 * normal.trace());
+        let squared = pull.dot(&(normal + floor).cholesky()?.solve(&pull));
+        Some((squared, 6.0 - joint.solve(normal).trace()))
+    };
+    let ((qa, ra), (qb, rb)) = (part(&a.0)?, part(&b.0)?);
+    Some(([qa, qb], [ra, rb]))
+}
