@@ -28,6 +28,7 @@ pub(crate) struct Accumulate<'a> {
     /// Query points in their own frame.
     pub(crate) points: &'a Columns3,
     pub(crate) epsilon: f32,
+    pub(crate) tangential: f32,
 }
 
 impl pulp::WithSimd for Accumulate<'_> {
@@ -77,7 +78,8 @@ fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut GicpSums) {
     let (two_epsilon, half_s) = (Lanes::splat(2.0 * it.epsilon), Lanes::splat(0.5 * s));
     let plus = quarter / (two_epsilon + half_s * dot(d, d));
     let minus = quarter / (two_epsilon + half_s * dot(u, u));
-    let half = w * Lanes::splat(0.5);
+    let half = w * Lanes::splat(0.5 * it.tangential);
+    let minus = minus * Lanes::splat(it.tangential);
     let entry = |r: usize, c: usize| plus * u[r] * u[c] + minus * d[r] * d[c];
     let omega =
         [half + entry(0, 0), entry(0, 1), entry(0, 2), half + entry(1, 1), entry(1, 2), half + entry(2, 2)];
@@ -122,7 +124,7 @@ mod tests {
         found.weight[0] = 1.0;
         let mut points = Columns3::default();
         points.resize(LANES);
-        accumulate(&Accumulate { found: &found, points: &points, epsilon })
+        accumulate(&Accumulate { found: &found, points: &points, epsilon, tangential: 1.0 })
     }
 
     #[test]

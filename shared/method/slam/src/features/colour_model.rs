@@ -1,10 +1,11 @@
-//! How colour lies against depth, estimated while running: time lag and ratio of focal lengths.
+//! How colour lies against depth, estimated while running: time lag, ratio of focal lengths, and the rigid
+//! transform between the cameras; and whether colour is trusted.
 //!
-//! Both are linear in the residuals of matches between frames whose relative pose is known. Each
-//! frame's record holds its normal equations about the parameters themselves, so that the state is
-//! their sum; what is applied follows from the state alone.
+//! The parameters are the maximum of their posterior ([`crate::features::colour_pose`] gives the likelihood); each
+//! group of them is applied where its own deviation tells that it is not zero.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use crate::features::colour_pose::{N_PARAMETERS, ParameterMatrix, ParameterSums, Parameters};
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
 
@@ -15,33 +16,54 @@ pub struct ColourModel {
     pub lag_s: f64,
     /// Focal length of colour over that of depth.
     pub focal_ratio: f64,
+    /// Centre of the colour camera in the depth camera's frame, metres.
+    pub offset_m: [f64; 3],
+    /// Rotation vector of the colour camera in the depth camera's frame, radians.
+    pub turn_rad: [f64; 3],
 }
 
 impl Default for ColourModel {
     fn default() -> Self {
-        Self { lag_s: 0.0, focal_ratio: 1.0 }
+        Self { lag_s: 0.0, focal_ratio: 1.0, offset_m: [0.0; 3], turn_rad: [0.0; 3] }
     }
 }
 
 impl ColourModel {
     /// What a camera file states.
     pub fn of_camera(camera: &Camera) -> Self {
-        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
+        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio, ..Self::default() }
     }
 
-    /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
-    /// image, both without distortion.
-    pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
-        [
-            (row - camera.cy) / self.focal_ratio + camera.cy,
-            (column - camera.cx) / self.focal_ratio + camera.cx,
-        ]
+    fn parameters(&self) -> Parameters {
+        let [x, y, z] = self.offset_m;
+        let [a, b, c] = self.turn_rad;
+        Parameters::from([self.lag_s, self.focal_ratio - 1.0, x, y, z, a, b, c])
     }
 
-    /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the
+    fn of_parameters(p: &Parameters) -> Self {
+        Self {
+            lag_s: p[0],
+            focal_ratio: 1.0 + p[1],
+            offset_m: [p[2], p[3], p[4]],
+            turn_rad: [p[5], p[6], p[7]],
+        }
+    }
+
+    fn depth_from_colour(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(Vector3::from(self.turn_rad))
+    }
+
+    /// Direction in the depth camera's frame in which the colour camera sees a pixel `[row, column]`.
+    pub(crate) fn ray(&self, camera: &Camera, [row, column]: [f64; 2]) -> Vector3<f64> {
+        let about = |pixel: f64, centre: f64| (pixel - centre) / self.focal_ratio + centre;
+        self.depth_from_colour() * camera.ray(about(row, camera.cy), about(column, camera.cx))
+    }
+
+    /// Pixel `[row, column]` of the colour image in which a point of the depth camera's frame is seen, the
     /// motion during the lag left out.
     pub(crate) fn pixel(&self, camera: &Camera, point: &Vector3<f64>) -> Option<[f64; 2]> {
-        let (row, column) = camera.project(point)?;
+        let seen = self.depth_from_colour().inverse() * (point - Vector3::from(self.offset_m));
+        let (row, column) = camera.project(&seen)?;
         Some([
             (row - camera.cy) * self.focal_ratio + camera.cy,
             (column - camera.cx) * self.focal_ratio + camera.cx,
@@ -58,14 +80,43 @@ pub struct ColourRecord {
     pub residual_px: f64,
     /// What of it no lag and no ratio explains, in units of what is allowed at this motion.
     pub disagreement: f64,
-    /// `sum w J^T J`: lag-lag, lag-ratio, ratio-ratio, per square pixel.
-    pub information: [f64; 3],
-    /// `sum w J^T (J x - r)` at the parameters `x` in effect.
-    pub gradient: [f64; 2],
 }
 
-/// Share by which what was seen before counts less with each frame.
-const FORGETTING: f64 = 0.002;
+/// A frame's normal equations of the parameters, about the parameters themselves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColourPoseRecord {
+    /// Upper triangle of the information, row by row.
+    information: Vec<f32>,
+    gradient: Vec<f32>,
+}
+
+impl ColourPoseRecord {
+    /// `sums` are about the model in effect.
+    pub(crate) fn new(sums: &ParameterSums, model: &ColourModel) -> Self {
+        let gradient = sums.gradient + sums.information * model.parameters();
+        let triangle = (0..N_PARAMETERS).flat_map(|r| (r..N_PARAMETERS).map(move |c| (r, c)));
+        Self {
+            information: triangle.map(|place| sums.information[place] as f32).collect(),
+            gradient: gradient.iter().map(|v| *v as f32).collect(),
+        }
+    }
+
+    fn sums(&self) -> Option<ParameterSums> {
+        let mut sums = ParameterSums::default();
+        let mut numbers = self.information.iter().map(|v| f64::from(*v));
+        for r in 0..N_PARAMETERS {
+            for c in r..N_PARAMETERS {
+                let value = numbers.next()?;
+                (sums.information[(r, c)], sums.information[(c, r)]) = (value, value);
+            }
+        }
+        for (k, v) in sums.gradient.iter_mut().enumerate() {
+            *v = f64::from(*self.gradient.get(k)?);
+        }
+        Some(sums)
+    }
+}
+
 /// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.5, that of another
 /// scene 1 to 3.
 pub const UNTRUSTED: f64 = 0.85;
@@ -82,17 +133,20 @@ pub(crate) const MIN_PAIRS: u32 = 20;
 const VAGUE_PX: f64 = 10.0;
 /// Frames in which colour is on probation.
 const PROBATION_FRAMES: u32 = 2;
-/// Frames before anything is applied.
-const MIN_FRAMES: u32 = 10;
-/// Matches err together: their number is worth this share.
-const INDEPENDENT: f64 = 0.05;
-/// A parameter is applied when it differs from none by this many deviations, and is worth it.
-const CERTAIN_SIGMAS: f64 = 5.0;
-const LEAST_LAG_S: f64 = 0.002;
-const LEAST_RATIO: f64 = 0.005;
-/// Beyond, it is no such camera.
-const MOST_LAG_S: f64 = 0.1;
-const MOST_RATIO: f64 = 0.3;
+/// Share by which what was seen before counts less with each keyframe.
+const FORGETTING: f64 = 0.01;
+/// Standard deviations before anything is measured: physical bounds of cameras with two lenses (exposures start
+/// within a frame of 33 ms; fields of view differ by some tenths; baselines are 15 to 75 mm; factory alignment
+/// is within a degree).
+const PRIOR_SIGMAS: [f64; N_PARAMETERS] = [0.03, 0.1, 0.03, 0.03, 0.03, 0.01, 0.01, 0.01];
+/// Standard deviations of what a camera file states.
+const STATED_SIGMAS: [f64; N_PARAMETERS] = [0.001, 0.002, 0.03, 0.03, 0.03, 0.01, 0.01, 0.01];
+/// Places of the groups that are applied together: lag, focal ratio, position, rotation.
+const GROUPS: [std::ops::Range<usize>; 4] = [0..1, 1..2, 2..5, 5..8];
+/// Chi-square beyond which a group is not zero, one in 10^6, by its degrees of freedom 1 and 3.
+const CERTAIN_SQ: [f64; 2] = [23.9, 30.7];
+/// Chi-square below which it may well be zero, one in 100.
+const DOUBTED_SQ: [f64; 2] = [6.6, 11.3];
 
 /// What all frames so far say of colour.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,9 +154,8 @@ pub struct ColourState {
     /// Frames with enough matches.
     pub n_frames: u32,
     /// Sums of the records, older ones less.
-    pub information: [f64; 3],
-    /// As the information.
-    pub gradient: [f64; 2],
+    information: ParameterMatrix,
+    gradient: Parameters,
     /// Running residual, pixels.
     pub residual_px: f64,
     /// Running disagreement.
@@ -115,8 +168,8 @@ impl Default for ColourState {
     fn default() -> Self {
         Self {
             n_frames: 0,
-            information: [0.0; 3],
-            gradient: [0.0; 2],
+            information: ParameterMatrix::from_diagonal(&precisions(&PRIOR_SIGMAS)),
+            gradient: Parameters::zeros(),
             residual_px: FIRST_RESIDUAL_PX,
             disagreement: FIRST_DISAGREEMENT,
             model: ColourModel::default(),
@@ -124,9 +177,9 @@ impl Default for ColourState {
     }
 }
 
-/// Standard deviations of what a camera file states.
-const STATED_LAG_SIGMA_S: f64 = 0.001;
-const STATED_RATIO_SIGMA: f64 = 0.002;
+fn precisions(sigmas: &[f64; N_PARAMETERS]) -> Parameters {
+    Parameters::from(sigmas.map(|sigma| 1.0 / (sigma * sigma)))
+}
 
 impl ColourState {
     /// The state before the first frame: what the camera file states is applied, and the frames go on
@@ -135,12 +188,10 @@ impl ColourState {
         if model == ColourModel::default() {
             return Self::default();
         }
-        // As an estimate with these deviations: see `estimate`.
-        let sigmas = [STATED_LAG_SIGMA_S, STATED_RATIO_SIGMA];
-        let [lag, ratio] = sigmas.map(|sigma| 1.0 / (INDEPENDENT * sigma * sigma));
+        let precisions = precisions(&STATED_SIGMAS);
         Self {
-            information: [lag, 0.0, ratio],
-            gradient: [lag * model.lag_s, ratio * (model.focal_ratio - 1.0)],
+            information: ParameterMatrix::from_diagonal(&precisions),
+            gradient: precisions.component_mul(&model.parameters()),
             model,
             ..Self::default()
         }
@@ -159,16 +210,19 @@ impl ColourState {
             return;
         }
         self.n_frames = self.n_frames.saturating_add(1);
-        let kept = 1.0 - FORGETTING;
-        (0..3).for_each(|k| self.information[k] = kept * self.information[k] + record.information[k]);
-        (0..2).for_each(|k| self.gradient[k] = kept * self.gradient[k] + record.gradient[k]);
         // The first frames count alike.
         let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
         self.disagreement += share * (record.disagreement.min(MOST_DISAGREEMENT) - self.disagreement);
         self.residual_px += share * (record.residual_px - self.residual_px);
-        if self.n_frames >= MIN_FRAMES {
-            self.decide();
-        }
+    }
+
+    /// Takes a frame's normal equations in. The prior is forgotten as all else, and much slower than it is outweighed.
+    pub(crate) fn apply_pose(&mut self, record: &ColourPoseRecord) {
+        let Some(sums) = record.sums() else { return };
+        let prior = ParameterMatrix::from_diagonal(&precisions(&PRIOR_SIGMAS)) * FORGETTING;
+        self.information = self.information * (1.0 - FORGETTING) + prior + sums.information;
+        self.gradient = self.gradient * (1.0 - FORGETTING) + sums.gradient;
+        self.decide();
     }
 
     /// Whether features may lead: otherwise colour is of another time or another scene.
@@ -183,40 +237,45 @@ impl ColourState {
         self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
     }
 
-    /// Factor of the residuals' information: 1 where colour agrees with the surfaces to a pixel, 0
-    /// where it is not trusted.
-    pub(crate) fn weight(&self) -> f64 {
-        let ratio = 1.0 / self.residual_px.max(1.0);
-        if self.is_trusted() { ratio * ratio } else { 0.0 }
-    }
-
     /// Lag and ratio less one with their standard deviations, `[value, sigma]` each.
     pub fn estimate(&self) -> Option<[[f64; 2]; 2]> {
-        let [a, b, d] = self.information;
-        let inverse = Matrix2::new(a, b, b, d).try_inverse()?;
-        let x = inverse * Vector2::from(self.gradient);
-        // The residual is that of the pose and the pixel too: never below one.
-        let variance = self.residual_px.max(1.0).powi(2) / INDEPENDENT;
-        let sigma = |k: usize| (inverse[(k, k)] * variance).max(0.0).sqrt();
-        Some([[x[0], sigma(0)], [x[1], sigma(1)]])
+        let (value, covariance) = self.posterior()?;
+        Some([0, 1].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
+    }
+
+    /// Position of the colour camera in the depth camera's frame, metres, with its standard deviations.
+    pub fn offset(&self) -> Option<[[f64; 2]; 3]> {
+        let (value, covariance) = self.posterior()?;
+        Some([2, 3, 4].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
+    }
+
+    fn posterior(&self) -> Option<(Parameters, ParameterMatrix)> {
+        let factor = self.information.cholesky()?;
+        Some((factor.solve(&self.gradient), factor.inverse()))
     }
 
     fn decide(&mut self) {
-        let Some([lag, ratio]) = self.estimate() else { return };
-        let applied = [self.model.lag_s, self.model.focal_ratio - 1.0];
-        let chosen = |[value, sigma]: [f64; 2], applied: f64, least: f64, most: f64| {
-            let is_certain =
-                value.abs() > CERTAIN_SIGMAS * sigma && value.abs() > least && value.abs() < most;
-            let is_none = value.abs() < 0.5 * least || value.abs() < 0.5 * CERTAIN_SIGMAS * sigma;
-            // What is applied moves when it must, not with each frame.
-            let is_off = (value - applied).abs() > 0.25 * least && (value - applied).abs() > 0.5 * sigma;
-            match () {
-                () if is_certain && (applied == 0.0 || is_off) => value,
-                () if is_none => 0.0,
-                () => applied,
-            }
-        };
-        self.model.lag_s = chosen(lag, applied[0], LEAST_LAG_S, MOST_LAG_S);
-        self.model.focal_ratio = 1.0 + chosen(ratio, applied[1], LEAST_RATIO, MOST_RATIO);
+        let Some((value, covariance)) = self.posterior() else { return };
+        let mut applied = self.model.parameters();
+        for group in GROUPS {
+            let n = group.len();
+            let of = |p: &Parameters| DVector::from_iterator(n, group.clone().map(|k| p[k]));
+            let block = DMatrix::from_fn(n, n, |r, c| covariance[(group.start + r, group.start + c)]);
+            let Some(factor) = block.cholesky() else { continue };
+            let distance = |v: &DVector<f64>| v.dot(&factor.solve(v));
+            let (found, before) = (of(&value), of(&applied));
+            let place = usize::from(n > 1);
+            let is_applied = before.iter().any(|v| *v != 0.0);
+            let chosen = match distance(&found) {
+                // What is applied moves when it must, not with each keyframe.
+                d if is_applied && d >= DOUBTED_SQ[place] => {
+                    if distance(&(&found - &before)) > n as f64 { found } else { before }
+                }
+                d if d > CERTAIN_SQ[place] => found,
+                _ => DVector::zeros(n),
+            };
+            group.zip(chosen.iter()).for_each(|(k, v)| applied[k] = *v);
+        }
+        self.model = ColourModel::of_parameters(&applied);
     }
 }

@@ -3,6 +3,7 @@
 
 pub(crate) mod audit;
 pub(crate) mod colour_model;
+pub(crate) mod colour_pose;
 pub(crate) mod lift;
 pub(crate) mod matching;
 pub(crate) mod observed;

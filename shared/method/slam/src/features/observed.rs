@@ -6,8 +6,6 @@ use nalgebra::{Matrix2, Matrix2x6, Vector2, Vector3};
 use tessera_features::Correspondence;
 use tessera_geometry::{Matrix6, Pose, Twist};
 
-/// Residuals beyond say nothing of lag and ratio, pixels: a wrong pose, or colour of another time.
-const MOST_RESIDUAL_PX: f64 = 40.0;
 /// Lag and ratio less one that a real camera may have: standard deviations.
 const PLAUSIBLE_LAG_S: f64 = 0.03;
 const PLAUSIBLE_RATIO: f64 = 0.1;
@@ -64,17 +62,7 @@ impl<'a> Observed<'a> {
     /// Adds a match between frames whose relative pose is known; `velocities` of query and target.
     pub(crate) fn add(&mut self, c: &Correspondence, target_from_query: &Pose, velocities: [&Twist; 2]) {
         let Some(row) = self.row(c, target_from_query, velocities) else { return };
-        let is_near = row.residual_px.norm() < MOST_RESIDUAL_PX;
-        let weight = if is_near { self.weight(&row.residual_px) } else { 0.0 };
-        let (lag, ratio) = (self.model.lag_s, self.model.focal_ratio - 1.0);
-        let target = row.by_lag * lag + row.by_ratio * ratio - row.residual_px;
-        let record = &mut self.record;
-        record.information[0] += weight * row.by_lag.dot(&row.by_lag);
-        record.information[1] += weight * row.by_lag.dot(&row.by_ratio);
-        record.information[2] += weight * row.by_ratio.dot(&row.by_ratio);
-        record.gradient[0] += weight * row.by_lag.dot(&target);
-        record.gradient[1] += weight * row.by_ratio.dot(&target);
-        record.n_pairs += 1;
+        self.record.n_pairs += 1;
         self.rows.push(row);
     }
 

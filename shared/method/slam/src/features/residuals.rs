@@ -23,13 +23,30 @@ const ROBUST_SQ: f64 = 9.0;
 /// Sums of all correspondences about `target_from_query`, metric, with robust weights there.
 pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose) -> BlockSums {
     let mut sums = BlockSums::default();
-    for residual in correspondences.iter().filter_map(|c| residual(c, target_from_query)) {
-        let e = residual.b - target_from_query.rotation * residual.a - target_from_query.translation.vector;
-        let weight = 1.0 / (1.0 + e.dot(&(residual.omega * e)) / ROBUST_SQ);
-        sums.add(&residual.a, &e, &(residual.omega * weight));
+    for RobustResidual { a, e, omega, .. } in
+        correspondences.iter().filter_map(|c| RobustResidual::of(c, target_from_query))
+    {
+        sums.add(&a, &e, &omega);
         sums.n += 1;
     }
     sums
+}
+
+/// A residual at a transform, with its robust weight in its information.
+pub(crate) struct RobustResidual {
+    pub(crate) a: Vector3<f64>,
+    pub(crate) b: Vector3<f64>,
+    pub(crate) e: Vector3<f64>,
+    pub(crate) omega: Matrix3<f64>,
+}
+
+impl RobustResidual {
+    pub(crate) fn of(correspondence: &Correspondence, target_from_query: &Pose) -> Option<Self> {
+        let Residual { a, b, omega } = residual(correspondence, target_from_query)?;
+        let e = b - target_from_query.rotation * a - target_from_query.translation.vector;
+        let weight = 1.0 / (1.0 + e.dot(&(omega * e)) / ROBUST_SQ);
+        Some(Self { a, b, e, omega: omega * weight })
+    }
 }
 
 /// Squared normalised error of a correspondence; infinite where it has none.

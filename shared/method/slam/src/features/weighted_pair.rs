@@ -5,9 +5,6 @@ use std::sync::Arc;
 use tessera_geometry::Pose;
 use tessera_graph::BlockSums;
 
-/// Mean squared error at which a pair has its full weight, at most.
-const MEAN_SQ: f64 = 4.0;
-
 /// A pair as an alignment takes it: with its weight in the units of the blocks' information.
 #[derive(Clone, Debug)]
 pub(crate) struct WeightedPair {
@@ -16,12 +13,9 @@ pub(crate) struct WeightedPair {
 }
 
 impl WeightedPair {
-    /// `weight`: of metric information in the units of the blocks, where the pair agrees with the start.
-    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64, start: &Pose) -> Self {
-        let cost = found.sums.about(&found.target_from_query, start).c;
-        let mean_sq = cost / f64::from(found.sums.n.max(1));
-        let agreement = (MEAN_SQ / mean_sq.max(MEAN_SQ)).min(1.0);
-        Self { found, weight: weight * agreement }
+    /// `weight`: of metric information in the units of the blocks.
+    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64) -> Self {
+        Self { found, weight }
     }
 
     /// Adds the features' residuals to a pair's sums, which are about `target_from_query`.

@@ -3,7 +3,7 @@
 //! The state of both is a fold over these records and nothing else, so a process
 //! that restarted and one that did not hold the same bits.
 
-use crate::features::colour_model::ColourRecord;
+use crate::features::colour_model::{ColourPoseRecord, ColourRecord};
 pub use crate::map::correction::{
     AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
 };
@@ -80,6 +80,8 @@ pub struct FrameRecord {
     pub colour: Option<ColourRecord>,
     /// What its alignment tells of the noise scales; nothing where it was not aligned.
     pub noise: Option<NoiseRecord>,
+    /// What it tells of how colour lies against depth, where it makes a keyframe.
+    pub colour_pose: Option<ColourPoseRecord>,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
     /// Keyframes of the window that moved with this frame, because what was seen long ago

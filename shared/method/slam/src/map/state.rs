@@ -178,6 +178,9 @@ impl TrackerState {
         if let Some(colour) = &frame.colour {
             self.colour.apply(colour);
         }
+        if let Some(colour) = &frame.colour_pose {
+            self.colour.apply_pose(colour);
+        }
         if let Some(noise) = &frame.noise {
             self.noise.apply(noise);
         }

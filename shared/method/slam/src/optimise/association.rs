@@ -145,9 +145,7 @@ impl<'a> KeyframeAssociation<'a> {
             surface: surface.target(vertices),
             is_consecutive: query == target + 1 && self.origins[query] == self.origins[target],
             limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
-            features: seen
-                .clone()
-                .map(|found| WeightedPair::new(found, weight, &(poses[target].inverse() * poses[query]))),
+            features: seen.clone().map(|found| WeightedPair::new(found, weight)),
         };
         let pair = Pair { is_loop, ..search.find(self.context, matcher, poses) };
         let tested = tested.map(|tested| {

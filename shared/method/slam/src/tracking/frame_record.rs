@@ -5,9 +5,9 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::noise_scales::{self, NoiseRecord, PairEvidence};
+use crate::tracking::noise_scales::{self, Evidence, PairEvidence};
 use crate::tracking::prediction::Prediction;
-use crate::tracking::window::{Member, world_from_member};
+use crate::tracking::window::{Member, pose_and_velocity};
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, PoseBits, upper_triangle};
 use tessera_graph::{PairBlock, Quadratic, entropy_of_covariance, metric_covariance};
@@ -32,6 +32,7 @@ pub(crate) fn frame_record(
         // As it is written down.
         upper_triangle(&own).into_iter().map(|v| f64::from(v as f32)).collect()
     });
+    let evidence = noise(input, aligner, aligned, new_keyframe.is_some());
     FrameRecord {
         state: aligned.state,
         reason: reason(aligned),
@@ -39,7 +40,8 @@ pub(crate) fn frame_record(
         n_correspondences: a.n_matches(),
         velocity: a.velocity.to_vector().into(),
         entropy_nats: entropy(input, aligner, aligned).unwrap_or(f64::NAN),
-        noise: noise(input, aligner, aligned),
+        noise: evidence.as_ref().map(|evidence| evidence.noise),
+        colour_pose: evidence.and_then(|evidence| evidence.colour),
         blocks: blocks(aligned),
         new_keyframe,
         ..record_at(input, &a.world_from_camera)
@@ -107,6 +109,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         entropy_nats: f64::NAN,
         colour: None,
         noise: None,
+        colour_pose: None,
         blocks: Vec::new(),
         moved: Vec::new(),
         sighting: None,
@@ -143,18 +146,25 @@ fn blocks(aligned: &WindowAlignment) -> Vec<BlockRecord> {
 }
 
 /// Evidence of the noise scales, from each reference.
-fn noise(input: &TrackingInput<'_>, aligner: &Aligner, aligned: &WindowAlignment) -> Option<NoiseRecord> {
+fn noise(
+    input: &TrackingInput<'_>,
+    aligner: &Aligner,
+    aligned: &WindowAlignment,
+    makes_keyframe: bool,
+) -> Option<Evidence> {
     let a = &aligned.alignment;
     let members = aligned.members.iter().zip(&a.blocks).zip(&a.parts);
     let pairs = members.filter_map(|((member, (origin, _)), (surfaces, features))| {
-        let target_from_query = world_from_member(&input.map, member)?.inverse() * a.world_from_camera;
+        let (pose, velocity) = pose_and_velocity(&input.map, member)?;
         Some(PairEvidence {
-            target_from_query,
+            target_from_query: pose.inverse() * a.world_from_camera,
+            velocities: [a.velocity, velocity],
             surfaces: (origin, surfaces),
             features: features.as_ref(),
         })
     });
-    noise_scales::record(pairs, aligner.independent_factor(), &input.context.scales)
+    let colour = makes_keyframe.then_some(&input.context.colour);
+    noise_scales::evidence(pairs, aligner.independent_factor(), &input.context.scales, colour)
 }
 
 /// Entropy of the pose relative to the last keyframe, nats (eq. 14); `None` where that is not in

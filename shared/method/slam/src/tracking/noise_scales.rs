@@ -10,9 +10,11 @@
 //! As poses are compared, not points, the scales hold what all matches of a kind err by together
 //! (calibration, lag, blur, the filter's correlation): the error of the reference's own pose alone cancels.
 
+use crate::features::colour_model::{ColourModel, ColourPoseRecord};
+use crate::features::colour_pose::{ParameterSums, coupling};
 use crate::features::weighted_pair::WeightedPair;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{Matrix6, Pose, Vector6};
+use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
 use tessera_graph::{BlockSums, PairBlock};
 
 /// Share of the evidence that stays from frame to frame: a memory of 100 frames.
@@ -99,16 +101,27 @@ impl NoiseState {
 /// A pair's surfaces and features, each about the transform that they were found at.
 pub(crate) struct PairEvidence<'a> {
     pub(crate) target_from_query: Pose,
+    /// Motion per second of query and target, each in its camera frame.
+    pub(crate) velocities: [Twist; 2],
     pub(crate) surfaces: (&'a Pose, &'a BlockSums),
     pub(crate) features: Option<&'a WeightedPair>,
 }
 
-/// A frame's evidence from all its pairs; `model`: makes the surfaces' sums metric; `None` without a match.
-pub(crate) fn record<'a>(
+/// What a frame's alignment tells of the noise, and of colour where that is asked for.
+pub(crate) struct Evidence {
+    pub(crate) noise: NoiseRecord,
+    pub(crate) colour: Option<ColourPoseRecord>,
+}
+
+/// A frame's evidence from all its pairs; `model`: makes the surfaces' sums metric; `colour`: how colour is taken to
+/// lie against depth, where that is to be estimated; `None` without a match.
+pub(crate) fn evidence<'a>(
     pairs: impl Iterator<Item = PairEvidence<'a>>,
     model: f64,
     scales: &NoiseScales,
-) -> Option<NoiseRecord> {
+    colour: Option<&ColourModel>,
+) -> Option<Evidence> {
+    let mut of_colour = ParameterSums::default();
     let mut record = NoiseRecord::default();
     let (mut cost, mut n_matches, mut n_pairs) = (0.0, 0.0, 0.0);
     for pair in pairs {
@@ -122,12 +135,19 @@ pub(crate) fn record<'a>(
             PairBlock::new(&found.target_from_query, &found.sums).linearise(&pair.target_from_query);
         let surfaces = (h / (model * scales.surfaces), g / (model * scales.surfaces));
         let features = (h_f / scales.features, g_f / scales.features);
-        let Some((squared, redundancy)) = components(&surfaces, &features) else { continue };
+        let Some(Components { squared, redundancy, pull }) = components(&surfaces, &features) else { continue };
         n_pairs += 1.0;
         let weight = (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared[0] + squared[1]);
         for (k, scale) in [scales.surfaces, scales.features].into_iter().enumerate() {
             record.squared[k] += scale * weight * squared[k];
             record.redundancy[k] += redundancy[k];
+        }
+        if let Some(colour) = colour {
+            let [query, target] = &pair.velocities;
+            let coupling =
+                coupling(&found.inliers, &found.target_from_query, [query, target], colour) / scales.features;
+            let joint = surfaces.0 + features.0;
+            of_colour.add(&pull, (&features.0, &joint), &coupling, weight);
         }
     }
     if n_pairs > 0.0 {
@@ -135,11 +155,23 @@ pub(crate) fn record<'a>(
         record.redundancy = record.redundancy.map(|v| v / n_pairs);
     }
     record.surface_residual = cost / n_matches;
-    (n_matches > 0.0).then_some(record)
+    of_colour.information /= f64::max(n_pairs, 1.0);
+    of_colour.gradient /= f64::max(n_pairs, 1.0);
+    let colour = colour.filter(|_| n_pairs > 0.0).map(|model| ColourPoseRecord::new(&of_colour, model));
+    (n_matches > 0.0).then_some(Evidence { noise: record, colour })
+}
+
+/// Two groups of normal equations at their joint optimum.
+struct Components {
+    /// Squared disagreement of each.
+    squared: [f64; 2],
+    redundancy: [f64; 2],
+    /// Gradient of the first.
+    pull: Vector6,
 }
 
 /// Squared disagreement and redundancy of two groups of normal equations `(N, g)` at their joint optimum.
-fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<([f64; 2], [f64; 2])> {
+fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<Components> {
     let joint = (a.0 + b.0).cholesky()?;
     let x = -joint.solve(&(a.1 + b.1));
     // The gradients of the two groups there are opposite.
@@ -151,5 +183,5 @@ fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<([f64; 2
         Some((squared, 6.0 - joint.solve(normal).trace()))
     };
     let ((qa, ra), (qb, rb)) = (part(&a.0)?, part(&b.0)?);
-    Some(([qa, qb], [ra, rb]))
+    Some(Components { squared: [qa, qb], redundancy: [ra, rb], pull })
 }

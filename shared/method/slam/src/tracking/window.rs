@@ -4,7 +4,7 @@ use crate::loops::view_limits::{ViewLimits, optical_axis};
 use crate::map::map_view::MapView;
 use crate::settings::WindowSettings;
 use nalgebra::Vector3;
-use tessera_geometry::Pose;
+use tessera_geometry::{Pose, Twist, Vector6};
 
 /// Keyframes of long ago that are missed before the frames of late are no longer aligned to any of before.
 const DOUBTED: u32 = 4;
@@ -69,10 +69,13 @@ pub(crate) fn near(map: &MapView<'_>, limits: &ViewLimits, view: &Pose) -> Vec<(
     limits.nearest(&view.translation.vector, &optical_axis(view), centres, axis_of)
 }
 
-/// The pose of a member, if it is still there.
-pub(crate) fn world_from_member(map: &MapView<'_>, member: &Member) -> Option<Pose> {
-    match member {
-        Member::Recent(place) => map.state().recent.get(*place).map(|r| Pose::from(&r.world_from_camera)),
-        Member::Keyframe(id) => map.keyframe(*id).map(|k| Pose::from(&k.world_from_camera)),
-    }
+/// The pose of a member and its motion per second in its camera frame, if it is still there.
+pub(crate) fn pose_and_velocity(map: &MapView<'_>, member: &Member) -> Option<(Pose, Twist)> {
+    let (pose, velocity) = match member {
+        Member::Recent(place) => {
+            map.state().recent.get(*place).map(|r| (&r.world_from_camera, &r.velocity))?
+        }
+        Member::Keyframe(id) => map.keyframe(*id).map(|k| (&k.world_from_camera, &k.velocity))?,
+    };
+    Some((Pose::from(pose), Twist::from_vector(&Vector6::from_column_slice(velocity))))
 }
