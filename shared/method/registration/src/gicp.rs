@@ -18,6 +18,11 @@ use crate::association::found::Found;
 use tessera_graph::BlockSums;
 use tessera_numerics::lanes::{LANES, Lanes, Real, dot};
 
+/// Factor of the information across the normals. The search finds a partner beside every query, wherever along a
+/// surface the pose has slid: across the normal a match repeats the pose at which it was found and measures
+/// nothing. What is left keeps the equations of one plane solvable.
+const TANGENTIAL: f32 = 0.01;
+
 /// Matches summed in one `f32` run before they go into `f64` sums.
 const CHUNK: usize = 256;
 
@@ -28,7 +33,6 @@ pub(crate) struct Accumulate<'a> {
     /// Query points in their own frame.
     pub(crate) points: &'a Columns3,
     pub(crate) epsilon: f32,
-    pub(crate) tangential: f32,
 }
 
 impl pulp::WithSimd for Accumulate<'_> {
@@ -72,14 +76,15 @@ fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut GicpSums) {
     let d: [Lanes; 3] = std::array::from_fn(|c| na[c] - nb[c]);
     // Eq. 13 in closed form (method 4.2), with a' = R n_a, b' = n_b, u = a' + b', d = a' - b':
     // Omega = I/2 + (s/4) / (2 eps + s |d|^2/2) u u^T + (s/4) / (2 eps + s |u|^2/2) d d^T, s = 1 - eps.
-    // No inverse, no division by zero, and good to 1e-6 in f32.
+    // No inverse, no division by zero, and good to 1e-6 in f32. Only the first of the three terms, that along the
+    // normals, is what a match measures: see TANGENTIAL.
     let s = 1.0 - it.epsilon;
     let quarter = w * Lanes::splat(0.25 * s);
     let (two_epsilon, half_s) = (Lanes::splat(2.0 * it.epsilon), Lanes::splat(0.5 * s));
     let plus = quarter / (two_epsilon + half_s * dot(d, d));
     let minus = quarter / (two_epsilon + half_s * dot(u, u));
-    let half = w * Lanes::splat(0.5 * it.tangential);
-    let minus = minus * Lanes::splat(it.tangential);
+    let minus = minus * Lanes::splat(TANGENTIAL);
+    let half = w * Lanes::splat(0.5 * TANGENTIAL);
     let entry = |r: usize, c: usize| plus * u[r] * u[c] + minus * d[r] * d[c];
     let omega =
         [half + entry(0, 0), entry(0, 1), entry(0, 2), half + entry(1, 1), entry(1, 2), half + entry(2, 2)];
@@ -124,7 +129,7 @@ mod tests {
         found.weight[0] = 1.0;
         let mut points = Columns3::default();
         points.resize(LANES);
-        accumulate(&Accumulate { found: &found, points: &points, epsilon, tangential: 1.0 })
+        accumulate(&Accumulate { found: &found, points: &points, epsilon })
     }
 
     #[test]
@@ -142,7 +147,12 @@ mod tests {
             let sums = sums_of_one(single(&e), single(&na), single(&nb), epsilon as f32);
             assert_eq!(sums.n, 1);
             let sigma = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * (1.0 - epsilon);
-            let exact = (sigma(&na) + sigma(&nb)).try_inverse().unwrap();
+            let inverse = (sigma(&na) + sigma(&nb)).try_inverse().unwrap();
+            // Along the normals all of it, of the rest a part.
+            let (u, d) = (na + nb, na - nb);
+            let s = 1.0 - epsilon;
+            let along = u * u.transpose() * (0.25 * s / (2.0 * epsilon + 0.5 * s * d.norm_squared()));
+            let exact = along + (inverse - along) * f64::from(TANGENTIAL);
             // a~ = (0, 0, 0, 1): the last six of Q are Omega itself.
             let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
             for (k, (r, c)) in upper.into_iter().enumerate() {

@@ -143,7 +143,7 @@ impl Matcher {
         rejection::weigh(&mut self.found, &self.settings.weight, reference_sigma_m);
         self.steps.enter(Step::Accumulate);
         let epsilon = self.settings.weight.covariance_epsilon;
-        let accumulate = Accumulate { found: &self.found, points: &self.chosen.points, epsilon, tangential: *TANG };
+        let accumulate = Accumulate { found: &self.found, points: &self.chosen.points, epsilon };
         let sums = self.arch.dispatch(accumulate);
         let n_queries = n_queries as u32;
         let n_matches = sums.n;
@@ -296,5 +296,3 @@ mod tests {
         }
     }
 }
-
-static TANG: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| std::env::var("TANG").map_or(1.0, |v| v.parse().unwrap()));

@@ -1,11 +1,11 @@
-//! How colour lies against depth, estimated while running: time lag, ratio of focal lengths, and the rigid
-//! transform between the cameras; and whether colour is trusted.
+//! How colour lies against depth, estimated while running: time lag and ratio of focal lengths; and whether
+//! colour is trusted.
 //!
 //! The parameters are the maximum of their posterior ([`crate::features::colour_pose`] gives the likelihood); each
-//! group of them is applied where its own deviation tells that it is not zero.
+//! is applied where its own deviation tells that it is not zero.
 
-use crate::features::colour_pose::{N_PARAMETERS, ParameterMatrix, ParameterSums, Parameters};
-use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
+use crate::features::colour_pose::{ParameterMatrix, ParameterSums, Parameters};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
 
@@ -16,54 +16,37 @@ pub struct ColourModel {
     pub lag_s: f64,
     /// Focal length of colour over that of depth.
     pub focal_ratio: f64,
-    /// Centre of the colour camera in the depth camera's frame, metres.
-    pub offset_m: [f64; 3],
-    /// Rotation vector of the colour camera in the depth camera's frame, radians.
-    pub turn_rad: [f64; 3],
 }
 
 impl Default for ColourModel {
     fn default() -> Self {
-        Self { lag_s: 0.0, focal_ratio: 1.0, offset_m: [0.0; 3], turn_rad: [0.0; 3] }
+        Self { lag_s: 0.0, focal_ratio: 1.0 }
     }
 }
 
 impl ColourModel {
     /// What a camera file states.
     pub fn of_camera(camera: &Camera) -> Self {
-        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio, ..Self::default() }
+        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
     }
 
     fn parameters(&self) -> Parameters {
-        let [x, y, z] = self.offset_m;
-        let [a, b, c] = self.turn_rad;
-        Parameters::from([self.lag_s, self.focal_ratio - 1.0, x, y, z, a, b, c])
+        Parameters::new(self.lag_s, self.focal_ratio - 1.0)
     }
 
-    fn of_parameters(p: &Parameters) -> Self {
-        Self {
-            lag_s: p[0],
-            focal_ratio: 1.0 + p[1],
-            offset_m: [p[2], p[3], p[4]],
-            turn_rad: [p[5], p[6], p[7]],
-        }
+    /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
+    /// image, both without distortion.
+    pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
+        [
+            (row - camera.cy) / self.focal_ratio + camera.cy,
+            (column - camera.cx) / self.focal_ratio + camera.cx,
+        ]
     }
 
-    fn depth_from_colour(&self) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_scaled_axis(Vector3::from(self.turn_rad))
-    }
-
-    /// Direction in the depth camera's frame in which the colour camera sees a pixel `[row, column]`.
-    pub(crate) fn ray(&self, camera: &Camera, [row, column]: [f64; 2]) -> Vector3<f64> {
-        let about = |pixel: f64, centre: f64| (pixel - centre) / self.focal_ratio + centre;
-        self.depth_from_colour() * camera.ray(about(row, camera.cy), about(column, camera.cx))
-    }
-
-    /// Pixel `[row, column]` of the colour image in which a point of the depth camera's frame is seen, the
+    /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the
     /// motion during the lag left out.
     pub(crate) fn pixel(&self, camera: &Camera, point: &Vector3<f64>) -> Option<[f64; 2]> {
-        let seen = self.depth_from_colour().inverse() * (point - Vector3::from(self.offset_m));
-        let (row, column) = camera.project(&seen)?;
+        let (row, column) = camera.project(point)?;
         Some([
             (row - camera.cy) * self.focal_ratio + camera.cy,
             (column - camera.cx) * self.focal_ratio + camera.cx,
@@ -82,38 +65,21 @@ pub struct ColourRecord {
     pub disagreement: f64,
 }
 
-/// A frame's normal equations of the parameters, about the parameters themselves.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A frame's normal equations of lag and ratio less one, about the parameters themselves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColourPoseRecord {
-    /// Upper triangle of the information, row by row.
-    information: Vec<f32>,
-    gradient: Vec<f32>,
+    /// Lag-lag, lag-ratio and ratio-ratio.
+    pub information: [f64; 3],
+    /// The information times the parameters that this frame alone would choose.
+    pub gradient: [f64; 2],
 }
 
 impl ColourPoseRecord {
     /// `sums` are about the model in effect.
     pub(crate) fn new(sums: &ParameterSums, model: &ColourModel) -> Self {
         let gradient = sums.gradient + sums.information * model.parameters();
-        let triangle = (0..N_PARAMETERS).flat_map(|r| (r..N_PARAMETERS).map(move |c| (r, c)));
-        Self {
-            information: triangle.map(|place| sums.information[place] as f32).collect(),
-            gradient: gradient.iter().map(|v| *v as f32).collect(),
-        }
-    }
-
-    fn sums(&self) -> Option<ParameterSums> {
-        let mut sums = ParameterSums::default();
-        let mut numbers = self.information.iter().map(|v| f64::from(*v));
-        for r in 0..N_PARAMETERS {
-            for c in r..N_PARAMETERS {
-                let value = numbers.next()?;
-                (sums.information[(r, c)], sums.information[(c, r)]) = (value, value);
-            }
-        }
-        for (k, v) in sums.gradient.iter_mut().enumerate() {
-            *v = f64::from(*self.gradient.get(k)?);
-        }
-        Some(sums)
+        let [a, b, _, d] = [0, 1, 2, 3].map(|k| sums.information[k]);
+        Self { information: [a, b, d], gradient: gradient.into() }
     }
 }
 
@@ -135,18 +101,15 @@ const VAGUE_PX: f64 = 10.0;
 const PROBATION_FRAMES: u32 = 2;
 /// Share by which what was seen before counts less with each keyframe.
 const FORGETTING: f64 = 0.01;
-/// Standard deviations before anything is measured: physical bounds of cameras with two lenses (exposures start
-/// within a frame of 33 ms; fields of view differ by some tenths; baselines are 15 to 75 mm; factory alignment
-/// is within a degree).
-const PRIOR_SIGMAS: [f64; N_PARAMETERS] = [0.03, 0.1, 0.03, 0.03, 0.03, 0.01, 0.01, 0.01];
+/// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
+/// and fields of view of the two lenses differ by some tenths.
+const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states.
-const STATED_SIGMAS: [f64; N_PARAMETERS] = [0.001, 0.002, 0.03, 0.03, 0.03, 0.01, 0.01, 0.01];
-/// Places of the groups that are applied together: lag, focal ratio, position, rotation.
-const GROUPS: [std::ops::Range<usize>; 4] = [0..1, 1..2, 2..5, 5..8];
-/// Chi-square beyond which a group is not zero, one in 10^6, by its degrees of freedom 1 and 3.
-const CERTAIN_SQ: [f64; 2] = [23.9, 30.7];
-/// Chi-square below which it may well be zero, one in 100.
-const DOUBTED_SQ: [f64; 2] = [6.6, 11.3];
+const STATED_SIGMAS: [f64; 2] = [0.001, 0.002];
+/// Standard deviations beyond which a parameter is not zero: one in 10^6.
+const CERTAIN_SIGMAS: f64 = 4.9;
+/// Standard deviations below which it may well be zero: one in 100.
+const DOUBTED_SIGMAS: f64 = 2.6;
 
 /// What all frames so far say of colour.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -154,8 +117,8 @@ pub struct ColourState {
     /// Frames with enough matches.
     pub n_frames: u32,
     /// Sums of the records, older ones less.
-    information: ParameterMatrix,
-    gradient: Parameters,
+    information: [f64; 3],
+    gradient: [f64; 2],
     /// Running residual, pixels.
     pub residual_px: f64,
     /// Running disagreement.
@@ -168,8 +131,8 @@ impl Default for ColourState {
     fn default() -> Self {
         Self {
             n_frames: 0,
-            information: ParameterMatrix::from_diagonal(&precisions(&PRIOR_SIGMAS)),
-            gradient: Parameters::zeros(),
+            information: precisions(PRIOR_SIGMAS),
+            gradient: [0.0; 2],
             residual_px: FIRST_RESIDUAL_PX,
             disagreement: FIRST_DISAGREEMENT,
             model: ColourModel::default(),
@@ -177,8 +140,8 @@ impl Default for ColourState {
     }
 }
 
-fn precisions(sigmas: &[f64; N_PARAMETERS]) -> Parameters {
-    Parameters::from(sigmas.map(|sigma| 1.0 / (sigma * sigma)))
+fn precisions([lag, ratio]: [f64; 2]) -> [f64; 3] {
+    [1.0 / (lag * lag), 0.0, 1.0 / (ratio * ratio)]
 }
 
 impl ColourState {
@@ -188,13 +151,10 @@ impl ColourState {
         if model == ColourModel::default() {
             return Self::default();
         }
-        let precisions = precisions(&STATED_SIGMAS);
-        Self {
-            information: ParameterMatrix::from_diagonal(&precisions),
-            gradient: precisions.component_mul(&model.parameters()),
-            model,
-            ..Self::default()
-        }
+        let information = precisions(STATED_SIGMAS);
+        let [lag, _, ratio] = information;
+        let gradient = [lag * model.lag_s, ratio * (model.focal_ratio - 1.0)];
+        Self { information, gradient, model, ..Self::default() }
     }
 
     /// The state as of these records, in order of frames.
@@ -216,12 +176,16 @@ impl ColourState {
         self.residual_px += share * (record.residual_px - self.residual_px);
     }
 
-    /// Takes a frame's normal equations in. The prior is forgotten as all else, and much slower than it is outweighed.
+    /// Takes a frame's normal equations in; what was seen before counts less, down to the prior.
     pub(crate) fn apply_pose(&mut self, record: &ColourPoseRecord) {
-        let Some(sums) = record.sums() else { return };
-        let prior = ParameterMatrix::from_diagonal(&precisions(&PRIOR_SIGMAS)) * FORGETTING;
-        self.information = self.information * (1.0 - FORGETTING) + prior + sums.information;
-        self.gradient = self.gradient * (1.0 - FORGETTING) + sums.gradient;
+        let prior = precisions(PRIOR_SIGMAS);
+        for k in 0..3 {
+            let kept = (1.0 - FORGETTING) * self.information[k] + FORGETTING * prior[k];
+            self.information[k] = kept + record.information[k];
+        }
+        for k in 0..2 {
+            self.gradient[k] = (1.0 - FORGETTING) * self.gradient[k] + record.gradient[k];
+        }
         self.decide();
     }
 
@@ -239,43 +203,25 @@ impl ColourState {
 
     /// Lag and ratio less one with their standard deviations, `[value, sigma]` each.
     pub fn estimate(&self) -> Option<[[f64; 2]; 2]> {
-        let (value, covariance) = self.posterior()?;
+        let [a, b, d] = self.information;
+        let covariance = ParameterMatrix::new(a, b, b, d).try_inverse()?;
+        let value = covariance * Parameters::from(self.gradient);
         Some([0, 1].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
     }
 
-    /// Position of the colour camera in the depth camera's frame, metres, with its standard deviations.
-    pub fn offset(&self) -> Option<[[f64; 2]; 3]> {
-        let (value, covariance) = self.posterior()?;
-        Some([2, 3, 4].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
-    }
-
-    fn posterior(&self) -> Option<(Parameters, ParameterMatrix)> {
-        let factor = self.information.cholesky()?;
-        Some((factor.solve(&self.gradient), factor.inverse()))
-    }
-
     fn decide(&mut self) {
-        let Some((value, covariance)) = self.posterior() else { return };
-        let mut applied = self.model.parameters();
-        for group in GROUPS {
-            let n = group.len();
-            let of = |p: &Parameters| DVector::from_iterator(n, group.clone().map(|k| p[k]));
-            let block = DMatrix::from_fn(n, n, |r, c| covariance[(group.start + r, group.start + c)]);
-            let Some(factor) = block.cholesky() else { continue };
-            let distance = |v: &DVector<f64>| v.dot(&factor.solve(v));
-            let (found, before) = (of(&value), of(&applied));
-            let place = usize::from(n > 1);
-            let is_applied = before.iter().any(|v| *v != 0.0);
-            let chosen = match distance(&found) {
-                // What is applied moves when it must, not with each keyframe.
-                d if is_applied && d >= DOUBTED_SQ[place] => {
-                    if distance(&(&found - &before)) > n as f64 { found } else { before }
-                }
-                d if d > CERTAIN_SQ[place] => found,
-                _ => DVector::zeros(n),
-            };
-            group.zip(chosen.iter()).for_each(|(k, v)| applied[k] = *v);
-        }
-        self.model = ColourModel::of_parameters(&applied);
+        let Some([lag, ratio]) = self.estimate() else { return };
+        self.model.lag_s = chosen(lag, self.model.lag_s);
+        self.model.focal_ratio = 1.0 + chosen(ratio, self.model.focal_ratio - 1.0);
+    }
+}
+
+/// What is applied of a parameter: it moves when it must, not with each keyframe.
+fn chosen([value, sigma]: [f64; 2], applied: f64) -> f64 {
+    let certain = if applied == 0.0 { CERTAIN_SIGMAS } else { DOUBTED_SIGMAS };
+    match value.abs() > certain * sigma {
+        true if applied != 0.0 && (value - applied).abs() < sigma => applied,
+        true => value,
+        false => 0.0,
     }
 }

@@ -1,27 +1,24 @@
 //! How the colour camera lies against the depth camera, from the disagreement of their poses (method 14.2).
 //!
 //! A reference gives the relative pose of a frame from surfaces and, about `x_f = -N_f^-1 (g_f + K p)`, from
-//! features, where `p` are the errors that all features share: lag, focal ratio, and the rigid transform between
-//! the cameras. With `S = s_s^2 N_s^-1 + s_f^2 N_f^-1` ([`crate::tracking::noise_scales`]) the disagreement
+//! features, where `p` are the errors that all features share: lag and focal ratio. With `S = s_s^2 N_s^-1 + s_f^2 N_f^-1` ([`crate::tracking::noise_scales`]) the disagreement
 //! `d = x_s - x_f` is `N(-N_f^-1 K p, S)`: normal equations of `p` whose deviations are those of the poses, in
 //! directions that the surfaces leave open as large as they are there.
 
 use crate::features::colour_model::ColourModel;
 use crate::features::residuals::RobustResidual;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix2, Matrix3x2, Matrix6x2, Vector2, Vector3};
 use tessera_features::Correspondence;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, hat};
 
-/// Parameters: lag, focal ratio less one, position and rotation vector of the colour camera in the depth camera.
-pub(crate) const N_PARAMETERS: usize = 8;
-/// A vector of the parameters.
-pub(crate) type Parameters = SVector<f64, N_PARAMETERS>;
+/// Lag, and focal ratio less one.
+pub(crate) type Parameters = Vector2<f64>;
 /// A matrix over the parameters.
-pub(crate) type ParameterMatrix = SMatrix<f64, N_PARAMETERS, N_PARAMETERS>;
+pub(crate) type ParameterMatrix = Matrix2<f64>;
 /// `K = sum J^T Omega E`: how a pair's gradient changes with the parameters.
-pub(crate) type Coupling = SMatrix<f64, 6, N_PARAMETERS>;
+pub(crate) type Coupling = Matrix6x2<f64>;
 
-/// A frame's normal equations about the parameters themselves, in numbers of single precision.
+/// Normal equations of the parameters, about those in effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ParameterSums {
     pub(crate) information: ParameterMatrix,
@@ -71,15 +68,8 @@ pub(crate) fn coupling(
 }
 
 /// How a feature's point moves with each parameter: along the surface, which is taken as facing the camera.
-fn moves(p: &Vector3<f64>, velocity: &Twist, model: &ColourModel) -> SMatrix<f64, 3, N_PARAMETERS> {
-    let along_surface = |m: Vector3<f64>| m - p * (m.z / p.z);
-    let mut columns = SMatrix::<f64, 3, N_PARAMETERS>::zeros();
-    columns.set_column(0, &along_surface(velocity.phi.cross(p) + velocity.rho));
-    columns.set_column(1, &(Vector3::new(p.x, p.y, 0.0) / -model.focal_ratio));
-    for k in 0..3 {
-        let axis: Vector3<f64> = Matrix3::identity().column(k).into_owned();
-        columns.set_column(2 + k, &along_surface(axis));
-        columns.set_column(5 + k, &along_surface(axis.cross(p)));
-    }
-    columns
+fn moves(p: &Vector3<f64>, velocity: &Twist, model: &ColourModel) -> Matrix3x2<f64> {
+    let by_lag = velocity.phi.cross(p) + velocity.rho;
+    let by_ratio = Vector3::new(p.x, p.y, 0.0) / -model.focal_ratio;
+    Matrix3x2::from_columns(&[by_lag - p * (by_lag.z / p.z), by_ratio])
 }

@@ -63,15 +63,15 @@ struct Lifter<'a> {
 impl Lifter<'_> {
     fn observe(&self, feature: &Feature) -> Observation {
         let camera = &self.context.camera;
-        let direction = self.context.colour.ray(camera, feature.pixel.map(f64::from));
+        let [depth_row, depth_column] = self.pixel_of_depth(feature);
+        let direction = camera.ray(depth_row, depth_column);
         let seconds = self.context.colour.lag_s + camera.row_time_s(f64::from(feature.pixel[0]));
         let direction = turned(&direction, self.velocity, seconds);
         let direction = direction / direction.z;
-        let offset = Vector3::from(self.context.colour.offset_m);
-        let origin = moved(&offset, self.velocity, seconds);
+        let origin = moved(&Vector3::zeros(), self.velocity, seconds);
         let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs()) * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
-        let beside = self.pixel_of_depth(feature).and_then(|[row, column]| self.vertex_at(row, column));
+        let beside = self.vertex_at(depth_row, depth_column);
         let depth = beside.and_then(|(vertex, _)| self.meet(&origin, &direction, vertex.position[2]));
         let ray = [direction.x, direction.y];
         let Some((position_m, slope)) = depth else { return Observation { ray, ray_sigma, point: None } };
@@ -119,16 +119,14 @@ impl Lifter<'_> {
         self.vertex_at(row, column)
     }
 
-    /// Pixel of the depth image in the direction of a feature, the motion during the lag left out.
-    fn pixel_of_depth(&self, feature: &Feature) -> Option<[f64; 2]> {
-        let camera = &self.context.camera;
-        let (row, column) = camera.project(&self.context.colour.ray(camera, feature.pixel.map(f64::from)))?;
-        Some([row, column])
+    fn pixel_of_depth(&self, feature: &Feature) -> [f64; 2] {
+        let [row, column] = feature.pixel.map(f64::from);
+        self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
     fn read_ahead(&self, feature: &Feature) {
-        let cell = self.pixel_of_depth(feature).and_then(|[row, column]| self.cell_at(row, column));
-        if let Some((vertex, _)) = cell {
+        let [row, column] = self.pixel_of_depth(feature);
+        if let Some((vertex, _)) = self.cell_at(row, column) {
             prefetch(vertex);
         }
     }
