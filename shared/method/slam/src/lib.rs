@@ -13,7 +13,7 @@ mod optimise;
 mod settings;
 mod tracking;
 
-pub use features::colour_model::{ColourModel, ColourRecord, ColourState, UNTRUSTED};
+pub use features::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState, UNTRUSTED};
 pub use features::seen_focal::{FocalView, seen_focal_ratio};
 pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;
@@ -39,4 +39,5 @@ pub use settings::{
     SubmapSettings, WindowSettings,
 };
 pub use tracking::input::FrameSurface;
+pub use tracking::noise_scales::{NoiseRecord, NoiseScales, NoiseState};
 pub use tracking::tracker::Tracker;

@@ -1,11 +1,12 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--simulation 'KEY = VALUE'] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
 //!
 //! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
 //! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random,
 //! `--colour-of` takes the colour images of another sequence of the same size, and `--camera` takes
-//! another camera: a folder's frames are as they are, a scene is rendered with it.
+//! another camera: a folder's frames are as they are, a scene is rendered with it. `--json` prints a line of
+//! figures for each run, which `scripts/accuracy.py` reads.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -24,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut every, mut is_reversed, mut hole_share, mut camera) = (1, false, 0.0, None);
     let mut simulation = SimulationOptions::default();
     let (mut colour_fault, mut colour_of) = (None, None);
+    let (mut skip, mut is_json) = (0, false);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
@@ -35,6 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--colour" => colour_fault = arguments.next(),
             "--colour-of" => colour_of = arguments.next(),
             "--camera" => camera = arguments.next(),
+            "--skip" => skip = arguments.next().ok_or("--skip N")?.parse::<u64>()?,
+            "--json" => is_json = true,
             "--simulation" => {
                 let table = arguments.next().ok_or("--simulation 'key = value'")?;
                 simulation = toml::from_str::<SimulationOptions>(&table)?;
@@ -46,6 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for sequence in &sequences {
         let options = SourceOptions {
             frames,
+            skip,
             camera: camera.clone(),
             simulation: simulation.clone(),
             ..SourceOptions::default()
@@ -86,6 +91,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             let records = run.finish();
             println!("    colour: {colour:?} {:?}", colour.estimate());
             report(sequence, seed, truth.as_ref(), &records, decoded.len());
+            if is_json {
+                print_figures(sequence, seed, truth.as_ref(), &records);
+            }
             println!(
                 "    {:.2} ms CPU a frame, {:.2} with the final optimisation",
                 tracked / decoded.len() as f64,
@@ -136,7 +144,8 @@ fn pierce(frames: &mut [RawFrame], share: f64) {
 }
 
 /// Plants a fault in all colour images: `off`, `frozen` (the first for all), `late` (of ten frames
-/// before), `foreign` (of frames far away in time), `dark`, `noise`, or `blurred` (along the rows).
+/// before), `foreign` (of frames far away in time), `dark` (a 64th), `dim` (half), `halved` (every second image repeated
+/// for two seconds), `noise`, or `blurred` (along the rows).
 fn spoil_colour(frames: &mut [RawFrame], fault: Option<&str>, width: usize) -> Result<(), Box<dyn Error>> {
     let Some(fault) = fault else { return Ok(()) };
     let images: Vec<Option<Vec<u8>>> = frames.iter().map(|frame| frame.colour.clone()).collect();
@@ -152,11 +161,15 @@ fn spoil_colour(frames: &mut [RawFrame], fault: Option<&str>, width: usize) -> R
             "late" => images[k.saturating_sub(10)].clone(),
             "foreign" => images[(k * 37 + images.len() / 2) % images.len()].clone(),
             "dark" => images[k].as_ref().map(|image| image.iter().map(|b| b / 64).collect()),
+            // Half the rate from a third of the sequence on for two seconds at 30 Hz, as a camera in the dark.
+            "halved" if (images.len() / 3..images.len() / 3 + 60).contains(&k) => images[k - k % 2].clone(),
+            "halved" => images[k].clone(),
+            "dim" => images[k].as_ref().map(|image| image.iter().map(|b| b / 2).collect()),
             "blurred" => images[k].as_deref().map(|image| blurred(image, width)),
             "noise" => images[k].as_ref().map(|image| image.iter().map(|_| byte()).collect()),
             other => {
                 return Err(format!(
-                    "--colour is {other}, expected off, frozen, late, foreign, dark, noise or blurred"
+                    "--colour is {other}, expected off, frozen, late, foreign, dark, dim, halved, noise or blurred"
                 )
                 .into());
             }
@@ -242,6 +255,26 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
     }
 }
 
+/// One line of figures as JSON, those that need ground truth only where there is one.
+fn print_figures(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Records) {
+    let mut figures = serde_json::json!({
+        "sequence": sequence,
+        "seed": seed,
+        "untracked": records.n_untracked(),
+        "keyframes": records.n_keyframes(),
+    });
+    let Some(truth) = truth else { return println!("{figures}") };
+    for (name, estimate) in [("online", records.online()), ("final", records.last())] {
+        let Ok(e) = evaluate(&estimate, truth, &EvaluationOptions::default()) else { continue };
+        figures[format!("ate_{name}_m")] = e.ate_rmse_m.into();
+        figures[format!("rpe_{name}_m_per_s")] = e.rpe_translation_rmse_m_per_s.into();
+    }
+    let certainty = certainty(records, truth);
+    figures["within_3_sigma"] = certainty.within.into();
+    figures["normalised_error"] = certainty.normalised.into();
+    println!("{figures}");
+}
+
 /// Submaps with what began and joined them, where there is more than one.
 fn report_submaps(records: &Records) {
     let submaps = records.submaps();
@@ -261,6 +294,27 @@ fn report_submaps(records: &Records) {
 /// How well the stated deviations tell the errors of relative poses over one second: the squared
 /// error of each axis over its stated variance, that of the two frames' covariances together.
 fn report_certainty(records: &Records, truth: &Trajectory) {
+    let c = certainty(records, truth);
+    println!(
+        "    over 1 s: {:.1} % within 3 sigma, mean squared normalised error {:.2} (translation {:.2}), median error {:.4} m, stated {:.4} m",
+        100.0 * c.within,
+        c.normalised,
+        c.translation,
+        c.median_error_m,
+        c.median_stated_m
+    );
+}
+
+/// See [`report_certainty`].
+struct Certainty {
+    within: f64,
+    normalised: f64,
+    translation: f64,
+    median_error_m: f64,
+    median_stated_m: f64,
+}
+
+fn certainty(records: &Records, truth: &Trajectory) -> Certainty {
     let tracked: Vec<_> = records.frames().filter(|f| f.covariance.len() == 21).collect();
     let (mut n, mut n_within, mut normalised, mut translation) = (0, 0, 0.0, 0.0);
     let (mut error_m, mut sigma_m) = (Vec::new(), Vec::new());
@@ -286,14 +340,14 @@ fn report_certainty(records: &Records, truth: &Trajectory) {
     error_m.sort_by(f64::total_cmp);
     sigma_m.sort_by(f64::total_cmp);
     let middle = |values: &[f64]| values.get(values.len() / 2).copied().unwrap_or(f64::NAN);
-    println!(
-        "    over 1 s: {:.1} % within 3 sigma, mean squared normalised error {:.2} (translation {:.2}), median error {:.4} m, stated {:.4} m",
-        100.0 * n_within as f64 / n as f64,
-        normalised / n as f64,
-        translation / n as f64,
-        middle(&error_m),
-        middle(&sigma_m)
-    );
+    let n = n as f64;
+    Certainty {
+        within: n_within as f64 / n,
+        normalised: normalised / n,
+        translation: translation / n,
+        median_error_m: middle(&error_m),
+        median_stated_m: middle(&sigma_m),
+    }
 }
 
 /// The true pose at a time, between its two neighbours.

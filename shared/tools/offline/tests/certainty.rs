@@ -67,7 +67,8 @@ fn relative_errors(n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
     let source = common::scene(SceneName::Room, &SimulationOptions::default());
     let method = common::surfaces_alone();
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
-    let factor = context.matcher().metric_factor() * method.mapping.window.correlation;
+    let scales = NoiseState::of_records(records.frames().filter_map(|frame| frame.noise.as_ref())).scales();
+    let factor = context.matcher().metric_factor() * scales.surfaces;
     let mut keyframes = Vec::new();
     let mut errors = Vec::new();
     for frame in records.frames() {

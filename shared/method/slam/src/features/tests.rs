@@ -3,14 +3,18 @@
 
 use crate::features::colour_model::{ColourModel, ColourState};
 use crate::features::lift::lift;
+use crate::features::matching::FeaturePair;
 use crate::features::observed::Observed;
 use crate::features::residuals;
+use crate::features::weighted_pair::WeightedPair;
 use crate::loops::test_wall::context;
 use crate::map::context::Context;
+use crate::tracking::noise_scales::{NoiseScales, NoiseState, PairEvidence, evidence};
 use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
 use tessera_features::{Correspondence, Feature, Observation, PointEstimate};
 use tessera_geometry::{Matrix6, Pose, Twist, compose_normalised, exp};
-use tessera_graph::PairBlock;
+use tessera_graph::{BlockSums, PairBlock};
 use tessera_numerics::SplitMix64;
 use tessera_surface::{SurfaceView, Vertex};
 
@@ -83,13 +87,31 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
         context = context.with_colour(&state, &NoiseState::default());
         let sides = [k, k + 1].map(|k| observed(&context, truth, k));
         let [(query, query_velocity), (target, target_velocity)] = [k, k + 1].map(frame);
+        let target_from_query = target.inverse() * query;
         let mut sums = Observed::new(&context, &state, Matrix6::zeros());
-        for (query_side, target_side) in sides[0].iter().zip(&sides[1]) {
-            let c = Correspondence { query: *query_side, target: *target_side };
-            sums.add(&c, &(target.inverse() * query), [&query_velocity, &target_velocity]);
-        }
+        let sides = sides[0].iter().zip(&sides[1]);
+        let inliers: Vec<Correspondence> =
+            sides.map(|(query, target)| Correspondence { query: *query, target: *target }).collect();
+        inliers.iter().for_each(|c| sums.add(c, &target_from_query, [&query_velocity, &target_velocity]));
         sums.end_pair();
         state.apply(&sums.record().unwrap());
+        // Surfaces that know the relative pose to a millimetre.
+        let mut surfaces = BlockSums { n: 8, ..BlockSums::default() };
+        for p in points(8) {
+            surfaces.add(&p, &Vector3::zeros(), &(Matrix3::identity() * 1e6));
+        }
+        let of_features = residuals::sums(&inliers, &target_from_query);
+        let found = Arc::new(FeaturePair { target_from_query, inliers, sums: of_features });
+        let features = WeightedPair::new(found, 1.0);
+        let pair = PairEvidence {
+            target_from_query,
+            velocities: [query_velocity, target_velocity],
+            surfaces: (&target_from_query, &surfaces),
+            features: Some(&features),
+        };
+        let scales = NoiseScales { surfaces: 1.0, features: 1.0 };
+        let evidence = evidence(std::iter::once(pair), 1.0, &scales, Some(&context.colour)).unwrap();
+        state.apply_pose(&evidence.colour.unwrap());
     }
     state
 }

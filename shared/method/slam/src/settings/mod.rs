@@ -50,7 +50,6 @@ impl MappingSettings {
         self.loops.check()?;
         self.relocalise.check()?;
         self.submaps.check()?;
-        self.global.check()?;
-        self.features.check()
+        self.global.check()
     }
 }

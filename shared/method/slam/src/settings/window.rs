@@ -74,10 +74,6 @@ pub struct WindowSettings {
     /// See `free_translation_m`.
     #[serde(skip)]
     pub free_ratio: f64,
-    /// Factor of the covariance that independent, unfiltered correspondences would have. Below
-    /// one: the filter takes more noise away than correlation brings back.
-    #[serde(skip)]
-    pub correlation: f64,
 }
 
 impl Default for WindowSettings {
@@ -106,7 +102,6 @@ impl Default for WindowSettings {
             free_translation_m: 0.0015,
             free_rotation_deg: 0.1,
             free_ratio: 10.0,
-            correlation: 0.07,
         }
     }
 }
@@ -138,7 +133,6 @@ impl WindowSettings {
         check_range("window.max_in_front", self.max_in_front, 0.0, 1.0)?;
         check_range("window.free_translation_m", self.free_translation_m, 1e-4, 1e3)?;
         check_range("window.free_rotation_deg", self.free_rotation_deg, 1e-2, 1e3)?;
-        check_range("window.free_ratio", self.free_ratio, 1.0, 1e6)?;
-        check_range("window.correlation", self.correlation, 1e-3, 1e6)
+        check_range("window.free_ratio", self.free_ratio, 1.0, 1e6)
     }
 }

@@ -5,6 +5,7 @@ use crate::features::sight::Sight;
 use crate::features::weighted_pair::WeightedPair;
 use crate::map::context::Context;
 use crate::tracking::degeneracy::DegenerateDirection;
+use crate::tracking::noise_scales::NoiseState;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
@@ -115,7 +116,7 @@ impl Aligner {
             references,
             targets,
             factor,
-            nominal_factor: independent * context.mapping.window.correlation,
+            nominal_factor: independent * NoiseState::default().scales().surfaces,
             matcher: &mut self.matcher,
             queries: &mut self.queries,
             shutter: &mut self.shutter,
@@ -165,8 +166,8 @@ impl Aligner {
         self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, &limits).1
     }
 
-    /// Makes an inverse information matrix metric: the variance of one correspondence times how
-    /// many correspondences say the same (method 9.3).
+    /// Makes an inverse information matrix metric: the variance of one correspondence times the estimated
+    /// scale of the surfaces (method 9.5).
     pub(crate) fn metric_factor(&self, context: &Context) -> f64 {
         self.independent_factor() * context.scales.surfaces
     }

@@ -24,6 +24,8 @@ const PRIOR_FREEDOM: f64 = 20.0;
 /// Degrees of freedom of Student's t, by which one disagreement far beyond its covariance counts
 /// less (Lange, Little and Taylor, JASA 1989: 4).
 const STUDENT_FREEDOM: f64 = 4.0;
+/// Consistency at the normal distribution: `6 / E[(nu + 6) q / (nu + q)]` for `q` of a chi-square of 6.
+const CONSISTENCY: f64 = 1.0816;
 /// Ratio of the surfaces' pose scale to the mean squared residual of their matches: matches that err together
 /// (method 9.5; fitted: the geometric mean over fr1_rpy_400, d435_office_400 and `room`).
 const SURFACE_CORRELATION: f64 = 10.0;
@@ -54,12 +56,7 @@ pub struct NoiseState {
 
 impl Default for NoiseState {
     fn default() -> Self {
-        Self {
-            surface_residual: SURFACE_RESIDUAL,
-            n_frames: 0.0,
-            squared: [0.0; 2],
-            redundancy: [0.0; 2],
-        }
+        Self { surface_residual: SURFACE_RESIDUAL, n_frames: 0.0, squared: [0.0; 2], redundancy: [0.0; 2] }
     }
 }
 
@@ -73,6 +70,13 @@ pub struct NoiseScales {
 }
 
 impl NoiseState {
+    /// The state as of these records, in order of frames.
+    pub fn of_records<'a>(records: impl IntoIterator<Item = &'a NoiseRecord>) -> Self {
+        let mut state = Self::default();
+        records.into_iter().for_each(|record| state.apply(record));
+        state
+    }
+
     /// Takes a frame's record in.
     pub(crate) fn apply(&mut self, record: &NoiseRecord) {
         self.n_frames = KEPT * self.n_frames + 1.0;
@@ -86,9 +90,8 @@ impl NoiseState {
     /// The scales: the evidence with the prior's degrees of freedom.
     pub fn scales(&self) -> NoiseScales {
         let prior = [SURFACE_CORRELATION * self.surface_residual, FEATURE_SCALE];
-        let [surfaces, features] = [0, 1].map(|k| {
-            (self.squared[k] + PRIOR_FREEDOM * prior[k]) / (self.redundancy[k] + PRIOR_FREEDOM)
-        });
+        let [surfaces, features] = [0, 1]
+            .map(|k| (self.squared[k] + PRIOR_FREEDOM * prior[k]) / (self.redundancy[k] + PRIOR_FREEDOM));
         NoiseScales { surfaces, features }
     }
 
@@ -135,9 +138,11 @@ pub(crate) fn evidence<'a>(
             PairBlock::new(&found.target_from_query, &found.sums).linearise(&pair.target_from_query);
         let surfaces = (h / (model * scales.surfaces), g / (model * scales.surfaces));
         let features = (h_f / scales.features, g_f / scales.features);
-        let Some(Components { squared, redundancy, pull }) = components(&surfaces, &features) else { continue };
+        let Some(Components { squared, redundancy, pull }) = components(&surfaces, &features) else {
+            continue;
+        };
         n_pairs += 1.0;
-        let weight = (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared[0] + squared[1]);
+        let weight = CONSISTENCY * (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared[0] + squared[1]);
         for (k, scale) in [scales.surfaces, scales.features].into_iter().enumerate() {
             record.squared[k] += scale * weight * squared[k];
             record.redundancy[k] += redundancy[k];
@@ -184,4 +189,83 @@ fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<Componen
     };
     let ((qa, ra), (qb, rb)) = (part(&a.0)?, part(&b.0)?);
     Some(Components { squared: [qa, qb], redundancy: [ra, rb], pull })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::matching::FeaturePair;
+    use nalgebra::{Matrix3, Vector3};
+    use std::sync::Arc;
+    use tessera_numerics::SplitMix64;
+
+    /// A standard normal number, by the sum of twelve even ones.
+    fn normal(random: &mut SplitMix64) -> f64 {
+        (0..12).map(|_| random.next_u64() as f64 / u64::MAX as f64).sum::<f64>() - 6.0
+    }
+
+    /// Sums of 60 points whose squared errors are `scale` times as large as their model states; `shape`: information
+    /// along each axis over that of `sigma_m`.
+    fn sums(random: &mut SplitMix64, sigma_m: f64, scale: f64, shape: [f64; 3]) -> BlockSums {
+        let mut sums = BlockSums::default();
+        for _ in 0..60 {
+            let mut vector = |size: f64| Vector3::from_fn(|_, _| normal(random) * size);
+            let a = vector(1.0) + Vector3::new(0.0, 0.0, 2.0);
+            let e = vector(sigma_m * scale.sqrt()).component_div(&Vector3::from(shape.map(f64::sqrt)));
+            let omega = Matrix3::from_diagonal(&Vector3::from(shape)) / (sigma_m * sigma_m);
+            sums.add(&a, &e, &omega);
+            sums.n += 1;
+        }
+        sums
+    }
+
+    /// The scales after 1,500 frames of three pairs each.
+    fn estimated(planted: NoiseScales) -> NoiseScales {
+        let mut random = SplitMix64::for_frame(7, 1);
+        let mut state = NoiseState::default();
+        for _ in 0..1500 {
+            let identity = Pose::identity();
+            let parts: Vec<(BlockSums, WeightedPair)> = (0..3)
+                .map(|_| {
+                    let surfaces = sums(&mut random, 0.01, planted.surfaces, [0.1, 0.3, 1.0]);
+                    let features = sums(&mut random, 0.01, planted.features, [1.0, 1.0, 0.2]);
+                    let found =
+                        FeaturePair { target_from_query: identity, inliers: Vec::new(), sums: features };
+                    (surfaces, WeightedPair::new(Arc::new(found), 1.0))
+                })
+                .collect();
+            let pairs = parts.iter().map(|(surfaces, features)| PairEvidence {
+                target_from_query: identity,
+                velocities: [Twist::default(); 2],
+                surfaces: (&identity, surfaces),
+                features: Some(features),
+            });
+            let noise = evidence(pairs, 1.0, &state.scales(), None).unwrap().noise;
+            // These points are independent; the prior takes matches as erring together.
+            let surface_residual = planted.surfaces / SURFACE_CORRELATION;
+            state.apply(&NoiseRecord { surface_residual, ..noise });
+        }
+        state.scales()
+    }
+
+    #[test]
+    fn planted_scales_are_found_each_by_itself() {
+        for (surfaces, features) in [(1.0, 1.0), (4.0, 1.0), (1.0, 4.0), (0.3, 2.0), (3.0, 0.5)] {
+            let found = estimated(NoiseScales { surfaces, features });
+            let is_near = |found: f64, planted: f64| (0.8..1.25).contains(&(found / planted));
+            assert!(is_near(found.surfaces, surfaces), "{surfaces} {features}: {found:?}");
+            assert!(is_near(found.features, features), "{surfaces} {features}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn without_features_the_scale_is_that_of_the_residuals() {
+        let mut state = NoiseState::default();
+        for _ in 0..1000 {
+            state.apply(&NoiseRecord { surface_residual: 0.02, ..NoiseRecord::default() });
+        }
+        let scales = state.scales();
+        assert!((scales.surfaces - SURFACE_CORRELATION * 0.02).abs() < 1e-6, "{scales:?}");
+        assert_eq!(scales.features, FEATURE_SCALE);
+    }
 }

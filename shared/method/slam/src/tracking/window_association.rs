@@ -15,9 +15,9 @@ pub(crate) struct WindowAssociation<'a, 'b> {
     pub(crate) references: &'a [Reference<'b>],
     /// The references as they are searched.
     pub(crate) targets: Vec<Target<'a>>,
-    /// Makes an inverse information matrix metric.
+    /// Makes an inverse information matrix metric by the estimated scale.
     pub(crate) factor: f64,
-    /// The same by the sensor's model and its usual correlation, by which directions are degenerate.
+    /// The same by the scale before anything is measured: degeneracy is a matter of geometry.
     pub(crate) nominal_factor: f64,
     pub(crate) matcher: &'a mut Matcher,
     pub(crate) queries: &'a mut Queries,

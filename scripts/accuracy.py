@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""Runs all sequences and writes what came out beside the committed baseline.
+
+    scripts/accuracy.py                     # all, five seeds; compares with tests/data/accuracy.toml
+    scripts/accuracy.py --only fr1_desk_200 room --seeds 3
+    scripts/accuracy.py --write             # makes the result the baseline, and docs/accuracy.md's table
+
+Sequences are the folders of TESSERA_SHARED (default ../shared) /data and the simulated worlds; those that are
+not there are named and left out. A sequence passes where each median is within the baseline's spread
+(least to most over its seeds) or better. Leaves 1 as its exit code where one does not.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tomllib
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+BASELINE = ROOT / "tests/data/accuracy.toml"
+PAGE = ROOT / "docs/accuracy.md"
+BEGIN, END = "<!-- scripts/accuracy.py: begin -->", "<!-- scripts/accuracy.py: end -->"
+
+# Name, arguments of run_sequence; `{data}` is the folder of recordings.
+SEQUENCES = {
+    "fr1_desk_200": ["{data}/fr1_desk_200"],
+    "fr1_desk_200, camera freiburg1": ["{data}/fr1_desk_200", "--camera", "freiburg1"],
+    "fr1_rpy_400": ["{data}/fr1_rpy_400"],
+    "d435_office_400": ["{data}/d435_office_400"],
+    "kitchen_450": ["{data}/kitchen_450"],
+    "kitchen_exact_120": ["{data}/kitchen_exact_120"],
+    "room": ["room", "--frames", "300"],
+    "room with a person": ["room", "--frames", "300", "--simulation", "person = true"],
+    "wall": ["wall", "--frames", "300"],
+    "corridor": ["corridor", "--frames", "300"],
+    "house": ["house", "--frames", "300"],
+}
+for _fault, _arguments in {
+    "colour blurred": ["--colour", "blurred"],
+    "colour halved": ["--colour", "halved"],
+    "exposure halved": ["--colour", "dim"],
+    "90 % of depth missing": ["--holes", "0.9"],
+}.items():
+    for _name in ["fr1_desk_200", "fr1_rpy_400", "d435_office_400", "room"]:
+        SEQUENCES[f"{_name}, {_fault}"] = SEQUENCES[_name] + _arguments
+
+# Figures: column, key, decimals, whether less is better.
+FIGURES = [
+    ("ATE final, m", "ate_final_m", 4, True),
+    ("ATE online, m", "ate_online_m", 4, True),
+    ("RPE online, m/s", "rpe_online_m_per_s", 4, True),
+    ("within 3 deviations", "within_3_sigma", 3, False),
+    ("normalised error", "normalised_error", 2, None),
+    ("untracked", "untracked", 0, True),
+]
+
+
+def build():
+    command = ["cargo", "build", "--release", "-p", "tessera-offline", "--example", "run_sequence"]
+    subprocess.run(command, cwd=ROOT, check=True)
+    target = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+    return target / "release/examples/run_sequence"
+
+
+def measure(program, arguments, seeds):
+    command = [str(program), *arguments, "--seeds", str(seeds), "--json"]
+    out = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    runs = [json.loads(line) for line in out.splitlines() if line.startswith("{")]
+    result = {}
+    for _, key, _, _ in FIGURES:
+        values = [run[key] for run in runs if run.get(key) is not None]
+        if values:
+            result[key] = [statistics.median(values), min(values), max(values)]
+    return result
+
+
+def cell(figures, decimals):
+    if figures is None:
+        return "-"
+    median, least, most = (f"{value:.{decimals}f}" for value in figures)
+    return median if least == most else f"{median} ({least} to {most})"
+
+
+def table(results):
+    rows = ["| sequence | " + " | ".join(name for name, *_ in FIGURES) + " |", "|" + "-|" * (len(FIGURES) + 1)]
+    for name, result in results.items():
+        cells = [cell(result.get(key), decimals) for _, key, decimals, _ in FIGURES]
+        rows.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def worse(result, baseline):
+    """Names of the figures whose median is outside the baseline's spread, on its bad side."""
+    found = []
+    for name, key, decimals, is_less_better in FIGURES:
+        if is_less_better is None or key not in result or key not in baseline:
+            continue
+        median, (_, least, most) = result[key][0], baseline[key]
+        step = 0.5 * 10**-decimals
+        if median > most + step if is_less_better else median < least - step:
+            found.append(f"{name} {median:.{decimals}f}, baseline {least:.{decimals}f} to {most:.{decimals}f}")
+    return found
+
+
+def toml_text(results):
+    lines = ["# Written by scripts/accuracy.py --write: median, least and most over the seeds."]
+    for name, result in results.items():
+        lines += ["", f"[{json.dumps(name)}]"]
+        lines += [f"{key} = [{', '.join(f'{value:.6g}' for value in map(float, v))}]" for key, v in result.items()]
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", metavar="NAME")
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--write", action="store_true", help="make the result the baseline and the page's table")
+    options = parser.parse_args()
+    data = pathlib.Path(os.environ.get("TESSERA_SHARED", ROOT.parent / "shared")) / "data"
+    unknown = set(options.only or []) - set(SEQUENCES)
+    if unknown:
+        sys.exit(f"unknown: {', '.join(sorted(unknown))}; known: {', '.join(SEQUENCES)}")
+    program = build()
+    results = {}
+    for name in options.only or SEQUENCES:
+        arguments = [argument.replace("{data}", str(data)) for argument in SEQUENCES[name]]
+        if "/" in arguments[0] and not pathlib.Path(arguments[0]).is_dir():
+            print(f"{name}: left out, there is no {arguments[0]}", file=sys.stderr)
+            continue
+        results[name] = measure(program, arguments, options.seeds)
+        cells = [f"{column} {cell(results[name].get(key), decimals)}" for column, key, decimals, _ in FIGURES]
+        print(f"{name}: {'; '.join(cells)}", file=sys.stderr, flush=True)
+    print(table(results))
+    known = tomllib.loads(BASELINE.read_text()) if BASELINE.exists() else {}
+    if options.write:
+        known = {name: results.get(name, known.get(name)) for name in SEQUENCES if name in results or name in known}
+        BASELINE.write_text(toml_text(known))
+        before, rest = PAGE.read_text().split(BEGIN)
+        PAGE.write_text(before + BEGIN + "\n" + table(known) + "\n" + END + rest.split(END)[1])
+        return
+    faults = {name: worse(result, known[name]) for name, result in results.items() if name in known}
+    for name, found in faults.items():
+        for fault in found:
+            print(f"worse: {name}: {fault}")
+    sys.exit(1 if any(faults.values()) else 0)
+
+
+if __name__ == "__main__":
+    main()
