@@ -56,7 +56,7 @@ const WITHIN: &str = "use StartLimitIntervalSec= in its unit of systemd";
 
 /// Keys that are gone, each with what holds now.
 #[rustfmt::skip]
-const REMOVED: [(&str, &str); 96] = [
+const REMOVED: [(&str, &str); 98] = [
     ("simulation.noise", "simulation.sensor = \"exact\" is without"),
     ("simulation.disparity_sigma_px", "it is 0.0625 now"),
     ("simulation.lateral_sigma_px", "it is 0.5 now"),

@@ -14,6 +14,7 @@ mod joint;
 mod lateral;
 mod machine;
 mod map;
+mod noise;
 mod ply;
 mod preview;
 mod replay;
@@ -40,6 +41,7 @@ pub use export::{
 pub use files::write_file;
 pub use joint::write_joint_map;
 pub use machine::Machine;
+pub use noise::NoiseSummary;
 pub use ply::{PlyVertex, write_ply};
 pub use preview::{Preview, preview};
 pub use replay::Replay;

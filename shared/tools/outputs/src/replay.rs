@@ -156,7 +156,7 @@ impl Replay {
 
     /// What all frames say of colour against depth, from what the camera file states on.
     pub(crate) fn colour(&self, stated: ColourModel) -> ColourState {
-        ColourState::of_records(stated, self.frames.iter().filter_map(|frame| frame.colour.as_ref()))
+        ColourState::of_frames(stated, &self.frames)
     }
 
     /// The keyframes of the main component, each with its corrected `world_from_camera`.

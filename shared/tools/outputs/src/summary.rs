@@ -5,6 +5,7 @@ use crate::accuracy::{Accuracy, accuracy, accuracy_by_gauge};
 use crate::colour::ColourSummary;
 use crate::facts::{Beside, Facts};
 use crate::files::write_whole;
+use crate::noise::NoiseSummary;
 use crate::replay::Replay;
 use crate::statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
 use crate::trajectories::{Rows, final_rows, online_rows};
@@ -96,6 +97,11 @@ pub struct Summary {
     /// How colour lies against depth; absent where no features were judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourSummary>,
+    /// Frames whose colour image was that of the frame before; left out of the alignment.
+    pub repeated_colour: u64,
+    /// Noise scales of surfaces and features; absent where no frame was aligned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseSummary>,
     /// Focal length that the features of turned views fit, with its standard deviation, pixels; absent where
     /// they do not tell it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -180,6 +186,8 @@ impl Summary {
             of_online: groundtruth
                 .and_then(|truth| accuracy_by_gauge(&online_rows(replay), replay.online_gauges(), truth)),
             colour: ColourSummary::new(&replay.colour(beside.stated_colour)),
+            repeated_colour: replay.frames.iter().filter(|frame| frame.repeats_colour).count() as u64,
+            noise: NoiseSummary::new(replay.frames.iter().filter_map(|frame| frame.noise.as_ref())),
             seen_focal_px: beside
                 .seen_focal
                 .map(|seen| [seen.ratio, seen.sigma].map(|x| x * beside.focal_px)),

@@ -5,6 +5,7 @@
 //! is applied where its own deviation tells that it is not zero.
 
 use crate::features::colour_pose::{ParameterMatrix, ParameterSums, Parameters};
+use crate::map::records::FrameRecord;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
@@ -159,15 +160,25 @@ impl ColourState {
         Self { information, gradient, model, ..Self::default() }
     }
 
-    /// The state as of these records, in order of frames.
-    pub fn of_records<'a>(stated: ColourModel, records: impl IntoIterator<Item = &'a ColourRecord>) -> Self {
+    /// The state as of these frames, in their order.
+    pub fn of_frames<'a>(stated: ColourModel, frames: impl IntoIterator<Item = &'a FrameRecord>) -> Self {
         let mut state = Self::stated(stated);
-        records.into_iter().for_each(|record| state.apply(record));
+        frames.into_iter().for_each(|frame| state.apply(frame));
         state
     }
 
-    /// Takes a frame's record in.
-    pub(crate) fn apply(&mut self, record: &ColourRecord) {
+    /// Takes a frame's records in.
+    pub(crate) fn apply(&mut self, frame: &FrameRecord) {
+        if let Some(record) = &frame.colour {
+            self.apply_audit(record);
+        }
+        if let Some(record) = &frame.colour_pose {
+            self.apply_pose(record);
+        }
+    }
+
+    /// Takes in how the features of a frame lie against its surfaces.
+    pub(crate) fn apply_audit(&mut self, record: &ColourRecord) {
         if record.n_pairs < MIN_PAIRS {
             return;
         }

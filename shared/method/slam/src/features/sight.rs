@@ -52,6 +52,8 @@ pub(crate) struct Sight {
     velocity: Twist,
     features: Vec<Feature>,
     n_features: usize,
+    /// The image is that of the frame before.
+    pub(crate) is_repeated: bool,
     observations: Arc<[Observation]>,
     pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
     /// The active keyframes of all submaps, as of the last recognition; sets of keyframes that differ much have an
@@ -72,6 +74,7 @@ impl Sight {
             velocity: Twist::default(),
             features: Vec::new(),
             n_features: 0,
+            is_repeated: false,
             observations: Arc::new([]),
             pairs: BTreeMap::new(),
             places: BTreeMap::new(),
@@ -80,8 +83,9 @@ impl Sight {
         }
     }
 
-    /// Takes a frame's features in. Those of a frozen stream are left out: no camera measures the same
-    /// image twice, bit by bit, and its matches would hold the camera still. `before` is the frame that
+    /// Takes a frame's features in. Those of a repeated image are left out: no camera measures the same
+    /// image twice, bit by bit (in the dark some deliver each image twice), and its matches would hold the camera
+    /// still. `before` is the frame that
     /// the state names as its last, so that an answer never hangs on what else is still at hand.
     pub(crate) fn begin(
         &mut self,
@@ -90,12 +94,13 @@ impl Sight {
         before: Option<&FrameSurface<'_>>,
         velocity: &Twist,
     ) {
-        let is_frozen = before.is_some_and(|before| before.features == frame.features);
+        self.is_repeated =
+            !frame.features.is_empty() && before.is_some_and(|before| before.features == frame.features);
         self.index = frame.index;
         self.velocity = *velocity;
         self.pairs.clear();
         self.features.clear();
-        if context.mapping.features.enabled && !is_frozen {
+        if context.mapping.features.enabled && !self.is_repeated {
             self.features.extend_from_slice(frame.features);
         }
         self.n_features = self.features.len();

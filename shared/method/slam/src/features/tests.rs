@@ -94,7 +94,7 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
             sides.map(|(query, target)| Correspondence { query: *query, target: *target }).collect();
         inliers.iter().for_each(|c| sums.add(c, &target_from_query, [&query_velocity, &target_velocity]));
         sums.end_pair();
-        state.apply(&sums.record().unwrap());
+        state.apply_audit(&sums.record().unwrap());
         // Surfaces that know the relative pose to a millimetre.
         let mut surfaces = BlockSums { n: 8, ..BlockSums::default() };
         for p in points(8) {

@@ -76,6 +76,8 @@ pub struct FrameRecord {
     pub rotation: Option<InertialRotation>,
     /// Entropy of the pose relative to the last keyframe, nats (method 9.4); NaN where unknown.
     pub entropy_nats: f64,
+    /// Its colour image is that of the frame before: no measurement.
+    pub repeats_colour: bool,
     /// What its features say of colour; nothing where too few match.
     pub colour: Option<ColourRecord>,
     /// What its alignment tells of the noise scales; nothing where it was not aligned.

@@ -33,6 +33,8 @@ pub struct RecentFrame {
     pub velocity: [f64; 6],
     /// Covariance of its pose, as in [`FrameRecord::covariance`].
     pub covariance: Vec<f64>,
+    /// As in [`FrameRecord::repeats_colour`].
+    pub repeats_colour: bool,
     /// As in [`FrameRecord::rotation`].
     pub rotation: Option<InertialRotation>,
 }
@@ -175,12 +177,7 @@ impl TrackerState {
         if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
             self.reference_entropy = Some(frame.entropy_nats);
         }
-        if let Some(colour) = &frame.colour {
-            self.colour.apply(colour);
-        }
-        if let Some(colour) = &frame.colour_pose {
-            self.colour.apply_pose(colour);
-        }
+        self.colour.apply(frame);
         if let Some(noise) = &frame.noise {
             self.noise.apply(noise);
         }
@@ -201,6 +198,7 @@ impl TrackerState {
             world_from_camera: frame.world_from_camera,
             velocity: frame.velocity,
             covariance: frame.covariance.clone(),
+            repeats_colour: frame.repeats_colour,
             rotation: frame.rotation,
         });
         self.sighting = frame.sighting;

@@ -107,6 +107,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         velocity: [0.0; 6],
         rotation: frame.rotation,
         entropy_nats: f64::NAN,
+        repeats_colour: false,
         colour: None,
         noise: None,
         colour_pose: None,

@@ -42,7 +42,7 @@ pub(crate) fn with_keyframe(
     aligned: WindowAlignment,
     record: FrameRecord,
 ) -> Promoted {
-    let Some(keyframe) = new_keyframe(input, &record) else {
+    let Some(keyframe) = new_keyframe(input, aligner, &record) else {
         return Promoted { aligned, record, is_looked_for: false };
     };
     // The window has closed what loops there are.
@@ -70,7 +70,11 @@ pub(crate) fn with_place(
 }
 
 /// The previous frame as a keyframe, where the new one is too far from the last (method 9.1).
-fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<KeyframeRecord> {
+fn new_keyframe(
+    input: &TrackingInput<'_>,
+    aligner: &Aligner,
+    record: &FrameRecord,
+) -> Option<KeyframeRecord> {
     let state = input.map.state();
     let last_keyframe = input.map.last_keyframe()?;
     let previous = state.recent.last()?;
@@ -83,6 +87,8 @@ fn new_keyframe(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<Keyfr
     let surface = input.surfaces.recent.iter().find(|s| s.index == previous.index)?;
     if (input.map.is_own(last_keyframe) && previous.index == last_keyframe.frame_index)
         || previous.state != State::Tracking
+        // Its features would be those of a frame before; the next frame has its own.
+        || (previous.repeats_colour && !aligner.sight.is_repeated)
         || !keyframe_test::is_due(&input.context.mapping.keyframe, &distance)
     {
         return None;

@@ -207,6 +207,7 @@ impl Tracker {
             }
         };
         context.steps.leave();
+        let record = FrameRecord { repeats_colour: self.aligner.sight.is_repeated, ..record };
         if is_asked { relocalise::noted(record) } else { record }
     }
 }
@@ -215,7 +216,7 @@ impl Tracker {
 fn with_frame(before: &ColourState, record: &FrameRecord) -> ColourState {
     let mut after = *before;
     if let Some(colour) = &record.colour {
-        after.apply(colour);
+        after.apply_audit(colour);
     }
     after
 }

@@ -128,7 +128,9 @@ pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option
             let recent = &input.map.state().recent[place];
             let seen = surfaces.recent.iter().find(|s| s.index == recent.index)?;
             let key = (false, recent.index);
-            (&recent.world_from_camera, &recent.velocity, key, seen.surface, seen.features)
+            // A repeated image shows what was there a frame before.
+            let features = if recent.repeats_colour { &[] } else { seen.features };
+            (&recent.world_from_camera, &recent.velocity, key, seen.surface, features)
         }
         Member::Keyframe(id) => {
             let keyframe = input.map.keyframe(id)?;
