@@ -110,7 +110,14 @@ impl Feed<'_> {
             self.track.apply(&record);
             match &record {
                 AlignRecord::Frame(frame) => self.show(frame, is_alive)?,
-                AlignRecord::Skipped(index, reason) => self.say(&format!("frame {index}: {reason}"))?,
+                AlignRecord::Skipped(skipped) => {
+                    let last = skipped.frames.end.saturating_sub(1);
+                    let frames = match skipped.n() {
+                        1 => format!("frame {last}"),
+                        _ => format!("frames {} to {last}", skipped.frames.start),
+                    };
+                    self.say(&format!("{frames}: {}", skipped.reason))?;
+                }
                 AlignRecord::Correction(_) => self.say("a correction took effect")?,
                 AlignRecord::End { n_frames, .. } => self.say(&format!("the end: {n_frames} frames"))?,
                 AlignRecord::Map(map) => {

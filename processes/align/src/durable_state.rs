@@ -4,7 +4,7 @@ use crate::journal_fold::{FoldSnapshot, JournalFold};
 use crate::posed::PosedFrame;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, Store};
+use tessera_journal::{Follower, Journal, Opening, Store};
 use tessera_messages::store_surface;
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, Correction, FrameRecord, GivenUp, OptimiseRecord, Tracker};
@@ -47,7 +47,7 @@ impl JournaledAligner {
     pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let files = &context.files;
         let store_path = files.store();
-        let mut store = Store::open(&store_path, PATIENCE)?;
+        let mut store = Store::open_begun(&store_path, PATIENCE)?;
         let mut keyframes = StoredKeyframes::open(&store_path, context.layout.grid)?;
         let flow = &context.settings.flow;
         let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), CHECKPOINT, flow.checkpoint_kb);
@@ -65,11 +65,11 @@ impl JournaledAligner {
             OPTIMISE_JOURNAL,
             marks.as_ref().map(|marks| &marks.optimise),
         )?;
-        let (journal, recovered) = Journal::open_behind(
+        let mark = marks.as_ref().map(|marks| &marks.align);
+        let (journal, recovered) = Journal::open_as(
             &files.align_journal(),
             ALIGN_JOURNAL,
-            marks.as_ref().map(|marks| &marks.align),
-            PATIENCE,
+            Opening { mark, is_begun: true, ..Opening::new(PATIENCE) },
             |record: AlignRecord| {
                 keyframes.take_unread(&record).map_err(|e| e.to_string())?;
                 slots(&record).for_each(|(_, slot)| store.keep(&journal_slot(slot)));
@@ -177,7 +177,7 @@ impl JournaledAligner {
             return Ok(());
         }
         for keyframe in self.given_up.more(&state.keyframes, self.culled_bytes) {
-            self.store.give_up(&journal_slot(&keyframe.slot))?;
+            self.store.give_up(&journal_slot(&keyframe.slot), self.fsync != Fsync::Never)?;
         }
         Ok(())
     }

@@ -119,6 +119,7 @@ fn of_supervisor(error: &SupervisorError) -> Exit {
         | SupervisorError::Leftover { .. }
         | SupervisorError::Map { .. }
         | SupervisorError::Directory { .. } => Exit::Arguments,
+        SupervisorError::Damaged { .. } => Exit::Input,
         SupervisorError::Transport(error) => of_transport(error),
         SupervisorError::Stage(error) => of_stage(error),
         SupervisorError::OpenFiles { .. } => Exit::Arguments,

@@ -4,7 +4,7 @@
 pub mod ros;
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tessera_slam::AlignRecord;
@@ -107,6 +107,11 @@ impl Run {
 
     pub fn start(&self) -> Child {
         self.command().spawn().unwrap()
+    }
+
+    /// Runs a command on this run's folder, to its end.
+    pub fn tessera(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).arg(self.out()).output().unwrap()
     }
 
     /// Runs to the end; a failure shows the log.

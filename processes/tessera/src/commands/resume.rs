@@ -13,11 +13,16 @@ use tessera_supervisor::Plan;
 
 /// Goes on with a run as it was begun: same name, camera and settings.
 pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> {
-    resume_in(&run_folder::find(&arguments.run)?, arguments.speech, false)
+    resume_in(&run_folder::find(&arguments.run)?, arguments.speech, false, arguments.drop_damaged)
 }
 
 /// Goes on with the run of a folder; with `hold` the stages are started from outside.
-pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Exit, CommandError> {
+pub(crate) fn resume_in(
+    run_dir: &Path,
+    speech: Speech,
+    hold: bool,
+    drop_damaged: bool,
+) -> Result<Exit, CommandError> {
     let files = RunFiles::new(run_dir);
     let run = RunFile::read(&files)?;
     let config = files.config();
@@ -45,6 +50,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         doubts: run.doubts,
         hold,
         resume: true,
+        drop_damaged,
         executable: std::env::current_exe()
             .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),

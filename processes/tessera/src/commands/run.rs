@@ -77,7 +77,7 @@ fn under_a_free_name(
         check_name(name).map_err(|error| CommandError::arguments(error.to_string()))?;
         let run_dir = run_dir(arguments, name);
         if arguments.hold && RunFiles::new(&run_dir).run_file().exists() {
-            return resume_in(&run_dir, arguments.speech, true);
+            return resume_in(&run_dir, arguments.speech, true, false);
         }
         return Ok(start(name)?);
     }
@@ -207,6 +207,7 @@ pub(super) fn new_plan(
         doubts: Vec::new(),
         hold: arguments.hold,
         resume: false,
+        drop_damaged: false,
         executable: std::env::current_exe()
             .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
         kill_points: kill_plan(),

@@ -66,7 +66,7 @@ pub fn read_checkpoint<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<O
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Journal, Mark};
+    use crate::{Journal, Mark, Opening};
     use std::time::Duration;
 
     #[test]
@@ -132,12 +132,12 @@ mod tests {
             assert!(mark.fits(&path, "test").unwrap());
             assert!(!mark.fits(&path, "other").unwrap());
             let mut records = Vec::new();
-            let (opened, recovered) =
-                Journal::<u64>::open_behind(&path, "test", Some(mark), Duration::ZERO, |record| {
-                    records.push(record);
-                    Ok(())
-                })
-                .unwrap();
+            let opening = Opening { mark: Some(mark), ..Opening::new(Duration::ZERO) };
+            let (opened, recovered) = Journal::<u64>::open_as(&path, "test", opening, |record| {
+                records.push(record);
+                Ok(())
+            })
+            .unwrap();
             assert_eq!(records, (k as u64..20).map(|k| k * k * 1000).collect::<Vec<_>>());
             assert_eq!((opened.mark(), recovered.n_records), (marks[20], 20));
             let mut follower = Follower::<u64>::open_behind(&path, "test", Some(mark)).unwrap();

@@ -10,7 +10,7 @@ use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TESSERAJ";
 /// Version of the framing and of the records in it.
-const VERSION: u32 = 14;
+const VERSION: u32 = 15;
 /// Bytes before the first record.
 pub(crate) const FILE_HEADER_BYTES: usize = 32;
 /// Bytes before each record's payload: length, version, checksum.
@@ -56,6 +56,12 @@ pub(crate) fn check_file_header(bytes: &[u8], kind: &str, path: &Path) -> Result
         expected: format!("{kind} journal"),
         found: format!("{:?}", String::from_utf8_lossy(&bytes[..bytes.len().min(28)])),
     })
+}
+
+/// The kind that a header names.
+pub(crate) fn kind_in(header: &[u8]) -> String {
+    let name = header.get(12..28).unwrap_or_default();
+    String::from_utf8_lossy(name).trim_end_matches('\0').to_owned()
 }
 
 /// The checksum that the first record continues.

@@ -1,6 +1,7 @@
 //! Why a run ends in an error.
 
 use std::path::PathBuf;
+use tessera_journal::JournalError;
 use tessera_messages::Stage;
 use tessera_stage::StageError;
 use tessera_transport::TransportError;
@@ -58,6 +59,22 @@ pub enum SupervisorError {
         /// Why not.
         reason: String,
     },
+    /// A file of the run has lost what the run recorded; nothing was changed.
+    #[error(
+        "{error}{}; what comes before it stays: tessera resume {} --drop-damaged goes on from there and \
+         keeps a copy of the file beside it{}",
+        frames_text(*.next_frame), run.display(), again_text(*.is_live)
+    )]
+    Damaged {
+        /// The file, where it is damaged, and what would be lost.
+        error: JournalError,
+        /// Folder of the run.
+        run: PathBuf,
+        /// The first frame that would be lost, where that is known.
+        next_frame: Option<u64>,
+        /// The frames do not come again.
+        is_live: bool,
+    },
     /// Too few files may be open.
     #[error(
         "a process may have {allowed} files open here, a run needs {needed}; raise the limit (ulimit -n)"
@@ -96,4 +113,12 @@ pub enum SupervisorError {
         /// Why not.
         reason: String,
     },
+}
+
+fn frames_text(next_frame: Option<u64>) -> String {
+    next_frame.map_or_else(String::new, |next| format!(", frames from {next} on"))
+}
+
+fn again_text(is_live: bool) -> &'static str {
+    if is_live { " (these frames do not come again)" } else { " (the recording's frames are computed again)" }
 }

@@ -11,6 +11,7 @@ mod marks;
 mod outcome;
 mod plan;
 mod policy;
+mod recorded;
 mod saved_map;
 mod signals;
 mod stage_process;

@@ -1,26 +1,20 @@
 //! Plan of a run, and the run directory in which every process finds it.
 
 use crate::failure::SupervisorError;
+use crate::recorded::{Opener, PATIENCE, Recorded};
 use crate::saved_map::MapOnDisk;
 use std::fs::DirBuilder;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 use tessera_geometry::Camera;
-use tessera_journal::{Durability, Journal, Recovered, Store, end_holder, lock_file, write_atomically};
+use tessera_journal::{Durability, JournalError, end_holder, lock_file, write_atomically};
 use tessera_messages::Stage;
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, OptimiseRecord};
-use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes, start_log,
-};
+use tessera_stage::{Checkpoint, RunFile, RunFiles, StageError, start_log};
 use tessera_transport::{Layout, RunClaim, check_space};
 
 /// Folder of the traces in the run's folder, while the run lasts.
 const TRACE_FOLDER: &str = "trace";
-/// How long stages of an earlier supervisor may take to end.
-const PATIENCE: Duration = Duration::from_secs(1);
-
 /// What is to be run.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -42,6 +36,8 @@ pub struct Plan {
     pub hold: bool,
     /// Go on with the run that is there.
     pub resume: bool,
+    /// Where a file of the run is damaged, go on without what lies behind, and keep a copy.
+    pub drop_damaged: bool,
     /// The program that becomes the stages: `std::env::current_exe()`.
     pub executable: PathBuf,
     /// For tests: kill points of the first life of a stage, as `point:index,…`.
@@ -109,22 +105,13 @@ impl Plan {
         }
         start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
         end_stages_left(&files)?;
-        // Their readers want them to be there, and whole: a record whose keyframe is not in the
-        // store ends the journal, before anybody follows it.
-        let mut store =
-            Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
-        let mut keyframes = StoredKeyframes::open(&files.store(), layout.grid)
-            .map_err(|e| directory("map", &files.store(), &e))?;
-        let (mut journal, recovered) =
-            Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
-                keyframes.take(&record).map_err(|e| e.to_string())
-            })
-            .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
-        if !is_there && recovered.n_records > 0 {
+        // Their readers want them to be there, and whole.
+        let opener = Opener::new(self, &files, is_there);
+        let Recorded { mut store, mut journal, n_records } = opener.open_aligned(&layout)?;
+        if !is_there && n_records > 0 {
             return Err(SupervisorError::Leftover { dir: self.run_dir.clone() });
         }
-        say_dropped(&files.align_journal(), &recovered);
-        if recovered.n_records == 0 {
+        if n_records == 0 {
             // Also where a run's journal was lost whole: it begins again as it began.
             let map =
                 map.map_or_else(|| MapOnDisk::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
@@ -132,15 +119,14 @@ impl Plan {
                 run.map = Some(map.plant(&mut store, &mut journal, expected)?);
             }
         }
-        drop((journal, store));
-        let (_, recovered) = Journal::<OptimiseRecord>::open(
-            &files.optimise_journal(),
-            OPTIMISE_JOURNAL,
-            PATIENCE,
-            |_| Ok(()),
-        )
-        .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
-        say_dropped(&files.optimise_journal(), &recovered);
+        let optimised = opener.open_optimised()?;
+        if !is_there {
+            // Before run.json, which states that they are there.
+            let unsynced = |error: JournalError| SupervisorError::Stage(StageError::Journal(error));
+            store.sync().map_err(unsynced)?;
+            journal.sync_start().and_then(|()| optimised.sync_start()).map_err(unsynced)?;
+        }
+        drop((journal, store, optimised));
         // Whole journals were read above: what a crash of the machine did to them is mended, and a
         // short cut through them says nothing new.
         Checkpoint::remove(&files.align_checkpoint());
@@ -163,17 +149,6 @@ fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
         }
     }
     Ok(())
-}
-
-/// What was torn off a journal, for the log.
-fn say_dropped(path: &Path, recovered: &Recovered) {
-    if let Some(reason) = &recovered.reason {
-        let Recovered { n_records, dropped_bytes, .. } = recovered;
-        tracing::warn!(
-            "{} ends after {n_records} records, {dropped_bytes} bytes behind them are dropped: {reason}",
-            path.display()
-        );
-    }
 }
 
 /// An error about a file of the run directory.

@@ -7,7 +7,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use tessera_messages::Stage;
 use tessera_stage::{
-    KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, TRACE_VARIABLE,
+    KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageError, TRACE_VARIABLE,
 };
 
 /// Set for a stage whose standard input is the supervisor's life line.
@@ -105,6 +105,8 @@ pub(crate) fn meaning(status: ExitStatus) -> Meaning {
         (Some(0), _) => Meaning::Finished,
         (Some(code), _) if code == i32::from(tessera_stage::Outcome::STOPPED) => Meaning::Killed,
         (Some(2 | 3), _) => Meaning::Unusable,
+        // A successor would read from memory what the disk does not have.
+        (Some(code), _) if code == i32::from(StageError::NOT_SYNCED) => Meaning::Unusable,
         (_, Some(signal)) if FROM_OUTSIDE.contains(&signal) => Meaning::Killed,
         _ => Meaning::Failed,
     }
