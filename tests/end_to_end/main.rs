@@ -54,6 +54,7 @@ mod promises {
         mod run_directory;
         mod submaps;
         mod trace;
+        mod verdict;
     }
     /// The manual tells what is there.
     mod documentation {

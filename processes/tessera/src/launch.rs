@@ -8,7 +8,7 @@ use crate::terminal::{say, say_error};
 use std::time::Duration;
 use tessera_evaluation::Trajectory;
 use tessera_messages::Stage;
-use tessera_outputs::{Ended, Recorder, RunStatistics, ToolError};
+use tessera_outputs::{Ended, Recorder, RunStatistics, Summary, ToolError};
 use tessera_report::REPORT_FILE;
 use tessera_stage::log_line;
 use tessera_supervisor::{Plan, Progress, RunOutcome, Supervised, SupervisorError, hold, supervise};
@@ -93,13 +93,7 @@ fn conclude(
     };
     let statistics = RunStatistics::new(ended, stages, *duration, *shared_memory_bytes);
     let written = tessera_outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
-        .and_then(|()| tessera_outputs::export(&plan.run_dir, &plan.run_dir));
-    if plan.settings.output.report
-        && let Err(error) = tessera_report::write(&[&plan.run_dir], &plan.run_dir.join(REPORT_FILE))
-    {
-        // What was asked for is the trajectory and the map: the run is no worse without a page.
-        say_error(&format!("no report: {error}"));
-    }
+        .and_then(|()| write_outputs(plan));
     if let RunOutcome::Failed(failure) = outcome {
         // A stage that could not use its input or settings says so by its exit code.
         let exit = match failure.exit_code {
@@ -124,6 +118,19 @@ fn conclude(
         say(&format!("go on with: {}", resume_command(plan)));
     }
     Ok(Exit::Interrupted)
+}
+
+/// Writes outputs and report from one reading of the run's folder.
+fn write_outputs(plan: &Plan) -> Result<Summary, ToolError> {
+    let run = tessera_outputs::read_run(&plan.run_dir)?;
+    let exported = tessera_outputs::export_read(&run, &plan.run_dir);
+    if plan.settings.output.report
+        && let Err(error) = tessera_report::write_read(&run, &plan.run_dir.join(REPORT_FILE))
+    {
+        // What was asked for is the trajectory and the map: the run is no worse without a page.
+        say_error(&format!("no report: {error}"));
+    }
+    exported.and_then(|()| run.into_summary())
 }
 
 /// What brings the run to its end.

@@ -16,6 +16,7 @@ mod machine;
 mod map;
 mod ply;
 mod preview;
+mod read_run;
 mod replay;
 mod seen_focal;
 mod states;
@@ -35,7 +36,7 @@ pub use colour::ColourSummary;
 pub use comparison::comparison;
 pub use error::ToolError;
 pub use export::{
-    export, map_keyframes, map_points, read_beside, read_groundtruth, read_journal, read_map, read_settings,
+    export, export_read, map_keyframes, map_points, read_groundtruth, read_journal, read_map, read_settings,
     refined_warp, write_groundtruth,
 };
 pub use files::write_file;
@@ -43,6 +44,7 @@ pub use joint::write_joint_map;
 pub use machine::Machine;
 pub use ply::{PlyVertex, write_ply};
 pub use preview::{Preview, preview};
+pub use read_run::{ReadRun, read_run};
 pub use replay::Replay;
 pub use statistics::{Ended, LatencyMs, RunStatistics, STATISTICS_FILE, read_statistics, write_statistics};
 pub use summary::Summary;
