@@ -20,6 +20,7 @@ mod promises {
         mod chaos;
         mod deaths;
         mod ends;
+        mod power;
         mod random_kills;
         mod resume;
         mod saved_map;

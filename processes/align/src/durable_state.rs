@@ -98,7 +98,7 @@ impl JournaledAligner {
             )));
         }
         checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
-        let (pending, fsync) = (BTreeMap::new(), flow.fsync);
+        let (pending, fsync) = (BTreeMap::new(), flow.fsync.of_run(context.settings.run.live));
         let grid = context.layout.grid;
         let culled_bytes = u64::from(flow.culled_mb) * 1_000_000;
         let given_up = GivenUp::default();
@@ -154,7 +154,8 @@ impl JournaledAligner {
         let is_plain = matches!(&record, AlignRecord::Frame(f) if f.new_keyframe.is_none())
             || matches!(record, AlignRecord::Skipped(..));
         let sync = match self.fsync {
-            Fsync::Never => false,
+            // `Auto` is none of a run.
+            Fsync::Auto | Fsync::Never => false,
             Fsync::Keyframe => !is_plain,
             Fsync::Always => true,
         };

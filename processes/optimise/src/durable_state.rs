@@ -62,7 +62,8 @@ impl JournaledOptimiser {
             marks.as_ref().map(|marks| &marks.align),
         )?;
         checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
-        Ok(Self { optimiser, keyframes, records, journal, fsync: flow.fsync, checkpoint })
+        let fsync = flow.fsync.of_run(context.settings.run.live);
+        Ok(Self { optimiser, keyframes, records, journal, fsync, checkpoint })
     }
 
     /// Reads on in the aligner's journal, up to the next request and no further.

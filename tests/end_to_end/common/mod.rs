@@ -49,6 +49,15 @@ pub fn room() -> Run {
         .with(&["--set", "surface.step=2"])
 }
 
+impl Run {
+    /// The folder of another run of the same name, which a test fills.
+    pub fn in_folder(of: &Run) -> Run {
+        let dir = tempfile::tempdir().unwrap();
+        let (name, source, frames) = (of.name.clone(), of.source.clone(), of.frames.clone());
+        Run { dir, name, source, frames, arguments: of.arguments.clone(), environment: Vec::new() }
+    }
+}
+
 /// A test that fails leaves no process behind.
 impl Drop for Run {
     fn drop(&mut self) {

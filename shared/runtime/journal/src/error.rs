@@ -1,6 +1,7 @@
 //! Errors of the files of a run directory.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A journal or store that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -115,9 +116,21 @@ fn lost_text(n_lost: u64, synced_lost: u64) -> String {
     }
 }
 
+/// Whether the disk takes nothing more, for tests of what comes of that.
+static SYNCS_FAIL: AtomicBool = AtomicBool::new(false);
+
+/// From here on no sync of this process succeeds, as on a disk with an input/output error: a fault for tests.
+pub fn let_syncs_fail() {
+    SYNCS_FAIL.store(true, Ordering::Relaxed);
+}
+
 /// Forces a file's bytes to disk.
 pub(crate) fn sync_file(file: &std::fs::File, path: &Path) -> Result<(), JournalError> {
-    file.sync_data().map_err(|source| JournalError::NotSynced { path: path.into(), source })
+    let synced = match SYNCS_FAIL.load(Ordering::Relaxed) {
+        true => Err(rustix::io::Errno::IO.into()),
+        false => file.sync_data(),
+    };
+    synced.map_err(|source| JournalError::NotSynced { path: path.into(), source })
 }
 
 fn holder_text(holder: &Option<u32>) -> String {

@@ -34,7 +34,7 @@ pub use atomic_file::{Durability, partial_path, write_atomically};
 pub use checkpoint::{read_checkpoint, sealed_record, unsealed_record, write_checkpoint};
 pub use codec::fingerprint;
 pub use damage::{OnDamage, set_aside};
-pub use error::JournalError;
+pub use error::{JournalError, let_syncs_fail};
 pub use follower::Follower;
 pub use framing::RECORD_HEADER_BYTES;
 pub use inspect::{Ending, Inspection, inspect, inspect_framing};

@@ -54,6 +54,8 @@ enum Fault {
     Memory,
     /// A full disk: no file can grow.
     Full,
+    /// A disk with an error: no sync succeeds.
+    SyncFails,
     /// A loop without an end.
     Hang,
     /// Frozen from outside: SIGSTOP.
@@ -67,13 +69,14 @@ enum Fault {
 }
 
 /// All faults by their names in a plan.
-const FAULTS: [(&str, Fault); 11] = [
+const FAULTS: [(&str, Fault); 12] = [
     ("kill", Fault::Kill),
     ("panic", Fault::Panic),
     ("segv", Fault::Segv),
     ("abort", Fault::Abort),
     ("memory", Fault::Memory),
     ("full", Fault::Full),
+    ("sync-fails", Fault::SyncFails),
     ("hang", Fault::Hang),
     ("stop", Fault::Stop),
     ("slow", Fault::Slow),
@@ -186,6 +189,7 @@ fn fail(fault: Fault, point: &str, index: u64) {
             let limit = Rlimit { current: Some(0), maximum: Some(0) };
             let _ = setrlimit(Resource::Fsize, limit);
         }
+        Fault::SyncFails => tessera_journal::let_syncs_fail(),
         Fault::Hang => sleep_for_ever(),
         Fault::Panic => panic!("told to panic at {point}:{index}"),
         Fault::Stop => {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use tessera_geometry::Camera;
 use tessera_journal::{Durability, JournalError, end_holder, lock_file, write_atomically};
 use tessera_messages::Stage;
-use tessera_settings::Settings;
+use tessera_settings::{Fsync, Settings};
 use tessera_stage::{Checkpoint, RunFile, RunFiles, StageError, start_log};
 use tessera_transport::{Layout, RunClaim, check_space};
 
@@ -119,10 +119,14 @@ impl Plan {
                 run.map = Some(map.plant(&mut store, &mut journal, expected)?);
             }
         }
-        let optimised = opener.open_optimised()?;
-        if !is_there {
+        let mut optimised = opener.open_optimised()?;
+        let unsynced = |error: JournalError| SupervisorError::Stage(StageError::Journal(error));
+        if self.settings.flow.fsync.of_run(self.settings.run.live) != Fsync::Never {
+            // What was read as whole is on disk before anything is built on it.
+            store.sync().map_err(unsynced)?;
+            journal.sync().and_then(|()| optimised.sync()).map_err(unsynced)?;
+        } else if !is_there {
             // Before run.json, which states that they are there.
-            let unsynced = |error: JournalError| SupervisorError::Stage(StageError::Journal(error));
             store.sync().map_err(unsynced)?;
             journal.sync_start().and_then(|()| optimised.sync_start()).map_err(unsynced)?;
         }
