@@ -15,7 +15,7 @@ use tessera_stage::{
 use tessera_surface::{Grid, Vertex};
 
 /// What the checkpoint calls itself: another name for each layout of the state in it.
-const CHECKPOINT: &str = "align.2";
+const CHECKPOINT: &str = "align.3";
 /// Records after which a keyframe's surface that was not needed is forgotten.
 const FORGET_AFTER_RECORDS: u64 = 64;
 /// How long a predecessor may take to die before its lock is an error.

@@ -111,6 +111,7 @@ pub(crate) fn process_frame(
     }
     ports.pulse.beat.keyframes = state.keyframes.len() as u64;
     ports.pulse.beat.loops = state.fold.n_loops;
+    ports.pulse.beat.left_out = state.fold.n_left_out;
     steps.leave();
     let now = monotonic_nanos();
     match sent_ahead {

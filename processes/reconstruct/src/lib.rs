@@ -104,7 +104,11 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.output(header.index);
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-        pulse.done(began, now);
+        match kind {
+            Kind::Frame => pulse.done(began, now),
+            // It is no frame.
+            Kind::End => pulse.progress(),
+        }
     }
 }
 

@@ -128,6 +128,9 @@ pub(crate) struct ResumeArguments {
     /// Where a file of the run is damaged, go on without what lies behind; a copy stays beside it
     #[arg(long)]
     pub(crate) drop_damaged: bool,
+    /// Faults on purpose, as those of `tessera run`
+    #[arg(long, value_name = "PLAN", hide = true)]
+    pub(crate) faults: Option<String>,
     #[command(flatten)]
     pub(crate) speech: Speech,
 }

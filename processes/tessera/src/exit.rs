@@ -116,6 +116,7 @@ fn of_supervisor(error: &SupervisorError) -> Exit {
     match error {
         // A name or folder that cannot be used came from the command line.
         SupervisorError::RunExists { .. }
+        | SupervisorError::FolderInUse { .. }
         | SupervisorError::Leftover { .. }
         | SupervisorError::Map { .. }
         | SupervisorError::Directory { .. } => Exit::Arguments,

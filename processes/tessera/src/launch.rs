@@ -16,8 +16,6 @@ use tessera_transport::RunClaim;
 
 /// Time between two looks that `tessera status` can take at the counters.
 const REFRESH: Duration = Duration::from_secs(1);
-/// Kill points of the first life of each stage, for tests: `align=stored:12,journaled:40;sensor=…`.
-const KILL_PLAN_VARIABLE: &str = "TESSERA_KILL_PLAN";
 
 /// Runs the plan, under a name that may be taken already, writes the outputs and says what came of it.
 /// `beside` is called once, when others can see the run.
@@ -167,9 +165,8 @@ impl From<LaunchError> for CommandError {
     }
 }
 
-/// The kill points that a test asks for.
-pub(crate) fn kill_plan() -> Vec<(Stage, String)> {
-    let text = std::env::var(KILL_PLAN_VARIABLE).unwrap_or_default();
+/// Kill points of the first life of each stage: `align=stored:12,journaled:40;sensor=…`.
+pub(crate) fn kill_plan(text: &str) -> Vec<(Stage, String)> {
     text.split(';')
         .filter_map(|part| {
             let (stage, points) = part.split_once('=')?;

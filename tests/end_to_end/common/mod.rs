@@ -89,6 +89,11 @@ impl Run {
         self
     }
 
+    /// Faults on purpose, in this run and not where it is resumed.
+    pub fn with_faults(self, plan: &str) -> Self {
+        self.with(&["--faults", plan])
+    }
+
     pub fn with_env(mut self, name: &str, value: &str) -> Self {
         self.environment.push((name.into(), value.into()));
         self
@@ -206,7 +211,7 @@ impl Run {
         pids[0]
     }
 
-    /// Waits until a stage has stopped itself, as `TESSERA_KILL_PLAN` told it: then the run cannot
+    /// Waits until a stage has stopped itself, as `--faults` told it: then the run cannot
     /// end before a slow test gets round to it.
     pub fn wait_until_stopped(&self, stage: &str) -> u32 {
         let mut stopped = None;

@@ -22,7 +22,7 @@ Examples:
   tessera chaos --attach NAME --stages align    a run that is going on
   tessera chaos --fleet --times 100             a fleet and its network")]
 pub(crate) struct ChaosArguments {
-    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house, building [default: room]
+    /// A recording, or a simulated world: room, corridor, wall, house, building [default: room]
     #[arg(conflicts_with = "attach")]
     pub(crate) source: Option<String>,
     /// Faults in all, over as many runs as it takes

@@ -30,7 +30,7 @@ mod store_view;
 mod synced;
 mod writer;
 
-pub use atomic_file::{Durability, partial_path, write_atomically};
+pub use atomic_file::{Durability, partial_path, sync_folder_of, write_atomically};
 pub use checkpoint::{read_checkpoint, sealed_record, unsealed_record, write_checkpoint};
 pub use codec::fingerprint;
 pub use damage::{OnDamage, set_aside};

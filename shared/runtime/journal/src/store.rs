@@ -52,19 +52,19 @@ impl Tombstone {
 }
 
 /// First bytes of a store.
-pub(crate) enum Head {
+pub(crate) enum StoreHead {
     Whole,
     /// Absent or zeroed.
     Missing,
 }
 
 /// Checks the first bytes of a store.
-pub(crate) fn check_head(file: &File, path: &Path) -> Result<Head, JournalError> {
+pub(crate) fn check_head(file: &File, path: &Path) -> Result<StoreHead, JournalError> {
     let mut found = [0u8; HEAD_BYTES as usize];
     let n = file.read_at(&mut found, 0).map_err(JournalError::io("read", path))?;
     let (magic, version) = found.split_at(MAGIC.len());
     if n < found.len() || found.iter().all(|&byte| byte == 0) {
-        return Ok(Head::Missing);
+        return Ok(StoreHead::Missing);
     }
     if magic != MAGIC {
         return Err(JournalError::Foreign {
@@ -77,7 +77,7 @@ pub(crate) fn check_head(file: &File, path: &Path) -> Result<Head, JournalError>
         let found = version.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte));
         return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
     }
-    Ok(Head::Whole)
+    Ok(StoreHead::Whole)
 }
 
 /// The store, open for writing by this process alone.
@@ -119,12 +119,12 @@ impl Store {
             })?;
         lock_file(&file, path, wait)?;
         match check_head(&file, path)? {
-            Head::Whole => {}
-            Head::Missing if may_be_new => {
+            StoreHead::Whole => {}
+            StoreHead::Missing if may_be_new => {
                 let header = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
                 file.write_all_at(&header, 0).map_err(JournalError::io("write", path))?;
             }
-            Head::Missing => {
+            StoreHead::Missing => {
                 let problem = "are missing".into();
                 return Err(JournalError::Slot { path: path.into(), offset: 0, len: HEAD_BYTES, problem });
             }

@@ -1,7 +1,7 @@
 //! The reading end of the keyframe store.
 
 use crate::error::JournalError;
-use crate::store::{HEAD_BYTES, Head, Slot, Tombstone, check_head};
+use crate::store::{HEAD_BYTES, Slot, StoreHead, Tombstone, check_head};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -30,8 +30,8 @@ impl StoreView {
     pub fn open_whole(path: &Path) -> Result<Self, JournalError> {
         let view = Self::open(path)?;
         match check_head(&view.file, path)? {
-            Head::Whole => Ok(view),
-            Head::Missing => {
+            StoreHead::Whole => Ok(view),
+            StoreHead::Missing => {
                 Err(view.wrong(&Slot { len: HEAD_BYTES, ..Slot::default() }, "are missing".into()))
             }
         }

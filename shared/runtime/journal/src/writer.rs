@@ -234,11 +234,12 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         Ok(())
     }
 
-    /// Forces the file's header to disk, without a note: for a journal that was just begun.
+    /// Forces every record to disk without a note beside the file: for a journal that is not one of a run
+    /// that syncs.
     ///
     /// # Errors
     /// [`JournalError::NotSynced`].
-    pub fn sync_start(&self) -> Result<(), JournalError> {
+    pub fn sync_unnoted(&self) -> Result<(), JournalError> {
         sync_file(&self.file, &self.path)
     }
 

@@ -121,9 +121,20 @@ pub struct KillPoints {
 }
 
 impl KillPoints {
-    /// Those that the environment names; none where it does not.
-    pub fn from_environment() -> Self {
-        Self::parse(&std::env::var(KILL_POINTS_VARIABLE).unwrap_or_default())
+    /// Those that the environment names, in a run that was started with `--faults`; else none: a variable
+    /// alone ends no process of a robot.
+    pub fn of_run(are_allowed: bool) -> Self {
+        Self::named(&std::env::var(KILL_POINTS_VARIABLE).unwrap_or_default(), are_allowed)
+    }
+
+    fn named(text: &str, are_allowed: bool) -> Self {
+        if are_allowed {
+            return Self::parse(text);
+        }
+        if !text.is_empty() {
+            tracing::warn!("{KILL_POINTS_VARIABLE} is ignored: the run was started without --faults");
+        }
+        Self::default()
     }
 
     fn parse(text: &str) -> Self {
@@ -226,6 +237,12 @@ fn sleep_for_ever() -> ! {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_variable_alone_makes_no_fault() {
+        assert_eq!(KillPoints::named("stored:3,journaled:4:panic*", false).points.len(), 0);
+        assert_eq!(KillPoints::named("stored:3,journaled:4:panic*", true).points.len(), 2);
+    }
 
     #[test]
     fn only_what_is_named_strikes_and_only_once() {

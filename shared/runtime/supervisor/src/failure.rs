@@ -49,6 +49,12 @@ pub enum SupervisorError {
         /// Name of the run.
         name: String,
     },
+    /// Another run writes into the folder.
+    #[error("another run goes on in {}; give another --out", dir.display())]
+    FolderInUse {
+        /// The run directory.
+        dir: PathBuf,
+    },
     /// The run directory cannot be written, or read.
     #[error("cannot {action} {}: {reason}", path.display())]
     Directory {

@@ -1,11 +1,12 @@
 //! Plan of a run, and the run directory in which every process finds it.
 
 use crate::failure::SupervisorError;
-use crate::recorded::{Opener, PATIENCE, Recorded};
+use crate::recorded::{OpenedFiles, Opener, PATIENCE};
 use crate::saved_map::MapOnDisk;
-use std::fs::DirBuilder;
+use std::fs::{DirBuilder, File};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use tessera_geometry::Camera;
 use tessera_journal::{Durability, JournalError, end_holder, lock_file, write_atomically};
 use tessera_messages::Stage;
@@ -40,8 +41,9 @@ pub struct Plan {
     pub drop_damaged: bool,
     /// The program that becomes the stages: `std::env::current_exe()`.
     pub executable: PathBuf,
-    /// For tests: kill points of the first life of a stage, as `point:index,…`.
-    pub kill_points: Vec<(Stage, String)>,
+    /// For tests: kill points of the first life of a stage, as `point:index,…`; `None`: there are none, and
+    /// stages that are started from outside have none either.
+    pub kill_points: Option<Vec<(Stage, String)>>,
     /// Every process writes down what it does and when, below the run's folder.
     pub is_traced: bool,
 }
@@ -53,6 +55,8 @@ pub struct PreparedRun {
     pub layout: Layout,
     /// Bytes of shared memory that the run may take.
     pub need_bytes: u64,
+    /// Locked: two runs never write into one folder, whatever their names.
+    _folder: File,
 }
 
 impl Plan {
@@ -83,6 +87,7 @@ impl Plan {
             fps: self.fps,
             doubts: self.doubts.clone(),
             map: expected,
+            faults: self.kill_points.is_some(),
             began_as: match before {
                 Some(before) => before.began_as,
                 None => Some(claim.entry.identity.prefix.clone()),
@@ -95,6 +100,13 @@ impl Plan {
             .mode(0o700)
             .create(&self.run_dir)
             .map_err(|e| directory("make", &self.run_dir, &e))?;
+        let folder = File::open(&self.run_dir).map_err(|e| directory("open", &self.run_dir, &e))?;
+        let in_use = |_| SupervisorError::FolderInUse { dir: self.run_dir.clone() };
+        lock_file(&folder, &self.run_dir, Duration::ZERO).map_err(in_use)?;
+        if !is_there && files.run_file().exists() {
+            // Another run has come and gone since the look above.
+            return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
+        }
         let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
         if std::fs::read(files.config()).ok().as_deref() != Some(config.as_bytes()) {
             // Half a configuration would be a configuration too, of defaults.
@@ -107,7 +119,7 @@ impl Plan {
         end_stages_left(&files)?;
         // Their readers want them to be there, and whole.
         let opener = Opener::new(self, &files, is_there);
-        let Recorded { mut store, mut journal, n_records } = opener.open_aligned(&layout)?;
+        let OpenedFiles { mut store, mut journal, n_records } = opener.open_aligned(&layout)?;
         if !is_there && n_records > 0 {
             return Err(SupervisorError::Leftover { dir: self.run_dir.clone() });
         }
@@ -128,7 +140,7 @@ impl Plan {
         } else if !is_there {
             // Before run.json, which states that they are there.
             store.sync().map_err(unsynced)?;
-            journal.sync_start().and_then(|()| optimised.sync_start()).map_err(unsynced)?;
+            journal.sync_unnoted().and_then(|()| optimised.sync_unnoted()).map_err(unsynced)?;
         }
         drop((journal, store, optimised));
         // Whole journals were read above: what a crash of the machine did to them is mended, and a
@@ -138,7 +150,7 @@ impl Plan {
         let _ = std::fs::remove_file(files.live_clock());
         let _ = std::fs::remove_file(files.camera_session());
         run.write(&files)?;
-        Ok(PreparedRun { claim, files, layout, need_bytes })
+        Ok(PreparedRun { claim, files, layout, need_bytes, _folder: folder })
     }
 }
 
@@ -146,7 +158,7 @@ impl Plan {
 /// is frozen, is ended: it must not write beside its successor.
 fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
     for path in [files.align_journal(), files.optimise_journal(), files.store()] {
-        let Ok(file) = std::fs::File::open(&path) else { continue };
+        let Ok(file) = File::open(&path) else { continue };
         if lock_file(&file, &path, PATIENCE).is_err() {
             tracing::warn!("{} is still being written: its writer is ended", path.display());
             end_holder(&path).map_err(|e| directory("free", &path, &e))?;

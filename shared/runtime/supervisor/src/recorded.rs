@@ -17,7 +17,7 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(1);
 const HEAD_BYTES: u64 = 4096;
 
 /// The aligner's journal and the store, locked.
-pub(crate) struct Recorded {
+pub(crate) struct OpenedFiles {
     pub(crate) store: Store,
     pub(crate) journal: Journal<AlignRecord>,
     pub(crate) n_records: u64,
@@ -42,7 +42,7 @@ impl<'p> Opener<'p> {
     }
 
     /// Opens the aligner's journal and the store. Each surface that a record names is read.
-    pub(crate) fn open_aligned(&self, layout: &Layout) -> Result<Recorded, SupervisorError> {
+    pub(crate) fn open_aligned(&self, layout: &Layout) -> Result<OpenedFiles, SupervisorError> {
         let (store_path, path) = (self.files.store(), self.files.align_journal());
         let store = self.open_store(&store_path)?;
         let mut keyframes =
@@ -63,7 +63,7 @@ impl<'p> Opener<'p> {
             tracing::warn!("{} was copied to {}", store_path.display(), copy.display());
         }
         log_dropped(&path, &recovered);
-        Ok(Recorded { store, journal, n_records: recovered.n_records })
+        Ok(OpenedFiles { store, journal, n_records: recovered.n_records })
     }
 
     /// Opens the optimiser's journal, once.

@@ -59,7 +59,7 @@ pub(crate) fn spawn(
 /// The kill points of a life: those with a star belong to every life, those with a plus to every
 /// life until they have struck, the others to the first.
 fn kill_points<'a>(plan: &'a Plan, files: &RunFiles, stage: Stage, is_first: bool) -> Vec<&'a str> {
-    let points = plan.kill_points.iter().filter(|(of, _)| *of == stage);
+    let points = plan.kill_points.iter().flatten().filter(|(of, _)| *of == stage);
     let points: Vec<&str> = points.flat_map(|(_, words)| words.split(',')).collect();
     // Also a first life may follow others: those of a supervisor that was killed.
     let log = match points.iter().any(|word| word.ends_with('+')) {

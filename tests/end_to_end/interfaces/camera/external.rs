@@ -42,7 +42,7 @@ fn a_camera_that_sends_again_loses_nothing_whatever_dies() {
         "sensor=read:21:drop",
     ];
     for plan in plans {
-        let run = external().with_env("TESSERA_KILL_PLAN", plan);
+        let run = external().with_faults(plan);
         let child = run.start();
         let _camera = Foreign::start(&run, 64, "ring");
         finished(&run, child, &reference, plan);
@@ -118,7 +118,7 @@ fn relocalisation_that_is_asked_for_is_done_once_whatever_dies() {
         "align=acknowledged:12;reconstruct=computed:13",
         "sensor=read:12:drop",
     ] {
-        let run = external().with_env("TESSERA_KILL_PLAN", plan);
+        let run = external().with_faults(plan);
         let child = run.start();
         let _camera = Foreign::start(&run, 64, "asking");
         finished(&run, child, &reference, plan);
@@ -141,7 +141,7 @@ fn what_an_image_asks_for_is_not_dropped_with_it() {
     // The sensor stands still while the image comes, and sends that of frame 1003.
     for plan in ["", "sensor=read:1003", "reconstruct=received:1003", "align=computed:1003"] {
         let run = external().frames(1_000_000).with(&["--set", "flow.hang_s=600"]);
-        let run = if plan.is_empty() { run } else { run.with_env("TESSERA_KILL_PLAN", plan) };
+        let run = if plan.is_empty() { run } else { run.with_faults(plan) };
         let child = run.start();
         let _camera = Foreign::start(&run, 0, "overtaken");
         // That one begins a map, and nothing can be asked of it.
@@ -248,7 +248,7 @@ fn an_index_that_jumps_costs_its_frame_alone_and_a_pause_is_one_record() {
 
 #[test]
 fn live_counts_what_was_not_taken_and_goes_on_with_another_camera() {
-    let run = external().frames(1_000_000).with_env("TESSERA_KILL_PLAN", "sensor=sent:8+");
+    let run = external().frames(1_000_000).with_faults("sensor=sent:8+");
     let child = run.start();
     let mut first = Foreign::start(&run, 0, "endless");
     wait_for("the sensor's death", || run.n_deaths() == 1);

@@ -259,7 +259,7 @@ fn of_cameras(told: &mut Told) {
 
 fn of_running(told: &mut Told) {
     // One stage stops itself, so that the run goes on until that was told.
-    let run = room().with_env("TESSERA_KILL_PLAN", "reconstruct=sent:5:stop;align=stored:3");
+    let run = room().with_faults("reconstruct=sent:5:stop;align=stored:3");
     let run = run.with(&["--set", "flow.hang_s=3"]);
     let mut child = run.start();
     run.wait_until_stopped("reconstruct");
@@ -267,7 +267,7 @@ fn of_running(told: &mut Told) {
     told.by(&["top", &run.name]);
     assert!(child.wait().unwrap().success());
     told.add("a run with a stage that hung and one that was killed", run.log());
-    told.by_run(&room().with_env("TESSERA_KILL_PLAN", "align=computed:9:panic*"));
+    told.by_run(&room().with_faults("align=computed:9:panic*"));
     let few = room();
     let command = few.command();
     let output = Command::new("sh")
@@ -311,7 +311,7 @@ fn of_going_on(told: &mut Told) {
     std::fs::write(path("run.json"), file.replace(&version, "\"version\": \"0.0.1\"")).unwrap();
     told.by(&resume);
 
-    let run = room().with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().with_faults("align=computed:20:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("align");
     signal(child.id(), "INT");

@@ -194,10 +194,8 @@ fn a_power_cut_takes_nothing_that_was_synced() {
 
 #[test]
 fn a_sync_that_fails_ends_the_run_in_words_and_resume_goes_on() {
-    let run = room()
-        .frames(40)
-        .with(&["--set", "flow.fsync=keyframe"])
-        .with_env("TESSERA_KILL_PLAN", "align=computed:12:sync-fails");
+    let run =
+        room().frames(40).with(&["--set", "flow.fsync=keyframe"]).with_faults("align=computed:12:sync-fails");
     let output = run.command().output().unwrap();
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(4), "{text}");

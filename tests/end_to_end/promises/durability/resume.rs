@@ -58,7 +58,7 @@ fn after_the_whole_group_was_killed() {
 
 #[test]
 fn a_stage_frozen_when_its_supervisor_died_never_writes_again() {
-    let run = room().frames(FRAMES).with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().frames(FRAMES).with_faults("align=computed:20:stop");
     let mut child = run.start();
     run.wait_until_stopped("align");
     signal(child.id(), "KILL");
@@ -160,7 +160,7 @@ fn copies_beside(run: &Run) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn a_stage_that_finds_damage_ends_the_run_and_cuts_nothing() {
     // A bit flips in the journal while the aligner is dead: its successor must not cut there.
-    let run = room().frames(FRAMES).with_env("TESSERA_KILL_PLAN", "align=computed:40:stop");
+    let run = room().frames(FRAMES).with_faults("align=computed:40:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("align");
     let path = run.out().join("align.journal");

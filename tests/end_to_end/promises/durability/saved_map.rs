@@ -105,7 +105,7 @@ fn deaths_and_forgetting_change_no_byte() {
         "align=stored:40,acknowledged:90",
         "optimise=solving:0",
     ] {
-        let run = second().with_env("TESSERA_KILL_PLAN", plan);
+        let run = second().with_faults(plan);
         assert!(run.finish().success(), "{plan}");
         run.assert_same_bytes(undisturbed(), plan);
         assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
@@ -117,7 +117,7 @@ fn deaths_and_forgetting_change_no_byte() {
 
 #[test]
 fn a_run_broken_off_goes_on_and_a_lost_journal_begins_in_the_same_map() {
-    let run = second().with_env("TESSERA_KILL_PLAN", "align=computed:30:stop");
+    let run = second().with_faults("align=computed:30:stop");
     let mut child = run.start();
     run.wait_until_stopped("align");
     signal(child.id(), "KILL");

@@ -73,7 +73,7 @@ fn runs_stand_side_by_side() {
 
 #[test]
 fn deaths_are_told_and_a_recording_that_is_gone_too() {
-    let run = room().frames(6).with_env("TESSERA_KILL_PLAN", "align=stored:0");
+    let run = room().frames(6).with_faults("align=stored:0");
     assert!(run.finish().success());
     let path = run.out().join("report.html");
     assert!(page(&path).contains("align died: signal 9"), "{}", run.log());

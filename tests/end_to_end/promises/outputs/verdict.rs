@@ -126,7 +126,7 @@ fn a_quiet_run_that_is_doubtful_has_words_for_its_exit_code() {
 
 #[test]
 fn a_run_that_goes_on_is_not_called_unfinished() {
-    let run = room().frames(60).with_env("TESSERA_KILL_PLAN", "align=computed:40:stop");
+    let run = room().frames(60).with_faults("align=computed:40:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("align");
     let report = run.tessera(&["report"]);

@@ -3,7 +3,7 @@
 use tessera_messages::Stage;
 use tessera_stage::{KILL_POINTS, MESSAGE_POINTS, fault_names};
 
-/// Turns a plan's text into what `TESSERA_KILL_PLAN` takes, and says how many faults there are.
+/// Turns a plan's text into what `--faults` takes, and says how many faults there are.
 ///
 /// # Errors
 /// Names the line, what it says and what was expected.
