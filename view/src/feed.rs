@@ -132,7 +132,7 @@ impl Feed<'_> {
 
     fn show(&mut self, frame: &FrameRecord, is_alive: bool) -> Result<(), ViewError> {
         let begin = *self.begin_nanos.get_or_insert(frame.stamp_nanos);
-        set_time(self.recording, frame.index, (frame.stamp_nanos - begin) as f64 * 1e-9);
+        set_time(self.recording, frame.index, frame.stamp_nanos.saturating_sub(begin) as f64 * 1e-9);
         camera::log_pose(self.recording, frame)?;
         if let Some(std_m) = std_m(frame) {
             log(self.recording, "certainty/position", &Scalars::single(1e3 * std_m))?;

@@ -73,7 +73,7 @@ pub enum SupervisorError {
     )]
     Damaged {
         /// The file, where it is damaged, and what would be lost.
-        error: JournalError,
+        error: Box<JournalError>,
         /// Folder of the run.
         run: PathBuf,
         /// The first frame that would be lost, where that is known.

@@ -104,6 +104,7 @@ impl<'p> Opener<'p> {
         );
         if is_damage && self.is_begun {
             let (run, is_live) = (self.plan.run_dir.clone(), self.plan.settings.run.live);
+            let error = Box::new(error);
             return SupervisorError::Damaged { error, run, next_frame, is_live };
         }
         match error {

@@ -5,7 +5,7 @@
 use crate::error::ToolError;
 use crate::export::read_settings;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tessera_journal::{Ending, Inspection, JournalError, StoreView, inspect, inspect_framing};
 use tessera_messages::load_surface;
 use tessera_slam::{AlignRecord, OptimiseRecord, StoreSlot};
@@ -157,7 +157,7 @@ fn of_store(path: &Path, grid: Grid, surfaces: &[(u32, StoreSlot)]) -> CheckedFi
 }
 
 /// A checkpoint is a short cut: where it is not whole, its readers do without.
-fn of_checkpoint(path: &PathBuf) -> CheckedFile {
+fn of_checkpoint(path: &Path) -> CheckedFile {
     match inspect_framing(path) {
         Ok(Inspection { ending: Ending::Whole, .. }) => {
             whole(path, "a short cut through the journals".into())

@@ -83,7 +83,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
         .zip(&places)
         .map(|(record, (place, is_main))| Frame {
             index: record.index,
-            time_s: (record.stamp_nanos - begin) as f64 * 1e-9,
+            time_s: record.stamp_nanos.saturating_sub(begin) as f64 * 1e-9,
             state: state(record.state),
             reason: record.reason.clone(),
             position_m: poses.get(*place).map_or([0.0; 3], |pose| view.of(&pose.translation.vector)),
@@ -92,7 +92,8 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
         })
         .collect();
     add_dropped(&mut frames, &replay.skipped);
-    let is_near = |stamp: i64| (begin - MARGIN_NANOS..=end + MARGIN_NANOS).contains(&stamp);
+    let is_near =
+        |stamp: i64| (begin.saturating_sub(MARGIN_NANOS)..=end.saturating_add(MARGIN_NANOS)).contains(&stamp);
     let truth_m = match truth.filter(|_| compared.is_some()) {
         None => Vec::new(),
         Some(truth) => {
