@@ -96,6 +96,10 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             loan.header_mut().kind = Kind::Frame.to_wire();
             loan.payload_mut()[0].position[0] = f32::NAN;
         }
+        if delivery == Delivery::Jumped {
+            let header = loan.header_mut();
+            header.index = header.index.saturating_add(1 << 40);
+        }
         if delivery != Delivery::Dropped {
             loan.send()?;
             align.notify();

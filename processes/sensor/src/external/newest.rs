@@ -4,7 +4,7 @@ use super::camera::{ExternalCamera, ExternalImage};
 use super::session::Session;
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
-use tessera_messages::{CameraFlow, Kind, WaitingOn};
+use tessera_messages::{CameraFlow, Kind, MOST_LEFT_OUT, WaitingOn};
 use tessera_stage::{StageContext, StageError};
 
 /// The camera's newest image.
@@ -69,9 +69,6 @@ impl Supply for Newest {
     }
 }
 
-/// Frames that a camera may leave out in a row: those of an hour at 30 Hz. A run without an image for
-/// `run.camera_timeout_s` ends long before.
-const MOST_LEFT_OUT: u64 = 108_000;
 /// Images that a camera may leave out at once whatever its stamps are.
 const FEW_LEFT_OUT: u64 = 1000;
 /// Images a second of no depth camera: one for each millisecond.

@@ -66,10 +66,19 @@ enum Fault {
     Drop,
     /// The message says nonsense.
     Corrupt,
+    /// The message has an index far ahead, as of a counter that was misread.
+    IndexJump,
+}
+
+impl Fault {
+    /// It befalls a message, not the process.
+    fn is_of_message(self) -> bool {
+        matches!(self, Self::Drop | Self::Corrupt | Self::IndexJump)
+    }
 }
 
 /// All faults by their names in a plan.
-const FAULTS: [(&str, Fault); 12] = [
+const FAULTS: [(&str, Fault); 13] = [
     ("kill", Fault::Kill),
     ("panic", Fault::Panic),
     ("segv", Fault::Segv),
@@ -82,6 +91,7 @@ const FAULTS: [(&str, Fault); 12] = [
     ("slow", Fault::Slow),
     ("drop", Fault::Drop),
     ("corrupt", Fault::Corrupt),
+    ("index-jump", Fault::IndexJump),
 ];
 
 /// Names of the faults that a kill point knows.
@@ -89,7 +99,7 @@ pub fn fault_names() -> impl Iterator<Item = &'static str> {
     FAULTS.iter().map(|(name, _)| *name)
 }
 
-/// Points in front of which a message is about to be sent: `drop` and `corrupt` work only here.
+/// Points in front of which a message is about to be sent: `drop`, `corrupt` and `index-jump` work only here.
 pub const MESSAGE_POINTS: [(&str, &str); 2] = [("sensor", "read"), ("reconstruct", "computed")];
 
 /// How long a slow stage takes over its frame.
@@ -104,6 +114,8 @@ pub enum Delivery {
     Dropped,
     /// It is sent with nonsense in it.
     Corrupt,
+    /// It is sent with an index far ahead.
+    Jumped,
 }
 
 #[derive(Debug)]
@@ -158,17 +170,17 @@ impl KillPoints {
     /// # Panics
     /// Where that is what the test asked for.
     pub fn pass(&self, point: &str, index: u64) {
-        let is_message = |fault| matches!(fault, Fault::Drop | Fault::Corrupt);
-        if let Some(fault) = self.strike(point, index, |fault| !is_message(fault)) {
+        if let Some(fault) = self.strike(point, index, |fault| !fault.is_of_message()) {
             fail(fault, point, index);
         }
     }
 
     /// What becomes of the message that is about to be sent; to be asked behind [`Self::pass`].
     pub fn deliver(&self, point: &str, index: u64) -> Delivery {
-        match self.strike(point, index, |fault| matches!(fault, Fault::Drop | Fault::Corrupt)) {
+        match self.strike(point, index, Fault::is_of_message) {
             None => Delivery::Whole,
             Some(Fault::Corrupt) => Delivery::Corrupt,
+            Some(Fault::IndexJump) => Delivery::Jumped,
             Some(_) => Delivery::Dropped,
         }
     }
@@ -207,7 +219,7 @@ fn fail(fault: Fault, point: &str, index: u64) {
             let _ = kill_process(getpid(), Signal::STOP);
         }
         Fault::Slow => std::thread::sleep(SLOW),
-        Fault::Drop | Fault::Corrupt => {}
+        Fault::Drop | Fault::Corrupt | Fault::IndexJump => {}
     }
 }
 

@@ -44,7 +44,7 @@ fn parse_line(line: &str) -> Result<String, String> {
         let names = fault_names().collect::<Vec<_>>().join(", ");
         return Err(format!("fault is {fault:?}, expected one of {names}"));
     }
-    if matches!(fault, "drop" | "corrupt") && !MESSAGE_POINTS.contains(&(stage, point)) {
+    if matches!(fault, "drop" | "corrupt" | "index-jump") && !MESSAGE_POINTS.contains(&(stage, point)) {
         let places = MESSAGE_POINTS.map(|(stage, point)| format!("{stage} {point}")).join(" and ");
         return Err(format!("{fault} works where a message is about to be sent: {places}"));
     }
