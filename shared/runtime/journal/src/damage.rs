@@ -66,7 +66,7 @@ pub(crate) fn walk(
         return Ok(None);
     }
     let is_unsynced = synced_lost == 0 && synced.is_some_and(|synced| !synced.is_of_this_boot);
-    let n_lost = records_behind(&bytes) + n_refused;
+    let n_lost = records_behind(&bytes).saturating_add(n_refused);
     Ok(Some(BrokenAt { reason, n_lost, synced_lost, is_unsynced }))
 }
 
@@ -93,7 +93,7 @@ pub(crate) fn records_behind(bytes: &[u8]) -> u64 {
         let n = chain_len(bytes, next, crc);
         // One that ends with the file has no successor to vouch for it.
         if n > 0 || next == bytes.len() {
-            return n + 1;
+            return n.saturating_add(1);
         }
     }
     0
@@ -103,12 +103,14 @@ pub(crate) fn records_behind(bytes: &[u8]) -> u64 {
 fn chain_len(bytes: &[u8], mut at: usize, mut link: u32) -> u64 {
     let mut n = 0;
     while let Some((len, crc)) = bytes.get(at..).and_then(record_header) {
-        let begin = at + RECORD_HEADER_BYTES;
-        let Some(payload) = begin.checked_add(len).and_then(|end| bytes.get(begin..end)) else { break };
+        let begin = at.saturating_add(RECORD_HEADER_BYTES);
+        let end = begin.saturating_add(len);
+        let Some(payload) = bytes.get(begin..end) else { break };
         if chained_crc(link, payload) != crc {
             break;
         }
-        (n, at, link) = (n + 1, begin + len, crc);
+        (at, link) = (end, crc);
+        n = u64::saturating_add(n, 1);
     }
     n
 }

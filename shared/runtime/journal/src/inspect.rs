@@ -93,7 +93,7 @@ fn inspect_payloads(
         // Read first: what is noted as forced to disk was written before.
         let synced = SyncedFile::beside(path).read();
         let broken = walk(&file, path, &mut mark, synced, &mut *accept)?;
-        n_looks = if mark == before { n_looks + 1 } else { 0 };
+        n_looks = if mark == before { u32::saturating_add(n_looks, 1) } else { 0 };
         match broken {
             Some(_) if n_looks < LOOKS => std::thread::sleep(BETWEEN_LOOKS),
             broken => break broken,

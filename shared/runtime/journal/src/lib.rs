@@ -13,6 +13,15 @@
 //! * A checkpoint is a short cut through a journal and never more: its readers can do without it.
 //! * A block of the store is whole, or it was given up and says so.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod atomic_file;
 mod checkpoint;

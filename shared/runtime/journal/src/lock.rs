@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 /// # Errors
 /// [`JournalError::Locked`] with the holder's pid when the time is over.
 pub fn lock_file(file: &File, path: &Path, wait: Duration) -> Result<(), JournalError> {
-    let deadline = Instant::now() + wait;
+    let began = Instant::now();
     loop {
         match flock(file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => return Ok(()),
-            Err(rustix::io::Errno::WOULDBLOCK) if Instant::now() < deadline => {
+            Err(rustix::io::Errno::WOULDBLOCK) if began.elapsed() < wait => {
                 std::thread::sleep(Duration::from_millis(5));
             }
             Err(rustix::io::Errno::WOULDBLOCK) => {

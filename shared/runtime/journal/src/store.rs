@@ -39,6 +39,7 @@ impl Tombstone {
     const WORDS: &[u8; 12] = b"TESSERA gone";
     const LEN: usize = Self::WORDS.len() + size_of::<u32>();
 
+    #[expect(clippy::indexing_slicing, reason = "constant places of an array of ours")]
     pub(crate) fn of(slot: &Slot) -> Self {
         let mut bytes = [0; Self::LEN];
         bytes[..Self::WORDS.len()].copy_from_slice(Self::WORDS);
@@ -60,7 +61,7 @@ pub(crate) enum StoreHead {
 
 /// Checks the first bytes of a store.
 pub(crate) fn check_head(file: &File, path: &Path) -> Result<StoreHead, JournalError> {
-    let mut found = [0u8; HEAD_BYTES as usize];
+    let mut found = [0u8; MAGIC.len() + size_of::<u32>()];
     let n = file.read_at(&mut found, 0).map_err(JournalError::io("read", path))?;
     let (magic, version) = found.split_at(MAGIC.len());
     if n < found.len() || found.iter().all(|&byte| byte == 0) {
@@ -188,7 +189,8 @@ impl Store {
             self.sync()?;
         }
         let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-        match fallocate(&self.file, hole, slot.offset + behind, (slot.len - behind).max(1)) {
+        let (from, len) = (slot.offset.saturating_add(behind), slot.len.saturating_sub(behind).max(1));
+        match fallocate(&self.file, hole, from, len) {
             Ok(()) | Err(rustix::io::Errno::OPNOTSUPP) => Ok(()),
             Err(errno) => Err(JournalError::io("give back space of", &self.path)(errno.into())),
         }

@@ -147,7 +147,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         let len = self.len()?;
         let mut buffer = Vec::new();
         if !read_at(file, path, 0, FILE_HEADER_BYTES, &mut buffer)? {
-            buffer.truncate(len as usize);
+            buffer.truncate(usize::try_from(len).unwrap_or(usize::MAX));
         }
         let is_set_aside = opening.on_damage == OnDamage::SetAside;
         let reason = match check_file_header(&buffer, kind, path) {
@@ -220,7 +220,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
             let _ = self.file.set_len(self.mark.end);
         }
         written.map_err(JournalError::io("append to", &self.path))?;
-        self.mark = self.mark.behind(self.buffer.len() - RECORD_HEADER_BYTES, crc);
+        self.mark = self.mark.behind(self.buffer.len().saturating_sub(RECORD_HEADER_BYTES), crc);
         if sync { self.sync() } else { Ok(()) }
     }
 
