@@ -1,10 +1,11 @@
 //! What tests need beyond a clone and the compiler, and what happens where it is missing.
 //!
 //! Each crate with such tests includes this file by its path. Without `TESSERA_REQUIRE` a test that
-//! lacks something says so and passes; with it, a list such as `data,python,cc`, it fails.
+//! lacks something prints that and passes, and `tests/skipped.rs` counts; with it, a list such as `data,python,cc`, it fails.
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses a part of it")]
 
 use std::fmt::Display;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Words of `TESSERA_REQUIRE`.
@@ -33,7 +34,16 @@ pub fn missing(requirement: &str, why: impl Display) {
     let unknown: Vec<&&str> = required.iter().filter(|word| !KNOWN.contains(word)).collect();
     assert!(unknown.is_empty(), "TESSERA_REQUIRE: {unknown:?}, expected some of {KNOWN:?}");
     assert!(!required.contains(&requirement), "TESSERA_REQUIRE has {requirement}: {why}");
-    eprintln!("skipped ({requirement}): {why}");
+    // To standard error itself: what a test that passes prints is not shown.
+    let _ = writeln!(std::io::stderr(), "skipped ({requirement}): {why}");
+    let list = std::fs::OpenOptions::new().append(true).create(true).open(skipped_list());
+    // For the count at the end; the line above is there in any case.
+    let _ = list.and_then(|mut list| writeln!(list, "{requirement}"));
+}
+
+/// A line for each test that was skipped since the count was last taken.
+pub fn skipped_list() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("skipped_tests.txt")
 }
 
 /// A sequence, or a file of one: of `tests/data`, else of `data/` in `TESSERA_SHARED`, by default

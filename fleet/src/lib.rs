@@ -15,6 +15,7 @@ pub mod base;
 pub mod carrier;
 pub mod chaos;
 pub mod checked;
+mod checked_record;
 mod disk;
 pub mod error;
 mod feature_wire;

@@ -20,6 +20,7 @@ mod promises {
         mod chaos;
         mod deaths;
         mod ends;
+        mod power;
         mod random_kills;
         mod resume;
         mod saved_map;
@@ -54,6 +55,7 @@ mod promises {
         mod run_directory;
         mod submaps;
         mod trace;
+        mod verdict;
     }
     /// The manual tells what is there.
     mod documentation {

@@ -110,7 +110,14 @@ impl Feed<'_> {
             self.track.apply(&record);
             match &record {
                 AlignRecord::Frame(frame) => self.show(frame, is_alive)?,
-                AlignRecord::Skipped(index, reason) => self.say(&format!("frame {index}: {reason}"))?,
+                AlignRecord::Skipped(skipped) => {
+                    let last = skipped.frames.end.saturating_sub(1);
+                    let frames = match skipped.n() {
+                        1 => format!("frame {last}"),
+                        _ => format!("frames {} to {last}", skipped.frames.start),
+                    };
+                    self.say(&format!("{frames}: {}", skipped.reason))?;
+                }
                 AlignRecord::Correction(_) => self.say("a correction took effect")?,
                 AlignRecord::End { n_frames, .. } => self.say(&format!("the end: {n_frames} frames"))?,
                 AlignRecord::Map(map) => {
@@ -125,7 +132,7 @@ impl Feed<'_> {
 
     fn show(&mut self, frame: &FrameRecord, is_alive: bool) -> Result<(), ViewError> {
         let begin = *self.begin_nanos.get_or_insert(frame.stamp_nanos);
-        set_time(self.recording, frame.index, (frame.stamp_nanos - begin) as f64 * 1e-9);
+        set_time(self.recording, frame.index, frame.stamp_nanos.saturating_sub(begin) as f64 * 1e-9);
         camera::log_pose(self.recording, frame)?;
         if let Some(std_m) = std_m(frame) {
             log(self.recording, "certainty/position", &Scalars::single(1e3 * std_m))?;

@@ -28,7 +28,7 @@ impl Poses {
             if pose.validate().is_err() {
                 continue;
             }
-            set_time(recording, pose.index, (pose.stamp_nanos - begin_nanos) as f64 * 1e-9);
+            set_time(recording, pose.index, pose.stamp_nanos.saturating_sub(begin_nanos) as f64 * 1e-9);
             for (name, ms) in latencies(&pose) {
                 log(recording, &format!("latency/{name}"), &Scalars::single(ms))?;
             }

@@ -98,8 +98,9 @@ impl Robot {
 
     /// Goes on with the run, under this plan of kills.
     pub(crate) fn resume(&self, kills: &str) -> Child {
-        let arguments = ["resume".into(), self.out.display().to_string(), "--quiet".into()];
-        self.command(&arguments).env("TESSERA_KILL_PLAN", kills).spawn().unwrap()
+        let words = ["resume", "--quiet", "--faults", kills].map(str::to_owned);
+        let arguments: Vec<String> = words.into_iter().chain([self.out.display().to_string()]).collect();
+        self.command(&arguments).spawn().unwrap()
     }
 
     pub(crate) fn log(&self) -> String {

@@ -55,6 +55,7 @@ pub(crate) fn begin(folder: &Path, name: &str, camera: &Camera) -> RunFiles {
         fps: None,
         doubts: Vec::new(),
         map: None,
+        faults: false,
         began_as: None,
     };
     run.write(&files).unwrap();

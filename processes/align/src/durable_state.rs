@@ -4,7 +4,7 @@ use crate::journal_fold::{FoldSnapshot, JournalFold};
 use crate::posed::PosedFrame;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, Store};
+use tessera_journal::{Follower, Journal, Opening, Store};
 use tessera_messages::store_surface;
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, Correction, FrameRecord, GivenUp, OptimiseRecord, Tracker};
@@ -15,7 +15,7 @@ use tessera_stage::{
 use tessera_surface::{Grid, Vertex};
 
 /// What the checkpoint calls itself: another name for each layout of the state in it.
-const CHECKPOINT: &str = "align.2";
+const CHECKPOINT: &str = "align.3";
 /// Records after which a keyframe's surface that was not needed is forgotten.
 const FORGET_AFTER_RECORDS: u64 = 64;
 /// How long a predecessor may take to die before its lock is an error.
@@ -47,7 +47,7 @@ impl JournaledAligner {
     pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let files = &context.files;
         let store_path = files.store();
-        let mut store = Store::open(&store_path, PATIENCE)?;
+        let mut store = Store::open_begun(&store_path, PATIENCE)?;
         let mut keyframes = StoredKeyframes::open(&store_path, context.layout.grid)?;
         let flow = &context.settings.flow;
         let mut checkpoint = Checkpoint::new(&files.align_checkpoint(), CHECKPOINT, flow.checkpoint_kb);
@@ -65,11 +65,11 @@ impl JournaledAligner {
             OPTIMISE_JOURNAL,
             marks.as_ref().map(|marks| &marks.optimise),
         )?;
-        let (journal, recovered) = Journal::open_behind(
+        let mark = marks.as_ref().map(|marks| &marks.align);
+        let (journal, recovered) = Journal::open_as(
             &files.align_journal(),
             ALIGN_JOURNAL,
-            marks.as_ref().map(|marks| &marks.align),
-            PATIENCE,
+            Opening { mark, is_begun: true, ..Opening::new(PATIENCE) },
             |record: AlignRecord| {
                 keyframes.take_unread(&record).map_err(|e| e.to_string())?;
                 slots(&record).for_each(|(_, slot)| store.keep(&journal_slot(slot)));
@@ -98,7 +98,7 @@ impl JournaledAligner {
             )));
         }
         checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
-        let (pending, fsync) = (BTreeMap::new(), flow.fsync);
+        let (pending, fsync) = (BTreeMap::new(), flow.fsync.of_run(context.settings.run.live));
         let grid = context.layout.grid;
         let culled_bytes = u64::from(flow.culled_mb) * 1_000_000;
         let given_up = GivenUp::default();
@@ -154,7 +154,8 @@ impl JournaledAligner {
         let is_plain = matches!(&record, AlignRecord::Frame(f) if f.new_keyframe.is_none())
             || matches!(record, AlignRecord::Skipped(..));
         let sync = match self.fsync {
-            Fsync::Never => false,
+            // `Auto` is none of a run.
+            Fsync::Auto | Fsync::Never => false,
             Fsync::Keyframe => !is_plain,
             Fsync::Always => true,
         };
@@ -177,7 +178,7 @@ impl JournaledAligner {
             return Ok(());
         }
         for keyframe in self.given_up.more(&state.keyframes, self.culled_bytes) {
-            self.store.give_up(&journal_slot(&keyframe.slot))?;
+            self.store.give_up(&journal_slot(&keyframe.slot), self.fsync != Fsync::Never)?;
         }
         Ok(())
     }

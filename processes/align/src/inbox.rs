@@ -89,7 +89,7 @@ impl Inbox {
                 continue;
             }
             let checked = header.validate(&expected, received.payload()).and_then(|kind| {
-                Refusal::unless_in_source(header.index, kind, self.n_frames)?;
+                Refusal::unless_in_source(header.index, kind, self.n_frames, first)?;
                 Ok(kind)
             });
             match checked {

@@ -22,6 +22,8 @@ pub(crate) struct JournalFold {
     pub(crate) end: Option<End>,
     /// Keyframes with an edge that closes a loop.
     pub(crate) n_loops: u64,
+    /// Frames left out in live mode.
+    pub(crate) n_left_out: u64,
     /// The request whose correction took effect last.
     pub(crate) last_applied: Option<u64>,
     /// The first record is an earlier run's map.
@@ -36,6 +38,7 @@ pub(crate) struct FoldSnapshot<'a> {
     last_frame: Cow<'a, Option<FrameRecord>>,
     end: Option<End>,
     n_loops: u64,
+    n_left_out: u64,
     last_applied: Option<u64>,
     begins_in_map: bool,
     n_records: u64,
@@ -48,6 +51,7 @@ impl JournalFold {
             last_frame: None,
             end: None,
             n_loops: 0,
+            n_left_out: 0,
             last_applied: None,
             begins_in_map: false,
             n_records: 0,
@@ -60,6 +64,7 @@ impl JournalFold {
             last_frame: Cow::Borrowed(&self.last_frame),
             end: self.end,
             n_loops: self.n_loops,
+            n_left_out: self.n_left_out,
             last_applied: self.last_applied,
             begins_in_map: self.begins_in_map,
             n_records: self.n_records,
@@ -73,6 +78,7 @@ impl JournalFold {
             last_frame: snapshot.last_frame.into_owned(),
             end: snapshot.end,
             n_loops: snapshot.n_loops,
+            n_left_out: snapshot.n_left_out,
             last_applied: snapshot.last_applied,
             begins_in_map: snapshot.begins_in_map,
             n_records: snapshot.n_records,
@@ -91,7 +97,9 @@ impl JournalFold {
             AlignRecord::Correction(applied) => self.last_applied = Some(applied.correction.request),
             AlignRecord::End { n_frames, request } => self.end = Some(End { n_frames, request }),
             AlignRecord::Map(_) => self.begins_in_map |= self.n_records == 0,
-            AlignRecord::Skipped(..) => {}
+            AlignRecord::Skipped(skipped) => {
+                self.n_left_out = self.n_left_out.saturating_add(skipped.n());
+            }
         }
         self.n_records += 1;
     }

@@ -6,7 +6,7 @@ use crate::inbox::ReceivedSurface;
 use crate::ports::Ports;
 use tessera_messages::{Kind, Phase, StepTimes};
 use tessera_numerics::Step;
-use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, State};
+use tessera_slam::{AlignRecord, FrameRecord, FrameSurface, SkippedFrames, State};
 use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// Treatment of a frame by the kind of run.
@@ -51,22 +51,25 @@ pub(crate) fn process_frame(
     let Some(surface) = ports.inbox.get(index) else { return Ok(()) };
     let (kind, mut times) = (surface.kind, surface.header.times);
     let dropped_upstream = surface.header.dropped_before;
-    let is_poison = policy.skips_poison && context.poison.contains(&index);
-    if !is_poison {
-        context.kill_points.pass("received", index);
+    if policy.skips_poison && context.poison.contains(&index) {
+        // First of all: what ended this stage may be any part of the work on this frame.
+        tracing::warn!(frame = index, "lost: it ended align again and again");
+        skip_frames(state, ports, index, dropped_upstream)?;
+        let frames = index..index.saturating_add(1);
+        state.commit(AlignRecord::Skipped(SkippedFrames {
+            frames,
+            reason: "it ended align again and again".to_string(),
+        }))?;
+        ports.pulse.beat.lost += 1;
+        return Ok(());
     }
+    context.kill_points.pass("received", index);
     skip_frames(state, ports, index, dropped_upstream)?;
     if kind == Kind::End {
         let request = state.fold.tracker.final_request();
         state.commit(AlignRecord::End { n_frames: index, request })?;
         context.kill_points.pass("ended", index);
         ports.notify_optimiser();
-        return Ok(());
-    }
-    if is_poison {
-        tracing::warn!(frame = index, "lost: it ended align again and again");
-        state.commit(AlignRecord::Skipped(index, "it ended align again and again".to_string()))?;
-        ports.pulse.beat.lost += 1;
         return Ok(());
     }
     times.align_began = began;
@@ -108,6 +111,7 @@ pub(crate) fn process_frame(
     }
     ports.pulse.beat.keyframes = state.keyframes.len() as u64;
     ports.pulse.beat.loops = state.fold.n_loops;
+    ports.pulse.beat.left_out = state.fold.n_left_out;
     steps.leave();
     let now = monotonic_nanos();
     match sent_ahead {
@@ -128,8 +132,8 @@ fn log_change(before: Option<&FrameRecord>, frame: &FrameRecord) {
     }
 }
 
-/// Journals the frames left out before `index`: the sensor left `dropped_upstream` of them out,
-/// this stage the rest.
+/// Journals the frames left out before `index`, at most two records: the sensor left the first
+/// `dropped_upstream` of them out, this stage the rest.
 fn skip_frames(
     state: &mut JournaledAligner,
     ports: &mut Ports,
@@ -137,12 +141,14 @@ fn skip_frames(
     dropped_upstream: u64,
 ) -> Result<(), StageError> {
     let next = state.fold.tracker.next_index();
-    for skipped in next..index {
-        let is_own = skipped - next >= dropped_upstream;
-        let reason = if is_own { "newer frames had come" } else { "left out before alignment" };
-        state.commit(AlignRecord::Skipped(skipped, reason.to_string()))?;
-        ports.pulse.beat.dropped += u64::from(is_own);
+    let own = next.saturating_add(dropped_upstream).min(index);
+    for (frames, reason) in [(next..own, "left out before alignment"), (own..index, "newer frames had come")]
+    {
+        if !frames.is_empty() {
+            state.commit(AlignRecord::Skipped(SkippedFrames { frames, reason: reason.to_string() }))?;
+        }
     }
+    ports.pulse.beat.dropped += index.saturating_sub(own);
     Ok(())
 }
 

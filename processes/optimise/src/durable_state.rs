@@ -1,7 +1,7 @@
 //! The optimiser's durable state: a fold over both journals, and the files behind it.
 
 use std::time::Duration;
-use tessera_journal::{Follower, Journal};
+use tessera_journal::{Follower, Journal, Opening};
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, OptimiseRecord, Optimiser, OptimiserState, RequestRecord};
 use tessera_stage::{
@@ -36,11 +36,11 @@ impl JournaledOptimiser {
         for keyframe in &optimiser.state().keyframes {
             keyframes.add_unread(keyframe.id, &keyframe.slot)?;
         }
-        let (journal, recovered) = Journal::open_behind(
+        let mark = marks.as_ref().map(|marks| &marks.optimise);
+        let (journal, recovered) = Journal::open_as(
             &files.optimise_journal(),
             OPTIMISE_JOURNAL,
-            marks.as_ref().map(|marks| &marks.optimise),
-            PATIENCE,
+            Opening { mark, is_begun: true, ..Opening::new(PATIENCE) },
             |record: OptimiseRecord| {
                 optimiser.apply_own(&record);
                 Ok(())
@@ -62,7 +62,8 @@ impl JournaledOptimiser {
             marks.as_ref().map(|marks| &marks.align),
         )?;
         checkpoint.stands_at(marks.map_or(0, |marks| marks.len_bytes()));
-        Ok(Self { optimiser, keyframes, records, journal, fsync: flow.fsync, checkpoint })
+        let fsync = flow.fsync.of_run(context.settings.run.live);
+        Ok(Self { optimiser, keyframes, records, journal, fsync, checkpoint })
     }
 
     /// Reads on in the aligner's journal, up to the next request and no further.

@@ -68,7 +68,9 @@ impl Feed {
         while let Some(frame) = self.frames.receive()? {
             let header = frame.header();
             let checked = header.validate(self.shape, self.limit(header.epoch)).and_then(|kind| {
-                Refusal::unless_in_source(header.index, kind, self.n_frames)?;
+                // One that has just begun does not know.
+                let next = self.last_index.map_or(header.index, |last| last.saturating_add(1));
+                Refusal::unless_in_source(header.index, kind, self.n_frames, next)?;
                 Ok(kind)
             });
             let kind = match checked {

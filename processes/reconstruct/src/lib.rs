@@ -96,6 +96,10 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             loan.header_mut().kind = Kind::Frame.to_wire();
             loan.payload_mut()[0].position[0] = f32::NAN;
         }
+        if delivery == Delivery::Jumped {
+            let header = loan.header_mut();
+            header.index = header.index.saturating_add(1 << 40);
+        }
         if delivery != Delivery::Dropped {
             loan.send()?;
             align.notify();
@@ -104,7 +108,11 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.output(header.index);
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-        pulse.done(began, now);
+        match kind {
+            Kind::Frame => pulse.done(began, now),
+            // It is no frame.
+            Kind::End => pulse.progress(),
+        }
     }
 }
 

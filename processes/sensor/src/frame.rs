@@ -39,5 +39,9 @@ pub(crate) fn is_delivered(kill_points: &KillPoints, frame: &mut PreparedFrame) 
             _ => header.index = u64::MAX,
         }
     }
+    if delivery == Delivery::Jumped {
+        let header = frame.loan.header_mut();
+        header.index = header.index.saturating_add(1 << 40);
+    }
     delivery != Delivery::Dropped
 }

@@ -2,7 +2,7 @@
 
 use crate::SensorPorts;
 use crate::frame::{PreparedFrame, is_delivered};
-use tessera_messages::{Flow, Phase};
+use tessera_messages::{Flow, Kind, Phase};
 use tessera_numerics::Step;
 use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
@@ -20,6 +20,7 @@ pub(crate) fn send(
     let header = frame.loan.header_mut();
     let read_began = header.times.read_began;
     header.epoch = flow.epoch;
+    let is_end = header.kind == Kind::End.to_wire();
     let sent = monotonic_nanos();
     header.times.frame_sent = sent;
     if is_delivered(&context.kill_points, &mut frame) {
@@ -32,6 +33,10 @@ pub(crate) fn send(
     ports.pulse.step(Step::Decode, read_began, decode_nanos);
     ports.pulse.phase(Phase::Computing, decode_nanos);
     ports.pulse.phase(Phase::Publishing, monotonic_nanos().saturating_sub(sent));
-    ports.pulse.done(read_began.max(due_nanos), sent);
+    match is_end {
+        // It is no frame.
+        true => ports.pulse.progress(),
+        false => ports.pulse.done(read_began.max(due_nanos), sent),
+    }
     Ok(())
 }

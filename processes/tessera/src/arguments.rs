@@ -63,6 +63,8 @@ pub(crate) enum Command {
     Run(RunArguments),
     /// Go on with a run that was interrupted or killed
     Resume(ResumeArguments),
+    /// Read everything of a run and tell what is whole
+    Verify(VerifyArguments),
     /// Write the outputs of a run again, even after a crash
     Export(ExportArguments),
     /// Write a report of one or several runs, a page for a browser
@@ -123,8 +125,31 @@ pub(crate) enum Command {
 pub(crate) struct ResumeArguments {
     /// Name of the run, or its folder
     pub(crate) run: String,
+    /// Where a file of the run is damaged, go on without what lies behind; a copy stays beside it
+    #[arg(long)]
+    pub(crate) drop_damaged: bool,
+    /// Faults on purpose, as those of `tessera run`
+    #[arg(long, value_name = "PLAN", hide = true)]
+    pub(crate) faults: Option<String>,
     #[command(flatten)]
     pub(crate) speech: Speech,
+}
+
+/// `tessera verify`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Changes nothing; also of a copied folder, of a base's copy, and of a run that goes on.
+Exit code 3: something that was recorded is lost.
+
+Examples:
+  tessera verify room-1
+  tessera verify results/desk --json")]
+pub(crate) struct VerifyArguments {
+    /// Name of the run, or its folder
+    pub(crate) run: String,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// `tessera report`.

@@ -116,9 +116,11 @@ fn of_supervisor(error: &SupervisorError) -> Exit {
     match error {
         // A name or folder that cannot be used came from the command line.
         SupervisorError::RunExists { .. }
+        | SupervisorError::FolderInUse { .. }
         | SupervisorError::Leftover { .. }
         | SupervisorError::Map { .. }
         | SupervisorError::Directory { .. } => Exit::Arguments,
+        SupervisorError::Damaged { .. } => Exit::Input,
         SupervisorError::Transport(error) => of_transport(error),
         SupervisorError::Stage(error) => of_stage(error),
         SupervisorError::OpenFiles { .. } => Exit::Arguments,

@@ -8,7 +8,7 @@ use crate::terminal::{say, say_error};
 use std::time::Duration;
 use tessera_evaluation::Trajectory;
 use tessera_messages::Stage;
-use tessera_outputs::{Ended, Recorder, RunStatistics, ToolError};
+use tessera_outputs::{Ended, Recorder, RunStatistics, Summary, ToolError};
 use tessera_report::REPORT_FILE;
 use tessera_stage::log_line;
 use tessera_supervisor::{Plan, Progress, RunOutcome, Supervised, SupervisorError, hold, supervise};
@@ -16,8 +16,6 @@ use tessera_transport::RunClaim;
 
 /// Time between two looks that `tessera status` can take at the counters.
 const REFRESH: Duration = Duration::from_secs(1);
-/// Kill points of the first life of each stage, for tests: `align=stored:12,journaled:40;sensor=…`.
-const KILL_PLAN_VARIABLE: &str = "TESSERA_KILL_PLAN";
 
 /// Runs the plan, under a name that may be taken already, writes the outputs and says what came of it.
 /// `beside` is called once, when others can see the run.
@@ -93,13 +91,7 @@ fn conclude(
     };
     let statistics = RunStatistics::new(ended, stages, *duration, *shared_memory_bytes);
     let written = tessera_outputs::write_statistics(&plan.run_dir, &before.and(&statistics))
-        .and_then(|()| tessera_outputs::export(&plan.run_dir, &plan.run_dir));
-    if plan.settings.output.report
-        && let Err(error) = tessera_report::write(&[&plan.run_dir], &plan.run_dir.join(REPORT_FILE))
-    {
-        // What was asked for is the trajectory and the map: the run is no worse without a page.
-        say_error(&format!("no report: {error}"));
-    }
+        .and_then(|()| write_outputs(plan));
     if let RunOutcome::Failed(failure) = outcome {
         // A stage that could not use its input or settings says so by its exit code.
         let exit = match failure.exit_code {
@@ -124,6 +116,19 @@ fn conclude(
         say(&format!("go on with: {}", resume_command(plan)));
     }
     Ok(Exit::Interrupted)
+}
+
+/// Writes outputs and report from one reading of the run's folder.
+fn write_outputs(plan: &Plan) -> Result<Summary, ToolError> {
+    let run = tessera_outputs::read_run(&plan.run_dir)?;
+    let exported = tessera_outputs::export_read(&run, &plan.run_dir);
+    if plan.settings.output.report
+        && let Err(error) = tessera_report::write_read(&run, &plan.run_dir.join(REPORT_FILE))
+    {
+        // What was asked for is the trajectory and the map: the run is no worse without a page.
+        say_error(&format!("no report: {error}"));
+    }
+    exported.and_then(|()| run.into_summary())
 }
 
 /// What brings the run to its end.
@@ -160,9 +165,8 @@ impl From<LaunchError> for CommandError {
     }
 }
 
-/// The kill points that a test asks for.
-pub(crate) fn kill_plan() -> Vec<(Stage, String)> {
-    let text = std::env::var(KILL_PLAN_VARIABLE).unwrap_or_default();
+/// Kill points of the first life of each stage: `align=stored:12,journaled:40;sensor=…`.
+pub(crate) fn kill_plan(text: &str) -> Vec<(Stage, String)> {
     text.split(';')
         .filter_map(|part| {
             let (stage, points) = part.split_once('=')?;

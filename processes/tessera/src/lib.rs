@@ -36,6 +36,7 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => commands::export(&arguments),
         Command::Report(arguments) => commands::report(&arguments),
         Command::Resume(arguments) => commands::resume(&arguments),
+        Command::Verify(arguments) => commands::verify(&arguments),
         Command::Status(arguments) => commands::status(&arguments),
         Command::Calibrate(arguments) => commands::calibrate(&arguments),
         Command::Ablate(arguments) => commands::ablate(&arguments),

@@ -3,7 +3,7 @@
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
-use tessera_supervisor::Progress;
+use tessera_supervisor::{MapCounts, Progress};
 
 /// Time between two plain lines.
 const LINE_INTERVAL: Duration = Duration::from_secs(2);
@@ -77,14 +77,15 @@ pub(crate) fn work_bar(is_quiet: bool, total: Option<u64>, template: &str) -> Pr
 
 /// The state in a few words, short enough for 80 columns beside the bar.
 fn words(progress: &Progress) -> String {
-    let Progress { frames, keyframes, loops, .. } = progress;
+    let Progress { frames, map, .. } = progress;
+    let MapCounts { keyframes, loops, left_out } = map;
     let of = progress.n_frames.map_or(String::new(), |n| format!("/{n}"));
     let seconds = progress.elapsed.as_secs_f64();
     let rate = if seconds > 0.0 { *frames as f64 / seconds } else { 0.0 };
-    let dropped: u64 = progress.stages.values().map(|stage| stage.dropped).sum();
     let mut text = format!("{frames}{of} at {rate:.0}/s, {keyframes} keyframes, {loops} loops");
-    if dropped > 0 {
-        text.push_str(&format!(", {dropped} drops"));
+    // As the journal has them, and so the summary: what each stage counts by itself overlaps.
+    if *left_out > 0 {
+        text.push_str(&format!(", {left_out} drops"));
     }
     text
 }
@@ -101,13 +102,13 @@ mod tests {
         let progress = Progress {
             frames: 1200,
             n_frames: Some(13600),
-            keyframes: 120,
-            loops: 11,
+            // What each stage counts overlaps: the journal's count is told.
+            map: MapCounts { keyframes: 120, loops: 11, left_out: 2467 },
             stages: [(Stage::Align, dropped), (Stage::Reconstruct, dropped)].into(),
             elapsed: Duration::from_millis(1500),
         };
         let text = words(&progress);
-        assert_eq!(text, "1200/13600 at 800/s, 120 keyframes, 11 loops, 2468 drops");
+        assert_eq!(text, "1200/13600 at 800/s, 120 keyframes, 11 loops, 2467 drops");
         assert!(text.len() + 21 <= 80);
     }
 }

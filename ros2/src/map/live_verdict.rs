@@ -39,7 +39,7 @@ impl LiveVerdict {
                 *n += 1;
                 *n_tracked += u64::from(frame.state == State::Tracking);
             }
-            AlignRecord::Skipped(..) => self.n_dropped += 1,
+            AlignRecord::Skipped(skipped) => self.n_dropped = self.n_dropped.saturating_add(skipped.n()),
             AlignRecord::Map(_) | AlignRecord::Correction(_) | AlignRecord::End { .. } => {}
         }
     }

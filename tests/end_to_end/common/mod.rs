@@ -4,7 +4,7 @@
 pub mod ros;
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tessera_slam::AlignRecord;
@@ -49,6 +49,15 @@ pub fn room() -> Run {
         .with(&["--set", "surface.step=2"])
 }
 
+impl Run {
+    /// The folder of another run of the same name, which a test fills.
+    pub fn in_folder(of: &Run) -> Run {
+        let dir = tempfile::tempdir().unwrap();
+        let (name, source, frames) = (of.name.clone(), of.source.clone(), of.frames.clone());
+        Run { dir, name, source, frames, arguments: of.arguments.clone(), environment: Vec::new() }
+    }
+}
+
 /// A test that fails leaves no process behind.
 impl Drop for Run {
     fn drop(&mut self) {
@@ -80,6 +89,11 @@ impl Run {
         self
     }
 
+    /// Faults on purpose, in this run and not where it is resumed.
+    pub fn with_faults(self, plan: &str) -> Self {
+        self.with(&["--faults", plan])
+    }
+
     pub fn with_env(mut self, name: &str, value: &str) -> Self {
         self.environment.push((name.into(), value.into()));
         self
@@ -107,6 +121,11 @@ impl Run {
 
     pub fn start(&self) -> Child {
         self.command().spawn().unwrap()
+    }
+
+    /// Runs a command on this run's folder, to its end.
+    pub fn tessera(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).arg(self.out()).output().unwrap()
     }
 
     /// Runs to the end; a failure shows the log.
@@ -192,7 +211,7 @@ impl Run {
         pids[0]
     }
 
-    /// Waits until a stage has stopped itself, as `TESSERA_KILL_PLAN` told it: then the run cannot
+    /// Waits until a stage has stopped itself, as `--faults` told it: then the run cannot
     /// end before a slow test gets round to it.
     pub fn wait_until_stopped(&self, stage: &str) -> u32 {
         let mut stopped = None;

@@ -4,7 +4,7 @@ use super::camera::{ExternalCamera, ExternalImage};
 use super::session::Session;
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
-use tessera_messages::{CameraFlow, Kind, WaitingOn};
+use tessera_messages::{CameraFlow, Kind, MOST_LEFT_OUT, WaitingOn};
 use tessera_stage::{StageContext, StageError};
 
 /// The camera's newest image.
@@ -69,6 +69,24 @@ impl Supply for Newest {
     }
 }
 
+/// Images that a camera may leave out at once whatever its stamps are.
+const FEW_LEFT_OUT: u64 = 1000;
+/// Images a second of no depth camera: one for each millisecond.
+const NANOS_BETWEEN: u64 = 1_000_000;
+
+/// Refusal of an index that leaves out more images than there can be in the time between two stamps: a
+/// counter of another kind, or one that was misread.
+fn jump(image: u64, n_left_out: u64, nanos_between: Option<i64>) -> Option<String> {
+    let in_between = |nanos: i64| FEW_LEFT_OUT + u64::try_from(nanos).unwrap_or(0) / NANOS_BETWEEN;
+    let most = nanos_between.map_or(MOST_LEFT_OUT, |nanos| in_between(nanos).min(MOST_LEFT_OUT));
+    (n_left_out > most).then(|| {
+        format!(
+            "frame {image}: its index leaves out {n_left_out} images, expected at most {most}: \
+             indices count images one by one"
+        )
+    })
+}
+
 /// The newest usable image and the frame that it is. An end is noted and ends the search.
 fn newest(
     turn: &mut Turn<'_>,
@@ -81,6 +99,10 @@ fn newest(
         let next = newest.as_ref().map_or(at.next, |(_, index)| index + 1);
         if image.kind == Kind::End {
             let index = at.session.and_then(|session| session.frame(&header)).unwrap_or(next).max(next);
+            if let Some(reason) = jump(header.index, index - next, None) {
+                camera.refuse(reason, &mut turn.ports.pulse);
+                continue;
+            }
             at.n_frames = Some(most_frames(turn.context).map_or(index, |n| n.min(index)));
             tracing::info!(frame = index, "the camera has ended");
             camera.note_usable();
@@ -100,7 +122,14 @@ fn newest(
                 turn.ports.pulse.beat.duplicates += 1;
                 continue;
             }
-            Some(index) => index,
+            Some(index) => {
+                let nanos = at.last_stamp_nanos.map(|last| header.stamp_nanos.saturating_sub(last));
+                if let Some(reason) = jump(header.index, index - next, nanos) {
+                    camera.refuse(reason, &mut turn.ports.pulse);
+                    continue;
+                }
+                index
+            }
             None => {
                 tracing::info!(frame = next, "the camera counts from {} in a new session", header.index);
                 at.session = Some(Session::begin(turn.context, at.session, &header, next)?);
@@ -120,4 +149,29 @@ fn newest(
         newest = Some((image, index));
     }
     Ok(newest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_index_that_jumps_is_refused_by_name() {
+        let (ms, hour) = (1_000_000, 3_600_000_000_000);
+        // A pause of the camera, by its own stamps.
+        assert_eq!(jump(9, 1800, Some(60_000 * ms)), None);
+        assert_eq!(jump(9, 900, Some(33 * ms)), None);
+        assert_eq!(jump(9, MOST_LEFT_OUT, None), None);
+        // Microseconds in the place of a count; a bit that was misread.
+        let words = jump(33_333, 33_332, Some(33 * ms)).unwrap();
+        assert!(
+            words.starts_with("frame 33333: its index leaves out 33332 images, expected at most 1033"),
+            "{words}"
+        );
+        for nanos in [None, Some(1000 * hour), Some(i64::MAX)] {
+            let words = jump(1 << 40, 1 << 40, nanos).unwrap();
+            assert!(words.contains("expected at most 108000"), "{words}");
+        }
+        assert!(jump(5, 2000, Some(-1)).is_some());
+    }
 }

@@ -18,7 +18,7 @@ Examples:
   tessera ablate FOLDER... --out table1.svg
   tessera ablate FOLDER --seeds 5 --json")]
 pub(crate) struct AblateArguments {
-    /// Folders in the TUM layout with ground truth, or simulated worlds
+    /// Recordings with ground truth, or simulated worlds
     #[arg(required = true, value_name = "SEQUENCE")]
     pub(crate) sequences: Vec<String>,
     /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]

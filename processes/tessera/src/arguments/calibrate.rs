@@ -17,7 +17,7 @@ Examples:
   tessera calibrate FOLDER --camera start.toml --out camera.toml
   tessera calibrate FOLDER --fix k3 --fix depth_offset_m --out camera.toml --json")]
 pub(crate) struct CalibrateArguments {
-    /// A folder in the TUM layout, or a simulated world
+    /// A recording, or a simulated world
     pub(crate) source: String,
     /// The camera to start from: a file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
     #[arg(long, value_name = "CAMERA")]

@@ -22,7 +22,7 @@ Examples:
   tessera chaos --attach NAME --stages align    a run that is going on
   tessera chaos --fleet --times 100             a fleet and its network")]
 pub(crate) struct ChaosArguments {
-    /// A folder in the TUM layout, or a simulated world: room, corridor, wall, house, building [default: room]
+    /// A recording, or a simulated world: room, corridor, wall, house, building [default: room]
     #[arg(conflicts_with = "attach")]
     pub(crate) source: Option<String>,
     /// Faults in all, over as many runs as it takes
@@ -39,7 +39,8 @@ pub(crate) struct ChaosArguments {
         default_value = "sensor,reconstruct,align,optimise"
     )]
     pub(crate) stages: Vec<String>,
-    /// By what: kill, stop, slow, segv, abort, memory, full, drop, corrupt, flip
+    /// By what: kill, stop, slow, segv, abort, memory, full, drop, corrupt, index-jump, sync-fails, flip,
+    /// page-zeroed, store-cut, store-lost
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "kill")]
     pub(crate) faults: Vec<String>,
     /// Mean time between two faults

@@ -15,7 +15,7 @@ Examples:
   tessera record FOLDER --stage reconstruct --frames 100 --out desk.reconstruct
   tessera profile align room.align --repeat 5")]
 pub(crate) struct RecordArguments {
-    /// A folder in the TUM layout, or a simulated world
+    /// A recording, or a simulated world
     pub(crate) source: String,
     /// reconstruct, align or optimise
     #[arg(long, value_name = "STAGE")]

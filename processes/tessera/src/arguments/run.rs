@@ -78,6 +78,9 @@ pub(crate) struct RunArguments {
     /// started from outside: by systemd, or `tessera stage`
     #[arg(long, requires = "name", help_heading = "For experts")]
     pub(crate) hold: bool,
+    /// Faults on purpose, for `tessera chaos` and tests: `align=stored:12;sensor=sent:3:segv`
+    #[arg(long, value_name = "PLAN", hide = true)]
+    pub(crate) faults: Option<String>,
     /// Go on where the source looks wrong
     #[arg(long)]
     pub(crate) force: bool,

@@ -4,7 +4,7 @@ use crate::arguments::{ExportArguments, Speech};
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::run_folder;
-use crate::terminal::{say, say_to_people};
+use crate::terminal::{say, say_error, say_to_people};
 use std::path::Path;
 use tessera_outputs::{Grade, Summary};
 
@@ -42,7 +42,12 @@ pub(crate) fn exit_of(summary: &Summary, speech: Speech) -> Exit {
 pub(crate) fn say_summary(summary: &Summary, folder: &Path, speech: Speech) -> Result<(), CommandError> {
     if speech.json {
         say(&summary.to_json()?);
-    } else if !speech.quiet {
+    } else if speech.quiet {
+        // An exit code that is none of success has its words, however quiet.
+        if exit_of(summary, speech) != Exit::Done {
+            say_error(&format!("--strict: {}", summary.verdict.in_one_line()));
+        }
+    } else {
         let folder = folder.display();
         say_to_people(&format!("{}  outputs     {folder}", summary.for_people()));
     }

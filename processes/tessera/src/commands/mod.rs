@@ -21,6 +21,7 @@ mod several;
 mod stage;
 mod status;
 mod top;
+mod verify;
 mod view;
 
 pub(crate) use ablate::ablate;
@@ -40,4 +41,5 @@ pub(crate) use run::run;
 pub(crate) use stage::stage;
 pub(crate) use status::status;
 pub(crate) use top::top;
+pub(crate) use verify::verify;
 pub(crate) use view::view;

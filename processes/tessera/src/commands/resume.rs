@@ -4,8 +4,10 @@ use crate::arguments::{ResumeArguments, Speech};
 use crate::exit::{CommandError, Exit};
 use crate::launch::{kill_plan, launch};
 use crate::run_folder;
+use crate::terminal::say;
 use std::path::Path;
 use tessera_numerics::Isa;
+use tessera_outputs::Ended;
 use tessera_settings::Settings;
 use tessera_sources::SourceSpec;
 use tessera_stage::{RunFile, RunFiles};
@@ -13,11 +15,23 @@ use tessera_supervisor::Plan;
 
 /// Goes on with a run as it was begun: same name, camera and settings.
 pub(crate) fn resume(arguments: &ResumeArguments) -> Result<Exit, CommandError> {
-    resume_in(&run_folder::find(&arguments.run)?, arguments.speech, false)
+    let how =
+        Resumption { drop_damaged: arguments.drop_damaged, faults: arguments.faults.as_deref(), hold: false };
+    resume_in(&run_folder::find(&arguments.run)?, arguments.speech, how)
 }
 
-/// Goes on with the run of a folder; with `hold` the stages are started from outside.
-pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Exit, CommandError> {
+/// How a run goes on.
+pub(crate) struct Resumption<'a> {
+    /// The stages are started from outside.
+    pub(crate) hold: bool,
+    /// Goes on without what lies behind damage.
+    pub(crate) drop_damaged: bool,
+    /// Faults on purpose.
+    pub(crate) faults: Option<&'a str>,
+}
+
+/// Goes on with the run of a folder.
+pub(crate) fn resume_in(run_dir: &Path, speech: Speech, how: Resumption<'_>) -> Result<Exit, CommandError> {
     let files = RunFiles::new(run_dir);
     let run = RunFile::read(&files)?;
     let config = files.config();
@@ -35,6 +49,10 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         SourceSpec::External => None,
         _ => Some(tessera_sources::open(&spec, &options)?),
     };
+    let before = tessera_outputs::read_statistics(run_dir)?;
+    if before.ended == Ended::Finished && !speech.quiet && !speech.json {
+        say(&format!("{} had finished: what it recorded is read, its outputs are written again", run.name));
+    }
     let plan = Plan {
         name: run.name,
         run_dir: run_dir.to_owned(),
@@ -43,11 +61,12 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         n_frames: run.n_frames,
         fps: run.fps,
         doubts: run.doubts,
-        hold,
+        hold: how.hold,
         resume: true,
+        drop_damaged: how.drop_damaged,
         executable: std::env::current_exe()
             .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
-        kill_points: kill_plan(),
+        kill_points: how.faults.map(kill_plan),
         is_traced: false,
     };
     Ok(launch(&plan, None, source.as_ref().and_then(|source| source.ground_truth()), speech, &mut || ())?)

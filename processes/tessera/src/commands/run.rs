@@ -3,7 +3,7 @@
 use crate::arguments::RunArguments;
 use crate::commands::beside::with_company;
 use crate::commands::external;
-use crate::commands::resume::resume_in;
+use crate::commands::resume::{Resumption, resume_in};
 use crate::commands::several::several;
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, kill_plan, launch};
@@ -77,7 +77,9 @@ fn under_a_free_name(
         check_name(name).map_err(|error| CommandError::arguments(error.to_string()))?;
         let run_dir = run_dir(arguments, name);
         if arguments.hold && RunFiles::new(&run_dir).run_file().exists() {
-            return resume_in(&run_dir, arguments.speech, true);
+            let faults = arguments.faults.as_deref();
+            let how = Resumption { hold: true, drop_damaged: false, faults };
+            return resume_in(&run_dir, arguments.speech, how);
         }
         return Ok(start(name)?);
     }
@@ -207,9 +209,10 @@ pub(super) fn new_plan(
         doubts: Vec::new(),
         hold: arguments.hold,
         resume: false,
+        drop_damaged: false,
         executable: std::env::current_exe()
             .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
-        kill_points: kill_plan(),
+        kill_points: arguments.faults.as_deref().map(kill_plan),
         is_traced: arguments.trace.is_some(),
     })
 }

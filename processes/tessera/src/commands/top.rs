@@ -10,6 +10,9 @@ use std::io::IsTerminal;
 use std::time::Duration;
 use tessera_transport::{RunEntry, registered_runs};
 
+/// How long the first beats of all stages may take to come.
+const FIRST_WORDS: Duration = Duration::from_secs(3);
+
 /// Looks at a run until it is over, the view is ended, or the number of looks is reached.
 pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
     let run = find(arguments.run.as_deref())?;
@@ -23,6 +26,7 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
         ));
     }
     let mut watcher = Watcher::open(&run, "top")?;
+    watcher.begin(FIRST_WORDS)?;
     let interval = Duration::from_secs_f64(arguments.interval);
     let mut terminal = match arguments.json {
         true => None,

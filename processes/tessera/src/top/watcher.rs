@@ -59,6 +59,21 @@ impl Watcher {
         })
     }
 
+    /// Listens until every stage was heard, and a little longer, so that the first look has rates; at most
+    /// for `time`, for one that is frozen says nothing.
+    ///
+    /// # Errors
+    /// Where a connection is broken.
+    pub(crate) fn begin(&mut self, time: Duration) -> Result<(), CommandError> {
+        let deadline = Instant::now() + time;
+        while self.beats.len() < Stage::ALL.len() && Instant::now() < deadline {
+            self.listen(POLL)?;
+        }
+        self.earlier.clone_from(&self.beats);
+        self.looked_at = Instant::now();
+        Ok(())
+    }
+
     /// Listens for so long.
     ///
     /// # Errors

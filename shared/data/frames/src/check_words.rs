@@ -33,7 +33,7 @@ impl CheckReport {
                 if camera.is_distorted() { format!("{:?}", camera.distortion) } else { "none".into() },
             ),
             ("rolling shutter", format!("{:.1} ms", 1e3 * camera.readout_s)),
-            ("colour", colour(camera)),
+            ("colour camera", colour(camera)),
             ("depth units", format!("{} a metre", camera.units_per_metre)),
             ("median depth", depth),
             ("valid pixels", format!("{:.1} %", 100.0 * self.depth.valid_share)),

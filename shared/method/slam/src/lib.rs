@@ -26,8 +26,8 @@ pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
     AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, FrameRecord,
     JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
-    OptimiseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, SplitRecord,
-    State, StoreSlot,
+    OptimiseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, SkippedFrames,
+    SplitRecord, State, StoreSlot,
 };
 pub use map::state::TrackerState;
 pub use map::submaps::{Origin, Submaps};

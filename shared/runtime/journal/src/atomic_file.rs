@@ -47,7 +47,7 @@ pub fn write_atomically(
         fs::rename(&partial, path)?;
         if durability == Durability::RunState {
             // The new name is an entry of the folder: without this a power loss may undo it.
-            File::open(folder_of(path))?.sync_all()?;
+            sync_folder_of(path)?;
         }
         Ok(())
     };
@@ -55,6 +55,14 @@ pub fn write_atomically(
         // The first error is the one to report.
         let _ = fs::remove_file(&partial);
     })
+}
+
+/// Forces the name of a file to disk, which is an entry of its folder.
+///
+/// # Errors
+/// Where the folder cannot be opened or the system refuses.
+pub fn sync_folder_of(path: &Path) -> io::Result<()> {
+    File::open(folder_of(path))?.sync_all()
 }
 
 /// The file beside `path` that is renamed over it: `.NAME.partial`.

@@ -41,11 +41,13 @@ pub fn sealed_record<T: Serialize>(path: &Path, kind: &str, record: &T) -> Resul
 /// Where they are something else, of another version, cut, damaged, or more than that.
 pub fn unsealed_record<T: DeserializeOwned>(kind: &'static str, bytes: &[u8]) -> Result<T, String> {
     let (mut chain, path) = (Chain::new(kind), Path::new("a record"));
-    let mut next = |from: usize| chain.step(&bytes[from..], path).map_err(|error| error.to_string());
+    let mut next = |from: usize| {
+        chain.step(bytes.get(from..).unwrap_or_default(), path).map_err(|error| error.to_string())
+    };
     let cut = || format!("a record that is cut, of {} bytes", bytes.len());
     let header = next(0)?.ok_or_else(cut)?.len;
     let record = next(header)?.ok_or_else(cut)?;
-    let n_behind = bytes.len() - header - record.len;
+    let n_behind = bytes.len().saturating_sub(header).saturating_sub(record.len);
     match record.payload {
         Some(payload) if n_behind == 0 => codec::decode(payload),
         _ => Err(format!("{n_behind} bytes behind a record")),
@@ -66,7 +68,7 @@ pub fn read_checkpoint<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<O
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Journal, Mark};
+    use crate::{Journal, Mark, Opening};
     use std::time::Duration;
 
     #[test]
@@ -132,16 +134,30 @@ mod tests {
             assert!(mark.fits(&path, "test").unwrap());
             assert!(!mark.fits(&path, "other").unwrap());
             let mut records = Vec::new();
-            let (opened, recovered) =
-                Journal::<u64>::open_behind(&path, "test", Some(mark), Duration::ZERO, |record| {
-                    records.push(record);
-                    Ok(())
-                })
-                .unwrap();
+            let opening = Opening { mark: Some(mark), ..Opening::new(Duration::ZERO) };
+            let (opened, recovered) = Journal::<u64>::open_as(&path, "test", opening, |record| {
+                records.push(record);
+                Ok(())
+            })
+            .unwrap();
             assert_eq!(records, (k as u64..20).map(|k| k * k * 1000).collect::<Vec<_>>());
             assert_eq!((opened.mark(), recovered.n_records), (marks[20], 20));
             let mut follower = Follower::<u64>::open_behind(&path, "test", Some(mark)).unwrap();
             assert_eq!(follower.next().unwrap(), records.first().copied());
+        }
+    }
+
+    #[test]
+    fn a_forged_mark_fits_nothing_and_overflows_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("j");
+        journal(&path, 3);
+        for forged in [
+            Mark::forged(u64::MAX, u64::MAX, u64::MAX),
+            Mark::forged(u64::MAX, 0, 7),
+            Mark::forged(1, u64::MAX - 3, u64::MAX),
+        ] {
+            assert!(!forged.fits(&path, "test").unwrap());
         }
     }
 

@@ -10,13 +10,18 @@ use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TESSERAJ";
 /// Version of the framing and of the records in it.
-const VERSION: u32 = 14;
+const VERSION: u32 = 15;
 /// Bytes before the first record.
 pub(crate) const FILE_HEADER_BYTES: usize = 32;
 /// Bytes before each record's payload: length, version, checksum.
 pub const RECORD_HEADER_BYTES: usize = 12;
 
 /// The first bytes of a journal of this kind (at most 16 bytes of name).
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "constant places of an array of ours"
+)]
 pub(crate) fn file_header(kind: &str) -> [u8; FILE_HEADER_BYTES] {
     let mut header = [0; FILE_HEADER_BYTES];
     header[..8].copy_from_slice(MAGIC);
@@ -40,22 +45,29 @@ pub(crate) enum FileStart {
 /// Judges the first bytes of a file.
 pub(crate) fn check_file_header(bytes: &[u8], kind: &str, path: &Path) -> Result<FileStart, JournalError> {
     let expected = file_header(kind);
-    if bytes.len() >= FILE_HEADER_BYTES && bytes[..FILE_HEADER_BYTES] == expected {
+    if bytes.starts_with(&expected) {
         return Ok(FileStart::Whole);
     }
     let is_prefix = bytes.len() < FILE_HEADER_BYTES && expected.starts_with(bytes);
     if is_prefix || bytes.iter().take(FILE_HEADER_BYTES).all(|&b| b == 0) {
         return Ok(FileStart::Torn);
     }
-    if bytes.len() >= 12 && &bytes[..8] == MAGIC && bytes[8..12] != VERSION.to_le_bytes() {
-        let found = u32_at(bytes, 8).unwrap_or_default();
+    if bytes.starts_with(MAGIC)
+        && let Some(found) = u32_at(bytes, MAGIC.len()).filter(|found| *found != VERSION)
+    {
         return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
     }
     Err(JournalError::Foreign {
         path: path.into(),
         expected: format!("{kind} journal"),
-        found: format!("{:?}", String::from_utf8_lossy(&bytes[..bytes.len().min(28)])),
+        found: format!("{:?}", String::from_utf8_lossy(bytes.get(..28).unwrap_or(bytes))),
     })
+}
+
+/// The kind that a header names.
+pub(crate) fn kind_in(header: &[u8]) -> String {
+    let name = header.get(12..28).unwrap_or_default();
+    String::from_utf8_lossy(name).trim_end_matches('\0').to_owned()
 }
 
 /// The checksum that the first record continues.
@@ -64,10 +76,11 @@ pub(crate) fn first_link(kind: &str) -> u32 {
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
-    bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes)
+    bytes.get(at..)?.first_chunk().copied().map(u32::from_le_bytes)
 }
 
 /// The checksum of a record that follows one whose checksum is `link`.
+#[expect(clippy::cast_possible_truncation, reason = "a record has at most MAX_RECORD_BYTES")]
 pub(crate) fn chained_crc(link: u32, payload: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&link.to_le_bytes());
@@ -78,6 +91,11 @@ pub(crate) fn chained_crc(link: u32, payload: &[u8]) -> u32 {
 }
 
 /// Fills in the header at the front of `record`, whose payload stands behind it.
+#[expect(
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "constant places of a record of ours, which has at most MAX_RECORD_BYTES"
+)]
 pub(crate) fn seal(record: &mut [u8], link: u32) -> u32 {
     let (header, payload) = record.split_at_mut(RECORD_HEADER_BYTES);
     let crc = chained_crc(link, payload);

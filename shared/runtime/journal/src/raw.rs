@@ -64,12 +64,13 @@ impl Chain {
         }
         let Some(header) = bytes.get(..RECORD_HEADER_BYTES) else { return Ok(None) };
         let (len, crc) = record_header(header).ok_or_else(|| self.broken(path, "have no record header"))?;
-        let Some(payload) = bytes[RECORD_HEADER_BYTES..].get(..len) else { return Ok(None) };
+        let behind = bytes.get(RECORD_HEADER_BYTES..).unwrap_or_default();
+        let Some(payload) = behind.get(..len) else { return Ok(None) };
         if chained_crc(self.mark.link, payload) != crc {
             return Err(self.broken(path, "have a checksum that does not match"));
         }
         self.mark = self.mark.behind(len, crc);
-        Ok(Some(FilePart { len: RECORD_HEADER_BYTES + len, payload: Some(payload) }))
+        Ok(Some(FilePart { len: RECORD_HEADER_BYTES.saturating_add(len), payload: Some(payload) }))
     }
 
     fn broken(&self, path: &Path, problem: &str) -> JournalError {

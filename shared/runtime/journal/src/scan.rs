@@ -32,11 +32,18 @@ impl Mark {
         Self { n_records: 0, end, link, last_at: end, last_link: link }
     }
 
+    /// A mark as a damaged checkpoint may have it.
+    #[cfg(test)]
+    pub(crate) fn forged(n_records: u64, end: u64, last_at: u64) -> Self {
+        Self { n_records, end, link: 1, last_at, last_link: 2 }
+    }
+
     /// Behind a further record of `len` bytes with this checksum.
     pub(crate) fn behind(&self, len: usize, crc: u32) -> Self {
         Self {
-            n_records: self.n_records + 1,
-            end: self.end + (RECORD_HEADER_BYTES + len) as u64,
+            n_records: self.n_records.saturating_add(1),
+            // A mark of a checkpoint is untrusted input: no file reaches the end of the range.
+            end: self.end.saturating_add(RECORD_HEADER_BYTES as u64).saturating_add(len as u64),
             link: crc,
             last_at: self.end,
             last_link: self.link,
@@ -63,7 +70,12 @@ impl Mark {
         if self.n_records == 0 {
             return Ok(*self == Self::start(kind));
         }
-        let before = Self { end: self.last_at, link: self.last_link, n_records: self.n_records - 1, ..*self };
+        let before = Self {
+            end: self.last_at,
+            link: self.last_link,
+            n_records: self.n_records.saturating_sub(1),
+            ..*self
+        };
         let found = next_record(&file, path, &before, &mut buffer)?;
         Ok(found.is_ok_and(|crc| before.behind(buffer.len(), crc) == *self))
     }
@@ -91,7 +103,7 @@ pub(crate) fn next_record(
         return if len <= mark.end { Ok(Err(NoRecord::End)) } else { broken("no record header") };
     }
     let Some((len, crc)) = record_header(payload) else { return broken("no record header") };
-    if !read_at(file, path, mark.end + RECORD_HEADER_BYTES as u64, len, payload)? {
+    if !read_at(file, path, mark.end.saturating_add(RECORD_HEADER_BYTES as u64), len, payload)? {
         return Ok(Err(NoRecord::Broken(format!("a record of {len} bytes is cut short"))));
     }
     if chained_crc(mark.link, payload) == crc { Ok(Ok(crc)) } else { broken("a checksum does not match") }
@@ -105,6 +117,10 @@ pub(crate) fn read_at(
     len: usize,
     buffer: &mut Vec<u8>,
 ) -> Result<bool, JournalError> {
+    // A mark of a checkpoint is untrusted input: no file has such an offset, and the system calls it an error.
+    if i64::try_from(offset.saturating_add(len as u64)).is_err() {
+        return Ok(false);
+    }
     buffer.resize(len, 0);
     match file.read_exact_at(buffer, offset) {
         Ok(()) => Ok(true),

@@ -4,7 +4,7 @@
 //! that is given up keeps its place, with a tombstone at its beginning, and its space goes back to the
 //! file system.
 
-use crate::error::JournalError;
+use crate::error::{JournalError, sync_file};
 use crate::lock::lock_file;
 use rustix::fs::{FallocateFlags, fallocate};
 use std::fs::{File, OpenOptions};
@@ -16,6 +16,8 @@ const MAGIC: &[u8; 8] = b"TESSERAK";
 const VERSION: u32 = 2;
 /// Offset of the first block: a page, so that losing it loses no block.
 const FIRST_BLOCK: u64 = 4096;
+/// Bytes of its head: a magic word and the version.
+pub(crate) const HEAD_BYTES: u64 = 12;
 /// Blocks begin on cache lines.
 const ALIGNMENT: u64 = 64;
 
@@ -37,6 +39,7 @@ impl Tombstone {
     const WORDS: &[u8; 12] = b"TESSERA gone";
     const LEN: usize = Self::WORDS.len() + size_of::<u32>();
 
+    #[expect(clippy::indexing_slicing, reason = "constant places of an array of ours")]
     pub(crate) fn of(slot: &Slot) -> Self {
         let mut bytes = [0; Self::LEN];
         bytes[..Self::WORDS.len()].copy_from_slice(Self::WORDS);
@@ -47,6 +50,35 @@ impl Tombstone {
     pub(crate) fn begins(&self, block: &[u8]) -> bool {
         block.starts_with(&self.0)
     }
+}
+
+/// First bytes of a store.
+pub(crate) enum StoreHead {
+    Whole,
+    /// Absent or zeroed.
+    Missing,
+}
+
+/// Checks the first bytes of a store.
+pub(crate) fn check_head(file: &File, path: &Path) -> Result<StoreHead, JournalError> {
+    let mut found = [0u8; MAGIC.len() + size_of::<u32>()];
+    let n = file.read_at(&mut found, 0).map_err(JournalError::io("read", path))?;
+    let (magic, version) = found.split_at(MAGIC.len());
+    if n < found.len() || found.iter().all(|&byte| byte == 0) {
+        return Ok(StoreHead::Missing);
+    }
+    if magic != MAGIC {
+        return Err(JournalError::Foreign {
+            path: path.into(),
+            expected: "keyframe store".into(),
+            found: format!("{:?}", String::from_utf8_lossy(&found)),
+        });
+    }
+    if version != VERSION.to_le_bytes() {
+        let found = version.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte));
+        return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
+    }
+    Ok(StoreHead::Whole)
 }
 
 /// The store, open for writing by this process alone.
@@ -63,30 +95,40 @@ impl Store {
     /// # Errors
     /// Where it is locked, is something else, is of another version, or cannot be opened.
     pub fn open(path: &Path, wait: Duration) -> Result<Self, JournalError> {
+        Self::open_file(path, wait, true)
+    }
+
+    /// As [`Self::open`], of a store that was begun before.
+    ///
+    /// # Errors
+    /// As [`Self::open`], and where it is not there or has lost its first bytes.
+    pub fn open_begun(path: &Path, wait: Duration) -> Result<Self, JournalError> {
+        Self::open_file(path, wait, false)
+    }
+
+    fn open_file(path: &Path, wait: Duration, may_be_new: bool) -> Result<Self, JournalError> {
         let file = OpenOptions::new()
             .read(true)
             .write(true)
-            .create(true)
+            .create(may_be_new)
             .truncate(false)
             .mode(0o600)
             .open(path)
-            .map_err(JournalError::io("open", path))?;
+            .map_err(|error| match error.kind() {
+                std::io::ErrorKind::NotFound if !may_be_new => JournalError::Absent { path: path.into() },
+                _ => JournalError::io("open", path)(error),
+            })?;
         lock_file(&file, path, wait)?;
-        let mut found = [0u8; 12];
-        let n = file.read_at(&mut found, 0).map_err(JournalError::io("read", path))?;
-        if n < found.len() || found == [0; 12] {
-            let mut header = MAGIC.to_vec();
-            header.extend(VERSION.to_le_bytes());
-            file.write_all_at(&header, 0).map_err(JournalError::io("write", path))?;
-        } else if &found[..8] != MAGIC {
-            return Err(JournalError::Foreign {
-                path: path.into(),
-                expected: "keyframe store".into(),
-                found: format!("{:?}", String::from_utf8_lossy(&found)),
-            });
-        } else if found[8..] != VERSION.to_le_bytes() {
-            let found = u32::from_le_bytes([found[8], found[9], found[10], found[11]]);
-            return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
+        match check_head(&file, path)? {
+            StoreHead::Whole => {}
+            StoreHead::Missing if may_be_new => {
+                let header = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
+                file.write_all_at(&header, 0).map_err(JournalError::io("write", path))?;
+            }
+            StoreHead::Missing => {
+                let problem = "are missing".into();
+                return Err(JournalError::Slot { path: path.into(), offset: 0, len: HEAD_BYTES, problem });
+            }
         }
         Ok(Self { file, path: path.into(), end: FIRST_BLOCK })
     }
@@ -110,7 +152,7 @@ impl Store {
         }
         self.file.write_all_at(bytes, offset).map_err(JournalError::io("append to", &self.path))?;
         if sync {
-            self.file.sync_data().map_err(JournalError::io("sync", &self.path))?;
+            sync_file(&self.file, &self.path)?;
         }
         let slot = Slot { offset, len, crc: crc32fast::hash(bytes) };
         self.keep(&slot);
@@ -130,11 +172,12 @@ impl Store {
     }
 
     /// Gives a block up for good: its readers find none, and its space is the file system's again,
-    /// where that can take it back. Done twice it is as if done once.
+    /// where that can take it back. Done twice it is as if done once. With `sync` the tombstone is on disk
+    /// before the bytes behind it go: a power cut leaves the block whole or given up.
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn give_up(&self, slot: &Slot) -> Result<(), JournalError> {
+    pub fn give_up(&self, slot: &Slot, sync: bool) -> Result<(), JournalError> {
         let tombstone = Tombstone::of(slot).0;
         let behind = tombstone.len() as u64;
         if slot.len < behind {
@@ -142,8 +185,12 @@ impl Store {
         }
         // First the words, so that a death in between leaves no damaged block.
         self.file.write_all_at(&tombstone, slot.offset).map_err(JournalError::io("write", &self.path))?;
+        if sync {
+            self.sync()?;
+        }
         let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-        match fallocate(&self.file, hole, slot.offset + behind, (slot.len - behind).max(1)) {
+        let (from, len) = (slot.offset.saturating_add(behind), slot.len.saturating_sub(behind).max(1));
+        match fallocate(&self.file, hole, from, len) {
             Ok(()) | Err(rustix::io::Errno::OPNOTSUPP) => Ok(()),
             Err(errno) => Err(JournalError::io("give back space of", &self.path)(errno.into())),
         }
@@ -154,7 +201,7 @@ impl Store {
     /// # Errors
     /// Where the system refuses.
     pub fn sync(&self) -> Result<(), JournalError> {
-        self.file.sync_data().map_err(JournalError::io("sync", &self.path))
+        sync_file(&self.file, &self.path)
     }
 }
 
@@ -194,8 +241,8 @@ mod tests {
         let slots: Vec<Slot> = (1..4).map(|k| store.append(&[k; 300_000], false).unwrap()).collect();
         let blocks = || std::fs::metadata(&path).unwrap().blocks();
         let before = blocks();
-        store.give_up(&slots[1]).unwrap();
-        store.give_up(&slots[1]).unwrap();
+        store.give_up(&slots[1], false).unwrap();
+        store.give_up(&slots[1], false).unwrap();
         // File systems without holes keep the space.
         assert!(blocks() <= before);
         let view = StoreView::open(&path).unwrap();

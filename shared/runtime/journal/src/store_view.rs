@@ -1,7 +1,7 @@
 //! The reading end of the keyframe store.
 
 use crate::error::JournalError;
-use crate::store::{Slot, Tombstone};
+use crate::store::{HEAD_BYTES, Slot, StoreHead, Tombstone, check_head};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,20 @@ impl StoreView {
     pub fn open(path: &Path) -> Result<Self, JournalError> {
         let file = File::open(path).map_err(JournalError::io("open", path))?;
         Ok(Self { file, path: path.into() })
+    }
+
+    /// As [`Self::open`], of a store whose first bytes are there.
+    ///
+    /// # Errors
+    /// Where they are missing, are something else, or of another version.
+    pub fn open_whole(path: &Path) -> Result<Self, JournalError> {
+        let view = Self::open(path)?;
+        match check_head(&view.file, path)? {
+            StoreHead::Whole => Ok(view),
+            StoreHead::Missing => {
+                Err(view.wrong(&Slot { len: HEAD_BYTES, ..Slot::default() }, "are missing".into()))
+            }
+        }
     }
 
     /// Whether a block can be where the slot says; its bytes are not looked at.

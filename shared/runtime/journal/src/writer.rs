@@ -1,12 +1,14 @@
 //! The writing end of a journal.
 
 use crate::codec;
-use crate::error::JournalError;
+use crate::damage::{BrokenAt, OnDamage, bytes_from, records_behind, set_aside, walk};
+use crate::error::{JournalError, sync_file};
 use crate::framing::{
     FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, check_file_header, file_header, seal,
 };
 use crate::lock::lock_file;
-use crate::scan::{Mark, NoRecord, next_record, read_at};
+use crate::scan::{Mark, read_at};
+use crate::synced::SyncedFile;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{File, OpenOptions};
@@ -24,6 +26,28 @@ pub struct Recovered {
     pub dropped_bytes: u64,
     /// Why the first of them was not a record.
     pub reason: Option<String>,
+    /// The file as it was, where more than a torn end was dropped.
+    pub set_aside: Option<PathBuf>,
+}
+
+/// How a journal is opened.
+#[derive(Clone, Copy, Debug)]
+pub struct Opening<'m> {
+    /// A place to go on from, if it fits ([`Mark::fits`]): only records behind it are handed over.
+    pub mark: Option<&'m Mark>,
+    /// How long another writer may take to end.
+    pub wait: Duration,
+    /// Treatment of damage before the end.
+    pub on_damage: OnDamage,
+    /// Whether the journal was begun before: one that is absent or empty is then damaged.
+    pub is_begun: bool,
+}
+
+impl Opening<'_> {
+    /// A journal that may be new; damage is refused.
+    pub fn new(wait: Duration) -> Self {
+        Self { mark: None, wait, on_damage: OnDamage::Refuse, is_begun: false }
+    }
 }
 
 /// An append-only file of records that this process alone writes.
@@ -32,88 +56,159 @@ pub struct Journal<T> {
     file: File,
     path: PathBuf,
     mark: Mark,
+    synced: SyncedFile,
     buffer: Vec<u8>,
     of: PhantomData<fn(T)>,
 }
 
 impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Opens or creates the journal, locks it, and hands every whole record to `accept` in order.
-    ///
-    /// A record that `accept` refuses ends the journal before it, as a torn one does: it names
-    /// something that is not there (any more). What lies behind is cut off and reported.
+    /// A torn end is cut; damage before the end is refused.
     ///
     /// # Errors
-    /// Where the file is locked by another writer for longer than `wait`, is something else, is
-    /// of another version, or cannot be read.
+    /// As [`Self::open_as`].
     pub fn open(
         path: &Path,
         kind: &str,
         wait: Duration,
         accept: impl FnMut(T) -> Result<(), String>,
     ) -> Result<(Self, Recovered), JournalError> {
-        Self::open_behind(path, kind, None, wait, accept)
+        Self::open_as(path, kind, Opening::new(wait), accept)
     }
 
-    /// As [`Self::open`], but only records behind a mark that fits ([`Mark::fits`]) are handed over.
+    /// As [`Self::open`], as `opening` states.
+    ///
+    /// A record that `accept` refuses is damage: it names something that is not there (any more).
+    /// Bytes at the end with no whole record behind them are a torn end, cut and reported; so is all
+    /// that was never forced to disk, where the machine was started again since. In any other case
+    /// [`OnDamage`] decides.
     ///
     /// # Errors
-    /// As [`Self::open`].
-    pub fn open_behind(
+    /// [`JournalError::Damaged`]; or the file is locked by another writer for longer than `wait`, is
+    /// something else, is of another version, or cannot be read.
+    pub fn open_as(
         path: &Path,
         kind: &str,
-        mark: Option<&Mark>,
-        wait: Duration,
+        opening: Opening<'_>,
         mut accept: impl FnMut(T) -> Result<(), String>,
     ) -> Result<(Self, Recovered), JournalError> {
         let file = OpenOptions::new()
             .read(true)
             .write(true)
-            .create(true)
+            .create(!opening.is_begun || opening.on_damage == OnDamage::SetAside)
             .truncate(false)
             .mode(0o600)
             .open(path)
-            .map_err(JournalError::io("open", path))?;
-        lock_file(&file, path, wait)?;
-        let mut recovered = Recovered::default();
-        let mut mark = mark.copied().unwrap_or(Mark::start(kind));
-        let mut buffer = Vec::new();
-        if !read_at(&file, path, 0, FILE_HEADER_BYTES, &mut buffer)? {
-            let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
-            buffer.truncate(len as usize);
-        }
-        if check_file_header(&buffer, kind, path)? == FileStart::Torn {
-            let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
-            mark = Mark::start(kind);
-            recovered.dropped_bytes = len;
-            recovered.reason = (len > 0).then(|| "the file's first bytes are missing".into());
-            file.set_len(0).map_err(JournalError::io("cut", path))?;
-            file.write_all_at(&file_header(kind), 0).map_err(JournalError::io("write", path))?;
-        }
-        loop {
-            let found = next_record(&file, path, &mark, &mut buffer)?.and_then(|crc| {
-                codec::decode(&buffer).and_then(&mut accept).map_err(NoRecord::Broken)?;
-                Ok(crc)
-            });
-            match found {
-                Ok(crc) => mark = mark.behind(buffer.len(), crc),
-                Err(NoRecord::End) => break,
-                Err(NoRecord::Broken(reason)) => {
-                    let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
-                    recovered.dropped_bytes = len.saturating_sub(mark.end);
-                    recovered.reason = Some(reason);
-                    file.set_len(mark.end).map_err(JournalError::io("cut", path))?;
-                    break;
+            .map_err(|error| match error.kind() {
+                std::io::ErrorKind::NotFound if opening.is_begun => {
+                    JournalError::Absent { path: path.into() }
                 }
-            }
+                _ => JournalError::io("open", path)(error),
+            })?;
+        lock_file(&file, path, opening.wait)?;
+        let synced = SyncedFile::beside(path);
+        let mut journal = Self {
+            file,
+            path: path.into(),
+            mark: opening.mark.copied().unwrap_or(Mark::start(kind)),
+            synced,
+            buffer: Vec::new(),
+            of: PhantomData,
+        };
+        let mut recovered = Recovered::default();
+        if !journal.read_start(kind, &opening, &mut recovered)? {
+            return Ok((journal, recovered));
         }
-        recovered.n_records = mark.n_records;
-        Ok((Self { file, path: path.into(), mark, buffer: Vec::new(), of: PhantomData }, recovered))
+        if let Some(broken) = journal.read_records(&mut accept)? {
+            let len = journal.len()?;
+            recovered.dropped_bytes = len.saturating_sub(journal.mark.end);
+            if !broken.is_torn_end() {
+                if opening.on_damage == OnDamage::Refuse && !broken.is_unsynced {
+                    return Err(journal.damaged(journal.mark.end, broken));
+                }
+                recovered.set_aside = Some(set_aside(path)?);
+            }
+            recovered.reason = Some(broken.reason);
+            journal.file.set_len(journal.mark.end).map_err(JournalError::io("cut", path))?;
+        }
+        journal.write_unsynced_again()?;
+        recovered.n_records = journal.mark.n_records;
+        Ok((journal, recovered))
+    }
+
+    /// Checks the header; writes one where there is none. `false`: there are no records.
+    fn read_start(
+        &mut self,
+        kind: &str,
+        opening: &Opening<'_>,
+        recovered: &mut Recovered,
+    ) -> Result<bool, JournalError> {
+        let (file, path) = (&self.file, &self.path);
+        let len = self.len()?;
+        let mut buffer = Vec::new();
+        if !read_at(file, path, 0, FILE_HEADER_BYTES, &mut buffer)? {
+            buffer.truncate(usize::try_from(len).unwrap_or(usize::MAX));
+        }
+        let is_set_aside = opening.on_damage == OnDamage::SetAside;
+        let reason = match check_file_header(&buffer, kind, path) {
+            Ok(FileStart::Whole) => return Ok(true),
+            Ok(FileStart::Torn) if len == 0 => "the file is empty".to_owned(),
+            Ok(FileStart::Torn) => "the file's first bytes are missing".to_owned(),
+            Err(error @ JournalError::Foreign { .. }) if is_set_aside => error.to_string(),
+            Err(error) => return Err(error),
+        };
+        self.mark = Mark::start(kind);
+        let n_lost = if len == 0 { 0 } else { records_behind(&bytes_from(file, path, 0)?) };
+        if opening.is_begun || n_lost > 0 {
+            if !is_set_aside {
+                let synced_lost = self.synced.read().map_or(0, |synced| synced.len);
+                let broken = BrokenAt { reason, n_lost, synced_lost, is_unsynced: false };
+                return Err(self.damaged(0, broken));
+            }
+            recovered.set_aside = if len > 0 { Some(set_aside(path)?) } else { None };
+        }
+        recovered.dropped_bytes = len;
+        recovered.reason = (len > 0 || opening.is_begun).then_some(reason);
+        self.file.set_len(0).map_err(JournalError::io("cut", path))?;
+        self.file.write_all_at(&file_header(kind), 0).map_err(JournalError::io("write", path))?;
+        Ok(false)
+    }
+
+    /// Hands over records up to the end or to the first that cannot be used.
+    fn read_records(
+        &mut self,
+        accept: &mut impl FnMut(T) -> Result<(), String>,
+    ) -> Result<Option<BrokenAt>, JournalError> {
+        let synced = self.synced.read();
+        let accept = |payload: &[u8]| codec::decode(payload).and_then(&mut *accept);
+        walk(&self.file, &self.path, &mut self.mark, synced, accept)
+    }
+
+    fn damaged(&self, offset: u64, broken: BrokenAt) -> JournalError {
+        let BrokenAt { reason, n_lost, synced_lost, .. } = broken;
+        let (path, n_before) = (self.path.clone(), self.mark.n_records);
+        JournalError::Damaged { path, offset, reason, n_before, n_lost, synced_lost }
+    }
+
+    fn len(&self) -> Result<u64, JournalError> {
+        Ok(self.file.metadata().map_err(JournalError::io("look at", &self.path))?.len())
+    }
+
+    /// Writes what may not have reached the disk once more, so that the next sync covers it: after a
+    /// sync that failed, the system holds such pages as if they were on disk.
+    fn write_unsynced_again(&mut self) -> Result<(), JournalError> {
+        let Some(synced) = self.synced.read().filter(|synced| synced.len < self.mark.end) else {
+            return Ok(());
+        };
+        let bytes = bytes_from(&self.file, &self.path, synced.len)?;
+        self.file.write_all_at(&bytes, synced.len).map_err(JournalError::io("write", &self.path))
     }
 
     /// Appends a record; with `sync` it has reached the disk when this returns.
     ///
     /// # Errors
-    /// A full disk leaves the journal as it was.
+    /// A full disk leaves the journal as it was. [`JournalError::NotSynced`]: the record is journaled,
+    /// and a power cut may take it and others before it.
     pub fn append(&mut self, record: &T, sync: bool) -> Result<(), JournalError> {
         self.buffer.clear();
         self.buffer.resize(RECORD_HEADER_BYTES, 0);
@@ -125,11 +220,27 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
             let _ = self.file.set_len(self.mark.end);
         }
         written.map_err(JournalError::io("append to", &self.path))?;
-        if sync {
-            self.file.sync_data().map_err(JournalError::io("sync", &self.path))?;
-        }
-        self.mark = self.mark.behind(self.buffer.len() - RECORD_HEADER_BYTES, crc);
+        self.mark = self.mark.behind(self.buffer.len().saturating_sub(RECORD_HEADER_BYTES), crc);
+        if sync { self.sync() } else { Ok(()) }
+    }
+
+    /// Forces every record to disk.
+    ///
+    /// # Errors
+    /// [`JournalError::NotSynced`].
+    pub fn sync(&mut self) -> Result<(), JournalError> {
+        sync_file(&self.file, &self.path)?;
+        self.synced.note(self.mark.end);
         Ok(())
+    }
+
+    /// Forces every record to disk without a note beside the file: for a journal that is not one of a run
+    /// that syncs.
+    ///
+    /// # Errors
+    /// [`JournalError::NotSynced`].
+    pub fn sync_unnoted(&self) -> Result<(), JournalError> {
+        sync_file(&self.file, &self.path)
     }
 
     /// Behind the last record.
@@ -139,123 +250,4 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Follower;
-
-    type Record = (u64, Vec<f64>, String);
-
-    fn record(n: u64) -> Record {
-        (n, (0..n % 7).map(|k| k as f64 * 0.1).collect(), "word ".repeat((n % 90) as usize))
-    }
-
-    fn written(path: &Path, n: u64) {
-        let (mut journal, _) = Journal::<Record>::open(path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-        for k in 0..n {
-            journal.append(&record(k), false).unwrap();
-        }
-    }
-
-    fn read(path: &Path) -> (Vec<Record>, Recovered) {
-        let mut records = Vec::new();
-        let (_, recovered) = Journal::<Record>::open(path, "test", Duration::ZERO, |r| {
-            records.push(r);
-            Ok(())
-        })
-        .unwrap();
-        (records, recovered)
-    }
-
-    #[test]
-    fn a_file_cut_anywhere_gives_a_prefix_and_goes_on() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("j");
-        written(&path, 40);
-        let whole = std::fs::read(&path).unwrap();
-        let mut seen = 0;
-        for cut in 0..=whole.len() {
-            std::fs::write(&path, &whole[..cut]).unwrap();
-            let (records, recovered) = read(&path);
-            assert!(records.iter().enumerate().all(|(k, r)| *r == record(k as u64)), "cut at {cut}");
-            assert!(records.len() >= seen);
-            seen = records.len();
-            let kept = std::fs::metadata(&path).unwrap().len();
-            if cut >= FILE_HEADER_BYTES {
-                assert_eq!(kept + recovered.dropped_bytes, cut as u64);
-            }
-        }
-        assert_eq!(seen, 40);
-    }
-
-    #[test]
-    fn zeroed_pages_end_the_prefix_and_nothing_stale_comes_back() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("j");
-        written(&path, 200);
-        let whole = std::fs::read(&path).unwrap();
-        assert!(whole.len() > 5 * 4096);
-        for page in 0..whole.len() / 4096 {
-            let mut bytes = whole.clone();
-            bytes[page * 4096..(page + 1) * 4096].fill(0);
-            std::fs::write(&path, &bytes).unwrap();
-            let (records, recovered) = read(&path);
-            assert!(recovered.reason.is_some() && records.len() < 200);
-            assert!(records.iter().enumerate().all(|(k, r)| *r == record(k as u64)));
-            // Written again from there, the file has the same bytes as if nothing had happened.
-            let (mut journal, _) =
-                Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-            for k in records.len() as u64..200 {
-                journal.append(&record(k), false).unwrap();
-            }
-            drop(journal);
-            assert_eq!(std::fs::read(&path).unwrap(), whole);
-        }
-    }
-
-    #[test]
-    fn a_refused_record_ends_the_journal_before_it() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("j");
-        written(&path, 9);
-        let refuse = |r: Record| if r.0 < 5 { Ok(()) } else { Err("its keyframe is gone".to_string()) };
-        let (_, recovered) = Journal::open(&path, "test", Duration::ZERO, refuse).unwrap();
-        assert_eq!((recovered.n_records, recovered.reason.as_deref()), (5, Some("its keyframe is gone")));
-        assert_eq!(read(&path).0.len(), 5);
-    }
-
-    #[test]
-    fn there_is_one_writer() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("j");
-        let (held, _) = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-        let second = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(()));
-        let message = second.unwrap_err().to_string();
-        assert!(message.contains("written by another process"), "{message}");
-        drop(held);
-        Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-    }
-
-    #[test]
-    fn a_follower_sees_each_record_once_it_is_whole() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("j");
-        let (mut journal, _) = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-        let mut follower = Follower::<Record>::open(&path, "test").unwrap();
-        assert_eq!(follower.next().unwrap(), None);
-        for k in 0..30 {
-            journal.append(&record(k), false).unwrap();
-            assert_eq!(follower.next().unwrap(), Some(record(k)));
-            assert_eq!(follower.next().unwrap(), None);
-        }
-        let whole = std::fs::read(&path).unwrap();
-        journal.append(&record(30), false).unwrap();
-        let longer = std::fs::read(&path).unwrap();
-        // A record that arrives byte by byte is not seen before its last byte.
-        for cut in whole.len()..longer.len() {
-            std::fs::write(&path, &longer[..cut]).unwrap();
-            assert_eq!(follower.next().unwrap(), None);
-        }
-        std::fs::write(&path, &longer).unwrap();
-        assert_eq!(follower.next().unwrap(), Some(record(30)));
-    }
-}
+mod tests;

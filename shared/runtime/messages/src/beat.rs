@@ -127,6 +127,8 @@ pub struct Beat {
     pub keyframes: u64,
     /// Loops closed.
     pub loops: u64,
+    /// Frames journaled as left out, by whichever stage, since the run began (align, live mode).
+    pub left_out: u64,
     /// Workload level of new frames, 0 (full) to 3 (align, live mode).
     pub workload: u64,
     /// Time from taking up a piece of work to handing on its result.
@@ -142,7 +144,7 @@ pub struct Beat {
 }
 
 impl Message for Beat {
-    const NAME: &'static str = "tessera.Beat.v3";
+    const NAME: &'static str = "tessera.Beat.v4";
 }
 
 impl Beat {

@@ -108,6 +108,10 @@ impl CameraFrame {
     pub fn validate(&self, shape: FrameShape) -> Result<Kind, Refusal> {
         let index = self.index;
         let value = |what, found: u64, rule| Refusal::Value { index, what, found: found.to_string(), rule };
+        // Indices are added to: the upper half of the range is no count of images.
+        if index > u64::MAX / 2 {
+            return Err(value("index", index, "a count of images"));
+        }
         let kind = match self.kind {
             0 | Self::RELOCALISE => Kind::Frame,
             1 => return Ok(Kind::End),
@@ -120,10 +124,6 @@ impl CameraFrame {
         Refusal::unless_equal(index, "height", self.height.into(), shape.height.into())?;
         if self.has_colour > 1 {
             return Err(value("has_colour", self.has_colour.into(), "0 or 1"));
-        }
-        // Indices are added to: the upper half of the range is no count of images.
-        if index > u64::MAX / 2 {
-            return Err(value("index", index, "a count of images"));
         }
         self.rotation.read(index)?;
         Ok(kind)
@@ -164,7 +164,10 @@ mod tests {
         assert_eq!(refused(CameraFrame { width: 6, ..frame() }), "frame 7: width is 6, expected 20");
         assert!(refused(CameraFrame { kind: 9, ..frame() }).contains("kind is 9"));
         assert!(refused(CameraFrame { has_colour: 2, ..frame() }).contains("has_colour is 2"));
-        assert!(refused(CameraFrame { index: u64::MAX, ..frame() }).contains("a count of images"));
+        for kind in [0, 1, 2] {
+            let last = CameraFrame { index: u64::MAX, kind, ..frame() };
+            assert!(refused(last).contains("a count of images"), "kind {kind}");
+        }
         let rotation = RotationBits { variance_rad2: f64::NAN, ..Default::default() };
         assert!(refused(CameraFrame { rotation, ..frame() }).contains("the rotation"));
     }

@@ -107,6 +107,10 @@ pub struct FramePayload<'a> {
     pub colour: Option<&'a [u8]>,
 }
 
+/// Frames that may be left out in a row: those of an hour at 30 Hz. A run without a frame for a moment ends
+/// long before.
+pub const MOST_LEFT_OUT: u64 = 108_000;
+
 impl FrameHeader {
     /// Checks everything that this header says against what the run's configuration says.
     ///
@@ -173,7 +177,9 @@ mod tests {
         assert!(refused(FrameHeader { index: 10, ..header() }).contains("below 10"));
         assert!(refused(FrameHeader { relocalise_from: 8, ..header() }).contains("relocalise_from is 8"));
         assert_eq!(check(FrameHeader { relocalise_from: 7, ..header() }), Ok(Kind::Frame));
-        let in_source = |index, kind| Refusal::unless_in_source(index, kind, Some(8)).is_ok();
+        let in_source = |index, kind| Refusal::unless_in_source(index, kind, Some(8), 0).is_ok();
+        let endless = |index| Refusal::unless_in_source(index, Kind::Frame, None, 100).is_ok();
+        assert!(endless(0) && endless(100 + MOST_LEFT_OUT) && !endless(101 + MOST_LEFT_OUT));
         assert!(in_source(7, Kind::Frame) && in_source(8, Kind::End));
         assert!(!in_source(8, Kind::Frame) && !in_source(7, Kind::End));
         assert!(header().payload(SHAPE, &[0; 4]).unwrap_err().to_string().contains("payload length is 4"));

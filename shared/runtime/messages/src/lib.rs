@@ -22,7 +22,7 @@ mod time_counts;
 pub use beat::{Beat, BeatState, Latency, WaitingOn};
 pub use camera::{CameraFlow, CameraFrame};
 pub use flow::Flow;
-pub use frame::{FrameHeader, FramePayload, FrameShape, Kind};
+pub use frame::{FrameHeader, FramePayload, FrameShape, Kind, MOST_LEFT_OUT};
 pub use message::{Element, Message, Refusal, StepTimes};
 pub use pose::{POSE_STATES, PoseMessage, pack_reason};
 pub use rotation::RotationBits;

@@ -1,5 +1,6 @@
 //! The trait of a message, and the errors of a refused one.
 
+use crate::frame::MOST_LEFT_OUT;
 use bytemuck::{Pod, Zeroable};
 
 /// Plain data that may travel: fixed layout, no pointers, any bit pattern is a value.
@@ -63,13 +64,21 @@ pub enum Refusal {
 
 impl Refusal {
     /// Refuses what contradicts the number of frames in the source, where that is known: a frame
-    /// behind the last one, or an end in the middle.
+    /// behind the last one, or an end in the middle. Where it is not known, one that leaves out more than
+    /// [`MOST_LEFT_OUT`] frames from `next` on.
     ///
     /// # Errors
     /// Names the index and the rule.
-    pub fn unless_in_source(index: u64, kind: crate::Kind, n_frames: Option<u64>) -> Result<(), Refusal> {
+    pub fn unless_in_source(
+        index: u64,
+        kind: crate::Kind,
+        n_frames: Option<u64>,
+        next: u64,
+    ) -> Result<(), Refusal> {
         let (is_right, rule) = match (kind, n_frames) {
-            (_, None) => return Ok(()),
+            (_, None) => {
+                (index.saturating_sub(next) <= MOST_LEFT_OUT, "at most an hour of frames left out in a row")
+            }
             (crate::Kind::Frame, Some(n)) => (index < n, "a frame of the source"),
             (crate::Kind::End, Some(n)) => (index == n, "the end where the source ends"),
         };

@@ -2,18 +2,31 @@
 
 use serde::{Deserialize, Serialize};
 
-/// When what is written is forced to disk. A killed process loses nothing under any of them; the
-/// question is a power loss.
+/// When what is written is forced to disk. What is journaled survives the death of any process under each
+/// of them; what is synced survives a power cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fsync {
-    /// Leave it to the operating system.
+    /// At each keyframe in live runs, never in those of recordings, which can be computed again.
     #[default]
+    Auto,
+    /// Leave it to the operating system.
     Never,
     /// At each keyframe, correction and at the end.
     Keyframe,
     /// At each frame.
     Always,
+}
+
+impl Fsync {
+    /// The same without `Auto`.
+    pub fn of_run(self, is_live: bool) -> Self {
+        match self {
+            Self::Auto if is_live => Self::Keyframe,
+            Self::Auto => Self::Never,
+            stated => stated,
+        }
+    }
 }
 
 /// Flow control and signs of life.
@@ -42,7 +55,7 @@ impl Default for FlowSettings {
     fn default() -> Self {
         Self {
             window: 4,
-            fsync: Fsync::Never,
+            fsync: Fsync::Auto,
             hang_s: 10.0,
             checkpoint_kb: 1024,
             culled_mb: 250,
@@ -75,6 +88,15 @@ impl FlowSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn live_runs_are_synced_at_keyframes_and_what_is_stated_is_kept() {
+        let default = FlowSettings::default().fsync;
+        assert_eq!([true, false].map(|live| default.of_run(live)), [Fsync::Keyframe, Fsync::Never]);
+        for stated in [Fsync::Never, Fsync::Keyframe, Fsync::Always] {
+            assert_eq!([true, false].map(|live| stated.of_run(live)), [stated; 2]);
+        }
+    }
 
     #[test]
     fn the_defaults_hold_and_nan_does_not() {

@@ -110,7 +110,7 @@ impl StageContext {
         let layout = run.layout(&settings);
         let lifeline = Lifeline::hold(args.watch_stdin)
             .map_err(|e| StageError::Inconsistent(format!("cannot listen to signals: {e}")))?;
-        let kill_points = KillPoints::from_environment();
+        let kill_points = KillPoints::of_run(run.faults);
         let poison = poison_from_environment();
         let is_supervised = args.watch_stdin;
         let stopwatch = Stopwatch::new(std::env::var_os(TRACE_VARIABLE).is_some());

@@ -41,11 +41,17 @@ pub enum StageError {
 }
 
 impl StageError {
-    /// Exit code of the process: 2 settings, 3 input (trying again is useless for both), 4 else.
+    /// Exit code of a process whose disk did not take what was written.
+    pub const NOT_SYNCED: u8 = 74;
+
+    /// Exit code of the process: 2 settings, 3 input or a damaged file of the run, [`Self::NOT_SYNCED`]
+    /// (trying again is useless for all of them), 4 else.
     pub fn exit_code(&self) -> u8 {
         match self {
             StageError::Settings(_) | StageError::Version { .. } | StageError::RunFile { .. } => 2,
-            StageError::Input(_) => 3,
+            StageError::Input(_)
+            | StageError::Journal(JournalError::Absent { .. } | JournalError::Damaged { .. }) => 3,
+            StageError::Journal(JournalError::NotSynced { .. }) => Self::NOT_SYNCED,
             StageError::Transport(_) | StageError::Journal(_) | StageError::Inconsistent(_) => 4,
         }
     }

@@ -54,6 +54,8 @@ enum Fault {
     Memory,
     /// A full disk: no file can grow.
     Full,
+    /// A disk with an error: no sync succeeds.
+    SyncFails,
     /// A loop without an end.
     Hang,
     /// Frozen from outside: SIGSTOP.
@@ -64,21 +66,32 @@ enum Fault {
     Drop,
     /// The message says nonsense.
     Corrupt,
+    /// The message has an index far ahead, as of a counter that was misread.
+    IndexJump,
+}
+
+impl Fault {
+    /// It befalls a message, not the process.
+    fn is_of_message(self) -> bool {
+        matches!(self, Self::Drop | Self::Corrupt | Self::IndexJump)
+    }
 }
 
 /// All faults by their names in a plan.
-const FAULTS: [(&str, Fault); 11] = [
+const FAULTS: [(&str, Fault); 13] = [
     ("kill", Fault::Kill),
     ("panic", Fault::Panic),
     ("segv", Fault::Segv),
     ("abort", Fault::Abort),
     ("memory", Fault::Memory),
     ("full", Fault::Full),
+    ("sync-fails", Fault::SyncFails),
     ("hang", Fault::Hang),
     ("stop", Fault::Stop),
     ("slow", Fault::Slow),
     ("drop", Fault::Drop),
     ("corrupt", Fault::Corrupt),
+    ("index-jump", Fault::IndexJump),
 ];
 
 /// Names of the faults that a kill point knows.
@@ -86,7 +99,7 @@ pub fn fault_names() -> impl Iterator<Item = &'static str> {
     FAULTS.iter().map(|(name, _)| *name)
 }
 
-/// Points in front of which a message is about to be sent: `drop` and `corrupt` work only here.
+/// Points in front of which a message is about to be sent: `drop`, `corrupt` and `index-jump` work only here.
 pub const MESSAGE_POINTS: [(&str, &str); 2] = [("sensor", "read"), ("reconstruct", "computed")];
 
 /// How long a slow stage takes over its frame.
@@ -101,6 +114,8 @@ pub enum Delivery {
     Dropped,
     /// It is sent with nonsense in it.
     Corrupt,
+    /// It is sent with an index far ahead.
+    Jumped,
 }
 
 #[derive(Debug)]
@@ -118,9 +133,20 @@ pub struct KillPoints {
 }
 
 impl KillPoints {
-    /// Those that the environment names; none where it does not.
-    pub fn from_environment() -> Self {
-        Self::parse(&std::env::var(KILL_POINTS_VARIABLE).unwrap_or_default())
+    /// Those that the environment names, in a run that was started with `--faults`; else none: a variable
+    /// alone ends no process of a robot.
+    pub fn of_run(are_allowed: bool) -> Self {
+        Self::named(&std::env::var(KILL_POINTS_VARIABLE).unwrap_or_default(), are_allowed)
+    }
+
+    fn named(text: &str, are_allowed: bool) -> Self {
+        if are_allowed {
+            return Self::parse(text);
+        }
+        if !text.is_empty() {
+            tracing::warn!("{KILL_POINTS_VARIABLE} is ignored: the run was started without --faults");
+        }
+        Self::default()
     }
 
     fn parse(text: &str) -> Self {
@@ -144,17 +170,17 @@ impl KillPoints {
     /// # Panics
     /// Where that is what the test asked for.
     pub fn pass(&self, point: &str, index: u64) {
-        let is_message = |fault| matches!(fault, Fault::Drop | Fault::Corrupt);
-        if let Some(fault) = self.strike(point, index, |fault| !is_message(fault)) {
+        if let Some(fault) = self.strike(point, index, |fault| !fault.is_of_message()) {
             fail(fault, point, index);
         }
     }
 
     /// What becomes of the message that is about to be sent; to be asked behind [`Self::pass`].
     pub fn deliver(&self, point: &str, index: u64) -> Delivery {
-        match self.strike(point, index, |fault| matches!(fault, Fault::Drop | Fault::Corrupt)) {
+        match self.strike(point, index, Fault::is_of_message) {
             None => Delivery::Whole,
             Some(Fault::Corrupt) => Delivery::Corrupt,
+            Some(Fault::IndexJump) => Delivery::Jumped,
             Some(_) => Delivery::Dropped,
         }
     }
@@ -186,13 +212,14 @@ fn fail(fault: Fault, point: &str, index: u64) {
             let limit = Rlimit { current: Some(0), maximum: Some(0) };
             let _ = setrlimit(Resource::Fsize, limit);
         }
+        Fault::SyncFails => tessera_journal::let_syncs_fail(),
         Fault::Hang => sleep_for_ever(),
         Fault::Panic => panic!("told to panic at {point}:{index}"),
         Fault::Stop => {
             let _ = kill_process(getpid(), Signal::STOP);
         }
         Fault::Slow => std::thread::sleep(SLOW),
-        Fault::Drop | Fault::Corrupt => {}
+        Fault::Drop | Fault::Corrupt | Fault::IndexJump => {}
     }
 }
 
@@ -222,6 +249,12 @@ fn sleep_for_ever() -> ! {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_variable_alone_makes_no_fault() {
+        assert_eq!(KillPoints::named("stored:3,journaled:4:panic*", false).points.len(), 0);
+        assert_eq!(KillPoints::named("stored:3,journaled:4:panic*", true).points.len(), 2);
+    }
 
     #[test]
     fn only_what_is_named_strikes_and_only_once() {

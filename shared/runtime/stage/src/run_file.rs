@@ -36,6 +36,9 @@ pub struct RunFile {
     /// The map that it starts in, if any: enough to know it again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<MapIdentity>,
+    /// Whether its stages may be made to fail on purpose, as `--faults` asked.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub faults: bool,
     /// Prefix of its shared memory when it began: a run that is resumed keeps it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began_as: Option<String>,

@@ -1,6 +1,7 @@
 //! Why a run ends in an error.
 
 use std::path::PathBuf;
+use tessera_journal::JournalError;
 use tessera_messages::Stage;
 use tessera_stage::StageError;
 use tessera_transport::TransportError;
@@ -48,6 +49,12 @@ pub enum SupervisorError {
         /// Name of the run.
         name: String,
     },
+    /// Another run writes into the folder.
+    #[error("another run goes on in {}; give another --out", dir.display())]
+    FolderInUse {
+        /// The run directory.
+        dir: PathBuf,
+    },
     /// The run directory cannot be written, or read.
     #[error("cannot {action} {}: {reason}", path.display())]
     Directory {
@@ -57,6 +64,22 @@ pub enum SupervisorError {
         path: PathBuf,
         /// Why not.
         reason: String,
+    },
+    /// A file of the run has lost what the run recorded; nothing was changed.
+    #[error(
+        "{error}{}; what comes before it stays: tessera resume {} --drop-damaged goes on from there and \
+         keeps a copy of the file beside it{}",
+        frames_text(*.next_frame), run.display(), again_text(*.is_live)
+    )]
+    Damaged {
+        /// The file, where it is damaged, and what would be lost.
+        error: Box<JournalError>,
+        /// Folder of the run.
+        run: PathBuf,
+        /// The first frame that would be lost, where that is known.
+        next_frame: Option<u64>,
+        /// The frames do not come again.
+        is_live: bool,
     },
     /// Too few files may be open.
     #[error(
@@ -96,4 +119,12 @@ pub enum SupervisorError {
         /// Why not.
         reason: String,
     },
+}
+
+fn frames_text(next_frame: Option<u64>) -> String {
+    next_frame.map_or_else(String::new, |next| format!(", frames from {next} on"))
+}
+
+fn again_text(is_live: bool) -> &'static str {
+    if is_live { " (these frames do not come again)" } else { " (the recording's frames are computed again)" }
 }

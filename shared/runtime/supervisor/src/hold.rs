@@ -5,7 +5,7 @@
 //! Stages that start without a supervisor clean up after their dead predecessors themselves.
 
 use crate::failure::SupervisorError;
-use crate::outcome::{Progress, RunOutcome, Supervised};
+use crate::outcome::{MapCounts, Progress, RunOutcome, Supervised};
 use crate::plan::Plan;
 use crate::signals::Signals;
 use crate::tally::{Counters, Tally};
@@ -115,7 +115,7 @@ impl HoldEnd {
 #[derive(Default)]
 struct Heard {
     tallies: BTreeMap<Stage, Tally>,
-    map: (u64, u64),
+    map: MapCounts,
 }
 
 impl Heard {
@@ -129,7 +129,7 @@ impl Heard {
                 tally.count_restart();
             }
             if beat.keyframes > 0 {
-                self.map = (beat.keyframes, beat.loops);
+                self.map = MapCounts::from(&beat);
             }
             tally.take(&beat);
         }
@@ -150,8 +150,7 @@ impl Heard {
         Progress {
             frames: plan.n_frames.map_or(reached, |n| reached.min(n)),
             n_frames: plan.n_frames,
-            keyframes: self.map.0,
-            loops: self.map.1,
+            map: self.map,
             stages: self.counters(),
             elapsed: began.elapsed(),
         }

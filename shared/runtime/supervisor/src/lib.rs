@@ -11,6 +11,7 @@ mod marks;
 mod outcome;
 mod plan;
 mod policy;
+mod recorded;
 mod saved_map;
 mod signals;
 mod stage_process;
@@ -20,7 +21,7 @@ mod watched;
 
 pub use failure::SupervisorError;
 pub use hold::hold;
-pub use outcome::{Progress, RunOutcome, Supervised};
+pub use outcome::{MapCounts, Progress, RunOutcome, Supervised};
 pub use plan::Plan;
 pub use saved_map::update_map;
 pub use stage_process::LIFELINE_VARIABLE;

@@ -4,7 +4,7 @@ use crate::failure::StageFailure;
 use crate::tally::Counters;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use tessera_messages::Stage;
+use tessera_messages::{Beat, Stage};
 use tessera_transport::RunClaim;
 
 /// How a run ended.
@@ -33,6 +33,23 @@ pub struct Supervised {
     pub claim: RunClaim,
 }
 
+/// What the aligner has journaled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MapCounts {
+    /// Keyframes in the map.
+    pub keyframes: u64,
+    /// Loops closed.
+    pub loops: u64,
+    /// Frames left out (live mode).
+    pub left_out: u64,
+}
+
+impl From<&Beat> for MapCounts {
+    fn from(beat: &Beat) -> Self {
+        Self { keyframes: beat.keyframes, loops: beat.loops, left_out: beat.left_out }
+    }
+}
+
 /// How far a run is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
@@ -40,10 +57,8 @@ pub struct Progress {
     pub frames: u64,
     /// Frames of the source, where known.
     pub n_frames: Option<u64>,
-    /// Keyframes in the map.
-    pub keyframes: u64,
-    /// Loops closed.
-    pub loops: u64,
+    /// What the aligner has journaled.
+    pub map: MapCounts,
     /// What each stage did so far.
     pub stages: BTreeMap<Stage, Counters>,
     /// Since the start.

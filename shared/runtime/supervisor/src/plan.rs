@@ -1,26 +1,21 @@
 //! Plan of a run, and the run directory in which every process finds it.
 
 use crate::failure::SupervisorError;
+use crate::recorded::{OpenedFiles, Opener, PATIENCE};
 use crate::saved_map::MapOnDisk;
-use std::fs::DirBuilder;
+use std::fs::{DirBuilder, File};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_geometry::Camera;
-use tessera_journal::{Durability, Journal, Recovered, Store, end_holder, lock_file, write_atomically};
+use tessera_journal::{Durability, JournalError, end_holder, lock_file, write_atomically};
 use tessera_messages::Stage;
-use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, OptimiseRecord};
-use tessera_stage::{
-    ALIGN_JOURNAL, Checkpoint, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes, start_log,
-};
+use tessera_settings::{Fsync, Settings};
+use tessera_stage::{Checkpoint, RunFile, RunFiles, StageError, start_log};
 use tessera_transport::{Layout, RunClaim, check_space};
 
 /// Folder of the traces in the run's folder, while the run lasts.
 const TRACE_FOLDER: &str = "trace";
-/// How long stages of an earlier supervisor may take to end.
-const PATIENCE: Duration = Duration::from_secs(1);
-
 /// What is to be run.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -42,10 +37,13 @@ pub struct Plan {
     pub hold: bool,
     /// Go on with the run that is there.
     pub resume: bool,
+    /// Where a file of the run is damaged, go on without what lies behind, and keep a copy.
+    pub drop_damaged: bool,
     /// The program that becomes the stages: `std::env::current_exe()`.
     pub executable: PathBuf,
-    /// For tests: kill points of the first life of a stage, as `point:index,…`.
-    pub kill_points: Vec<(Stage, String)>,
+    /// For tests: kill points of the first life of a stage, as `point:index,…`; `None`: there are none, and
+    /// stages that are started from outside have none either.
+    pub kill_points: Option<Vec<(Stage, String)>>,
     /// Every process writes down what it does and when, below the run's folder.
     pub is_traced: bool,
 }
@@ -57,6 +55,8 @@ pub struct PreparedRun {
     pub layout: Layout,
     /// Bytes of shared memory that the run may take.
     pub need_bytes: u64,
+    /// Locked: two runs never write into one folder, whatever their names.
+    _folder: File,
 }
 
 impl Plan {
@@ -87,6 +87,7 @@ impl Plan {
             fps: self.fps,
             doubts: self.doubts.clone(),
             map: expected,
+            faults: self.kill_points.is_some(),
             began_as: match before {
                 Some(before) => before.began_as,
                 None => Some(claim.entry.identity.prefix.clone()),
@@ -99,6 +100,13 @@ impl Plan {
             .mode(0o700)
             .create(&self.run_dir)
             .map_err(|e| directory("make", &self.run_dir, &e))?;
+        let folder = File::open(&self.run_dir).map_err(|e| directory("open", &self.run_dir, &e))?;
+        let in_use = |_| SupervisorError::FolderInUse { dir: self.run_dir.clone() };
+        lock_file(&folder, &self.run_dir, Duration::ZERO).map_err(in_use)?;
+        if !is_there && files.run_file().exists() {
+            // Another run has come and gone since the look above.
+            return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
+        }
         let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
         if std::fs::read(files.config()).ok().as_deref() != Some(config.as_bytes()) {
             // Half a configuration would be a configuration too, of defaults.
@@ -109,22 +117,13 @@ impl Plan {
         }
         start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
         end_stages_left(&files)?;
-        // Their readers want them to be there, and whole: a record whose keyframe is not in the
-        // store ends the journal, before anybody follows it.
-        let mut store =
-            Store::open(&files.store(), PATIENCE).map_err(|e| directory("prepare", &files.store(), &e))?;
-        let mut keyframes = StoredKeyframes::open(&files.store(), layout.grid)
-            .map_err(|e| directory("map", &files.store(), &e))?;
-        let (mut journal, recovered) =
-            Journal::open(&files.align_journal(), ALIGN_JOURNAL, PATIENCE, |record: AlignRecord| {
-                keyframes.take(&record).map_err(|e| e.to_string())
-            })
-            .map_err(|e| directory("prepare", &files.align_journal(), &e))?;
-        if !is_there && recovered.n_records > 0 {
+        // Their readers want them to be there, and whole.
+        let opener = Opener::new(self, &files, is_there);
+        let OpenedFiles { mut store, mut journal, n_records } = opener.open_aligned(&layout)?;
+        if !is_there && n_records > 0 {
             return Err(SupervisorError::Leftover { dir: self.run_dir.clone() });
         }
-        say_dropped(&files.align_journal(), &recovered);
-        if recovered.n_records == 0 {
+        if n_records == 0 {
             // Also where a run's journal was lost whole: it begins again as it began.
             let map =
                 map.map_or_else(|| MapOnDisk::open(&self.camera, &self.settings), |map| Ok(Some(map)))?;
@@ -132,15 +131,18 @@ impl Plan {
                 run.map = Some(map.plant(&mut store, &mut journal, expected)?);
             }
         }
-        drop((journal, store));
-        let (_, recovered) = Journal::<OptimiseRecord>::open(
-            &files.optimise_journal(),
-            OPTIMISE_JOURNAL,
-            PATIENCE,
-            |_| Ok(()),
-        )
-        .map_err(|e| directory("prepare", &files.optimise_journal(), &e))?;
-        say_dropped(&files.optimise_journal(), &recovered);
+        let mut optimised = opener.open_optimised()?;
+        let unsynced = |error: JournalError| SupervisorError::Stage(StageError::Journal(error));
+        if self.settings.flow.fsync.of_run(self.settings.run.live) != Fsync::Never {
+            // What was read as whole is on disk before anything is built on it.
+            store.sync().map_err(unsynced)?;
+            journal.sync().and_then(|()| optimised.sync()).map_err(unsynced)?;
+        } else if !is_there {
+            // Before run.json, which states that they are there.
+            store.sync().map_err(unsynced)?;
+            journal.sync_unnoted().and_then(|()| optimised.sync_unnoted()).map_err(unsynced)?;
+        }
+        drop((journal, store, optimised));
         // Whole journals were read above: what a crash of the machine did to them is mended, and a
         // short cut through them says nothing new.
         Checkpoint::remove(&files.align_checkpoint());
@@ -148,7 +150,7 @@ impl Plan {
         let _ = std::fs::remove_file(files.live_clock());
         let _ = std::fs::remove_file(files.camera_session());
         run.write(&files)?;
-        Ok(PreparedRun { claim, files, layout, need_bytes })
+        Ok(PreparedRun { claim, files, layout, need_bytes, _folder: folder })
     }
 }
 
@@ -156,24 +158,13 @@ impl Plan {
 /// is frozen, is ended: it must not write beside its successor.
 fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
     for path in [files.align_journal(), files.optimise_journal(), files.store()] {
-        let Ok(file) = std::fs::File::open(&path) else { continue };
+        let Ok(file) = File::open(&path) else { continue };
         if lock_file(&file, &path, PATIENCE).is_err() {
             tracing::warn!("{} is still being written: its writer is ended", path.display());
             end_holder(&path).map_err(|e| directory("free", &path, &e))?;
         }
     }
     Ok(())
-}
-
-/// What was torn off a journal, for the log.
-fn say_dropped(path: &Path, recovered: &Recovered) {
-    if let Some(reason) = &recovered.reason {
-        let Recovered { n_records, dropped_bytes, .. } = recovered;
-        tracing::warn!(
-            "{} ends after {n_records} records, {dropped_bytes} bytes behind them are dropped: {reason}",
-            path.display()
-        );
-    }
 }
 
 /// An error about a file of the run directory.

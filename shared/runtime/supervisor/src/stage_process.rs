@@ -7,7 +7,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use tessera_messages::Stage;
 use tessera_stage::{
-    KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, TRACE_VARIABLE,
+    KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageError, TRACE_VARIABLE,
 };
 
 /// Set for a stage whose standard input is the supervisor's life line.
@@ -59,7 +59,7 @@ pub(crate) fn spawn(
 /// The kill points of a life: those with a star belong to every life, those with a plus to every
 /// life until they have struck, the others to the first.
 fn kill_points<'a>(plan: &'a Plan, files: &RunFiles, stage: Stage, is_first: bool) -> Vec<&'a str> {
-    let points = plan.kill_points.iter().filter(|(of, _)| *of == stage);
+    let points = plan.kill_points.iter().flatten().filter(|(of, _)| *of == stage);
     let points: Vec<&str> = points.flat_map(|(_, words)| words.split(',')).collect();
     // Also a first life may follow others: those of a supervisor that was killed.
     let log = match points.iter().any(|word| word.ends_with('+')) {
@@ -105,6 +105,8 @@ pub(crate) fn meaning(status: ExitStatus) -> Meaning {
         (Some(0), _) => Meaning::Finished,
         (Some(code), _) if code == i32::from(tessera_stage::Outcome::STOPPED) => Meaning::Killed,
         (Some(2 | 3), _) => Meaning::Unusable,
+        // A successor would read from memory what the disk does not have.
+        (Some(code), _) if code == i32::from(StageError::NOT_SYNCED) => Meaning::Unusable,
         (_, Some(signal)) if FROM_OUTSIDE.contains(&signal) => Meaning::Killed,
         _ => Meaning::Failed,
     }

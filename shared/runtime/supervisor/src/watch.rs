@@ -3,7 +3,7 @@
 use crate::failure::{StageFailure, SupervisorError};
 use crate::limits::ensure_open_files;
 use crate::marks::SharedMemoryMarks;
-use crate::outcome::{Progress, RunOutcome, Supervised};
+use crate::outcome::{MapCounts, Progress, RunOutcome, Supervised};
 use crate::plan::{Plan, PreparedRun};
 use crate::signals::Signals;
 use crate::stage_process::{Meaning, describe, meaning, spawn};
@@ -171,7 +171,7 @@ impl Supervisor<'_> {
                 // To have come as far as waiting for work is progress too: there may be none.
                 watched.had_progress |= beat.progress > 0 || state == BeatState::Waiting;
                 if beat.keyframes > 0 {
-                    watched.map = (beat.keyframes, beat.loops);
+                    watched.map = MapCounts::from(&beat);
                 }
                 watched.tally.take(&beat);
             }
@@ -262,8 +262,7 @@ impl Supervisor<'_> {
         Progress {
             frames: n_frames.map_or(reached, |n| reached.min(n)),
             n_frames,
-            keyframes: align.map.0,
-            loops: align.map.1,
+            map: align.map,
             stages: self.counters(),
             elapsed: self.began.elapsed(),
         }

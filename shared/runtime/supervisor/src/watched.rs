@@ -1,6 +1,7 @@
 //! One stage as the supervisor sees it, and what becomes of it after a death.
 
 use crate::failure::StageFailure;
+use crate::outcome::MapCounts;
 use crate::policy::{Death, History, RestartDecision};
 use crate::stage_process::{Meaning, describe, is_abort, meaning};
 use crate::tally::Tally;
@@ -24,7 +25,7 @@ pub(crate) struct Watched {
     /// Whether its present life has done anything, or has found nothing to do.
     pub had_progress: bool,
     /// Keyframes and loops as it last said (align).
-    pub map: (u64, u64),
+    pub map: MapCounts,
     pub tally: Tally,
     pub history: History,
     /// Frames that ended it again and again: it leaves them out (live mode).
@@ -42,7 +43,7 @@ impl Watched {
             is_finished: false,
             was_hung: false,
             had_progress: false,
-            map: (0, 0),
+            map: MapCounts::default(),
             tally: Tally::default(),
             history: History::default(),
             poison: Vec::new(),

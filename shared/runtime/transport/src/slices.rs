@@ -114,7 +114,9 @@ impl<H: Message, E: Element> Received<H, E> {
         self.sample.user_header().0
     }
 
-    /// The elements, in place.
+    /// The elements, in place. Their writer, a process of the same user, could still change them: it is
+    /// trusted not to (`wire.rs`, where the types are), and each bit pattern is an element, so that one
+    /// that does spoils numbers and no memory.
     pub fn payload(&self) -> &[E] {
         WireElement::peel_slice(self.sample.payload())
     }

@@ -26,7 +26,7 @@ pub(crate) struct Moment {
 pub(crate) fn velocity(frames: &[Moment], index: u64) -> Option<Twist> {
     let at = frames.binary_search_by_key(&index, |frame| frame.index).ok()?;
     let own = &frames[at];
-    let seconds = |frame: &Moment| (frame.stamp_nanos - own.stamp_nanos) as f64 * 1e-9;
+    let seconds = |frame: &Moment| frame.stamp_nanos.saturating_sub(own.stamp_nanos) as f64 * 1e-9;
     let takes_part = |frame: &&Moment| {
         let (apart, apart_s) = (frame.index.abs_diff(index), seconds(frame).abs());
         frame.is_tracked

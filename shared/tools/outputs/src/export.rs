@@ -5,9 +5,8 @@ use crate::facts::Beside;
 use crate::files::write_whole;
 use crate::map::{self, MapInput};
 use crate::ply::PlyVertex;
+use crate::read_run::{ReadRun, read_run};
 use crate::replay::Replay;
-use crate::seen_focal::seen_focal;
-use crate::statistics::read_statistics;
 use crate::summary::Summary;
 use crate::voxels::VoxelCloud;
 use crate::{states, trajectories};
@@ -29,31 +28,30 @@ const GROUNDTRUTH_FILE: &str = "groundtruth.txt";
 /// Name of the refined camera beside the outputs.
 const REFINED_CAMERA_FILE: &str = "camera_refined.toml";
 
-/// Writes every output of the run in `run_folder` into `out_folder` and says what came of it.
+/// Writes every output of the run in `run_folder` into `out_folder` and returns its summary.
 ///
 /// # Errors
 /// Names the file that cannot be read or written, and why.
 pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError> {
-    let files = RunFiles::new(run_folder);
-    let settings = read_settings(&files)?;
-    let as_mapped = read_journal(&files)?;
-    let replay = as_mapped.with_refined_camera();
-    let replay = replay.as_ref().unwrap_or(&as_mapped);
-    let groundtruth = read_groundtruth(run_folder)?;
-    let statistics = read_statistics(run_folder)?;
+    let run = read_run(run_folder)?;
+    export_read(&run, out_folder)?;
+    run.into_summary()
+}
+
+/// As [`export`], of a run that was read.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_read(run: &ReadRun, out_folder: &Path) -> Result<(), ToolError> {
+    let ReadRun { files, settings, replay, summary, .. } = run;
     fs::create_dir_all(out_folder).map_err(|error| ToolError::write(out_folder, error))?;
     trajectories::write(replay, out_folder)?;
     states::write(replay, out_folder)?;
-    write_map(&files, out_folder, replay, &settings)?;
-    let beside = Beside { n_from_base: n_from_base(&files, &settings)?, ..read_beside(&files) };
-    let beside = Beside { seen_focal: seen_focal(&files, &as_mapped, &settings, &beside)?, ..beside };
-    let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
+    write_map(files, out_folder, replay, settings)?;
     if let Some(refined) = replay.refined() {
         write_camera(&refined.camera, &settings.run.source, out_folder)?;
-        summary.compare_with(&as_mapped, groundtruth.as_ref());
     }
-    summary.write(out_folder)?;
-    Ok(summary)
+    summary.write(out_folder)
 }
 
 fn input_error(path: &Path, reason: impl std::fmt::Display) -> ToolError {
@@ -85,7 +83,7 @@ pub fn read_journal(files: &RunFiles) -> Result<Replay, ToolError> {
 }
 
 /// What the run directory has for the verdict beside the journal; nothing where it has none.
-pub fn read_beside(files: &RunFiles) -> Beside {
+pub(crate) fn read_beside(files: &RunFiles) -> Beside {
     let broken = BrokenFrames::new(files).read();
     match RunFile::read(files) {
         Ok(run) => Beside {
@@ -102,7 +100,7 @@ pub fn read_beside(files: &RunFiles) -> Beside {
 }
 
 /// Corrections that the base of a fleet computed; `None` where the run asked no base.
-fn n_from_base(files: &RunFiles, settings: &Settings) -> Result<Option<u64>, ToolError> {
+pub(crate) fn n_from_base(files: &RunFiles, settings: &Settings) -> Result<Option<u64>, ToolError> {
     if settings.run.base_wait_s <= 0.0 {
         return Ok(None);
     }

@@ -154,8 +154,8 @@ impl Facts {
         truth: Option<&Trajectory>,
         beside: &Beside,
     ) -> Self {
-        let (processed, dropped) = (replay.frames.len() as u64, replay.skipped.len() as u64);
-        let n_read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
+        let (processed, dropped) = (replay.frames.len() as u64, replay.n_skipped());
+        let n_read = replay.n_source_frames.unwrap_or(0).max(processed.saturating_add(dropped));
         let mut frames = FrameFacts::default();
         replay.frames.iter().for_each(|frame| frames.add(frame));
         let colour = replay.colour(beside.stated_colour);

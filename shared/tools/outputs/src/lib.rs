@@ -17,6 +17,7 @@ mod map;
 mod noise;
 mod ply;
 mod preview;
+mod read_run;
 mod replay;
 mod seen_focal;
 mod states;
@@ -27,6 +28,7 @@ pub mod test_run;
 mod timeline;
 mod trajectories;
 pub mod verdict;
+mod verify;
 mod voxels;
 mod words;
 mod wrong_camera;
@@ -35,7 +37,7 @@ pub use colour::ColourSummary;
 pub use comparison::comparison;
 pub use error::ToolError;
 pub use export::{
-    export, map_keyframes, map_points, read_beside, read_groundtruth, read_journal, read_map, read_settings,
+    export, export_read, map_keyframes, map_points, read_groundtruth, read_journal, read_map, read_settings,
     refined_warp, write_groundtruth,
 };
 pub use files::write_file;
@@ -44,10 +46,12 @@ pub use machine::Machine;
 pub use noise::NoiseSummary;
 pub use ply::{PlyVertex, write_ply};
 pub use preview::{Preview, preview};
+pub use read_run::{ReadRun, read_run};
 pub use replay::Replay;
 pub use statistics::{Ended, LatencyMs, RunStatistics, STATISTICS_FILE, read_statistics, write_statistics};
 pub use summary::Summary;
 pub use timeline::{END_TO_END, Point, Recorder, Timeline, TimelineSample, read_timeline, write_timeline};
 pub use trajectories::{as_trajectory, final_rows, keyframe_rows};
 pub use verdict::{Grade, Verdict};
+pub use verify::{CheckedFile, FileState, Verified, verify};
 pub use voxels::MapPoint;

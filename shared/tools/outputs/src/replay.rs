@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_slam::{
     AlignRecord, ColourModel, ColourState, Correction, FrameRecord, KeyframeRecord, KeyframeState,
-    LoopRecord, LoopVerdict, MapRecord, PoseHistory, RefinedCamera, Refinement, State, Submaps,
+    LoopRecord, LoopVerdict, MapRecord, PoseHistory, RefinedCamera, Refinement, SkippedFrames, State,
+    Submaps,
 };
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
@@ -15,8 +16,8 @@ const LOOP_WEIGHT: f64 = 0.5;
 pub struct Replay {
     /// Processed frames in order.
     pub frames: Vec<FrameRecord>,
-    /// Frames left out in live mode: index and reason.
-    pub skipped: Vec<(u64, String)>,
+    /// Frames left out in live mode, in order.
+    pub skipped: Vec<SkippedFrames>,
     /// Keyframes by id, as they were made.
     pub keyframes: Vec<KeyframeRecord>,
     /// Keyframes of the map of earlier runs: the first of `keyframes`.
@@ -61,7 +62,7 @@ impl Replay {
                 frame.blocks = Vec::new();
                 self.frames.push(*frame);
             }
-            AlignRecord::Skipped(index, reason) => self.skipped.push((index, reason)),
+            AlignRecord::Skipped(skipped) => self.skipped.push(skipped),
             AlignRecord::Correction(applied) => self.correct(&applied.correction),
             AlignRecord::End { n_frames, .. } => self.n_source_frames = Some(n_frames),
         }
@@ -211,6 +212,11 @@ impl Replay {
         counts
     }
 
+    /// Frames left out in live mode.
+    pub fn n_skipped(&self) -> u64 {
+        self.skipped.iter().fold(0, |n, skipped| n.saturating_add(skipped.n()))
+    }
+
     /// Frames whose pose cannot be trusted.
     pub fn n_untracked(&self) -> u64 {
         self.frames.iter().filter(|frame| frame.state != State::Tracking).count() as u64
@@ -246,7 +252,8 @@ mod tests {
         test_run::records().into_iter().for_each(|record| replay.apply(record));
         assert_eq!((replay.n_loops_found(), replay.n_loops_closed(), replay.n_loops_rejected()), (2, 1, 1));
         assert_eq!(replay.n_untracked(), 1);
-        assert_eq!(replay.skipped, [(6, "newer frames had come".to_owned())]);
+        assert_eq!((replay.skipped.len(), replay.n_skipped()), (1, 1));
+        assert_eq!(replay.skipped[0].frames, 6..7);
         assert_eq!(replay.n_source_frames, Some(7));
         assert!(!replay.is_finally_optimised);
     }

@@ -6,7 +6,7 @@ use crate::replay::Replay;
 use std::io::{self, Write};
 use std::path::Path;
 use tessera_evaluation::format_stamp;
-use tessera_slam::{FrameRecord, State};
+use tessera_slam::{FrameRecord, SkippedFrames, State};
 
 const HEADER: &str = "frame,timestamp,state,reason,keyframe,correspondences,\
                       std_x_m,std_y_m,std_z_m,std_rx_rad,std_ry_rad,std_rz_rad";
@@ -20,17 +20,18 @@ pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
         writeln!(writer, "{HEADER}")?;
         let mut skipped = replay.skipped.iter().peekable();
         for frame in &replay.frames {
-            while let Some((index, reason)) = skipped.next_if(|(index, _)| *index < frame.index) {
-                write_skipped(writer, *index, reason)?;
+            while let Some(before) = skipped.next_if(|skipped| skipped.frames.start < frame.index) {
+                write_skipped(writer, before)?;
             }
             write_frame(writer, frame)?;
         }
-        skipped.try_for_each(|(index, reason)| write_skipped(writer, *index, reason))
+        skipped.try_for_each(|skipped| write_skipped(writer, skipped))
     })
 }
 
-fn write_skipped(writer: &mut dyn Write, index: u64, reason: &str) -> io::Result<()> {
-    writeln!(writer, "{index},,dropped,{},,,,,,,,", quoted(reason))
+fn write_skipped(writer: &mut dyn Write, skipped: &SkippedFrames) -> io::Result<()> {
+    let reason = quoted(&skipped.reason);
+    skipped.listed().try_for_each(|index| writeln!(writer, "{index},,dropped,{reason},,,,,,,,"))
 }
 
 fn write_frame(writer: &mut dyn Write, frame: &FrameRecord) -> io::Result<()> {

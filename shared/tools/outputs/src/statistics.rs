@@ -19,6 +19,8 @@ pub enum Ended {
     /// It did not, or its supervisor was gone.
     #[default]
     Unfinished,
+    /// It goes on: found by its readers, never written.
+    GoingOn,
     /// The source was exhausted and all was done.
     Finished,
     /// By Ctrl-C or SIGTERM.

@@ -142,9 +142,9 @@ impl Summary {
         beside: &Beside,
     ) -> Self {
         let facts = Facts::new(replay, statistics, groundtruth, beside);
-        let (processed, dropped) = (replay.frames.len() as u64, replay.skipped.len() as u64);
+        let (processed, dropped) = (replay.frames.len() as u64, replay.n_skipped());
         // Until the source has ended, what was sent and not yet processed is not lost but undone.
-        let read = replay.n_source_frames.unwrap_or(processed + dropped).max(processed + dropped);
+        let read = replay.n_source_frames.unwrap_or(0).max(processed.saturating_add(dropped));
         let stage = |name: &str| statistics.stages.get(name).copied().unwrap_or_default();
         let cpu = |stage: StageStatistics| if processed > 0 { stage.cpu_ms / processed as f64 } else { 0.0 };
         let mut latency_ms = by_stage(|name| stage(name).latency_ms);

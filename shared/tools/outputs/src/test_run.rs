@@ -4,7 +4,7 @@ use crate::replay::Replay;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_slam::{
     AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
-    LoopRecord, LoopVerdict, State, StoreSlot, Submaps,
+    LoopRecord, LoopVerdict, SkippedFrames, State, StoreSlot, Submaps,
 };
 use tessera_surface::Vertex;
 
@@ -117,7 +117,7 @@ pub fn records() -> Vec<AlignRecord> {
         frame(4, (1, 0.2), None),
         frame(5, (2, 0.1), keyframe(2, 4, 0.4, vec![edge(0, true), edge(1, true)])),
         AlignRecord::Correction(Box::new(AppliedCorrection { before_frame: 6, correction })),
-        AlignRecord::Skipped(6, "newer frames had come".into()),
+        AlignRecord::Skipped(SkippedFrames { frames: 6..7, reason: "newer frames had come".into() }),
         AlignRecord::End { n_frames: 7, request: None },
     ]
 }

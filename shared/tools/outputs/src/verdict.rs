@@ -157,6 +157,7 @@ fn share(part: u64, whole: u64) -> f64 {
 fn ended(facts: &Facts) -> Option<Reason> {
     let n = facts.n_processed;
     let (grade, found, advice) = match facts.ended {
+        Ended::GoingOn if n == 0 => return None,
         _ if n == 0 => (Grade::Failed, "no frame was processed".to_owned(), "tessera check SOURCE"),
         _ if facts.is_nowhere => (
             Grade::Failed,
@@ -173,7 +174,7 @@ fn ended(facts: &Facts) -> Option<Reason> {
             format!("the run was not finished: {n} of {} frames", facts.n_read),
             "tessera resume",
         ),
-        Ended::Finished => return None,
+        Ended::Finished | Ended::GoingOn => return None,
     };
     Some(reason(grade, found, advice))
 }

@@ -85,6 +85,7 @@ impl Summary {
             Ended::Interrupted => "interrupted",
             Ended::Failed => "failed",
             Ended::Unfinished => "unfinished",
+            Ended::GoingOn => "going on",
         }
     }
 

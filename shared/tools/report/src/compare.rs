@@ -15,19 +15,18 @@ pub(crate) fn html(runs: &[ReportedRun]) -> Result<String, ReportError> {
         let found = run.facts.iter().find(|(own, _)| own == name);
         found.map_or("–".to_owned(), |(_, value)| value.clone())
     };
-    let rows: Vec<Vec<String>> = names
-        .iter()
-        .map(|name| {
-            let cells = runs.iter().map(|run| value(run, name));
-            std::iter::once((*name).to_owned()).chain(cells).collect()
-        })
-        .collect();
+    let mut rows: Vec<Vec<String>> = vec![row("verdict", runs.iter().map(|run| run.ended.clone()))];
+    rows.extend(names.iter().map(|name| row(name, runs.iter().map(|run| value(run, name)))));
     let errors = errors(runs)?;
     Ok(format!(
         "<section id=\"compare\"><h2>Side by side</h2>{}{errors}<h3>Settings that differ</h3>{}</section>",
         table("numbers", &head, &rows),
         settings(runs, &head)
     ))
+}
+
+fn row(name: &str, cells: impl Iterator<Item = String>) -> Vec<String> {
+    std::iter::once(name.to_owned()).chain(cells).collect()
 }
 
 /// Every name once, in the order of their first appearance.

@@ -28,7 +28,7 @@ pub use run::{
     Event, Frame, FrameState, Keyframe, LoopPair, ProcessSample, ReportedRun, ReportedVerdict, Setting,
     StageFigures, StageSample, WorstFrame,
 };
-pub use run_directory::{REPORT_FILE, write};
+pub use run_directory::{REPORT_FILE, write, write_read};
 pub use scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
 pub use serve::{LivePage, PageServer, RunPage};
 

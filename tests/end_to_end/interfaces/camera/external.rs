@@ -1,10 +1,12 @@
 //! Frames from a program that is none of ours: nothing it does changes a byte, stops a restart or
 //! goes by without a word.
 
-use super::foreign_camera::{ASKED_AT, FRAMES, Foreign};
+use super::foreign_camera::{AFTER_PAUSE, ASKED_AT, FRAMES, Foreign};
 use crate::common::{Run, room, signal, wait_for};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use tessera_journal::Follower;
+use tessera_slam::AlignRecord;
 use tessera_transport::registered_runs;
 
 fn external() -> Run {
@@ -40,7 +42,7 @@ fn a_camera_that_sends_again_loses_nothing_whatever_dies() {
         "sensor=read:21:drop",
     ];
     for plan in plans {
-        let run = external().with_env("TESSERA_KILL_PLAN", plan);
+        let run = external().with_faults(plan);
         let child = run.start();
         let _camera = Foreign::start(&run, 64, "ring");
         finished(&run, child, &reference, plan);
@@ -116,7 +118,7 @@ fn relocalisation_that_is_asked_for_is_done_once_whatever_dies() {
         "align=acknowledged:12;reconstruct=computed:13",
         "sensor=read:12:drop",
     ] {
-        let run = external().with_env("TESSERA_KILL_PLAN", plan);
+        let run = external().with_faults(plan);
         let child = run.start();
         let _camera = Foreign::start(&run, 64, "asking");
         finished(&run, child, &reference, plan);
@@ -139,7 +141,7 @@ fn what_an_image_asks_for_is_not_dropped_with_it() {
     // The sensor stands still while the image comes, and sends that of frame 1003.
     for plan in ["", "sensor=read:1003", "reconstruct=received:1003", "align=computed:1003"] {
         let run = external().frames(1_000_000).with(&["--set", "flow.hang_s=600"]);
-        let run = if plan.is_empty() { run } else { run.with_env("TESSERA_KILL_PLAN", plan) };
+        let run = if plan.is_empty() { run } else { run.with_faults(plan) };
         let child = run.start();
         let _camera = Foreign::start(&run, 0, "overtaken");
         // That one begins a map, and nothing can be asked of it.
@@ -216,8 +218,37 @@ fn nonsense_is_refused_in_words() {
 }
 
 #[test]
+fn an_index_that_jumps_costs_its_frame_alone_and_a_pause_is_one_record() {
+    let run = external().frames(1_000_000).with(&["--set", "flow.load_shedding=false"]);
+    let child = run.start();
+    let _camera = Foreign::start(&run, 0, "jumping");
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}\n{}", words(&output), run.log());
+    assert_eq!(run.n_deaths(), 0, "{}", run.log());
+    let log = run.log();
+    assert!(log.contains("its index leaves out") && log.contains("indices count images one by one"), "{log}");
+    let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
+    let n_read = summary["frames_read"].as_u64().unwrap();
+    // Counting begins with the first image that the sensor hears.
+    assert!((AFTER_PAUSE..=AFTER_PAUSE + 10).contains(&n_read), "{summary}");
+    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
+    let mut n_skipped = Vec::new();
+    while let Some(record) = journal.next().unwrap() {
+        if let AlignRecord::Skipped(skipped) = record {
+            n_skipped.push(skipped.n());
+        }
+    }
+    // The pause is one record, or two where frames at its borders were dropped for another reason.
+    let in_pause = n_skipped.iter().filter(|n| **n >= (AFTER_PAUSE - 20) / 2).count();
+    assert_eq!(in_pause, 1, "{n_skipped:?}");
+    assert!(n_skipped.len() < 40, "{n_skipped:?}");
+    let states = String::from_utf8(run.output("states.csv")).unwrap();
+    assert_eq!(states.lines().count() as u64, 1 + n_read, "each frame has its row");
+}
+
+#[test]
 fn live_counts_what_was_not_taken_and_goes_on_with_another_camera() {
-    let run = external().frames(1_000_000).with_env("TESSERA_KILL_PLAN", "sensor=sent:8+");
+    let run = external().frames(1_000_000).with_faults("sensor=sent:8+");
     let child = run.start();
     let mut first = Foreign::start(&run, 0, "endless");
     wait_for("the sensor's death", || run.n_deaths() == 1);

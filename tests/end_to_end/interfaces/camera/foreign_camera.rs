@@ -15,6 +15,9 @@ pub(super) const FRAMES: u64 = 40;
 /// The frame with which relocalisation is asked for, by a camera that asks.
 pub(super) const ASKED_AT: u64 = 12;
 
+/// The first image behind the pause of a camera that jumps.
+pub(super) const AFTER_PAUSE: u64 = 2020;
+
 /// Tells [`a_camera`] that it is one: `run ring mode camera-file`.
 const CAMERA_VARIABLE: &str = "TESSERA_TEST_CAMERA";
 
@@ -218,6 +221,33 @@ fn a_camera() {
                 *loan.header_mut() = CameraFrame { index: 10 + turn as u64, ..publisher.header };
                 loan.send().unwrap();
                 std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        // Frames, indices that were misread, a pause of the camera, and an end; all of it is sent until it
+        // was heard.
+        "jumping" => {
+            let pause = Duration::from_millis(20);
+            let send_as = |publisher: &mut Publisher, of: u64, index: u64, kind: u32| {
+                let mut loan = publisher.loaned(of, kind);
+                loan.header_mut().index = index;
+                loan.send().unwrap();
+                std::thread::sleep(pause);
+            };
+            for index in 0..10 {
+                send_as(&mut publisher, index, index, 0);
+            }
+            for (index, kind) in [(1 << 40, 0), (900_000, 0), (1 << 62, 1), (u64::MAX, 1), (u64::MAX, 0)] {
+                send_as(&mut publisher, 10, index, kind);
+            }
+            for index in 10..20 {
+                send_as(&mut publisher, index, index, 0);
+            }
+            for index in AFTER_PAUSE..AFTER_PAUSE + 10 {
+                send_as(&mut publisher, index, index, 0);
+            }
+            while newest().finished == 0 {
+                publisher.end(AFTER_PAUSE + 10);
+                std::thread::sleep(pause);
             }
         }
         other => panic!("{other}"),

@@ -47,7 +47,7 @@ fn a_run_answers_for_itself_while_it_lasts() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = free.local_addr().unwrap().to_string();
     drop(free);
-    let run = room().with_env("TESSERA_KILL_PLAN", "reconstruct=sent:30:stop").with(&[
+    let run = room().with_faults("reconstruct=sent:30:stop").with(&[
         "--set",
         "flow.hang_s=60",
         "--metrics",
@@ -99,8 +99,7 @@ fn has_times(looks: &Output) -> bool {
 #[test]
 fn a_running_pipeline_is_seen_and_changes_no_byte() {
     // One stage stops itself: the run stands still, and is not over.
-    let run =
-        room().with_env("TESSERA_KILL_PLAN", "reconstruct=sent:30:stop").with(&["--set", "flow.hang_s=600"]);
+    let run = room().with_faults("reconstruct=sent:30:stop").with(&["--set", "flow.hang_s=600"]);
     let mut child = run.start();
     let stopped = run.wait_until_stopped("reconstruct");
     let lines = ["tessera_frames_total{RUN,stage=\"align\"} 31", "# TYPE tessera_step_seconds summary"];
@@ -120,6 +119,7 @@ fn a_running_pipeline_is_seen_and_changes_no_byte() {
     let text = String::from_utf8(looks.stdout).unwrap();
     let looks: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(looks.len(), 2, "one line for each look: {text}");
+    assert_eq!(looks[0]["stages"][2]["frames"].as_u64(), Some(31), "the first line has numbers: {text}");
     let look = &looks[1];
     assert_eq!(look["name"].as_str(), Some(run.name.as_str()));
     assert_eq!(look["pose"]["frame"].as_u64(), Some(30), "{look}");

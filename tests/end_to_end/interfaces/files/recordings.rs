@@ -108,7 +108,7 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
     for name in ["ros_raw.mcap", "ros_sqlite_bag", "ros1_bz2.bag"] {
         let of_recording =
             room().of(&run.dir.path().join(name)).frames(n).with(&["--camera", camera.to_str().unwrap()]);
-        let of_recording = of_recording.with_env("TESSERA_KILL_PLAN", kills);
+        let of_recording = of_recording.with_faults(kills);
         assert!(of_recording.finish().success());
         assert_eq!(of_recording.n_deaths(), 2, "{}", of_recording.log());
         of_recording.assert_same_bytes(&of_folder, name);

@@ -87,7 +87,7 @@ const N_VERTICES: u64 = 80 * 60;
 /// memory of the aligner and the optimiser at that frame.
 fn at_frame(frame: u64) -> (u64, u64, u64) {
     let plan = format!("align=computed:{frame}:stop");
-    let run = room().frames(frame + 40).with_env("TESSERA_KILL_PLAN", &plan);
+    let run = room().frames(frame + 40).with_faults(&plan);
     let mut child = run.start();
     let align = run.wait_until_stopped("align");
     let optimise = run.stage_pid("optimise");

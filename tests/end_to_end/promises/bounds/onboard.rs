@@ -29,8 +29,7 @@ fn a_map_with_a_budget_survives_deaths_to_the_bit() {
     let forgetful = room().frames(240).with(&["--set", BUDGET, "--forget-every", "1"]);
     assert!(forgetful.finish().success());
     forgetful.assert_same_bytes(&plain, "a budget, and all state forgotten after each frame");
-    let killed = room().frames(240).with(&["--set", BUDGET]).with_env(
-        "TESSERA_KILL_PLAN",
+    let killed = room().frames(240).with(&["--set", BUDGET]).with_faults(
         "align=journaled:90+,computed:180+;optimise=solving:0;reconstruct=computed:120;sensor=sent:200",
     );
     assert!(killed.finish().success());
@@ -61,7 +60,7 @@ fn surfaces_are_given_up(plain: &Run, state: &tessera_slam::TrackerState, budget
     let killed = room()
         .frames(240)
         .with(&none_kept)
-        .with_env("TESSERA_KILL_PLAN", "align=journaled:90+,stored:180+,ended:240;optimise=solving:0");
+        .with_faults("align=journaled:90+,stored:180+,ended:240;optimise=solving:0");
     assert!(killed.finish().success(), "{}", killed.log());
     killed.assert_same_bytes(&sparse, "surfaces given up, and deaths");
     // A map without them is a map; whether so small a camera finds its place in it is another matter.

@@ -119,7 +119,7 @@ fn in_lossless_mode_workload_never_depends_on_time() {
     let burners = Burners::start(2);
     let plan = "align=received:5:slow,received:6:slow,received:7:slow,received:8:slow,received:9:slow;\
                 reconstruct=received:20:slow,received:21:slow";
-    let run = room().with_env("TESSERA_KILL_PLAN", plan);
+    let run = room().with_faults(plan);
     assert!(run.finish().success());
     drop(burners);
     assert_eq!(run.log().matches("struck by received").count(), 7, "{}", run.log());

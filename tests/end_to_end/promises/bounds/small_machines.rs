@@ -81,10 +81,8 @@ fn shared_memory_that_fills_up_is_told_and_loses_nothing() {
     }
     // The aligner stops until the rest is taken and the sensor killed: its
     // successor finds room only where it is quicker than the thief.
-    let run = room()
-        .frames(FRAMES)
-        .with(&["--set", "flow.hang_s=600"])
-        .with_env("TESSERA_KILL_PLAN", "align=journaled:20:stop");
+    let run =
+        room().frames(FRAMES).with(&["--set", "flow.hang_s=600"]).with_faults("align=journaled:20:stop");
     let script = r#"mount -t tmpfs -o size=32m tmpfs /dev/shm || exit 99
         "$@" & run=$!
         pid_of() { pgrep -P $run -f " stage $1 "; }
@@ -122,7 +120,7 @@ fn too_few_open_files_are_told_before_the_start() {
 #[test]
 fn too_little_memory_is_told_and_loses_nothing() {
     // The aligner gets no more memory at frame 30, in each of its lives.
-    let run = room().frames(FRAMES).with_env("TESSERA_KILL_PLAN", "align=received:30:memory*");
+    let run = room().frames(FRAMES).with_faults("align=received:30:memory*");
     let output = run.command().output().unwrap();
     let text = errors(&output);
     assert_eq!(output.status.code(), Some(4), "{text}");
@@ -141,9 +139,7 @@ fn too_little_memory_is_told_and_loses_nothing() {
 
 #[test]
 fn a_disk_that_is_full_for_a_moment_loses_nothing() {
-    let run = room()
-        .frames(FRAMES)
-        .with_env("TESSERA_KILL_PLAN", "align=computed:30:full;optimise=received:0:full");
+    let run = room().frames(FRAMES).with_faults("align=computed:30:full;optimise=received:0:full");
     assert!(run.finish().success());
     assert_eq!(run.n_deaths(), 2, "{}", run.log());
     run.assert_same_bytes(undisturbed(), "after a full disk");
@@ -166,7 +162,7 @@ int clock_gettime(clockid_t id, struct timespec *time) {
 
 #[test]
 fn a_wall_clock_that_runs_backwards_changes_nothing() {
-    let run = room().frames(FRAMES).with_env("TESSERA_KILL_PLAN", "align=journaled:30;sensor=sent:50");
+    let run = room().frames(FRAMES).with_faults("align=journaled:30;sensor=sent:50");
     let library = run.dir.path().join("backwards.so");
     let source = run.dir.path().join("backwards.c");
     std::fs::write(&source, BACKWARDS).unwrap();

@@ -153,7 +153,7 @@ fn an_interrupted_run_and_its_resumption_write_the_trajectory_of_one_process() {
         .frames(90)
         .with(&EARLY_LOOPS)
         .with(&["--set", "flow.hang_s=100"])
-        .with_env("TESSERA_KILL_PLAN", "sensor=sent:70:stop");
+        .with_faults("sensor=sent:70:stop");
     let mut child = run.start();
     run.wait_until_stopped("sensor");
     crate::common::wait_for("a correction", || n_corrections(&journal(&run)) > 0);
@@ -174,7 +174,7 @@ fn an_interrupted_run_and_its_resumption_write_the_trajectory_of_one_process() {
 fn a_gyroscope_says_the_same_bits_after_the_sensor_s_death() {
     let run = crate::common::room()
         .with(&["--set", "simulation.imu=true", "--set", "simulation.speed=2"])
-        .with_env("TESSERA_KILL_PLAN", "sensor=sent:12;align=journaled:20");
+        .with_faults("sensor=sent:12;align=journaled:20");
     assert!(run.finish().success());
     let records = assert_same_records(&run);
     let frames = records.iter().filter_map(|r| match r {

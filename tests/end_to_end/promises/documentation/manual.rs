@@ -111,9 +111,9 @@ fn every_command_line_parses() {
     for page in texts() {
         let text = read(&page);
         let (prose, code) = split(&text);
-        let in_prose = prose.iter().flat_map(|line| words_in_code(line));
-        for line in code.into_iter().chain(in_prose) {
-            let Some(words) = command(line) else { continue };
+        let in_prose = prose.iter().flat_map(|line| words_in_code(line)).map(str::to_owned);
+        for line in joined(&code).into_iter().chain(in_prose) {
+            let Some(words) = command(&line) else { continue };
             n_commands += 1;
             // Help is only printed when everything before it was understood.
             let output =
@@ -123,6 +123,30 @@ fn every_command_line_parses() {
         }
     }
     assert!(n_commands > 60, "{n_commands}");
+}
+
+/// Lines as a shell reads them: one that ends in a backslash goes on in the next.
+fn joined(lines: &[&str]) -> Vec<String> {
+    let mut whole: Vec<String> = Vec::new();
+    let mut goes_on = false;
+    for line in lines {
+        let (text, is_cut) = match line.trim_end().strip_suffix('\\') {
+            Some(text) => (text.trim_end(), true),
+            None => (*line, false),
+        };
+        match whole.last_mut().filter(|_| goes_on) {
+            Some(last) => *last = format!("{last} {}", text.trim_start()),
+            None => whole.push(text.to_owned()),
+        }
+        goes_on = is_cut;
+    }
+    whole
+}
+
+#[test]
+fn a_line_that_goes_on_is_one_command() {
+    let lines = ["tessera ros2 desk --run \\", "    --network all \\", "    --depth /d", "tessera status"];
+    assert_eq!(joined(&lines), ["tessera ros2 desk --run --network all --depth /d", "tessera status"]);
 }
 
 /// The words behind `tessera`, as a shell would give them; `None`: no such command line.

@@ -9,7 +9,7 @@ use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 15] = [
+const ELSEWHERE: [(&str, &str, &str); 18] = [
     ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
     ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
     ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
@@ -48,6 +48,13 @@ const ELSEWHERE: [(&str, &str, &str); 15] = [
         "../../shared/method/slam/src/loops/join.rs",
         "both saw what contradicts it",
     ),
+    ("its index leaves out", "interfaces/camera/external.rs", r#"contains("its index leaves out")"#),
+    (
+        "cannot be proven to hold it",
+        "../../shared/runtime/journal/src/lock.rs",
+        "the_holder_is_ended_and_one_that_is_not_proven_is_left_alone",
+    ),
+    ("was not forced to disk", "promises/durability/power.rs", r#"contains("was not forced to disk")"#),
     ("newer frames had come", "../../processes/align/src/step.rs", "newer frames had come"),
 ];
 
@@ -252,7 +259,7 @@ fn of_cameras(told: &mut Told) {
 
 fn of_running(told: &mut Told) {
     // One stage stops itself, so that the run goes on until that was told.
-    let run = room().with_env("TESSERA_KILL_PLAN", "reconstruct=sent:5:stop;align=stored:3");
+    let run = room().with_faults("reconstruct=sent:5:stop;align=stored:3");
     let run = run.with(&["--set", "flow.hang_s=3"]);
     let mut child = run.start();
     run.wait_until_stopped("reconstruct");
@@ -260,7 +267,7 @@ fn of_running(told: &mut Told) {
     told.by(&["top", &run.name]);
     assert!(child.wait().unwrap().success());
     told.add("a run with a stage that hung and one that was killed", run.log());
-    told.by_run(&room().with_env("TESSERA_KILL_PLAN", "align=computed:9:panic*"));
+    told.by_run(&room().with_faults("align=computed:9:panic*"));
     let few = room();
     let command = few.command();
     let output = Command::new("sh")
@@ -288,20 +295,23 @@ fn of_going_on(told: &mut Told) {
     let output = Command::new(env!("CARGO_BIN_EXE_tessera")).args(resume).output().unwrap();
     assert!(output.status.success());
     told.add("the log of a run that went on with a torn journal", run.log());
-    for (at, byte) in [(0, b'X'), (8, 99)] {
+    for (at, byte) in [(0, b'X'), (8, 99), (100, 0xff)] {
         let mut damaged = journal.clone();
         damaged[at] = byte;
         std::fs::write(path("align.journal"), damaged).unwrap();
         told.by(&resume);
     }
     std::fs::write(path("align.journal"), &journal).unwrap();
+    std::fs::rename(path("keyframes.store"), path("elsewhere")).unwrap();
+    told.by(&resume);
+    std::fs::rename(path("elsewhere"), path("keyframes.store")).unwrap();
     let file = std::fs::read_to_string(path("run.json")).unwrap();
     let version = format!("\"version\": \"{}\"", env!("CARGO_PKG_VERSION"));
     assert!(file.contains(&version), "{file}");
     std::fs::write(path("run.json"), file.replace(&version, "\"version\": \"0.0.1\"")).unwrap();
     told.by(&resume);
 
-    let run = room().with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().with_faults("align=computed:20:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("align");
     signal(child.id(), "INT");

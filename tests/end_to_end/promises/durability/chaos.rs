@@ -26,7 +26,8 @@ fn lines(output: &Output) -> Vec<serde_json::Value> {
 #[test]
 fn all_kinds_of_faults_change_nothing() {
     let run = room();
-    let faults = "kill,stop,slow,segv,abort,memory,full,drop,corrupt,flip";
+    let faults = "kill,stop,slow,segv,abort,memory,full,drop,corrupt,index-jump,sync-fails,flip,page-zeroed,\
+                  store-cut,store-lost";
     let arguments = ["--frames", "300", "--kills", "20", "--faults", faults, "--json"];
     let lines = lines(&chaos(run.dir.path(), &arguments));
     let total = lines.last().unwrap();
@@ -116,7 +117,10 @@ fn what_cannot_be_done_is_told() {
     let (code, text) = attach(&["--attach", "no-such-run"]);
     assert!(code == Some(2) && text.contains("no run \"no-such-run\" is going on"), "{text}");
     let (code, text) = attach(&["--attach", "x", "--faults", "flip"]);
-    assert!(code == Some(2) && text.contains("--attach cannot drop, corrupt or flip"), "{text}");
+    assert!(
+        code == Some(2) && text.contains("--attach cannot drop, corrupt, jump, fail syncs or damage files"),
+        "{text}"
+    );
 }
 
 /// The promise is judged, not assumed: a run that fails makes chaos fail.

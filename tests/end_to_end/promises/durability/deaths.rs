@@ -15,7 +15,7 @@ fn undisturbed() -> &'static Run {
 }
 
 fn check(plan: &str) {
-    let run = room().with_env("TESSERA_KILL_PLAN", plan);
+    let run = room().with_faults(plan);
     assert!(run.finish().success(), "{plan}");
     let n_kills = plan.split([',', ';']).count();
     let n_restarts = run.log().matches("it is started again").count();
@@ -80,7 +80,7 @@ fn n_from_checkpoints(run: &Run, stage: &str) -> u64 {
 #[test]
 fn a_successor_goes_on_from_a_checkpoint() {
     let plan = "align=checkpointed:1+,received:30+;optimise=checkpointed:0+";
-    let run = room().with(&CHECKPOINTS).with_env("TESSERA_KILL_PLAN", plan);
+    let run = room().with(&CHECKPOINTS).with_faults(plan);
     assert!(run.finish().success(), "{}", run.log());
     assert_eq!(run.log().matches("it is started again").count(), 3, "{}", run.log());
     assert!(n_from_checkpoints(&run, "align") > 10, "{}", run.log());
@@ -138,7 +138,7 @@ fn all_state_can_be_forgotten_after_each_frame() {
 
 #[test]
 fn two_runs_side_by_side_do_not_see_each_other() {
-    let disturbed = room().with_env("TESSERA_KILL_PLAN", "align=journaled:5;reconstruct=sent:6");
+    let disturbed = room().with_faults("align=journaled:5;reconstruct=sent:6");
     let quiet = room();
     let (mut first, mut second) = (disturbed.start(), quiet.start());
     assert!(first.wait().unwrap().success(), "{}", disturbed.log());

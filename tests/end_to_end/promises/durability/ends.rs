@@ -68,9 +68,46 @@ fn what_a_run_writes_is_its_owners_alone() {
 #[test]
 fn a_hung_stage_is_killed_and_started_again() {
     // A frozen process gives no sign of life.
-    let run = room()
-        .with(&["--set", "flow.hang_s=1.0"])
-        .with_env("TESSERA_KILL_PLAN", "reconstruct=computed:20:stop");
+    let run = room().with(&["--set", "flow.hang_s=1.0"]).with_faults("reconstruct=computed:20:stop");
     assert!(run.finish().success());
     assert!(run.log().contains("no sign of life") || run.log().contains("hung"), "{}", run.log());
+}
+
+#[test]
+fn two_runs_that_begin_at_once_in_one_folder_are_one_run() {
+    for _ in 0..3 {
+        let first = room();
+        let out = first.out().display().to_string();
+        let second = room().with(&["--out", &out]);
+        let mut second = second.command();
+        // The folder of the first, a name of its own.
+        let arguments: Vec<_> = second.get_args().map(std::ffi::OsStr::to_owned).collect();
+        let at = arguments.iter().position(|argument| argument == "--out").unwrap();
+        let rest = arguments[..at].iter().chain(&arguments[at + 2..]);
+        second = std::process::Command::new(env!("CARGO_BIN_EXE_tessera"));
+        second.args(rest).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped());
+        let children = [first.start(), second.spawn().unwrap()];
+        let outputs = children.map(|child| child.wait_with_output().unwrap());
+        let texts = outputs.each_ref().map(|output| String::from_utf8_lossy(&output.stderr).into_owned());
+        let n_done = outputs.iter().filter(|output| output.status.success()).count();
+        assert_eq!(n_done, 1, "{texts:?}");
+        let loser = outputs.iter().position(|output| !output.status.success()).unwrap();
+        assert_eq!(outputs[loser].status.code(), Some(2), "{texts:?}");
+        let words = ["another run goes on in", "holds a run already"];
+        assert!(words.iter().any(|words| texts[loser].contains(words)), "{texts:?}");
+        assert!(first.tessera(&["verify"]).status.success());
+    }
+}
+
+#[test]
+fn the_end_of_the_source_is_counted_as_no_frame() {
+    let run = room().frames(20);
+    assert!(run.finish().success());
+    let statistics: serde_json::Value = serde_json::from_slice(&run.output("statistics.json")).unwrap();
+    for stage in ["sensor", "reconstruct", "align"] {
+        assert_eq!(statistics["stages"][stage]["frames"], 20, "{stage}: {statistics}");
+    }
+    let again = run.tessera(&["resume"]);
+    let text = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert!(again.status.success() && text.contains("had finished: what it recorded is read"), "{text}");
 }

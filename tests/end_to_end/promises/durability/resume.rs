@@ -1,6 +1,7 @@
 //! Runs that were broken off and went on: the outputs keep their bytes.
 
 use crate::common::{Run, room, signal, wait_for};
+use std::collections::BTreeMap;
 use std::os::unix::fs::MetadataExt;
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -57,7 +58,7 @@ fn after_the_whole_group_was_killed() {
 
 #[test]
 fn a_stage_frozen_when_its_supervisor_died_never_writes_again() {
-    let run = room().frames(FRAMES).with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().frames(FRAMES).with_faults("align=computed:20:stop");
     let mut child = run.start();
     run.wait_until_stopped("align");
     signal(child.id(), "KILL");
@@ -75,22 +76,105 @@ fn with_torn_files() {
     assert!(run.finish().success());
     let journal = run.out().join("align.journal");
     let whole = std::fs::read(&journal).unwrap();
-    for tenth in 0..10 {
+    for tenth in 1..10 {
         let cut = whole.len() * tenth / 10 + 7 * tenth;
         std::fs::write(&journal, &whole[..cut]).unwrap();
         assert_resumes(&run, &format!("align.journal cut at {cut} of {}", whole.len()));
     }
-    // A page of the store that never reached the disk takes everything from its keyframe on.
-    let store = run.out().join("keyframes.store");
-    let mut bytes = std::fs::read(&store).unwrap();
-    let page = bytes.len() / 2 / 4096 * 4096;
-    bytes[page..page + 4096].fill(0);
-    std::fs::write(&store, &bytes).unwrap();
-    assert_resumes(&run, "a page of the store is zero");
-    for name in ["optimise.journal", "keyframes.store", "align.journal"] {
-        std::fs::write(run.out().join(name), "").unwrap();
-        assert_resumes(&run, &format!("{name} is empty"));
+}
+
+/// Bytes of the three files that hold what was recorded.
+fn recorded(run: &Run) -> [Option<Vec<u8>>; 3] {
+    NAMES.map(|name| std::fs::read(run.out().join(name)).ok())
+}
+
+const NAMES: [&str; 3] = ["align.journal", "optimise.journal", "keyframes.store"];
+
+#[test]
+fn what_was_recorded_is_never_cut_off_without_consent() {
+    let run = room().frames(FRAMES);
+    assert!(run.finish().success());
+    let whole = recorded(&run).map(Option::unwrap);
+    let page_of = |name: &str| {
+        let mut bytes = whole[NAMES.iter().position(|other| *other == name).unwrap()].clone();
+        let page = bytes.len() / 2 / 4096 * 4096;
+        let end = (page + 4096).min(bytes.len() - 600);
+        bytes[page..end].fill(0);
+        bytes
+    };
+    let short = whole[2][..whole[2].len() / 2].to_vec();
+    let cases: [(&str, Option<Vec<u8>>, &str); 8] = [
+        ("align.journal", Some(page_of("align.journal")), "align.journal is damaged at byte"),
+        ("align.journal", Some(Vec::new()), "align.journal is damaged at byte 0"),
+        ("align.journal", None, "align.journal is not there"),
+        ("optimise.journal", None, "optimise.journal is not there"),
+        ("keyframes.store", Some(page_of("keyframes.store")), "have checksum"),
+        ("keyframes.store", Some(short), "lie behind its end"),
+        ("keyframes.store", Some(Vec::new()), "are missing"),
+        ("keyframes.store", None, "keyframes.store is not there"),
+    ];
+    for (name, bytes, words) in cases {
+        let path = run.out().join(name);
+        match bytes {
+            Some(bytes) => std::fs::write(&path, bytes).unwrap(),
+            None => std::fs::remove_file(&path).unwrap(),
+        }
+        let before = recorded(&run);
+        for _ in 0..2 {
+            let output = resume(&run);
+            let text = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(3), "{name}, {words}: {text}");
+            assert!(text.contains(words) && text.contains("--drop-damaged"), "{text}");
+            assert!(recorded(&run) == before, "{name}: nothing is changed");
+        }
+        let verified = run.tessera(&["verify"]);
+        assert_eq!(verified.status.code(), Some(3), "{}", String::from_utf8_lossy(&verified.stdout));
+        let output = run.tessera(&["resume", "--quiet", "--drop-damaged"]);
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        run.assert_same_bytes(undisturbed(), &format!("{name}, {words}, without what was damaged"));
+        assert!(run.tessera(&["verify"]).status.success());
+        let copies = copies_beside(&run);
+        let kept = |bytes: &Vec<u8>| copies.values().any(|copy| copy == bytes);
+        // Each file that was cut, with records or surfaces in it, is there as it was.
+        let journal = before[0].as_ref().filter(|bytes| !bytes.is_empty());
+        if name != "optimise.journal" {
+            assert!(journal.is_none_or(kept), "{name}: {:?}", copies.keys());
+        }
+        let store = before[2].as_ref().filter(|bytes| bytes.len() > 4096 && name != "optimise.journal");
+        assert!(store.is_none_or(kept), "{name}: {:?}", copies.keys());
+        copies.keys().for_each(|name| std::fs::remove_file(run.out().join(name)).unwrap());
+        for (name, bytes) in NAMES.iter().zip(&whole) {
+            std::fs::write(run.out().join(name), bytes).unwrap();
+        }
     }
+}
+
+/// Files that `--drop-damaged` set aside.
+fn copies_beside(run: &Run) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(run.out()).unwrap().map(Result::unwrap);
+    let names = entries.map(|entry| entry.file_name().into_string().unwrap());
+    let copies = names.filter(|name| name.contains(".damaged-"));
+    copies.map(|name| (name.clone(), std::fs::read(run.out().join(name)).unwrap())).collect()
+}
+
+#[test]
+fn a_stage_that_finds_damage_ends_the_run_and_cuts_nothing() {
+    // A bit flips in the journal while the aligner is dead: its successor must not cut there.
+    let run = room().frames(FRAMES).with_faults("align=computed:40:stop");
+    let mut child = run.start();
+    let stopped = run.wait_until_stopped("align");
+    let path = run.out().join("align.journal");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    for name in ["align.checkpoint", "optimise.checkpoint"] {
+        let _ = std::fs::remove_file(run.out().join(name));
+    }
+    signal(stopped, "KILL");
+    assert_eq!(child.wait().unwrap().code(), Some(3), "{}", run.log());
+    assert!(run.log().contains("align.journal is damaged at byte"), "{}", run.log());
+    assert_eq!(std::fs::read(&path).unwrap(), bytes);
 }
 
 #[test]

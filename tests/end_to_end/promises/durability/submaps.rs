@@ -25,8 +25,7 @@ fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
         begins + 5,
         joined + 1
     );
-    let killed =
-        lost_and_found().with(&["--set", "flow.checkpoint_kb=1"]).with_env("TESSERA_KILL_PLAN", &plan);
+    let killed = lost_and_found().with(&["--set", "flow.checkpoint_kb=1"]).with_faults(&plan);
     assert!(killed.finish().success(), "{plan}");
     assert!(killed.n_deaths() >= 6, "{plan}\n{}", killed.log());
     killed.assert_same_bytes(&whole, &plan);
@@ -51,8 +50,7 @@ fn a_ride_in_a_lift_is_noticed_and_kills_change_no_byte() {
         noticed + 1,
         noticed + 5
     );
-    let killed =
-        carried_by_a_lift().with(&["--set", "flow.checkpoint_kb=1"]).with_env("TESSERA_KILL_PLAN", &plan);
+    let killed = carried_by_a_lift().with(&["--set", "flow.checkpoint_kb=1"]).with_faults(&plan);
     assert!(killed.finish().success(), "{plan}");
     assert!(killed.n_deaths() >= 4, "{plan}\n{}", killed.log());
     killed.assert_same_bytes(&whole, &plan);

@@ -48,7 +48,7 @@ fn stage(run: &Run, name: &str, listener: &Listener, kill_points: &str) -> Child
 fn a_held_run_with_stages_of_others_keeps_its_bytes() {
     let undisturbed = room();
     assert!(undisturbed.finish().success());
-    let run = room().with(&["--hold"]);
+    let run = room().with(&["--hold"]).with_faults("");
     let mut of_run = Listener::new(run.dir.path(), "run");
     let mut command = run.command();
     of_run.environment(&mut command);

@@ -14,10 +14,7 @@ fn nonsense_is_refused_and_changes_nothing() {
     let undisturbed = room().frames(FRAMES);
     assert!(undisturbed.finish().success());
     // The aligner stops in the middle, which is not taken for a hang: time to write nonsense.
-    let run = room()
-        .frames(FRAMES)
-        .with(&["--set", "flow.hang_s=600"])
-        .with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().frames(FRAMES).with(&["--set", "flow.hang_s=600"]).with_faults("align=computed:20:stop");
     let mut child = run.start();
     let align = run.wait_until_stopped("align");
     let files = RunFiles::new(&run.out());

@@ -82,7 +82,7 @@ fn poisoned() -> Run {
         slow_recording(&run, 5, gap_s);
         let folder = run.dir.path().join("recording");
         let plan = "sensor=read:1:panic*;reconstruct=received:2:panic*;align=received:3:panic*";
-        let run = run.of(&folder).with(&["--live"]).with_env("TESSERA_KILL_PLAN", plan);
+        let run = run.of(&folder).with(&["--live"]).with_faults(plan);
         assert!(run.finish().success());
         let log = run.log();
         // A frame that came too early for a stage may have spared the next one.
@@ -132,7 +132,7 @@ fn a_pose_that_was_sent_is_recorded() {
     // So far apart that each makes the one before it a keyframe.
     recording(&run, &[0, 5, 10, 15], 2.0);
     let folder = run.dir.path().join("recording");
-    let run = run.of(&folder).with(&["--live"]).with_env("TESSERA_KILL_PLAN", "align=published:3");
+    let run = run.of(&folder).with(&["--live"]).with_faults("align=published:3");
     assert!(run.finish().success(), "{}", run.log());
     assert_eq!(run.n_deaths(), 1, "{}", run.log());
     assert_eq!(run.output("live.posed"), 3u64.to_le_bytes(), "sent ahead of its record");
@@ -143,7 +143,7 @@ fn a_pose_that_was_sent_is_recorded() {
 
 #[test]
 fn a_poison_request_is_left_out_and_the_run_goes_on() {
-    let run = room().with(&["--live"]).with_env("TESSERA_KILL_PLAN", "optimise=solving:0:panic*");
+    let run = room().with(&["--live"]).with_faults("optimise=solving:0:panic*");
     assert!(run.finish().success(), "{}", run.log());
     let log = run.log();
     assert_eq!(log.matches("] optimise died: exit status 101").count(), 3, "{log}");

@@ -13,7 +13,7 @@ fn fail(run: &Run) -> (Option<i32>, String) {
 
 #[test]
 fn a_frame_that_panics_ends_the_run_by_name() {
-    let (code, text) = fail(&room().with_env("TESSERA_KILL_PLAN", "align=computed:9:panic*"));
+    let (code, text) = fail(&room().with_faults("align=computed:9:panic*"));
     assert_eq!(code, Some(4), "{text}");
     for word in ["align", "exit status 101", "3 times at frame 9", "told to panic at computed:9"] {
         assert!(text.contains(word), "{word:?} is not in: {text}");
@@ -22,15 +22,14 @@ fn a_frame_that_panics_ends_the_run_by_name() {
 
 #[test]
 fn a_frame_that_crashes_ends_the_run_by_name() {
-    let (code, text) = fail(&room().with_env("TESSERA_KILL_PLAN", "reconstruct=received:12:segv*"));
+    let (code, text) = fail(&room().with_faults("reconstruct=received:12:segv*"));
     assert_eq!(code, Some(4), "{text}");
     assert!(text.contains("reconstruct ended with signal 11 (SIGSEGV), 3 times at frame 12"), "{text}");
 }
 
 #[test]
 fn a_frame_that_hangs_ends_the_run_by_name() {
-    let run =
-        room().with(&["--set", "flow.hang_s=2"]).with_env("TESSERA_KILL_PLAN", "align=received:9:hang*");
+    let run = room().with(&["--set", "flow.hang_s=2"]).with_faults("align=received:9:hang*");
     let (code, text) = fail(&run);
     assert_eq!(code, Some(4), "{text}");
     assert!(text.contains("no sign of life") && text.contains("3 times at frame 9"), "{text}");
@@ -38,14 +37,13 @@ fn a_frame_that_hangs_ends_the_run_by_name() {
 
 #[test]
 fn one_panic_is_survived() {
-    let run = room().with_env("TESSERA_KILL_PLAN", "reconstruct=computed:9:panic,received:11:stop");
+    let run = room().with_faults("reconstruct=computed:9:panic,received:11:stop");
     assert!(run.with(&["--set", "flow.hang_s=2"]).finish().success());
 }
 
 #[test]
 fn a_policy_of_no_restarts_is_kept() {
-    let run =
-        room().with(&["--set", "stages.restart=never"]).with_env("TESSERA_KILL_PLAN", "align=acknowledged:9");
+    let run = room().with(&["--set", "stages.restart=never"]).with_faults("align=acknowledged:9");
     let (code, text) = fail(&run);
     assert_eq!(code, Some(4), "{text}");
     assert!(text.contains("align ended with signal 9 (SIGKILL)"), "{text}");
@@ -53,7 +51,7 @@ fn a_policy_of_no_restarts_is_kept() {
 
 #[test]
 fn the_log_has_the_reason_and_the_last_words_of_the_dead() {
-    let run = room().with_env("TESSERA_KILL_PLAN", "align=acknowledged:9;sensor=sent:10");
+    let run = room().with_faults("align=acknowledged:9;sensor=sent:10");
     assert!(run.finish().success());
     let log = run.log();
     let told = log.lines().find(|line| line.contains("align died: signal 9 (SIGKILL); it is started again"));

@@ -74,10 +74,7 @@ fn a_frozen_viewer_on_every_place_stops_no_restart() {
     let undisturbed = room().frames(FRAMES);
     assert!(undisturbed.finish().success());
     // The aligner stops itself, so that the run does not end before the viewer is there.
-    let run = room()
-        .frames(FRAMES)
-        .with(&["--set", "flow.hang_s=600"])
-        .with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().frames(FRAMES).with(&["--set", "flow.hang_s=600"]).with_faults("align=computed:20:stop");
     let mut child = run.start();
     let align = run.wait_until_stopped("align");
     let viewer = Viewer::of(&run);
@@ -149,10 +146,7 @@ fn another_user_can_neither_read_nor_write_what_a_run_has() {
 fn a_damaged_counter_of_nodes_is_told_and_cured() {
     let undisturbed = room().frames(FRAMES);
     assert!(undisturbed.finish().success());
-    let run = room()
-        .frames(FRAMES)
-        .with(&["--set", "flow.hang_s=600"])
-        .with_env("TESSERA_KILL_PLAN", "align=computed:20:stop");
+    let run = room().frames(FRAMES).with(&["--set", "flow.hang_s=600"]).with_faults("align=computed:20:stop");
     let mut child = run.start();
     let align = run.wait_until_stopped("align");
     let prefix = run.prefix();

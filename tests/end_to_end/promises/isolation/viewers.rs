@@ -74,10 +74,8 @@ fn viewers_come_and_go_and_no_byte_changes() {
     let undisturbed = room().frames(FRAMES);
     assert!(undisturbed.finish().success());
     // One stage stops itself, so that the run cannot end before the viewers are there.
-    let run = room()
-        .frames(FRAMES)
-        .with(&["--set", "flow.hang_s=600"])
-        .with_env("TESSERA_KILL_PLAN", "reconstruct=sent:30:stop");
+    let run =
+        room().frames(FRAMES).with(&["--set", "flow.hang_s=600"]).with_faults("reconstruct=sent:30:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("reconstruct");
     let out = run.out().display().to_string();
@@ -125,8 +123,7 @@ fn viewers_come_and_go_and_no_byte_changes() {
 
 #[test]
 fn a_run_that_cannot_be_read_hides_no_other() {
-    let run =
-        room().with(&["--set", "flow.hang_s=600"]).with_env("TESSERA_KILL_PLAN", "reconstruct=sent:10:stop");
+    let run = room().with(&["--set", "flow.hang_s=600"]).with_faults("reconstruct=sent:10:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("reconstruct");
     let config = run.out().join("config.toml");
@@ -147,8 +144,7 @@ fn a_run_that_cannot_be_read_hides_no_other() {
 
 #[test]
 fn a_stage_that_says_nothing_is_alive_to_status() {
-    let run =
-        room().with(&["--set", "flow.hang_s=600"]).with_env("TESSERA_KILL_PLAN", "reconstruct=sent:10:stop");
+    let run = room().with(&["--set", "flow.hang_s=600"]).with_faults("reconstruct=sent:10:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("reconstruct");
     let silent = run.stage_pid("optimise");

@@ -55,8 +55,7 @@ fn browsers_follow_a_run_and_change_no_byte_of_it() {
     let undisturbed = room();
     assert!(undisturbed.finish().success());
     // One stage stops itself, so that the run cannot end before the browsers are there.
-    let run =
-        room().with(&["--set", "flow.hang_s=600"]).with_env("TESSERA_KILL_PLAN", "reconstruct=sent:30:stop");
+    let run = room().with(&["--set", "flow.hang_s=600"]).with_faults("reconstruct=sent:30:stop");
     let mut child = run.start();
     let stopped = run.wait_until_stopped("reconstruct");
     let server = Server::start(&run.out().display().to_string());

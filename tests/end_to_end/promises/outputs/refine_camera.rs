@@ -45,7 +45,7 @@ fn a_refined_camera_comes_out_and_kills_change_no_byte() {
         format!("optimise=journaled:{last};align=journaled:60"),
         "align=ended:120".to_owned(),
     ] {
-        let killed = refining().with_env("TESSERA_KILL_PLAN", &plan);
+        let killed = refining().with_faults(&plan);
         assert!(killed.finish().success(), "{plan}");
         assert!(killed.log().contains("it is started again"), "{plan}: nothing died");
         killed.assert_same_bytes(&run, &plan);

@@ -73,7 +73,7 @@ fn runs_stand_side_by_side() {
 
 #[test]
 fn deaths_are_told_and_a_recording_that_is_gone_too() {
-    let run = room().frames(6).with_env("TESSERA_KILL_PLAN", "align=stored:0");
+    let run = room().frames(6).with_faults("align=stored:0");
     assert!(run.finish().success());
     let path = run.out().join("report.html");
     assert!(page(&path).contains("align died: signal 9"), "{}", run.log());
@@ -95,6 +95,19 @@ fn a_run_that_does_not_exist_is_named() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("no run \"no-such-run\""));
 }
 
+/// At the head of a copy of the page: errors of its scripts, of what it loads and of its rules, and what it
+/// writes to the console as an error. What the browser has to say of the graphics card is none of them.
+const LISTEN: &str = "<head><script>
+{
+  const complain = words => document.documentElement.dataset.complaints =
+    (document.documentElement.dataset.complaints ?? '') + `complaint: ${words}; `;
+  addEventListener('error', e => complain(e.message ?? `cannot load ${e.target.outerHTML}`), true);
+  addEventListener('unhandledrejection', e => complain(e.reason));
+  addEventListener('securitypolicyviolation', e => complain(e.violatedDirective));
+  console.error = (...words) => complain(words.join(' '));
+}
+</script>";
+
 /// Appended to a copy of the page: says of each section and plot how large it is drawn.
 const MEASURE: &str = "<script>
 const lines = [...document.querySelectorAll('section')].map(s => {
@@ -113,23 +126,26 @@ fn browser() -> Option<PathBuf> {
     names.iter().flat_map(|name| folders.iter().map(move |f| f.join(name))).find(|path| path.is_file())
 }
 
-/// What the browser made of the page in a window of that width: its own words and the page's.
+/// What the browser made of the page in a window of that width: its complaints and its measures.
 fn open(browser: &Path, folder: &Path, html: &str, width: u32) -> (String, String) {
     let path = folder.join("measured.html");
+    assert!(html.contains("<head>"));
+    let html = html.replacen("<head>", LISTEN, 1);
     std::fs::write(&path, format!("{html}{MEASURE}")).unwrap();
     let output = Command::new(browser)
-        .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom", "--enable-logging=stderr"])
+        .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom"])
         .arg(format!("--user-data-dir={}", folder.join("profile").display()))
         .arg(format!("--window-size={width},900"))
         .arg(format!("file://{}", path.display()))
         .output()
         .unwrap();
     let dom = String::from_utf8_lossy(&output.stdout).into_owned();
-    let measured = dom.split_once("data-measured=\"").and_then(|(_, rest)| rest.split_once('"'));
-    (
-        String::from_utf8_lossy(&output.stderr).into_owned(),
-        measured.map_or(String::new(), |(words, _)| words.into()),
-    )
+    let written = |name: &str| {
+        let value = dom.split_once(&format!("data-{name}=\"")).and_then(|(_, rest)| rest.split_once('"'));
+        value.map_or(String::new(), |(words, _)| words.to_owned())
+    };
+    assert!(!written("measured").is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    (written("complaints"), written("measured"))
 }
 
 fn number(measured: &str, section: &str, what: &str) -> i64 {
@@ -149,19 +165,44 @@ fn a_browser_draws_every_section_on_wide_and_narrow_screens() {
     assert!(run.finish().success());
     let html = page(&run.out().join("report.html"));
     for width in [1100, 500] {
-        let (log, measured) = open(&browser, run.dir.path(), &html, width);
-        let complaints: Vec<&str> = log.lines().filter(|line| line.contains("CONSOLE")).collect();
-        assert!(complaints.is_empty(), "{complaints:?}");
+        let (complaints, measured) = open(&browser, run.dir.path(), &html, width);
+        assert_eq!(complaints, "", "at {width}");
         for (section, plots) in SECTIONS.map(|section| match section {
             "trajectory" | "latency" => (section, 2),
             "error" | "graph" | "memory" => (section, 1),
             _ => (section, 0),
         }) {
-            assert!(number(&measured, section, "height") > 50, "{section} at {width}: {measured} {log}");
+            assert!(number(&measured, section, "height") > 50, "{section} at {width}: {measured}");
             assert_eq!(number(&measured, section, "plots"), plots, "{section} at {width}: {measured}");
             assert_eq!(number(&measured, section, "broken"), 0, "{section} at {width}: {measured}");
         }
         assert!(measured.contains("overflow 0;") || measured.contains("overflow -"), "{width}: {measured}");
+    }
+}
+
+#[test]
+fn a_page_is_judged_by_its_errors_and_not_by_its_warnings() {
+    let Some(browser) = browser() else {
+        missing("browser", "no chromium in PATH (Debian: apt-get install chromium)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let complaints = |body: &str| {
+        let page = format!("<!DOCTYPE html><html><head></head><body>{body}</body></html>");
+        open(&browser, folder.path(), &page, 500).0
+    };
+    assert_eq!(
+        complaints("<script>console.warn('GPU stall due to ReadPixels'); console.log('on')</script>"),
+        ""
+    );
+    let errors = [
+        "<script>throw new Error('of a script')</script>",
+        "<script>console.error('of a script')</script>",
+        "<script>this is no script</script>",
+        "<img src=\"absent.png\" alt=\"of a script\">",
+    ];
+    for body in errors {
+        assert!(complaints(body).contains("complaint: "), "{body}");
     }
 }
 

@@ -67,7 +67,7 @@ impl Trace {
 #[test]
 fn a_trace_follows_each_frame_and_marks_a_kill() {
     let plan = "align=computed:20;reconstruct=computed:9";
-    let run = room().with_env("TESSERA_KILL_PLAN", plan);
+    let run = room().with_faults(plan);
     let file = run.dir.path().join("trace.json");
     let run = run.with(&["--trace", file.to_str().unwrap()]);
     assert!(run.finish().success());

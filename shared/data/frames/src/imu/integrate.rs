@@ -61,13 +61,15 @@ fn mean_rate(
 ) -> (nalgebra::Vector3<f64>, bool) {
     match (before, after) {
         (Some(a), Some(b)) => {
-            let whole = (b.stamp_nanos - a.stamp_nanos) as f64;
+            let whole = b.stamp_nanos.saturating_sub(a.stamp_nanos) as f64;
             let middle = 0.5 * ((from - a.stamp_nanos) as f64 + (to - a.stamp_nanos) as f64);
             let rate = a.rate_rad_per_s.lerp(&b.rate_rad_per_s, middle / whole);
             (rate, whole <= LONGEST_GAP_S * 1e9)
         }
         (Some(only), None) => (only.rate_rad_per_s, (to - only.stamp_nanos) as f64 <= LONGEST_GAP_S * 1e9),
-        (None, Some(only)) => (only.rate_rad_per_s, (only.stamp_nanos - from) as f64 <= LONGEST_GAP_S * 1e9),
+        (None, Some(only)) => {
+            (only.rate_rad_per_s, only.stamp_nanos.saturating_sub(from) as f64 <= LONGEST_GAP_S * 1e9)
+        }
         (None, None) => (nalgebra::Vector3::zeros(), false),
     }
 }

@@ -69,27 +69,35 @@ impl JointMap {
         if self.runs.is_empty() {
             self.state.colour = map.colour;
         }
-        let session = self.state.keyframes.iter().map(|k| k.session + 1).max().unwrap_or(0);
-        self.state.keyframes.extend(map.keyframes.iter().map(|k| {
+        let session = self.state.keyframes.iter().map(|k| k.session.saturating_add(1)).max().unwrap_or(0);
+        // What a map names beyond its own keyframes it must not find among those of another run.
+        let n = map.keyframes.len() as u32;
+        let own = |id: u32| if id < n { id.checked_add(first) } else { None };
+        self.state.keyframes.extend(map.keyframes.iter().zip(first..).map(|(k, id)| {
             let mut keyframe = k.clone();
-            keyframe.id += first;
-            keyframe.session += session;
-            keyframe.submap += first_submap;
-            keyframe.edges.iter_mut().for_each(|edge| edge.to += first);
-            keyframe.alike.iter_mut().for_each(|id| *id += first);
-            keyframe.anchored_to = k.anchored_to.map(|id| id + first);
+            keyframe.id = id;
+            keyframe.session = k.session.saturating_add(session);
+            keyframe.submap = k.submap.saturating_add(first_submap);
+            keyframe.edges.retain_mut(|edge| own(edge.to).map(|to| edge.to = to).is_some());
+            keyframe.alike.retain_mut(|other| own(*other).map(|id| *other = id).is_some());
+            // One that moves along with a keyframe that is not there stays out of the working map.
+            keyframe.anchored_to = k.anchored_to.map(|anchor| own(anchor).unwrap_or(id));
             keyframe
         }));
         if n_submaps > 0 {
-            self.state.submaps.extend_to(first_submap + n_submaps - 1);
+            self.state.submaps.extend_to(first_submap.saturating_add(n_submaps - 1));
         }
         for submap in 0..n_submaps {
-            self.state.submaps.join(first_submap + submap, first_submap + map.submaps.component(submap));
+            // A component is named by one of the map's own submaps.
+            let component = Some(map.submaps.component(submap)).filter(|component| *component < n_submaps);
+            let [submap, component] =
+                [submap, component.unwrap_or(submap)].map(|own| first_submap.saturating_add(own));
+            self.state.submaps.join(submap, component);
         }
         self.runs.push(MemberRun {
             keyframes: first as usize..self.state.keyframes.len(),
-            submaps: first_submap..first_submap + n_submaps,
-            session: session + map.session,
+            submaps: first_submap..first_submap.saturating_add(n_submaps),
+            session: session.saturating_add(map.session),
         });
     }
 

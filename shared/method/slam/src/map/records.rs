@@ -14,6 +14,7 @@ use crate::map::single;
 use crate::map::submaps::Submaps;
 use crate::tracking::noise_scales::NoiseRecord;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use tessera_geometry::{InertialRotation, Pose, PoseBits};
 use tessera_graph::{PairBlock, Quadratic};
 use tessera_surface::WorkloadLevel;
@@ -223,13 +224,38 @@ pub struct MapRecord {
     pub start: Option<PoseBits>,
 }
 
+/// Consecutive frames that were left out in live mode, for one reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SkippedFrames {
+    /// Their indices.
+    pub frames: Range<u64>,
+    /// Why.
+    pub reason: String,
+}
+
+impl SkippedFrames {
+    /// Frames of one record that are listed one by one at most: those of two days at 60 Hz.
+    const MOST_LISTED: u64 = 2 * 86_400 * 60;
+
+    /// Number of frames; 0 of a range that ends before it begins.
+    pub fn n(&self) -> u64 {
+        self.frames.end.saturating_sub(self.frames.start)
+    }
+
+    /// The frames for a list of them, which a forged record cannot make endless.
+    pub fn listed(&self) -> Range<u64> {
+        let Range { start, end } = self.frames;
+        start..end.min(start.saturating_add(Self::MOST_LISTED))
+    }
+}
+
 /// One record of the aligner's journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum AlignRecord {
     /// A frame was aligned (or lost), with all that happened at this step.
     Frame(Box<FrameRecord>),
-    /// A frame was skipped in live mode: index and reason.
-    Skipped(u64, String),
+    /// Frames were left out in live mode.
+    Skipped(SkippedFrames),
     /// A correction took effect.
     Correction(Box<AppliedCorrection>),
     /// The source is exhausted after this many frames, and the final request.
@@ -241,6 +267,17 @@ pub enum AlignRecord {
     },
     /// The run starts in this map. First of all records, or absent.
     Map(Box<MapRecord>),
+}
+
+impl AlignRecord {
+    /// The frame behind those of this record; `None` of a record without frames.
+    pub fn next_index(&self) -> Option<u64> {
+        match self {
+            Self::Frame(frame) => Some(frame.index.saturating_add(1)),
+            Self::Skipped(skipped) => Some(skipped.frames.end),
+            Self::Correction(_) | Self::End { .. } | Self::Map(_) => None,
+        }
+    }
 }
 
 /// One record of the optimiser's journal.

@@ -110,7 +110,7 @@ impl TrackerState {
         match record {
             AlignRecord::Frame(frame) => self.apply_frame(frame),
             AlignRecord::Map(map) => self.apply_map(map),
-            AlignRecord::Skipped(index, _) => self.next_index = self.next_index.max(index.saturating_add(1)),
+            AlignRecord::Skipped(skipped) => self.next_index = self.next_index.max(skipped.frames.end),
             AlignRecord::Correction(applied) => self.apply_correction(applied),
             AlignRecord::End { request, .. } => {
                 self.is_ended = true;

@@ -40,7 +40,7 @@ impl Submaps {
     }
 
     /// Whether each component is named by the first submap in it.
-    pub(crate) fn is_consistent(&self) -> bool {
+    pub fn is_consistent(&self) -> bool {
         let is_named = |(component, submap): (&u32, u32)| {
             *component <= submap && self.components.get(*component as usize) == Some(component)
         };

@@ -47,7 +47,7 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
         return place(input, &state.start.as_ref().map_or(Pose::identity(), Pose::from));
     };
     let last_pose = Pose::from(&last.world_from_camera);
-    let seconds = (input.frame.stamp_nanos - last.stamp_nanos) as f64 * 1e-9;
+    let seconds = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 * 1e-9;
     let measured = measured_rotation(input, last, seconds);
     let turn = measured.map(|m| Pose::from_parts(Vector3::zeros().into(), m.earlier_from_later));
     let last_turned = turn.map_or(last_pose, |turn| last_pose * turn);

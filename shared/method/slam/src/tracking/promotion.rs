@@ -113,7 +113,7 @@ fn central_velocity(input: &TrackingInput<'_>, previous: &RecentFrame, world_fro
         [before, _] if before.state == State::Tracking => before,
         _ => previous,
     };
-    let seconds = (input.frame.stamp_nanos - before.stamp_nanos) as f64 * 1e-9;
+    let seconds = input.frame.stamp_nanos.saturating_sub(before.stamp_nanos) as f64 * 1e-9;
     if !(seconds > 0.0 && seconds < 1.0) {
         return previous.velocity;
     }

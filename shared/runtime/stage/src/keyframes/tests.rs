@@ -42,7 +42,7 @@ fn a_surface_that_was_given_up_has_no_measurement_and_is_named_where_it_is_neede
         let slot = store.append(&surface, false).unwrap();
         keyframes.add(id, &store_slot(&slot)).unwrap();
     }
-    store.give_up(&journal_slot(&keyframes.slot(1).unwrap())).unwrap();
+    store.give_up(&journal_slot(&keyframes.slot(1).unwrap()), false).unwrap();
     assert_eq!(keyframes.load(1).unwrap(), vec![Vertex::default(); 12]);
     assert_eq!(keyframes.vertices(0).len(), 12);
     keyframes.check_held().unwrap();

@@ -64,7 +64,11 @@ pub fn campaign(
         plan_file::parse(&text).map_err(wrong)
     });
     let plan = plan.transpose()?;
-    let pipeline = pipeline(arguments)?;
+    let mut pipeline = pipeline(arguments)?;
+    if kinds.contains(&FaultKind::SyncFails) {
+        // A run that never syncs has none that could fail.
+        pipeline.arguments.extend(["--set", "flow.fsync=keyframe"].map(str::to_owned));
+    }
     let id = std::process::id();
     let base = match &arguments.out {
         Some(out) => std::path::absolute(out).map_err(|error| ToolError::write(out, error))?,
@@ -165,7 +169,11 @@ fn planned(kinds: &[FaultKind], n_frames: u64, random: &mut Random) -> String {
     let mut words = Vec::new();
     for kind in kinds.iter().filter(|kind| kind.is_planned()) {
         for _ in 0..PLANNED_EACH {
-            let place = if random.below(2) == 0 { "sensor=read" } else { "reconstruct=computed" };
+            let place = match (kind, random.below(2)) {
+                (FaultKind::SyncFails, _) => "align=computed",
+                (FaultKind::IndexJump, _) | (_, 0) => "sensor=read",
+                _ => "reconstruct=computed",
+            };
             words.push(format!("{place}:{}:{}+", random.below(n_frames), kind.name()));
         }
     }
@@ -182,11 +190,11 @@ pub fn attach(
     targets: &[FaultTarget],
     kinds: &[FaultKind],
 ) -> Result<ChaosReport, ToolError> {
-    let needs_own = kinds.iter().any(|kind| kind.is_planned() || *kind == FaultKind::Flip)
+    let needs_own = kinds.iter().any(|kind| kind.is_planned() || kind.is_damage())
         || targets.iter().any(|target| !matches!(target, FaultTarget::Stage(_)));
     if needs_own {
         return Err(ToolError::Arguments(
-            "--attach cannot drop, corrupt or flip, nor strike supervisor or group: expected kill, stop, slow, segv, abort, memory or full, and stages".into(),
+            "--attach cannot drop, corrupt, jump, fail syncs or damage files, nor strike supervisor or group: expected kill, stop, slow, segv, abort, memory or full, and stages".into(),
         ));
     }
     let runs = registered_runs()?;

@@ -1,9 +1,10 @@
 //! One run under the faults of a schedule, from its start to its end.
 
+use super::damage::{FileDamage, damage};
 use super::process::{n_open_files, rss_bytes, stage_pid, stage_pids, stages_in};
 use super::recovery::Hit;
 use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random, Strike};
-use super::strike::{Flip, flip, mend, strike};
+use super::strike::strike;
 use super::trial::Trial;
 use std::process::Child;
 use std::time::{Duration, Instant};
@@ -40,6 +41,9 @@ pub(super) struct MemorySample {
     pub(super) n_open_files: u64,
 }
 
+/// What a run says that ended for that.
+const NOT_SYNCED: &str = "was not forced to disk";
+
 /// What was done to a run and how it ended.
 #[derive(Debug, Default)]
 pub(super) struct Disturbance {
@@ -49,6 +53,8 @@ pub(super) struct Disturbance {
     pub(super) wall_s: f64,
     /// Damaged files that `resume` refused by name, with nothing written to them.
     pub(super) n_refused_files: u64,
+    /// Runs that ended because the disk took nothing more.
+    pub(super) n_failed_syncs: u64,
     pub(super) problems: Vec<String>,
 }
 
@@ -67,7 +73,8 @@ impl Disturber {
         let began = Instant::now();
         let mut done = Disturbance::default();
         let mut child = trial.start()?;
-        let mut flipped: Option<Flip> = None;
+        // Those of which it is not known yet whether `resume` can do with them.
+        let mut damages: Vec<FileDamage> = Vec::new();
         loop {
             let next = (done.n_strikes() < self.most).then(|| self.schedule.next_strike()).flatten();
             let until = next.as_ref().map_or(self.patience, |strike| strike.after);
@@ -76,23 +83,23 @@ impl Disturber {
             {
                 trial.remember();
                 let error = trial.errors();
-                let is_named = |f: &Flip| error.contains(&f.path.display().to_string());
-                match flipped.take().filter(|f| !is_success && is_named(f)) {
-                    // Damage that no prefix can be saved from is told by name; mended, the run goes on.
-                    Some(flip) => {
-                        mend(&flip).map_err(|e| ToolError::write(&flip.path, e))?;
-                        done.n_refused_files += 1;
-                        child = trial.start()?;
-                        continue;
-                    }
-                    None => {
-                        done.has_finished = is_success;
-                        if !is_success {
-                            done.problems.push(format!("the run failed: {}", error.trim()));
-                        }
-                        break;
-                    }
+                let is_named = |d: &FileDamage| error.contains(&d.path.display().to_string());
+                if !is_success && damages.iter().any(is_named) {
+                    // Told by name, and nothing is cut; put back, the run goes on.
+                    mend(&mut damages, &mut done)?;
+                    child = trial.start()?;
+                    continue;
                 }
+                if !is_success && error.contains(NOT_SYNCED) {
+                    done.n_failed_syncs += 1;
+                    child = trial.start()?;
+                    continue;
+                }
+                done.has_finished = is_success;
+                if !is_success {
+                    done.problems.push(format!("the run failed: {}", error.trim()));
+                }
+                break;
             }
             if began.elapsed() >= self.patience {
                 done.problems.push(format!("the run did not end within {} s", self.patience.as_secs()));
@@ -101,7 +108,11 @@ impl Disturber {
             }
             let Some(strike) = next else { continue };
             if matches!(strike.targets[..], [FaultTarget::Group | FaultTarget::Supervisor]) {
-                flipped = kill_supervisor(&mut child, &strike, trial, &mut random, &mut done)?;
+                if !stage_pids(child.id()).is_empty() {
+                    // The run goes on: what was damaged before was a torn end, or nothing that is needed.
+                    damages.clear();
+                }
+                damages.extend(kill_supervisor(&mut child, &strike, trial, &mut random, &mut done)?);
                 child = trial.start()?;
             } else {
                 strike_stages(child.id(), &strike, &mut random, &mut done);
@@ -163,7 +174,7 @@ fn kill_supervisor(
     trial: &mut Trial,
     random: &mut Random,
     done: &mut Disturbance,
-) -> Result<Option<Flip>, ToolError> {
+) -> Result<Option<FileDamage>, ToolError> {
     trial.remember();
     let is_group = planned.targets == [FaultTarget::Group];
     let stages = stage_pids(child.id());
@@ -190,8 +201,20 @@ fn kill_supervisor(
     let hits = stages.iter().filter(|(stage, _)| *stage == Stage::Align);
     let hits = hits.map(|&(stage, pid)| Hit { at_nanos, stage, pid }).collect();
     done.strikes.push(Struck { target: planned.targets[0], kind: planned.kind, at_nanos, hits });
-    let is_flip = planned.kind == FaultKind::Flip;
-    Ok(is_flip.then(|| flip(&RunFiles::new(&trial.dir), random)).flatten())
+    let files = RunFiles::new(&trial.dir);
+    Ok(if planned.kind.is_damage() { damage(&files, planned.kind, random) } else { None })
+}
+
+/// Puts damaged files back, the last damage first.
+fn mend(damages: &mut Vec<FileDamage>, done: &mut Disturbance) -> Result<(), ToolError> {
+    done.n_refused_files += 1;
+    if let Some(last) = damages.last().filter(|last| !last.is_untouched()) {
+        done.problems.push(format!("{} was refused, and written to", last.path.display()));
+    }
+    while let Some(damage) = damages.pop() {
+        damage.mend()?;
+    }
+    Ok(())
 }
 
 /// Looks at the supervisor while its stages live: at its end it gives everything back.

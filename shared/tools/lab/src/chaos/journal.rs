@@ -38,9 +38,9 @@ fn tally(records: &[AlignRecord]) -> FrameCount {
     for record in records {
         match record {
             AlignRecord::Frame(frame) => *times.entry(frame.index).or_default() += 1,
-            AlignRecord::Skipped(index, _) => {
-                count.skipped += 1;
-                *times.entry(*index).or_default() += 1;
+            AlignRecord::Skipped(skipped) => {
+                count.skipped += skipped.n();
+                skipped.listed().for_each(|index| *times.entry(index).or_default() += 1);
             }
             AlignRecord::Map(_) | AlignRecord::Correction(_) => {}
             AlignRecord::End { n_frames, .. } => count.n_frames = *n_frames,
@@ -55,11 +55,12 @@ fn tally(records: &[AlignRecord]) -> FrameCount {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tessera_slam::SkippedFrames;
 
     #[test]
     fn lost_and_repeated_frames_are_counted() {
-        let skipped = |index| AlignRecord::Skipped(index, String::new());
-        let mut records: Vec<AlignRecord> = [0, 1, 1, 3, 3, 3].map(skipped).into();
+        let skipped = |frames| AlignRecord::Skipped(SkippedFrames { frames, reason: String::new() });
+        let mut records: Vec<AlignRecord> = [0..2, 1..2, 3..4, 3..4, 3..4].map(skipped).into();
         records.push(AlignRecord::End { n_frames: 6, request: None });
         let expected = FrameCount { n_frames: 6, lost: 3, duplicated: 3, skipped: 6 };
         assert_eq!(tally(&records), expected);

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 24] = [
+const DOCUMENTED: [&str; 26] = [
     "align.checkpoint",
     "align.journal",
+    "align.synced",
     "base.answer",
     "base.contact",
     "broken_frames.txt",
@@ -20,6 +21,7 @@ const DOCUMENTED: [&str; 24] = [
     "map.ply",
     "optimise.checkpoint",
     "optimise.journal",
+    "optimise.synced",
     "report.html",
     "run.json",
     "states.csv",

@@ -4,6 +4,7 @@
 //! Only `drop`, `corrupt` and exact plans reach into the stages, through their kill points.
 
 mod campaign;
+mod damage;
 mod disturb;
 mod journal;
 mod leftovers;

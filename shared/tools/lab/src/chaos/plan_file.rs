@@ -3,7 +3,7 @@
 use tessera_messages::Stage;
 use tessera_stage::{KILL_POINTS, MESSAGE_POINTS, fault_names};
 
-/// Turns a plan's text into what `TESSERA_KILL_PLAN` takes, and says how many faults there are.
+/// Turns a plan's text into what `--faults` takes, and says how many faults there are.
 ///
 /// # Errors
 /// Names the line, what it says and what was expected.
@@ -44,7 +44,7 @@ fn parse_line(line: &str) -> Result<String, String> {
         let names = fault_names().collect::<Vec<_>>().join(", ");
         return Err(format!("fault is {fault:?}, expected one of {names}"));
     }
-    if matches!(fault, "drop" | "corrupt") && !MESSAGE_POINTS.contains(&(stage, point)) {
+    if matches!(fault, "drop" | "corrupt" | "index-jump") && !MESSAGE_POINTS.contains(&(stage, point)) {
         let places = MESSAGE_POINTS.map(|(stage, point)| format!("{stage} {point}")).join(" and ");
         return Err(format!("{fault} works where a message is about to be sent: {places}"));
     }

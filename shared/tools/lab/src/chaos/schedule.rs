@@ -25,13 +25,23 @@ pub enum FaultKind {
     Drop,
     /// A message full of nonsense.
     Corrupt,
+    /// A message with an index far ahead.
+    IndexJump,
+    /// A disk that takes nothing more: the run ends, and `resume` goes on.
+    SyncFails,
     /// All processes killed, and a bit of a journal or of the store flipped before `resume`.
     Flip,
+    /// As a flip, a page zeroed.
+    PageZeroed,
+    /// As a flip, the store cut short.
+    StoreCut,
+    /// As a flip, the store deleted.
+    StoreLost,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const ALL: [(&'static str, FaultKind); 10] = [
+    pub const ALL: [(&'static str, FaultKind); 15] = [
         ("kill", FaultKind::Kill),
         ("stop", FaultKind::Stop),
         ("slow", FaultKind::Slow),
@@ -41,7 +51,12 @@ impl FaultKind {
         ("full", FaultKind::Full),
         ("drop", FaultKind::Drop),
         ("corrupt", FaultKind::Corrupt),
+        ("index-jump", FaultKind::IndexJump),
+        ("sync-fails", FaultKind::SyncFails),
         ("flip", FaultKind::Flip),
+        ("page-zeroed", FaultKind::PageZeroed),
+        ("store-cut", FaultKind::StoreCut),
+        ("store-lost", FaultKind::StoreLost),
     ];
 
     /// Its name.
@@ -57,7 +72,12 @@ impl FaultKind {
 
     /// Whether it reaches into a stage and is planned before the run begins.
     pub fn is_planned(self) -> bool {
-        matches!(self, Self::Drop | Self::Corrupt)
+        matches!(self, Self::Drop | Self::Corrupt | Self::IndexJump | Self::SyncFails)
+    }
+
+    /// Whether a file of the run is damaged while no process runs.
+    pub fn is_damage(self) -> bool {
+        matches!(self, Self::Flip | Self::PageZeroed | Self::StoreCut | Self::StoreLost)
     }
 }
 
@@ -148,7 +168,7 @@ impl FaultSchedule {
             _ => 20 + self.random.below(2 * self.mean_ms),
         };
         let mut targets: Vec<FaultTarget> = self.random.pick(&self.targets).into_iter().collect();
-        if kind == FaultKind::Flip {
+        if kind.is_damage() {
             targets = vec![FaultTarget::Group];
         }
         // One in eight strikes two stages at once.

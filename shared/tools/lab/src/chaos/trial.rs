@@ -27,7 +27,7 @@ pub(super) struct Trial {
     pipeline: Pipeline,
     pub(super) name: String,
     pub(super) dir: PathBuf,
-    /// For `TESSERA_KILL_PLAN`.
+    /// For `--faults`.
     kill_plan: String,
     /// Shared memory that the run has had, over all its supervisors.
     identities: Vec<RunIdentity>,
@@ -53,7 +53,7 @@ impl Trial {
         let errors =
             File::create(self.errors_path()).map_err(|error| ToolError::write(&self.errors_path(), error))?;
         command
-            .env("TESSERA_KILL_PLAN", &self.kill_plan)
+            .args(["--faults", &self.kill_plan])
             // The stamps of the recovery times are lines of this level.
             .env("TESSERA_LOG", "info")
             .stdin(Stdio::null())

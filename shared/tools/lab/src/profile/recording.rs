@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_features::{Extractor, Feature};
 use tessera_geometry::{Camera, InertialRotation};
-use tessera_journal::{Follower, Journal, JournalError};
+use tessera_journal::{Follower, Journal, JournalError, sync_folder_of};
 use tessera_messages::{Stage, read_features, vertices_of_features, write_features};
 use tessera_offline::Method;
 use tessera_outputs::ToolError;
@@ -165,7 +165,11 @@ impl RecordingWriter {
     /// As [`Self::add`].
     pub(super) fn finish(mut self, n_frames: u64) -> Result<u64, ToolError> {
         self.add(&Entry::End { n_frames })?;
-        std::fs::rename(&self.temporary, &self.path).map_err(|error| ToolError::write(&self.path, error))?;
+        let wrong = |error: &dyn std::fmt::Display| ToolError::write(&self.path, error);
+        // Bytes before the name: a power cut must not leave the name of a recording on half of one.
+        self.journal.sync_unnoted().map_err(|error| wrong(&error))?;
+        std::fs::rename(&self.temporary, &self.path).map_err(|error| wrong(&error))?;
+        sync_folder_of(&self.path).map_err(|error| wrong(&error))?;
         Ok(self.journal.mark().len_bytes())
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use tessera_evaluation::{AteOptions, Trajectory, ate};
 use tessera_geometry::Pose;
 use tessera_outputs::{Replay, as_trajectory, final_rows};
-use tessera_slam::{FrameRecord, State};
+use tessera_slam::{FrameRecord, SkippedFrames, State};
 
 /// Ground truth shown before the first and behind the last frame, nanoseconds.
 const MARGIN_NANOS: i64 = 50_000_000;
@@ -83,7 +83,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
         .zip(&places)
         .map(|(record, (place, is_main))| Frame {
             index: record.index,
-            time_s: (record.stamp_nanos - begin) as f64 * 1e-9,
+            time_s: record.stamp_nanos.saturating_sub(begin) as f64 * 1e-9,
             state: state(record.state),
             reason: record.reason.clone(),
             position_m: poses.get(*place).map_or([0.0; 3], |pose| view.of(&pose.translation.vector)),
@@ -92,7 +92,8 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
         })
         .collect();
     add_dropped(&mut frames, &replay.skipped);
-    let is_near = |stamp: i64| (begin - MARGIN_NANOS..=end + MARGIN_NANOS).contains(&stamp);
+    let is_near =
+        |stamp: i64| (begin.saturating_sub(MARGIN_NANOS)..=end.saturating_add(MARGIN_NANOS)).contains(&stamp);
     let truth_m = match truth.filter(|_| compared.is_some()) {
         None => Vec::new(),
         Some(truth) => {
@@ -118,14 +119,18 @@ pub(super) fn std_m(record: &FrameRecord) -> Option<f64> {
     Some((x + y + z).max(0.0).sqrt()).filter(|std| std.is_finite())
 }
 
+/// Marks of frames that were left out; of more than these in a row the page shows the first.
+const MOST_DROPPED_IN_A_ROW: usize = 10_000;
+
 /// Frames that were left out stand at the time and place of the frame before them.
-fn add_dropped(frames: &mut Vec<Frame>, skipped: &[(u64, String)]) {
-    for (index, reason) in skipped {
-        let place = frames.partition_point(|frame| frame.index < *index);
+fn add_dropped(frames: &mut Vec<Frame>, skipped: &[SkippedFrames]) {
+    let listed = |skipped: &SkippedFrames| skipped.listed().take(MOST_DROPPED_IN_A_ROW);
+    for (index, reason) in skipped.iter().flat_map(|s| listed(s).map(|index| (index, &s.reason))) {
+        let place = frames.partition_point(|frame| frame.index < index);
         let before = place.checked_sub(1).and_then(|place| frames.get(place)).or(frames.first());
         let (time_s, position_m) = before.map_or((0.0, [0.0; 3]), |frame| (frame.time_s, frame.position_m));
         let (state, reason) = (FrameState::Dropped, reason.clone());
-        let dropped = Frame { index: *index, time_s, state, reason, position_m, error_m: None, std_m: None };
+        let dropped = Frame { index, time_s, state, reason, position_m, error_m: None, std_m: None };
         frames.insert(place, dropped);
     }
 }

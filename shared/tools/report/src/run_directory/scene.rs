@@ -143,7 +143,7 @@ fn frames(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneFrame> {
         let pose = page_from_world * replay.final_pose(record);
         Some(SceneFrame {
             index: record.index,
-            time_s: (record.stamp_nanos - begin) as f64 * 1e-9,
+            time_s: record.stamp_nanos.saturating_sub(begin) as f64 * 1e-9,
             state: state(record.state),
             part: *part,
             position_m: pose.translation.vector.into(),
