@@ -43,6 +43,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, hold: bool) -> Result<Ex
         n_frames: run.n_frames,
         fps: run.fps,
         doubts: run.doubts,
+        warnings: run.warnings,
         hold,
         resume: true,
         executable: std::env::current_exe()
