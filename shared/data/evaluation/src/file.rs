@@ -119,6 +119,18 @@ pub enum ReadError {
         /// What is wrong with it.
         source: TrajectoryError,
     },
+    /// A row of another form than TUM's cannot be used.
+    #[error("{}, line {line}: found '{found}', expected {expected}", path.display())]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from 1.
+        line: usize,
+        /// The row, as far as it is shown.
+        found: String,
+        /// Its columns.
+        expected: &'static str,
+    },
     /// There is no row.
     #[error("{} has no poses, expected lines of: timestamp tx ty tz qx qy qz qw", path.display())]
     Empty {

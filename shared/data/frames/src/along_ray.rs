@@ -24,17 +24,20 @@ impl RayLengths {
     }
 }
 
+// Fitted on eight frames of each of six recordings of four cameras, as they are and with distances along
+// the ray: no window of the first speaks for distances, and 5 to 53 of the second do, but none of a
+// time-of-flight camera with a view of 44 degrees.
 /// Parts of the width and height that a window takes, and every how many pixels it is sampled.
-const WINDOW: usize = 3;
+const WINDOW: usize = 5;
 const SAMPLE: usize = 4;
 /// Share of a window's pixels that must be measured.
 const MEASURED: f64 = 0.8;
 /// Relative deviation from a plane below which a window shows one.
-const PLANE: f64 = 0.01;
+const PLANE: f64 = 0.005;
 /// Share of the other reading's deviation at which one is clearly better.
-const CLEARLY: f64 = 0.5;
+const CLEARLY: f64 = 0.7;
 /// Windows that must speak for distances, and how many times as many as against.
-const LEAST_WINDOWS: usize = 4;
+const LEAST_WINDOWS: usize = 3;
 const MANY_TIMES: usize = 4;
 
 /// Whether planes of some images bend as they do where distances are read as depth.
