@@ -105,7 +105,7 @@ fn units_of_scale(scale: f64) -> Result<Option<f64>, String> {
         scale if scale >= 1e-6 && scale < 1.0 => {
             let units = 1.0 / scale;
             let whole = units.round();
-            Ok(Some(if (units - whole).abs() < 1e-4 * units { whole } else { units }))
+            Ok(Some(if (units - whole).abs() < 1e-5 * units { whole } else { units }))
         }
         _ => Err(format!(
             "the depth scale is {scale}, expected units a metre as 1000, or metres a unit as 0.001"

@@ -1,5 +1,6 @@
 //! Images into the caller's memory: PNG for depth, PNG, JPEG or BMP for colour.
 
+mod arrays;
 mod bmp;
 
 use crate::ImageError;
@@ -18,6 +19,19 @@ const JPEG: &[u8] = &[0xff, 0xd8];
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 /// Bytes at the end of a file that hold its end marker.
 const TAIL_BYTES: u64 = 1024;
+
+/// Decodes depth of any form that is read: PNG, PGM or NPY; metres are counted in `units_per_metre`.
+pub fn depth_in(
+    bytes: &[u8],
+    size: (u32, u32),
+    units_per_metre: f64,
+    depth_raw: &mut [u16],
+) -> Result<(), ImageError> {
+    match arrays::is(bytes) {
+        true => arrays::depth(bytes, size, units_per_metre, depth_raw),
+        false => depth(bytes, size, depth_raw),
+    }
+}
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
 pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
@@ -47,6 +61,9 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     }
     if bmp::is(bytes) {
         return bmp::size(bytes);
+    }
+    if arrays::is(bytes) {
+        return arrays::size(bytes);
     }
     if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
@@ -90,8 +107,8 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         ("PNG", b"IEND")
     } else if head.starts_with(JPEG) {
         ("JPEG", JPEG_END)
-    } else if bmp::is(head) {
-        // It has no end marker; its length is checked as it is read.
+    } else if bmp::is(head) || arrays::is(head) {
+        // These have no end marker; its length is checked as it is read.
         return Ok(());
     } else {
         return Err(ImageError::Format { found: first_bytes(head), or_jpeg: " or JPEG" });

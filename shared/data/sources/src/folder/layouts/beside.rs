@@ -76,8 +76,7 @@ pub(super) fn camera_beside(
         let scales = names.iter().filter(|other| *other != name && other.ends_with(".json"));
         let beside = scales.filter_map(|other| Some((other, read_scale(&folder.join(other))?))).next();
         camera.units_per_metre = beside.as_ref().map(|(_, scale)| *scale);
-        // Open3D's own form counts millimetres where it states nothing.
-        if beside.is_none() && camera.form != "JSON" {
+        if beside.is_none() {
             assumed.push(format!(
                 "{name} states no depth units: {units} a metre are assumed (units_per_metre in a camera.toml)"
             ));

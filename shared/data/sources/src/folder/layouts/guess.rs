@@ -45,7 +45,7 @@ fn units_of(folder: &Path, depth: &[ListEntry], size: (u32, u32), units: f64) ->
     let mut raw = vec![0; size.0 as usize * size.1 as usize];
     let mut read = |entry: &ListEntry| {
         let bytes = std::fs::read(folder.join(&entry.file)).ok()?;
-        decode::depth(&bytes, size, &mut raw).ok()?;
+        decode::depth_in(&bytes, size, units, &mut raw).ok()?;
         let mut measured: Vec<u16> =
             raw.iter().copied().filter(|raw| *raw != 0 && *raw != u16::MAX).collect();
         measured.sort_unstable();

@@ -7,6 +7,7 @@ mod beside;
 mod files;
 mod guess;
 mod icl_nuim;
+mod nerf;
 mod open3d;
 mod pose;
 mod record3d;
@@ -90,13 +91,14 @@ struct FolderLayout {
 }
 
 /// The more telling first: several have folders `depth` and `color`.
-const LAYOUTS: [FolderLayout; 8] = [
+const LAYOUTS: [FolderLayout; 9] = [
     FolderLayout { name: tum::NAME, is: tum::is, read: tum::read },
     FolderLayout { name: icl_nuim::NAME, is: icl_nuim::is, read: icl_nuim::read },
     FolderLayout { name: seven_scenes::NAME, is: seven_scenes::is, read: seven_scenes::read },
     FolderLayout { name: replica::NAME, is: replica::is, read: replica::read },
     FolderLayout { name: stray_scanner::NAME, is: stray_scanner::is, read: stray_scanner::read },
     FolderLayout { name: record3d::NAME, is: record3d::is, read: record3d::read },
+    FolderLayout { name: nerf::NAME, is: nerf::is, read: nerf::read },
     FolderLayout { name: scannet::NAME, is: scannet::is, read: scannet::read },
     FolderLayout { name: open3d::NAME, is: open3d::is, read: open3d::read },
 ];

@@ -15,6 +15,8 @@ use tessera_frames::cameras::named_camera;
 pub(super) const NAME: &str = "Open3D or Redwood (depth/, color/, camera JSON)";
 
 const DEPTH: &str = "depth";
+/// Ends of the names of depth images.
+const DEPTH_ENDS: [&str; 3] = ["png", "pgm", "npy"];
 const COLOUR_FOLDERS: [&str; 10] =
     ["color", "colour", "image", "images", "rgb", "img", "imgs", "colors", "rgb_images", "color_images"];
 const UNITS_PER_METRE: f64 = 1000.0;
@@ -22,11 +24,14 @@ const UNITS_PER_METRE: f64 = 1000.0;
 const REDWOOD_DIGITS: (std::ops::RangeInclusive<usize>, usize) = (6..=7, 12);
 
 pub(super) fn is(folder: &Path) -> bool {
-    folder.join(DEPTH).is_dir() && names(&folder.join(DEPTH)).iter().any(|name| name.ends_with(".png"))
+    folder.join(DEPTH).is_dir()
+        && names(&folder.join(DEPTH))
+            .iter()
+            .any(|name| DEPTH_ENDS.iter().any(|end| name.to_lowercase().ends_with(&format!(".{end}"))))
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let depth = Images::of(folder, DEPTH, &["png"], asked)?;
+    let depth = Images::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
     let colour_folder = names(folder)
         .into_iter()
         .find(|name| COLOUR_FOLDERS.contains(&name.to_lowercase().as_str()) && folder.join(name).is_dir());

@@ -5,7 +5,7 @@
 
 use super::super::list::{self, ImageList, ListEntry};
 use super::asked::ChosenCamera;
-use super::files::number_nanos;
+use super::files::{names, number_nanos};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
 use std::path::Path;
@@ -39,6 +39,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let (depth, colour, sentences) =
         list::in_order(at_rate(depth), at_rate(colour), ["depth.txt", "rgb.txt"]);
     warnings.extend(sentences);
+    warnings.extend(unlisted(folder, "depth.txt", &depth));
     let doubt = doubt(folder, &chosen.camera)?;
     let mut found = FoundLayout { no_colour, ..FoundLayout::new(NAME, chosen, depth, colour) };
     if is_numbered {
@@ -58,6 +59,19 @@ fn at_rate(list: ImageList, fps: Option<f64>) -> Vec<ListEntry> {
     let time = |nanos: i64| number_nanos((nanos / SECOND).unsigned_abs(), fps);
     let entry = |entry: ListEntry| ListEntry { stamp_nanos: time(entry.stamp_nanos), ..entry };
     list.entries.into_iter().map(entry).collect()
+}
+
+/// A sentence where the folder of the listed images holds many more: the list may have been cut.
+fn unlisted(folder: &Path, list: &str, listed: &[ListEntry]) -> Option<String> {
+    const MOST_LISTED: f64 = 0.9;
+    let first = &listed.first()?.file;
+    let (inside, end) = (first.parent()?, first.extension()?);
+    let files = names(&folder.join(inside));
+    let n_files = files.iter().filter(|name| Path::new(name).extension() == Some(end)).count();
+    let n = listed.iter().filter(|entry| entry.file.parent() == Some(inside)).count();
+    let is_own = !inside.as_os_str().is_empty() && n + 1 < n_files;
+    (is_own && (n as f64) < MOST_LISTED * n_files as f64)
+        .then(|| format!("{list} lists {n} of the {n_files} images in {}/", inside.display()))
 }
 
 /// A recording may be of depth alone: without `rgb.txt`, or with one that names nothing.

@@ -205,12 +205,7 @@ fn the_camera_beside_images_named_as_those_of_7_scenes_is_used() {
         assert_eq!(camera.units_per_metre, units, "{file}");
         let assumed =
             source.warnings().join("\n").contains("states no depth units: 1000 a metre are assumed");
-        assert_eq!(
-            assumed,
-            !["info.txt", "intrinsics.json"].contains(&file),
-            "{file}: {:?}",
-            source.warnings()
-        );
+        assert_eq!(assumed, file != "info.txt", "{file}: {:?}", source.warnings());
         fs::remove_file(folder.path().join(file)).unwrap();
     }
 }
@@ -379,4 +374,71 @@ fn large_and_upright_images_are_reduced() {
         let info = source.read(0, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
         assert!(depth.iter().all(|raw| *raw == 2000) && !info.has_colour && colour.iter().all(|c| *c == 0));
     }
+}
+
+#[test]
+fn depth_may_be_an_array_of_numpy_or_a_pgm() {
+    let folder = Folder::new();
+    let head = "{'descr': '<f4', 'fortran_order': False, 'shape': (24, 32), }\n";
+    let metres: Vec<u8> = std::iter::repeat_n(1.25_f32.to_le_bytes(), 768).flatten().collect();
+    let array =
+        [b"\x93NUMPY\x01\x00", &(head.len() as u16).to_le_bytes()[..], head.as_bytes(), &metres].concat();
+    folder.write("depth/0.npy", &array);
+    folder.write("depth/1.npy", &array);
+    folder.write("camera.toml", CAMERA);
+    let source = folder.open();
+    assert_eq!((source.n_frames(), read(&source, 1).0), (Some(2), 1250));
+    source.inspect(0).unwrap();
+    let raw: Vec<u8> = std::iter::repeat_n(900_u16.to_be_bytes(), 768).flatten().collect();
+    folder.write("a.pgm", [b"P5 32 24 65535\n", &raw[..]].concat());
+    folder.write("depth.txt", "1.5 a.pgm\n");
+    assert_eq!(read(&folder.open(), 0).0, 900);
+}
+
+#[test]
+fn eth3d_has_its_camera_in_calibration_txt() {
+    let folder = Folder::new();
+    folder.depth("depth/0.5.png", 5000);
+    folder.write("depth.txt", "0.5 depth/0.5.png\n");
+    folder.write("associated.txt", "0.5 rgb/0.5.png 0.5 depth/0.5.png\n");
+    folder.write("calibration.txt", "30.5 31.5 15.5 11.5\n");
+    let source = folder.open();
+    let camera = source.camera();
+    assert_eq!((camera.fx, camera.fy, camera.units_per_metre), (30.5, 31.5, 5000.0));
+    assert!(source.warnings()[0].contains("calibration.txt states no depth units: 5000 a metre are assumed"));
+}
+
+#[test]
+fn transforms_of_nerfstudio_have_camera_times_and_poses() {
+    let folder = Folder::new();
+    let mut frames = Vec::new();
+    for k in 0..3 {
+        folder.depth(&format!("depth/{k}.png"), 13_107);
+        folder.colour(&format!("images/{k}.jpg"), (64, 48), 90);
+        // Half a turn about x is no rotation of our camera.
+        let matrix = format!("[[1, 0, 0, {k}], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]");
+        frames.push(format!(
+            r#"{{"file_path": "images/{k}.jpg", "depth_file_path": "depth/{k}.png", "transform_matrix": {matrix}, "timestamp": 7.{k}}}"#
+        ));
+    }
+    frames.reverse();
+    let camera = r#""fl_x": 60, "fl_y": 62, "cx": 32, "cy": 24, "w": 64, "h": 48, "integer_depth_scale": 0.000152590218966964"#;
+    folder.write("transforms.json", format!("{{{camera}, \"frames\": [{}]}}", frames.join(", ")));
+    let source = folder.open();
+    assert!(said(&source, "layout").starts_with("nerfstudio"), "{}", said(&source, "layout"));
+    let camera = source.camera();
+    assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (30.0, 31.0, 15.5, 11.5));
+    assert!((camera.units_per_metre - 6553.5).abs() < 1e-6, "{}", camera.units_per_metre);
+    assert_eq!(stamps(&source), [7_000_000_000, 7_100_000_000, 7_200_000_000]);
+    let truth = source.ground_truth().unwrap();
+    assert!(truth.poses[2].rotation.angle() < 1e-9 && truth.poses[2].translation.x == 2.0);
+    assert!(source.warnings().is_empty() && read(&source, 1).1, "{:?}", source.warnings());
+    // Without stamps by the numbers in the names.
+    let text = fs::read_to_string(folder.path().join("transforms.json")).unwrap();
+    folder.write("transforms.json", text.replace("timestamp", "other"));
+    assert_eq!(stamps(&folder.open()), [0, 33_333_333, 66_666_667]);
+    folder.write("transforms.json", text.replace("depth/1.png", "../1.png"));
+    assert!(folder.refusal().contains("a frame's file is '../1.png', expected a path inside the folder"));
+    folder.write("transforms.json", text.replace("\"h\": 48", "\"h\": 60"));
+    assert!(folder.refusal().contains("not of one shape"), "{}", folder.refusal());
 }
