@@ -17,12 +17,12 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
 
 /// `key = value`: `m_depthWidth`, `m_calibrationDepthIntrinsic`, `m_depthShift`; `fx_depth` as of ScanNet.
 fn bundle_fusion(lines: &[&str]) -> Result<Option<StatedCamera>, String> {
+    // All words of a value are numbers, or none is used: one that is left out would shift the others.
     let values = |key: &str| -> Vec<f64> {
         let found =
             lines.iter().filter_map(|line| line.split_once('=')).find(|(known, _)| known.trim() == key);
-        found.map_or(Vec::new(), |(_, value)| {
-            value.split_whitespace().filter_map(|word| word.parse().ok()).collect()
-        })
+        let numbers = found.map(|(_, value)| value.split_whitespace().map(str::parse).collect());
+        numbers.and_then(Result::ok).unwrap_or_default()
     };
     let one = |key: &str| values(key).first().copied();
     let named = [["m_depthWidth", "m_depthHeight"], ["depthWidth", "depthHeight"]];
@@ -32,7 +32,7 @@ fn bundle_fusion(lines: &[&str]) -> Result<Option<StatedCamera>, String> {
             .then_some((width as u32, height as u32))
     });
     let intrinsics = match values("m_calibrationDepthIntrinsic")[..] {
-        [fx, _, cx, _, _, fy, cy, ..] => [fx, fy, cx, cy],
+        [fx, _, cx, _, _, fy, cy, _, 0.0, 0.0, 1.0, _, 0.0, 0.0, 0.0, 1.0] => [fx, fy, cx, cy],
         _ => match ["fx_depth", "fy_depth", "mx_depth", "my_depth"].map(one) {
             [Some(fx), Some(fy), Some(cx), Some(cy)] => [fx, fy, cx, cy],
             _ => return Ok(None),
@@ -55,7 +55,7 @@ fn colmap(lines: &[&str]) -> Result<Option<StatedCamera>, String> {
     if model.is_empty() || !model.chars().all(|c| c.is_ascii_uppercase() || c == '_') {
         return Ok(None);
     }
-    let params: Vec<f64> = params.iter().filter_map(|word| word.parse().ok()).collect();
+    let params: Vec<f64> = params.iter().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
     let (f, rest) = match (*model, params.as_slice()) {
         ("SIMPLE_PINHOLE", [f, cx, cy]) => ([*f, *f, *cx, *cy], [0.0; 4]),
         ("PINHOLE", [fx, fy, cx, cy]) => ([*fx, *fy, *cx, *cy], [0.0; 4]),

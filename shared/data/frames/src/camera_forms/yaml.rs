@@ -57,9 +57,11 @@ impl<'a> Keys<'a> {
     }
 }
 
+/// The numbers of a list; none where a word of it is no number, which would shift the others.
 fn numbers(text: &str) -> Vec<f64> {
     let separates = |c: char| c.is_whitespace() || ['[', ']', ',', ';'].contains(&c);
-    text.split(separates).filter_map(|word| word.trim_end_matches('.').parse().ok()).collect()
+    let words = text.split(separates).filter(|word| !word.is_empty() && *word != "-");
+    words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>().unwrap_or_default()
 }
 
 pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
@@ -75,7 +77,7 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
 
 /// `camera_matrix`, `image_width`; of a rectified image the projection says the same in its file.
 fn ros(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
-    let [fx, _, cx, _, fy, cy, ..] = keys.data("camera_matrix")[..] else { return Ok(None) };
+    let [fx, _, cx, _, fy, cy, 0.0, 0.0, 1.0] = keys.data("camera_matrix")[..] else { return Ok(None) };
     let distortion = distortion(
         keys.text("distortion_model").unwrap_or("plumb_bob"),
         &keys.data("distortion_coefficients"),

@@ -88,6 +88,26 @@ fn interval_nanos(stream: &[Recorded]) -> i64 {
     steps.get(steps.len() / 2).copied().unwrap_or(USUAL_INTERVAL_NANOS)
 }
 
+/// A pause that is stated: seconds, and times the median interval.
+const LONG_PAUSE_NANOS: i64 = 60_000_000_000;
+const LONG_PAUSE_INTERVALS: i64 = 100;
+
+/// A sentence on the longest pause between frames, where it is so long that a stamp may be wrong.
+pub fn long_pause(stamps_nanos: &[i64]) -> Option<String> {
+    let steps = || stamps_nanos.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
+    let mut sorted: Vec<i64> = steps().collect();
+    sorted.sort_unstable();
+    let limit = LONG_PAUSE_NANOS.max(LONG_PAUSE_INTERVALS.saturating_mul(*sorted.get(sorted.len() / 2)?));
+    let (at, longest) = steps().enumerate().max_by_key(|(_, step)| *step)?;
+    (longest > limit).then(|| {
+        format!(
+            "{:.0} s pass between frames {at} and {}, far more than between the others",
+            longest as f64 * 1e-9,
+            at + 1
+        )
+    })
+}
+
 /// Whether the times of recording can order the frames.
 fn has_log(stream: &[Recorded]) -> bool {
     let logs: Vec<i64> = stream.iter().filter_map(|image| image.log_nanos).collect();

@@ -37,6 +37,12 @@ fn stamps_that_rise_are_kept_whatever_their_gaps() {
     let paused = without_log(&[10, 43, 5000, 5033]);
     let found = timelines(&paused, &[], ["d", "c"]);
     assert_eq!((found.depth.stamps_nanos[2], found.sentences.len()), (5000 * MS, 0));
+    let stamps = [10, 43, 76, 90_000, 90_033].map(|stamp| stamp * MS);
+    assert_eq!(
+        long_pause(&stamps).unwrap(),
+        "90 s pass between frames 2 and 3, far more than between the others"
+    );
+    assert_eq!((long_pause(&stamps[..3]), long_pause(&[])), (None, None));
 }
 
 #[test]

@@ -19,6 +19,7 @@ use tessera_evaluation::Trajectory;
 use tessera_frames::decode;
 use tessera_frames::imu;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
+use tessera_frames::timeline::long_pause;
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
 use tessera_geometry::{Camera, InertialRotation};
 
@@ -103,6 +104,7 @@ impl FolderSource {
         let colour = if colour_images.is_used { colour } else { Vec::new() };
         let times = |list: &[ListEntry]| list.iter().map(|entry| entry.stamp_nanos).collect::<Vec<i64>>();
         let (mut stamps, colour_stamps) = (times(&depth), times(&colour));
+        warnings.extend(long_pause(&stamps));
         let mut partners = pair(&stamps, &colour_stamps);
         if let Some(frames) = frames {
             let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());

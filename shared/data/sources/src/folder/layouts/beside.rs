@@ -85,14 +85,25 @@ pub(super) fn camera_beside(
     let from = format!("{name} ({})", camera.form);
     let file = folder.join(name).display().to_string();
     let chosen = ChosenCamera::stated(camera.camera(size, units, &file)?, from);
-    Ok(Some(ChosenCamera { fps: camera.fps, assumed, ..chosen }))
+    let mut doubts = Vec::new();
+    if !is_in_the_middle(&camera.intrinsics, size) {
+        let [_, _, cx, cy] = camera.intrinsics;
+        doubts.push(format!(
+            "{name}: the principal point is {cx}, {cy}, far from the middle of {}x{} px",
+            size.0, size.1
+        ));
+    }
+    Ok(Some(ChosenCamera { fps: camera.fps, assumed, doubts, ..chosen }))
 }
 
 /// Whether a camera may be that of images of a size.
 fn fits(camera: &StatedCamera, size: (u32, u32)) -> bool {
-    let [_, _, cx, cy] = camera.intrinsics;
+    camera.size.map_or_else(|| is_in_the_middle(&camera.intrinsics, size), |stated| stated == size)
+}
+
+fn is_in_the_middle(&[_, _, cx, cy]: &[f64; 4], size: (u32, u32)) -> bool {
     let is_middle = |c: f64, side: u32| MIDDLE.contains(&(c / f64::from(side)));
-    camera.size.map_or(is_middle(cx, size.0) && is_middle(cy, size.1), |stated| stated == size)
+    is_middle(cx, size.0) && is_middle(cy, size.1)
 }
 
 /// The one camera among several files: all the same, or only one of depth by its name.
