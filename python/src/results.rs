@@ -3,7 +3,6 @@
 use crate::detached::refuse;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
-use rayon::prelude::*;
 use tessera_fusion::{FusionSettings, Mesh, VIEWS_AT_ONCE, View, Volume};
 use tessera_geometry::{Camera, Twist, Vector6};
 use tessera_outputs::facts::{Beside, Facts};
@@ -38,7 +37,7 @@ pub(crate) fn mesh<'s>(
     settings: &Settings,
     replay: &Replay,
     [voxel_m, max_depth_m]: [f64; 2],
-    vertices: impl Fn(u32) -> &'s [Vertex] + Sync,
+    vertices: impl Fn(u32) -> &'s [Vertex],
 ) -> PyResult<MeshColumns> {
     for (name, value, most) in [("voxel_m", voxel_m, 1.0), ("max_depth_m", max_depth_m, 100.0)] {
         if !(1e-3..=most).contains(&value) {
@@ -57,7 +56,7 @@ pub(crate) fn mesh<'s>(
             let stored = vertices(id).to_vec();
             warp.as_ref().map(|warp| warp.apply(&stored)).unwrap_or(stored)
         };
-        let loaded: Vec<Vec<Vertex>> = at_once.par_iter().map(|(keyframe, _)| load(keyframe.id)).collect();
+        let loaded: Vec<Vec<Vertex>> = at_once.iter().map(|(keyframe, _)| load(keyframe.id)).collect();
         let there = at_once.iter().zip(&loaded).filter(|(_, vertices)| vertices.len() == grid.len());
         let views: Vec<View<'_>> = there
             .map(|((keyframe, world_from_camera), vertices)| View {

@@ -107,9 +107,11 @@ impl CameraFile {
         Ok(Self { camera, colour, is_distance, assumed: None })
     }
 
-    /// The camera alone, for frames that are taken as they come: not reduced, and with depth along the
-    /// optical axis.
-    fn alone(self, file: &str) -> Result<Camera, SourceError> {
+    /// The same for frames that are taken as they come: not reduced, and with depth along the optical axis.
+    ///
+    /// # Errors
+    /// The images are too large, or depth is the distance along the ray.
+    pub fn as_it_is(self, file: &str) -> Result<Self, SourceError> {
         self.camera.check().map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
         match self.is_distance {
             true => Err(SourceError::CameraFile {
@@ -118,7 +120,7 @@ impl CameraFile {
                     "depth is \"distance\", expected \"z\" here: only folders and recordings are converted"
                         .to_owned(),
             }),
-            false => Ok(self.camera),
+            false => Ok(self),
         }
     }
 }
@@ -145,7 +147,7 @@ enum DepthMeaning {
 /// # Errors
 /// As there.
 pub fn named_camera(name_or_file: &str) -> Result<Camera, SourceError> {
-    CameraFile::named(name_or_file)?.alone(name_or_file)
+    Ok(CameraFile::named(name_or_file)?.as_it_is(name_or_file)?.camera)
 }
 
 /// The depth camera of [`CameraFile::load`].
@@ -153,7 +155,7 @@ pub fn named_camera(name_or_file: &str) -> Result<Camera, SourceError> {
 /// # Errors
 /// As there.
 pub fn load_camera(path: &Path) -> Result<Camera, SourceError> {
-    CameraFile::load(path)?.alone(&path.display().to_string())
+    Ok(CameraFile::load(path)?.as_it_is(&path.display().to_string())?.camera)
 }
 
 #[cfg(test)]
@@ -203,7 +205,7 @@ mod tests {
         let parse = |depth: &str| CameraFile::parse(&format!("{depth}{}", TEXTS[2]), "camera.toml").unwrap();
         let file = parse("depth = \"distance\"\n");
         assert!(file.is_distance && !parse("depth = \"z\"\n").is_distance && !parse("").is_distance);
-        assert!(file.alone("a").unwrap_err().to_string().contains("depth is \"distance\""));
+        assert!(file.as_it_is("a").unwrap_err().to_string().contains("depth is \"distance\""));
     }
 
     #[test]

@@ -35,7 +35,7 @@ use tessera_evaluation::Trajectory;
 use tessera_frames::CameraFile;
 use tessera_frames::SourceError;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
-use tessera_frames::timeline::{Recorded, Timeline, timelines};
+use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
 use tessera_geometry::Camera;
 use topics::Topics;
@@ -278,8 +278,8 @@ fn holds_depth(chunks: &Chunks, spot: &Spot) -> Option<bool> {
 }
 
 /// Images as they were recorded, with their times of recording where they have any.
-fn recorded(spots: &[Spot]) -> Vec<Recorded> {
-    let of = |spot: &Spot| Recorded {
+fn recorded(spots: &[Spot]) -> Vec<RecordedImage> {
+    let of = |spot: &Spot| RecordedImage {
         stamp_nanos: spot.stamp_nanos,
         log_nanos: (spot.log_nanos > 0).then_some(spot.log_nanos),
         ordinal: spot.ordinal,
@@ -287,7 +287,7 @@ fn recorded(spots: &[Spot]) -> Vec<Recorded> {
     spots.iter().map(of).collect()
 }
 
-fn ordered(spots: &[Spot], timeline: &Timeline) -> Vec<Spot> {
+fn ordered(spots: &[Spot], timeline: &ImageOrder) -> Vec<Spot> {
     let spot = |(at, stamp): (&usize, &i64)| Spot { stamp_nanos: *stamp, ..spots[*at] };
     timeline.order.iter().zip(&timeline.stamps_nanos).map(spot).collect()
 }

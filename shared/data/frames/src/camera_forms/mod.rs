@@ -99,10 +99,10 @@ pub(crate) fn parse_stated(text: &str, name: &str) -> Result<Option<StatedCamera
 /// A depth scale as files write it: units a metre (1000), or metres a unit (0.001).
 fn units_of_scale(scale: f64) -> Result<Option<f64>, String> {
     match scale {
-        scale if scale == 1.0 => Ok(None),
+        1.0 => Ok(None),
         scale if scale > 1.0 && scale <= 1e6 => Ok(Some(scale)),
         // As RealSense writes them: 0.00025 is a 32-bit float.
-        scale if scale >= 1e-6 && scale < 1.0 => {
+        scale if (1e-6..1.0).contains(&scale) => {
             let units = 1.0 / scale;
             let whole = units.round();
             Ok(Some(if (units - whole).abs() < 1e-5 * units { whole } else { units }))

@@ -14,21 +14,21 @@ pub(super) fn is(bytes: &[u8]) -> bool {
 }
 
 /// The pixels of a file.
-struct Pixels<'a> {
+struct ArrayPixels<'a> {
     size: (u32, u32),
-    kind: Kind,
+    kind: ArrayKind,
     data: &'a [u8],
 }
 
 #[derive(Clone, Copy)]
-enum Kind {
+enum ArrayKind {
     /// 16 bits without a sign.
     Whole { is_big_endian: bool },
     /// Bits of a float in metres.
     Metres { n_bytes: usize, is_big_endian: bool },
 }
 
-impl Kind {
+impl ArrayKind {
     fn n_bytes(self) -> usize {
         match self {
             Self::Whole { .. } => 2,
@@ -37,7 +37,7 @@ impl Kind {
     }
 }
 
-fn open(bytes: &[u8]) -> Result<Pixels<'_>, ImageError> {
+fn open(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let pixels = if bytes.starts_with(NPY) { npy(bytes)? } else { pgm(bytes)? };
     let expected = pixels.size.0 as usize * pixels.size.1 as usize * pixels.kind.n_bytes();
     if pixels.data.len() < expected {
@@ -63,9 +63,9 @@ pub(super) fn depth(
     let values = pixels.data.chunks_exact(pixels.kind.n_bytes());
     for (raw, bytes) in depth_raw.iter_mut().zip(values) {
         *raw = match pixels.kind {
-            Kind::Whole { is_big_endian: true } => u16::from_be_bytes([bytes[0], bytes[1]]),
-            Kind::Whole { is_big_endian: false } => u16::from_le_bytes([bytes[0], bytes[1]]),
-            Kind::Metres { is_big_endian, .. } => {
+            ArrayKind::Whole { is_big_endian: true } => u16::from_be_bytes([bytes[0], bytes[1]]),
+            ArrayKind::Whole { is_big_endian: false } => u16::from_le_bytes([bytes[0], bytes[1]]),
+            ArrayKind::Metres { is_big_endian, .. } => {
                 let units = (metres(bytes, is_big_endian) * units_per_metre).round();
                 // No measurement: not finite, behind the camera, or beyond what a raw value holds.
                 if units >= 1.0 && units < f64::from(u16::MAX) { units as u16 } else { 0 }
@@ -89,7 +89,7 @@ fn metres(bytes: &[u8], is_big_endian: bool) -> f64 {
 }
 
 /// `P5 width height maximum`, separated by white space and comments, then pixels, the higher byte first.
-fn pgm(bytes: &[u8]) -> Result<Pixels<'_>, ImageError> {
+fn pgm(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let wrong = |found: &str| damaged("PGM", &format!("its head has {found}"));
     let mut at = PGM.len();
     let mut numbers = [0_u32; 3];
@@ -114,11 +114,11 @@ fn pgm(bytes: &[u8]) -> Result<Pixels<'_>, ImageError> {
         return Err(ImageError::Pixels { what: "depth", found, expected: "1 channel of 16 bits" });
     }
     let data = bytes.get(at + 1..).unwrap_or_default();
-    Ok(Pixels { size: (width, height), kind: Kind::Whole { is_big_endian: true }, data })
+    Ok(ArrayPixels { size: (width, height), kind: ArrayKind::Whole { is_big_endian: true }, data })
 }
 
 /// A version, the length of the header, and a dictionary of Python: `descr`, `fortran_order`, `shape`.
-fn npy(bytes: &[u8]) -> Result<Pixels<'_>, ImageError> {
+fn npy(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let wrong = |found: &str| damaged("NPY", &format!("its head has {found}"));
     let version = *bytes.get(6).ok_or_else(|| wrong("no version"))?;
     let (begin, n) = match (version, bytes.get(8..12)) {
@@ -141,9 +141,9 @@ fn npy(bytes: &[u8]) -> Result<Pixels<'_>, ImageError> {
     }
     let is_big_endian = descr.starts_with('>');
     let kind = match descr.trim_start_matches(['<', '>', '|', '=']) {
-        "u2" => Kind::Whole { is_big_endian },
-        "f4" => Kind::Metres { n_bytes: 4, is_big_endian },
-        "f8" => Kind::Metres { n_bytes: 8, is_big_endian },
+        "u2" => ArrayKind::Whole { is_big_endian },
+        "f4" => ArrayKind::Metres { n_bytes: 4, is_big_endian },
+        "f8" => ArrayKind::Metres { n_bytes: 8, is_big_endian },
         other => {
             let found = format!("values of type '{other}'");
             return Err(ImageError::Pixels {
@@ -153,7 +153,7 @@ fn npy(bytes: &[u8]) -> Result<Pixels<'_>, ImageError> {
             });
         }
     };
-    Ok(Pixels { size: (width, height), kind, data: bytes.get(begin + n..).unwrap_or_default() })
+    Ok(ArrayPixels { size: (width, height), kind, data: bytes.get(begin + n..).unwrap_or_default() })
 }
 
 #[cfg(test)]

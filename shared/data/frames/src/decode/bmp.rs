@@ -12,7 +12,7 @@ pub(super) fn is(bytes: &[u8]) -> bool {
 }
 
 /// What the headers state.
-struct Head {
+struct BmpHead {
     size: (u32, u32),
     is_top_down: bool,
     n_bits: usize,
@@ -21,7 +21,7 @@ struct Head {
     palette_at: usize,
 }
 
-fn head(bytes: &[u8]) -> Result<Head, ImageError> {
+fn head(bytes: &[u8]) -> Result<BmpHead, ImageError> {
     let whole = bytes.get(..HEAD).ok_or_else(|| damaged("BMP", &format!("{} bytes", bytes.len())))?;
     let word = |at: usize| u32::from_le_bytes([whole[at], whole[at + 1], whole[at + 2], whole[at + 3]]);
     let (width, height) = (word(18) as i32, word(22) as i32);
@@ -39,7 +39,7 @@ fn head(bytes: &[u8]) -> Result<Head, ImageError> {
     if width <= 0 || height == 0 || height == i32::MIN {
         return Err(damaged("BMP", &format!("a size of {width}x{height}")));
     }
-    Ok(Head {
+    Ok(BmpHead {
         size: (width as u32, height.unsigned_abs()),
         is_top_down: height < 0,
         n_bits,

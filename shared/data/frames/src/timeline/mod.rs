@@ -13,7 +13,7 @@ const USUAL_INTERVAL_NANOS: i64 = 33_333_333;
 
 /// An image as it was recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Recorded {
+pub struct RecordedImage {
     /// Time by the sensor, nanoseconds.
     pub stamp_nanos: i64,
     /// Time of recording, nanoseconds, where the file has one.
@@ -24,7 +24,7 @@ pub struct Recorded {
 
 /// The images of one stream in the order of their frames.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Timeline {
+pub struct ImageOrder {
     /// For each frame its index among the recorded images.
     pub order: Vec<usize>,
     /// Time of each frame, nanoseconds, strictly increasing.
@@ -35,9 +35,9 @@ pub struct Timeline {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Timelines {
     /// That of depth.
-    pub depth: Timeline,
+    pub depth: ImageOrder,
     /// That of colour.
-    pub colour: Timeline,
+    pub colour: ImageOrder,
     /// What was found wrong and how it was mended.
     pub sentences: Vec<String>,
     /// Whether the recording goes on in a new stretch of time.
@@ -45,7 +45,7 @@ pub struct Timelines {
 }
 
 /// Orders two streams of one clock; `names` of depth and colour for the sentences.
-pub fn timelines(depth: &[Recorded], colour: &[Recorded], names: [&str; 2]) -> Timelines {
+pub fn timelines(depth: &[RecordedImage], colour: &[RecordedImage], names: [&str; 2]) -> Timelines {
     let mut all = Timelines::default();
     let (mut depth, mut colour) = (depth.to_vec(), colour.to_vec());
     for (stream, name) in [(&mut depth, names[0]), (&mut colour, names[1])] {
@@ -78,7 +78,7 @@ pub fn timelines(depth: &[Recorded], colour: &[Recorded], names: [&str; 2]) -> T
 }
 
 /// Median interval between stamps that rise, nanoseconds.
-fn interval_nanos(stream: &[Recorded]) -> i64 {
+fn interval_nanos(stream: &[RecordedImage]) -> i64 {
     let mut steps: Vec<i64> = stream
         .windows(2)
         .map(|pair| pair[1].stamp_nanos.saturating_sub(pair[0].stamp_nanos))
@@ -109,15 +109,15 @@ pub fn long_pause(stamps_nanos: &[i64]) -> Option<String> {
 }
 
 /// Whether the times of recording can order the frames.
-fn has_log(stream: &[Recorded]) -> bool {
+fn has_log(stream: &[RecordedImage]) -> bool {
     let logs: Vec<i64> = stream.iter().filter_map(|image| image.log_nanos).collect();
     let n_rising = logs.windows(2).filter(|pair| pair[1] > pair[0]).count();
     logs.len() == stream.len() && 10 * n_rising >= 9 * stream.len().saturating_sub(1)
 }
 
 /// Stamps that are zero here and there: from the time of recording, or from the stamp before.
-fn fill_some(stream: &mut [Recorded], name: &str) -> Option<String> {
-    let is_unset = |image: &Recorded| image.stamp_nanos == 0;
+fn fill_some(stream: &mut [RecordedImage], name: &str) -> Option<String> {
+    let is_unset = |image: &RecordedImage| image.stamp_nanos == 0;
     let n_unset = stream.iter().filter(|image| is_unset(image)).count();
     // One that counts from zero begins so.
     let is_start = n_unset == 1 && stream.first().is_some_and(is_unset) && !is_far(stream);
@@ -145,12 +145,12 @@ fn fill_some(stream: &mut [Recorded], name: &str) -> Option<String> {
 }
 
 /// Whether the second stamp is far from zero, so that a first one of zero is not set.
-fn is_far(stream: &[Recorded]) -> bool {
+fn is_far(stream: &[RecordedImage]) -> bool {
     stream.get(1).is_some_and(|image| image.stamp_nanos > interval_nanos(stream).saturating_mul(100))
 }
 
 /// Why stamps cannot tell the time of the images; `None`: they can.
-fn unusable(stream: &[Recorded], name: &str) -> Option<String> {
+fn unusable(stream: &[RecordedImage], name: &str) -> Option<String> {
     let n = stream.len();
     if n < 2 {
         return None;
@@ -164,7 +164,7 @@ fn unusable(stream: &[Recorded], name: &str) -> Option<String> {
 }
 
 /// Stamps by the times of recording, or at the usual rate.
-fn by_recording(stream: &mut [Recorded], is_logged: bool) {
+fn by_recording(stream: &mut [RecordedImage], is_logged: bool) {
     let mut last = i64::MIN;
     for (at, image) in (0_i64..).zip(stream.iter_mut()) {
         image.stamp_nanos = match image.log_nanos.filter(|_| is_logged) {
@@ -177,7 +177,7 @@ fn by_recording(stream: &mut [Recorded], is_logged: bool) {
 }
 
 /// What is added to the stamps of each stretch, so that it goes on from the one before.
-fn shifts(stream: &[Recorded], found: &Stretches) -> Vec<i64> {
+fn shifts(stream: &[RecordedImage], found: &Stretches) -> Vec<i64> {
     let interval = interval_nanos(stream);
     let mut shifts: Vec<i64> = Vec::new();
     let mut end: Option<(i64, Option<i64>)> = None;
@@ -199,7 +199,7 @@ fn shifts(stream: &[Recorded], found: &Stretches) -> Vec<i64> {
 }
 
 /// All members with their shifted stamps; one that does not rise is left out.
-fn shifted(stream: &[Recorded], found: &Stretches, shifts: &[i64]) -> Timeline {
+fn shifted(stream: &[RecordedImage], found: &Stretches, shifts: &[i64]) -> ImageOrder {
     let mut rows: Vec<(i64, usize)> = Vec::new();
     for (members, shift) in found.members.iter().zip(shifts) {
         rows.extend(members.iter().map(|at| (stream[*at].stamp_nanos.saturating_add(*shift), *at)));
@@ -207,14 +207,14 @@ fn shifted(stream: &[Recorded], found: &Stretches, shifts: &[i64]) -> Timeline {
     rows.sort_by_key(|(stamp, _)| *stamp);
     rows.dedup_by_key(|(stamp, _)| *stamp);
     let (stamps_nanos, order) = rows.into_iter().unzip();
-    Timeline { order, stamps_nanos }
+    ImageOrder { order, stamps_nanos }
 }
 
 /// For each stretch of colour that of depth: one to one, or by the place in the recording.
 fn partners(
-    colour: &[Recorded],
+    colour: &[RecordedImage],
     of_colour: &Stretches,
-    depth: &[Recorded],
+    depth: &[RecordedImage],
     of_depth: &Stretches,
 ) -> Vec<usize> {
     if of_colour.n() == of_depth.n() {

@@ -1,6 +1,6 @@
 //! Stretches of time in a stream: where the clock was set, images that came late, and repeats.
 
-use super::{Recorded, interval_nanos};
+use super::{RecordedImage, interval_nanos};
 
 /// Messages in a row that may come late, after one that is newer.
 const MOST_LATE: usize = 2;
@@ -25,9 +25,9 @@ impl Stretches {
 }
 
 /// Finds the stretches of a stream that is in the order of recording.
-pub(super) fn stretches(stream: &[Recorded], name: &str) -> Stretches {
+pub(super) fn stretches(stream: &[RecordedImage], name: &str) -> Stretches {
     let interval = interval_nanos(stream);
-    let mut walk = Walk { stream, interval, members: vec![Vec::new()], ..Walk::default() };
+    let mut walk = StretchWalk { stream, interval, members: vec![Vec::new()], ..StretchWalk::default() };
     let mut sentences = Vec::new();
     for at in 0..stream.len() {
         if let Some(sentence) = walk.take(at, name) {
@@ -67,15 +67,15 @@ pub(super) fn stretches(stream: &[Recorded], name: &str) -> Stretches {
 
 /// Goes through a stream.
 #[derive(Default)]
-struct Walk<'a> {
-    stream: &'a [Recorded],
+struct StretchWalk<'a> {
+    stream: &'a [RecordedImage],
     interval: i64,
     members: Vec<Vec<usize>>,
     n_repeated: usize,
     n_late: usize,
 }
 
-impl Walk<'_> {
+impl StretchWalk<'_> {
     /// Takes the next image; a sentence where the clock was set.
     fn take(&mut self, at: usize, name: &str) -> Option<String> {
         let stream = self.stream;

@@ -3,23 +3,27 @@ use super::*;
 const MS: i64 = 1_000_000;
 
 /// Images at the given milliseconds, recorded every 33 ms.
-fn stream(millis: &[i64]) -> Vec<Recorded> {
+fn stream(millis: &[i64]) -> Vec<RecordedImage> {
     let log = |at: usize| Some(1_700_000_000_000 * MS + at as i64 * 33 * MS);
     millis
         .iter()
         .enumerate()
-        .map(|(at, stamp)| Recorded { stamp_nanos: stamp * MS, log_nanos: log(at), ordinal: 2 * at as u64 })
+        .map(|(at, stamp)| RecordedImage {
+            stamp_nanos: stamp * MS,
+            log_nanos: log(at),
+            ordinal: 2 * at as u64,
+        })
         .collect()
 }
 
-fn without_log(millis: &[i64]) -> Vec<Recorded> {
-    stream(millis).into_iter().map(|image| Recorded { log_nanos: None, ..image }).collect()
+fn without_log(millis: &[i64]) -> Vec<RecordedImage> {
+    stream(millis).into_iter().map(|image| RecordedImage { log_nanos: None, ..image }).collect()
 }
 
 fn check(millis: &[i64], expected: &[i64], order: &[usize], words: &[&str]) {
     let depth = stream(millis);
-    let colour: Vec<Recorded> =
-        depth.iter().map(|image| Recorded { ordinal: image.ordinal + 1, ..*image }).collect();
+    let colour: Vec<RecordedImage> =
+        depth.iter().map(|image| RecordedImage { ordinal: image.ordinal + 1, ..*image }).collect();
     let found = timelines(&depth, &colour, ["/depth", "/rgb"]);
     let expected: Vec<i64> = expected.iter().map(|stamp| stamp * MS).collect();
     assert_eq!((&found.depth.stamps_nanos, &found.depth.order[..]), (&expected, order), "{found:?}");
@@ -120,8 +124,8 @@ fn a_list_without_any_order_is_sorted() {
 #[test]
 fn colour_of_another_rate_goes_into_the_stretch_of_its_depth() {
     let depth = stream(&[7, 40, 73, 106, 7, 40, 73, 106]);
-    let colour: Vec<Recorded> =
-        depth.iter().step_by(2).map(|image| Recorded { ordinal: image.ordinal + 1, ..*image }).collect();
+    let colour: Vec<RecordedImage> =
+        depth.iter().step_by(2).map(|image| RecordedImage { ordinal: image.ordinal + 1, ..*image }).collect();
     let found = timelines(&depth, &colour, ["d", "c"]);
     assert_eq!(found.colour.stamps_nanos, [7 * MS, 73 * MS, 139 * MS, 205 * MS]);
     // A single colour image in the second stretch.

@@ -1,10 +1,10 @@
 //! `rgb.txt` and `depth.txt`: one `timestamp filename` a line.
 
-use super::names::Clock;
+use super::names::NameClock;
 use crate::{ListError, SourceError};
 use std::path::{Component, Path, PathBuf};
 use tessera_evaluation::{StampError, parse_stamp};
-use tessera_frames::timeline::{Recorded, Timeline, timelines};
+use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 
 /// One image of a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,8 +74,8 @@ fn parse_line(line: &str) -> Result<(&str, PathBuf), ListError> {
 /// The place of the first that is no time.
 pub(super) fn stamps(words: &[&str]) -> Result<(Vec<i64>, bool), (usize, StampError)> {
     let whole: Option<Vec<u64>> = words.iter().map(|word| word.parse().ok()).collect();
-    let clock = whole.as_deref().and_then(|values| Clock::of(values).ok()).map(|(clock, _)| clock);
-    if let Some((values, Clock::Time(_))) = whole.as_deref().zip(clock) {
+    let clock = whole.as_deref().and_then(|values| NameClock::of(values).ok()).map(|(clock, _)| clock);
+    if let Some((values, NameClock::Time(_))) = whole.as_deref().zip(clock) {
         return Ok((
             values.iter().map(|value| clock.map_or(0, |clock| clock.nanos(*value, 1.0))).collect(),
             false,
@@ -84,7 +84,7 @@ pub(super) fn stamps(words: &[&str]) -> Result<(Vec<i64>, bool), (usize, StampEr
     let stamps = words.iter().enumerate().map(|(at, word)| parse_stamp(word).map_err(|source| (at, source)));
     let stamps: Vec<i64> = stamps.collect::<Result<_, _>>()?;
     let is_counted = whole.is_some_and(|values| values.iter().any(|value| *value != values[0]));
-    Ok((stamps, is_counted && clock == Some(Clock::Frames)))
+    Ok((stamps, is_counted && clock == Some(NameClock::Frames)))
 }
 
 /// Depth and colour in the order of their times, and what was found wrong with these; whether a new
@@ -94,10 +94,10 @@ pub(super) fn in_order(
     colour: Vec<ListEntry>,
     names: [&str; 2],
 ) -> (Vec<ListEntry>, Vec<ListEntry>, Vec<String>) {
-    let recorded = |entries: &[ListEntry]| -> Vec<Recorded> {
+    let recorded = |entries: &[ListEntry]| -> Vec<RecordedImage> {
         let n = entries.len().max(1) as u64;
         let ordinal = |at: u64| (at << 24) / n;
-        let of = |(at, entry): (u64, &ListEntry)| Recorded {
+        let of = |(at, entry): (u64, &ListEntry)| RecordedImage {
             stamp_nanos: entry.stamp_nanos,
             log_nanos: None,
             ordinal: ordinal(at),
@@ -105,7 +105,7 @@ pub(super) fn in_order(
         (0..).zip(entries).map(of).collect()
     };
     let found = timelines(&recorded(&depth), &recorded(&colour), names);
-    let ordered = |timeline: &Timeline, entries: &[ListEntry]| -> Vec<ListEntry> {
+    let ordered = |timeline: &ImageOrder, entries: &[ListEntry]| -> Vec<ListEntry> {
         let entry =
             |(at, stamp): (&usize, &i64)| ListEntry { stamp_nanos: *stamp, file: entries[*at].file.clone() };
         timeline.order.iter().zip(&timeline.stamps_nanos).map(entry).collect()

@@ -3,7 +3,7 @@
 //! backward.
 
 use super::super::list::ListEntry;
-use super::super::names::{Meaning, understand};
+use super::super::names::{NameMeaning, understand};
 use super::asked::ChosenCamera;
 use super::files::{json, number_nanos, size_of, some_depth, wrong};
 use super::pose::{Poses, from_matrix};
@@ -24,7 +24,7 @@ const UNITS_PER_METRE: f64 = 1000.0;
 
 /// What is used of `transforms.json` beside its camera.
 #[derive(Deserialize)]
-struct Transforms {
+struct NerfTransforms {
     frames: Vec<NerfFrame>,
 }
 
@@ -48,7 +48,7 @@ pub(super) fn is(folder: &Path) -> bool {
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let path = folder.join(FILE);
-    let mut frames = json::<Transforms>(&path)?.frames;
+    let mut frames = json::<NerfTransforms>(&path)?.frames;
     frames.retain(|frame| frame.depth_file_path.is_some());
     let stated = read_stated(&path)?;
     let (fps, words) = asked.rate(stated.as_ref().and_then(|camera| camera.fps));
@@ -146,10 +146,10 @@ fn times(
         ));
     }
     Ok(match understood.meaning {
-        Meaning::Numbers(numbers) => {
+        NameMeaning::Numbers(numbers) => {
             (numbers.iter().map(|number| number_nanos(*number, fps)).collect(), words)
         }
-        Meaning::Times(times, how) => (times, how),
+        NameMeaning::Times(times, how) => (times, how),
     })
 }
 

@@ -3,7 +3,7 @@
 //! numbers or times; Redwood's hold both, `000012-000000400000.png`, microseconds.
 
 use super::super::list::ListEntry;
-use super::super::names::{Meaning, Understood, understand};
+use super::super::names::{NameMeaning, Understood, understand};
 use super::asked::ChosenCamera;
 use super::files::{names, number_nanos, size_of, some_depth, wrong};
 use super::{Asked, FoundLayout, pose};
@@ -31,13 +31,13 @@ pub(super) fn is(folder: &Path) -> bool {
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let depth = Images::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
+    let depth = NamedImages::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
     let colour_folder = names(folder)
         .into_iter()
         .find(|name| COLOUR_FOLDERS.contains(&name.to_lowercase().as_str()) && folder.join(name).is_dir());
     let colour = match &colour_folder {
-        Some(name) => Images::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp"], asked)?,
-        None => Images::default(),
+        Some(name) => NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp"], asked)?,
+        None => NamedImages::default(),
     };
     let is_redwood = depth.stems.first().is_some_and(|stem| is_of_redwood(stem));
     let chosen = asked.camera_or_beside(folder, &depth.unset(), UNITS_PER_METRE, || {
@@ -53,7 +53,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let (fps, words) = asked.rate(chosen.fps);
     let times = depth.times(asked.fps.is_some(), fps);
     let (words, has_times) = match &depth.meaning {
-        Meaning::Times(_, how) if asked.fps.is_none() => (how.clone(), true),
+        NameMeaning::Times(_, how) if asked.fps.is_none() => (how.clone(), true),
         _ => (words, false),
     };
     let entries = some_depth(depth.entries(&times), folder, "depth/NUMBER.png")?;
@@ -90,20 +90,25 @@ fn is_of_redwood(stem: &str) -> bool {
 }
 
 /// The images of a folder whose names are of one form.
-struct Images {
+struct NamedImages {
     stems: Vec<String>,
     files: Vec<PathBuf>,
-    meaning: Meaning,
+    meaning: NameMeaning,
     warning: Option<String>,
 }
 
-impl Default for Images {
+impl Default for NamedImages {
     fn default() -> Self {
-        Self { stems: Vec::new(), files: Vec::new(), meaning: Meaning::Numbers(Vec::new()), warning: None }
+        Self {
+            stems: Vec::new(),
+            files: Vec::new(),
+            meaning: NameMeaning::Numbers(Vec::new()),
+            warning: None,
+        }
     }
 }
 
-impl Images {
+impl NamedImages {
     fn of(folder: &Path, sub: &str, ends: &[&str], asked: &Asked) -> Result<Self, SourceError> {
         let is_image = |end: &str| ends.iter().any(|known| known.eq_ignore_ascii_case(end));
         let names: Vec<String> = names(&folder.join(sub))
@@ -129,9 +134,11 @@ impl Images {
     /// Time of each image: its own, or by its number, or by its place where a rate is given.
     fn times(&self, is_rate_given: bool, fps: f64) -> Vec<i64> {
         match &self.meaning {
-            Meaning::Numbers(numbers) => numbers.iter().map(|number| number_nanos(*number, fps)).collect(),
-            Meaning::Times(times, _) if !is_rate_given => times.clone(),
-            Meaning::Times(times, _) => {
+            NameMeaning::Numbers(numbers) => {
+                numbers.iter().map(|number| number_nanos(*number, fps)).collect()
+            }
+            NameMeaning::Times(times, _) if !is_rate_given => times.clone(),
+            NameMeaning::Times(times, _) => {
                 let mut sorted = times.clone();
                 sorted.sort_unstable();
                 let rank = |time: &i64| sorted.partition_point(|other| other < time) as u64;
@@ -149,7 +156,7 @@ impl Images {
         fps: f64,
         has_times: bool,
     ) -> Vec<i64> {
-        let own_are_times = matches!(self.meaning, Meaning::Times(..)) && !is_rate_given;
+        let own_are_times = matches!(self.meaning, NameMeaning::Times(..)) && !is_rate_given;
         let by_name: BTreeMap<&str, i64> =
             depth.stems.iter().map(String::as_str).zip(depth_times.iter().copied()).collect();
         let n_named = self.stems.iter().filter(|stem| by_name.contains_key(stem.as_str())).count();
@@ -161,7 +168,7 @@ impl Images {
         self.stems.iter().zip(&own).map(time).collect()
     }
 
-    /// Images by time; where two have the same, the first.
+    /// NamedImages by time; where two have the same, the first.
     fn entries(&self, times: &[i64]) -> Vec<ListEntry> {
         let entry = |(stamp_nanos, file): (&i64, &PathBuf)| ListEntry {
             stamp_nanos: *stamp_nanos,

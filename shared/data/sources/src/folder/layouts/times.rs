@@ -4,13 +4,13 @@ use super::asked::Asked;
 use super::files::{Numbered, wrong};
 use crate::SourceError;
 use crate::folder::list::ListEntry;
-use crate::folder::names::Clock;
+use crate::folder::names::NameClock;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What the numbers of a layout mean.
 pub(super) struct FrameTimes {
-    clock: Clock,
+    clock: NameClock,
     fps: f64,
     /// Where stamps are to be frames at the rate of `--fps`: the place of each.
     ranks: Option<BTreeMap<u64, u64>>,
@@ -31,16 +31,16 @@ impl FrameTimes {
     ) -> Result<Self, SourceError> {
         let numbers: Vec<u64> = images.iter().map(|image| image.number).collect();
         let (fps, words) = asked.rate(stated);
-        match Clock::of(&numbers) {
-            Ok((Clock::Frames, _)) => Ok(Self { clock: Clock::Frames, fps, ranks: None, words }),
+        match NameClock::of(&numbers) {
+            Ok((NameClock::Frames, _)) => Ok(Self { clock: NameClock::Frames, fps, ranks: None, words }),
             Ok((clock, how)) if asked.fps.is_none() => {
                 Ok(Self { clock, fps, ranks: None, words: format!("{how} in the names of the images") })
             }
             Err(reason) if asked.fps.is_none() => Err(wrong(folder, reason)),
-            Err(_) => Ok(Self { clock: Clock::Frames, fps, ranks: None, words }),
+            Err(_) => Ok(Self { clock: NameClock::Frames, fps, ranks: None, words }),
             Ok(_) => {
                 let ranks = numbers.iter().copied().zip(0..).collect();
-                Ok(Self { clock: Clock::Frames, fps, ranks: Some(ranks), words })
+                Ok(Self { clock: NameClock::Frames, fps, ranks: Some(ranks), words })
             }
         }
     }

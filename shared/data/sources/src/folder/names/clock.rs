@@ -19,14 +19,14 @@ const MOST_STEPS: f64 = 0.8;
 
 /// What numbers count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::folder) enum Clock {
+pub(in crate::folder) enum NameClock {
     /// Frames.
     Frames,
     /// Parts of a second of so many nanoseconds.
     Time(u64),
 }
 
-impl Clock {
+impl NameClock {
     /// Recognises what some numbers count, with its name for people.
     ///
     /// # Errors

@@ -6,7 +6,7 @@
 
 mod clock;
 
-pub(super) use clock::Clock;
+pub(super) use clock::NameClock;
 use clock::{SECOND, regularity};
 
 /// Share of regular steps from which on a reading is believed.
@@ -16,7 +16,7 @@ const MOST_SHOWN: usize = 2;
 
 /// What the names of a list of images mean.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Meaning {
+pub(super) enum NameMeaning {
     /// Frame numbers.
     Numbers(Vec<u64>),
     /// Nanoseconds, and how they are written, for people.
@@ -29,7 +29,7 @@ pub(super) struct Understood {
     /// Indices of the names that have the common form.
     pub(super) kept: Vec<usize>,
     /// One value for each of them.
-    pub(super) meaning: Meaning,
+    pub(super) meaning: NameMeaning,
     /// Names that were left out, as a sentence.
     pub(super) warning: Option<String>,
 }
@@ -70,7 +70,7 @@ pub(super) fn understand(stems: &[&str], is_rate_given: bool) -> Result<Understo
     // The first of several that are as frequent.
     let common = numbered.iter().rev().copied().max_by_key(|at| count(*at));
     let Some(common) = common else {
-        return Ok(Understood { kept: Vec::new(), meaning: Meaning::Numbers(Vec::new()), warning: None });
+        return Ok(Understood { kept: Vec::new(), meaning: NameMeaning::Numbers(Vec::new()), warning: None });
     };
     let kept: Vec<usize> =
         numbered.iter().copied().filter(|at| all[*at].texts == all[common].texts).collect();
@@ -95,8 +95,8 @@ pub(super) fn understand(stems: &[&str], is_rate_given: bool) -> Result<Understo
 }
 
 /// The meaning of names of one form.
-fn meaning(rows: &[&Pieces<'_>], is_rate_given: bool) -> Result<Meaning, String> {
-    let Some(first) = rows.first() else { return Ok(Meaning::Numbers(Vec::new())) };
+fn meaning(rows: &[&Pieces<'_>], is_rate_given: bool) -> Result<NameMeaning, String> {
+    let Some(first) = rows.first() else { return Ok(NameMeaning::Numbers(Vec::new())) };
     let is_varying = |at: &usize| rows.iter().any(|row| row.digits[*at] != first.digits[*at]);
     let mut columns: Vec<usize> = (0..first.digits.len()).filter(is_varying).collect();
     if columns.is_empty() {
@@ -142,28 +142,28 @@ fn is_running(words: &[&str]) -> bool {
 }
 
 /// One number a name.
-fn single(words: &[&str], is_rate_given: bool) -> Result<Meaning, String> {
+fn single(words: &[&str], is_rate_given: bool) -> Result<NameMeaning, String> {
     let values = clock::values(words)?;
-    let (clock, how) = match Clock::of(&values) {
-        Err(_) if is_rate_given => (Clock::Frames, "frames"),
+    let (clock, how) = match NameClock::of(&values) {
+        Err(_) if is_rate_given => (NameClock::Frames, "frames"),
         found => found?,
     };
     match clock {
-        Clock::Frames => Ok(Meaning::Numbers(values)),
-        Clock::Time(_) => {
+        NameClock::Frames => Ok(NameMeaning::Numbers(values)),
+        NameClock::Time(_) => {
             let times = values.iter().map(|value| clock.nanos(*value, 1.0)).collect();
-            Ok(Meaning::Times(times, format!("{how} in the names of the images")))
+            Ok(NameMeaning::Times(times, format!("{how} in the names of the images")))
         }
     }
 }
 
 /// Two numbers a name: seconds and a fraction of them, or a running number and a time.
-fn pair(a: &[&str], b: &[&str], between: &str, is_rate_given: bool) -> Result<Meaning, String> {
+fn pair(a: &[&str], b: &[&str], between: &str, is_rate_given: bool) -> Result<NameMeaning, String> {
     let is_since_1970 = a.iter().all(|word| clock::is_since_1970(word, SECOND));
     if between != "." && !is_since_1970 && is_running(a) {
         return match single(b, is_rate_given)? {
             // As `12_12`: both count.
-            Meaning::Numbers(_) => Ok(Meaning::Numbers(clock::values(a)?)),
+            NameMeaning::Numbers(_) => Ok(NameMeaning::Numbers(clock::values(a)?)),
             times => Ok(times),
         };
     }
@@ -184,7 +184,7 @@ fn pair(a: &[&str], b: &[&str], between: &str, is_rate_given: bool) -> Result<Me
                 || (is_since_1970 || between == ".") && regular > 0.0
                 || times.len() < 3 =>
         {
-            Ok(Meaning::Times(times, format!("{how} in the names of the images")))
+            Ok(NameMeaning::Times(times, format!("{how} in the names of the images")))
         }
         _ => Err(format!(
             "names with numbers as '{}{between}{}', expected a frame number, or a time in seconds, sec_nsec, milli-, micro- or nanoseconds",

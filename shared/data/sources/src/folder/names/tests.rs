@@ -7,7 +7,7 @@ fn names(name: impl Fn(i64, i64) -> String) -> Vec<String> {
     (0..60).map(|k| name(k, START + (k * 1_000_000_000 + 15) / 30)).collect()
 }
 
-fn meaning_of(names: &[String]) -> Result<Meaning, String> {
+fn meaning_of(names: &[String]) -> Result<NameMeaning, String> {
     let stems: Vec<&str> = names.iter().map(String::as_str).collect();
     understand(&stems, false).map(|understood| {
         assert_eq!((understood.kept.len(), &understood.warning), (names.len(), &None));
@@ -17,7 +17,7 @@ fn meaning_of(names: &[String]) -> Result<Meaning, String> {
 
 /// Times that are those of the names to `within` nanoseconds, from an offset on.
 fn check_times(names: &[String], offset: i64, within: i64) {
-    let Ok(Meaning::Times(times, _)) = meaning_of(names) else { panic!("{:?}", meaning_of(names)) };
+    let Ok(NameMeaning::Times(times, _)) = meaning_of(names) else { panic!("{:?}", meaning_of(names)) };
     assert_eq!(times.len(), 60);
     for (k, time) in (0..).zip(&times) {
         let expected = START + (k * 1_000_000_000 + 15) / 30 - offset;
@@ -81,15 +81,15 @@ fn frame_numbers_stay_frame_numbers() {
         |k: i64| format!("{k}_{k:04}"),
     ] {
         let numbers = meaning_of(&names(|k, _| name(k))).unwrap();
-        assert_eq!(numbers, Meaning::Numbers((0..60).collect()), "{}", name(7));
+        assert_eq!(numbers, NameMeaning::Numbers((0..60).collect()), "{}", name(7));
     }
     for step in [5, 20, 100] {
         let numbers = meaning_of(&names(|k, _| (step * k).to_string())).unwrap();
-        assert_eq!(numbers, Meaning::Numbers((0..60).map(|k| step as u64 * k).collect()));
+        assert_eq!(numbers, NameMeaning::Numbers((0..60).map(|k| step as u64 * k).collect()));
     }
-    assert_eq!(meaning_of(&["depth_0".to_owned()]), Ok(Meaning::Numbers(vec![0])));
+    assert_eq!(meaning_of(&["depth_0".to_owned()]), Ok(NameMeaning::Numbers(vec![0])));
     let one = [format!("{}.5", START / 1_000_000_000)];
-    assert!(matches!(meaning_of(&one), Ok(Meaning::Times(times, _)) if times == [START + 500_000_000]));
+    assert!(matches!(meaning_of(&one), Ok(NameMeaning::Times(times, _)) if times == [START + 500_000_000]));
 }
 
 #[test]
@@ -100,10 +100,10 @@ fn what_may_be_either_is_refused() {
     assert!(words.contains("steps of 13 to 60, which may be frames or times; --fps N"), "{words}");
     let stems: Vec<&str> = names.iter().map(String::as_str).collect();
     let at_a_rate = understand(&stems, true).unwrap().meaning;
-    assert_eq!(at_a_rate, Meaning::Numbers(vec![0, 13, 55, 80, 140, 171, 230]));
+    assert_eq!(at_a_rate, NameMeaning::Numbers(vec![0, 13, 55, 80, 140, 171, 230]));
     // A date and a time of day.
     let names: Vec<String> = (0..90).map(|k| format!("20240131{:02}{:02}", 1000 + k / 60, k % 60)).collect();
-    assert!(meaning_of(&names).is_err() || matches!(meaning_of(&names), Ok(Meaning::Numbers(_))));
+    assert!(meaning_of(&names).is_err() || matches!(meaning_of(&names), Ok(NameMeaning::Numbers(_))));
     let words = meaning_of(&["1".repeat(25)]).unwrap_err();
     assert!(words.contains("at most 19 digits"), "{words}");
     let many: Vec<String> = (0..9).map(|k| format!("{}_{}_{}", k * 70, 100 - k, k * k * 31)).collect();
