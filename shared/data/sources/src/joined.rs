@@ -7,6 +7,9 @@ use tessera_geometry::Camera;
 /// Interval to a file of one frame, nanoseconds.
 const USUAL_INTERVAL_NANOS: i64 = 33_333_333;
 
+/// Messages at the begin of a file that may be those at the end of the one before.
+const MOST_AGAIN: usize = 2;
+
 /// The frames of all files in the order of their times.
 ///
 /// A depth image whose colour image stands in the neighbouring file goes without colour.
@@ -38,8 +41,16 @@ impl JoinedSource {
         let at = self.parts.len() as u32;
         let stamps: Vec<i64> =
             (0..part.n_frames().unwrap_or(0)).map_while(|index| part.stamp_nanos(index)).collect();
+        // The recorder may write the last message of a file again into the next.
+        let n_again = last.map_or(0, |last| stamps.iter().take_while(|stamp| **stamp <= last).count());
+        let is_again = last.is_some_and(|last| stamps.get(n_again.saturating_sub(1)) == Some(&last));
+        let n_left_out =
+            if is_again && n_again <= MOST_AGAIN && n_again < stamps.len() { n_again } else { 0 };
         let mut shift = 0;
-        if let (Some(last), Some(first)) = (last, stamps.first())
+        if n_left_out > 0 {
+            self.warnings
+                .push(format!("file {}: {n_left_out} messages repeat a time and are left out", at + 1));
+        } else if let (Some(last), Some(first)) = (last, stamps.first())
             && *first <= last
         {
             let interval = match stamps[..] {
@@ -53,7 +64,8 @@ impl JoinedSource {
                 last.saturating_sub(*first) as f64 * 1e-9
             ));
         }
-        self.frames.extend((0..).zip(&stamps).map(|(index, stamp)| (at, index, stamp.saturating_add(shift))));
+        let frames = (0..).zip(&stamps).skip(n_left_out);
+        self.frames.extend(frames.map(|(index, stamp)| (at, index, stamp.saturating_add(shift))));
         let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = part.pairing();
         self.pairing.n_depth += n_depth;
         self.pairing.n_colour += n_colour;
