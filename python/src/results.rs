@@ -23,7 +23,8 @@ impl MeshColumns {
     /// Positions, normals, colours, triangles.
     pub(crate) fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyTuple>> {
         let Mesh { positions, normals, colours, triangles } = self.0;
-        let floats = |values: &[[f32; 3]]| values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let floats =
+            |values: &[[f32; 3]]| values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
         let triangles: Vec<u8> = triangles.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let colours: Vec<u8> = colours.into_iter().flatten().collect();
         let of = |column: &[u8]| PyBytes::new(py, column);
@@ -74,10 +75,10 @@ pub(crate) fn mesh<'s>(
 /// The verdict on what was given so far, as on a run that ended here.
 pub(crate) fn verdict(camera: &Camera, replay: &Replay) -> VerdictColumns {
     let statistics = RunStatistics { ended: Ended::Finished, ..RunStatistics::default() };
-    let beside =
-        Beside { units_per_metre: camera.units_per_metre, focal_px: camera.fx, ..Beside::default() };
+    let beside = Beside { units_per_metre: camera.units_per_metre, focal_px: camera.fx, ..Beside::default() };
     let verdict = judge(&Facts::new(replay, &statistics, None, &beside));
-    let reason = |reason: tessera_outputs::verdict::Reason| (reason.grade.to_string(), reason.found, reason.advice);
+    let reason =
+        |reason: tessera_outputs::verdict::Reason| (reason.grade.to_string(), reason.found, reason.advice);
     (verdict.grade.to_string(), verdict.reasons.into_iter().map(reason).collect())
 }
 
