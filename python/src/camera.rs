@@ -114,8 +114,79 @@ impl PyCamera {
         self.0.units_per_metre
     }
 
+    #[getter]
+    fn fx(&self) -> f64 {
+        self.0.fx
+    }
+
+    #[getter]
+    fn fy(&self) -> f64 {
+        self.0.fy
+    }
+
+    #[getter]
+    fn cx(&self) -> f64 {
+        self.0.cx
+    }
+
+    #[getter]
+    fn cy(&self) -> f64 {
+        self.0.cy
+    }
+
+    /// `k1 k2 p1 p2 k3`.
+    #[getter]
+    fn distortion(&self) -> (f64, f64, f64, f64, f64) {
+        let [k1, k2, p1, p2, k3] = self.0.distortion;
+        (k1, k2, p1, p2, k3)
+    }
+
+    #[getter]
+    fn readout_s(&self) -> f64 {
+        self.0.readout_s
+    }
+
+    #[getter]
+    fn depth_offset_m(&self) -> f64 {
+        self.0.depth_offset_m
+    }
+
+    #[getter]
+    fn colour_registered(&self) -> bool {
+        self.0.colour_registered
+    }
+
+    #[getter]
+    fn colour_lag_s(&self) -> f64 {
+        self.0.colour_lag_s
+    }
+
+    #[getter]
+    fn colour_focal_ratio(&self) -> f64 {
+        self.0.colour_focal_ratio
+    }
+
+    /// The 3x3 matrix, as `from_matrix` takes it.
+    #[getter]
+    fn matrix(&self) -> [[f64; 3]; 3] {
+        let Camera { fx, fy, cx, cy, .. } = self.0;
+        [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    }
+
+    /// For pickle and copy: a process that is spawned gets its camera so.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
+        let make = py.import("tessera._types")?.getattr("camera_from_dict")?;
+        Ok((make, (self.to_dict(py)?,)))
+    }
+
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        Ok(format!("Camera.from_dict({})", self.to_dict(py)?.repr()?))
+        let Camera { width, height, fx, fy, cx, cy, units_per_metre, .. } = self.0;
+        match self.0 == Camera::pinhole((width, height), [fx, fy, cx, cy], units_per_metre) {
+            true => Ok(format!(
+                "Camera({width}, {height}, fx={fx:?}, fy={fy:?}, cx={cx:?}, cy={cy:?}, units_per_metre={units_per_metre:?})"
+            )),
+            false => Ok(format!("Camera.from_dict({})", self.to_dict(py)?.repr()?)),
+        }
     }
 }
 

@@ -8,7 +8,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Bad input as a `ValueError`.
 pub(crate) fn refuse(error: impl Display) -> PyErr {
-    PyValueError::new_err(error.to_string())
+    // The command's word for what is an argument here.
+    PyValueError::new_err(
+        error.to_string().replace("--set ", "settings: ").replace("--camera guess", "a camera"),
+    )
 }
 
 /// Does `work` while other threads of Python go on.

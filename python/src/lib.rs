@@ -7,6 +7,7 @@
 mod camera;
 mod columns;
 mod detached;
+mod results;
 mod run_folder;
 mod slam;
 mod source;
@@ -15,6 +16,7 @@ use pyo3::prelude::*;
 
 #[pymodule]
 fn _tessera(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<camera::PyCamera>()?;
     module.add_class::<slam::PySlam>()?;
     module.add_class::<source::PySource>()?;

@@ -3,6 +3,7 @@
 use crate::camera::PyCamera;
 use crate::columns::{Points, Trajectory, matrix, state_name};
 use crate::detached::{detached, refuse};
+use crate::results;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -190,6 +191,39 @@ impl PySlam {
     /// All keyframes so far with the corrections so far.
     fn keyframes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         detached(py, || Ok(Trajectory::of_keyframes(self.lock()?.follow())))?.into_python(py)
+    }
+
+    /// The keyframes fused into one mesh: positions, normals, colours, triangles.
+    fn mesh<'py>(&self, py: Python<'py>, voxel_m: f64, max_depth_m: f64) -> PyResult<Bound<'py, PyTuple>> {
+        let mesh = detached(py, || {
+            let mut progress = self.lock()?;
+            progress.follow();
+            let surface = |keyframe: u32| match &progress.state {
+                Phase::Going(run) => run.keyframe_surface(keyframe),
+                Phase::Finished(map) => map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice),
+                Phase::Failed => &[],
+            };
+            results::mesh(&self.camera, &self.settings, &progress.replay, [voxel_m, max_depth_m], surface)
+        })?;
+        mesh.into_python(py)
+    }
+
+    /// Grade of the run so far, and for each reason its grade, what was found and what to try.
+    fn verdict(&self, py: Python<'_>) -> PyResult<results::VerdictColumns> {
+        detached(py, || {
+            let mut progress = self.lock()?;
+            progress.follow();
+            Ok(results::verdict(&self.camera, &progress.replay))
+        })
+    }
+
+    /// Loops closed and rejected, submaps, and processed frames of each submap that is apart.
+    fn counts(&self, py: Python<'_>) -> PyResult<results::Counts> {
+        detached(py, || {
+            let mut progress = self.lock()?;
+            progress.follow();
+            Ok(results::counts(&progress.replay))
+        })
     }
 
     /// The map so far, with the corrections so far.

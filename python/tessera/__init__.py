@@ -16,7 +16,21 @@ are 4x4 matrices `world_from_camera`, metres; the camera's axes are x right, y d
 
 from ._recorded import Run, Source, SourceFrame, read_run
 from ._slam import Frame, Slam
-from ._tessera import Camera
-from ._types import Map, Trajectory
+from ._tessera import Camera, __version__
+from ._types import Map, Mesh, Reason, Trajectory, Verdict
 
-__all__ = ["Camera", "Frame", "Map", "Run", "Slam", "Source", "SourceFrame", "Trajectory", "read_run"]
+__all__ = [
+    "Camera",
+    "Frame",
+    "Map",
+    "Mesh",
+    "Reason",
+    "Run",
+    "Slam",
+    "Source",
+    "SourceFrame",
+    "Trajectory",
+    "Verdict",
+    "__version__",
+    "read_run",
+]

@@ -15,10 +15,10 @@ import numpy.typing as npt
 from . import _tessera
 from ._slam import overrides
 from ._tessera import Camera
-from ._types import Map, Trajectory, cloud, trajectory
+from ._types import Map, Trajectory, Verdict, cloud, trajectory, verdict
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class SourceFrame:
     """A frame of a source."""
 
@@ -33,6 +33,16 @@ class SourceFrame:
     rotation: Optional[list[float]]
     #: What is wrong with an image of this frame: without depth `depth` is 0, without colour it is `None`.
     problem: Optional[str]
+
+    @property
+    def color(self) -> Optional[npt.NDArray[np.uint8]]:
+        """`colour`."""
+        return self.colour
+
+    def __repr__(self) -> str:
+        height, width = self.depth.shape
+        colour = "no colour" if self.colour is None else "colour"
+        return f"SourceFrame({self.stamp_nanos} ns, {width}x{height}, {colour})"
 
 
 class Source:
@@ -67,7 +77,7 @@ class Source:
         return (self[index] for index in range(len(self)))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class Run:
     """What a run of the command left."""
 
@@ -79,6 +89,18 @@ class Run:
     keyframes: Trajectory
     #: The points of `map.ply`.
     map: Map
+
+    @property
+    def verdict(self) -> Optional[Verdict]:
+        """That of the summary; `None` where there is none."""
+        if self.summary is None:
+            return None
+        found = self.summary["verdict"]
+        reasons = [(reason["grade"], reason["found"], reason["advice"]) for reason in found["reasons"]]
+        return verdict((found["grade"], reasons))
+
+    def __repr__(self) -> str:
+        return f"Run({self.trajectory!r}, {len(self.keyframes)} keyframes, {self.map!r})"
 
 
 def read_run(folder: str | os.PathLike[str]) -> Run:

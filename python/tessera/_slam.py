@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from . import _tessera
 from ._tessera import Camera
-from ._types import Floats, Map, Trajectory, cloud, colour_bytes, depth_bytes, trajectory
+from ._types import Floats, Map, Mesh, Trajectory, Verdict, cloud, colour_bytes, depth_bytes, mesh, trajectory, verdict
 
 #: A camera; the keys of a camera file; or a built-in camera's name or a camera file.
 CameraLike = Union[Camera, Mapping[str, Any], str, "os.PathLike[str]"]
@@ -23,7 +23,7 @@ CameraLike = Union[Camera, Mapping[str, Any], str, "os.PathLike[str]"]
 FRAME_NANOS = 10**9 / 30
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class Frame:
     """What became of a frame."""
 
@@ -41,6 +41,10 @@ class Frame:
     world_from_camera: Floats
     #: 6x6 of the pose, translation first, along the camera's axes, m and rad; `None` where it is lost.
     covariance: Optional[Floats]
+
+    def __repr__(self) -> str:
+        x, y, z = self.world_from_camera[:3, 3]
+        return f"Frame({self.index}, {self.state}, at {x:.3f} {y:.3f} {z:.3f} m)"
 
     @property
     def is_tracked(self) -> bool:
@@ -87,6 +91,7 @@ class Slam:
         colour: Optional[npt.ArrayLike] = None,
         t: Optional[float] = None,
         *,
+        color: Optional[npt.ArrayLike] = None,
         stamp_nanos: Optional[int] = None,
         rotation: Optional[Sequence[float]] = None,
     ) -> Frame:
@@ -94,13 +99,16 @@ class Slam:
 
         `depth`: height x width; uint16 in the camera's units, or float32 or float64 in metres, which are
         rounded to these units; 0, NaN and infinity are no measurement. `colour`: height x width x 3, uint8,
-        red, green, blue, registered to depth. `t`: seconds, rising, or `stamp_nanos`, which is exact for
+        red, green, blue, registered to depth; `color` is the same. `t`: seconds, rising, or `stamp_nanos`, which is exact for
         times since 1970; without either 30 frames a second are assumed. `rotation`: a gyroscope's, as
         `SourceFrame.rotation`.
 
         Raises ValueError or TypeError, which say what was found and what was expected; the run then stands
         where it stood.
         """
+        if colour is not None and color is not None:
+            raise ValueError("found colour and color, expected one of them")
+        colour = color if colour is None else colour
         raw = depth_bytes(depth, self.camera)
         rgb = None if colour is None else colour_bytes(colour, self.camera)
         nanos = self._nanos(t, stamp_nanos)
@@ -144,6 +152,24 @@ class Slam:
     def map(self) -> Map:
         """The map so far with the corrections so far; after `finish` the points of `map.ply`."""
         return cloud(self._slam.map())
+
+
+    def mesh(self, voxel_m: float = 0.01, max_depth_m: float = 4.0) -> Mesh:
+        """The keyframes so far fused into one surface, as `tessera export --mesh`."""
+        return mesh(self._slam.mesh(float(voxel_m), float(max_depth_m)))
+
+    def verdict(self) -> Verdict:
+        """Whether the poses so far can be relied on, as `tessera run` prints it at the end. What only the command
+        sees, the recording's own faults and its ground truth, is not in it."""
+        return verdict(self._slam.verdict())
+
+    def counts(self) -> dict[str, Any]:
+        """`loops_closed`, `loops_rejected`, `submaps`, and `apart`: frames of each submap that was never joined."""
+        closed, rejected, submaps, apart = self._slam.counts()
+        return {"loops_closed": closed, "loops_rejected": rejected, "submaps": submaps, "apart": dict(apart)}
+
+    def __repr__(self) -> str:
+        return f"Slam({self.camera!r})"
 
 
 def _covariance(upper: list[float]) -> Optional[Floats]:

@@ -3,9 +3,11 @@
 from collections.abc import Iterable
 from typing import Any, Optional, final
 
-from ._types import MapColumns, TrajectoryColumns
+from ._types import MapColumns, MeshColumns, TrajectoryColumns, VerdictColumns
 
-__all__ = ["Camera", "Slam", "Source", "read_run"]
+__all__ = ["Camera", "Slam", "Source", "__version__", "read_run"]
+
+__version__: str
 
 @final
 class Camera:
@@ -26,7 +28,7 @@ class Camera:
     ) -> Camera: ...
     @staticmethod
     def load(name_or_file: str) -> Camera:
-        """A built-in camera (`freiburg1`, `freiburg2`, `freiburg3`, `icl`) or a camera file."""
+        """A built-in camera (`freiburg1`, `freiburg2`, `freiburg3`, `icl`, `7scenes`, `primesense`) or a camera file."""
     @staticmethod
     def from_dict(values: dict[str, Any]) -> Camera:
         """From the keys of a camera file: `width`, `height`, `fx`, `fy`, `cx`, `cy`, `units_per_metre`, and
@@ -49,6 +51,30 @@ class Camera:
     def height(self) -> int: ...
     @property
     def units_per_metre(self) -> float: ...
+    @property
+    def fx(self) -> float: ...
+    @property
+    def fy(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    @property
+    def distortion(self) -> tuple[float, float, float, float, float]:
+        """`k1 k2 p1 p2 k3`."""
+    @property
+    def readout_s(self) -> float: ...
+    @property
+    def depth_offset_m(self) -> float: ...
+    @property
+    def colour_registered(self) -> bool: ...
+    @property
+    def colour_lag_s(self) -> float: ...
+    @property
+    def colour_focal_ratio(self) -> float: ...
+    @property
+    def matrix(self) -> list[list[float]]:
+        """The 3x3 matrix, as `from_matrix` takes it."""
 
 @final
 class Slam:
@@ -65,6 +91,9 @@ class Slam:
     def trajectory(self) -> TrajectoryColumns: ...
     def keyframes(self) -> TrajectoryColumns: ...
     def map(self) -> MapColumns: ...
+    def mesh(self, voxel_m: float, max_depth_m: float) -> MeshColumns: ...
+    def verdict(self) -> VerdictColumns: ...
+    def counts(self) -> tuple[int, int, int, list[tuple[int, int]]]: ...
 
 @final
 class Source:

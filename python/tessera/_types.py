@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from typing import TYPE_CHECKING, List, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,23 @@ TrajectoryColumns = Tuple[bytes, bytes, List[str], bytes, bytes]
 MapColumns = Tuple[bytes, bytes, bytes]
 
 
-@dataclasses.dataclass(frozen=True)
+#: Positions (3 x f32), normals (3 x f32), colours (3 x u8), triangles (3 x u32).
+MeshColumns = Tuple[bytes, bytes, bytes, bytes]
+#: Grade, and grade, finding and advice of each reason.
+VerdictColumns = Tuple[str, List[Tuple[str, str, str]]]
+
+#: Metres that no depth camera sees: a median beyond it is millimetres.
+MOST_MEDIAN_M = 100.0
+
+
+def camera_from_dict(values: Dict[str, Any]) -> Camera:
+    """What pickle makes a camera of."""
+    from ._tessera import Camera as Made
+
+    return Made.from_dict(values)
+
+
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class Trajectory:
     """N poses in the order of time."""
 
@@ -48,6 +64,13 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.indices)
 
+    def __repr__(self) -> str:
+        if not len(self):
+            return "Trajectory(no poses)"
+        first, last = self.stamps[0], self.stamps[-1]
+        n_untracked = int(len(self) - self.is_tracked.sum())
+        return f"Trajectory({len(self)} poses, {first:.3f} to {last:.3f} s, {n_untracked} not tracked)"
+
     def write_tum(self, path: str | os.PathLike[str]) -> None:
         """Writes the poses as the TUM tools read them: `timestamp tx ty tz qx qy qz qw`."""
         with open(path, "w", encoding="ascii", newline="\n") as file:
@@ -60,7 +83,7 @@ class Trajectory:
                 file.write(f"{stamp}.{digits[:6]}{digits[6:].rstrip('0')} {words}\n")
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class Map:
     """N points of the keyframes' surfaces."""
 
@@ -71,8 +94,76 @@ class Map:
     #: Nx3: red, green, blue, 8 bits.
     colours: npt.NDArray[np.uint8]
 
+    @property
+    def colors(self) -> npt.NDArray[np.uint8]:
+        """`colours`."""
+        return self.colours
+
     def __len__(self) -> int:
         return len(self.positions)
+
+    def __repr__(self) -> str:
+        return f"Map({len(self)} points)"
+
+
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
+class Mesh:
+    """The keyframes fused into one surface.
+
+    `open3d.geometry.TriangleMesh` and `trimesh.Trimesh` take these arrays as they are.
+    """
+
+    #: Nx3, metres.
+    positions: npt.NDArray[np.float32]
+    #: Nx3, unit vectors.
+    normals: npt.NDArray[np.float32]
+    #: Nx3: red, green, blue, 8 bits.
+    colours: npt.NDArray[np.uint8]
+    #: Mx3, indices of vertices.
+    triangles: npt.NDArray[np.uint32]
+
+    @property
+    def colors(self) -> npt.NDArray[np.uint8]:
+        """`colours`."""
+        return self.colours
+
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.positions)} vertices, {len(self.triangles)} triangles)"
+
+
+@dataclasses.dataclass(frozen=True)
+class Reason:
+    """One thing that a verdict found."""
+
+    #: `good` (a note), `doubtful` or `failed`.
+    grade: str
+    found: str
+    #: What to try; empty for a note.
+    advice: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """Whether a run can be relied on, as `tessera run` prints it."""
+
+    #: `good`, `doubtful` or `failed`.
+    grade: str
+    reasons: List[Reason]
+
+
+def mesh(columns: MeshColumns) -> Mesh:
+    positions, normals, colours, triangles = columns
+    return Mesh(
+        np.frombuffer(positions, "<f4").reshape(-1, 3).copy(),
+        np.frombuffer(normals, "<f4").reshape(-1, 3).copy(),
+        np.frombuffer(colours, np.uint8).reshape(-1, 3).copy(),
+        np.frombuffer(triangles, "<u4").reshape(-1, 3).copy(),
+    )
+
+
+def verdict(columns: VerdictColumns) -> Verdict:
+    grade, reasons = columns
+    return Verdict(grade, [Reason(*reason) for reason in reasons])
 
 
 def trajectory(columns: TrajectoryColumns) -> Trajectory:
@@ -105,6 +196,14 @@ def depth_bytes(depth: npt.ArrayLike, camera: Camera) -> bytes:
         return array.astype("<u2", copy=False).tobytes()
     if array.dtype not in (np.float32, np.float64):
         raise TypeError(f"depth is {array.dtype}, expected uint16 in the camera's units, or float32 or float64 in metres")
+    # A quick look: every eighth pixel of every eighth row.
+    some = array[::8, ::8]
+    measured = some[np.isfinite(some) & (some > 0)]
+    if measured.size and (median := float(np.median(measured))) > MOST_MEDIAN_M:
+        raise ValueError(
+            f"depth is {array.dtype} with a median of {median:.0f}, expected metres: these look like millimetres; "
+            "give depth / 1000, or uint16 in the camera's units"
+        )
     # In the type of the image: twice as many bits would change no unit.
     with np.errstate(invalid="ignore", over="ignore"):
         raw = np.rint(array * array.dtype.type(camera.units_per_metre))

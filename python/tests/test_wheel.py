@@ -3,7 +3,10 @@
 Compares the module with the command of the same wheel, to the byte.
 """
 
+import copy
+import multiprocessing
 import pathlib
+import pickle
 import subprocess
 import sys
 import tempfile
@@ -139,12 +142,46 @@ def cameras_come_from_files_keys_and_matrices():
     refused(ValueError, "expected five numbers", tessera.Camera.from_matrix, matrix, 64, 48, 1000, [0.1, 0.2])
 
 
+def cameras_have_fields_pickle_and_print():
+    camera = tessera.Camera(64, 48, 60.0, 61.0, 31.5, 23.5, units_per_metre=5000)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion) == (60.0, 61.0, 31.5, 23.5, (0.0,) * 5)
+    assert np.array_equal(camera.matrix, [[60, 0, 31.5], [0, 61, 23.5], [0, 0, 1]])
+    distorted = tessera.Camera.from_matrix(camera.matrix, 64, 48, 5000, [0.1, 0, 0, 0, 0])
+    for one in (camera, distorted):
+        assert pickle.loads(pickle.dumps(one)) == one == copy.deepcopy(one)
+        assert eval(f"tessera.{one!r}") == one and "\n" not in repr(one)
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.map(focal_length, [camera]) == [60.0]
+    assert tessera.__version__.count(".") == 2
+
+
+def focal_length(camera):
+    return camera.fx
+
+
+def results_are_at_hand_and_print_in_a_line():
+    source = tessera.Source("room", {"run.frames": 20})
+    slam = tessera.Slam(source.camera)
+    for frame in source:
+        found = slam.track(frame.depth, color=frame.color)
+    slam.finish()
+    mesh, verdict, counts = slam.mesh(voxel_m=0.03), slam.verdict(), slam.counts()
+    assert len(mesh.triangles) > 1000 and mesh.triangles.max() < len(mesh.positions) == len(mesh.colors)
+    assert verdict.grade == "good" and all(reason.found for reason in verdict.reasons)
+    assert counts["submaps"] == 1 and counts["apart"] == {}
+    for result in (found, slam, slam.trajectory(), slam.map(), mesh, verdict, source[0]):
+        assert len(repr(result)) < 300 and "\n" not in repr(result), repr(result)
+    refused(ValueError, "voxel_m is 0, expected 0.001 to 1", slam.mesh, 0.0)
+    refused(ValueError, "found colour and color", slam.track, frame.depth, frame.colour, color=frame.colour)
+
+
 def what_is_wrong_is_named():
     camera = tessera.Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     slam = tessera.Slam(camera, settings={"surface.step": 2})
     depth = np.full((48, 64), 1500, np.uint16)
     refused(ValueError, "depth has shape (48, 63), expected (48, 64)", slam.track, depth[:, 1:])
     refused(ValueError, "depth has shape (64, 48), expected (48, 64)", slam.track, depth.T)
+    refused(ValueError, "these look like millimetres", slam.track, depth.astype(np.float32))
     refused(TypeError, "depth is int32, expected uint16", slam.track, depth.astype(np.int32))
     refused(ValueError, "colour has shape (48, 64), expected", slam.track, depth, depth)
     refused(TypeError, "colour is float64, expected uint8", slam.track, depth, np.zeros((48, 64, 3)))
@@ -212,6 +249,8 @@ def the_client_refuses_what_does_not_fit():
 
 def main():
     cameras_come_from_files_keys_and_matrices()
+    cameras_have_fields_pickle_and_print()
+    results_are_at_hand_and_print_in_a_line()
     what_is_wrong_is_named()
     a_lost_frame_says_so()
     a_place_is_looked_for_anew()

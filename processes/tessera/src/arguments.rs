@@ -205,7 +205,7 @@ pub(crate) struct StageArguments {
 pub(crate) struct CheckArguments {
     /// A recording (folder of images, bag of ROS 1 or 2, FILE.mcap), or a simulated world
     pub(crate) source: String,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl, 7scenes, primesense [default: the source's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     #[command(flatten)]

@@ -119,7 +119,7 @@ impl<'a> Frames<'a> {
         }
         let (info, problem) = self.source.read_what_is_there(index, &mut buffers).map_err(input)?;
         if let Some(problem) = problem {
-            self.broken.note(index, &problem.to_string())?;
+            self.broken.note(index, &problem.to_string(), matches!(problem, SourceError::Colour(_)))?;
         }
         Ok(info)
     }

@@ -21,7 +21,7 @@ pub(crate) struct AblateArguments {
     /// Recordings with ground truth, or simulated worlds
     #[arg(required = true, value_name = "SEQUENCE")]
     pub(crate) sequences: Vec<String>,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl, 7scenes, primesense [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     /// What the columns of the first table start from

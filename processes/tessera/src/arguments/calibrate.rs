@@ -19,7 +19,7 @@ Examples:
 pub(crate) struct CalibrateArguments {
     /// A recording, or a simulated world
     pub(crate) source: String,
-    /// The camera to start from: a file, or freiburg1, freiburg2, freiburg3, icl [default: the source's own]
+    /// The camera to start from: a file, or freiburg1, freiburg2, freiburg3, icl, 7scenes, primesense [default: the source's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     /// The camera file to write

@@ -52,7 +52,7 @@ pub(crate) struct ChaosArguments {
     /// Disturb a run that is going on, and compare nothing
     #[arg(long, value_name = "NAME")]
     pub(crate) attach: Option<String>,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl, 7scenes, primesense [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     /// A preset (default, paper, fast, onboard) or a TOML file

@@ -23,7 +23,7 @@ pub(crate) struct RecordArguments {
     /// The file to write
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the folder's camera.toml]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl, 7scenes, primesense [default: the folder's camera.toml]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     /// A preset (default, paper, fast, onboard) or a TOML file

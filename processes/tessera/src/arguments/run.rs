@@ -26,7 +26,7 @@ pub(crate) struct RunArguments {
     /// one after the other and compared
     #[arg(value_name = "SOURCE")]
     pub(crate) sources: Vec<String>,
-    /// A camera file, or freiburg1, freiburg2, freiburg3, icl [default: the recording's own]
+    /// A camera file, or freiburg1, freiburg2, freiburg3, icl, 7scenes, primesense, or guess [default: the recording's own]
     #[arg(long, value_name = "CAMERA")]
     pub(crate) camera: Option<String>,
     #[command(flatten)]

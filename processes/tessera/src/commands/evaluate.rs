@@ -6,14 +6,15 @@ use crate::run_folder;
 use crate::terminal::say_report;
 use std::fmt::Write;
 use std::path::PathBuf;
-use tessera_evaluation::{Evaluation, EvaluationOptions, Statistics, read_tum};
+use tessera_evaluation::{Evaluation, EvaluationOptions, SEARCH_S, Statistics, read_trajectory};
 use tessera_outputs::ToolError;
 
 /// Prints the errors of an estimate.
 pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandError> {
     let (estimate_file, groundtruth_file) = files(arguments)?;
-    let estimate = read_tum(&estimate_file)?;
-    let groundtruth = read_tum(&groundtruth_file)?;
+    let (estimate, groundtruth) = read_trajectory(&estimate_file)?
+        .together(read_trajectory(&groundtruth_file)?)
+        .map_err(CommandError::input)?;
     let options = EvaluationOptions { time_offset: arguments.time_offset.is_some(), scale: arguments.scale };
     let evaluation = tessera_evaluation::evaluate(&estimate, &groundtruth, &options).map_err(|source| {
         ToolError::Evaluation {
@@ -97,7 +98,12 @@ fn for_people(evaluation: &Evaluation, options: &EvaluationOptions) -> String {
                     report.offset_s, report.ate_rmse_m
                 );
             }
-            None => text.push_str("no time offset: the trajectories overlap too little to fit one\n"),
+            None => {
+                let _ = writeln!(
+                    text,
+                    "no time offset: none within {SEARCH_S} s fits better than its neighbours, or too little overlaps"
+                );
+            }
         }
     }
     if let Some(report) = &evaluation.with_scale {

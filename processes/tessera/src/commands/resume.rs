@@ -61,6 +61,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, how: Resumption<'_>) -> 
         n_frames: run.n_frames,
         fps: run.fps,
         doubts: run.doubts,
+        warnings: run.warnings,
         hold: how.hold,
         resume: true,
         drop_damaged: how.drop_damaged,

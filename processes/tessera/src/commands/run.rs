@@ -43,10 +43,17 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
         say_error(&format!("warning: {spec}: {warning}"));
     }
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
+    if depth.median_m.is_none() {
+        say_error(&format!(
+            "warning: {spec}: no depth in any of the {} frames looked at",
+            depth.frames.len()
+        ));
+    }
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
         .map_err(|error| CommandError::input(format!("{spec}: {error}")))?;
     let units = doubt_units(&depth, source.camera());
-    let doubts: Vec<String> = source.doubts().iter().cloned().chain(units).collect();
+    let bent = depth.bent.doubt();
+    let doubts: Vec<String> = source.doubts().iter().cloned().chain(units).chain(bent).collect();
     for doubt in &doubts {
         say_error(&format!("warning: {spec}: {doubt}"));
     }
@@ -174,6 +181,7 @@ fn start(
 ) -> Result<Exit, LaunchError> {
     let mut plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
     plan.doubts = doubts.to_vec();
+    plan.warnings = source.warnings().to_vec();
     let exit = with_company(&plan, arguments, |when_seen| {
         launch(&plan, None, source.ground_truth(), arguments.speech, when_seen)
     })?;
@@ -207,6 +215,7 @@ pub(super) fn new_plan(
         n_frames,
         fps: arguments.topics.fps,
         doubts: Vec::new(),
+        warnings: Vec::new(),
         hold: arguments.hold,
         resume: false,
         drop_damaged: false,

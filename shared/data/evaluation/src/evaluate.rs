@@ -190,7 +190,12 @@ fn time_offset_report(
     groundtruth: &Trajectory,
     offset_s: f64,
 ) -> Option<TimeOffsetReport> {
+    const NO_WORSE: f64 = 1.001;
+    let without = ate(estimate, groundtruth, &AteOptions::default()).ok()?.statistics_m.rmse;
     let ate = ate(estimate, groundtruth, &AteOptions { offset_s, ..AteOptions::default() }).ok()?;
+    if ate.statistics_m.rmse > NO_WORSE * without {
+        return None;
+    }
     let rpe = rpe(estimate, groundtruth, &RpeOptions { offset_s, ..RpeOptions::default() }).ok();
     Some(TimeOffsetReport {
         offset_s,

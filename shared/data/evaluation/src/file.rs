@@ -119,6 +119,18 @@ pub enum ReadError {
         /// What is wrong with it.
         source: TrajectoryError,
     },
+    /// A row of another form than TUM's cannot be used.
+    #[error("{}, line {line}: found '{found}', expected {expected}", path.display())]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from 1.
+        line: usize,
+        /// The row, as far as it is shown.
+        found: String,
+        /// Its columns.
+        expected: &'static str,
+    },
     /// There is no row.
     #[error("{} has no poses, expected lines of: timestamp tx ty tz qx qy qz qw", path.display())]
     Empty {
@@ -158,6 +170,59 @@ pub fn parse_tum(text: &str, path: &Path) -> Result<Trajectory, ReadError> {
         return Err(ReadError::Empty { path: path.to_owned() });
     }
     Ok(trajectory)
+}
+
+/// Rows of a trajectory file, without those that cannot be used.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TumRows {
+    /// Rows that can be used, sorted by time.
+    pub trajectory: Trajectory,
+    /// Rows that are left out.
+    pub n_left_out: usize,
+    /// The first of them: file, line and what is wrong.
+    pub first_problem: Option<String>,
+}
+
+/// Reads a trajectory file as [`read_tum`] does, and leaves out rows that cannot be used: not finite, no
+/// rotation, a time that repeats, another number of columns. Rows are sorted by time.
+///
+/// # Errors
+/// The file cannot be read, or no row can be used.
+pub fn read_tum_rows(path: &Path) -> Result<TumRows, ReadError> {
+    let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+    parse_tum_rows(&String::from_utf8_lossy(&bytes), path)
+}
+
+fn parse_tum_rows(text: &str, path: &Path) -> Result<TumRows, ReadError> {
+    let (mut found, mut rows, mut first_error) = (TumRows::default(), Vec::new(), None);
+    let mut leave_out = |line: usize, source: TrajectoryError| {
+        let error = ReadError::Line { path: path.to_owned(), line, source };
+        first_error = first_error.take().or(Some(error));
+        found.n_left_out += 1;
+    };
+    for (at, line) in text.lines().enumerate() {
+        let line = line.trim_start_matches('\u{feff}').trim();
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        match parse_row(line) {
+            Ok((stamp, pose)) => rows.push((stamp, at + 1, pose)),
+            Err(source) => leave_out(at + 1, source),
+        }
+    }
+    // Stable: of rows with one time the first is kept.
+    rows.sort_by_key(|(stamp, ..)| *stamp);
+    let mut trajectory = Trajectory::default();
+    for (stamp, line, pose) in rows {
+        if let Err(source) = trajectory.push(stamp, pose) {
+            leave_out(line, source);
+        }
+    }
+    found.first_problem = first_error.as_ref().map(ToString::to_string);
+    if trajectory.is_empty() {
+        return Err(first_error.unwrap_or(ReadError::Empty { path: path.to_owned() }));
+    }
+    Ok(TumRows { trajectory, ..found })
 }
 
 fn parse_row(line: &str) -> Result<(i64, Pose), TrajectoryError> {
@@ -223,6 +288,21 @@ mod tests {
 
     fn message(text: &str) -> String {
         parse_tum(text, Path::new("gt.txt")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn rows_that_cannot_be_used_are_left_out_and_counted() {
+        let good = "0 0 0 0 0 0 1";
+        let text = format!(
+            "# t\n3 {good}\n1 {good}\n1 {good}\n2 nan 0 0 0 0 0 1\n4 0 0 0 0 0 0 0\n5 {good} 7\n0 0 0 0 0 0 0 0\n6 {good}\n"
+        );
+        let rows = parse_tum_rows(&text, Path::new("gt.txt")).unwrap();
+        assert_eq!(rows.trajectory.stamps_nanos, [1, 3, 6].map(|s| s * 1_000_000_000));
+        assert_eq!(rows.n_left_out, 5);
+        assert!(rows.first_problem.unwrap().contains("gt.txt, line 5: tx is 'nan'"));
+        let none = parse_tum_rows("1 2 3\n", Path::new("gt.txt")).unwrap_err().to_string();
+        assert!(none.contains("line 1: found 3 columns"), "{none}");
+        assert!(matches!(parse_tum_rows("# no\n", Path::new("gt.txt")), Err(ReadError::Empty { .. })));
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod associate;
 mod ate;
 mod evaluate;
 mod file;
+mod forms;
 mod offset;
 mod rpe;
 mod stamp;
@@ -25,8 +26,12 @@ pub use ate::{Ate, AteOptions, ape_evo, ate};
 pub use evaluate::{
     Coverage, Evaluation, EvaluationError, EvaluationOptions, ScaleReport, TimeOffsetReport, evaluate,
 };
-pub use file::{ReadError, Trajectory, TrajectoryError, parse_tum, read_tum, write_tum, write_tum_row};
-pub use offset::best_time_offset_s;
+pub use file::{
+    ReadError, Trajectory, TrajectoryError, TumRows, parse_tum, read_tum, read_tum_rows, write_tum,
+    write_tum_row,
+};
+pub use forms::{TrajectoryFile, read_trajectory};
+pub use offset::{SEARCH_S, best_time_offset_s};
 pub use rpe::{Rpe, RpeOptions, rpe};
 pub use stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};
 pub use statistics::Statistics;

@@ -4,41 +4,91 @@ use crate::Trajectory;
 use crate::align::align_rigid;
 use nalgebra::Vector3;
 
-/// Offsets searched, seconds: to either side of zero.
-const SEARCH_S: f64 = 0.15;
+/// Offsets searched, seconds to either side of zero: clocks of two computers that were never set by
+/// each other are further apart, and are told by their dates.
+pub const SEARCH_S: f64 = 60.0;
+/// Step of the search and of its refinement, seconds.
+const COARSE_S: f64 = 0.02;
 const STEP_S: f64 = 0.005;
+/// Offsets around the best of the search among which the same poses are compared, seconds.
+const AROUND_S: f64 = 0.15;
+/// Poses that the search compares at most.
+const MOST_POSES: usize = 300;
+/// Share of the poses that must have ground truth under an offset.
+const COVERED: f64 = 0.75;
+const LEAST_POSES: usize = 10;
+/// Share of the best cost by which the ends of the search must be worse.
+const WORSE_AT_ENDS: f64 = 1.05;
 
 /// The offset to add to the estimate's times that gives the least ATE, seconds, to 0.1 ms.
 ///
 /// Ground truth is interpolated linearly, unlike in the ATE itself: with the nearest pose of a
-/// 100 Hz track the cost would be a staircase. `None` where too little overlaps in time.
+/// 100 Hz track the cost would be a staircase. `None` where too little overlaps in time, or where the
+/// best of all offsets is at an end of those that can be compared.
 pub fn best_time_offset_s(estimate: &Trajectory, groundtruth: &Trajectory) -> Option<f64> {
-    let search_nanos = (SEARCH_S * 1e9) as i64;
+    let middle_s = searched(estimate, groundtruth)?;
+    refined(estimate, groundtruth, middle_s)
+}
+
+/// The best offset in coarse steps.
+fn searched(estimate: &Trajectory, groundtruth: &Trajectory) -> Option<f64> {
+    let n = estimate.len().min(MOST_POSES);
+    let some: Vec<usize> = (0..n).map(|k| k * estimate.len() / n).collect();
+    let cost = |offset_s: f64| -> Option<f64> {
+        let offset_nanos = libm::round(offset_s * 1e9) as i64;
+        let covered = some.iter().copied().filter(|&at| {
+            let stamp = estimate.stamps_nanos[at].saturating_add(offset_nanos);
+            is_covered(groundtruth, stamp, stamp)
+        });
+        let usable: Vec<usize> = covered.collect();
+        let is_enough = usable.len() >= LEAST_POSES && usable.len() as f64 >= COVERED * n as f64;
+        is_enough.then(|| cost(estimate, groundtruth, &usable, offset_nanos) / usable.len() as f64)
+    };
+    let n_steps = (SEARCH_S / COARSE_S).round() as i32;
+    let costs: Vec<(f64, f64)> = (-n_steps..=n_steps)
+        .map(|k| f64::from(k) * COARSE_S)
+        .filter_map(|offset_s| Some((offset_s, cost(offset_s)?)))
+        .collect();
+    let (at, best) = costs.iter().enumerate().min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    let is_inside = |side: &[(f64, f64)]| side.iter().any(|(_, cost)| *cost > WORSE_AT_ENDS * best.1);
+    (is_inside(&costs[..at]) && is_inside(&costs[at + 1..])).then_some(best.0)
+}
+
+/// The best offset around one, in fine steps.
+fn refined(estimate: &Trajectory, groundtruth: &Trajectory, middle_s: f64) -> Option<f64> {
+    let around_nanos = (AROUND_S * 1e9) as i64;
+    let middle_nanos = libm::round(middle_s * 1e9) as i64;
     let usable: Vec<usize> = (0..estimate.len())
         .filter(|&at| {
             // The same poses count for every offset, or dropping bad ones would look like a gain.
-            let stamp = estimate.stamps_nanos[at];
-            is_covered(groundtruth, stamp - search_nanos, stamp + search_nanos)
+            let stamp = estimate.stamps_nanos[at].saturating_add(middle_nanos);
+            is_covered(groundtruth, stamp - around_nanos, stamp + around_nanos)
         })
         .collect();
-    if usable.len() < 10 {
+    if usable.len() < LEAST_POSES {
         return None;
     }
-    let source: Vec<Vector3<f64>> = usable.iter().map(|&at| estimate.poses[at].translation.vector).collect();
-    let cost = |offset_s: f64| {
-        let offset_nanos = libm::round(offset_s * 1e9) as i64;
-        let target: Vec<Vector3<f64>> = usable
-            .iter()
-            .map(|&at| interpolated(groundtruth, estimate.stamps_nanos[at] + offset_nanos))
-            .collect();
-        let pose = align_rigid(&source, &target);
-        let moved = |a: &Vector3<f64>| pose.rotation * a + pose.translation.vector;
-        source.iter().zip(&target).map(|(a, b)| (moved(a) - b).norm_squared()).sum::<f64>()
-    };
-    let n_steps = (SEARCH_S / STEP_S).round() as i32;
-    let coarse =
-        (-n_steps..=n_steps).map(|k| f64::from(k) * STEP_S).min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
-    Some(libm::round(golden_section(cost, coarse - STEP_S, coarse + STEP_S) * 1e4) / 1e4)
+    let cost = |offset_s: f64| cost(estimate, groundtruth, &usable, libm::round(offset_s * 1e9) as i64);
+    let n_steps = (AROUND_S / STEP_S).round() as i32;
+    let offsets = (-n_steps..=n_steps).map(|k| middle_s + f64::from(k) * STEP_S);
+    let best = offsets.min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
+    if (best - middle_s).abs() > AROUND_S - 0.5 * STEP_S {
+        return None;
+    }
+    Some(libm::round(golden_section(cost, best - STEP_S, best + STEP_S) * 1e4) / 1e4)
+}
+
+/// Sum of the squared distances of some poses from the ground truth under an offset, once aligned.
+fn cost(estimate: &Trajectory, groundtruth: &Trajectory, usable: &[usize], offset_nanos: i64) -> f64 {
+    let position = |&at: &usize| estimate.poses[at].translation.vector;
+    let source: Vec<Vector3<f64>> = usable.iter().map(position).collect();
+    let target: Vec<Vector3<f64>> = usable
+        .iter()
+        .map(|&at| interpolated(groundtruth, estimate.stamps_nanos[at] + offset_nanos))
+        .collect();
+    let pose = align_rigid(&source, &target);
+    let moved = |a: &Vector3<f64>| pose.rotation * a + pose.translation.vector;
+    source.iter().zip(&target).map(|(a, b)| (moved(a) - b).norm_squared()).sum()
 }
 
 fn golden_section(cost: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
@@ -103,6 +153,34 @@ mod tests {
             let found = best_time_offset_s(&waving(33_333_000, 280, planted), &truth).unwrap();
             assert!((found - planted).abs() < 3e-4, "{found} for {planted}");
         }
+    }
+
+    #[test]
+    fn clocks_of_two_computers_are_seconds_apart() {
+        let truth = waving(10_000_000, 4000, 0.0);
+        let estimate = |planted: f64| {
+            let mut estimate = waving(33_333_000, 280, 12.0);
+            let shift = ((12.0 - planted) * 1e9) as i64;
+            estimate.stamps_nanos.iter_mut().for_each(|stamp| *stamp += shift);
+            estimate
+        };
+        for planted in [0.3, -1.0, 5.25, -7.5] {
+            let found = best_time_offset_s(&estimate(planted), &truth).unwrap();
+            assert!((found - planted).abs() < 1e-3, "{found} for {planted}");
+        }
+    }
+
+    #[test]
+    fn a_best_offset_at_the_end_of_what_can_be_compared_is_none() {
+        // The truth ends where the estimate's motion would begin to fit.
+        let truth = waving(10_000_000, 300, 0.0);
+        assert_eq!(best_time_offset_s(&waving(33_333_000, 85, 2.5), &truth), None);
+        // A camera that stands still fits everywhere.
+        let mut still = Trajectory::default();
+        for k in 0..200 {
+            still.push(k * 33_000_000, Pose::identity()).unwrap();
+        }
+        assert_eq!(best_time_offset_s(&still, &still), None);
     }
 
     #[test]

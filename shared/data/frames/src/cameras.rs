@@ -1,19 +1,23 @@
 //! Camera files, and the cameras that are built in.
 
 use crate::SourceError;
+use crate::camera_forms::read_stated;
 use crate::colour_camera::{ColourCamera, ColourTable};
+use crate::large::check_camera;
 use serde::Deserialize;
 use std::path::Path;
 use tessera_geometry::Camera;
 
 /// Names that `--camera` understands beside files.
-pub const CAMERA_NAMES: [&str; 4] = ["freiburg1", "freiburg2", "freiburg3", "icl"];
+pub const CAMERA_NAMES: [&str; 6] = ["freiburg1", "freiburg2", "freiburg3", "icl", "7scenes", "primesense"];
 
-const TEXTS: [&str; 4] = [
+const TEXTS: [&str; 6] = [
     include_str!("../../../../config/cameras/freiburg1.toml"),
     include_str!("../../../../config/cameras/freiburg2.toml"),
     include_str!("../../../../config/cameras/freiburg3.toml"),
     include_str!("../../../../config/cameras/icl.toml"),
+    include_str!("../../../../config/cameras/7scenes.toml"),
+    include_str!("../../../../config/cameras/primesense.toml"),
 ];
 
 /// What a camera file says.
@@ -23,7 +27,14 @@ pub struct CameraFile {
     pub camera: Camera,
     /// The colour camera, where the file says that it is another one.
     pub colour: Option<ColourCamera>,
+    /// Whether depth images hold distances along the ray (`depth = "distance"`).
+    pub is_distance: bool,
+    /// What the file does not state and is assumed, as a sentence.
+    pub assumed: Option<String>,
 }
+
+/// Units of depth where a camera file of another program has none: millimetres.
+pub const USUAL_UNITS_PER_METRE: f64 = 1000.0;
 
 impl CameraFile {
     /// A built-in camera by name, or a camera file.
@@ -46,9 +57,33 @@ impl CameraFile {
     /// # Errors
     /// Names the file and the key, what was found and expected.
     pub fn load(path: &Path) -> Result<Self, SourceError> {
+        let is_ours = path.extension().is_none_or(|end| end.eq_ignore_ascii_case("toml"));
+        if !is_ours {
+            return Self::load_other(path);
+        }
         let text = std::fs::read_to_string(path)
             .map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
         Self::parse(&text, &path.display().to_string())
+    }
+
+    /// A camera file of another program.
+    fn load_other(path: &Path) -> Result<Self, SourceError> {
+        let file = path.display().to_string();
+        let wrong =
+            |message: &str| SourceError::CameraFile { file: file.clone(), message: message.to_owned() };
+        let stated = read_stated(path)?.ok_or_else(|| {
+            wrong("no camera in it, expected camera.toml, ROS camera_info, ORB-SLAM settings, Open3D JSON or COLMAP cameras.txt")
+        })?;
+        let Some(size) = stated.size else {
+            return Err(wrong(
+                "it states no image size: write a camera.toml with width, height, fx, fy, cx, cy, units_per_metre",
+            ));
+        };
+        let camera = stated.camera(size, USUAL_UNITS_PER_METRE, &file)?;
+        let assumed = stated.units_per_metre.is_none().then(|| {
+            format!("{file} states no depth units: {USUAL_UNITS_PER_METRE} a metre are assumed (units_per_metre in a camera.toml)")
+        });
+        Ok(Self { camera, colour: None, is_distance: false, assumed })
     }
 
     fn parse(text: &str, file: &str) -> Result<Self, SourceError> {
@@ -57,17 +92,36 @@ impl CameraFile {
             message: error.to_string().trim_end().to_owned(),
         };
         let tables: CameraFileTables = toml::from_str(text).map_err(wrong)?;
-        let camera: Camera = match &tables.colour {
-            None => toml::from_str(text).map_err(wrong)?,
-            Some(_) => {
+        let camera: Camera = match (&tables.colour, &tables.depth) {
+            (None, None) => toml::from_str(text).map_err(wrong)?,
+            _ => {
                 let mut keys: toml::Table = toml::from_str(text).map_err(wrong)?;
                 keys.remove("colour");
+                keys.remove("depth");
                 Camera::deserialize(keys).map_err(wrong)?
             }
         };
-        camera.check().map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
+        check_camera(&camera).map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
         let colour = tables.colour.map(|table| table.camera(file)).transpose()?;
-        Ok(Self { camera, colour })
+        let is_distance = matches!(tables.depth, Some(DepthMeaning::Distance));
+        Ok(Self { camera, colour, is_distance, assumed: None })
+    }
+
+    /// The same for frames that are taken as they come: not reduced, and with depth along the optical axis.
+    ///
+    /// # Errors
+    /// The images are too large, or depth is the distance along the ray.
+    pub fn as_it_is(self, file: &str) -> Result<Self, SourceError> {
+        self.camera.check().map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
+        match self.is_distance {
+            true => Err(SourceError::CameraFile {
+                file: file.to_owned(),
+                message:
+                    "depth is \"distance\", expected \"z\" here: only folders and recordings are converted"
+                        .to_owned(),
+            }),
+            false => Ok(self),
+        }
     }
 }
 
@@ -75,6 +129,17 @@ impl CameraFile {
 #[derive(Deserialize)]
 struct CameraFileTables {
     colour: Option<ColourTable>,
+    depth: Option<DepthMeaning>,
+}
+
+/// What the values of depth images are: the key `depth`.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum DepthMeaning {
+    /// Along the optical axis.
+    Z,
+    /// Along the ray of the pixel.
+    Distance,
 }
 
 /// The depth camera of [`CameraFile::named`].
@@ -82,7 +147,7 @@ struct CameraFileTables {
 /// # Errors
 /// As there.
 pub fn named_camera(name_or_file: &str) -> Result<Camera, SourceError> {
-    Ok(CameraFile::named(name_or_file)?.camera)
+    Ok(CameraFile::named(name_or_file)?.as_it_is(name_or_file)?.camera)
 }
 
 /// The depth camera of [`CameraFile::load`].
@@ -90,7 +155,7 @@ pub fn named_camera(name_or_file: &str) -> Result<Camera, SourceError> {
 /// # Errors
 /// As there.
 pub fn load_camera(path: &Path) -> Result<Camera, SourceError> {
-    Ok(CameraFile::load(path)?.camera)
+    Ok(CameraFile::load(path)?.as_it_is(&path.display().to_string())?.camera)
 }
 
 #[cfg(test)]
@@ -126,11 +191,39 @@ mod tests {
             (good.replace("fx = 535.4", "fx = nan"), "fx is NaN"),
             (good.replace("fx = 535.4", "fx = \"wide\""), "invalid type: string \"wide\""),
             (format!("{good}\nfocal = 3.0"), "unknown field `focal`"),
-            (good.replace("width = 640", "width = 6400"), "image size is 6400x480 px"),
+            (good.replace("width = 640", "width = 16400"), "image size is 16400x480 px"),
+            (format!("{good}\ndepth = \"radial\""), "unknown variant `radial`"),
         ];
         for (text, expected) in table {
             let found = message(&text);
             assert!(found.starts_with("camera.toml: ") && found.contains(expected), "{found}");
+        }
+    }
+
+    #[test]
+    fn depth_may_be_the_distance_along_the_ray() {
+        let parse = |depth: &str| CameraFile::parse(&format!("{depth}{}", TEXTS[2]), "camera.toml").unwrap();
+        let file = parse("depth = \"distance\"\n");
+        assert!(file.is_distance && !parse("depth = \"z\"\n").is_distance && !parse("").is_distance);
+        assert!(file.as_it_is("a").unwrap_err().to_string().contains("depth is \"distance\""));
+    }
+
+    #[test]
+    fn camera_files_of_other_programs_are_read_with_what_they_do_not_state() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cameras.txt");
+        std::fs::write(&path, "1 PINHOLE 2048 1536 1500 1500 1024 768\n").unwrap();
+        let file = CameraFile::named(&path.display().to_string()).unwrap();
+        assert_eq!((file.camera.fx, file.camera.cx, file.camera.units_per_metre), (1500.0, 1023.5, 1000.0));
+        assert!(file.assumed.unwrap().contains("states no depth units: 1000 a metre are assumed"));
+        let message = load_camera(&path).unwrap_err().to_string();
+        assert!(message.contains("image size is 2048x1536 px"), "{message}");
+        for (text, expected) in
+            [("615 0 321 0 616 244 0 0 1", "states no image size"), ("words", "no camera in it")]
+        {
+            std::fs::write(&path, text).unwrap();
+            let message = CameraFile::load(&path).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
         }
     }
 

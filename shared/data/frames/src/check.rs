@@ -152,6 +152,8 @@ fn warnings(report: &CheckReport) -> Vec<String> {
             );
             let doubt = doubt_units(depth, camera);
             warn(doubt.is_some(), doubt.unwrap_or_default());
+            let bent = depth.bent.doubt();
+            warn(bent.is_some(), bent.unwrap_or_default());
             for frame in &depth.empty_frames {
                 warn(true, format!("frame {frame} has no depth in any pixel"));
             }

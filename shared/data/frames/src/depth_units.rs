@@ -1,5 +1,6 @@
 //! Depth over some frames, and whether its units can be right.
 
+use crate::along_ray::Bent;
 use crate::{FrameBuffers, Source, SourceError};
 use serde::Serialize;
 use tessera_geometry::Camera;
@@ -25,6 +26,9 @@ pub struct DepthSummary {
     pub median_m: Option<f64>,
     /// Share of pixels with a measurement, 0 to 1.
     pub valid_share: f64,
+    /// Whether its planes bend.
+    #[serde(skip)]
+    pub bent: Bent,
 }
 
 /// The median depth is one that no room has: the depth units are wrong.
@@ -59,7 +63,10 @@ pub fn summarise_depth(source: &dyn Source, n_samples: u64) -> Result<DepthSumma
     for &index in &frames {
         let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
         match source.read_what_is_there(index, &mut buffers)? {
-            (_, None | Some(SourceError::Colour(_))) => seen.add(index, &depth),
+            (_, None | Some(SourceError::Colour(_))) => {
+                seen.add(index, &depth);
+                seen.bent.add(&depth, camera);
+            }
             (_, Some(error)) => first_error = first_error.or(Some(error)),
         }
     }
@@ -82,11 +89,18 @@ struct Depths {
     frames: Vec<u64>,
     empty_frames: Vec<u64>,
     n_seen: usize,
+    bent: Bent,
 }
 
 impl Default for Depths {
     fn default() -> Self {
-        Self { histogram: vec![0; 1 << 16], frames: Vec::new(), empty_frames: Vec::new(), n_seen: 0 }
+        Self {
+            histogram: vec![0; 1 << 16],
+            frames: Vec::new(),
+            empty_frames: Vec::new(),
+            n_seen: 0,
+            bent: Bent::default(),
+        }
     }
 }
 
@@ -111,6 +125,7 @@ impl Depths {
             valid_share: n_valid as f64 / self.n_seen.max(1) as f64,
             frames: self.frames,
             empty_frames: self.empty_frames,
+            bent: self.bent,
         }
     }
 }

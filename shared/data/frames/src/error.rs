@@ -105,12 +105,14 @@ pub enum SourceError {
     GroundTruth(#[from] ReadError),
     /// Nothing says what the camera is.
     #[error(
-        "{} has no camera.toml: put one there, or give --camera FILE or --camera {}",
+        "{} has no camera.toml: put one there, or give --camera FILE or --camera {}{template}",
         folder.display(), crate::CAMERA_NAMES.join("|")
     )]
     NoCamera {
         /// The folder.
         folder: PathBuf,
+        /// Lines of a camera file to fill in, as text.
+        template: String,
     },
     /// A camera was named that is neither built in nor a file.
     #[error("no camera '{found}': expected a file or one of {}", crate::CAMERA_NAMES.join(", "))]

@@ -5,6 +5,8 @@
 //! bytes. That is what lets a restarted sensor go on where its predecessor died.
 #![forbid(unsafe_code)]
 
+mod along_ray;
+pub mod camera_forms;
 pub mod cameras;
 mod check;
 mod check_words;
@@ -13,10 +15,13 @@ pub mod decode;
 mod depth_units;
 mod error;
 pub mod imu;
+pub mod large;
 pub mod pairing;
 mod source;
+pub mod timeline;
 mod warp;
 
+pub use along_ray::{Bent, RayLengths};
 pub use cameras::{CAMERA_NAMES, CameraFile, load_camera, named_camera};
 pub use check::{CheckReport, Gaps, check};
 pub use colour_camera::ColourCamera;

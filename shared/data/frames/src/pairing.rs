@@ -48,6 +48,59 @@ pub fn summarise(depth_nanos: &[i64], colour_nanos: &[i64], partners: &[Option<u
     }
 }
 
+/// Share of frames without colour from which on it is stated.
+const MOST_UNCOLOURED: f64 = 0.5;
+
+/// A sentence on frames without colour where there are many, or none has any; `reason`: why there are
+/// no colour images.
+pub fn uncoloured(
+    depth_nanos: &[i64],
+    colour_nanos: &[i64],
+    partners: &[Option<usize>],
+    reason: Option<&str>,
+) -> Option<String> {
+    let (n, n_without) = (partners.len(), partners.iter().filter(|partner| partner.is_none()).count());
+    if n == 0 || (n_without as f64) <= MOST_UNCOLOURED * n as f64 {
+        return None;
+    }
+    let who = if n_without == n {
+        "no frame has colour".to_owned()
+    } else {
+        format!("{n_without} of {n} frames have no colour")
+    };
+    let limit_s = MAX_DIFFERENCE_NANOS as f64 * 1e-9;
+    let why = match (reason, offset_nanos(depth_nanos, colour_nanos)) {
+        (Some(reason), _) => reason.to_owned(),
+        (None, Some(offset)) => format!(
+            "the colour image nearest to a depth image is {:.3} s {}, expected at most {limit_s} s; do their clocks differ?",
+            offset.unsigned_abs() as f64 * 1e-9,
+            if offset > 0 { "later" } else { "earlier" }
+        ),
+        (None, None) => "there are no colour images".to_owned(),
+    };
+    Some(format!("{who}: {why}"))
+}
+
+/// Median time from a depth image without a partner to its nearest colour image, nanoseconds.
+fn offset_nanos(depth_nanos: &[i64], colour_nanos: &[i64]) -> Option<i64> {
+    if let ([first, .., last], [colour_first, .., colour_last]) = (depth_nanos, colour_nanos)
+        && (colour_first > last || colour_last < first)
+    {
+        // Two clocks.
+        return Some(colour_first.saturating_sub(*first));
+    }
+    let nearest = |stamp: &i64| {
+        let after = colour_nanos.partition_point(|other| other < stamp);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let differences = near.filter_map(|at| Some(colour_nanos.get(at)?.saturating_sub(*stamp)));
+        differences.min_by_key(|difference| difference.saturating_abs())
+    };
+    let mut offsets: Vec<i64> = depth_nanos.iter().filter_map(nearest).collect();
+    offsets.retain(|offset| offset.saturating_abs() >= MAX_DIFFERENCE_NANOS);
+    offsets.sort_unstable();
+    offsets.get(offsets.len() / 2).copied()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,5 +116,21 @@ mod tests {
         check(&[0], &[20], &[None]);
         check(&[0], &[-19], &[Some(0)]);
         check(&[0, 100, 200], &[205], &[None, None, Some(0)]);
+    }
+
+    #[test]
+    fn frames_without_colour_are_stated_with_the_reason() {
+        const SECOND: i64 = 1_000_000_000;
+        let depth: Vec<i64> = (0..10).map(|k| k * SECOND / 30).collect();
+        let sentence = |colour: &[i64], reason| uncoloured(&depth, colour, &pair(&depth, colour), reason);
+        assert_eq!(sentence(&depth, None), None);
+        let late: Vec<i64> = depth.iter().map(|stamp| stamp + 5 * SECOND).collect();
+        let words = sentence(&late, None).unwrap();
+        assert!(words.contains("no frame has colour") && words.contains("5.000 s later"), "{words}");
+        let words = sentence(&depth[..3], None).unwrap();
+        assert!(words.contains("7 of 10 frames have no colour") && words.contains("earlier"), "{words}");
+        assert_eq!(sentence(&depth[..5], None), None, "half of the rate");
+        assert_eq!(sentence(&[], None).unwrap(), "no frame has colour: there are no colour images");
+        assert_eq!(sentence(&[], Some("it is a video")).unwrap(), "no frame has colour: it is a video");
     }
 }

@@ -20,9 +20,13 @@ const STATIC_TRANSFORMS: &str = "/tf_static";
 pub(super) struct Spot {
     pub(super) stamp_nanos: i64,
     pub(super) kind: MessageKind,
-    place: Place,
+    /// Time at which it was recorded, nanoseconds; 0: not known.
+    pub(super) log_nanos: i64,
+    /// Position among all messages that matter.
+    pub(super) ordinal: u64,
+    pub(super) place: Place,
     /// Among the messages of its place.
-    number: u32,
+    pub(super) number: u32,
 }
 
 /// All messages that matter.
@@ -81,7 +85,13 @@ pub(super) fn find(
         .par_iter()
         .enumerate()
         .map(|(at, place)| {
-            let looking = Looking { roles: &roles, topics, found: FoundMessage::default() };
+            let first_ordinal = (at as u64) << 32;
+            let looking = Looking {
+                roles: &roles,
+                topics,
+                next_ordinal: first_ordinal,
+                found: FoundMessage::default(),
+            };
             // Where a file was cut, only checksums tell whether all of its end was written.
             looking.through(file, place, is_cut && at + 1 == n)
         })
@@ -106,10 +116,41 @@ pub(super) fn find(
     Ok(all)
 }
 
+/// The first message of each image topic, by topic; damage ends the search.
+pub(super) fn first_images(file: &dyn Container, channels: &Channels) -> BTreeMap<String, Spot> {
+    let mut first: BTreeMap<String, Spot> = BTreeMap::new();
+    let kinds: BTreeMap<u32, MessageKind> = channels
+        .iter()
+        .filter_map(|(id, channel)| Some((*id, MessageKind::of(channel).filter(|kind| kind.is_image())?)))
+        .collect();
+    for place in file.places() {
+        let read = file.messages(&place, 0, &mut |message| {
+            if let (Some(kind), Some(channel)) = (kinds.get(&message.channel), channels.get(&message.channel))
+            {
+                let spot = Spot {
+                    stamp_nanos: 0,
+                    kind: *kind,
+                    log_nanos: message.log_nanos,
+                    ordinal: 0,
+                    place: message.place,
+                    number: message.number,
+                };
+                first.entry(channel.topic.clone()).or_insert(spot);
+            }
+            Ok(())
+        });
+        if read.is_err() {
+            break;
+        }
+    }
+    first
+}
+
 /// Going through the messages of a place.
 struct Looking<'a> {
     roles: &'a BTreeMap<u32, (Role, MessageKind)>,
     topics: &'a Topics,
+    next_ordinal: u64,
     found: FoundMessage,
 }
 
@@ -132,7 +173,15 @@ impl Looking<'_> {
 
     fn take(&mut self, message: &Stored<'_>) -> Result<(), RecordingError> {
         let Some(&(role, kind)) = self.roles.get(&message.channel) else { return Ok(()) };
-        let mut spot = Spot { stamp_nanos: 0, kind, place: message.place, number: message.number };
+        let mut spot = Spot {
+            stamp_nanos: 0,
+            kind,
+            log_nanos: message.log_nanos,
+            ordinal: self.next_ordinal,
+            place: message.place,
+            number: message.number,
+        };
+        self.next_ordinal += 1;
         let (topic, to) = match role {
             Role::Camera | Role::ColourCamera | Role::Extrinsics => {
                 let first = match role {
@@ -192,6 +241,10 @@ pub(super) struct Chunks {
 impl Chunks {
     pub(super) fn new(file: Box<dyn Container>) -> Self {
         Self { file, kept: Mutex::default() }
+    }
+
+    pub(super) fn file(&self) -> &dyn Container {
+        &*self.file
     }
 
     /// What the file is, for people.

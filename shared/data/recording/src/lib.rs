@@ -18,6 +18,7 @@ mod live;
 mod messages;
 mod pixels;
 mod rational;
+mod raw_forms;
 pub mod ros;
 mod ros1;
 mod rvl;
@@ -26,7 +27,6 @@ mod transforms;
 
 use chunks::{Chunks, FoundMessage, Spot};
 use colour::ColourUse;
-use container::{Channels, Container};
 pub use error::{MessageError, RecordingError};
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use rational::Undistortion;
@@ -34,8 +34,9 @@ use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::CameraFile;
 use tessera_frames::SourceError;
-use tessera_frames::pairing::{pair, summarise};
-use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
+use tessera_frames::pairing::{pair, summarise, uncoloured};
+use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
+use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
 use tessera_geometry::Camera;
 use topics::Topics;
 pub use topics::{ChosenTopics, choose_topics};
@@ -71,6 +72,8 @@ pub struct RecordingSource {
     partners: Vec<Option<usize>>,
     pairing: Pairing,
     warnings: Vec<String>,
+    /// Where depth images hold distances along the ray.
+    rays: Option<RayLengths>,
 }
 
 /// How depth and colour are seen.
@@ -107,29 +110,29 @@ impl RecordingSource {
         let file = container::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
             file.cut().iter().map(|cut| format!("{cut}: read up to its last whole record")).collect();
-        let topics = topics_of(&*file, options).map_err(wrong)?;
-        let mut found = chunks::find(&*file, &topics.0, &topics.1).map_err(wrong)?;
-        let topics = topics.1;
+        let chunks = Chunks::new(file);
+        let (topics, mut found) = images_of(&chunks, options).map_err(wrong)?;
         if let Some(torn) = found.torn.take() {
             warnings.push(format!("{torn}: read up to there"));
         }
-        for (spots, topic) in
-            [(&mut found.depth, Some(&topics.depth)), (&mut found.colour, topics.colour.as_ref())]
-        {
-            let n_repeated = in_order(spots);
-            if let Some(topic) = topic.filter(|_| n_repeated > 0) {
-                warnings.push(format!("{topic}: {n_repeated} messages repeat a time and are left out"));
-            }
-        }
+        let colour_name = topics.colour.clone().unwrap_or_default();
+        let times =
+            timelines(&recorded(&found.depth), &recorded(&found.colour), [&topics.depth, &colour_name]);
+        warnings.extend(times.sentences.iter().cloned());
+        found.depth = ordered(&found.depth, &times.depth);
+        found.colour = ordered(&found.colour, &times.colour);
         if found.depth.is_empty() {
             return Err(wrong(RecordingError::Empty { topic: topics.depth.clone() }));
         }
-        let chunks = Chunks::new(file);
+        let is_distance = given.as_ref().is_some_and(|file| file.is_distance);
+        warnings.extend(given.as_ref().and_then(|file| file.assumed.clone()));
+        let n_before = warnings.len();
         let cameras = match options.first {
             Some(first) => first.cameras.clone(),
             None => Cameras::read(&chunks, &topics, &found, given.zip(options.camera), &mut warnings)
                 .map_err(wrong)?,
         };
+        let is_stated = warnings.len() > n_before;
         let (mut depth, mut colour) = (found.depth, found.colour);
         if matches!(cameras.colour, ColourUse::None) {
             colour.clear();
@@ -143,6 +146,11 @@ impl RecordingSource {
             depth_times.truncate(kept);
             partners.truncate(kept);
         }
+        if !is_stated && !options.is_without_colour && options.first.is_none() {
+            let reason = topics.colour.is_none().then_some("the recording has no colour topic");
+            warnings.extend(uncoloured(&depth_times, &colour_times, &partners, reason));
+        }
+        let rays = is_distance.then(|| RayLengths::new(&cameras.depth));
         let pairing = summarise(&depth_times, &colour_times, &partners);
         Ok(Self {
             path: path.to_owned(),
@@ -154,6 +162,7 @@ impl RecordingSource {
             partners,
             pairing,
             warnings,
+            rays,
         })
     }
 
@@ -216,30 +225,71 @@ impl Cameras {
     }
 }
 
-/// The channels of the file and those that matter.
-fn topics_of(
-    file: &dyn Container,
+/// The topics that matter and their messages: by name, and where that finds no images of depth, by what
+/// the topics hold.
+fn images_of(
+    chunks: &Chunks,
     options: &RecordingOptions<'_>,
-) -> Result<(Channels, Topics), RecordingError> {
-    let (channels, damage) = file.channels();
+) -> Result<(Topics, FoundMessage), RecordingError> {
+    let (channels, damage) = chunks.file().channels();
     if let Some(first) = options.first {
-        return Ok((channels, first.topics.clone()));
+        let found = chunks::find(chunks.file(), &channels, &first.topics)?;
+        return Ok((first.topics.clone(), found));
     }
-    let mut topics = topics::choose(&channels, options.depth_topic, options.color_topic)
-        // Where something is damaged, what is missing may be in there.
-        .map_err(|missing| damage.unwrap_or(missing))?;
+    let (depth, colour) = (options.depth_topic, options.color_topic);
+    let by_name = topics::choose(&channels, depth, colour);
+    let named =
+        by_name.as_ref().ok().map(|topics| chunks::find(chunks.file(), &channels, topics)).transpose()?;
+    let is_good = named.as_ref().zip(by_name.as_ref().ok()).is_some_and(|(found, topics)| {
+        let has_depth = found.depth.first().is_some_and(|spot| holds_depth(chunks, spot) != Some(false));
+        has_depth && (topics.colour.is_none() || !found.colour.is_empty())
+    });
+    let (mut topics, mut found) = match (by_name, named) {
+        (Ok(topics), Some(found)) if is_good => (topics, found),
+        (by_name, named) => {
+            let first = chunks::first_images(chunks.file(), &channels);
+            let contents =
+                first.into_iter().map(|(topic, spot)| (topic, holds_depth(chunks, &spot) == Some(true)));
+            match (topics::choose_by_content(&channels, depth, colour, &contents.collect()), by_name, named) {
+                (Ok(topics), ..) => {
+                    let found = chunks::find(chunks.file(), &channels, &topics)?;
+                    (topics, found)
+                }
+                (Err(_), Ok(topics), Some(found)) => (topics, found),
+                // Where something is damaged, what is missing may be in there.
+                (Err(missing), Ok(_), None) | (Err(_), Err(missing), _) => {
+                    return Err(damage.unwrap_or(missing));
+                }
+            }
+        }
+    };
     if options.is_without_colour {
         topics.colour = None;
+        found.colour.clear();
     }
-    Ok((channels, topics))
+    Ok((topics, found))
 }
 
-/// Sorts by time and leaves out what repeats one; answers how many.
-fn in_order(spots: &mut Vec<Spot>) -> usize {
-    let n = spots.len();
-    spots.sort_by_key(|spot| spot.stamp_nanos);
-    spots.dedup_by_key(|spot| spot.stamp_nanos);
-    n - spots.len()
+/// Whether the image of a message is depth by its encoding; `None`: it cannot be read.
+fn holds_depth(chunks: &Chunks, spot: &Spot) -> Option<bool> {
+    let data = chunks.read(spot).ok()?;
+    let image = messages::image(spot.kind, &data).ok()?;
+    Some(pixels::is_depth(&image))
+}
+
+/// Images as they were recorded, with their times of recording where they have any.
+fn recorded(spots: &[Spot]) -> Vec<RecordedImage> {
+    let of = |spot: &Spot| RecordedImage {
+        stamp_nanos: spot.stamp_nanos,
+        log_nanos: (spot.log_nanos > 0).then_some(spot.log_nanos),
+        ordinal: spot.ordinal,
+    };
+    spots.iter().map(of).collect()
+}
+
+fn ordered(spots: &[Spot], timeline: &ImageOrder) -> Vec<Spot> {
+    let spot = |(at, stamp): (&usize, &i64)| Spot { stamp_nanos: *stamp, ..spots[*at] };
+    timeline.order.iter().zip(&timeline.stamps_nanos).map(spot).collect()
 }
 
 impl Source for RecordingSource {
@@ -270,6 +320,9 @@ impl Source for RecordingSource {
             lens.apply(1, &taken, buffers.depth);
             Ok(())
         })?;
+        if let Some(rays) = &self.rays {
+            rays.to_depth(buffers.depth);
+        }
         let partner = self.partners[at];
         match (partner, &self.topics.colour) {
             (Some(of), Some(topic)) => self

@@ -2,6 +2,7 @@
 
 use crate::error::MessageError;
 use crate::messages::{ImageForm, ImageMessage};
+use crate::raw_forms::CameraForm;
 use crate::rvl;
 use tessera_frames::{ImageError, decode};
 
@@ -90,13 +91,31 @@ fn compressed_depth(
     Ok(())
 }
 
+/// Whether an image is one of depth, by its encoding.
+pub(super) fn is_depth(image: &ImageMessage<'_>) -> bool {
+    match &image.form {
+        ImageForm::Raw { encoding, .. } => ["16UC1", "32FC1", "mono16"].contains(&encoding.as_str()),
+        ImageForm::File { format } => {
+            let is_of_depth = format.starts_with("16UC1") || format.starts_with("32FC1");
+            is_of_depth || decode::is_deep_grey(&image.data)
+        }
+    }
+}
+
 /// Colour as red, green, blue.
 pub(super) fn colour(image: &ImageMessage<'_>, size: (u32, u32), rgb: &mut [u8]) -> Result<(), MessageError> {
-    let (encoding, width, height, step) = match &image.form {
+    let (encoding, width, height, step, is_big_endian) = match &image.form {
         ImageForm::File { .. } => return Ok(decode::colour(&image.data, size, rgb)?),
-        ImageForm::Raw { encoding, width, height, step, .. } => (encoding, *width, *height, *step),
+        ImageForm::Raw { encoding, width, height, step, is_big_endian } => {
+            (encoding, *width, *height, *step, *is_big_endian)
+        }
     };
     check_size("colour", (width, height), size)?;
+    if let Some(form) = CameraForm::of(encoding) {
+        let rows = rows(&image.data, size, step, form.bytes_per_pixel())?;
+        form.to_rgb(&rows.collect::<Vec<&[u8]>>(), is_big_endian, rgb);
+        return Ok(());
+    }
     // Where red, green and blue stand in a pixel.
     let (n_channels, places) = match encoding.as_str() {
         "rgb8" | "8UC3" => (3, [0, 1, 2]),
@@ -104,7 +123,12 @@ pub(super) fn colour(image: &ImageMessage<'_>, size: (u32, u32), rgb: &mut [u8])
         "rgba8" => (4, [0, 1, 2]),
         "bgra8" => (4, [2, 1, 0]),
         "mono8" | "8UC1" => (1, [0, 0, 0]),
-        other => return Err(unknown(other, "rgb8, bgr8, rgba8, bgra8 or mono8")),
+        other => {
+            return Err(unknown(
+                other,
+                "rgb8, bgr8, rgba8, bgra8, mono8, mono16, rgb16, bgr16, yuv422, yuv422_yuy2 or bayer",
+            ));
+        }
     };
     let rows = rows(&image.data, size, step, n_channels)?;
     for (to, from) in rgb.chunks_exact_mut(3 * size.0 as usize).zip(rows) {
@@ -145,6 +169,9 @@ pub(super) fn inspect(
 }
 
 fn bytes_per_pixel(encoding: &str) -> Option<usize> {
+    if let Some(form) = CameraForm::of(encoding) {
+        return Some(form.bytes_per_pixel());
+    }
     Some(match encoding {
         "mono8" | "8UC1" => 1,
         "16UC1" | "mono16" => 2,
@@ -228,7 +255,7 @@ mod tests {
         let words = |image| colour(&image, (2, 2), &mut [0; 12]).unwrap_err().to_string();
         assert!(words(raw("bgr8", 8, &padded[1..])).contains("13 bytes of data and step 8, expected 14"));
         assert!(words(raw("bgr8", 5, &padded)).contains("rows of at least 6"));
-        assert!(words(raw("yuv422", 8, &padded)).contains("encoding is 'yuv422', expected rgb8"));
+        assert!(words(raw("nv12", 8, &padded)).contains("encoding is 'nv12', expected rgb8"));
         assert!(
             colour(&raw("mono8", 2, &padded), (3, 2), &mut [0; 18])
                 .unwrap_err()

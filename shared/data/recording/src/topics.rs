@@ -3,10 +3,14 @@
 use crate::container::{Channel, Channels};
 use crate::error::RecordingError;
 use crate::messages::MessageKind;
+use std::collections::BTreeMap;
 
 /// The options that name topics.
 const DEPTH_OPTION: &str = "--depth-topic TOPIC";
 const COLOUR_OPTION: &str = "--color-topic TOPIC";
+/// What `image_transport` puts behind the name of a topic.
+const COMPRESSED_DEPTH: &str = "/compressedDepth";
+const TRANSPORTS: [&str; 5] = [COMPRESSED_DEPTH, "/compressed", "/theora", "/zstd", "/ffmpeg"];
 
 /// The channels that matter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,11 +57,36 @@ pub fn choose_topics<'a>(
     Ok(ChosenTopics { depth, colour, camera, colour_camera })
 }
 
-/// Chooses among the channels of a file.
+/// Chooses among the channels of a file by their names.
 pub(super) fn choose(
     channels: &Channels,
     depth: Option<&str>,
     colour: Option<&str>,
+) -> Result<Topics, RecordingError> {
+    choose_by(channels, depth, colour, &is_depth)
+}
+
+/// The same, where what a topic holds tells which are depth; topics without messages do not count.
+pub(super) fn choose_by_content(
+    channels: &Channels,
+    depth: Option<&str>,
+    colour: Option<&str>,
+    contents: &BTreeMap<String, bool>,
+) -> Result<Topics, RecordingError> {
+    let is_left_out = |channel: &Channel| {
+        MessageKind::of(channel).is_some_and(MessageKind::is_image) && !contents.contains_key(&channel.topic)
+    };
+    let with_messages = channels.iter().filter(|(_, channel)| !is_left_out(channel));
+    let with_messages = with_messages.map(|(id, channel)| (*id, channel.clone())).collect();
+    let is_depth = |topic: &str| contents.get(topic).copied().unwrap_or(false);
+    choose_by(&with_messages, depth, colour, &is_depth)
+}
+
+fn choose_by(
+    channels: &Channels,
+    depth: Option<&str>,
+    colour: Option<&str>,
+    is_depth: &dyn Fn(&str) -> bool,
 ) -> Result<Topics, RecordingError> {
     let of = |wanted: fn(MessageKind) -> bool| -> Vec<&str> {
         let is_wanted = |channel: &&Channel| MessageKind::of(channel).is_some_and(wanted);
@@ -78,16 +107,18 @@ pub(super) fn choose(
     };
     let depth = match depth {
         Some(topic) => given(DEPTH_OPTION, topic)?,
-        None => best("depth", DEPTH_OPTION, &images, is_depth)?.ok_or_else(|| RecordingError::NoTopic {
-            what: "depth",
-            expected: "an image topic with 'depth' in its name",
-            option: DEPTH_OPTION,
-            there_are: there_are.clone(),
+        None => best("depth", DEPTH_OPTION, &images, &|topic| is_depth(topic))?.ok_or_else(|| {
+            RecordingError::NoTopic {
+                what: "depth",
+                expected: "an image topic with 'depth' in its name, or one of 16UC1 or 32FC1",
+                option: DEPTH_OPTION,
+                there_are: there_are.clone(),
+            }
         })?,
     };
     let colour = match colour {
         Some(topic) => Some(given(COLOUR_OPTION, topic)?),
-        None => best("colour", COLOUR_OPTION, &images, is_colour)?,
+        None => best("colour", COLOUR_OPTION, &images, &|topic| !is_depth(topic) && is_colour(topic))?,
     };
     let cameras = of(MessageKind::is_camera);
     let camera = camera_of(&depth, &cameras);
@@ -111,13 +142,21 @@ fn camera_of(images: &str, cameras: &[&str]) -> Option<String> {
     cameras.iter().rev().max_by_key(near).map(|topic| (*topic).to_owned())
 }
 
+/// A topic without the part that names its transport: each image topic has them all.
+fn without_transport(topic: &str) -> &str {
+    TRANSPORTS.iter().find_map(|end| topic.strip_suffix(end)).unwrap_or(topic)
+}
+
 fn is_depth(topic: &str) -> bool {
-    topic.to_lowercase().contains("depth")
+    without_transport(topic).to_lowercase().contains("depth")
 }
 
 fn is_colour(topic: &str) -> bool {
-    let name = topic.to_lowercase();
-    !is_depth(topic) && !["infra", "/ir", "mono", "mask"].iter().any(|word| name.contains(word))
+    let name = without_transport(topic).to_lowercase();
+    // Of a colour topic `compressedDepth` holds nothing.
+    !is_depth(topic)
+        && !topic.ends_with(COMPRESSED_DEPTH)
+        && !["infra", "/ir", "mono", "mask"].iter().any(|word| name.contains(word))
 }
 
 /// The one topic that fits best; `None` where none fits.
@@ -125,13 +164,15 @@ fn best(
     what: &'static str,
     option: &'static str,
     topics: &[&str],
-    fits: fn(&str) -> bool,
+    fits: &dyn Fn(&str) -> bool,
 ) -> Result<Option<String>, RecordingError> {
     let rank = |topic: &str| {
         let name = topic.to_lowercase();
         let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
         // Depth laid over colour first, what is not compressed before what is.
-        (has(&["aligned", "registered"]), !has(&["compressed"]), has(&["color", "colour", "rgb"]))
+        // Of depth under several names the one that is named so.
+        let is_named = is_depth(topic);
+        (has(&["aligned", "registered"]), is_named, !has(&["compressed"]), has(&["color", "colour", "rgb"]))
     };
     let fitting: Vec<&str> = topics.iter().copied().filter(|topic| fits(topic)).collect();
     let Some(most) = fitting.iter().map(|topic| rank(topic)).max() else { return Ok(None) };
@@ -194,5 +235,35 @@ mod tests {
         assert!(none.contains("no depth topic") && none.contains("there are: /rgb"), "{none}");
         let without_colour = choose(&channels(&[("/depth", IMAGE)]), None, None).unwrap();
         assert_eq!((without_colour.colour, without_colour.camera), (None, None));
+    }
+
+    #[test]
+    fn transports_of_colour_are_no_depth() {
+        let all = channels(&[
+            ("/oak/rgb/image_raw", IMAGE),
+            ("/oak/rgb/image_raw/compressedDepth", "sensor_msgs/msg/CompressedImage"),
+            ("/oak/rgb/camera_info", INFO),
+            ("/oak/stereo/image_raw", IMAGE),
+            ("/oak/declared_depth/image_raw", IMAGE),
+            ("/oak/stereo/camera_info", INFO),
+        ]);
+        let message =
+            choose(&channels(&[("/rgb/compressedDepth", IMAGE)]), None, None).unwrap_err().to_string();
+        assert!(message.contains("no depth topic"), "{message}");
+        let contents = [
+            ("/oak/rgb/image_raw", false),
+            ("/oak/stereo/image_raw", true),
+            ("/oak/rgb/image_raw/compressedDepth", false),
+        ];
+        let contents = contents.map(|(topic, is_depth)| (topic.to_owned(), is_depth)).into();
+        let topics = choose_by_content(&all, None, None, &contents).unwrap();
+        assert_eq!(
+            (topics.depth.as_str(), topics.colour.as_deref()),
+            ("/oak/stereo/image_raw", Some("/oak/rgb/image_raw"))
+        );
+        assert_eq!(topics.camera.as_deref(), Some("/oak/stereo/camera_info"));
+        assert_eq!(topics.colour_camera.as_deref(), Some("/oak/rgb/camera_info"));
+        let nothing = choose_by_content(&all, None, None, &BTreeMap::new()).unwrap_err().to_string();
+        assert!(nothing.contains("no depth topic") && nothing.contains("no image topics"), "{nothing}");
     }
 }

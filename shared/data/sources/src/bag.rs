@@ -25,7 +25,7 @@ pub(crate) fn files(folder: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> 
     if files.is_empty() && !metadata.is_file() {
         return Ok(None);
     }
-    let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(file)).collect();
+    let paths: Vec<PathBuf> = files.iter().map(|file| in_folder(folder, file)).collect();
     if let Some(other) = paths.iter().find(|path| !ENDS.iter().any(|end| has_end(path, end))) {
         let is_compressed = other.extension().is_some_and(|end| end == "zstd");
         let reason = match is_compressed {
@@ -51,11 +51,21 @@ fn listed(metadata: &str) -> Vec<PathBuf> {
         // A bag that was moved may have lost the folder of its files; one that leads out is no part of it.
         let is_inside =
             file.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-        if is_inside {
-            files.push(file);
+        match file.file_name() {
+            _ if is_inside => files.push(file),
+            // An absolute path of the machine that recorded it.
+            Some(name) if file.is_absolute() => files.push(PathBuf::from(name)),
+            _ => {}
         }
     }
     files
+}
+
+/// A file of the list: its path may begin with the folder of the bag, which is this one.
+fn in_folder(folder: &Path, file: &Path) -> PathBuf {
+    let path = folder.join(file);
+    let by_name = file.file_name().map(|name| folder.join(name));
+    by_name.filter(|by_name| !path.is_file() && by_name.is_file()).unwrap_or(path)
 }
 
 fn has_end(path: &Path, end: &str) -> bool {
@@ -92,22 +102,37 @@ fn in_order_of_numbers(name: &str) -> Vec<(String, u64)> {
     parts
 }
 
-/// Opens a bag; topics, camera and where the cameras stand are those of its first file.
+/// Opens a bag; topics, camera and where the cameras stand are those of its first file with images.
 pub(crate) fn open(
     folder: &Path,
     files: &[PathBuf],
     options: &RecordingOptions<'_>,
     frames: Option<u64>,
 ) -> Result<Box<dyn Source>, SourceError> {
-    let (Some(first), rest) = (files.first(), files.get(1..).unwrap_or_default()) else {
-        return Err(SourceError::NoFolder { path: folder.to_owned() });
+    let mut first_error = None;
+    let mut n_passed = 0;
+    let first = files.iter().find_map(|file| {
+        n_passed += 1;
+        match RecordingSource::open(file, options, if files.len() == 1 { frames } else { None }) {
+            Ok(source) => Some(source),
+            Err(error) => {
+                // A recorder may begin a file before the camera does.
+                first_error = first_error.take().or(Some(error));
+                None
+            }
+        }
+    });
+    let Some(first) = first else {
+        return Err(first_error.unwrap_or_else(|| SourceError::NoFolder { path: folder.to_owned() }));
     };
-    let first = RecordingSource::open(first, options, frames)?;
-    if rest.is_empty() {
+    if files.len() == 1 {
         return Ok(Box::new(first));
     }
     let mut joined = JoinedSource::new(first);
-    for file in rest {
+    if let Some(error) = first_error {
+        joined.leave_out(&error);
+    }
+    for file in files.iter().skip(n_passed) {
         let first = Some(joined.first());
         match RecordingSource::open(file, &RecordingOptions { first, ..*options }, None) {
             Ok(part) => joined.add(part),
@@ -145,6 +170,17 @@ mod tests {
             listed("relative_file_paths:\n  - ../../etc/passwd\n  - 'x.mcap'\n"),
             [PathBuf::from("x.mcap")]
         );
+    }
+
+    #[test]
+    fn paths_of_the_list_may_begin_with_the_folder_of_the_bag() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let list = "relative_file_paths:\n  - my_bag/bag_0.mcap\n  - /home/me/my_bag/bag_1.mcap\n";
+        fs::write(at.join(METADATA), list).unwrap();
+        fs::write(at.join("bag_0.mcap"), "").unwrap();
+        fs::write(at.join("bag_1.mcap"), "").unwrap();
+        assert_eq!(files(at).unwrap().unwrap(), [at.join("bag_0.mcap"), at.join("bag_1.mcap")]);
     }
 
     #[test]

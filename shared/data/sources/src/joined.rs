@@ -4,13 +4,19 @@ use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceErr
 use tessera_evaluation::Trajectory;
 use tessera_geometry::Camera;
 
+/// Interval to a file of one frame, nanoseconds.
+const USUAL_INTERVAL_NANOS: i64 = 33_333_333;
+
+/// Messages at the begin of a file that may be those at the end of the one before.
+const MOST_AGAIN: usize = 2;
+
 /// The frames of all files in the order of their times.
 ///
 /// A depth image whose colour image stands in the neighbouring file goes without colour.
 pub(crate) struct JoinedSource {
     parts: Vec<RecordingSource>,
-    /// For each frame the part it is in, and its index there.
-    frames: Vec<(u32, u64)>,
+    /// For each frame the part it is in, its index there, and its time, nanoseconds.
+    frames: Vec<(u32, u64, i64)>,
     pairing: Pairing,
     warnings: Vec<String>,
 }
@@ -28,15 +34,38 @@ impl JoinedSource {
         &self.parts[0]
     }
 
-    /// Adds the next file; frames that are not later than those before are left out.
+    /// Adds the next file. One that begins before the last frame is a new stretch of time: the clock was
+    /// set, or the same was recorded again.
     pub(crate) fn add(&mut self, part: RecordingSource) {
-        let last = self.frames.len().checked_sub(1).and_then(|last| self.stamp_nanos(last as u64));
+        let last = self.frames.last().map(|(_, _, stamp)| *stamp);
         let at = self.parts.len() as u32;
-        for index in 0..part.n_frames().unwrap_or(0) {
-            if part.stamp_nanos(index).is_some_and(|stamp| last.is_none_or(|last| stamp > last)) {
-                self.frames.push((at, index));
-            }
+        let stamps: Vec<i64> =
+            (0..part.n_frames().unwrap_or(0)).map_while(|index| part.stamp_nanos(index)).collect();
+        // The recorder may write the last message of a file again into the next.
+        let n_again = last.map_or(0, |last| stamps.iter().take_while(|stamp| **stamp <= last).count());
+        let is_again = last.is_some_and(|last| stamps.get(n_again.saturating_sub(1)) == Some(&last));
+        let n_left_out =
+            if is_again && n_again <= MOST_AGAIN && n_again < stamps.len() { n_again } else { 0 };
+        let mut shift = 0;
+        if n_left_out > 0 {
+            self.warnings
+                .push(format!("file {}: {n_left_out} messages repeat a time and are left out", at + 1));
+        } else if let (Some(last), Some(first)) = (last, stamps.first())
+            && *first <= last
+        {
+            let interval = match stamps[..] {
+                [first, second, ..] => second.saturating_sub(first),
+                _ => USUAL_INTERVAL_NANOS,
+            };
+            shift = last.saturating_add(interval).saturating_sub(*first);
+            self.warnings.push(format!(
+                "file {} begins {:.3} s before the end of the one before it: its stamps are counted on as a new stretch of time",
+                at + 1,
+                last.saturating_sub(*first) as f64 * 1e-9
+            ));
         }
+        let frames = (0..).zip(&stamps).skip(n_left_out);
+        self.frames.extend(frames.map(|(index, stamp)| (at, index, stamp.saturating_add(shift))));
         let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = part.pairing();
         self.pairing.n_depth += n_depth;
         self.pairing.n_colour += n_colour;
@@ -65,7 +94,7 @@ impl JoinedSource {
     }
 
     fn frame(&self, index: u64) -> Option<(&RecordingSource, u64)> {
-        let (part, at) = self.frames.get(usize::try_from(index).ok()?)?;
+        let (part, at, _) = self.frames.get(usize::try_from(index).ok()?)?;
         Some((self.parts.get(*part as usize)?, *at))
     }
 }
@@ -80,12 +109,13 @@ impl Source for JoinedSource {
     }
 
     fn stamp_nanos(&self, index: u64) -> Option<i64> {
-        self.frame(index).and_then(|(part, at)| part.stamp_nanos(at))
+        self.frames.get(usize::try_from(index).ok()?).map(|(_, _, stamp)| *stamp)
     }
 
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         let (part, at) = self.known_frame(index)?;
-        part.read(at, buffers)
+        let info = part.read(at, buffers)?;
+        Ok(FrameInfo { stamp_nanos: self.stamp_nanos(index).unwrap_or(info.stamp_nanos), ..info })
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {

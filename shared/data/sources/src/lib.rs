@@ -8,6 +8,7 @@
 mod bag;
 mod folder;
 mod joined;
+mod reduced;
 mod skipped;
 mod spec;
 mod unread;

@@ -1,11 +1,13 @@
 //! Naming a source in one word, and opening it.
 
+use crate::reduced::ReducedSource;
 use crate::skipped::SkippedSource;
 use crate::{FolderSource, RecordingOptions, RecordingSource, Source, SourceError};
 use crate::{bag, unread};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
+use tessera_frames::large;
 use tessera_simulation::{SceneName, SimulatedSource, SimulationOptions};
 
 /// Name of the source whose frames a camera's own program sends.
@@ -103,6 +105,10 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
                 Box::new(FolderSource::open_with(folder, &options)?)
             }
         },
+    };
+    let source = match large::reduction(source.camera()) {
+        1 => source,
+        step => Box::new(ReducedSource::new(source, step)),
     };
     Ok(match options.skip {
         0 => source,

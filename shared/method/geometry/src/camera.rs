@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// An image side is out of range.
-    #[error("image size is {width}x{height} px, expected 16x16 to 1920x1080")]
+    #[error("image size is {width}x{height} px, expected 16x16 to 1920x1080, either way up")]
     Size {
         /// Columns found.
         width: u32,
@@ -87,6 +87,11 @@ fn yes() -> bool {
 }
 
 impl Camera {
+    /// Longest long side and longest short side of an image, pixels.
+    pub const MOST_LONG: u32 = 1920;
+    /// As [`Self::MOST_LONG`], of the short side.
+    pub const MOST_SHORT: u32 = 1080;
+
     /// A pinhole without distortion whose rows are exposed at once, `width` x `height` pixels;
     /// `[fx, fy, cx, cy]` in pixels; raw depth divided by `units_per_metre` is metres.
     pub fn pinhole((width, height): (u32, u32), [fx, fy, cx, cy]: [f64; 4], units_per_metre: f64) -> Self {
@@ -114,8 +119,8 @@ impl Camera {
     pub fn check(&self) -> Result<(), CameraError> {
         let &Self { width, height, fx, fy, cx, cy, units_per_metre, readout_s, depth_offset_m, .. } = self;
         let &Self { colour_lag_s, colour_focal_ratio, .. } = self;
-        let fits = |side: u32, most: u32| (16..=most).contains(&side);
-        if !(fits(width, 1920) && fits(height, 1080)) {
+        let (long, short) = (width.max(height), width.min(height));
+        if !(short >= 16 && long <= Self::MOST_LONG && short <= Self::MOST_SHORT) {
             return Err(CameraError::Size { width, height });
         }
         for (name, value) in [("fx", fx), ("fy", fy)] {

@@ -13,6 +13,9 @@ pub struct BrokenFrames {
 }
 
 impl BrokenFrames {
+    /// What the problem of a frame begins with whose depth is whole.
+    pub const COLOUR: &str = "colour left out: ";
+
     /// The file of a run.
     pub fn new(files: &RunFiles) -> Self {
         Self { path: files.broken_frames() }

@@ -33,6 +33,9 @@ pub struct RunFile {
     /// What looked wrong with the source before the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<String>,
+    /// What was assumed of the source, left out or mended before the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// The map that it starts in, if any: enough to know it again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<MapIdentity>,

@@ -33,6 +33,8 @@ pub struct Plan {
     pub fps: Option<f64>,
     /// What looks wrong with the source.
     pub doubts: Vec<String>,
+    /// What was assumed of the source, left out or mended.
+    pub warnings: Vec<String>,
     /// The stages are started from outside.
     pub hold: bool,
     /// Go on with the run that is there.
@@ -86,6 +88,7 @@ impl Plan {
             n_frames: self.n_frames,
             fps: self.fps,
             doubts: self.doubts.clone(),
+            warnings: self.warnings.clone(),
             map: expected,
             faults: self.kill_points.is_some(),
             began_as: match before {

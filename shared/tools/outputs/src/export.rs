@@ -89,6 +89,7 @@ pub(crate) fn read_beside(files: &RunFiles) -> Beside {
         Ok(run) => Beside {
             broken,
             source_doubts: run.doubts,
+            source_warnings: run.warnings,
             units_per_metre: run.camera.units_per_metre,
             focal_px: run.camera.fx,
             stated_colour: ColourModel::of_camera(&run.camera),

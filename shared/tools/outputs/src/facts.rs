@@ -22,6 +22,9 @@ const LEFT_SHARE: f64 = 0.25;
 /// and where that is at least so long, metres: less may as well be drift.
 const LEAST_SPREAD_M: f64 = 0.1;
 
+/// What the tracker states of a frame that holds too little depth.
+const TOO_FEW_POINTS: &str = "usable points";
+
 /// Frames one after the other, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
@@ -85,6 +88,8 @@ pub struct Facts {
     pub n_untracked: u64,
     /// Where they are.
     pub untracked: Vec<Span>,
+    /// Those among them whose depth images hold too little to be aligned.
+    pub n_without_depth: u64,
     /// Whether the last frame is one of them.
     pub ends_untracked: bool,
     /// Tracked frames whose surfaces leave a direction of motion open, which the prediction then holds.
@@ -125,6 +130,8 @@ pub struct Facts {
     pub refined_focal_px: Option<[f64; 2]>,
     /// What looked wrong with the source before the run.
     pub source_doubts: Vec<String>,
+    /// What was assumed of it, left out or mended.
+    pub source_warnings: Vec<String>,
 }
 
 /// What lies in the run directory beside the journal.
@@ -134,6 +141,8 @@ pub struct Beside {
     pub broken: BTreeMap<u64, String>,
     /// What looked wrong with the source before the run.
     pub source_doubts: Vec<String>,
+    /// What was assumed of it, left out or mended.
+    pub source_warnings: Vec<String>,
     /// Raw depth of a metre.
     pub units_per_metre: f64,
     /// Focal length along x, pixels.
@@ -179,6 +188,7 @@ impl Facts {
             unbelieved_colour: (!colour.is_trusted()).then_some(colour.disagreement),
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
+            source_warnings: beside.source_warnings.clone(),
             ..frames.facts
         }
     }
@@ -201,6 +211,7 @@ impl FrameFacts {
         let (is_untracked, is_degenerate) = (frame.state != State::Tracking, frame.is_degenerate());
         facts.n_processed += 1;
         facts.n_untracked += u64::from(is_untracked);
+        facts.n_without_depth += u64::from(is_untracked && frame.reason.contains(TOO_FEW_POINTS));
         facts.n_degenerate += u64::from(is_degenerate);
         if is_untracked {
             extend(&mut facts.untracked, facts.ends_untracked, at);

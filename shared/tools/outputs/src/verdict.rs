@@ -8,6 +8,7 @@ use crate::wrong_camera::{lens, off_truth, seen_lens, true_lens, units};
 use serde::Serialize;
 use std::fmt;
 use tessera_slam::UNTRUSTED;
+use tessera_stage::BrokenFrames;
 
 /// Spans of untracked frames shorter than this, seconds, are bridged by the prediction.
 const SHORT_SPAN_S: f64 = 0.5;
@@ -103,6 +104,7 @@ impl Verdict {
 pub fn verdict(facts: &Facts) -> Verdict {
     let reasons = [
         ended(facts),
+        one_frame(facts),
         units(facts),
         lens(facts),
         seen_lens(facts),
@@ -114,6 +116,7 @@ pub fn verdict(facts: &Facts) -> Verdict {
         uncertain(facts),
         dropped(facts),
         broken(facts),
+        without_colour(facts),
         rejected_loops(facts),
         unbelieved_colour(facts),
     ];
@@ -124,7 +127,8 @@ pub fn verdict(facts: &Facts) -> Verdict {
             "give the right camera: --camera NAME|FILE (docs/own_camera.md)",
         )
     });
-    let mut reasons: Vec<Reason> = reasons.into_iter().flatten().chain(doubts).collect();
+    let notes = facts.source_warnings.iter().map(|warning| reason(Grade::Good, warning.clone(), ""));
+    let mut reasons: Vec<Reason> = reasons.into_iter().flatten().chain(doubts).chain(notes).collect();
     // Stable: reasons of one grade keep their order.
     reasons.sort_by_key(|reason| std::cmp::Reverse(reason.grade));
     Verdict { grade: reasons.first().map_or(Grade::Good, |reason| reason.grade), reasons }
@@ -179,6 +183,15 @@ fn ended(facts: &Facts) -> Option<Reason> {
     Some(reason(grade, found, advice))
 }
 
+/// A single frame: no motion was estimated.
+fn one_frame(facts: &Facts) -> Option<Reason> {
+    let is_alone = facts.n_processed == 1 && matches!(facts.ended, Ended::Finished);
+    is_alone.then(|| {
+        let found = "one frame alone was processed: no motion was estimated".to_owned();
+        reason(Grade::Doubtful, found, "tessera check SOURCE shows which images were found")
+    })
+}
+
 fn untracked(facts: &Facts) -> Option<Reason> {
     let (n, of) = (facts.n_untracked, facts.n_processed);
     if n == 0 {
@@ -195,6 +208,11 @@ fn untracked(facts: &Facts) -> Option<Reason> {
         "{n} of {of} frames not tracked, their poses are predictions: {}{to_the_end}",
         spans(&facts.untracked)
     );
+    if 2 * facts.n_without_depth > n {
+        let found = format!("{found}; {} of them hold too little depth to be aligned", facts.n_without_depth);
+        let advice = "tessera check SOURCE: its depth images hold no or few measurements; is it the right stream, and units_per_metre right?";
+        return Some(reason(grade, found, advice));
+    }
     let advice =
         "move more slowly or record at a higher rate; keep structure within 4 m in view (docs/tuning.md)";
     Some(reason(grade, found, advice))
@@ -273,9 +291,25 @@ fn dropped(facts: &Facts) -> Option<Reason> {
     Some(reason(grade, found, "a faster machine, --config fast, or without --live"))
 }
 
+/// A note: frames that went on with their depth alone.
+fn without_colour(facts: &Facts) -> Option<Reason> {
+    let of_colour = facts
+        .broken
+        .iter()
+        .filter_map(|(index, problem)| Some((index, problem.strip_prefix(BrokenFrames::COLOUR)?)));
+    let n = of_colour.clone().count();
+    let (index, problem) = of_colour.clone().next()?;
+    let found = format!(
+        "{n} of {} frames went without their colour image, the first is frame {index}: {problem}",
+        facts.n_read
+    );
+    Some(reason(Grade::Good, found, ""))
+}
+
 fn broken(facts: &Facts) -> Option<Reason> {
-    let n = facts.broken.len() as u64;
-    let (index, problem) = facts.broken.iter().next()?;
+    let broken = facts.broken.iter().filter(|(_, problem)| !problem.starts_with(BrokenFrames::COLOUR));
+    let n = broken.clone().count() as u64;
+    let (index, problem) = broken.clone().next()?;
     let grade = above(share(n, facts.n_read), BROKEN_DOUBTFUL);
     let found = format!(
         "{n} of {} frames have a missing or broken image, the first is frame {index}: {problem}",

@@ -189,8 +189,38 @@ fn of_recordings(told: &mut Told) {
         std::fs::write(r.path("a.zip"), "PK\x03\x04").unwrap();
     });
     check(told, &|r| r.write("depth.txt", "# nothing\n"));
-    check(told, &|r| r.write("depth.txt", "1.0 depth/0.png\n1.0 depth/1.png\n"));
-    check(told, &|r| r.write("depth.txt", "2.0 depth/0.png\n1.0 depth/1.png\n"));
+    check(told, &|r| {
+        std::fs::remove_file(r.path("depth.txt")).unwrap();
+        std::fs::remove_file(r.path("rgb.txt")).unwrap();
+        for (index, number) in [0, 13, 55, 80, 140, 171].into_iter().enumerate().skip(1) {
+            let (from, to) = (r.path(&format!("depth/{index}.png")), r.path(&format!("depth/{number}.png")));
+            std::fs::copy(from, to).unwrap();
+        }
+        for index in 1..N_FRAMES {
+            let path = r.path(&format!("depth/{index}.png"));
+            std::fs::remove_file(path).unwrap();
+        }
+    });
+    check(told, &|r| {
+        std::fs::remove_file(r.path("camera.toml")).unwrap();
+        r.write("a.json", r#"{"fx": 100, "fy": 100, "cx": 80, "cy": 60}"#);
+        r.write("b.json", r#"{"fx": 110, "fy": 110, "cx": 80, "cy": 60}"#);
+    });
+    let found = |told: &mut Told, change: &dyn Fn(&Recording)| {
+        let recording = Recording::new();
+        change(&recording);
+        let output = Command::new(env!("CARGO_BIN_EXE_tessera"))
+            .args(["check", text(recording.dir.path())])
+            .output()
+            .unwrap();
+        told.add("a recording", String::from_utf8([output.stdout, output.stderr].concat()).unwrap());
+    };
+    found(told, &|r| {
+        r.write("depth.txt", "5.0 depth/0.png\n5.1 depth/1.png\n5.2 depth/2.png\n5.0 depth/3.png\n")
+    });
+    found(told, &|r| r.write("depth.txt", "0 depth/0.png\n0 depth/1.png\n0 depth/2.png\n"));
+    found(told, &|r| r.write("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n"));
+    found(told, &|r| std::fs::remove_file(r.path("rgb.txt")).unwrap());
     check(told, &|r| {
         let whole = std::fs::read(r.path("depth/0.png")).unwrap();
         for index in 0..N_FRAMES {
@@ -211,6 +241,12 @@ fn of_recordings(told: &mut Told) {
     recording.write("turned.txt", "0 1 0 0 0 2 3 4\n");
     told.by(&["evaluate", &path("one.txt"), &path("other.txt")]);
     told.by(&["evaluate", &path("one.txt"), &path("turned.txt")]);
+    recording.write("twice.txt", "1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n");
+    recording.write("back.txt", "2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n");
+    recording.write("kitti.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+    told.by(&["evaluate", &path("one.txt"), &path("twice.txt")]);
+    told.by(&["evaluate", &path("one.txt"), &path("back.txt")]);
+    told.by(&["evaluate", &path("one.txt"), &path("kitti.txt")]);
 }
 
 fn of_mcap(told: &mut Told) {
@@ -236,8 +272,10 @@ fn of_mcap(told: &mut Told) {
             Command::new(env!("CARGO_BIN_EXE_tessera")).args(["check", text(&path)]).output().unwrap();
         told.add("a recording", String::from_utf8([output.stdout, output.stderr].concat()).unwrap());
     };
-    write(&path, &[depth("/depth"), depth("/depth"), info("plumb_bob", &[])]);
+    let at = |seconds| image("/depth", seconds, "16UC1");
+    write(&path, &[at(1), at(2), at(2), at(3), at(4), at(5), info("plumb_bob", &[])]);
     found(told);
+    write(&path, &[depth("/depth"), info("plumb_bob", &[])]);
     let mut bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
     found(told);

@@ -56,6 +56,8 @@ pub(super) struct Stored<'a> {
     pub(super) number: u32,
     /// What people call it.
     pub(super) sequence: u64,
+    /// Time at which it was recorded, nanoseconds; 0: not known.
+    pub(super) log_nanos: i64,
     /// Its first bytes, as many as were asked for.
     pub(super) data: &'a [u8],
 }

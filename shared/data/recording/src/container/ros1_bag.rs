@@ -282,7 +282,12 @@ impl Container for Ros1Bag {
             }
             let channel =
                 fields.word("conn").ok_or_else(|| place.damaged("a message in it has no connection"))?;
-            let stored = Stored { channel, place: *place, number, sequence: u64::from(number) + 1, data };
+            let (seconds, nanos) =
+                (fields.get("time").and_then(u32_of), fields.get("time").and_then(|t| u32_of(t.get(4..)?)));
+            let log_nanos =
+                seconds.zip(nanos).map_or(0, |(s, n)| i64::from(s) * 1_000_000_000 + i64::from(n));
+            let sequence = u64::from(number) + 1;
+            let stored = Stored { channel, place: *place, number, sequence, log_nanos, data };
             number += 1;
             take(&stored)
         })

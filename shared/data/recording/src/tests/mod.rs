@@ -5,6 +5,7 @@ mod bags;
 mod cameras;
 #[path = "../../tests/common/mod.rs"]
 mod common;
+mod misread;
 
 use super::*;
 use mcap::records::MessageHeader;
@@ -25,19 +26,30 @@ fn text(text: &str) -> Vec<u8> {
 }
 
 fn image(seconds: i32, encoding: &str, bytes_per_pixel: u32, value: u8) -> Vec<u8> {
+    image_at([seconds as u32, 0], encoding, bytes_per_pixel, value)
+}
+
+fn image_at(stamp: [u32; 2], encoding: &str, bytes_per_pixel: u32, value: u8) -> Vec<u8> {
     let (width, height) = SIZE;
     let step = width * bytes_per_pixel;
     let data = vec![value; (step * height) as usize];
     let numbers = |numbers: &[u32]| numbers.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();
-    // The byte of is_bigendian is the first of the padding behind the encoding.
     cdr(&[
-        &numbers(&[seconds as u32, 0]),
+        &numbers(&stamp),
         &text("c"),
         &numbers(&[height, width]),
-        &text(encoding),
+        &encoding_and_order(encoding),
         &numbers(&[step, data.len() as u32]),
         &data,
     ])
+}
+
+/// The encoding, and behind it the byte of is_bigendian.
+fn encoding_and_order(encoding: &str) -> Vec<u8> {
+    let mut bytes = (encoding.len() as u32 + 1).to_le_bytes().to_vec();
+    bytes.extend(encoding.bytes().chain([0, 0]));
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    bytes
 }
 
 fn recording(n: i32) -> Vec<u8> {

@@ -9,7 +9,7 @@ use tessera_geometry::Camera;
 /// The form of depth and confidence images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DepthCodec {
-    /// 16-bit PNG; confidence as PNG of 8 bits.
+    /// 16-bit PNG, PGM or NPY; confidence as PNG of 8 bits.
     Png,
     /// 32-bit floats in metres, and bytes, compressed by LZFSE.
     Lzfse,
@@ -25,7 +25,7 @@ impl DepthCodec {
     ) -> Result<(), ImageError> {
         let size = (camera.width, camera.height);
         match self {
-            Self::Png => decode::depth(bytes, size, depth_raw),
+            Self::Png => decode::depth_in(bytes, size, camera.units_per_metre, depth_raw),
             Self::Lzfse => lzfse::depth(bytes, size, camera.units_per_metre, depth_raw),
         }
     }

@@ -22,6 +22,12 @@ impl ColourImages {
         Self { is_used: false, words: words.to_owned(), warning: None, warp: None }
     }
 
+    /// Images of a form that is not read.
+    fn unreadable(reason: &str) -> Self {
+        let warning = format!("no frame has colour: {reason}; depth alone is used");
+        Self { is_used: false, words: format!("left out: {reason}"), warning: Some(warning), warp: None }
+    }
+
     /// Images of the camera that the camera file states for them; left out where none of the first has
     /// its size.
     pub(super) fn of_stated(
@@ -32,7 +38,10 @@ impl ColourImages {
     ) -> Self {
         let sizes = sizes(folder, images);
         let size = (stated.camera.width, stated.camera.height);
-        let Some(first) = sizes.first() else { return Self::without("none") };
+        let Some(first) = sizes.first() else {
+            return unreadable(folder, images)
+                .map_or(Self::without("none"), |reason| Self::unreadable(&reason));
+        };
         let warp = ColourWarp::new(depth, &stated.camera, stated.colour_from_depth);
         let (width, height) = size;
         if let Some(warp) = warp.filter(|_| sizes.contains(&size)) {
@@ -59,6 +68,9 @@ impl ColourImages {
         }
         let used = |words: &str, warp| Self { is_used: true, words: words.to_owned(), warning: None, warp };
         let sizes = sizes(folder, images);
+        if let (true, Some(reason)) = (sizes.is_empty(), unreadable(folder, images)) {
+            return Self::unreadable(&reason);
+        }
         let depth_size = (depth.width, depth.height);
         // One odd image among those of the size of depth is a frame's problem.
         let Some(size) = sizes.first().copied().filter(|_| !sizes.contains(&depth_size)) else {
@@ -104,8 +116,21 @@ impl ColourImages {
 /// Colour images whose size is asked for before giving up.
 const MOST_TRIED: usize = 5;
 
-/// Columns and rows of the first images that can be read.
+/// Columns and rows of those of some images, spread over all, that can be read.
 fn sizes(folder: &Path, images: &[ListEntry]) -> Vec<(u32, u32)> {
     let size_of = |entry: &ListEntry| decode::size(&std::fs::read(folder.join(&entry.file)).ok()?).ok();
-    images.iter().take(MOST_TRIED).filter_map(size_of).collect()
+    some(images).filter_map(size_of).collect()
+}
+
+fn some(images: &[ListEntry]) -> impl Iterator<Item = &ListEntry> {
+    let n = MOST_TRIED.min(images.len());
+    (0..n).filter_map(move |at| images.get(at * images.len() / n))
+}
+
+/// Why the first of these images cannot be read.
+fn unreadable(folder: &Path, images: &[ListEntry]) -> Option<String> {
+    let first = images.first()?;
+    let bytes = std::fs::read(folder.join(&first.file)).map_err(ImageError::Io);
+    let error = bytes.and_then(|bytes| decode::size(&bytes)).err()?;
+    Some(format!("{}: {error}", first.file.display()))
 }

@@ -1,8 +1,10 @@
 //! `rgb.txt` and `depth.txt`: one `timestamp filename` a line.
 
+use super::names::NameClock;
 use crate::{ListError, SourceError};
 use std::path::{Component, Path, PathBuf};
-use tessera_evaluation::{format_stamp, parse_stamp};
+use tessera_evaluation::{StampError, parse_stamp};
+use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 
 /// One image of a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,56 +14,103 @@ pub(super) struct ListEntry {
     pub(super) file: PathBuf,
 }
 
-/// Reads a list; its times must increase.
-pub(super) fn read(path: &Path) -> Result<Vec<ListEntry>, SourceError> {
+/// The images of a list in its order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct ImageList {
+    pub(super) entries: Vec<ListEntry>,
+    /// The stamps are frame numbers, counted in seconds here.
+    pub(super) is_numbered: bool,
+}
+
+/// Reads a list.
+pub(super) fn read(path: &Path) -> Result<ImageList, SourceError> {
     let bytes = std::fs::read(path).map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
     parse(&String::from_utf8_lossy(&bytes), path)
 }
 
-fn parse(text: &str, path: &Path) -> Result<Vec<ListEntry>, SourceError> {
-    let mut entries: Vec<ListEntry> = Vec::new();
+fn parse(text: &str, path: &Path) -> Result<ImageList, SourceError> {
+    let mut lines: Vec<(usize, &str, PathBuf)> = Vec::new();
     for (at, line) in text.lines().enumerate() {
         let line = line.trim_start_matches('\u{feff}').trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let entry = parse_line(line, entries.last()).map_err(|source| SourceError::List {
-            path: path.to_owned(),
-            line: at + 1,
-            source,
-        })?;
-        entries.push(entry);
+        let (stamp, file) = parse_line(line).map_err(|source| wrong(path, at + 1, source))?;
+        lines.push((at + 1, stamp, file));
     }
-    if entries.is_empty() {
+    if lines.is_empty() {
         return Err(SourceError::EmptyList { path: path.to_owned() });
     }
-    Ok(entries)
+    let words: Vec<&str> = lines.iter().map(|(_, stamp, _)| *stamp).collect();
+    let (stamps, is_numbered) =
+        stamps(&words).map_err(|(at, source)| wrong(path, lines[at].0, source.into()))?;
+    let entries =
+        lines.into_iter().zip(stamps).map(|((_, _, file), stamp_nanos)| ListEntry { stamp_nanos, file });
+    Ok(ImageList { entries: entries.collect(), is_numbered })
 }
 
-fn parse_line(line: &str, before: Option<&ListEntry>) -> Result<ListEntry, ListError> {
+fn wrong(path: &Path, line: usize, source: ListError) -> SourceError {
+    SourceError::List { path: path.to_owned(), line, source }
+}
+
+fn parse_line(line: &str) -> Result<(&str, PathBuf), ListError> {
     let (stamp, file) = line
         .split_once([' ', '\t', ','])
         .map(|(stamp, file)| (stamp, file.trim_matches([' ', '\t', ','])))
         .filter(|(_, file)| !file.is_empty())
         .ok_or_else(|| ListError::Columns { found: line.to_owned() })?;
-    let stamp_nanos = parse_stamp(stamp)?;
-    if let Some(before) = before {
-        if stamp_nanos == before.stamp_nanos {
-            return Err(ListError::Repeated { found: format_stamp(stamp_nanos) });
-        }
-        if stamp_nanos < before.stamp_nanos {
-            return Err(ListError::Unsorted {
-                found: format_stamp(stamp_nanos),
-                before: format_stamp(before.stamp_nanos),
-            });
-        }
-    }
     let file = PathBuf::from(file);
     let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if !file.components().all(inside) {
         return Err(ListError::Outside { found: file.display().to_string() });
     }
-    Ok(ListEntry { stamp_nanos, file })
+    Ok((stamp, file))
+}
+
+/// Stamps of a list, nanoseconds: decimal seconds, or whole milli-, micro- or nanoseconds where all of
+/// them are; and whether they are frame numbers.
+///
+/// # Errors
+/// The place of the first that is no time.
+pub(super) fn stamps(words: &[&str]) -> Result<(Vec<i64>, bool), (usize, StampError)> {
+    let whole: Option<Vec<u64>> = words.iter().map(|word| word.parse().ok()).collect();
+    let clock = whole.as_deref().and_then(|values| NameClock::of(values).ok()).map(|(clock, _)| clock);
+    if let Some((values, NameClock::Time(_))) = whole.as_deref().zip(clock) {
+        return Ok((
+            values.iter().map(|value| clock.map_or(0, |clock| clock.nanos(*value, 1.0))).collect(),
+            false,
+        ));
+    }
+    let stamps = words.iter().enumerate().map(|(at, word)| parse_stamp(word).map_err(|source| (at, source)));
+    let stamps: Vec<i64> = stamps.collect::<Result<_, _>>()?;
+    let is_counted = whole.is_some_and(|values| values.iter().any(|value| *value != values[0]));
+    Ok((stamps, is_counted && clock == Some(NameClock::Frames)))
+}
+
+/// Depth and colour in the order of their times, and what was found wrong with these; whether a new
+/// stretch of time begins.
+pub(super) fn in_order(
+    depth: Vec<ListEntry>,
+    colour: Vec<ListEntry>,
+    names: [&str; 2],
+) -> (Vec<ListEntry>, Vec<ListEntry>, Vec<String>) {
+    let recorded = |entries: &[ListEntry]| -> Vec<RecordedImage> {
+        let n = entries.len().max(1) as u64;
+        let ordinal = |at: u64| (at << 24) / n;
+        let of = |(at, entry): (u64, &ListEntry)| RecordedImage {
+            stamp_nanos: entry.stamp_nanos,
+            log_nanos: None,
+            ordinal: ordinal(at),
+        };
+        (0..).zip(entries).map(of).collect()
+    };
+    let found = timelines(&recorded(&depth), &recorded(&colour), names);
+    let ordered = |timeline: &ImageOrder, entries: &[ListEntry]| -> Vec<ListEntry> {
+        let entry =
+            |(at, stamp): (&usize, &i64)| ListEntry { stamp_nanos: *stamp, file: entries[*at].file.clone() };
+        timeline.order.iter().zip(&timeline.stamps_nanos).map(entry).collect()
+    };
+    (ordered(&found.depth, &depth), ordered(&found.colour, &colour), found.sentences)
 }
 
 #[cfg(test)]
@@ -72,8 +121,6 @@ mod tests {
     fn each_bad_line_is_named() {
         let table = [
             ("# only\n\n", "depth.txt names no images"),
-            ("1.0 a.png\n1.0 b.png", "depth.txt, line 2: timestamp 1.000000 is repeated"),
-            ("2.0 a.png\n1.5 b.png", "line 2: timestamp 1.500000 comes after 2.000000"),
             ("1.0", "line 1: found '1.0', expected: timestamp filename"),
             ("# c\nx a.png", "line 2: timestamp is 'x', expected seconds"),
             ("1 ../../etc/passwd", "filename is '../../etc/passwd', expected a path inside the folder"),
@@ -88,7 +135,24 @@ mod tests {
     #[test]
     fn names_may_hold_spaces_and_lists_end_without_newline() {
         let list = parse("1.5\tdepth/a b.png\r\n2.5 ./c.png", Path::new("x")).unwrap();
-        assert_eq!(list[0].file, Path::new("depth/a b.png"));
-        assert_eq!((list.len(), list[1].stamp_nanos), (2, 2_500_000_000));
+        assert_eq!(list.entries[0].file, Path::new("depth/a b.png"));
+        assert_eq!((list.entries.len(), list.entries[1].stamp_nanos), (2, 2_500_000_000));
+    }
+
+    #[test]
+    fn whole_stamps_are_known_by_their_digits_and_steps() {
+        let start = 1_700_000_000_000_000_000_i64;
+        for (unit, name) in [(1, "nano"), (1000, "micro"), (1_000_000, "milli")] {
+            let words: Vec<String> = (0..5).map(|k| ((start + k * 33_000_000) / unit).to_string()).collect();
+            let words: Vec<&str> = words.iter().map(String::as_str).collect();
+            let expected: Vec<i64> = (0..5).map(|k| start + k * 33_000_000).collect();
+            assert_eq!(stamps(&words), Ok((expected, false)), "{name}");
+        }
+        let second = 1_000_000_000;
+        assert_eq!(stamps(&["1", "2", "3"]), Ok((vec![second, 2 * second, 3 * second], true)));
+        assert_eq!(stamps(&["0", "0", "0"]), Ok((vec![0, 0, 0], false)));
+        assert_eq!(stamps(&["1700000000", "1700000001"]).map(|found| found.1), Ok(false));
+        assert_eq!(stamps(&["1.0", "2.0"]), Ok((vec![second, 2 * second], false)));
+        assert_eq!(stamps(&["1", "x"]).unwrap_err().0, 1);
     }
 }

@@ -5,6 +5,8 @@ mod colour;
 mod layouts;
 mod list;
 mod lzfse;
+mod names;
+mod pairs;
 
 use crate::{ImageError, SourceError, SourceOptions};
 use codec::DepthCodec;
@@ -16,8 +18,9 @@ use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::decode;
 use tessera_frames::imu;
-use tessera_frames::pairing::{pair, summarise};
-use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
+use tessera_frames::pairing::{pair, summarise, uncoloured};
+use tessera_frames::timeline::long_pause;
+use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
 use tessera_geometry::{Camera, InertialRotation};
 
 /// Confidence of a pixel below which its depth is left out: 0 low, 1 medium, 2 high.
@@ -36,7 +39,9 @@ pub struct FolderSource {
     /// The form of depth and confidence images.
     codec: DepthCodec,
     /// For each depth image the confidence of its pixels, where the layout has it.
-    confidence: Vec<PathBuf>,
+    confidence: Vec<Option<PathBuf>>,
+    /// Where depth images hold distances along the ray.
+    rays: Option<RayLengths>,
     ground_truth: Option<Trajectory>,
     /// For each depth image, where there is an `imu.txt`.
     rotations: Vec<InertialRotation>,
@@ -81,7 +86,11 @@ impl FolderSource {
     ) -> Result<Self, SourceError> {
         let FoundLayout { layout, mut camera, camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
-        let stated = asked.camera_file(folder)?.and_then(|(file, _)| file.colour);
+        let file = asked.camera_file(folder)?.map(|(file, _)| file);
+        let is_distance = file.as_ref().is_some_and(|file| file.is_distance);
+        let stated = file.and_then(|file| file.colour);
+        let n_listed = colour.len();
+        let colour = pairs::that_are_there(folder, colour, &mut warnings);
         let colour_images = match &stated {
             _ if asked.is_without_colour => ColourImages::without("left out, as asked for"),
             Some(stated) => {
@@ -95,6 +104,7 @@ impl FolderSource {
         let colour = if colour_images.is_used { colour } else { Vec::new() };
         let times = |list: &[ListEntry]| list.iter().map(|entry| entry.stamp_nanos).collect::<Vec<i64>>();
         let (mut stamps, colour_stamps) = (times(&depth), times(&colour));
+        warnings.extend(long_pause(&stamps));
         let mut partners = pair(&stamps, &colour_stamps);
         if let Some(frames) = frames {
             let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());
@@ -103,11 +113,22 @@ impl FolderSource {
             partners.truncate(kept);
         }
         let pairing = summarise(&stamps, &colour_stamps, &partners);
+        if !asked.is_without_colour && colour_images.warning.is_none() {
+            let reason = found.no_colour.filter(|_| n_listed == 0);
+            let reason =
+                reason.or((n_listed > 0 && colour.is_empty()).then(|| "no colour image is there".to_owned()));
+            warnings.extend(uncoloured(&stamps, &colour_stamps, &partners, reason.as_deref()));
+        }
+        let confidence = pairs::confidence(folder, found.confidence, depth.len(), &mut warnings);
+        let rays = is_distance.then(|| RayLengths::new(&camera));
         let rotations = imu::load(folder)?
             .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
         let colour = partners.iter().map(|partner| partner.map(|at| colour[at].clone())).collect();
         let mut description = vec![("layout", layout.to_owned()), ("camera", camera_from)];
         description.push(("colour", colour_images.words.clone()));
+        if is_distance {
+            description.push(("depth", "distances along the ray, as the camera file says".to_owned()));
+        }
         description.extend(found.notes);
         Ok(Self {
             folder: folder.to_owned(),
@@ -116,7 +137,8 @@ impl FolderSource {
             colour,
             colour_images,
             codec: found.codec,
-            confidence: found.confidence,
+            confidence,
+            rays,
             ground_truth: found.ground_truth,
             rotations,
             pairing,
@@ -151,7 +173,7 @@ impl FolderSource {
         depth_raw: &mut [u16],
         scratch: &mut [u8],
     ) -> Result<(), SourceError> {
-        let Some(file) = self.confidence.get(at) else { return Ok(()) };
+        let Some(Some(file)) = self.confidence.get(at) else { return Ok(()) };
         let size = (self.camera.width, self.camera.height);
         self.image(index, file, |path| self.codec.confidence(&load(path)?, size, scratch))?;
         for (raw, confidence) in depth_raw.iter_mut().zip(scratch.chunks_exact(3)) {
@@ -186,6 +208,9 @@ impl Source for FolderSource {
         let size = (self.camera.width, self.camera.height);
         self.image(index, &depth.file, |path| self.codec.depth(&load(path)?, &self.camera, buffers.depth))?;
         self.leave_out_doubtful(index, at, buffers.depth, buffers.colour)?;
+        if let Some(rays) = &self.rays {
+            rays.to_depth(buffers.depth);
+        }
         match &self.colour[at] {
             Some(colour) => self
                 .image(index, &colour.file, |path| {
@@ -220,7 +245,7 @@ impl Source for FolderSource {
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
         let (at, depth) = self.entry(index)?;
         self.image(index, &depth.file, |path| self.codec.inspect(path))?;
-        if let Some(file) = self.confidence.get(at) {
+        if let Some(Some(file)) = self.confidence.get(at) {
             self.image(index, file, |path| self.codec.inspect(path))?;
         }
         match &self.colour[at] {

@@ -77,6 +77,20 @@ fn frames_without_a_pose_make_it_doubtful_and_half_of_them_failed() {
 }
 
 #[test]
+fn frames_without_depth_are_not_told_to_move_more_slowly() {
+    let empty = Facts { n_untracked: 399, n_without_depth: 399, untracked: vec![span(1, 399)], ..good() };
+    check(&empty, Grade::Failed, &["399 of them hold too little depth", "tessera check SOURCE"]);
+    assert!(!verdict(&empty).for_people().contains("slowly"));
+    check(&Facts { n_processed: 1, n_read: 1, ..good() }, Grade::Doubtful, &["one frame alone"]);
+}
+
+#[test]
+fn what_was_assumed_is_a_note_of_a_good_run() {
+    let assumed = Facts { source_warnings: vec!["the camera is assumed".to_owned()], ..good() };
+    check(&assumed, Grade::Good, &["the camera is assumed"]);
+}
+
+#[test]
 fn deviations_drops_broken_images_and_rejected_loops_are_named() {
     let uncertain = Facts { n_uncertain: 100, first_uncertain: Some(246), worst_deviation_m: 4.6, ..good() };
     check(
@@ -90,6 +104,15 @@ fn deviations_drops_broken_images_and_rejected_loops_are_named() {
     let broken = |n: u64| (0..n).map(|k| (k, "d.png: gone".to_owned())).collect();
     check(&Facts { broken: broken(1), ..good() }, Grade::Good, &["1 of 400", "frame 0: d.png: gone"]);
     check(&Facts { broken: broken(9), ..good() }, Grade::Doubtful, &["again"]);
+    let colour: std::collections::BTreeMap<u64, String> = broken(40)
+        .into_iter()
+        .map(|(k, problem): (u64, String)| (k, format!("{}{problem}", BrokenFrames::COLOUR)))
+        .collect();
+    check(
+        &Facts { broken: colour, ..good() },
+        Grade::Good,
+        &["40 of 400 frames went without their colour", "frame 0: d.png: gone"],
+    );
     check(
         &Facts { n_loops_rejected: 9, ..good() },
         Grade::Doubtful,

@@ -145,7 +145,8 @@ impl Container for McapFile {
                 }
                 let (header, data) = message(body).map_err(|reason| place.damaged(reason))?;
                 let (channel, sequence) = (header.channel_id.into(), header.sequence.into());
-                let stored = Stored { channel, place: *place, number, sequence, data };
+                let log_nanos = i64::try_from(header.log_time).unwrap_or(0);
+                let stored = Stored { channel, place: *place, number, sequence, log_nanos, data };
                 number += 1;
                 take(&stored)
             },

@@ -35,6 +35,8 @@ pub(super) struct SqliteBag {
     /// Columns of `messages`.
     topic_column: usize,
     data_column: usize,
+    /// Of the time of recording; `None`: there is none.
+    time_column: Option<usize>,
 }
 
 /// A table by its definition.
@@ -71,7 +73,8 @@ impl SqliteBag {
         let leaves = pages.leaves(messages.root)?;
         let place = |page| Place { offset: pages.offset(page), len: pages.size as u64, opcode: LEAF };
         let places = leaves.into_iter().map(place).collect();
-        Ok(Self { pages, channels, places, topic_column, data_column })
+        let time_column = messages.column("timestamp").ok();
+        Ok(Self { pages, channels, places, topic_column, data_column, time_column })
     }
 
     /// Gives the message of a row.
@@ -89,7 +92,11 @@ impl SqliteBag {
         if (data.len() as u64) < len.min(most) {
             return Err(place.damaged("its data are longer than itself"));
         }
-        take(&Stored { channel, place, number: 0, sequence: row.id.unsigned_abs(), data })
+        let log_nanos = match self.time_column.and_then(|at| values.get(at)) {
+            Some(Value::Integer(nanos)) => *nanos,
+            _ => 0,
+        };
+        take(&Stored { channel, place, number: 0, sequence: row.id.unsigned_abs(), log_nanos, data })
     }
 }
 

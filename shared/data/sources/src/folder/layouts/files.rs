@@ -4,7 +4,7 @@ use super::super::list::ListEntry;
 use crate::SourceError;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
-use tessera_frames::decode;
+use tessera_frames::{decode, large};
 use tessera_geometry::Camera;
 
 /// Names of all entries, sorted; none where the folder cannot be read.
@@ -39,15 +39,9 @@ pub(super) fn numbered(folder: &Path, sub: &str, prefix: &str, suffixes: &[&str]
     found
 }
 
-/// Images at the times that their numbers make at a rate.
-pub(super) fn at_rate(images: &[Numbered], fps: f64) -> Vec<ListEntry> {
-    let entry = |image: &Numbered| ListEntry {
-        stamp_nanos: number_nanos(image.number, fps),
-        file: image.file.clone(),
-    };
-    let mut entries: Vec<ListEntry> = images.iter().map(entry).collect();
-    entries.dedup_by_key(|entry| entry.stamp_nanos);
-    entries
+/// Images without their times.
+pub(super) fn unset(images: &[Numbered]) -> Vec<ListEntry> {
+    images.iter().map(|image| ListEntry { stamp_nanos: 0, file: image.file.clone() }).collect()
 }
 
 /// Time of frame `number`, nanoseconds.
@@ -89,7 +83,8 @@ pub(super) fn pinhole(
     path: &Path,
 ) -> Result<Camera, SourceError> {
     let camera = Camera::pinhole(size, intrinsics, units_per_metre);
-    camera.check().map_err(|source| SourceError::CameraValue { file: path.display().to_string(), source })?;
+    large::check_camera(&camera)
+        .map_err(|source| SourceError::CameraValue { file: path.display().to_string(), source })?;
     Ok(camera)
 }
 

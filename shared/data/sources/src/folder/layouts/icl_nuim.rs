@@ -1,18 +1,21 @@
 //! ICL-NUIM: `associations.txt` with lines `number depth/0.png number rgb/0.png`, and poses in
 //! `livingRoom0.gt.freiburg` by the same numbers. Associations with times are read as well.
 
-use super::super::list::ListEntry;
+use super::super::list::{self, ListEntry};
+use super::asked::ChosenCamera;
 use super::files::{names, number_nanos, text, wrong};
-use super::{Asked, FoundLayout, tum};
+use super::{Asked, FoundLayout, truth, tum};
 use crate::SourceError;
 use std::path::{Component, Path, PathBuf};
-use tessera_evaluation::{Trajectory, parse_stamp, read_tum};
+use tessera_evaluation::Trajectory;
 use tessera_frames::cameras::named_camera;
 
 pub(super) const NAME: &str = "ICL-NUIM (associations.txt)";
 
 const LIST: &str = "associations.txt";
 const SECOND: i64 = 1_000_000_000;
+/// End of the names of its trajectories.
+const TRUTH: &str = ".gt.freiburg";
 
 pub(super) fn is(folder: &Path) -> bool {
     folder.join(LIST).is_file()
@@ -20,80 +23,106 @@ pub(super) fn is(folder: &Path) -> bool {
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let path = folder.join(LIST);
-    let mut rows: Vec<AssociationRow> = Vec::new();
-    for (at, line) in text(&path)?.lines().enumerate() {
+    let (mut rows, mut lines): (Vec<AssociationRow>, Vec<usize>) = (Vec::new(), Vec::new());
+    let all = text(&path)?;
+    for (at, line) in all.lines().enumerate() {
         let line = line.trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let row = AssociationRow::parse(line).ok_or_else(|| {
-            wrong(
-                &path,
-                format!("line {}: found '{line}', expected: number depth/FILE number rgb/FILE", at + 1),
-            )
-        })?;
+        let row = AssociationRow::parse(line).ok_or_else(|| unusable(&path, at + 1, line))?;
         rows.push(row);
+        lines.push(at + 1);
     }
-    rows.sort_by_key(|row| row.depth.stamp_nanos);
-    rows.dedup_by_key(|row| row.depth.stamp_nanos);
     if rows.is_empty() {
         return Err(SourceError::EmptyList { path });
     }
-    let is_numbered = rows.iter().all(|row| row.depth.stamp_nanos % SECOND == 0);
-    let camera = asked.camera(folder, || match is_numbered {
-        true => Ok(Some((named_camera("icl")?, "icl, that of ICL-NUIM".to_owned()))),
-        false => tum::camera_by_name(folder),
+    let words: Vec<&str> = rows.iter().flat_map(|row| [row.depth.0, row.colour.0]).collect();
+    let (stamps, is_numbered) = list::stamps(&words).map_err(|(at, _)| {
+        unusable(&path, lines[at / 2], all.lines().nth(lines[at / 2] - 1).unwrap_or_default())
     })?;
-    let (fps, stamps) = asked.rate();
+    let entry =
+        |stamp_nanos: &i64, file: &str| ListEntry { stamp_nanos: *stamp_nanos, file: PathBuf::from(file) };
+    let pairs = rows.iter().zip(stamps.chunks_exact(2));
+    let (depth, colour): (Vec<ListEntry>, Vec<ListEntry>) =
+        pairs.map(|(row, pair)| (entry(&pair[0], row.depth.1), entry(&pair[1], row.colour.1))).unzip();
+    let units = tum::UNITS_PER_METRE;
+    let chosen =
+        asked.camera_or_beside(folder, &depth, units, || match is_numbered && is_of_icl(folder) {
+            true => Ok(Some(ChosenCamera::assumed(named_camera("icl")?, "icl, that of ICL-NUIM"))),
+            false => tum::camera_by_name(folder),
+        })?;
+    let (fps, how) = asked.rate(chosen.fps);
     let time =
         |nanos: i64| if is_numbered { number_nanos((nanos / SECOND).unsigned_abs(), fps) } else { nanos };
-    let entry = |entry: ListEntry| ListEntry { stamp_nanos: time(entry.stamp_nanos), ..entry };
-    let (depth, mut colour): (Vec<ListEntry>, Vec<ListEntry>) =
-        rows.into_iter().map(|row| (entry(row.depth), entry(row.colour))).unzip();
-    colour.sort_by_key(|entry| entry.stamp_nanos);
-    let mut found = FoundLayout::new(NAME, camera, depth, colour);
-    found.ground_truth = ground_truth(folder, &time)?;
+    let at_time = |entries: Vec<ListEntry>| -> Vec<ListEntry> {
+        let entry = |entry: ListEntry| ListEntry { stamp_nanos: time(entry.stamp_nanos), ..entry };
+        entries.into_iter().map(entry).collect()
+    };
+    let (depth, colour, sentences) = list::in_order(at_time(depth), at_time(colour), [LIST, "its colour"]);
+    let mut found = FoundLayout::new(NAME, chosen, depth, colour);
+    found.warnings.extend(sentences);
+    let truth = ground_truth(folder, &time).map(|truth| {
+        truth.map(|(truth, sentence)| {
+            found.warnings.extend(sentence);
+            truth
+        })
+    });
+    found.take_truth(truth);
     if is_numbered {
-        found.notes.push(("times", stamps));
+        found.notes.push(("times", how));
     }
     Ok(found)
 }
 
+/// Whether something besides the form says that the recording is of ICL-NUIM.
+fn is_of_icl(folder: &Path) -> bool {
+    const WORDS: [&str; 5] = ["icl", "livingroom", "living_room", "office_room", "traj"];
+    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let name = absolute.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let is_named = WORDS.iter().any(|word| name.split(['-', ' ', '.']).any(|part| part.starts_with(word)));
+    is_named || names(folder).iter().any(|name| name.ends_with(TRUTH))
+}
+
+fn unusable(path: &Path, line: usize, found: &str) -> SourceError {
+    wrong(path, format!("line {line}: found '{found}', expected: number depth/FILE number rgb/FILE"))
+}
+
 /// Poses by number or time, as the images have.
-fn ground_truth(folder: &Path, time: &impl Fn(i64) -> i64) -> Result<Option<Trajectory>, SourceError> {
+fn ground_truth(
+    folder: &Path,
+    time: &impl Fn(i64) -> i64,
+) -> Result<Option<(Trajectory, Option<String>)>, SourceError> {
     let names = names(folder);
-    let name = names.iter().find(|name| name.ends_with(".gt.freiburg") || *name == "groundtruth.txt");
+    let name = names.iter().find(|name| name.ends_with(TRUTH) || *name == "groundtruth.txt");
     let Some(name) = name else { return Ok(None) };
-    let by_number = read_tum(&folder.join(name))?;
+    let (by_number, sentence) = truth::of_tum(&folder.join(name))?;
     let mut truth = Trajectory::default();
     for (stamp, pose) in by_number.stamps_nanos.iter().zip(&by_number.poses) {
         // Stamps that rise rise at any rate.
         let _ = truth.push(time(*stamp), *pose);
     }
-    Ok(Some(truth))
+    Ok(Some((truth, sentence)))
 }
 
-/// One pair of images.
-struct AssociationRow {
-    depth: ListEntry,
-    colour: ListEntry,
+/// One pair of images: stamp and file of each.
+struct AssociationRow<'a> {
+    depth: (&'a str, &'a str),
+    colour: (&'a str, &'a str),
 }
 
-impl AssociationRow {
-    /// Reads a line; which of the two images is depth is said by its path.
-    fn parse(line: &str) -> Option<Self> {
+impl<'a> AssociationRow<'a> {
+    /// Reads a line; which of the two images is depth is told by its path.
+    fn parse(line: &'a str) -> Option<Self> {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [a, a_file, b, b_file] = words[..] else { return None };
-        let entry = |stamp: &str, file: &str| {
-            let file = PathBuf::from(file);
-            let is_inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
-            let stamp_nanos = parse_stamp(stamp).ok().filter(|_| file.components().all(is_inside))?;
-            Some(ListEntry { stamp_nanos, file })
-        };
-        let (first, second) = (entry(a, a_file)?, entry(b, b_file)?);
+        let is_inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+        if ![a_file, b_file].iter().all(|file| Path::new(file).components().all(is_inside)) {
+            return None;
+        }
         match (a_file.contains("depth"), b_file.contains("depth")) {
-            (true, false) => Some(Self { depth: first, colour: second }),
-            (false, true) => Some(Self { depth: second, colour: first }),
+            (true, false) => Some(Self { depth: (a, a_file), colour: (b, b_file) }),
+            (false, true) => Some(Self { depth: (b, b_file), colour: (a, a_file) }),
             _ => None,
         }
     }

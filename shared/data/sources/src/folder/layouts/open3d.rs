@@ -1,121 +1,182 @@
-//! Open3D and Redwood: `depth/` in millimetres, `color/`, `image/` or `rgb/`, a pinhole camera in
-//! JSON, poses in a `.log`. Redwood's names hold times, `000012-000000400000.png`, microseconds.
+//! Open3D and Redwood: `depth/` in millimetres, `color/`, `images/` or `rgb/`, a pinhole camera in
+//! JSON, poses in a `.log`; and whatever else has depth and colour in two folders. Names hold frame
+//! numbers or times; Redwood's hold both, `000012-000000400000.png`, microseconds.
 
 use super::super::list::ListEntry;
-use super::files::{names, number_nanos, pinhole, size_of, some_depth, text, wrong};
+use super::super::names::{NameMeaning, Understood, understand};
+use super::asked::ChosenCamera;
+use super::files::{names, number_nanos, size_of, some_depth, wrong};
 use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
-use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tessera_geometry::Camera;
+use tessera_frames::cameras::named_camera;
 
 pub(super) const NAME: &str = "Open3D or Redwood (depth/, color/, camera JSON)";
 
-const COLOUR_FOLDERS: [&str; 4] = ["color", "colour", "image", "rgb"];
+const DEPTH: &str = "depth";
+/// Ends of the names of depth images.
+const DEPTH_ENDS: [&str; 3] = ["png", "pgm", "npy"];
+const COLOUR_FOLDERS: [&str; 10] =
+    ["color", "colour", "image", "images", "rgb", "img", "imgs", "colors", "rgb_images", "color_images"];
 const UNITS_PER_METRE: f64 = 1000.0;
-/// The camera of Redwood's recordings, for 640x480 px: the factory default of the PrimeSense.
-const PRIMESENSE: [f64; 4] = [525.0, 525.0, 319.5, 239.5];
-
-/// A pinhole camera as Open3D writes it; the matrix is by columns.
-#[derive(Deserialize)]
-struct Intrinsic {
-    width: u32,
-    height: u32,
-    intrinsic_matrix: [f64; 9],
-}
+/// Digits of Redwood's names: a running number, and microseconds.
+const REDWOOD_DIGITS: (std::ops::RangeInclusive<usize>, usize) = (6..=7, 12);
 
 pub(super) fn is(folder: &Path) -> bool {
-    folder.join("depth").is_dir() && names(&folder.join("depth")).iter().any(|name| name.ends_with(".png"))
+    folder.join(DEPTH).is_dir()
+        && names(&folder.join(DEPTH))
+            .iter()
+            .any(|name| DEPTH_ENDS.iter().any(|end| name.to_lowercase().ends_with(&format!(".{end}"))))
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let depth = images(folder, "depth", &["png"]);
-    let colour_folder = COLOUR_FOLDERS.into_iter().find(|name| folder.join(name).is_dir());
-    let colour = colour_folder.map_or(Vec::new(), |name| images(folder, name, &["jpg", "jpeg", "png"]));
-    let has_times = !depth.is_empty() && depth.iter().chain(&colour).all(|image| image.micros.is_some());
-    let (fps, stamps) = asked.rate();
-    let at = |images: Vec<IntrinsicImage>| entries(images, has_times && asked.fps.is_none(), fps);
-    let (depth, colour) = (some_depth(at(depth), folder, "depth/NUMBER.png")?, at(colour));
-    let logs: Vec<String> = names(folder).into_iter().filter(|name| name.ends_with(".log")).collect();
-    let is_redwood = has_times || !logs.is_empty();
-    let camera = asked.camera(folder, || own_camera(folder, &depth, is_redwood))?;
-    let mut found = FoundLayout::new(NAME, camera, depth, colour);
+    let depth = NamedImages::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
+    let colour_folder = names(folder)
+        .into_iter()
+        .find(|name| COLOUR_FOLDERS.contains(&name.to_lowercase().as_str()) && folder.join(name).is_dir());
+    let colour = match &colour_folder {
+        Some(name) => NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp"], asked)?,
+        None => NamedImages::default(),
+    };
+    let is_redwood = depth.stems.first().is_some_and(|stem| is_of_redwood(stem));
+    let chosen = asked.camera_or_beside(folder, &depth.unset(), UNITS_PER_METRE, || {
+        let is_it = is_redwood && size_of(folder, &depth.unset())? == (640, 480);
+        Ok(match is_it {
+            true => {
+                let from = "the PrimeSense default of Redwood, 525 px, by the names of the images";
+                Some(ChosenCamera::assumed(named_camera("primesense")?, from))
+            }
+            false => None,
+        })
+    })?;
+    let (fps, words) = asked.rate(chosen.fps);
+    let times = depth.times(asked.fps.is_some(), fps);
+    let (words, has_times) = match &depth.meaning {
+        NameMeaning::Times(_, how) if asked.fps.is_none() => (how.clone(), true),
+        _ => (words, false),
+    };
+    let entries = some_depth(depth.entries(&times), folder, "depth/NUMBER.png")?;
+    let n_same = depth.files.len() - entries.len();
+    let colour_times = colour.times_beside(&depth, &times, asked.fps.is_some(), fps, has_times);
+    let mut found = FoundLayout::new(NAME, chosen, entries, colour.entries(&colour_times));
+    found.no_colour = match &colour_folder {
+        Some(name) if colour.files.is_empty() => Some(format!("{name}/ holds no images")),
+        Some(_) => None,
+        None => {
+            Some(format!("there is none of the folders {} beside depth/", COLOUR_FOLDERS[..5].join(", ")))
+        }
+    };
+    if n_same > 0 {
+        found.warnings.push(format!("{n_same} depth images repeat the time of another and are left out"));
+    }
+    found.warnings.extend(depth.warning.iter().chain(&colour.warning).cloned());
     // Open3D's own sample has odometry.log beside trajectory.log: motions from frame to frame.
+    let logs: Vec<String> = names(folder).into_iter().filter(|name| name.ends_with(".log")).collect();
     if let Some(log) = logs.iter().find(|name| !name.contains("odometry")) {
         let times: Vec<i64> = found.depth.iter().map(|entry| entry.stamp_nanos).collect();
-        found.ground_truth = pose::of_log(&folder.join(log), &times)?;
+        found.take_truth(pose::of_log(&folder.join(log), &times));
     }
-    let from_names = "microseconds in the names of the images".to_owned();
-    found.notes.push(("times", if has_times && asked.fps.is_none() { from_names } else { stamps }));
+    found.notes.push(("times", words));
     Ok(found)
 }
 
-/// An image whose name ends in a number, or in a number and microseconds.
-struct IntrinsicImage {
-    number: u64,
-    micros: Option<u64>,
-    file: PathBuf,
+/// Whether a name is as Redwood writes them.
+fn is_of_redwood(stem: &str) -> bool {
+    let (running, micros) = REDWOOD_DIGITS;
+    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    stem.split_once('-')
+        .is_some_and(|(a, b)| is_digits(a) && is_digits(b) && running.contains(&a.len()) && b.len() == micros)
 }
 
-fn images(folder: &Path, sub: &str, ends: &[&str]) -> Vec<IntrinsicImage> {
-    let parse = |name: &str| -> Option<IntrinsicImage> {
-        let (stem, end) = name.rsplit_once('.')?;
-        if !ends.iter().any(|known| known.eq_ignore_ascii_case(end)) {
-            return None;
-        }
-        let groups: Vec<&str> =
-            stem.split(|c: char| !c.is_ascii_digit()).filter(|group| !group.is_empty()).collect();
-        let file = Path::new(sub).join(name);
-        match groups[..] {
-            [number, micros] if stem.len() == number.len() + 1 + micros.len() => Some(IntrinsicImage {
-                number: number.parse().ok()?,
-                micros: Some(micros.parse().ok()?),
-                file,
-            }),
-            [.., number] => Some(IntrinsicImage { number: number.parse().ok()?, micros: None, file }),
-            [] => None,
-        }
-    };
-    names(&folder.join(sub)).iter().filter_map(|name| parse(name)).collect()
+/// The images of a folder whose names are of one form.
+struct NamedImages {
+    stems: Vec<String>,
+    files: Vec<PathBuf>,
+    meaning: NameMeaning,
+    warning: Option<String>,
 }
 
-/// Images by time; where two have the same, the first.
-fn entries(images: Vec<IntrinsicImage>, has_times: bool, fps: f64) -> Vec<ListEntry> {
-    let time = |image: &IntrinsicImage| match image.micros {
-        Some(micros) if has_times => i64::try_from(micros).unwrap_or(i64::MAX).saturating_mul(1000),
-        _ => number_nanos(image.number, fps),
-    };
-    let mut entries: Vec<ListEntry> =
-        images.into_iter().map(|image| ListEntry { stamp_nanos: time(&image), file: image.file }).collect();
-    entries.sort_by(|a, b| (a.stamp_nanos, &a.file).cmp(&(b.stamp_nanos, &b.file)));
-    entries.dedup_by_key(|entry| entry.stamp_nanos);
-    entries
-}
-
-/// The first JSON file with a pinhole camera; for Redwood without one the camera of its page.
-fn own_camera(
-    folder: &Path,
-    depth: &[ListEntry],
-    is_redwood: bool,
-) -> Result<Option<(Camera, String)>, SourceError> {
-    for name in names(folder).into_iter().filter(|name| name.ends_with(".json")) {
-        let path = folder.join(&name);
-        let Ok(found) = serde_json::from_str::<Intrinsic>(&text(&path)?) else { continue };
-        let k = found.intrinsic_matrix;
-        let camera = pinhole((found.width, found.height), [k[0], k[4], k[6], k[7]], UNITS_PER_METRE, &path)?;
-        let size = size_of(folder, depth)?;
-        if size != (camera.width, camera.height) {
-            let reason = format!(
-                "the camera is {}x{} px, the depth images {}x{}",
-                camera.width, camera.height, size.0, size.1
-            );
-            return Err(wrong(&path, reason));
+impl Default for NamedImages {
+    fn default() -> Self {
+        Self {
+            stems: Vec::new(),
+            files: Vec::new(),
+            meaning: NameMeaning::Numbers(Vec::new()),
+            warning: None,
         }
-        return Ok(Some((camera, name)));
     }
-    if is_redwood && size_of(folder, depth)? == (640, 480) {
-        let camera = pinhole((640, 480), PRIMESENSE, UNITS_PER_METRE, folder)?;
-        return Ok(Some((camera, "the PrimeSense default of Redwood, 525 px".to_owned())));
+}
+
+impl NamedImages {
+    fn of(folder: &Path, sub: &str, ends: &[&str], asked: &Asked) -> Result<Self, SourceError> {
+        let is_image = |end: &str| ends.iter().any(|known| known.eq_ignore_ascii_case(end));
+        let names: Vec<String> = names(&folder.join(sub))
+            .into_iter()
+            .filter(|name| name.rsplit_once('.').is_some_and(|(_, end)| is_image(end)))
+            .collect();
+        let stems: Vec<&str> =
+            names.iter().map(|name| name.rsplit_once('.').map_or("", |(stem, _)| stem)).collect();
+        let Understood { kept, meaning, warning } =
+            understand(&stems, asked.fps.is_some()).map_err(|reason| wrong(&folder.join(sub), reason))?;
+        Ok(Self {
+            stems: kept.iter().map(|at| stems[*at].to_owned()).collect(),
+            files: kept.iter().map(|at| Path::new(sub).join(&names[*at])).collect(),
+            meaning,
+            warning: warning.map(|warning| format!("{sub}/: {warning}")),
+        })
     }
-    Ok(None)
+
+    fn unset(&self) -> Vec<ListEntry> {
+        self.files.iter().map(|file| ListEntry { stamp_nanos: 0, file: file.clone() }).collect()
+    }
+
+    /// Time of each image: its own, or by its number, or by its place where a rate is given.
+    fn times(&self, is_rate_given: bool, fps: f64) -> Vec<i64> {
+        match &self.meaning {
+            NameMeaning::Numbers(numbers) => {
+                numbers.iter().map(|number| number_nanos(*number, fps)).collect()
+            }
+            NameMeaning::Times(times, _) if !is_rate_given => times.clone(),
+            NameMeaning::Times(times, _) => {
+                let mut sorted = times.clone();
+                sorted.sort_unstable();
+                let rank = |time: &i64| sorted.partition_point(|other| other < time) as u64;
+                times.iter().map(|time| number_nanos(rank(time), fps)).collect()
+            }
+        }
+    }
+
+    /// Times of colour: those of depth for images of the same name, where their own cannot be compared.
+    fn times_beside(
+        &self,
+        depth: &Self,
+        depth_times: &[i64],
+        is_rate_given: bool,
+        fps: f64,
+        has_times: bool,
+    ) -> Vec<i64> {
+        let own_are_times = matches!(self.meaning, NameMeaning::Times(..)) && !is_rate_given;
+        let by_name: BTreeMap<&str, i64> =
+            depth.stems.iter().map(String::as_str).zip(depth_times.iter().copied()).collect();
+        let n_named = self.stems.iter().filter(|stem| by_name.contains_key(stem.as_str())).count();
+        let own = self.times(is_rate_given, fps);
+        if own_are_times == has_times && !is_rate_given || 2 * n_named <= self.stems.len() {
+            return own;
+        }
+        let time = |(stem, own): (&String, &i64)| by_name.get(stem.as_str()).copied().unwrap_or(*own);
+        self.stems.iter().zip(&own).map(time).collect()
+    }
+
+    /// NamedImages by time; where two have the same, the first.
+    fn entries(&self, times: &[i64]) -> Vec<ListEntry> {
+        let entry = |(stamp_nanos, file): (&i64, &PathBuf)| ListEntry {
+            stamp_nanos: *stamp_nanos,
+            file: file.clone(),
+        };
+        let mut entries: Vec<ListEntry> = times.iter().zip(&self.files).map(entry).collect();
+        entries.sort_by(|a, b| (a.stamp_nanos, &a.file).cmp(&(b.stamp_nanos, &b.file)));
+        entries.dedup_by_key(|entry| entry.stamp_nanos);
+        entries
+    }
 }

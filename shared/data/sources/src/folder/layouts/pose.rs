@@ -1,6 +1,7 @@
 //! Poses as 4x4 matrices, `world_from_camera`, row by row.
 
-use super::files::{number_nanos, numbers, text, wrong};
+use super::files::{numbers, text, wrong};
+use super::times::FrameTimes;
 use crate::SourceError;
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use std::path::Path;
@@ -54,14 +55,14 @@ impl Poses {
 /// One file a frame, `file(number)`, of 16 numbers; a frame without one has no pose.
 pub(super) fn of_files(
     frame_numbers: impl Iterator<Item = u64>,
-    fps: f64,
+    times: &FrameTimes,
     file: impl Fn(u64) -> std::path::PathBuf,
 ) -> Result<Option<Trajectory>, SourceError> {
     let mut poses = Poses::default();
     for number in frame_numbers {
         let path = file(number);
-        if path.is_file() {
-            poses.push(number_nanos(number, fps), from_matrix(&numbers(&text(&path)?, &path)?, &path)?);
+        if let Some(stamp) = times.nanos(number).filter(|_| path.is_file()) {
+            poses.push(stamp, from_matrix(&numbers(&text(&path)?, &path)?, &path)?);
         }
     }
     Ok(poses.finish())

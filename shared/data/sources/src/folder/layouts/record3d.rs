@@ -8,9 +8,10 @@
 use super::super::codec::DepthCodec;
 use super::super::list::ListEntry;
 use super::super::lzfse;
+use super::asked::{ChosenCamera, POSSIBLE_FPS, USUAL_FPS};
 use super::files::{Numbered, json, number_nanos, numbered, pinhole, some_depth, wrong};
 use super::pose::Poses;
-use super::{Asked, FoundLayout, USUAL_FPS};
+use super::{Asked, FoundLayout};
 use crate::SourceError;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
@@ -75,7 +76,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let camera = asked.camera(folder, || {
         let size = depth_size(folder, &metadata, &depth)?;
         let camera = pinhole(size, intrinsics.scaled(&metadata, size), UNITS_PER_METRE, &path)?;
-        Ok(Some((camera, "metadata, scaled to depth".to_owned())))
+        Ok(ChosenCamera::stated(camera, "metadata, scaled to depth"))
     })?;
     let mut found = FoundLayout::new(NAME, camera, depth, colour);
     found.codec = DepthCodec::Lzfse;
@@ -110,7 +111,7 @@ fn stamps(
     path: &Path,
 ) -> Result<(BTreeMap<u64, i64>, String), SourceError> {
     let fps = asked_fps.or(metadata.fps).unwrap_or(USUAL_FPS);
-    if !super::POSSIBLE_FPS.contains(&fps) {
+    if !POSSIBLE_FPS.contains(&fps) {
         return Err(wrong(path, format!("fps is {fps}, expected 0.01 to 10000")));
     }
     let is_timed = asked_fps.is_none() && !metadata.times.is_empty();

@@ -1,7 +1,9 @@
 //! Replica as rendered for iMAP and NICE-SLAM: `results/frame000000.jpg`, `results/depth000000.png`,
 //! `traj.txt` with a camera-to-world matrix a line, `cam_params.json` here or in the folder above.
 
-use super::files::{at_rate, json, numbered, pinhole, some_depth, wrong};
+use super::asked::ChosenCamera;
+use super::files::{json, numbered, pinhole, some_depth, wrong};
+use super::times::FrameTimes;
 use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use serde::Deserialize;
@@ -35,10 +37,10 @@ pub(super) fn is(folder: &Path) -> bool {
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let (fps, stamps) = asked.rate();
-    let depth = at_rate(&numbered(folder, IMAGES, "depth", &[".png"]), fps);
-    let depth = some_depth(depth, folder, "results/depthNUMBER.png")?;
-    let colour = at_rate(&numbered(folder, IMAGES, "frame", &[".jpg", ".png"]), fps);
+    let images = numbered(folder, IMAGES, "depth", &[".png"]);
+    let times = FrameTimes::of(&images, asked, None, folder)?;
+    let depth = some_depth(times.entries(&images), folder, "results/depthNUMBER.png")?;
+    let colour = times.entries(&numbered(folder, IMAGES, "frame", &[".jpg", ".png"]));
     let camera = asked.camera(folder, || {
         let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
         let above = absolute.parent().unwrap_or(&absolute).join(CAMERA);
@@ -49,14 +51,14 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
             ));
         };
         let Params { w, h, fx, fy, cx, cy, scale } = json::<CamParams>(&file)?.camera;
-        Ok(Some((pinhole((w, h), [fx, fy, cx, cy], scale, &file)?, CAMERA.to_owned())))
+        Ok(ChosenCamera::stated(pinhole((w, h), [fx, fy, cx, cy], scale, &file)?, CAMERA))
     })?;
     let mut found = FoundLayout::new(NAME, camera, depth, colour);
     let trajectory = folder.join("traj.txt");
     if trajectory.is_file() {
-        let times: Vec<i64> = found.depth.iter().map(|entry| entry.stamp_nanos).collect();
-        found.ground_truth = pose::of_lines(&trajectory, &times)?;
+        let stamps: Vec<i64> = found.depth.iter().map(|entry| entry.stamp_nanos).collect();
+        found.take_truth(pose::of_lines(&trajectory, &stamps));
     }
-    found.notes.push(("times", stamps));
+    found.notes.push(("times", times.words));
     Ok(found)
 }

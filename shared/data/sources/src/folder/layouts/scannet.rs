@@ -2,7 +2,9 @@
 //! (camera to world, `-inf` where it is not known), `intrinsic/intrinsic_depth.txt` and
 //! `intrinsic_color.txt`. Colour is larger than depth and seen from the same place.
 
-use super::files::{at_rate, numbered, numbers, pinhole, size_of, some_depth, text, wrong};
+use super::asked::ChosenCamera;
+use super::files::{numbered, numbers, pinhole, size_of, some_depth, text, wrong};
+use super::times::FrameTimes;
 use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use std::path::Path;
@@ -20,24 +22,24 @@ pub(super) fn is(folder: &Path) -> bool {
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let (fps, stamps) = asked.rate();
     let images = numbered(folder, "depth", "", &[".png"]);
-    let depth = some_depth(at_rate(&images, fps), folder, "depth/NUMBER.png")?;
-    let colour = at_rate(&numbered(folder, "color", "", &[".jpg", ".png"]), fps);
+    let times = FrameTimes::of(&images, asked, None, folder)?;
+    let depth = some_depth(times.entries(&images), folder, "depth/NUMBER.png")?;
+    let colour = times.entries(&numbered(folder, "color", "", &[".jpg", ".png"]));
     let camera = asked.camera(folder, || {
         let camera = intrinsics(&folder.join(DEPTH_CAMERA), size_of(folder, &depth)?)?;
-        Ok(Some((camera, DEPTH_CAMERA.to_owned())))
+        Ok(ChosenCamera::stated(camera, DEPTH_CAMERA))
     })?;
     let file = |number: u64| folder.join(format!("pose/{number}.txt"));
-    let ground_truth = pose::of_files(images.iter().map(|image| image.number), fps, file)?;
-    let mut found = FoundLayout { ground_truth, ..FoundLayout::new(NAME, camera, depth, colour) };
+    let mut found = FoundLayout::new(NAME, camera, depth, colour);
+    found.take_truth(pose::of_files(images.iter().map(|image| image.number), &times, file));
     let colour_file = folder.join(COLOUR_CAMERA);
     if colour_file.is_file() {
         // Its size is that of the images.
         let camera = intrinsics(&colour_file, (1296, 968))?;
         found.colour_camera = Some(ColourCamera { camera, colour_from_depth: Pose::identity() });
     }
-    found.notes.push(("times", stamps));
+    found.notes.push(("times", times.words));
     Ok(found)
 }
 

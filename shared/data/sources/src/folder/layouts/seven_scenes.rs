@@ -1,47 +1,57 @@
 //! 7-Scenes: `frame-000000.depth.png` in millimetres (65535: no measurement), `.color.png` and
-//! `.pose.txt`, a 4x4 camera-to-world matrix. The camera is that of its page: 585 px, middle 320, 240.
+//! `.pose.txt`, a 4x4 camera-to-world matrix. BundleFusion and 3DMatch name their images so too, and put
+//! their camera beside them (`info.txt`, `camera-intrinsics.txt`); the camera of 7-Scenes is assumed in
+//! its own folders alone.
 
-use super::files::{at_rate, numbered, pinhole, size_of, some_depth, wrong};
+use super::asked::ChosenCamera;
+use super::files::{numbered, size_of, some_depth};
+use super::times::FrameTimes;
 use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
 use std::path::Path;
-use tessera_geometry::Camera;
+use tessera_frames::cameras::named_camera;
 
 pub(super) const NAME: &str = "7-Scenes (frame-000000.depth.png)";
 
 const PREFIX: &str = "frame-";
 const DEPTH: &[&str] = &[".depth.png"];
-/// Focal lengths and principal point, pixels.
-const INTRINSICS: [f64; 4] = [585.0, 585.0, 320.0, 240.0];
-/// Columns and rows.
-const SIZE: (u32, u32) = (640, 480);
 const UNITS_PER_METRE: f64 = 1000.0;
+/// Its scenes, which hold folders `seq-01`.
+const SCENES: [&str; 7] = ["chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs"];
 
 pub(super) fn is(folder: &Path) -> bool {
     !numbered(folder, "", PREFIX, DEPTH).is_empty()
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let (fps, stamps) = asked.rate();
     let images = numbered(folder, "", PREFIX, DEPTH);
-    let depth = some_depth(at_rate(&images, fps), folder, "frame-NUMBER.depth.png")?;
-    let colour = at_rate(&numbered(folder, "", PREFIX, &[".color.png", ".color.jpg"]), fps);
-    let camera = asked.camera(folder, || {
-        let size = size_of(folder, &depth)?;
-        if size != SIZE {
-            let (width, height) = size;
-            let reason =
-                format!("depth is {width}x{height} px, that of 7-Scenes 640x480; give --camera FILE");
-            return Err(wrong(folder, reason));
-        }
-        let camera = pinhole(size, INTRINSICS, UNITS_PER_METRE, folder)?;
-        // The two cameras of the Kinect are a hand's breadth apart, and the images are as taken.
-        let camera = Camera { colour_registered: false, ..camera };
-        Ok(Some((camera, "that of 7-Scenes, 585 px".to_owned())))
+    let unset = super::files::unset(&images);
+    let chosen = asked.camera_or_beside(folder, &unset, UNITS_PER_METRE, || {
+        let camera = named_camera("7scenes")?;
+        let is_it = is_of_seven_scenes(folder) && size_of(folder, &unset)? == (camera.width, camera.height);
+        Ok(is_it.then(|| ChosenCamera::assumed(camera, "that of 7-Scenes, 585 px")))
     })?;
+    let times = FrameTimes::of(&images, asked, chosen.fps, folder)?;
+    let depth = some_depth(times.entries(&images), folder, "frame-NUMBER.depth.png")?;
+    let colour = times.entries(&numbered(folder, "", PREFIX, &[".color.png", ".color.jpg"]));
+    let mut found = FoundLayout::new(NAME, chosen, depth, colour);
     let file = |number: u64| folder.join(format!("{PREFIX}{number:06}.pose.txt"));
-    let ground_truth = pose::of_files(images.iter().map(|image| image.number), fps, file)?;
-    let mut found = FoundLayout { ground_truth, ..FoundLayout::new(NAME, camera, depth, colour) };
-    found.notes.push(("times", stamps));
+    found.take_truth(pose::of_files(images.iter().map(|image| image.number), &times, file));
+    found.notes.push(("times", times.words));
     Ok(found)
+}
+
+/// Whether the folder is `seq-01`, or in a folder with the name of one of the scenes.
+fn is_of_seven_scenes(folder: &Path) -> bool {
+    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let is_scene = |path: &Path| {
+        path.file_name().is_some_and(|name| SCENES.contains(&name.to_string_lossy().to_lowercase().as_str()))
+    };
+    let is_sequence = absolute.file_name().is_some_and(|name| {
+        let name = name.to_string_lossy().to_lowercase();
+        name.strip_prefix("seq-")
+            .or(name.strip_prefix("seq"))
+            .is_some_and(|number| number.parse::<u32>().is_ok())
+    });
+    is_sequence || is_scene(&absolute) || absolute.parent().is_some_and(is_scene)
 }

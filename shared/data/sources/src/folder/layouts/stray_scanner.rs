@@ -2,6 +2,7 @@
 //! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`.
 
 use super::super::list::ListEntry;
+use super::asked::ChosenCamera;
 use super::files::{numbered, numbers, pinhole, size_of, some_depth, text, wrong};
 use super::pose::Poses;
 use super::{Asked, FoundLayout};
@@ -39,7 +40,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let depth = some_depth(depth, folder, "depth/NUMBER.png with rows in odometry.csv")?;
     let camera = asked.camera(folder, || {
         let camera = camera(&folder.join("camera_matrix.csv"), size_of(folder, &depth)?)?;
-        Ok(Some((camera, "camera_matrix.csv, scaled to depth".to_owned())))
+        Ok(ChosenCamera::stated(camera, "camera_matrix.csv, scaled to depth"))
     })?;
     let mut found = FoundLayout::new(NAME, camera, depth, Vec::new());
     if folder.join("confidence").is_dir() {
@@ -49,7 +50,9 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     found.ground_truth = poses.finish();
     found.notes.push(("ground truth of", "ARKit (odometry.csv): an estimate too".to_owned()));
     if folder.join("rgb.mp4").is_file() {
-        found.warnings.push("colour is a video (rgb.mp4), which is not read: depth alone".to_owned());
+        found.no_colour = Some(
+            "it is a video (rgb.mp4), which is not read: ffmpeg -i rgb.mp4 writes its images".to_owned(),
+        );
     }
     if n_without > 0 {
         found.warnings.push(format!(

@@ -5,6 +5,8 @@ use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::
 use std::fs;
 use std::path::Path;
 
+mod misread;
+mod mutations;
 mod record3d;
 
 const SIZE: (u32, u32) = (32, 24);
@@ -90,13 +92,20 @@ fn stamps(source: &FolderSource) -> Vec<i64> {
 #[test]
 fn seven_scenes() {
     let folder = Folder::new();
+    let sequence = folder.path().join("chess/seq-01");
+    let open = || FolderSource::open(&sequence, None, None);
     for k in 0..3_u16 {
-        let name = |end: &str| format!("frame-{k:06}.{end}");
+        let name = |end: &str| format!("chess/seq-01/frame-{k:06}.{end}");
         folder.depth_of(&name("depth.png"), (640, 480), if k == 2 { u16::MAX } else { 1500 + k });
         folder.colour(&name("color.png"), (640, 480), 40);
         folder.write(&name("pose.txt"), if k == 1 { TURNED } else { IDENTITY });
     }
-    let source = folder.open();
+    let source = open().unwrap();
+    assert!(
+        source.warnings()[0].contains("the camera is assumed to be that of 7-Scenes, 585 px"),
+        "{:?}",
+        source.warnings()
+    );
     assert!(said(&source, "layout").starts_with("7-Scenes"));
     assert_eq!(
         (source.camera().fx, source.camera().cx, source.camera().units_per_metre),
@@ -109,14 +118,16 @@ fn seven_scenes() {
     assert!((truth.poses[1].rotation.angle() - std::f64::consts::PI).abs() < 1e-9);
     assert!(said(&source, "times").contains("30 frames a second are assumed"));
     let slow = SourceOptions { fps: Some(10.0), ..SourceOptions::default() };
-    assert_eq!(stamps(&FolderSource::open_with(folder.path(), &slow).unwrap())[2], 200_000_000);
+    assert_eq!(stamps(&FolderSource::open_with(&sequence, &slow).unwrap())[2], 200_000_000);
     let bad = SourceOptions { fps: Some(0.0), ..SourceOptions::default() };
-    let message = FolderSource::open_with(folder.path(), &bad).unwrap_err().to_string();
+    let message = FolderSource::open_with(&sequence, &bad).unwrap_err().to_string();
     assert!(message.contains("--fps is 0, expected frames a second from 0.01"), "{message}");
-    folder.write("frame-000001.pose.txt", "1 2 3");
-    assert!(folder.refusal().contains("frame-000001.pose.txt: 3 numbers, expected the 16"));
-    folder.write("frame-000001.pose.txt", IDENTITY.replace("0 0 1 0", "0 0 7 0"));
-    assert!(folder.refusal().contains("no rotation"));
+    folder.write("chess/seq-01/frame-000001.pose.txt", "1 2 3");
+    let source = open().unwrap();
+    assert!(source.ground_truth().is_none());
+    assert!(source.warnings()[1].contains("frame-000001.pose.txt: 3 numbers, expected the 16"));
+    folder.write("chess/seq-01/frame-000001.pose.txt", IDENTITY.replace("0 0 1 0", "0 0 7 0"));
+    assert!(open().unwrap().warnings()[1].contains("no rotation"));
 }
 
 #[test]
@@ -172,7 +183,10 @@ fn open3d() {
     let truth = source.ground_truth().unwrap();
     assert_eq!((truth.stamps_nanos.clone(), truth.poses[1].translation.x), (vec![0, 33_333_333], 0.25));
     folder.write("trajectory.log", "0 0 1\n1 0 0");
-    assert!(folder.refusal().contains("trajectory.log: 6 numbers, expected blocks of 3 and 16"));
+    let source = folder.open();
+    assert!(source.ground_truth().is_none());
+    let warnings = source.warnings().join("\n");
+    assert!(warnings.contains("trajectory.log: 6 numbers, expected blocks of 3 and 16"), "{warnings}");
     fs::remove_file(folder.path().join("trajectory.log")).unwrap();
     fs::remove_file(folder.path().join("odometry.log")).unwrap();
     fs::remove_file(folder.path().join("camera_intrinsic.json")).unwrap();
@@ -268,7 +282,8 @@ fn stray_scanner() {
     assert_eq!(source.ground_truth().unwrap().poses[0].translation.x, 0.5);
     let warnings = source.warnings().join("\n");
     assert!(
-        warnings.contains("colour is a video") && warnings.contains("1 depth images have no time"),
+        warnings.contains("no frame has colour: it is a video")
+            && warnings.contains("1 depth images have no time"),
         "{warnings}"
     );
     folder.write("odometry.csv", format!("{header}1.0, 0, nan, 0, 0, 0, 0, 0, 1\n"));

@@ -3,11 +3,12 @@
 //! A raw download says which of the three cameras it was in the name of its folder,
 //! `rgbd_dataset_freiburg1_xyz`, and in the line `# file: '...bag'` of its lists.
 
-use super::super::list::{self, ListEntry};
+use super::super::list::{self, ImageList, ListEntry};
+use super::asked::ChosenCamera;
+use super::files::{names, number_nanos};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
 use std::path::Path;
-use tessera_evaluation::read_tum;
 use tessera_frames::cameras::named_camera;
 use tessera_geometry::Camera;
 
@@ -17,6 +18,8 @@ pub(super) const NAME: &str = "TUM RGB-D (depth.txt, rgb.txt)";
 const CAMERAS: [&str; 3] = ["freiburg1", "freiburg2", "freiburg3"];
 /// Relative difference of focal lengths or units that makes another camera of it.
 const MOST_OFF: f64 = 0.08;
+/// Depth units of the benchmark, and so of the layout, a metre.
+pub(super) const UNITS_PER_METRE: f64 = 5000.0;
 /// Lines of a list that are looked through for its origin.
 const HEAD_LINES: usize = 5;
 
@@ -26,31 +29,72 @@ pub(super) fn is(folder: &Path) -> bool {
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let depth = list::read(&folder.join("depth.txt"))?;
-    let mut warnings = Vec::new();
-    let colour = colour(&folder.join("rgb.txt"), &mut warnings)?;
-    let camera = asked.camera(folder, || camera_by_name(folder))?;
-    let truth = folder.join("groundtruth.txt");
-    let ground_truth = if truth.exists() { Some(read_tum(&truth)?) } else { None };
-    let doubts = doubt(folder, &camera.0)?.into_iter().collect();
-    Ok(FoundLayout { ground_truth, warnings, doubts, ..FoundLayout::new(NAME, camera, depth, colour) })
+    let (mut warnings, mut no_colour) = (Vec::new(), None);
+    let colour = colour(&folder.join("rgb.txt"), &mut no_colour)?;
+    let chosen =
+        asked.camera_or_beside(folder, &depth.entries, UNITS_PER_METRE, || camera_by_name(folder))?;
+    let is_numbered = depth.is_numbered && (colour.is_numbered || colour.entries.is_empty());
+    let (fps, words) = asked.rate(chosen.fps);
+    let at_rate = |list: ImageList| at_rate(list, is_numbered.then_some(fps));
+    let (depth, colour, sentences) =
+        list::in_order(at_rate(depth), at_rate(colour), ["depth.txt", "rgb.txt"]);
+    warnings.extend(sentences);
+    warnings.extend(unlisted(folder, "depth.txt", &depth));
+    let doubt = doubt(folder, &chosen.camera)?;
+    let mut found = FoundLayout { no_colour, ..FoundLayout::new(NAME, chosen, depth, colour) };
+    if is_numbered {
+        warnings.push(format!("the stamps of depth.txt are frame numbers; times: {words}"));
+        found.notes.push(("times", words));
+    }
+    found.take_tum_truth(&folder.join("groundtruth.txt"));
+    found.warnings.extend(warnings);
+    found.doubts.extend(doubt);
+    Ok(found)
+}
+
+/// Frame numbers, which the list holds as seconds, at a rate.
+fn at_rate(list: ImageList, fps: Option<f64>) -> Vec<ListEntry> {
+    const SECOND: i64 = 1_000_000_000;
+    let Some(fps) = fps else { return list.entries };
+    let time = |nanos: i64| number_nanos((nanos / SECOND).unsigned_abs(), fps);
+    let entry = |entry: ListEntry| ListEntry { stamp_nanos: time(entry.stamp_nanos), ..entry };
+    list.entries.into_iter().map(entry).collect()
+}
+
+/// A sentence where the folder of the listed images holds many more: the list may have been cut.
+fn unlisted(folder: &Path, list: &str, listed: &[ListEntry]) -> Option<String> {
+    const MOST_LISTED: f64 = 0.9;
+    let first = &listed.first()?.file;
+    let (inside, end) = (first.parent()?, first.extension()?);
+    let files = names(&folder.join(inside));
+    let n_files = files.iter().filter(|name| Path::new(name).extension() == Some(end)).count();
+    let n = listed.iter().filter(|entry| entry.file.parent() == Some(inside)).count();
+    let is_own = !inside.as_os_str().is_empty() && n + 1 < n_files;
+    (is_own && (n as f64) < MOST_LISTED * n_files as f64)
+        .then(|| format!("{list} lists {n} of the {n_files} images in {}/", inside.display()))
 }
 
 /// A recording may be of depth alone: without `rgb.txt`, or with one that names nothing.
-fn colour(list: &Path, warnings: &mut Vec<String>) -> Result<Vec<ListEntry>, SourceError> {
+fn colour(list: &Path, no_colour: &mut Option<String>) -> Result<ImageList, SourceError> {
     if !list.exists() {
-        return Ok(Vec::new());
+        *no_colour = Some("there is no rgb.txt".to_owned());
+        return Ok(ImageList::default());
     }
     match list::read(list) {
         Err(error @ SourceError::EmptyList { .. }) => {
-            warnings.push(format!("{error}: depth alone"));
-            Ok(Vec::new())
+            *no_colour = Some(error.to_string());
+            Ok(ImageList::default())
         }
         list => list,
     }
 }
 
 /// The camera that the folder's name or the head of its lists names.
-pub(super) fn camera_by_name(folder: &Path) -> Result<Option<(Camera, String)>, SourceError> {
+pub(super) fn camera_by_name(folder: &Path) -> Result<Option<ChosenCamera>, SourceError> {
+    Ok(named(folder)?.map(|(camera, from)| ChosenCamera::assumed(camera, from)))
+}
+
+fn named(folder: &Path) -> Result<Option<(Camera, String)>, SourceError> {
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let mut texts = vec![(
         "the folder's name".to_owned(),
@@ -71,7 +115,7 @@ pub(super) fn camera_by_name(folder: &Path) -> Result<Option<(Camera, String)>, 
 
 /// Whether the camera used is another one than the recording's name says.
 fn doubt(folder: &Path, used: &Camera) -> Result<Option<String>, SourceError> {
-    let Some((named, from)) = camera_by_name(folder)? else { return Ok(None) };
+    let Some((named, from)) = named(folder)? else { return Ok(None) };
     let is_off = |used: f64, named: f64| (used / named - 1.0).abs() > MOST_OFF;
     let (focal, units) = (is_off(used.fx, named.fx), is_off(used.units_per_metre, named.units_per_metre));
     Ok((focal || units).then(|| {

@@ -1,4 +1,7 @@
-//! Images into the caller's memory: PNG for depth, PNG or JPEG for colour.
+//! Images into the caller's memory: PNG for depth, PNG, JPEG or BMP for colour.
+
+mod arrays;
+mod bmp;
 
 use crate::ImageError;
 use std::fmt::Display;
@@ -16,6 +19,19 @@ const JPEG: &[u8] = &[0xff, 0xd8];
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 /// Bytes at the end of a file that hold its end marker.
 const TAIL_BYTES: u64 = 1024;
+
+/// Decodes depth of any form that is read: PNG, PGM or NPY; metres are counted in `units_per_metre`.
+pub fn depth_in(
+    bytes: &[u8],
+    size: (u32, u32),
+    units_per_metre: f64,
+    depth_raw: &mut [u16],
+) -> Result<(), ImageError> {
+    match arrays::is(bytes) {
+        true => arrays::depth(bytes, size, units_per_metre, depth_raw),
+        false => depth(bytes, size, depth_raw),
+    }
+}
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
 pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
@@ -43,6 +59,12 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     if is_png(bytes) {
         return Ok(Png::open(bytes)?.reader.info().size());
     }
+    if bmp::is(bytes) {
+        return bmp::size(bytes);
+    }
+    if arrays::is(bytes) {
+        return arrays::size(bytes);
+    }
     if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
     }
@@ -50,6 +72,11 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     decoder.decode_headers().map_err(|error| damaged("JPEG", &error))?;
     let (columns, rows) = decoder.dimensions().ok_or_else(|| damaged("JPEG", &"no size"))?;
     Ok((columns as u32, rows as u32))
+}
+
+/// Whether a file is a PNG of one channel of 16 bits, as depth is.
+pub fn is_deep_grey(bytes: &[u8]) -> bool {
+    is_png(bytes) && Png::open(bytes).is_ok_and(|png| (png.n_channels, png.n_bits) == (1, 16))
 }
 
 /// Looks at the first and last bytes of an image file: a whole PNG or JPEG begins and ends with its
@@ -80,6 +107,9 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         ("PNG", b"IEND")
     } else if head.starts_with(JPEG) {
         ("JPEG", JPEG_END)
+    } else if bmp::is(head) || arrays::is(head) {
+        // These have no end marker; its length is checked as it is read.
+        return Ok(());
     } else {
         return Err(ImageError::Format { found: first_bytes(head), or_jpeg: " or JPEG" });
     };
@@ -94,11 +124,13 @@ pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), Imag
     if is_png(bytes) {
         let mut png = Png::open(bytes)?;
         check_size("colour", png.reader.info().size(), size)?;
-        if png.n_bits != 8 {
-            let found = pixels(png.n_channels, png.n_bits);
-            return Err(ImageError::Pixels { what: "colour", found, expected: "1 to 4 channels of 8 bits" });
+        if png.n_bits == 16 {
+            return read_rgb(png.n_channels, rgb, |to| png.read_high_bytes(to));
         }
         return read_rgb(png.n_channels, rgb, |to| png.read(to));
+    }
+    if bmp::is(bytes) {
+        return bmp::read(bytes, size, rgb);
     }
     if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
@@ -164,6 +196,16 @@ impl<'a> Png<'a> {
         let reader = decoder.read_info().map_err(|error| damaged("PNG", &error))?;
         let (color, depth) = reader.output_color_type();
         Ok(Self { reader, n_channels: color.samples(), n_bits: depth as usize })
+    }
+
+    /// The higher byte of each channel of 16 bits.
+    fn read_high_bytes(&mut self, to: &mut [u8]) -> Result<(), ImageError> {
+        let mut both = vec![0; 2 * to.len()];
+        self.read(&mut both)?;
+        for (to, pair) in to.iter_mut().zip(both.chunks_exact(2)) {
+            *to = pair[0];
+        }
+        Ok(())
     }
 
     /// Bytes of 16-bit pixels come highest first.

@@ -1,0 +1,188 @@
+//! Trajectory files by their form: TUM, TUM with whole nanoseconds, EuRoC, KITTI.
+
+use crate::file::{ReadError, Trajectory, parse_tum};
+use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+use std::path::Path;
+use tessera_geometry::Pose;
+
+/// Columns of EuRoC up to the rotation, and of KITTI.
+const EUROC_COLUMNS: usize = 8;
+const KITTI_COLUMNS: usize = 12;
+/// Digits of whole nanoseconds since 1970, and of microseconds.
+const WHOLE_DIGITS: usize = 14;
+/// How far a rotation of a file may be from one.
+const TOLERANCE: f64 = 0.02;
+
+/// A trajectory as a file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TrajectoryFile {
+    /// Poses with their times.
+    Timed(Trajectory),
+    /// KITTI has no times: one pose a row.
+    Rows(Vec<Pose>),
+}
+
+impl TrajectoryFile {
+    /// Two trajectories on one time axis: rows of KITTI take the times of the other one, row by row.
+    ///
+    /// # Errors
+    /// Their numbers differ.
+    pub fn together(self, other: Self) -> Result<(Trajectory, Trajectory), String> {
+        let timed = |rows: Vec<Pose>, stamps: &[i64]| match rows.len() == stamps.len() {
+            true => Ok(Trajectory { stamps_nanos: stamps.to_vec(), poses: rows }),
+            false => Err(format!(
+                "a trajectory of KITTI has no times and {} rows, the other one {} poses; expected as many",
+                rows.len(),
+                stamps.len()
+            )),
+        };
+        match (self, other) {
+            (Self::Timed(a), Self::Timed(b)) => Ok((a, b)),
+            (Self::Timed(a), Self::Rows(rows)) => timed(rows, &a.stamps_nanos).map(|b| (a, b)),
+            (Self::Rows(rows), Self::Timed(b)) => timed(rows, &b.stamps_nanos).map(|a| (a, b)),
+            (Self::Rows(a), Self::Rows(b)) => {
+                // Ten a second, as KITTI's cameras.
+                let stamps: Vec<i64> = (0..b.len() as i64).map(|k| k * 100_000_000).collect();
+                Ok((timed(a, &stamps)?, timed(b, &stamps)?))
+            }
+        }
+    }
+}
+
+/// Reads a trajectory file of any known form, told by its first row.
+///
+/// # Errors
+/// Names the file and the line of the first thing that is wrong.
+pub fn read_trajectory(path: &Path) -> Result<TrajectoryFile, ReadError> {
+    let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+    parse_trajectory(&String::from_utf8_lossy(&bytes), path)
+}
+
+fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError> {
+    let is_row = |line: &&str| {
+        !line.is_empty()
+            && !line.starts_with('#')
+            && line.starts_with(['-', '+', '.', '0', '1', '2', '3', '4', '5', '6', '7', '8', '9'])
+    };
+    let rows = || {
+        text.lines()
+            .map(|line| line.trim_start_matches('\u{feff}').trim())
+            .enumerate()
+            .filter(|(_, line)| is_row(line))
+    };
+    let Some((_, first)) = rows().next() else { return parse_tum(text, path).map(TrajectoryFile::Timed) };
+    let words = words(first);
+    let is_whole = words[0].len() >= WHOLE_DIGITS && words[0].bytes().all(|byte| byte.is_ascii_digit());
+    if words.len() == KITTI_COLUMNS {
+        let pose = |(at, line): (usize, &str)| {
+            kitti(line).ok_or_else(|| unusable(path, at, line, "12 numbers of a 3x4 matrix"))
+        };
+        return Ok(TrajectoryFile::Rows(rows().map(pose).collect::<Result<_, _>>()?));
+    }
+    if !is_whole {
+        return parse_tum(text, path).map(TrajectoryFile::Timed);
+    }
+    // EuRoC separates by commas and puts w first; TUM separates by spaces and puts it last.
+    let is_euroc = first.contains(',');
+    let mut trajectory = Trajectory::default();
+    for (at, line) in rows() {
+        let expected =
+            if is_euroc { "nanoseconds, x, y, z, qw, qx, qy, qz" } else { "nanoseconds x y z qx qy qz qw" };
+        let (stamp, pose) = nanos_row(line, is_euroc).ok_or_else(|| unusable(path, at, line, expected))?;
+        trajectory.push(stamp, pose).map_err(|source| ReadError::Line {
+            path: path.to_owned(),
+            line: at + 1,
+            source,
+        })?;
+    }
+    Ok(TrajectoryFile::Timed(trajectory))
+}
+
+fn words(line: &str) -> Vec<&str> {
+    line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect()
+}
+
+fn unusable(path: &Path, at: usize, line: &str, expected: &'static str) -> ReadError {
+    let found = line.chars().take(60).collect();
+    ReadError::Row { path: path.to_owned(), line: at + 1, found, expected }
+}
+
+fn numbers(words: &[&str]) -> Option<Vec<f64>> {
+    words.iter().map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect()
+}
+
+fn nanos_row(line: &str, is_w_first: bool) -> Option<(i64, Pose)> {
+    let words = words(line);
+    let columns = words.get(..EUROC_COLUMNS).filter(|_| is_w_first || words.len() == EUROC_COLUMNS)?;
+    let stamp: i64 = columns[0].parse().ok()?;
+    let [x, y, z, a, b, c, d] = numbers(&columns[1..])?[..] else { return None };
+    let quaternion = if is_w_first { Quaternion::new(a, b, c, d) } else { Quaternion::new(d, a, b, c) };
+    let is_unit = (quaternion.norm() - 1.0).abs() <= TOLERANCE;
+    is_unit.then(|| {
+        (stamp, Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_normalize(quaternion)))
+    })
+}
+
+fn kitti(line: &str) -> Option<Pose> {
+    let [a, b, c, x, d, e, f, y, g, h, i, z] = numbers(&words(line))?[..] else { return None };
+    let rotation = Matrix3::new(a, b, c, d, e, f, g, h, i);
+    let is_rotation = (rotation * rotation.transpose() - Matrix3::identity()).amax() <= TOLERANCE
+        && rotation.determinant() > 0.0;
+    is_rotation.then(|| {
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+        Pose::from_parts(Translation3::new(x, y, z), rotation)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<TrajectoryFile, String> {
+        parse_trajectory(text, Path::new("a.csv")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn one_pose_in_each_form() {
+        // A quarter turn about z.
+        let euroc = "#timestamp [ns], p\n1700000000033333333,1,2,3,0.70710678,0,0,0.70710678,9,9,9\n";
+        let tum = "1700000000033333333 1 2 3 0 0 0.70710678 0.70710678\n";
+        let seconds = "1700000000.033333333 1 2 3 0 0 0.70710678 0.70710678\n";
+        let parsed = parse(seconds).unwrap();
+        let TrajectoryFile::Timed(expected) = &parsed else { panic!("it has times") };
+        for text in [euroc, tum] {
+            let Ok(TrajectoryFile::Timed(found)) = parse(text) else { panic!("{:?}", parse(text)) };
+            assert_eq!(found.stamps_nanos, [1_700_000_000_033_333_333]);
+            assert!((found.poses[0].inverse() * expected.poses[0]).translation.vector.norm() < 1e-7);
+            assert!(found.poses[0].rotation.angle_to(&expected.poses[0].rotation) < 1e-7);
+        }
+        let kitti = parse("0 -1 0 1 1 0 0 2 0 0 1 3\n").unwrap();
+        let (of_kitti, timed) = kitti.together(parsed.clone()).unwrap();
+        assert_eq!(of_kitti.stamps_nanos, timed.stamps_nanos);
+        assert!(of_kitti.poses[0].rotation.angle_to(&timed.poses[0].rotation) < 1e-7);
+        let two = parse("1 0 0 1 0 1 0 2 0 0 1 3\n1 0 0 1 0 1 0 2 0 0 1 3\n").unwrap();
+        assert!(
+            two.clone().together(parsed).unwrap_err().contains("no times and 2 rows, the other one 1 poses")
+        );
+        assert_eq!(two.clone().together(two).unwrap().0.stamps_nanos, [0, 100_000_000]);
+    }
+
+    #[test]
+    fn rows_that_are_none_are_named() {
+        let table = [
+            (
+                "1 0 0 1 0 1 0 2 0 0 7 3\n",
+                "a.csv, line 1: found '1 0 0 1 0 1 0 2 0 0 7 3', expected 12 numbers of a 3x4 matrix",
+            ),
+            ("1700000000033333333,1,2,3,0.5,0,0,0.5\n", "expected nanoseconds, x, y, z, qw, qx, qy, qz"),
+            ("1700000000033333333 1 2 3 0 0 0 1 5\n", "expected nanoseconds x y z qx qy qz qw"),
+            ("1 2 3\n", "found 3 columns"),
+            ("words\n", "a.csv, line 1"),
+            ("", "has no poses"),
+        ];
+        for (text, expected) in table {
+            let found = parse(text).unwrap_err();
+            assert!(found.contains(expected), "'{found}' lacks '{expected}'");
+        }
+    }
+}

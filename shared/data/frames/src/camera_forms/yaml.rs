@@ -1,0 +1,166 @@
+//! YAML: ROS's camera_info, ORB-SLAM's and OpenCV's settings, Kalibr's camchain.
+//!
+//! Of YAML it takes `key: value` and lists of numbers, wherever they stand; that is all these files use.
+
+use super::{StatedCamera, units_of_scale};
+
+/// `key: value` of a text, with the lists of numbers that follow a key.
+struct Keys<'a>(Vec<(&'a str, String)>);
+
+impl<'a> Keys<'a> {
+    fn of(text: &'a str) -> Self {
+        let mut keys: Vec<(&str, String)> = Vec::new();
+        for line in text.lines() {
+            let line = line.split(" #").next().unwrap_or_default();
+            let inner = line.trim().trim_start_matches("- ");
+            if inner.starts_with(['#', '%']) {
+                continue;
+            }
+            match inner.split_once(':') {
+                Some((key, value)) if !key.trim().is_empty() && !key.contains('[') => {
+                    keys.push((key.trim().trim_matches(['"', '\'']), value.trim().to_owned()));
+                }
+                // A list that goes on, in brackets or item by item.
+                _ => {
+                    if let Some((_, value)) = keys.last_mut() {
+                        value.push(' ');
+                        value.push_str(inner);
+                    }
+                }
+            }
+        }
+        Self(keys)
+    }
+
+    fn text(&self, key: &str) -> Option<&str> {
+        let found = self.0.iter().find(|(known, _)| known.eq_ignore_ascii_case(key));
+        found.map(|(_, value)| value.trim_matches(['"', '\'', ' ']))
+    }
+
+    fn number(&self, key: &str) -> Option<f64> {
+        self.text(key)?.parse().ok()
+    }
+
+    fn numbers(&self, key: &str) -> Vec<f64> {
+        numbers(self.text(key).unwrap_or_default())
+    }
+
+    /// The numbers of `data` inside the table `key`.
+    fn data(&self, key: &str) -> Vec<f64> {
+        let at = self.0.iter().position(|(known, _)| known.eq_ignore_ascii_case(key));
+        let inside = at.map_or(&[][..], |at| &self.0[at..self.0.len().min(at + 6)]);
+        let data = inside.iter().skip(1).find(|(known, _)| known.eq_ignore_ascii_case("data"));
+        match inside.first().map(|(_, value)| numbers(value)).filter(|own| own.len() > 3) {
+            Some(own) => own,
+            None => data.map_or(Vec::new(), |(_, value)| numbers(value)),
+        }
+    }
+}
+
+/// The numbers of a list; none where a word of it is no number, which would shift the others.
+fn numbers(text: &str) -> Vec<f64> {
+    let separates = |c: char| c.is_whitespace() || ['[', ']', ',', ';'].contains(&c);
+    let words = text.split(separates).filter(|word| !word.is_empty() && *word != "-");
+    words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>().unwrap_or_default()
+}
+
+pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
+    let keys = Keys::of(text);
+    match ros(&keys)? {
+        Some(stated) => Ok(Some(stated)),
+        None => match orb_slam(&keys)? {
+            Some(stated) => Ok(Some(stated)),
+            None => kalibr(&keys),
+        },
+    }
+}
+
+/// `camera_matrix`, `image_width`; of a rectified image the projection says the same in its file.
+fn ros(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
+    let [fx, _, cx, _, fy, cy, 0.0, 0.0, 1.0] = keys.data("camera_matrix")[..] else { return Ok(None) };
+    let distortion = distortion(
+        keys.text("distortion_model").unwrap_or("plumb_bob"),
+        &keys.data("distortion_coefficients"),
+    )?;
+    Ok(Some(StatedCamera {
+        form: "ROS camera_info",
+        size: size(keys.number("image_width"), keys.number("image_height")),
+        intrinsics: [fx, fy, cx, cy],
+        distortion,
+        units_per_metre: None,
+        fps: None,
+    }))
+}
+
+/// `Camera.fx`, in newer versions `Camera1.fx`.
+fn orb_slam(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
+    let value = |name: &str| {
+        keys.number(&format!("Camera.{name}")).or_else(|| keys.number(&format!("Camera1.{name}")))
+    };
+    let Some([fx, fy, cx, cy]) = four(["fx", "fy", "cx", "cy"].map(value)) else { return Ok(None) };
+    let model = keys.text("Camera.type").unwrap_or("PinHole");
+    let coefficients: Vec<f64> =
+        ["k1", "k2", "p1", "p2", "k3"].iter().map(|name| value(name).unwrap_or(0.0)).collect();
+    let distortion = distortion(
+        if model.eq_ignore_ascii_case("KannalaBrandt8") { "equidistant" } else { "plumb_bob" },
+        &coefficients,
+    )?;
+    let factor = keys.number("DepthMapFactor").or_else(|| keys.number("RGBD.DepthMapFactor"));
+    Ok(Some(StatedCamera {
+        form: "ORB-SLAM settings",
+        size: size(keys.number("Camera.width"), keys.number("Camera.height")),
+        intrinsics: [fx, fy, cx, cy],
+        distortion,
+        units_per_metre: factor.map_or(Ok(None), units_of_scale)?,
+        fps: keys.number("Camera.fps").filter(|fps| *fps > 0.0),
+    }))
+}
+
+/// `intrinsics: [fx, fy, cx, cy]`, `resolution: [w, h]`.
+fn kalibr(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
+    let [fx, fy, cx, cy] = keys.numbers("intrinsics")[..] else { return Ok(None) };
+    let size = match keys.numbers("resolution")[..] {
+        [width, height] => size(Some(width), Some(height)),
+        _ => None,
+    };
+    let model = keys.text("distortion_model").unwrap_or("radtan");
+    let distortion = distortion(model, &keys.numbers("distortion_coeffs"))?;
+    Ok(Some(StatedCamera {
+        form: "Kalibr camchain",
+        size,
+        intrinsics: [fx, fy, cx, cy],
+        distortion,
+        ..StatedCamera::default()
+    }))
+}
+
+fn four(values: [Option<f64>; 4]) -> Option<[f64; 4]> {
+    let [Some(a), Some(b), Some(c), Some(d)] = values else { return None };
+    Some([a, b, c, d])
+}
+
+fn size(width: Option<f64>, height: Option<f64>) -> Option<(u32, u32)> {
+    let side = |side: f64| (1.0..=65_535.0).contains(&side).then_some(side as u32);
+    Some((side(width?)?, side(height?)?))
+}
+
+/// Five coefficients of Brown and Conrady.
+///
+/// # Errors
+/// Another model that distorts.
+fn distortion(model: &str, coefficients: &[f64]) -> Result<[f64; 5], String> {
+    let mut five = [0.0; 5];
+    if coefficients.iter().all(|k| *k == 0.0) {
+        return Ok(five);
+    }
+    let is_plain = ["plumb_bob", "rational_polynomial", "radtan"].contains(&model.to_lowercase().as_str());
+    if !is_plain || coefficients.iter().skip(5).any(|k| *k != 0.0) {
+        return Err(format!(
+            "distortion model '{model}' with coefficients {coefficients:?}, expected plumb_bob with up to 5: rectify the images first"
+        ));
+    }
+    for (to, from) in five.iter_mut().zip(coefficients) {
+        *to = *from;
+    }
+    Ok(five)
+}

@@ -1,0 +1,210 @@
+//! Depth as PGM of 16 bits, and as an array of numpy: integers in the camera's units, floats in metres.
+
+use super::{check_size, damaged};
+use crate::ImageError;
+
+const PGM: &[u8] = b"P5";
+const NPY: &[u8] = b"\x93NUMPY";
+/// Longest header of either.
+const MOST_HEADER: usize = 4096;
+
+/// Whether these bytes begin one of both.
+pub(super) fn is(bytes: &[u8]) -> bool {
+    bytes.starts_with(NPY) || (bytes.starts_with(PGM) && bytes.get(2).is_some_and(u8::is_ascii_whitespace))
+}
+
+/// The pixels of a file.
+struct ArrayPixels<'a> {
+    size: (u32, u32),
+    kind: ArrayKind,
+    data: &'a [u8],
+}
+
+#[derive(Clone, Copy)]
+enum ArrayKind {
+    /// 16 bits without a sign.
+    Whole { is_big_endian: bool },
+    /// Bits of a float in metres.
+    Metres { n_bytes: usize, is_big_endian: bool },
+}
+
+impl ArrayKind {
+    fn n_bytes(self) -> usize {
+        match self {
+            Self::Whole { .. } => 2,
+            Self::Metres { n_bytes, .. } => n_bytes,
+        }
+    }
+}
+
+fn open(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
+    let pixels = if bytes.starts_with(NPY) { npy(bytes)? } else { pgm(bytes)? };
+    let expected = pixels.size.0 as usize * pixels.size.1 as usize * pixels.kind.n_bytes();
+    if pixels.data.len() < expected {
+        let format = if bytes.starts_with(NPY) { "NPY" } else { "PGM" };
+        return Err(damaged(format, &format!("{} bytes of pixels, expected {expected}", pixels.data.len())));
+    }
+    Ok(pixels)
+}
+
+pub(super) fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
+    Ok(open(bytes)?.size)
+}
+
+/// Decodes raw depth; metres are counted in `units_per_metre`.
+pub(super) fn depth(
+    bytes: &[u8],
+    size: (u32, u32),
+    units_per_metre: f64,
+    depth_raw: &mut [u16],
+) -> Result<(), ImageError> {
+    let pixels = open(bytes)?;
+    check_size("depth", pixels.size, size)?;
+    let values = pixels.data.chunks_exact(pixels.kind.n_bytes());
+    for (raw, bytes) in depth_raw.iter_mut().zip(values) {
+        *raw = match pixels.kind {
+            ArrayKind::Whole { is_big_endian: true } => u16::from_be_bytes([bytes[0], bytes[1]]),
+            ArrayKind::Whole { is_big_endian: false } => u16::from_le_bytes([bytes[0], bytes[1]]),
+            ArrayKind::Metres { is_big_endian, .. } => {
+                let units = (metres(bytes, is_big_endian) * units_per_metre).round();
+                // No measurement: not finite, behind the camera, or beyond what a raw value holds.
+                if units >= 1.0 && units < f64::from(u16::MAX) { units as u16 } else { 0 }
+            }
+        };
+    }
+    Ok(())
+}
+
+fn metres(bytes: &[u8], is_big_endian: bool) -> f64 {
+    let mut ordered = [0; 8];
+    let n = bytes.len().min(8);
+    ordered[..n].copy_from_slice(&bytes[..n]);
+    if is_big_endian {
+        ordered[..n].reverse();
+    }
+    match n {
+        8 => f64::from_le_bytes(ordered),
+        _ => f64::from(f32::from_le_bytes([ordered[0], ordered[1], ordered[2], ordered[3]])),
+    }
+}
+
+/// `P5 width height maximum`, separated by white space and comments, then pixels, the higher byte first.
+fn pgm(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
+    let wrong = |found: &str| damaged("PGM", &format!("its head has {found}"));
+    let mut at = PGM.len();
+    let mut numbers = [0_u32; 3];
+    for number in &mut numbers {
+        loop {
+            match bytes.get(at) {
+                Some(b'#') => {
+                    at += bytes[at..].iter().position(|byte| *byte == b'\n').ok_or_else(|| wrong("no end"))?
+                }
+                Some(byte) if byte.is_ascii_whitespace() => at += 1,
+                _ => break,
+            }
+        }
+        let n = bytes[at.min(bytes.len())..].iter().take(10).take_while(|byte| byte.is_ascii_digit()).count();
+        let digits = std::str::from_utf8(&bytes[at..at + n]).unwrap_or_default();
+        *number = digits.parse().map_err(|_| wrong("no three numbers"))?;
+        at += n;
+    }
+    let [width, height, most] = numbers;
+    if most <= 255 {
+        let found = "1 channel of 8 bits".to_owned();
+        return Err(ImageError::Pixels { what: "depth", found, expected: "1 channel of 16 bits" });
+    }
+    let data = bytes.get(at + 1..).unwrap_or_default();
+    Ok(ArrayPixels { size: (width, height), kind: ArrayKind::Whole { is_big_endian: true }, data })
+}
+
+/// A version, the length of the header, and a dictionary of Python: `descr`, `fortran_order`, `shape`.
+fn npy(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
+    let wrong = |found: &str| damaged("NPY", &format!("its head has {found}"));
+    let version = *bytes.get(6).ok_or_else(|| wrong("no version"))?;
+    let (begin, n) = match (version, bytes.get(8..12)) {
+        (1, Some(length)) => (10_usize, usize::from(u16::from_le_bytes([length[0], length[1]]))),
+        (_, Some(length)) => (12, u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize),
+        _ => return Err(wrong("no length")),
+    };
+    let head = bytes.get(begin..begin.saturating_add(n.min(MOST_HEADER))).ok_or_else(|| wrong("no end"))?;
+    let head = String::from_utf8_lossy(head);
+    let value =
+        |key: &str| head.split_once(key).map(|(_, rest)| rest.trim_start_matches([' ', ':', '\'', '"']));
+    let descr = value("'descr'").and_then(|rest| rest.split(['\'', '"']).next()).unwrap_or_default();
+    let shape = value("'shape'").and_then(|rest| rest.split_once(')')).map_or("", |(shape, _)| shape);
+    let sides: Vec<u32> = shape.split(['(', ',', ' ']).filter_map(|side| side.parse().ok()).collect();
+    let [height, width] = sides[..] else {
+        return Err(wrong(&format!("the shape {shape}), expected (rows, columns)")));
+    };
+    if value("'fortran_order'").is_some_and(|rest| rest.starts_with("True")) {
+        return Err(wrong("columns first, expected rows: numpy.ascontiguousarray"));
+    }
+    let is_big_endian = descr.starts_with('>');
+    let kind = match descr.trim_start_matches(['<', '>', '|', '=']) {
+        "u2" => ArrayKind::Whole { is_big_endian },
+        "f4" => ArrayKind::Metres { n_bytes: 4, is_big_endian },
+        "f8" => ArrayKind::Metres { n_bytes: 8, is_big_endian },
+        other => {
+            let found = format!("values of type '{other}'");
+            return Err(ImageError::Pixels {
+                what: "depth",
+                found,
+                expected: "u2 in the camera's units, or f4 or f8 in metres",
+            });
+        }
+    };
+    Ok(ArrayPixels { size: (width, height), kind, data: bytes.get(begin + n..).unwrap_or_default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{depth_in, inspect_bytes, size};
+
+    fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let head = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        [b"\x93NUMPY\x01\x00", &(head.len() as u16).to_le_bytes()[..], head.as_bytes(), data].concat()
+    }
+
+    fn read(bytes: &[u8]) -> Result<[u16; 6], String> {
+        let mut raw = [9; 6];
+        depth_in(bytes, (3, 2), 1000.0, &mut raw).map(|()| raw).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn arrays_of_numpy_are_metres_or_units() {
+        let metres = [1.5_f32, 0.25, f32::NAN, -1.0, 70.0, 0.0004];
+        let bytes: Vec<u8> = metres.iter().flat_map(|m| m.to_le_bytes()).collect();
+        let array = npy("<f4", "(2, 3)", &bytes);
+        assert_eq!(read(&array), Ok([1500, 250, 0, 0, 0, 0]));
+        assert_eq!(size(&array).unwrap(), (3, 2));
+        inspect_bytes(&array).unwrap();
+        let bytes: Vec<u8> = metres.iter().flat_map(|m| f64::from(*m).to_be_bytes()).collect();
+        assert_eq!(read(&npy(">f8", "(2, 3)", &bytes)), Ok([1500, 250, 0, 0, 0, 0]));
+        let whole: Vec<u8> = (1..7_u16).flat_map(|raw| (raw * 300).to_le_bytes()).collect();
+        assert_eq!(read(&npy("<u2", "(2, 3)", &whole)), Ok([300, 600, 900, 1200, 1500, 1800]));
+        for (array, expected) in [
+            (npy("<u2", "(3, 2)", &whole), "2x3 px, expected 3x2"),
+            (npy("<u2", "(2, 3, 1)", &whole), "the shape (2, 3, 1), expected (rows, columns)"),
+            (npy("<i4", "(2, 3)", &whole), "values of type 'i4', expected u2"),
+            (npy("<f8", "(2, 3)", &whole), "12 bytes of pixels, expected 48"),
+        ] {
+            let found = read(&array).unwrap_err();
+            assert!(found.contains(expected), "'{found}' lacks '{expected}'");
+        }
+        for end in 0..array.len() {
+            assert!(read(&array[..end]).is_err(), "cut at {end}");
+        }
+    }
+
+    #[test]
+    fn pgm_has_the_higher_byte_first() {
+        let whole: Vec<u8> = (1..7_u16).flat_map(|raw| (raw * 300).to_be_bytes()).collect();
+        let file = [b"P5\n# a camera\n3 2\n65535\n", &whole[..]].concat();
+        assert_eq!(read(&file), Ok([300, 600, 900, 1200, 1500, 1800]));
+        let eight = [b"P5 3 2 255\n", &whole[..]].concat();
+        assert!(read(&eight).unwrap_err().contains("1 channel of 8 bits, expected 1 channel of 16"));
+        for end in 0..file.len() {
+            assert!(read(&file[..end]).is_err(), "cut at {end}");
+        }
+    }
+}

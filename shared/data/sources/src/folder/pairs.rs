@@ -1,0 +1,42 @@
+//! Images of a folder that are listed, and those that are there.
+
+use super::list::ListEntry;
+use std::path::{Path, PathBuf};
+
+/// Colour images that are there; a warning on the others. A frame goes without its colour.
+pub(super) fn that_are_there(
+    folder: &Path,
+    colour: Vec<ListEntry>,
+    warnings: &mut Vec<String>,
+) -> Vec<ListEntry> {
+    let n = colour.len();
+    let (there, gone): (Vec<_>, Vec<_>) =
+        colour.into_iter().partition(|entry| folder.join(&entry.file).is_file());
+    if let Some(first) = gone.first() {
+        warnings.push(format!(
+            "{} of {n} colour images are not there, the first: {}; depth alone is used without them",
+            gone.len(),
+            first.file.display()
+        ));
+    }
+    there
+}
+
+/// Confidence images of the first `n` frames that are there; a warning on the others.
+pub(super) fn confidence(
+    folder: &Path,
+    files: Vec<PathBuf>,
+    n: usize,
+    warnings: &mut Vec<String>,
+) -> Vec<Option<PathBuf>> {
+    let there: Vec<Option<PathBuf>> =
+        files.into_iter().take(n).map(|file| folder.join(&file).is_file().then_some(file)).collect();
+    let n_gone = there.iter().filter(|file| file.is_none()).count();
+    if n_gone > 0 {
+        warnings.push(format!(
+            "{n_gone} of {} confidence images are not there: all depth of their frames is used",
+            there.len()
+        ));
+    }
+    there
+}
