@@ -145,14 +145,14 @@ mod tests {
         let of_grid = GridCamera::new(&camera, grid, 0.0);
         let mut random = SplitMix64::new(4);
         let vertex = |random: &mut SplitMix64| Vertex {
-            position: [0.0, 0.0, if random.below(3) == 0 { 3.0 } else { 2.0 }],
+            position: [0.0, 0.0, if random.below(9) == 0 { 3.0 } else { 2.0 }],
             flags_rgb: Vertex::pack(if random.below(9) == 0 { 0 } else { Vertex::VALID }, 0, [0; 3]),
             normal: [0.0, 0.0, -1.0],
             ..Vertex::default()
         };
         let mut vertices: Vec<Vertex> = (0..grid.len()).map(|_| vertex(&mut random)).collect();
         // A part of the view in which everything is far.
-        vertices.iter_mut().step_by(1).take(50 * grid.width).for_each(|v| v.position[2] = 3.0);
+        vertices.iter_mut().take(50 * grid.width).for_each(|v| v.position[2] = 3.0);
         let twist = Twist {
             rho: nalgebra::Vector3::new(0.1, -0.05, 0.08),
             phi: nalgebra::Vector3::new(0.02, 0.1, -0.05),
@@ -160,13 +160,13 @@ mod tests {
         let surface = SurfaceView { grid, vertices: &vertices };
         let view = FreeSpaceView { surface, view_from_camera: exp(&twist) };
         let mut coordinate = |reach: f32| reach * (2.0 * random.unit() as f32 - 1.0);
-        let mut samples: Vec<Sample> = (0..5003)
-            .map(|_| Sample {
-                point: [coordinate(1.6), coordinate(1.3), 1.6 + coordinate(1.7)],
-                normal: [0.0, 0.0, -1.0],
-                grid_row: 0,
-            })
-            .collect();
+        // Most are seen, some lie beside the image or behind the camera.
+        let mut sample = || {
+            let z = 1.6 + coordinate(1.7);
+            let point = [z * coordinate(0.7), z * coordinate(0.55), z];
+            Sample { point, normal: [0.0, 0.0, -1.0], grid_row: 0 }
+        };
+        let mut samples: Vec<Sample> = (0..5003).map(|_| sample()).collect();
         samples[7].point = [f32::NAN; 3];
         let mut flags = vec![0; samples.len()];
         mark_free_space(&of_grid, Isa::default(), &view, &samples, 0.1, 2, &mut flags);
@@ -175,6 +175,6 @@ mod tests {
         assert!(free.iter().zip(&flags).all(|(is_free, flags)| !is_free || *flags == 1 << 2));
         let n_free = free.iter().filter(|is_free| **is_free).count();
         let n_marked = flags.iter().filter(|flags| **flags > 0).count();
-        assert!(n_free > 300 && n_marked < 2 * n_free + 500, "{n_free} free, {n_marked} marked");
+        assert!(n_free > 300 && n_marked < 2 * n_free, "{n_free} free, {n_marked} marked");
     }
 }
