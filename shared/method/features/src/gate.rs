@@ -17,8 +17,8 @@ impl Gate {
 
     /// Whether a target lies inside; never for a NaN, as a point behind the camera predicts.
     #[inline(always)]
-    fn admits(&self, pixel: [f32; 2]) -> bool {
-        let [row, column] = [pixel[0] - self.pixel[0], pixel[1] - self.pixel[1]];
+    fn admits(&self, row: f32, column: f32) -> bool {
+        let (row, column) = (row - self.pixel[0], column - self.pixel[1]);
         row * row + column * column <= self.radius_px * self.radius_px
     }
 }
@@ -45,6 +45,10 @@ pub(crate) struct TargetGrid {
     /// Cell `c` holds `targets[starts[c]..starts[c + 1]]`, row by row, in order of features.
     starts: Vec<u32>,
     targets: Vec<GateTarget>,
+    /// Row and column of each target, apart: all that a gate reads of most.
+    places: Vec<(f32, f32)>,
+    /// Targets that the last gate admits, and room for one more.
+    within: Vec<u32>,
 }
 
 impl TargetGrid {
@@ -64,28 +68,38 @@ impl TargetGrid {
         self.targets.clear();
         self.targets
             .resize(features.len(), GateTarget { descriptor: [0; 4], pixel: [0.0; 2], level: 0, index: 0 });
+        self.places.clear();
+        self.places.resize(features.len(), (0.0, 0.0));
+        self.within.clear();
+        self.within.resize(features.len() + 1, 0);
         for (i, f) in features.iter().enumerate() {
             let next = &mut self.starts[cell(f) + 1];
             let (descriptor, pixel, level) = (f.descriptor, f.pixel, f.level);
             self.targets[*next as usize] = GateTarget { descriptor, pixel, level, index: i as u32 };
+            self.places[*next as usize] = (f.pixel[0], f.pixel[1]);
             *next += 1;
         }
     }
 
     /// The targets that the gate admits.
     #[inline(always)]
-    pub(crate) fn within(&self, gate: &Gate) -> impl Iterator<Item = &GateTarget> {
-        let gate = *gate;
+    pub(crate) fn within(&mut self, gate: &Gate) -> impl Iterator<Item = &GateTarget> {
         let [rows, columns] = [0, 1].map(|k| {
             let first = index(gate.pixel[k] - gate.radius_px, self.size[k]);
             [first, index(gate.pixel[k] + gate.radius_px, self.size[k])]
         });
-        (rows[0]..=rows[1]).flat_map(move |row| {
+        // Without a branch for each target, which would be foretold badly: each is put down, and overwritten by
+        // the next one unless it counts.
+        let mut n = 0;
+        for row in rows[0]..=rows[1] {
             let first = row * self.size[1];
-            let range =
-                self.starts[first + columns[0]] as usize..self.starts[first + columns[1] + 1] as usize;
-            self.targets[range].iter().filter(move |target| gate.admits(target.pixel))
-        })
+            let (from, to) = (self.starts[first + columns[0]], self.starts[first + columns[1] + 1]);
+            for (target, (row, column)) in (from..to).zip(&self.places[from as usize..to as usize]) {
+                self.within[n] = target;
+                n += usize::from(gate.admits(*row, *column));
+            }
+        }
+        self.within[..n].iter().map(|target| &self.targets[*target as usize])
     }
 }
 

@@ -24,6 +24,10 @@ pub enum Step {
     Features,
     /// Choosing samples of a surface.
     Sampling,
+    /// Leaving out samples and features of dynamic points.
+    Dynamic,
+    /// Lifting and matching features, and the relative poses that they agree on.
+    Match,
     /// Bringing samples and targets into the form that the search reads.
     Prepare,
     /// Correspondences.
@@ -50,7 +54,7 @@ pub enum Step {
 
 impl Step {
     /// All steps, in the order of a frame's life.
-    pub const ALL: [Step; 19] = [
+    pub const ALL: [Step; 21] = [
         Step::Decode,
         Step::Cloud,
         Step::Mesh,
@@ -59,6 +63,8 @@ impl Step {
         Step::Vertices,
         Step::Features,
         Step::Sampling,
+        Step::Dynamic,
+        Step::Match,
         Step::Prepare,
         Step::Search,
         Step::Reject,
@@ -83,6 +89,8 @@ impl Step {
             Step::Vertices => "vertices",
             Step::Features => "features",
             Step::Sampling => "sampling",
+            Step::Dynamic => "dynamic",
+            Step::Match => "match",
             Step::Prepare => "prepare",
             Step::Search => "search",
             Step::Reject => "reject",

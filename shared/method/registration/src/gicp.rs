@@ -54,7 +54,10 @@ fn accumulate(it: &Accumulate<'_>) -> BlockSums {
     for start in (0..len).step_by(CHUNK) {
         let mut lanes = [Lanes::ZERO; 73];
         for at in (start..len.min(start + CHUNK)).step_by(LANES) {
-            add_lanes(it, at, &mut lanes);
+            // Queries are in raster order, and so are those without a match: whole lanes of them add zeros.
+            if it.found.weight[at..at + LANES].iter().fold(0.0f32, |most, &weight| most.max(weight)) > 0.0 {
+                add_lanes(it, at, &mut lanes);
+            }
         }
         let mut total = lanes.iter().map(|lane| lane.0.iter().map(|&v| f64::from(v)).sum::<f64>());
         for value in sums.q.iter_mut().chain(&mut sums.l).chain(std::iter::once(&mut sums.c)) {

@@ -11,7 +11,8 @@ mod sampling;
 mod settings;
 
 pub use association::{
-    GridCamera, KdTree, Match, MatchLimits, Matcher, PairReport, Queries, Selection, ShutterTable, Target,
+    FreeSpaceView, GridCamera, KdTree, Match, MatchLimits, Matcher, PairReport, Queries, Selection,
+    ShutterTable, Target, mark_free_space,
 };
 pub use sampling::{Sample, Sampler, gather};
 pub use settings::{RegistrationSettings, SearchMethod, WeightSettings};

@@ -19,6 +19,8 @@ pub(crate) struct CellRule {
     metres_per_unit: f32,
     depth_offset_m: f32,
     max_depth_m: f32,
+    /// The largest raw depth that is a measurement.
+    largest: u16,
     noise: DepthNoise,
     order: Vec<(u8, u8)>,
 }
@@ -38,6 +40,7 @@ impl CellRule {
             metres_per_unit,
             depth_offset_m: camera.depth_offset_m as f32,
             max_depth_m,
+            largest: largest(metres_per_unit, max_depth_m),
             noise,
             order: order(step, sample),
         }
@@ -67,6 +70,7 @@ impl CellRule {
 
     /// The depth of any cell, whole or with holes, at an edge or not. `rows` starts at the cell's
     /// first row and column; `size` is that of the cell, smaller than `n x n` at the image's end.
+    #[inline(always)]
     pub(crate) fn measure(&self, rows: &[u16], width: usize, size: (usize, usize)) -> Option<CellDepth> {
         let at = |&(r, c): &(u8, u8)| {
             let (r, c) = (usize::from(r), usize::from(c));
@@ -94,6 +98,7 @@ impl CellRule {
     }
 
     /// A measurement with the camera's depth offset added; none where that leaves it behind the camera.
+    #[inline(always)]
     fn corrected(&self, measured_m: f32, row: f32, column: f32) -> Option<CellDepth> {
         let depth_m = measured_m + self.depth_offset_m;
         (depth_m > 0.0).then_some(CellDepth { depth_m, row, column })
@@ -101,8 +106,20 @@ impl CellRule {
 
     #[inline(always)]
     fn is_measured(&self, raw: u16) -> bool {
-        (raw > 0) & (raw < u16::MAX) & (f32::from(raw) * self.metres_per_unit <= self.max_depth_m)
+        (raw > 0) & (raw <= self.largest)
     }
+}
+
+/// The largest raw depth, below that which marks an overflow, that is no farther than `max_depth_m`; 0 where
+/// none is.
+fn largest(metres_per_unit: f32, max_depth_m: f32) -> u16 {
+    // Products rise with the raw depth, rounded or not.
+    let (mut near, mut far) = (0, u16::MAX);
+    while far - near > 1 {
+        let middle = near.midpoint(far);
+        *(if f32::from(middle) * metres_per_unit <= max_depth_m { &mut near } else { &mut far }) = middle;
+    }
+    near
 }
 
 /// Depths of one surface in a cell, and where they lie in it.

@@ -107,6 +107,8 @@ pub(crate) struct Workspace {
     pub(crate) intensity: Vec<f32>,
     /// Red, green, blue and the row offset inside the cell; not padded.
     pub(crate) colour_row: Vec<[u8; 4]>,
+    /// Flags, row offset and colour of the vertices of one row, packed.
+    pub(crate) flags_rgb: Vec<u32>,
     pub(crate) mesh: QuadMesh,
     /// Unit normals; zero where there is none.
     pub(crate) normals: Planes3,
@@ -138,6 +140,7 @@ impl Workspace {
             points: Planes3::zeros(len),
             intensity: plane(),
             colour_row: vec![[0; 4]; grid.len()],
+            flags_rgb: vec![0; grid.width],
             mesh: QuadMesh {
                 right: plane(),
                 down: plane(),

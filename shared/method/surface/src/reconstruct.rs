@@ -4,7 +4,7 @@ use crate::cloud::CloudMaker;
 use crate::filter;
 use crate::mesh::{self, EdgeTest};
 use crate::normals::{self, From};
-use crate::planes::{PlaneLayout, Workspace};
+use crate::planes::{PlaneLayout, PlaneRun, Workspace};
 use crate::rings::RingWalk;
 use crate::settings::{NormalsAfterFilter, SurfaceSettings};
 use crate::vertex::{Grid, Vertex};
@@ -158,29 +158,38 @@ impl pulp::WithSimd for OneFrame<'_> {
 }
 
 #[inline(always)]
-fn write_vertices(w: &Workspace, n_measured: usize, out: &mut [Vertex]) -> SurfaceStats {
+fn write_vertices(w: &mut Workspace, n_measured: usize, out: &mut [Vertex]) -> SurfaceStats {
     let mut stats = SurfaceStats { n_measured, ..SurfaceStats::default() };
     let n = w.layout.grid.width;
     for (row, line) in out.chunks_exact_mut(n).enumerate().take(w.layout.grid.height) {
         let start = w.layout.row(row);
         let (p, u) = (w.points.run(start, n), w.normals.run(start, n));
-        let n_quads = &w.mesh.n_quads[start..start + n];
-        let colour_row = &w.colour_row[row * n..(row + 1) * n];
+        let colours = &w.colour_row[row * n..(row + 1) * n];
+        let flags = &mut w.flags_rgb[..n];
+        let [n_valid, n_inner] = flag_row(u, &w.mesh.n_quads[start..start + n], colours, flags);
+        stats.n_valid += n_valid as usize;
+        stats.n_inner += n_inner as usize;
         for (c, vertex) in line.iter_mut().enumerate() {
-            let normal = u.at(c);
-            let is_valid = (n_quads[c] > 0.0) & (normal != [0.0; 3]);
-            let is_inner = is_valid & (n_quads[c] == 4.0);
-            stats.n_valid += usize::from(is_valid);
-            stats.n_inner += usize::from(is_inner);
-            let [r, g, b, row_offset] = colour_row[c];
-            let flags = u32::from(is_valid) * Vertex::VALID + u32::from(!is_inner) * Vertex::BOUNDARY;
-            *vertex = Vertex {
-                position: p.at(c),
-                flags_rgb: Vertex::pack(flags, u32::from(row_offset), [r, g, b]),
-                normal,
-                reserved: 0,
-            };
+            *vertex = Vertex { position: p.at(c), flags_rgb: flags[c], normal: u.at(c), reserved: 0 };
         }
     }
     stats
+}
+
+/// Flags, row offset and colour of each vertex of a row; the numbers of valid and of inner vertices.
+#[inline(always)]
+fn flag_row(u: PlaneRun<'_>, n_quads: &[f32], colours: &[[u8; 4]], out: &mut [u32]) -> [u32; 2] {
+    let n = out.len();
+    let (u, n_quads, colours) = (u.first(n), &n_quads[..n], &colours[..n]);
+    let (mut n_valid, mut n_inner) = (0, 0);
+    for c in 0..n {
+        let has_normal = (u.x[c] != 0.0) | (u.y[c] != 0.0) | (u.z[c] != 0.0);
+        let is_valid = (n_quads[c] > 0.0) & has_normal;
+        let is_inner = is_valid & (n_quads[c] == 4.0);
+        n_valid += u32::from(is_valid);
+        n_inner += u32::from(is_inner);
+        let flags = u32::from(is_valid) * Vertex::VALID + u32::from(!is_inner) * Vertex::BOUNDARY;
+        out[c] = Vertex::with_colour(flags, u32::from_le_bytes(colours[c]));
+    }
+    [n_valid, n_inner]
 }

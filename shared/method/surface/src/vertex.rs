@@ -32,6 +32,12 @@ impl Vertex {
         (flags & 3) | ((row_offset & 7) << Self::ROW_OFFSET_SHIFT) | (r << 8) | (g << 16) | (b << 24)
     }
 
+    /// As [`Self::pack`], with red, green, blue and row offset as the bytes of a number, the lowest first.
+    #[inline(always)]
+    pub(crate) fn with_colour(flags: u32, rgb_offset: u32) -> u32 {
+        (flags & 3) | ((rgb_offset >> 24 & 7) << Self::ROW_OFFSET_SHIFT) | (rgb_offset << 8)
+    }
+
     /// Whether the vertex may be aligned to.
     #[inline]
     pub fn is_valid(&self) -> bool {

@@ -72,7 +72,7 @@ pub struct StageTimes {
 }
 
 impl Message for StageTimes {
-    const NAME: &'static str = "tessera.StageTimes.v2";
+    const NAME: &'static str = "tessera.StageTimes.v3";
 }
 
 impl StageTimes {

@@ -22,6 +22,14 @@ fn steps(profile: &Value) -> Vec<&str> {
     profile["steps"].as_array().unwrap().iter().map(|step| step["name"].as_str().unwrap()).collect()
 }
 
+/// The steps' sum is the whole within 3 %.
+fn all_of_it_is_named(profile: &Value) {
+    let shares = profile["steps"].as_array().unwrap().iter().map(|step| step["share"].as_f64().unwrap());
+    let sum: f64 = shares.sum();
+    assert!((0.97..=1.0).contains(&sum), "{profile}");
+    assert!((profile["unnamed_share"].as_f64().unwrap() - (1.0 - sum)).abs() < 1e-9, "{profile}");
+}
+
 /// As the profile sums up its results.
 fn digest(fingerprints: impl Iterator<Item = u32>) -> String {
     format!("{:08x}", fingerprints.fold(0u32, |sum, found| sum.rotate_left(1) ^ found))
@@ -67,18 +75,20 @@ fn a_stage_alone_gives_the_bits_of_the_pipeline() {
     };
     let align = profile("align", &record("align"), &[]);
     assert_eq!(align["output"].as_str().unwrap(), aligned(&run));
-    for step in ["sampling", "prepare", "search", "reject", "accumulate", "solve", "keyframe"] {
+    for step in
+        ["sampling", "dynamic", "match", "prepare", "search", "reject", "accumulate", "solve", "keyframe"]
+    {
         assert!(steps(&align).contains(&step), "{align}");
     }
-    let shares: f64 = align["steps"].as_array().unwrap().iter().map(|s| s["share"].as_f64().unwrap()).sum();
-    assert!(shares > 0.5 && shares <= 1.0, "{align}");
+    all_of_it_is_named(&align);
     // Steps that are not measured, and repetition, change nothing but the counts.
     let bare = profile("align", &run.dir.path().join("align"), &["--no-steps", "--repeat", "2"]);
     assert_eq!((steps(&bare).len(), bare["ms"]["n"].as_u64()), (0, Some(80)), "{bare}");
 
     assert_eq!(profile("optimise", &record("optimise"), &[])["output"].as_str().unwrap(), optimised(&run));
     let reconstruct = profile("reconstruct", &record("reconstruct"), &[]);
-    assert_eq!(steps(&reconstruct), ["cloud", "mesh", "normals", "filter", "vertices"]);
+    assert_eq!(steps(&reconstruct), ["cloud", "mesh", "normals", "filter", "vertices", "features"]);
+    all_of_it_is_named(&reconstruct);
     assert_eq!(reconstruct["frames"].to_string(), crate::common::FRAMES);
 }
 

@@ -4,6 +4,7 @@
 pub(crate) mod columns;
 mod descent;
 pub(crate) mod found;
+mod free_space;
 mod kd_tree;
 mod limits;
 mod matcher;
@@ -14,6 +15,7 @@ mod queries;
 pub(crate) mod rejection;
 mod target;
 
+pub use free_space::{FreeSpaceView, mark_free_space};
 pub use kd_tree::KdTree;
 pub use limits::MatchLimits;
 pub use matcher::{Matcher, PairReport};

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use tessera_features::{Feature, Observation, PlaceIndex};
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
 use tessera_graph::{BlockSums, PairBlock};
+use tessera_numerics::Step;
 use tessera_surface::SurfaceView;
 
 /// Features of a view from which on what they do not share with another one says something.
@@ -148,6 +149,7 @@ impl Sight {
         if let Some(Some(known)) = self.pairs.get(&reference.key) {
             return Some(Arc::clone(known));
         }
+        context.steps.enter(Step::Match);
         let observations = self.observations_of(context, reference);
         let guess = reference.world_from_camera.inverse() * world_from_camera;
         let query = Seen { features: &self.features, observations: &self.observations };

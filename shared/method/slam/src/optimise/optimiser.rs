@@ -181,6 +181,7 @@ impl Optimiser {
         history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
     ) -> Option<Correction> {
+        self.context.steps.enter(Step::Prepare);
         let pending = self.find(request)?;
         let own = self.own_frames(pending, history);
         self.solve_with(request, surfaces, (history, own.as_slice()), progress)

@@ -15,7 +15,7 @@ use crate::tracking::window::Member;
 use crate::tracking::window_alignment::reference;
 use nalgebra::Vector3;
 use tessera_geometry::{Pose, translation_rotation_norms};
-use tessera_registration::Sample;
+use tessera_registration::{FreeSpaceView, GridCamera, Sample, mark_free_space};
 use tessera_surface::SurfaceView;
 
 /// Age of the keyframes that are asked, nanoseconds, up to [`LOOKED_BACK_NANOS`]: before that little has moved.
@@ -81,19 +81,44 @@ impl<'a> SeenThrough<'a> {
         if self.views.is_empty() {
             return None;
         }
-        let at_rest: Vec<Sample> =
-            samples.iter().filter(|sample| !self.has_moved(&sample.point)).copied().collect();
+        let views = self.views_through(samples);
+        let has_moved = |sample: &Sample, views: u32| {
+            views != 0 && self.is_before(&sample.point, |view| views >> view & 1 == 1)
+        };
+        let at_rest: Vec<Sample> = samples
+            .iter()
+            .zip(&views)
+            .filter(|(sample, views)| !has_moved(sample, **views))
+            .map(|(sample, _)| *sample)
+            .collect();
         let share = 1.0 - at_rest.len() as f64 / samples.len() as f64;
         let is_enough = at_rest.len() >= LEAST_AT_REST;
         (is_enough && (LEAST_SHARE..=MOST_SHARE).contains(&share)).then_some(at_rest)
     }
 
+    /// For each sample the views that may have seen through where it is, a bit each: few, and never one too few.
+    fn views_through(&self, samples: &[Sample]) -> Vec<u32> {
+        let Context { camera, grid, registration, .. } = self.context;
+        let camera = GridCamera::new(camera, *grid, 0.0);
+        let mut views = vec![0; samples.len()];
+        for (bit, PastView { surface, view_from_camera }) in (0..).zip(&self.views) {
+            let view = FreeSpaceView { surface: *surface, view_from_camera: *view_from_camera };
+            mark_free_space(&camera, registration.isa, &view, samples, BEHIND_M, bit, &mut views);
+        }
+        views
+    }
+
     /// Whether a point of the frame, metres in its camera, stands where a keyframe saw farther.
     fn has_moved(&self, point: &[f32; 3]) -> bool {
+        self.is_before(point, |_| true)
+    }
+
+    /// As [`Self::has_moved`], of some of the views.
+    fn is_before(&self, point: &[f32; 3], is_asked: impl Fn(usize) -> bool) -> bool {
         let point = Vector3::from(point.map(f64::from));
-        self.views.iter().any(|view| {
+        self.views.iter().enumerate().any(|(place, view)| {
             let at = &view.view_from_camera;
-            view.is_before(self.context, &(at.rotation * point + at.translation.vector))
+            is_asked(place) && view.is_before(self.context, &(at.rotation * point + at.translation.vector))
         })
     }
 }

@@ -170,9 +170,12 @@ impl Tracker {
         let is_asked = relocalise::is_asked(&input);
         let prediction = predict(&input);
         let before = self.state.recent.last().and_then(|last| recent.iter().find(|r| r.index == last.index));
+        context.steps.enter(Step::Match);
         self.aligner.sight.begin(context, frame, before, &prediction.velocity);
+        context.steps.enter(Step::Dynamic);
         let at_rest = passing::at_rest(&input, &mut self.aligner.sight, &prediction);
         let input = TrackingInput { samples: at_rest.as_deref().unwrap_or(input.samples), ..input };
+        context.steps.enter(Step::Match);
         let record = if input.samples.len() < MIN_SAMPLES {
             sparse_record(&input, &prediction)
         } else if self.state.keyframes.is_empty() {

@@ -5,6 +5,7 @@ use super::recording::{Entry, Recorded, feature_extractor, to_bytes};
 use super::report::ProfileReport;
 use tessera_journal::fingerprint;
 use tessera_messages::Stage;
+use tessera_numerics::Step;
 use tessera_outputs::ToolError;
 use tessera_surface::{Reconstructor, Vertex};
 
@@ -26,14 +27,17 @@ pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileR
     for _ in 0..options.repeat {
         let mut reconstructor = Reconstructor::new(&recorded.camera, &recorded.settings.surface)
             .map_err(|error| wrong(&error))?;
-        reconstructor.steps = meter.steps();
+        let steps = meter.steps();
+        reconstructor.steps = steps.clone();
         let mut extractor = feature_extractor(recorded);
         let mut surface = vec![Vertex::default(); reconstructor.grid().len()];
         for (index, (depth, colour, expected)) in images.iter().enumerate() {
             let colour = colour.map(|colour| colour.as_slice());
             let features = meter.time(|| {
+                steps.enter(Step::Features);
+                let features = extractor.extract(colour);
                 reconstructor.reconstruct(depth, colour, &mut surface);
-                extractor.extract(colour)
+                features
             });
             meter.check(
                 fingerprint(&to_bytes(&surface, &features))?,

@@ -52,6 +52,8 @@ pub struct ProfileReport {
     /// The whole step.
     ms: Times,
     steps: Vec<StepReport>,
+    /// Of the whole, what belongs to no step; all of it where steps are not measured.
+    unnamed_share: f64,
 }
 
 impl ProfileReport {
@@ -66,6 +68,13 @@ impl ProfileReport {
         let whole = rows[StageTimes::phase_row(Phase::Computing)];
         let times = StageTimes { stage: stage.number(), pid: std::process::id(), rows: *rows };
         let steps = times.named().filter(|(name, _)| *name != Phase::Computing.name());
+        let steps: Vec<StepReport> = steps
+            .map(|(name, row)| StepReport {
+                name,
+                share: row.sum as f64 / whole.sum.max(1) as f64,
+                ms: Times::from(row),
+            })
+            .collect();
         Self {
             stage: stage.name(),
             frames,
@@ -73,13 +82,8 @@ impl ProfileReport {
             output: format!("{output:08x}"),
             cpu_ms_per_frame: cpu_nanos as f64 * 1e-6 / whole.n.max(1) as f64,
             ms: Times::from(&whole),
-            steps: steps
-                .map(|(name, row)| StepReport {
-                    name,
-                    share: row.sum as f64 / whole.sum.max(1) as f64,
-                    ms: Times::from(row),
-                })
-                .collect(),
+            unnamed_share: 1.0 - steps.iter().map(|step| step.share).sum::<f64>(),
+            steps,
         }
     }
 
@@ -106,6 +110,10 @@ impl ProfileReport {
         };
         line("all", 1.0, &self.ms);
         self.steps.iter().for_each(|step| line(step.name, step.share, &step.ms));
+        if !self.steps.is_empty() {
+            let _ =
+                writeln!(text, "  {:<12}{:>8}", "no step", format!("{:.1} %", 100.0 * self.unnamed_share));
+        }
         text
     }
 }
