@@ -54,6 +54,7 @@ pub(crate) fn begin(folder: &Path, name: &str, camera: &Camera) -> RunFiles {
         n_frames: None,
         fps: None,
         doubts: Vec::new(),
+        warnings: Vec::new(),
         map: None,
         faults: false,
         began_as: None,
