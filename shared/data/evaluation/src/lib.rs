@@ -14,6 +14,7 @@ mod associate;
 mod ate;
 mod evaluate;
 mod file;
+mod lateral;
 mod offset;
 mod rpe;
 mod stamp;
@@ -26,6 +27,7 @@ pub use evaluate::{
     Coverage, Evaluation, EvaluationError, EvaluationOptions, ScaleReport, TimeOffsetReport, evaluate,
 };
 pub use file::{ReadError, Trajectory, TrajectoryError, parse_tum, read_tum, write_tum, write_tum_row};
+pub use lateral::{LateralScale, lateral_scale};
 pub use offset::best_time_offset_s;
 pub use rpe::{Rpe, RpeOptions, rpe};
 pub use stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};

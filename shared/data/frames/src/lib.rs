@@ -13,6 +13,7 @@ pub mod decode;
 mod depth_units;
 mod error;
 pub mod imu;
+pub mod judge;
 pub mod pairing;
 mod source;
 mod warp;

@@ -1,6 +1,7 @@
 //! Calibration of a whole sequence: the pipeline with the present camera, then the camera with all
 //! keyframes, again until the camera stays.
 
+use crate::focal_of_features::focal_of_features;
 use crate::motion::{Moment, velocity};
 use crate::smooth_surfaces::SmoothSurfaces;
 use crate::{Method, RawFrame, Records, Run, SavedMap};
@@ -11,6 +12,7 @@ use tessera_calibration::{
 use tessera_geometry::{Camera, Pose, Twist, Vector6};
 use tessera_numerics::SettingError;
 use tessera_slam::{AlignRecord, Context, GlobalSettings, State};
+use tessera_sources::judge::{FocalEvidence, FocalPosterior, judge_focal};
 
 /// The camera stays when a pass moves the image by less than this share of its standard deviation,
 const CONVERGED_SHARE: f64 = 0.5;
@@ -62,6 +64,9 @@ pub struct Calibrated {
     pub passes: Vec<Pass>,
     /// The last pass moved the image by less than the limit.
     pub is_converged: bool,
+    /// The focal length by surfaces and features together, over the start's; absent where features do not
+    /// determine it, and then it is that of the surfaces.
+    pub focal: Option<FocalPosterior>,
 }
 
 /// Why there is no calibration.
@@ -104,6 +109,9 @@ pub fn calibrate<E>(
 ) -> Result<Calibrated, CalibrateError<E>> {
     let mut camera = start.clone();
     let mut passes = Vec::new();
+    let mut options = options.clone();
+    let is_free = !options.fixed.contains(&Parameter::Fx);
+    let mut of_surfaces = None;
     loop {
         let mut run = Run::new(&camera, method)?;
         let mut smooth = SmoothSurfaces::new(&camera, method)?;
@@ -117,7 +125,7 @@ pub fn calibrate<E>(
         let colour = run.colour().model;
         let (records, map) = run.finish_with_map();
         let (calibration, n_untracked) =
-            solve(&records, &map, &smooth, (&camera, start), method, options, progress)?;
+            solve(&records, &map, &smooth, (&camera, start), method, &options, progress)?;
         passes.push(Pass {
             n_frames: n_frames as usize,
             n_untracked,
@@ -125,13 +133,40 @@ pub fn calibrate<E>(
             residual_sigmas: calibration.residual_sigmas,
             moved_px: calibration.moved_px,
         });
+        // Surfaces have their word in the first pass, while the focal length is free; features in each, for
+        // they see the lens of that pass.
+        let of_start = camera.fx / start.fx;
+        let surfaces = *of_surfaces.get_or_insert(calibration.camera.fx / start.fx);
+        let features = is_free.then(|| focal_of_features(&camera, &map, method, colour)).flatten();
+        let features = features.map(|seen| FocalEvidence::features(seen.ratio * of_start, seen.sigma * of_start, seen.n_pairs));
+        let focal = features.and_then(|features| judge_focal(&[FocalEvidence::surfaces(surfaces), features]));
         camera = calibration.camera.clone();
         // As far as it is certain; the next pass begins there.
         (camera.colour_lag_s, camera.colour_focal_ratio) = (colour.lag_s, colour.focal_ratio);
+        let is_last = passes.len() >= options.max_passes as usize;
         let is_converged = calibration.moved_px < (CONVERGED_SHARE * calibration.std_px).max(CONVERGED_PX);
-        if is_converged || passes.len() >= options.max_passes as usize {
-            let calibration = Calibration { camera, ..calibration };
-            return Ok(Calibrated { calibration, passes, is_converged });
+        let is_held = options.fixed.contains(&Parameter::Fx);
+        if is_last || is_converged && (is_held || focal.is_none()) {
+            let mut calibration = Calibration { camera, ..calibration };
+            if let Some(focal) = focal.as_ref().filter(|_| is_held) {
+                state_deviation(&mut calibration, focal.sigma / focal.ratio);
+            }
+            return Ok(Calibrated { calibration, passes, is_converged, focal });
+        }
+        if let Some(focal) = &focal {
+            // The other parameters follow about the focal length of all evidence.
+            (camera.fx, camera.fy) = (start.fx * focal.ratio, camera.fy / camera.fx * start.fx * focal.ratio);
+            options.fixed.retain(|fixed| !matches!(fixed, Parameter::Fx | Parameter::Fy));
+            options.fixed.extend([Parameter::Fx, Parameter::Fy]);
+        }
+    }
+}
+
+/// The deviation of the focal lengths by all evidence, as a share of them.
+fn state_deviation(calibration: &mut Calibration, share: f64) {
+    for estimate in &mut calibration.estimates {
+        if matches!(estimate.parameter, Parameter::Fx | Parameter::Fy) {
+            (estimate.std, estimate.held) = (share * estimate.value.abs(), 0.0);
         }
     }
 }

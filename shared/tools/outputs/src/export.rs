@@ -45,8 +45,7 @@ pub fn export(run_folder: &Path, out_folder: &Path) -> Result<Summary, ToolError
     trajectories::write(replay, out_folder)?;
     states::write(replay, out_folder)?;
     write_map(&files, out_folder, replay, &settings)?;
-    let beside = Beside { n_from_base: n_from_base(&files, &settings)?, ..read_beside(&files) };
-    let beside = Beside { seen_focal: seen_focal(&files, &as_mapped, &settings, &beside)?, ..beside };
+    let beside = read_beside(&files, &as_mapped, &settings)?;
     let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if let Some(refined) = replay.refined() {
         write_camera(&refined.camera, &settings.run.source, out_folder)?;
@@ -84,21 +83,24 @@ pub fn read_journal(files: &RunFiles) -> Result<Replay, ToolError> {
     Ok(replay)
 }
 
-/// What the run directory has for the verdict beside the journal; nothing where it has none.
-pub fn read_beside(files: &RunFiles) -> Beside {
+/// What the run directory has for the verdict beside the journal, and what the features of its keyframes
+/// tell of the camera; nothing where it has none. `as_mapped`: the journal as the run's own camera saw it.
+///
+/// # Errors
+/// Names the file that cannot be read, and why.
+pub fn read_beside(files: &RunFiles, as_mapped: &Replay, settings: &Settings) -> Result<Beside, ToolError> {
     let broken = BrokenFrames::new(files).read();
-    match RunFile::read(files) {
-        Ok(run) => Beside {
-            broken,
-            source_doubts: run.doubts,
-            units_per_metre: run.camera.units_per_metre,
-            focal_px: run.camera.fx,
-            stated_colour: ColourModel::of_camera(&run.camera),
-            seen_focal: None,
-            n_from_base: None,
-        },
-        Err(_) => Beside { broken, ..Beside::default() },
-    }
+    let Ok(run) = RunFile::read(files) else { return Ok(Beside { broken, ..Beside::default() }) };
+    let beside = Beside {
+        broken,
+        source_doubts: run.doubts,
+        units_per_metre: run.camera.units_per_metre,
+        focal_px: run.camera.fx,
+        stated_colour: ColourModel::of_camera(&run.camera),
+        seen_focal: None,
+        n_from_base: n_from_base(files, settings)?,
+    };
+    Ok(Beside { seen_focal: seen_focal(files, as_mapped, settings, &beside)?, ..beside })
 }
 
 /// Corrections that the base of a fleet computed; `None` where the run asked no base.

@@ -1,13 +1,12 @@
 //! What a verdict on a run is made of, as plain data.
 
-use crate::lateral::{LateralScale, lateral_scale};
 use crate::replay::Replay;
 use crate::statistics::{Ended, RunStatistics};
 use crate::trajectories::as_trajectory;
 use crate::verdict::UNCERTAIN_M;
 use std::collections::BTreeMap;
 use std::fmt;
-use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
+use tessera_evaluation::{EvaluationOptions, LateralScale, Trajectory, evaluate, lateral_scale};
 use tessera_features::FocalRatio;
 use tessera_slam::{ColourModel, FrameRecord, State};
 
@@ -117,8 +116,6 @@ pub struct Facts {
     pub focal_px: f64,
     /// What features say of it.
     pub seen_focal: Option<FocalRatio>,
-    /// Focal length of colour over that of depth, as applied at the end.
-    pub colour_focal_ratio: f64,
     /// Disagreement of colour with depth at the end of the run, where it is not believed.
     pub unbelieved_colour: Option<f64>,
     /// Focal length of the camera and of the refined one, pixels.
@@ -175,7 +172,6 @@ impl Facts {
             units_per_metre: beside.units_per_metre,
             focal_px: beside.focal_px,
             seen_focal: beside.seen_focal,
-            colour_focal_ratio: colour.model.focal_ratio,
             unbelieved_colour: (!colour.is_trusted()).then_some(colour.disagreement),
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),

@@ -59,12 +59,12 @@ fn read(run_folder: &Path, most_points: Option<usize>) -> Result<ReportedRun, To
     let files = RunFiles::new(run_folder);
     let settings = outputs::read_settings(&files)?;
     let replay = outputs::read_journal(&files)?;
+    let beside = outputs::read_beside(&files, &replay, &settings)?;
     let replay = replay.with_refined_camera().unwrap_or(replay);
     let groundtruth = outputs::read_groundtruth(run_folder)?;
     let statistics = outputs::read_statistics(run_folder)?;
     // A run whose supervisor was killed has none.
     let timeline = outputs::read_timeline(run_folder).unwrap_or_default();
-    let beside = outputs::read_beside(&files);
     let summary = Summary::new(&settings, &replay, &statistics, groundtruth.as_ref(), &beside);
     let name = std::path::absolute(run_folder).unwrap_or_else(|_| run_folder.to_owned());
     let name = name.file_name().map_or_else(|| name.display().to_string(), |n| n.to_string_lossy().into());
