@@ -233,7 +233,8 @@ fn for_people(arguments: &CalibrateArguments, report: &CalibrationReport) -> Str
     }
     let _ = writeln!(text, "  not observable: {}", report.not_observable);
     let stated_px = report.parameters.iter().find(|row| row.name == "fx").map(|row| row.start);
-    if let (Some(focal), Some(stated_px)) = (report.focal.as_ref().filter(|focal| focal.is_wrong), stated_px) {
+    if let (Some(focal), Some(stated_px)) = (report.focal.as_ref().filter(|focal| focal.is_wrong), stated_px)
+    {
         let _ = writeln!(text, "  {}", focal.words(stated_px));
     }
     let _ = writeln!(

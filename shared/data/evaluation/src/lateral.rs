@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SMatrix, SVector};
 use tessera_geometry::{Pose, log};
 
 /// Time over which motions are compared, nanoseconds: long enough to be beyond the noise of both.
-const OVER_NANOS: i64 = 1_000_000_000;
+const OVER_NANOS: i64 = 500_000_000;
 /// Poses of one time, seconds.
 const SAME_TIME_S: f64 = 0.02;
 /// Groups of motions, each of the time over which one goes at least: groups share nothing but the solution.
@@ -95,7 +95,9 @@ fn solve(groups: &[Sums], n: f64) -> Option<(Unknowns, Normal)> {
         let found = inverse * total.right;
         let squares = total.squares - 2.0 * found.dot(&total.right) + found.dot(&(total.normal * found));
         let variance = (squares / (3.0 * n)).max(1e-12);
-        prior.fixed_view_mut::<3, 3>(2, 2).copy_from(&(Matrix3::identity() * (variance / ARM_SIGMA_M.powi(2))));
+        prior
+            .fixed_view_mut::<3, 3>(2, 2)
+            .copy_from(&(Matrix3::identity() * (variance / ARM_SIGMA_M.powi(2))));
         solution = Some((found, inverse));
     }
     let (found, inverse) = solution?;
@@ -156,12 +158,13 @@ fn motions(estimate: &Trajectory, truth: &Trajectory) -> Vec<Motion> {
         if later == pairs.len() {
             break;
         }
-        // Across a gap the motion is not one of a second.
+        // Across a gap the motion is not one of that time.
         if nanos(later) - nanos(first) > 2 * OVER_NANOS {
             continue;
         }
-        let motion =
-            |trajectory: &Trajectory, from: usize, to: usize| trajectory.poses[from].inv_mul(&trajectory.poses[to]);
+        let motion = |trajectory: &Trajectory, from: usize, to: usize| {
+            trajectory.poses[from].inv_mul(&trajectory.poses[to])
+        };
         motions.push(Motion {
             from_nanos: nanos(first),
             estimate: motion(estimate, pairs[first].1, pairs[later].1),

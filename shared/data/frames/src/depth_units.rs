@@ -217,7 +217,10 @@ mod tests {
         };
         assert_eq!(doubt(1000.0), None);
         let words = doubt(5000.0).unwrap();
-        assert!(words.contains("its steps") && words.contains("units_per_metre = 5000: 1000 is likely"), "{words}");
+        assert!(
+            words.contains("its steps") && words.contains("units_per_metre = 5000: 1000 is likely"),
+            "{words}"
+        );
         assert!(doubt(200.0).unwrap().contains("1000 is likely"));
     }
 }

@@ -16,9 +16,7 @@ use tessera_geometry::Camera;
 use tessera_offline::{Method, RawFrame, Run, focal_of_features};
 use tessera_settings::Settings;
 use tessera_sources::judge::{FocalEvidence, FocalSource, judge_focal, student_inflation};
-use tessera_sources::{
-    SimulationOptions, Source, SourceOptions, SourceSpec, doubt_units, summarise_image,
-};
+use tessera_sources::{SimulationOptions, Source, SourceOptions, SourceSpec, doubt_units, summarise_image};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut sequences, mut overrides, mut focal, mut units) =
@@ -87,7 +85,10 @@ impl Counts {
             println!("{factor}: {alarms} alarms in {n} runs");
         }
         for (name, (squares, n)) in &self.squares {
-            println!("{name}: root mean square error {:.2} stated deviations, {n} estimates", (squares / f64::from(*n)).sqrt());
+            println!(
+                "{name}: root mean square error {:.2} stated deviations, {n} estimates",
+                (squares / f64::from(*n)).sqrt()
+            );
         }
     }
 }
@@ -128,7 +129,12 @@ fn one(
         words += &format!(", {name} {:+.3} +- {:.3}", one.log_ratio, one.sigma);
     }
     if let (Some(seen), Some(_)) = (seen, features) {
-        words += &format!(" (raw {:+.3} +- {:.3}, {} pairs)", seen.ratio.ln(), seen.sigma / seen.ratio, seen.n_pairs);
+        words += &format!(
+            " (raw {:+.3} +- {:.3}, {} pairs)",
+            seen.ratio.ln(),
+            seen.sigma / seen.ratio,
+            seen.n_pairs
+        );
     }
     if let Some(lateral) = lateral {
         words += &format!(

@@ -138,7 +138,8 @@ pub fn calibrate<E>(
         let of_start = camera.fx / start.fx;
         let surfaces = *of_surfaces.get_or_insert(calibration.camera.fx / start.fx);
         let features = is_free.then(|| focal_of_features(&camera, &map, method, colour)).flatten();
-        let features = features.map(|seen| FocalEvidence::features(seen.ratio * of_start, seen.sigma * of_start, seen.n_pairs));
+        let features = features
+            .map(|seen| FocalEvidence::features(seen.ratio * of_start, seen.sigma * of_start, seen.n_pairs));
         let focal = features.and_then(|features| judge_focal(&[FocalEvidence::surfaces(surfaces), features]));
         camera = calibration.camera.clone();
         // As far as it is certain; the next pass begins there.

@@ -163,7 +163,11 @@ fn a_wrong_focal_length_is_told_once_by_all_evidence() {
         seen_focal: Some(FocalRatio { ratio, sigma, n_pairs }),
         ..good()
     };
-    check(&seen(1.13, 0.005, 60), Grade::Doubtful, &["not the camera's 500 px", "features of turned views", "--camera"]);
+    check(
+        &seen(1.13, 0.005, 60),
+        Grade::Doubtful,
+        &["not the camera's 500 px", "features of turned views", "--camera"],
+    );
     check(&seen(0.9, 0.005, 60), Grade::Doubtful, &["about 442 px"]);
     check(&seen(1.07, 0.001, 60), Grade::Good, &[]);
     check(&seen(1.13, 0.08, 60), Grade::Good, &[]);
