@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use tessera_calibration::{
     Calibration, CalibrationError, CalibrationKeyframe, PairLimits, Parameter, Problem,
 };
+use tessera_features::FocalRatio;
 use tessera_geometry::{Camera, Pose, Twist, Vector6};
 use tessera_numerics::SettingError;
 use tessera_slam::{AlignRecord, Context, GlobalSettings, State};
@@ -111,7 +112,7 @@ pub fn calibrate<E>(
     let mut passes = Vec::new();
     let mut options = options.clone();
     let is_free = !options.fixed.contains(&Parameter::Fx);
-    let mut of_surfaces = None;
+    let mut held: Option<FocalPosterior> = None;
     loop {
         let mut run = Run::new(&camera, method)?;
         let mut smooth = SmoothSurfaces::new(&camera, method)?;
@@ -133,34 +134,48 @@ pub fn calibrate<E>(
             residual_sigmas: calibration.residual_sigmas,
             moved_px: calibration.moved_px,
         });
-        // Surfaces have their word in the first pass, while the focal length is free; features in each, for
-        // they see the lens of that pass.
-        let of_start = camera.fx / start.fx;
-        let surfaces = *of_surfaces.get_or_insert(calibration.camera.fx / start.fx);
-        let features = is_free.then(|| focal_of_features(&camera, &map, method, colour)).flatten();
-        let features = features
-            .map(|seen| FocalEvidence::features(seen.ratio * of_start, seen.sigma * of_start, seen.n_pairs));
-        let focal = features.and_then(|features| judge_focal(&[FocalEvidence::surfaces(surfaces), features]));
+        // The first pass is for the lens, for which features have no other word than its focal length.
+        let focal = (is_free && held.is_none() && passes.len() > 1)
+            .then(|| focal_of_features(&camera, &map, method, colour))
+            .flatten()
+            .and_then(|seen| focal_by_all(start, &camera, &calibration, seen));
         camera = calibration.camera.clone();
         // As far as it is certain; the next pass begins there.
         (camera.colour_lag_s, camera.colour_focal_ratio) = (colour.lag_s, colour.focal_ratio);
         let is_last = passes.len() >= options.max_passes as usize;
         let is_converged = calibration.moved_px < (CONVERGED_SHARE * calibration.std_px).max(CONVERGED_PX);
-        let is_held = options.fixed.contains(&Parameter::Fx);
-        if is_last || is_converged && (is_held || focal.is_none()) {
+        let asks_features = is_free && held.is_none() && (passes.len() == 1 || focal.is_some());
+        if is_last || is_converged && !asks_features {
             let mut calibration = Calibration { camera, ..calibration };
-            if let Some(focal) = focal.as_ref().filter(|_| is_held) {
-                state_deviation(&mut calibration, focal.sigma / focal.ratio);
+            if let Some(held) = &held {
+                state_deviation(&mut calibration, held.sigma / held.ratio);
             }
-            return Ok(Calibrated { calibration, passes, is_converged, focal });
+            return Ok(Calibrated { calibration, passes, is_converged, focal: held });
         }
-        if let Some(focal) = &focal {
+        if let Some(focal) = focal {
             // The other parameters follow about the focal length of all evidence.
-            (camera.fx, camera.fy) = (start.fx * focal.ratio, camera.fy / camera.fx * start.fx * focal.ratio);
+            let aspect = camera.fy / camera.fx;
+            camera.fx = start.fx * focal.ratio;
+            camera.fy = aspect * camera.fx;
             options.fixed.retain(|fixed| !matches!(fixed, Parameter::Fx | Parameter::Fy));
             options.fixed.extend([Parameter::Fx, Parameter::Fy]);
+            held = Some(focal);
         }
     }
+}
+
+/// The focal length over the start's by surfaces, which were solved for, and by features, seen with `camera`.
+fn focal_by_all(
+    start: &Camera,
+    camera: &Camera,
+    calibration: &Calibration,
+    seen: FocalRatio,
+) -> Option<FocalPosterior> {
+    let of_start = camera.fx / start.fx;
+    let fx = calibration.estimates.iter().find(|estimate| estimate.parameter == Parameter::Fx)?;
+    let surfaces = FocalEvidence::surfaces(fx.value / start.fx, Some(fx.std / fx.value));
+    let features = FocalEvidence::features(seen.ratio * of_start, seen.sigma * of_start, seen.n_pairs);
+    judge_focal(&[surfaces, features])
 }
 
 /// The deviation of the focal lengths by all evidence, as a share of them.

@@ -20,7 +20,7 @@ pub(crate) fn focal(facts: &Facts) -> Option<FocalPosterior> {
         let sigma = lateral.sigma * student_inflation(lateral.n_groups as f64 - 1.0);
         FocalEvidence::ground_truth(lateral.scale, sigma, lateral.turn_per_metre)
     });
-    let surfaces = facts.refined_focal_px.map(|[from, to]| FocalEvidence::surfaces(to / from));
+    let surfaces = facts.refined_focal_px.map(|[from, to]| FocalEvidence::surfaces(to / from, None));
     let evidence: Vec<FocalEvidence> = [features, lateral, surfaces].into_iter().flatten().collect();
     judge_focal(&evidence)
 }
