@@ -100,6 +100,10 @@ pub fn read_beside(files: &RunFiles, as_mapped: &Replay, settings: &Settings) ->
         seen_focal: None,
         n_from_base: n_from_base(files, settings)?,
     };
+    // Of a run that goes on, or whose keyframes are gone, nothing is seen yet or any more.
+    if as_mapped.n_source_frames.is_none() || !files.store().exists() {
+        return Ok(beside);
+    }
     Ok(Beside { seen_focal: seen_focal(files, as_mapped, settings, &beside)?, ..beside })
 }
 
