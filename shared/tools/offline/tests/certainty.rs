@@ -4,7 +4,7 @@ mod common;
 
 use tessera_geometry::{Matrix6, Pose, Vector6, from_upper_triangle, log};
 use tessera_offline::Records;
-use tessera_slam::{Context, State};
+use tessera_slam::{Context, NoiseState, State};
 use tessera_sources::{SceneName, SimulationOptions, Source};
 
 /// A run over the first frames of a scene, with the true poses; of surfaces alone, without features.
