@@ -30,7 +30,7 @@ const ARM_SIGMA_M: f64 = 0.05;
 
 /// Unknowns: factors across and along the view, and the arm.
 const N: usize = 5;
-type Normal = SMatrix<f64, N, N>;
+type MotionNormal = SMatrix<f64, N, N>;
 type Unknowns = SVector<f64, N>;
 
 /// Estimated motions across the view over the true ones.
@@ -55,14 +55,14 @@ pub fn lateral_scale(estimate: &Trajectory, truth: &Trajectory) -> Option<Latera
     if n_groups < LEAST_GROUPS {
         return None;
     }
-    let group = |m: &Motion| {
+    let group = |m: &TwoMotions| {
         let place = (m.from_nanos - first) as f64 / (last - first + 1) as f64 * n_groups as f64;
         (place as usize).min(n_groups - 1)
     };
-    let mut groups = vec![Sums::default(); n_groups];
+    let mut groups = vec![MotionSums::default(); n_groups];
     motions.iter().for_each(|motion| groups[group(motion)].add(motion));
     let n = motions.len() as f64;
-    let mean_square = |of: fn(&Motion) -> f64| motions.iter().map(of).sum::<f64>() / n;
+    let mean_square = |of: fn(&TwoMotions) -> f64| motions.iter().map(of).sum::<f64>() / n;
     let across = mean_square(|m| m.truth.translation.vector.xy().norm_squared());
     let along = mean_square(|m| m.truth.translation.vector.z.powi(2));
     let turn = mean_square(|m| log(&m.truth).phi.xy().norm_squared());
@@ -85,9 +85,9 @@ pub fn lateral_scale(estimate: &Trajectory, truth: &Trajectory) -> Option<Latera
 }
 
 /// The unknowns and their covariance by the spread between groups.
-fn solve(groups: &[Sums], n: f64) -> Option<(Unknowns, Normal)> {
-    let total = groups.iter().fold(Sums::default(), |sum, group| sum.plus(group));
-    let mut prior = Normal::zeros();
+fn solve(groups: &[MotionSums], n: f64) -> Option<(Unknowns, MotionNormal)> {
+    let total = groups.iter().fold(MotionSums::default(), |sum, group| sum.plus(group));
+    let mut prior = MotionNormal::zeros();
     let mut solution = None;
     // The second time with the residuals that the first one left.
     for _ in 0..2 {
@@ -101,7 +101,7 @@ fn solve(groups: &[Sums], n: f64) -> Option<(Unknowns, Normal)> {
         solution = Some((found, inverse));
     }
     let (found, inverse) = solution?;
-    let spread: Normal = groups
+    let spread: MotionNormal = groups
         .iter()
         .map(|group| group.right - group.normal * found)
         .map(|score| score * score.transpose())
@@ -110,16 +110,16 @@ fn solve(groups: &[Sums], n: f64) -> Option<(Unknowns, Normal)> {
     Some((found, inverse * spread * inverse * of_few))
 }
 
-/// Normal equations of some motions.
+/// MotionNormal equations of some motions.
 #[derive(Clone, Default)]
-struct Sums {
-    normal: Normal,
+struct MotionSums {
+    normal: MotionNormal,
     right: Unknowns,
     squares: f64,
 }
 
-impl Sums {
-    fn add(&mut self, motion: &Motion) {
+impl MotionSums {
+    fn add(&mut self, motion: &TwoMotions) {
         let (e, t) = (motion.estimate.translation.vector, motion.truth.translation.vector);
         let turn: Matrix3<f64> = motion.truth.rotation.to_rotation_matrix().matrix() - Matrix3::identity();
         for axis in 0..3 {
@@ -141,13 +141,13 @@ impl Sums {
 }
 
 /// A motion of the estimate and of the truth, each in its own camera frame.
-struct Motion {
+struct TwoMotions {
     from_nanos: i64,
     estimate: Pose,
     truth: Pose,
 }
 
-fn motions(estimate: &Trajectory, truth: &Trajectory) -> Vec<Motion> {
+fn motions(estimate: &Trajectory, truth: &Trajectory) -> Vec<TwoMotions> {
     let pairs = associate_tum(&truth.seconds(), &estimate.seconds(), SAME_TIME_S, 0.0);
     let nanos = |place: usize| estimate.stamps_nanos[pairs[place].1];
     let (mut motions, mut later) = (Vec::new(), 0);
@@ -165,7 +165,7 @@ fn motions(estimate: &Trajectory, truth: &Trajectory) -> Vec<Motion> {
         let motion = |trajectory: &Trajectory, from: usize, to: usize| {
             trajectory.poses[from].inv_mul(&trajectory.poses[to])
         };
-        motions.push(Motion {
+        motions.push(TwoMotions {
             from_nanos: nanos(first),
             estimate: motion(estimate, pairs[first].1, pairs[later].1),
             truth: motion(truth, pairs[first].0, pairs[later].0),

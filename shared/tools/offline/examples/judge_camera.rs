@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let right = if focal.is_empty() && units.is_empty() { vec![(1.0, 1.0)] } else { Vec::new() };
     let planted = focal.into_iter().map(|f| (f, 1.0)).chain(units.into_iter().map(|u| (1.0, u)));
     let planted: Vec<(f64, f64)> = right.into_iter().chain(planted).collect();
-    let mut counts = Counts::default();
+    let mut counts = Alarms::default();
     for sequence in &sequences {
         let source = tessera_sources::open(&SourceSpec::parse(sequence), &options)?;
         let decoded = decode(&*source)?;
@@ -74,12 +74,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Runs and alarms by the planted factor, and the squares of normalised errors.
 #[derive(Default)]
-struct Counts {
+struct Alarms {
     alarms: BTreeMap<String, (u32, u32)>,
     squares: BTreeMap<&'static str, (f64, u32)>,
 }
 
-impl Counts {
+impl Alarms {
     fn print(&self) {
         for (factor, (n, alarms)) in &self.alarms {
             println!("{factor}: {alarms} alarms in {n} runs");
@@ -99,7 +99,7 @@ fn one(
     frames: &[RawFrame],
     settings: &Settings,
     truth: Option<&Trajectory>,
-    (planted, counts): (f64, &mut Counts),
+    (planted, counts): (f64, &mut Alarms),
 ) -> Result<String, Box<dyn Error>> {
     let method = Method {
         surface: settings.surface.clone(),

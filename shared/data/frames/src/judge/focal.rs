@@ -82,7 +82,7 @@ impl FocalEvidence {
         let (prior, jackknife) = (PAIR_SIGMA * PAIR_SIGMA / n, (sigma / ratio) * (sigma / ratio));
         let freedom = (JACKKNIFE_GROUPS.min(n) - 1.0).max(0.0);
         let pooled = (PRIOR_FREEDOM * prior + freedom * jackknife) / (PRIOR_FREEDOM + freedom);
-        let log_ratio = ratio.ln() - SEEN_BIAS;
+        let log_ratio = libm::log(ratio) - SEEN_BIAS;
         Self { source: FocalSource::Features, log_ratio, sigma: (pooled + SEEN_FLOOR * SEEN_FLOOR).sqrt() }
     }
 
@@ -94,7 +94,7 @@ impl FocalEvidence {
         let sampling = sigma / ratio;
         Self {
             source: FocalSource::GroundTruth,
-            log_ratio: ratio.ln(),
+            log_ratio: libm::log(ratio),
             sigma: (sampling * sampling + floor * floor).sqrt(),
         }
     }
@@ -102,13 +102,13 @@ impl FocalEvidence {
     /// From surfaces: the solved focal length over the stated one, and its deviation as a share where it is
     /// known.
     pub fn surfaces(ratio: f64, share: Option<f64>) -> Self {
-        let sigma = share.map_or(SURFACES_SIGMA, |share| share.hypot(SURFACES_FLOOR));
-        Self { source: FocalSource::Surfaces, log_ratio: ratio.ln(), sigma }
+        let sigma = share.map_or(SURFACES_SIGMA, |share| libm::hypot(share, SURFACES_FLOOR));
+        Self { source: FocalSource::Surfaces, log_ratio: libm::log(ratio), sigma }
     }
 
     /// From the camera that a recording's name tells: its focal length over the stated one.
     pub fn name(ratio: f64) -> Self {
-        Self { source: FocalSource::Name, log_ratio: ratio.ln(), sigma: NAME_SIGMA }
+        Self { source: FocalSource::Name, log_ratio: libm::log(ratio), sigma: NAME_SIGMA }
     }
 }
 
@@ -160,7 +160,7 @@ pub fn judge_focal(evidence: &[FocalEvidence]) -> Option<FocalPosterior> {
     // Where the estimates contradict each other, no weight is right: as far apart as they are.
     let variance = if excess > 1.0 { squares / weight } else { 1.0 / weight };
     let sigmas = mean.abs() / (variance + STATED_SIGMA * STATED_SIGMA).sqrt();
-    let ratio = mean.exp();
+    let ratio = libm::exp(mean);
     Some(FocalPosterior {
         ratio,
         sigma: ratio * variance.sqrt(),

@@ -97,7 +97,7 @@ pub fn judge_units(evidence: &UnitsEvidence) -> Option<UnitsPosterior> {
     let share: f64 = others.iter().map(|(_, share)| share).sum();
     let here = log_likelihood(evidence, stated);
     let weighed = others.iter().map(|(units, weight)| {
-        (*units, weight / share * (log_likelihood(evidence, *units) - here).min(600.0).exp())
+        (*units, weight / share * libm::exp((log_likelihood(evidence, *units) - here).min(600.0)))
     });
     let weighed: Vec<(f64, f64)> = weighed.collect();
     let likelihood_ratio: f64 = weighed.iter().map(|(_, weight)| weight).sum();
@@ -111,18 +111,19 @@ fn log_likelihood(evidence: &UnitsEvidence, units: f64) -> f64 {
     // A length with the stated units times this is one with these.
     let factor = evidence.stated / units;
     let square = |x: f64| -0.5 * x * x;
-    let median = evidence.median_m.map_or(0.0, |m| square((m * factor / TYPICAL_M).ln() / TYPICAL_SIGMA));
-    let near = evidence.near_m.map_or(0.0, |m| if m * factor < NEAREST_M { NEARER_SHARE.ln() } else { 0.0 });
+    let median = evidence.median_m.map_or(0.0, |m| square(libm::log(m * factor / TYPICAL_M) / TYPICAL_SIGMA));
+    let near =
+        evidence.near_m.map_or(0.0, |m| if m * factor < NEAREST_M { libm::log(NEARER_SHARE) } else { 0.0 });
     let lattice = evidence.lattice.map_or(0.0, |lattice| {
         let q = lattice.q_per_raw * units;
-        let density = |about: f64, sigma: f64| square((q / about).ln() / sigma).exp() / sigma;
-        let primesense_sigma = PRIMESENSE_SIGMA.hypot(lattice.spread);
+        let density = |about: f64, sigma: f64| libm::exp(square(libm::log(q / about) / sigma)) / sigma;
+        let primesense_sigma = libm::hypot(PRIMESENSE_SIGMA, lattice.spread);
         let density = PRIMESENSE_SHARE * density(PRIMESENSE_Q, primesense_sigma)
             + (1.0 - PRIMESENSE_SHARE) * density(STEREO_Q, STEREO_SIGMA);
-        density.max(1e-12).ln()
+        libm::log(density.max(1e-12))
     });
     let truth =
-        evidence.true_scale.filter(|s| *s > 0.0).map_or(0.0, |s| square((s / factor).ln() / TRUTH_SIGMA));
+        evidence.true_scale.filter(|s| *s > 0.0).map_or(0.0, |s| square(libm::log(s / factor) / TRUTH_SIGMA));
     median + near + lattice + truth
 }
 
