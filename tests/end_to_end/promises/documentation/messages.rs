@@ -271,7 +271,7 @@ fn of_mcap(told: &mut Told) {
     let info = |model, distortion: &[f64]| camera_info("/depth/info", model, distortion);
     std::fs::write(&path, "RIFF").unwrap();
     told.by(&["check", text(&path)]);
-    check(told, &[image("/rgb", 1, "16UC1")], &[]);
+    check(told, &[image("/rgb", 1, "rgb8")], &[]);
     check(told, &[depth("/left/depth"), depth("/right/depth")], &[]);
     check(told, &[depth("/depth")], &["--depth-topic", "/nothing"]);
     check(told, &[depth("/depth")], &[]);
