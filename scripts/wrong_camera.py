@@ -48,12 +48,10 @@ def run(tessera, source, folder, *arguments):
 def words(summary):
     """The verdict, and in short what it was given for."""
     short = {
-        "turned views": "lens, by the features",
-        "across the view": "lens, by the ground truth",
+        "focal length of about": "lens",
         "positions are off": "positions, by the ground truth",
         "against the ground truth": "units, by the ground truth",
-        "median depth": "units, by the median depth",
-        "focal length": "lens",
+        "unlike a sensor": "units, by depth",
         "camera": "camera, by the name",
         "not tracked": "not tracked",
         "never joined": "submaps",

@@ -12,6 +12,7 @@ use tessera_offline::{
     CalibrateError, CalibrateOptions, Calibrated, Method, Parameter, RawFrame, calibrate as solve,
 };
 use tessera_settings::Settings;
+use tessera_sources::judge::FocalPosterior;
 use tessera_sources::{Source, SourceOptions, SourceSpec, named_camera};
 
 /// A parameter counts as held when more than this share of it lies in held directions.
@@ -105,6 +106,8 @@ struct CalibrationReport {
     held: Vec<Held>,
     /// What cannot be known from depth and colour at all.
     not_observable: &'static str,
+    /// The focal length by surfaces and features over the start's; absent where features do not determine it.
+    focal: Option<FocalPosterior>,
     is_converged: bool,
     n_passes: usize,
     n_frames: usize,
@@ -158,6 +161,7 @@ impl CalibrationReport {
             parameters: calibration.estimates.iter().map(row).collect(),
             held: held.collect(),
             not_observable: "the global scale of depth (units_per_metre) stays as it was",
+            focal: found.focal.clone(),
             is_converged: found.is_converged,
             n_passes: found.passes.len(),
             n_frames: last.map_or(0, |p| p.n_frames),
@@ -228,6 +232,11 @@ fn for_people(arguments: &CalibrateArguments, report: &CalibrationReport) -> Str
         let _ = writeln!(text, "  held at the start, this motion does not determine it: {line}");
     }
     let _ = writeln!(text, "  not observable: {}", report.not_observable);
+    let stated_px = report.parameters.iter().find(|row| row.name == "fx").map(|row| row.start);
+    if let (Some(focal), Some(stated_px)) = (report.focal.as_ref().filter(|focal| focal.is_wrong), stated_px)
+    {
+        let _ = writeln!(text, "  {}", focal.words(stated_px));
+    }
     let _ = writeln!(
         text,
         "  residual {:.4} before, {:.4} after, standard deviations of depth",

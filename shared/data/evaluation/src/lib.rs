@@ -15,6 +15,7 @@ mod ate;
 mod evaluate;
 mod file;
 mod forms;
+mod lateral;
 mod offset;
 mod rpe;
 mod stamp;
@@ -31,6 +32,7 @@ pub use file::{
     write_tum_row,
 };
 pub use forms::{TrajectoryFile, read_trajectory};
+pub use lateral::{LateralScale, lateral_scale};
 pub use offset::{SEARCH_S, best_time_offset_s};
 pub use rpe::{Rpe, RpeOptions, rpe};
 pub use stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};

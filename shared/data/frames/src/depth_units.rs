@@ -1,6 +1,7 @@
 //! Depth over some frames, and whether its units can be right.
 
 use crate::along_ray::Bent;
+use crate::judge::{Lattice, UnitsEvidence, depth_lattice, judge_units};
 use crate::{FrameBuffers, Source, SourceError};
 use serde::Serialize;
 use tessera_geometry::Camera;
@@ -8,12 +9,10 @@ use tessera_geometry::Camera;
 /// Depths that a room can have, metres; a median outside means wrong units.
 pub(crate) const POSSIBLE_M: std::ops::RangeInclusive<f64> = 0.1..=15.0;
 
-/// Depths that rooms seen by a depth camera have in the median, metres; outside the units are doubtful.
-const USUAL_M: std::ops::RangeInclusive<f64> = 0.45..=4.5;
-/// Depth units of cameras and data sets, a metre.
+/// Depth units that a refusal proposes, a metre.
 const USUAL_UNITS: [f64; 4] = [1000.0, 5000.0, 10_000.0, 256.0];
-/// What the median is in most recordings, metres.
-const TYPICAL_M: f64 = 1.5;
+/// A share of one in so many is nearer than [`DepthSummary::near_m`].
+const NEAR_SHARE: u64 = 50;
 
 /// Depth over a few frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,6 +23,10 @@ pub struct DepthSummary {
     pub empty_frames: Vec<u64>,
     /// Median depth in metres; absent where nothing was measured.
     pub median_m: Option<f64>,
+    /// Depth that a fiftieth of all is nearer than, metres; absent where nothing was measured.
+    pub near_m: Option<f64>,
+    /// Steps of depth, where they grow with its square.
+    pub lattice: Option<Lattice>,
     /// Share of pixels with a measurement, 0 to 1.
     pub valid_share: f64,
     /// Whether its planes bend.
@@ -120,8 +123,11 @@ impl Depths {
 
     fn summary(self, camera: &Camera) -> DepthSummary {
         let n_valid: u64 = self.histogram.iter().sum();
+        let metres = |raw| raw as f64 / camera.units_per_metre;
         DepthSummary {
-            median_m: median(&self.histogram, n_valid).map(|raw| raw as f64 / camera.units_per_metre),
+            median_m: quantile(&self.histogram, n_valid, 2).map(metres),
+            near_m: quantile(&self.histogram, n_valid, NEAR_SHARE).map(metres),
+            lattice: depth_lattice(&self.histogram),
             valid_share: n_valid as f64 / self.n_seen.max(1) as f64,
             frames: self.frames,
             empty_frames: self.empty_frames,
@@ -151,30 +157,32 @@ pub fn refuse_impossible_depth(
     Err(DepthUnitsError { median_m, units_per_metre: camera.units_per_metre, hint })
 }
 
-/// What speaks against the depth units: a median that is possible and unusual, with the usual units
-/// that would bring it nearest to 1.5 m. Says nothing of table-top scans and halls that are just
-/// that: it is a doubt, not a proof.
+/// What speaks against the depth units before a run, where the judge refutes them: a median depth alone
+/// never does, for tables and halls are that near and that far.
 pub fn doubt_units(depth: &DepthSummary, camera: &Camera) -> Option<String> {
-    let median_m =
-        depth.median_m.filter(|median| !USUAL_M.contains(median) && POSSIBLE_M.contains(median))?;
-    let units = camera.units_per_metre;
-    let raw = median_m * units;
-    let off = |units: f64| (raw / units / TYPICAL_M).max(TYPICAL_M * units / raw);
-    let likely = USUAL_UNITS.into_iter().min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
-    let hint = match (likely - units).abs() < 0.1 * units {
-        true => String::new(),
-        false => format!("; units_per_metre = {likely} would make it {:.2} m", raw / likely),
+    let (units, median_m) = (camera.units_per_metre, depth.median_m?);
+    let evidence = UnitsEvidence {
+        stated: units,
+        median_m: Some(median_m),
+        near_m: depth.near_m,
+        lattice: depth.lattice,
+        true_scale: None,
     };
+    let found = judge_units(&evidence).filter(|found| found.is_wrong)?;
+    let steps = if depth.lattice.is_some() { " and its steps" } else { "" };
     Some(format!(
-        "median depth is {median_m:.2} m with units_per_metre = {units}, unusual for a depth camera{hint}"
+        "depth{steps} is unlike a sensor's with units_per_metre = {units}: {} is likely, a median depth of {:.2} m instead of {median_m:.2} m",
+        found.likely_words(),
+        median_m * units / found.likely
     ))
 }
 
-fn median(histogram: &[u64], n: u64) -> Option<usize> {
+/// Value that one in `share` of all is not above.
+fn quantile(histogram: &[u64], n: u64, share: u64) -> Option<usize> {
     let mut below = 0;
     histogram.iter().position(|count| {
         below += count;
-        n > 0 && 2 * below >= n
+        n > 0 && share * below >= n
     })
 }
 
@@ -201,22 +209,33 @@ mod tests {
     }
 
     #[test]
-    fn units_that_are_five_times_off_are_doubted_with_the_likely_ones() {
+    fn distances_of_a_table_and_of_a_hall_are_not_doubted() {
         let doubt = |raw, units| {
             let source = flat(raw, units);
             doubt_units(&summarise_depth(&source, 3).unwrap(), source.camera())
         };
-        assert_eq!((doubt(1858, 1000.0), doubt(5630, 5000.0), doubt(943, 1000.0)), (None, None, None));
-        let kitchen = doubt(1858, 5000.0).unwrap();
+        for (raw, units) in [(250, 1000.0), (400, 1000.0), (5630, 1000.0), (9000, 1000.0), (1858, 5000.0)] {
+            assert_eq!(doubt(raw, units), None, "{raw} of {units}");
+        }
+    }
+
+    #[test]
+    fn units_are_doubted_by_the_steps_of_depth_with_the_likely_ones() {
+        let mut raw = Vec::new();
+        for disparity in 80..400 {
+            // A Kinect with millimetres.
+            raw.extend([(580.0 * 0.075 * 8.0 / f64::from(disparity) * 1000.0_f64).round() as u16; 12]);
+        }
+        let doubt = |units| {
+            let camera = Camera::pinhole((640, 6), [525.0, 525.0, 320.0, 3.0], units);
+            doubt_units(&summarise_image(&raw, &camera), &camera)
+        };
+        assert_eq!(doubt(1000.0), None);
+        let words = doubt(5000.0).unwrap();
         assert!(
-            kitchen.contains("0.37 m with units_per_metre = 5000") && kitchen.contains("1000 would"),
-            "{kitchen}"
+            words.contains("its steps") && words.contains("units_per_metre = 5000: 1000 is likely"),
+            "{words}"
         );
-        let tum = doubt(5630, 1000.0).unwrap();
-        assert!(
-            tum.contains("5.63 m") && tum.contains("units_per_metre = 5000 would make it 1.13 m"),
-            "{tum}"
-        );
-        assert!(doubt(17_900, 2000.0).unwrap().contains("units_per_metre = 10000 would"));
+        assert!(doubt(200.0).unwrap().contains("1000 is likely"));
     }
 }

@@ -15,6 +15,7 @@ pub mod decode;
 mod depth_units;
 mod error;
 pub mod imu;
+pub mod judge;
 pub mod large;
 pub mod pairing;
 mod source;

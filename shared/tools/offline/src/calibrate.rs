@@ -1,6 +1,7 @@
 //! Calibration of a whole sequence: the pipeline with the present camera, then the camera with all
 //! keyframes, again until the camera stays.
 
+use crate::focal_of_features::focal_of_features;
 use crate::motion::{Moment, velocity};
 use crate::smooth_surfaces::SmoothSurfaces;
 use crate::{Method, RawFrame, Records, Run, SavedMap};
@@ -8,9 +9,11 @@ use std::collections::BTreeSet;
 use tessera_calibration::{
     Calibration, CalibrationError, CalibrationKeyframe, PairLimits, Parameter, Problem,
 };
+use tessera_features::FocalRatio;
 use tessera_geometry::{Camera, Pose, Twist, Vector6};
 use tessera_numerics::SettingError;
 use tessera_slam::{AlignRecord, Context, GlobalSettings, State};
+use tessera_sources::judge::{FocalEvidence, FocalPosterior, judge_focal};
 
 /// The camera stays when a pass moves the image by less than this share of its standard deviation,
 const CONVERGED_SHARE: f64 = 0.5;
@@ -62,6 +65,9 @@ pub struct Calibrated {
     pub passes: Vec<Pass>,
     /// The last pass moved the image by less than the limit.
     pub is_converged: bool,
+    /// The focal length by surfaces and features together, over the start's; absent where features do not
+    /// determine it, and then it is that of the surfaces.
+    pub focal: Option<FocalPosterior>,
 }
 
 /// Why there is no calibration.
@@ -104,6 +110,9 @@ pub fn calibrate<E>(
 ) -> Result<Calibrated, CalibrateError<E>> {
     let mut camera = start.clone();
     let mut passes = Vec::new();
+    let mut options = options.clone();
+    let is_free = !options.fixed.contains(&Parameter::Fx);
+    let mut held: Option<FocalPosterior> = None;
     loop {
         let mut run = Run::new(&camera, method)?;
         let mut smooth = SmoothSurfaces::new(&camera, method)?;
@@ -117,7 +126,7 @@ pub fn calibrate<E>(
         let colour = run.colour().model;
         let (records, map) = run.finish_with_map();
         let (calibration, n_untracked) =
-            solve(&records, &map, &smooth, (&camera, start), method, options, progress)?;
+            solve(&records, &map, &smooth, (&camera, start), method, &options, progress)?;
         passes.push(Pass {
             n_frames: n_frames as usize,
             n_untracked,
@@ -125,13 +134,55 @@ pub fn calibrate<E>(
             residual_sigmas: calibration.residual_sigmas,
             moved_px: calibration.moved_px,
         });
+        // The first pass is for the lens, for which features have no other word than its focal length.
+        let focal = (is_free && held.is_none() && passes.len() > 1)
+            .then(|| focal_of_features(&camera, &map, method, colour))
+            .flatten()
+            .and_then(|seen| focal_by_all(start, &camera, &calibration, seen));
         camera = calibration.camera.clone();
         // As far as it is certain; the next pass begins there.
         (camera.colour_lag_s, camera.colour_focal_ratio) = (colour.lag_s, colour.focal_ratio);
+        let is_last = passes.len() >= options.max_passes as usize;
         let is_converged = calibration.moved_px < (CONVERGED_SHARE * calibration.std_px).max(CONVERGED_PX);
-        if is_converged || passes.len() >= options.max_passes as usize {
-            let calibration = Calibration { camera, ..calibration };
-            return Ok(Calibrated { calibration, passes, is_converged });
+        let asks_features = is_free && held.is_none() && (passes.len() == 1 || focal.is_some());
+        if is_last || is_converged && !asks_features {
+            let mut calibration = Calibration { camera, ..calibration };
+            if let Some(held) = &held {
+                state_deviation(&mut calibration, held.sigma / held.ratio);
+            }
+            return Ok(Calibrated { calibration, passes, is_converged, focal: held });
+        }
+        if let Some(focal) = focal {
+            // The other parameters follow about the focal length of all evidence.
+            let aspect = camera.fy / camera.fx;
+            camera.fx = start.fx * focal.ratio;
+            camera.fy = aspect * camera.fx;
+            options.fixed.retain(|fixed| !matches!(fixed, Parameter::Fx | Parameter::Fy));
+            options.fixed.extend([Parameter::Fx, Parameter::Fy]);
+            held = Some(focal);
+        }
+    }
+}
+
+/// The focal length over the start's by surfaces, which were solved for, and by features, seen with `camera`.
+fn focal_by_all(
+    start: &Camera,
+    camera: &Camera,
+    calibration: &Calibration,
+    seen: FocalRatio,
+) -> Option<FocalPosterior> {
+    let of_start = camera.fx / start.fx;
+    let fx = calibration.estimates.iter().find(|estimate| estimate.parameter == Parameter::Fx)?;
+    let surfaces = FocalEvidence::surfaces(fx.value / start.fx, Some(fx.std / fx.value));
+    let features = FocalEvidence::features(seen.ratio * of_start, seen.sigma * of_start, seen.n_pairs);
+    judge_focal(&[surfaces, features])
+}
+
+/// The deviation of the focal lengths by all evidence, as a share of them.
+fn state_deviation(calibration: &mut Calibration, share: f64) {
+    for estimate in &mut calibration.estimates {
+        if matches!(estimate.parameter, Parameter::Fx | Parameter::Fy) {
+            (estimate.std, estimate.held) = (share * estimate.value.abs(), 0.0);
         }
     }
 }

@@ -5,11 +5,13 @@
 #![forbid(unsafe_code)]
 
 mod calibrate;
+mod focal_of_features;
 mod motion;
 mod records;
 mod smooth_surfaces;
 
 pub use calibrate::{CalibrateError, CalibrateOptions, Calibrated, Pass, calibrate};
+pub use focal_of_features::focal_of_features;
 pub use records::Records;
 pub use tessera_calibration::{Calibration, Estimate, HeldDirection, Parameter};
 
@@ -120,6 +122,8 @@ pub struct SavedMap {
     pub submaps: Submaps,
     /// Their surfaces, row by row.
     pub surfaces: Vec<Vec<Vertex>>,
+    /// Features of their colour images; none where they are not kept.
+    pub features: Vec<Vec<Feature>>,
 }
 
 /// A run in progress: push frames, then finish.
@@ -260,7 +264,8 @@ impl Run {
             self.apply_correction(next);
         }
         let TrackerState { keyframes, submaps, .. } = self.tracker.state().clone();
-        (Records { records: self.records }, SavedMap { keyframes, submaps, surfaces: self.keyframes.0 })
+        let RunKeyframes(surfaces, features) = self.keyframes;
+        (Records { records: self.records }, SavedMap { keyframes, submaps, surfaces, features })
     }
 
     /// Ends the sequence where it is, without the final optimisation, and returns all records.

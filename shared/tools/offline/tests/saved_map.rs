@@ -91,6 +91,7 @@ fn starts_all_along_the_path_are_found() {
             surfaces: map.surfaces.clone(),
             submaps: map.submaps.clone(),
             keyframes: map.keyframes.clone(),
+            features: Vec::new(),
         };
         let mut run = Run::in_map(source.camera(), &Method::default(), map, None).unwrap();
         let indices: Vec<u64> = (start..start + 32).collect();

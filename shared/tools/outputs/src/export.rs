@@ -94,6 +94,7 @@ pub(crate) fn read_beside(files: &RunFiles) -> Beside {
             focal_px: run.camera.fx,
             stated_colour: ColourModel::of_camera(&run.camera),
             seen_focal: None,
+            lateral: None,
             n_from_base: None,
         },
         Err(_) => Beside { broken, ..Beside::default() },

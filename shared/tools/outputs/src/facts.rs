@@ -1,13 +1,12 @@
 //! What a verdict on a run is made of, as plain data.
 
-use crate::lateral::{LateralScale, lateral_scale};
 use crate::replay::Replay;
 use crate::statistics::{Ended, RunStatistics};
 use crate::trajectories::as_trajectory;
 use crate::verdict::UNCERTAIN_M;
 use std::collections::BTreeMap;
 use std::fmt;
-use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
+use tessera_evaluation::{EvaluationOptions, LateralScale, Trajectory, evaluate, lateral_scale};
 use tessera_features::FocalRatio;
 use tessera_slam::{ColourModel, FrameRecord, State};
 
@@ -67,8 +66,6 @@ pub struct Truth {
     pub ate_m: f64,
     /// Root mean square distance of the positions from their middle, by that factor, metres.
     pub spread_m: f64,
-    /// Motions across the view against the true ones, where they tell something.
-    pub lateral: Option<LateralScale>,
 }
 
 /// The facts of a run.
@@ -122,8 +119,8 @@ pub struct Facts {
     pub focal_px: f64,
     /// What features say of it.
     pub seen_focal: Option<FocalRatio>,
-    /// Focal length of colour over that of depth, as applied at the end.
-    pub colour_focal_ratio: f64,
+    /// Motions across the view against the true ones, as that camera saw them, where they tell something.
+    pub lateral: Option<LateralScale>,
     /// Disagreement of colour with depth at the end of the run, where it is not believed.
     pub unbelieved_colour: Option<f64>,
     /// Focal length of the camera and of the refined one, pixels.
@@ -149,6 +146,8 @@ pub struct Beside {
     pub focal_px: f64,
     /// What features say of it.
     pub seen_focal: Option<FocalRatio>,
+    /// What the ground truth says of it.
+    pub lateral: Option<LateralScale>,
     /// What the camera file states of colour.
     pub stated_colour: ColourModel,
     /// Corrections that the base of a fleet computed, where the run asked one.
@@ -184,7 +183,7 @@ impl Facts {
             units_per_metre: beside.units_per_metre,
             focal_px: beside.focal_px,
             seen_focal: beside.seen_focal,
-            colour_focal_ratio: colour.model.focal_ratio,
+            lateral: beside.lateral,
             unbelieved_colour: (!colour.is_trusted()).then_some(colour.disagreement),
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
@@ -251,20 +250,29 @@ fn deviation_m(frame: &FrameRecord) -> Option<f64> {
 
 /// The scale of the tracked frames against the truth; `None` where too little can be compared.
 fn lengths(replay: &Replay, truth: &Trajectory) -> Option<Truth> {
-    let main = replay.main_component();
-    let frames = replay.frames.iter().filter(|frame| replay.component(frame) == main);
-    let tracked = frames.filter(|frame| frame.state == State::Tracking);
-    let tracked = tracked.map(|frame| (frame.stamp_nanos, replay.final_pose(frame))).collect();
     let options = EvaluationOptions { scale: true, ..EvaluationOptions::default() };
-    let tracked = as_trajectory(&tracked)?;
+    let tracked = tracked(replay)?;
     let found = evaluate(&tracked, truth, &options).ok()?;
     let scaled = found.with_scale.filter(|scaled| found.pairs >= LEAST_POSES && scaled.scale > 0.0)?;
     let spread_m = scaled.scale * spread_m(&tracked);
     let is_telling = spread_m > LEAST_SPREAD_M
         && scaled.ate_rmse_m < TELLING_SHARE * found.ate_rmse_m
         && scaled.ate_rmse_m < LEFT_SHARE * spread_m;
-    let lateral = lateral_scale(&tracked, truth);
-    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m, lateral })
+    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m })
+}
+
+/// Motions of the tracked frames across the view against the truth's; `None` where they tell nothing.
+/// `as_mapped`: as the run's own camera saw them, for its focal length is what they are to tell.
+pub(crate) fn lateral(as_mapped: &Replay, truth: &Trajectory) -> Option<LateralScale> {
+    lateral_scale(&tracked(as_mapped)?, truth)
+}
+
+/// Final poses of the tracked frames of the main component.
+fn tracked(replay: &Replay) -> Option<Trajectory> {
+    let main = replay.main_component();
+    let frames = replay.frames.iter().filter(|frame| replay.component(frame) == main);
+    let tracked = frames.filter(|frame| frame.state == State::Tracking);
+    as_trajectory(&tracked.map(|frame| (frame.stamp_nanos, replay.final_pose(frame))).collect())
 }
 
 /// Root mean square distance of the positions from their middle, metres.

@@ -11,7 +11,6 @@ pub mod facts;
 mod files;
 pub mod html;
 mod joint;
-mod lateral;
 mod machine;
 mod map;
 mod noise;

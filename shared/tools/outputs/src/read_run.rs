@@ -3,7 +3,7 @@
 
 use crate::ToolError;
 use crate::export::{n_from_base, read_beside, read_groundtruth, read_journal, read_settings};
-use crate::facts::Beside;
+use crate::facts::{Beside, lateral};
 use crate::replay::Replay;
 use crate::seen_focal::seen_focal;
 use crate::statistics::{Ended, read_statistics};
@@ -64,7 +64,9 @@ pub fn read_run(run_folder: &Path) -> Result<ReadRun, ToolError> {
             Err(error) => (None, Some(error)),
         },
     };
-    let beside = Beside { seen_focal, ..beside };
+    // The judge of the camera asks what the run's own camera saw, whatever became of it.
+    let lateral = groundtruth.as_ref().and_then(|truth| lateral(&as_mapped, truth));
+    let beside = Beside { seen_focal, lateral, ..beside };
     let replay = refined.as_ref().unwrap_or(&as_mapped);
     let mut summary = Summary::new(&settings, replay, &statistics, groundtruth.as_ref(), &beside);
     if replay.refined().is_some() {

@@ -157,7 +157,10 @@ impl Replay {
 
     /// What all frames say of colour against depth, from what the camera file states on.
     pub(crate) fn colour(&self, stated: ColourModel) -> ColourState {
-        ColourState::of_frames(stated, &self.frames)
+        ColourState::of_records(
+            stated,
+            self.frames.iter().map(|f| (f.colour.as_ref(), f.colour_pose.as_ref())),
+        )
     }
 
     /// The keyframes of the main component, each with its corrected `world_from_camera`.

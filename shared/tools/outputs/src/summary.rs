@@ -10,6 +10,7 @@ use crate::replay::Replay;
 use crate::statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
 use crate::trajectories::{Rows, final_rows, online_rows};
 use crate::verdict::{Verdict, verdict};
+use crate::wrong_camera::focal;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,6 +18,7 @@ use tessera_evaluation::Trajectory;
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
 use tessera_slam::Refinement;
+use tessera_sources::judge::FocalSource;
 
 /// Names of the stages in the order of the flow, as every table of the summary lists them.
 pub(crate) const STAGES: [&str; 4] = ["sensor", "reconstruct", "align", "optimise"];
@@ -102,13 +104,29 @@ pub struct Summary {
     /// Noise scales of surfaces and features; absent where no frame was aligned.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseSummary>,
-    /// Focal length that the features of turned views fit, with its standard deviation, pixels; absent where
-    /// they do not tell it.
+    /// The focal length that all evidence together finds; absent without evidence.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub seen_focal_px: Option<[f64; 2]>,
+    pub focal: Option<FocalSummary>,
     /// What became of the camera; absent where the run was not asked to refine it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementSummary>,
+}
+
+/// The focal length along x by all evidence, as the verdict judges it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FocalSummary {
+    /// The camera's, pixels.
+    pub stated_px: f64,
+    /// By the evidence, pixels.
+    pub likely_px: f64,
+    /// Standard deviation of that, pixels.
+    pub deviation_px: f64,
+    /// How far both are apart, standard deviations of both.
+    pub sigmas: f64,
+    /// The camera's is refuted.
+    pub is_doubted: bool,
+    /// What the evidence is of.
+    pub by: Vec<FocalSource>,
 }
 
 /// What `--refine-camera` did.
@@ -188,9 +206,14 @@ impl Summary {
             colour: ColourSummary::new(&replay.colour(beside.stated_colour)),
             repeated_colour: replay.frames.iter().filter(|frame| frame.repeats_colour).count() as u64,
             noise: NoiseSummary::new(replay.frames.iter().filter_map(|frame| frame.noise.as_ref())),
-            seen_focal_px: beside
-                .seen_focal
-                .map(|seen| [seen.ratio, seen.sigma].map(|x| x * beside.focal_px)),
+            focal: focal(&facts).map(|found| FocalSummary {
+                stated_px: beside.focal_px,
+                likely_px: found.ratio * beside.focal_px,
+                deviation_px: found.sigma * beside.focal_px,
+                sigmas: found.sigmas,
+                is_doubted: found.is_wrong,
+                by: found.sources,
+            }),
             refinement: settings
                 .mapping
                 .global

@@ -4,7 +4,7 @@
 
 use crate::facts::{Facts, Span};
 use crate::statistics::Ended;
-use crate::wrong_camera::{lens, off_truth, seen_lens, true_lens, units};
+use crate::wrong_camera::{lens, off_truth, units};
 use serde::Serialize;
 use std::fmt;
 use tessera_slam::UNTRUSTED;
@@ -107,8 +107,6 @@ pub fn verdict(facts: &Facts) -> Verdict {
         one_frame(facts),
         units(facts),
         lens(facts),
-        seen_lens(facts),
-        true_lens(facts),
         off_truth(facts),
         untracked(facts),
         apart(facts),

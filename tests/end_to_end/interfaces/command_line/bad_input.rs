@@ -121,7 +121,7 @@ fn lists_and_cameras_are_refused_by_file_line_and_key() {
         recording.write(name, &before);
     };
     stated(depth, second, "0.000000 depth/1.png", "2 of 4 stamps are not set");
-    stated(depth, second, "9.000000 depth/1.png", "2 images came late");
+    stated(depth, second, "9.000000 depth/1.png", "the stamps go back by 8.933 s");
     check(depth, second, "soon depth/1.png", &["depth.txt, line 2", "soon"]);
     check(depth, second, "0.033333 ../x.png", &["depth.txt, line 2", "expected a path inside the folder"]);
     check("camera.toml", "fx = 525.0", "fx = 0.0", &["camera.toml", "fx is 0, expected a finite number"]);

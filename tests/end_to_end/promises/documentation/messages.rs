@@ -9,7 +9,7 @@ use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 18] = [
+const ELSEWHERE: [(&str, &str, &str); 20] = [
     ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
     ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
     ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
@@ -56,6 +56,16 @@ const ELSEWHERE: [(&str, &str, &str); 18] = [
     ),
     ("was not forced to disk", "promises/durability/power.rs", r#"contains("was not forced to disk")"#),
     ("newer frames had come", "../../processes/align/src/step.rs", "newer frames had come"),
+    (
+        "is unlike a sensor's with",
+        "../../shared/data/frames/src/depth_units.rs",
+        "units_per_metre = 5000: 1000 is likely",
+    ),
+    (
+        "is likely, not the camera's",
+        "../../shared/data/frames/src/judge/focal.rs",
+        "is likely, not the camera's 500 px",
+    ),
 ];
 
 /// The messages of the manual's page.
@@ -261,7 +271,7 @@ fn of_mcap(told: &mut Told) {
     let info = |model, distortion: &[f64]| camera_info("/depth/info", model, distortion);
     std::fs::write(&path, "RIFF").unwrap();
     told.by(&["check", text(&path)]);
-    check(told, &[image("/rgb", 1, "16UC1")], &[]);
+    check(told, &[image("/rgb", 1, "rgb8")], &[]);
     check(told, &[depth("/left/depth"), depth("/right/depth")], &[]);
     check(told, &[depth("/depth")], &["--depth-topic", "/nothing"]);
     check(told, &[depth("/depth")], &[]);

@@ -90,7 +90,16 @@ fn all_that_is_told_of_a_run_is_one_verdict() {
     let wrong_focal = room().frames(N_FRAMES).of(wrong.path()).with(&["--camera", camera.to_str().unwrap()]);
     let (grade, reasons) = told(&wrong_focal, &strictly(&wrong_focal), "done");
     assert_eq!(grade, "doubtful", "{reasons:?}");
-    assert!(reasons.iter().any(|reason| reason.contains("fit a focal length of")), "{reasons:?}");
+    let focal = reasons.iter().filter(|reason| reason.starts_with("a focal length of about"));
+    let focal: Vec<&String> = focal.collect();
+    assert!(focal.len() == 1 && focal[0].ends_with("by features of turned views"), "{reasons:?}");
+    let summary: serde_json::Value = serde_json::from_slice(&wrong_focal.output("summary.json")).unwrap();
+    let found = &summary["focal"];
+    let likely = found["likely_px"].as_f64().unwrap();
+    assert!(found["is_doubted"] == true && focal[0].contains(&format!(" {likely:.0} px")), "{found}");
+    // The right one, within what the judge states.
+    let deviation = found["deviation_px"].as_f64().unwrap();
+    assert!((likely - 131.25).abs() < 3.0 * deviation, "{found}");
 
     let plain = ["--set", "mapping.features.enabled=false", "--set", "simulation.sensor=exact"];
     let wall = room().frames(12).of(Path::new("wall")).with(&plain);

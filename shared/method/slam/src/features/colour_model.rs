@@ -4,8 +4,7 @@
 //! The parameters are the maximum of their posterior ([`crate::features::colour_pose`] gives the likelihood); each
 //! is applied where its own deviation tells that it is not zero.
 
-use crate::features::colour_pose::{ParameterMatrix, ParameterSums, Parameters};
-use crate::map::records::FrameRecord;
+use crate::features::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
@@ -31,8 +30,8 @@ impl ColourModel {
         Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
     }
 
-    fn parameters(&self) -> Parameters {
-        Parameters::new(self.lag_s, self.focal_ratio - 1.0)
+    fn parameters(&self) -> ColourParameters {
+        ColourParameters::new(self.lag_s, self.focal_ratio - 1.0)
     }
 
     /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
@@ -160,19 +159,22 @@ impl ColourState {
         Self { information, gradient, model, ..Self::default() }
     }
 
-    /// The state as of these frames, in their order.
-    pub fn of_frames<'a>(stated: ColourModel, frames: impl IntoIterator<Item = &'a FrameRecord>) -> Self {
+    /// The state as of these records of frames, in their order.
+    pub fn of_records<'a>(
+        stated: ColourModel,
+        frames: impl IntoIterator<Item = (Option<&'a ColourRecord>, Option<&'a ColourPoseRecord>)>,
+    ) -> Self {
         let mut state = Self::stated(stated);
-        frames.into_iter().for_each(|frame| state.apply(frame));
+        frames.into_iter().for_each(|(audit, pose)| state.apply(audit, pose));
         state
     }
 
     /// Takes a frame's records in.
-    pub(crate) fn apply(&mut self, frame: &FrameRecord) {
-        if let Some(record) = &frame.colour {
+    pub(crate) fn apply(&mut self, audit: Option<&ColourRecord>, pose: Option<&ColourPoseRecord>) {
+        if let Some(record) = audit {
             self.apply_audit(record);
         }
-        if let Some(record) = &frame.colour_pose {
+        if let Some(record) = pose {
             self.apply_pose(record);
         }
     }
@@ -220,7 +222,7 @@ impl ColourState {
     pub fn estimate(&self) -> Option<[[f64; 2]; 2]> {
         let [a, b, d] = self.information;
         let covariance = ParameterMatrix::new(a, b, b, d).try_inverse()?;
-        let value = covariance * Parameters::from(self.gradient);
+        let value = covariance * ColourParameters::from(self.gradient);
         Some([0, 1].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
     }
 

@@ -1,7 +1,7 @@
 //! How the colour camera lies against the depth camera, from the disagreement of their poses (method 14.2).
 //!
 //! A reference gives the relative pose of a frame from surfaces and, about `x_f = -N_f^-1 (g_f + K p)`, from
-//! features, where `p` are the errors that all features share: lag and focal ratio. With `S = s_s^2 N_s^-1 + s_f^2 N_f^-1` ([`crate::tracking::noise_scales`]) the disagreement
+//! features, where `p` are the errors that all features share: lag and focal ratio. With `S = s_s^2 N_s^-1 + s_f^2 N_f^-1` (the noise scales, method 9.5) the disagreement
 //! `d = x_s - x_f` is `N(-N_f^-1 K p, S)`: normal equations of `p` whose deviations are those of the poses, in
 //! directions that the surfaces leave open as large as they are there.
 
@@ -12,7 +12,7 @@ use tessera_features::Correspondence;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, hat};
 
 /// Lag, and focal ratio less one.
-pub(crate) type Parameters = Vector2<f64>;
+pub(crate) type ColourParameters = Vector2<f64>;
 /// A matrix over the parameters.
 pub(crate) type ParameterMatrix = Matrix2<f64>;
 /// `K = sum J^T Omega E`: how a pair's gradient changes with the parameters.
@@ -22,7 +22,7 @@ pub(crate) type Coupling = Matrix6x2<f64>;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ParameterSums {
     pub(crate) information: ParameterMatrix,
-    pub(crate) gradient: Parameters,
+    pub(crate) gradient: ColourParameters,
 }
 
 impl ParameterSums {

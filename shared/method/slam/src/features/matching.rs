@@ -1,6 +1,7 @@
 //! Matches of a frame with a reference, and the relative pose that they agree on.
 
 use crate::features::residuals;
+use crate::features::weighted_pair::FeaturePair;
 use crate::map::context::Context;
 use nalgebra::Vector3;
 use tessera_features::{
@@ -8,7 +9,6 @@ use tessera_features::{
     estimate_pose, match_features,
 };
 use tessera_geometry::Pose;
-use tessera_graph::BlockSums;
 
 /// Depth taken for a feature without one where a match is predicted, metres.
 const USUAL_DEPTH_M: f64 = 2.0;
@@ -18,15 +18,6 @@ const USUAL_DEPTH_M: f64 = 2.0;
 pub(crate) struct Seen<'a> {
     pub(crate) features: &'a [Feature],
     pub(crate) observations: &'a [Observation],
-}
-
-/// Matches that agree on a relative pose.
-#[derive(Clone, Debug)]
-pub(crate) struct FeaturePair {
-    pub(crate) target_from_query: Pose,
-    pub(crate) inliers: Vec<Correspondence>,
-    /// Of the inliers, about that pose, metric.
-    pub(crate) sums: BlockSums,
 }
 
 /// Where matches are looked for, and how hard.

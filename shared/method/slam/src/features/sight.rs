@@ -2,10 +2,10 @@
 
 use crate::features::colour_model::ColourModel;
 use crate::features::lift::lift;
-use crate::features::matching::{FeaturePair, PairFinder, Reach, Seen};
+use crate::features::matching::{PairFinder, Reach, Seen};
 use crate::features::observed::Observed;
 use crate::features::residuals;
-use crate::features::weighted_pair::WeightedPair;
+use crate::features::weighted_pair::{FeaturePair, WeightedPair};
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::tracking::input::{FrameSurface, TrackingInput};

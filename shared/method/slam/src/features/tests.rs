@@ -3,9 +3,9 @@
 
 use crate::features::colour_model::{ColourModel, ColourState};
 use crate::features::lift::lift;
-use crate::features::matching::FeaturePair;
 use crate::features::observed::Observed;
 use crate::features::residuals;
+use crate::features::weighted_pair::FeaturePair;
 use crate::features::weighted_pair::WeightedPair;
 use crate::loops::test_wall::context;
 use crate::map::context::Context;

@@ -1,9 +1,18 @@
 //! Features that two views share, as a term of their alignment.
 
-use crate::features::matching::FeaturePair;
 use std::sync::Arc;
+use tessera_features::Correspondence;
 use tessera_geometry::Pose;
 use tessera_graph::BlockSums;
+
+/// Matches that agree on a relative pose.
+#[derive(Clone, Debug)]
+pub(crate) struct FeaturePair {
+    pub(crate) target_from_query: Pose,
+    pub(crate) inliers: Vec<Correspondence>,
+    /// Of the inliers, about that pose, metric.
+    pub(crate) sums: BlockSums,
+}
 
 /// A pair as an alignment takes it: with its weight in the units of the blocks' information.
 #[derive(Clone, Debug)]

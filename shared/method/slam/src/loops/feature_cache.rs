@@ -4,7 +4,7 @@
 //! it makes no difference what is kept and what is found anew.
 
 use crate::features::colour_model::ColourModel;
-use crate::features::matching::FeaturePair;
+use crate::features::weighted_pair::FeaturePair;
 use crate::loops::verification::Tested;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -177,7 +177,7 @@ impl TrackerState {
         if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
             self.reference_entropy = Some(frame.entropy_nats);
         }
-        self.colour.apply(frame);
+        self.colour.apply(frame.colour.as_ref(), frame.colour_pose.as_ref());
         if let Some(noise) = &frame.noise {
             self.noise.apply(noise);
         }
@@ -188,19 +188,7 @@ impl TrackerState {
         self.is_pose_dropped = frame.state == State::Lost && is_dropped;
         self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
-        if self.recent.len() == 2 {
-            self.recent.remove(0);
-        }
-        self.recent.push(RecentFrame {
-            index: frame.index,
-            stamp_nanos: frame.stamp_nanos,
-            state: frame.state,
-            world_from_camera: frame.world_from_camera,
-            velocity: frame.velocity,
-            covariance: frame.covariance.clone(),
-            repeats_colour: frame.repeats_colour,
-            rotation: frame.rotation,
-        });
+        self.remember(frame);
         self.sighting = frame.sighting;
         self.contradiction = frame.contradiction;
         if let Some(split) = &frame.split {
@@ -215,6 +203,23 @@ impl TrackerState {
         if let Some(request) = &frame.request {
             self.note_request(request);
         }
+    }
+
+    /// The last two frames, from which the next is predicted.
+    fn remember(&mut self, frame: &FrameRecord) {
+        if self.recent.len() == 2 {
+            self.recent.remove(0);
+        }
+        self.recent.push(RecentFrame {
+            index: frame.index,
+            stamp_nanos: frame.stamp_nanos,
+            state: frame.state,
+            world_from_camera: frame.world_from_camera,
+            velocity: frame.velocity,
+            covariance: frame.covariance.clone(),
+            repeats_colour: frame.repeats_colour,
+            rotation: frame.rotation,
+        });
     }
 
     /// The camera is in this submap from now on, which may be a new one.

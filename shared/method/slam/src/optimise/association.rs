@@ -1,9 +1,9 @@
 //! Data association between all keyframes: neighbours by pose, verified loop closures, and loops
 //! recognised by appearance.
 
-use crate::features::matching::{FeaturePair, PairFinder, Reach};
+use crate::features::matching::{PairFinder, Reach};
 use crate::features::sight::ENOUGH_FEATURES;
-use crate::features::weighted_pair::WeightedPair;
+use crate::features::weighted_pair::{FeaturePair, WeightedPair};
 use crate::loops::covisibility;
 use crate::loops::detection::{self, TrackPoint};
 use crate::loops::feature_cache::{FeatureCache, PairIds, RoundedGuess};

@@ -5,7 +5,7 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::noise_scales::{self, Evidence, PairEvidence};
+use crate::tracking::noise_scales::{self, FrameEvidence, PairEvidence};
 use crate::tracking::prediction::Prediction;
 use crate::tracking::window::{Member, pose_and_velocity};
 use crate::tracking::window_alignment::WindowAlignment;
@@ -152,7 +152,7 @@ fn noise(
     aligner: &Aligner,
     aligned: &WindowAlignment,
     makes_keyframe: bool,
-) -> Option<Evidence> {
+) -> Option<FrameEvidence> {
     let a = &aligned.alignment;
     let members = aligned.members.iter().zip(&a.blocks).zip(&a.parts);
     let pairs = members.filter_map(|((member, (origin, _)), (surfaces, features))| {

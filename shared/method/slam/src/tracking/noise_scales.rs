@@ -111,7 +111,7 @@ pub(crate) struct PairEvidence<'a> {
 }
 
 /// What a frame's alignment tells of the noise, and of colour where that is asked for.
-pub(crate) struct Evidence {
+pub(crate) struct FrameEvidence {
     pub(crate) noise: NoiseRecord,
     pub(crate) colour: Option<ColourPoseRecord>,
 }
@@ -123,7 +123,7 @@ pub(crate) fn evidence<'a>(
     model: f64,
     scales: &NoiseScales,
     colour: Option<&ColourModel>,
-) -> Option<Evidence> {
+) -> Option<FrameEvidence> {
     let mut of_colour = ParameterSums::default();
     let mut record = NoiseRecord::default();
     let (mut cost, mut n_matches, mut n_pairs) = (0.0, 0.0, 0.0);
@@ -163,7 +163,7 @@ pub(crate) fn evidence<'a>(
     of_colour.information /= f64::max(n_pairs, 1.0);
     of_colour.gradient /= f64::max(n_pairs, 1.0);
     let colour = colour.filter(|_| n_pairs > 0.0).map(|model| ColourPoseRecord::new(&of_colour, model));
-    (n_matches > 0.0).then_some(Evidence { noise: record, colour })
+    (n_matches > 0.0).then_some(FrameEvidence { noise: record, colour })
 }
 
 /// Two groups of normal equations at their joint optimum.
@@ -194,7 +194,7 @@ fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<Componen
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::matching::FeaturePair;
+    use crate::features::weighted_pair::FeaturePair;
     use nalgebra::{Matrix3, Vector3};
     use std::sync::Arc;
     use tessera_numerics::SplitMix64;

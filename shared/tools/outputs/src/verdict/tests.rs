@@ -1,6 +1,6 @@
 use super::*;
 use crate::facts::Truth;
-use crate::lateral::LateralScale;
+use tessera_evaluation::LateralScale;
 use tessera_features::FocalRatio;
 
 fn good() -> Facts {
@@ -145,7 +145,7 @@ fn how_a_run_ended_weighs_most() {
 #[test]
 fn positions_far_from_the_ground_truth_are_doubtful() {
     let off = |ate_m, spread_m| {
-        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m, lateral: None });
+        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m });
         verdict(&Facts { truth, ..good() })
     };
     let room = off(0.3, 1.2);
@@ -157,7 +157,7 @@ fn positions_far_from_the_ground_truth_are_doubtful() {
 #[test]
 fn wrong_units_and_lenses_are_named_with_the_likely_value() {
     let against = |scale, is_telling| Facts {
-        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0, lateral: None }),
+        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0 }),
         ..good()
     };
     check(
@@ -168,39 +168,46 @@ fn wrong_units_and_lenses_are_named_with_the_likely_value() {
     check(&against(0.21, true), Grade::Failed, &["4.76 times too large", "5000 is likely"]);
     check(&against(5.0, false), Grade::Good, &[]);
     check(&against(1.2, true), Grade::Good, &[]);
-    let refined = |to| Facts { refined_focal_px: Some([500.0, to]), ..good() };
-    check(&refined(560.0), Grade::Doubtful, &["560 px better than the camera's 500 px (+12 %)"]);
+    let refined = |to| Facts { focal_px: 500.0, refined_focal_px: Some([500.0, to]), ..good() };
+    check(
+        &refined(560.0),
+        Grade::Doubtful,
+        &["about 560 px (deviation 17 px) is likely, not the camera's 500 px (+12 %)", "camera_refined.toml"],
+    );
     check(&refined(510.0), Grade::Good, &[]);
     let doubt = Facts { source_doubts: vec!["median depth is 5.5 m".to_owned()], ..good() };
     check(&doubt, Grade::Doubtful, &["median depth is 5.5 m", "--camera"]);
 }
 
 #[test]
-fn a_wrong_focal_length_is_told_by_features_and_by_the_truth_where_they_are_certain() {
+fn a_wrong_focal_length_is_told_once_by_all_evidence() {
     let seen = |ratio, sigma, n_pairs| Facts {
         focal_px: 500.0,
         seen_focal: Some(FocalRatio { ratio, sigma, n_pairs }),
-        colour_focal_ratio: 1.0,
         ..good()
     };
-    check(&seen(1.11, 0.01, 40), Grade::Doubtful, &["555 px (deviation 5 px)", "500 px (+11 %)", "--camera"]);
-    check(&seen(0.9, 0.01, 40), Grade::Doubtful, &["450 px"]);
-    check(&seen(1.05, 0.001, 40), Grade::Good, &[]);
-    check(&seen(1.11, 0.03, 40), Grade::Good, &[]);
-    check(&seen(1.11, 0.01, 7), Grade::Good, &[]);
-    let other = |ratio| Facts { colour_focal_ratio: 0.9, ..seen(ratio, 0.01, 40) };
-    check(&other(1.11), Grade::Good, &[]);
-    check(&other(1.16), Grade::Doubtful, &["580 px"]);
-    let across = |scale, sigma, units| {
-        let lateral = Some(LateralScale { scale, sigma });
-        let truth = Truth { scale: units, is_telling: true, ate_m: 0.0, spread_m: 1.0, lateral };
-        Facts { focal_px: 500.0, truth: Some(truth), ..good() }
+    check(
+        &seen(1.13, 0.005, 60),
+        Grade::Doubtful,
+        &["not the camera's 500 px", "features of turned views", "--camera"],
+    );
+    check(&seen(0.9, 0.005, 60), Grade::Doubtful, &["about 442 px"]);
+    check(&seen(1.07, 0.001, 60), Grade::Good, &[]);
+    check(&seen(1.13, 0.08, 60), Grade::Good, &[]);
+    check(&seen(1.13, 0.01, 7), Grade::Good, &[]);
+    let across = |scale, sigma, turn_per_metre, units| {
+        let lateral = Some(LateralScale { scale, sigma, n_groups: 12, turn_per_metre });
+        let truth = Truth { scale: units, is_telling: true, ate_m: 0.0, spread_m: 1.0 };
+        Facts { focal_px: 500.0, truth: Some(truth), lateral, ..good() }
     };
-    check(&across(1.1, 0.01, 1.0), Grade::Doubtful, &["1.10 times", "about 550 px", "500 px"]);
-    check(&across(1.06, 0.001, 1.0), Grade::Good, &[]);
-    check(&across(1.1, 0.06, 1.0), Grade::Good, &[]);
-    check(&across(1.4, 0.1, 1.0), Grade::Good, &[]);
-    assert_eq!(verdict(&across(1.2, 0.01, 5.0)).reasons.len(), 1, "the units alone");
-    let both = Facts { truth: across(1.0, 0.01, 2.4).truth, ..seen(0.9, 0.01, 40) };
-    assert!(!verdict(&both).for_people().contains("units_per_metre"), "the lens made the lengths");
+    check(&across(1.1, 0.01, 0.3, 1.0), Grade::Doubtful, &["about 550 px", "500 px", "ground truth"]);
+    check(&across(1.04, 0.001, 0.3, 1.0), Grade::Good, &[]);
+    check(&across(1.1, 0.06, 0.3, 1.0), Grade::Good, &[]);
+    // As on freiburg1_rpy, which turns: an alarm would be false.
+    check(&across(1.127, 0.02, 5.0, 1.0), Grade::Good, &[]);
+    let across = across(1.0, 0.01, 5.0, 2.4);
+    let both = Facts { truth: across.truth, lateral: across.lateral, ..seen(0.88, 0.005, 60) };
+    let verdict = verdict(&both);
+    assert_eq!(verdict.reasons.len(), 1, "the lens made the lengths: {verdict:?}");
+    assert!(verdict.reasons[0].found.contains("focal length"), "{verdict:?}");
 }

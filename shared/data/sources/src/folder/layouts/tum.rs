@@ -10,14 +10,13 @@ use super::{Asked, FoundLayout};
 use crate::SourceError;
 use std::path::Path;
 use tessera_frames::cameras::named_camera;
+use tessera_frames::judge::{FocalEvidence, UnitsEvidence, judge_focal, judge_units};
 use tessera_geometry::Camera;
 
 pub(super) const NAME: &str = "TUM RGB-D (depth.txt, rgb.txt)";
 
 /// Cameras of the benchmark: built in under these names.
 const CAMERAS: [&str; 3] = ["freiburg1", "freiburg2", "freiburg3"];
-/// Relative difference of focal lengths or units that makes another camera of it.
-const MOST_OFF: f64 = 0.08;
 /// Depth units of the benchmark, and so of the layout, a metre.
 pub(super) const UNITS_PER_METRE: f64 = 5000.0;
 /// Lines of a list that are looked through for its origin.
@@ -116,8 +115,12 @@ fn named(folder: &Path) -> Result<Option<(Camera, String)>, SourceError> {
 /// Whether the camera used is another one than the recording's name says.
 fn doubt(folder: &Path, used: &Camera) -> Result<Option<String>, SourceError> {
     let Some((named, from)) = named(folder)? else { return Ok(None) };
-    let is_off = |used: f64, named: f64| (used / named - 1.0).abs() > MOST_OFF;
-    let (focal, units) = (is_off(used.fx, named.fx), is_off(used.units_per_metre, named.units_per_metre));
+    // The judge of both: a camera of this name has these units, and about this focal length.
+    let focal = judge_focal(&[FocalEvidence::name(named.fx / used.fx)]).is_some_and(|found| found.is_wrong);
+    let scale = used.units_per_metre / named.units_per_metre;
+    let evidence =
+        UnitsEvidence { stated: used.units_per_metre, true_scale: Some(scale), ..UnitsEvidence::default() };
+    let units = judge_units(&evidence).is_some_and(|found| found.is_wrong);
     Ok((focal || units).then(|| {
         format!(
             "the camera has fx = {}, units_per_metre = {}; that of {from} has fx = {}, units_per_metre = {}",
