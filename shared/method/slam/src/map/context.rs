@@ -1,7 +1,7 @@
 //! Camera, grid and settings, shared by aligner and optimiser.
 
 use crate::features::colour_model::{ColourModel, ColourState};
-use crate::settings::{GlobalSettings, MappingSettings};
+use crate::settings::MappingSettings;
 use crate::tracking::noise_scales::{NoiseScales, NoiseState};
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;
@@ -84,15 +84,6 @@ impl Context {
     /// 0 where colour is not trusted.
     pub(crate) fn feature_weight(&self) -> f64 {
         if self.is_colour_trusted { self.scales.surfaces / self.scales.features } else { 0.0 }
-    }
-
-    /// The same for a pair of keyframes, whose surfaces are searched with fewer queries than those of a frame and
-    /// a reference, for which the scales are estimated: matches that err together lose nothing by it, and count for
-    /// less of the sum.
-    pub(crate) fn feature_weight_between_keyframes(&self) -> f64 {
-        let window = &self.mapping.window;
-        let queries_of_reference = f64::from(window.match_budget) / f64::from(window.size);
-        self.feature_weight() * GlobalSettings::QUERIES_PER_PAIR as f64 / queries_of_reference
     }
 
     /// The same without initial guesses from features.

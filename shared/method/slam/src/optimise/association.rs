@@ -131,7 +131,7 @@ impl<'a> KeyframeAssociation<'a> {
         });
         let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
         let seen = self.seen_by_both(finder, poses, (query, target), reach);
-        let weight = self.context.feature_weight_between_keyframes() * matcher.metric_factor();
+        let weight = self.context.feature_weight() * matcher.metric_factor();
         let limits = if is_loop { MatchLimits::drifted } else { MatchLimits::new };
         // Pairs come by target, so that the surface of each is read once.
         if looked_at.as_ref().is_none_or(|(of, _)| *of != target) {
