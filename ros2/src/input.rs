@@ -45,7 +45,11 @@ impl Input {
         Ok(Self {
             chooser: Chooser::new(arguments),
             looked_at: None,
-            given: arguments.camera.as_deref().map(|name| CameraFile::named(name)?.as_it_is(name)).transpose()?,
+            given: arguments
+                .camera
+                .as_deref()
+                .map(|name| CameraFile::named(name)?.as_it_is(name))
+                .transpose()?,
             base_frame: arguments.base_frame.clone(),
             tf_static: carrier.subscribe("/tf_static", TRANSFORMS, Quality::STATIC)?,
             imu: arguments

@@ -9,8 +9,8 @@ use re_sdk_types::archetypes::{EncodedImage, Pinhole, Points3D, ViewCoordinates}
 use re_sdk_types::components::MediaType;
 use std::time::{Duration, Instant};
 use tessera_geometry::{Camera, Pose};
-use tessera_slam::FrameRecord;
 use tessera_settings::Settings;
+use tessera_slam::FrameRecord;
 use tessera_sources::{FrameBuffers, Source};
 use tessera_surface::{Reconstructor, Vertex};
 

@@ -100,7 +100,7 @@ impl GrowingRun {
             entropy_nats: 0.0,
             colour: None,
             noise: None,
-        repeats_colour: false,
+            repeats_colour: false,
             colour_pose: None,
             blocks: Vec::new(),
             moved: Vec::new(),
