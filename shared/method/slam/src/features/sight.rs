@@ -240,7 +240,8 @@ impl Sight {
         }
         for reference in references.iter_mut().take(MOST_PAIRS) {
             let pair = self.pair(context, reference, world_from_camera, Reach::KNOWN);
-            reference.pair = pair.map(|pair| WeightedPair::new(pair, weight));
+            let at = reference.world_from_camera.inverse() * world_from_camera;
+            reference.pair = pair.map(|pair| WeightedPair::new(pair, weight, &at));
         }
     }
 

@@ -102,7 +102,7 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
         }
         let of_features = residuals::sums(&inliers, &target_from_query);
         let found = Arc::new(FeaturePair { target_from_query, inliers, sums: of_features });
-        let features = WeightedPair::new(found, 1.0);
+        let features = WeightedPair::new(found, 1.0, &target_from_query);
         let pair = PairEvidence {
             target_from_query,
             velocities: [query_velocity, target_velocity],

@@ -14,6 +14,9 @@ pub(crate) struct FeaturePair {
     pub(crate) sums: BlockSums,
 }
 
+/// Mean squared normalised error at which a pair has its full weight, at most: two standard deviations.
+const MEAN_SQ: f64 = 4.0;
+
 /// A pair as an alignment takes it: with its weight in the units of the blocks' information.
 #[derive(Clone, Debug)]
 pub(crate) struct WeightedPair {
@@ -22,9 +25,12 @@ pub(crate) struct WeightedPair {
 }
 
 impl WeightedPair {
-    /// `weight`: of metric information in the units of the blocks.
-    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64) -> Self {
-        Self { found, weight }
+    /// `weight`: of metric information in the units of the blocks, where the pair agrees with `start`. Features that
+    /// lie far beyond their noise there are of another scene or time.
+    pub(crate) fn new(found: Arc<FeaturePair>, weight: f64, start: &Pose) -> Self {
+        let cost = found.sums.about(&found.target_from_query, start).c;
+        let mean_sq = cost / f64::from(found.sums.n.max(1));
+        Self { found, weight: weight * MEAN_SQ / mean_sq.max(MEAN_SQ) }
     }
 
     /// Adds the features' residuals to a pair's sums, which are about `target_from_query`.

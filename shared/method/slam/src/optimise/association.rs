@@ -145,7 +145,9 @@ impl<'a> KeyframeAssociation<'a> {
             surface: surface.target(vertices),
             is_consecutive: query == target + 1 && self.origins[query] == self.origins[target],
             limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
-            features: seen.clone().map(|found| WeightedPair::new(found, weight)),
+            features: seen
+                .clone()
+                .map(|found| WeightedPair::new(found, weight, &(poses[target].inverse() * poses[query]))),
         };
         let pair = Pair { is_loop, ..search.find(self.context, matcher, poses) };
         let tested = tested.map(|tested| {

@@ -231,7 +231,7 @@ mod tests {
                     let features = sums(&mut random, 0.01, planted.features, [1.0, 1.0, 0.2]);
                     let found =
                         FeaturePair { target_from_query: identity, inliers: Vec::new(), sums: features };
-                    (surfaces, WeightedPair::new(Arc::new(found), 1.0))
+                    (surfaces, WeightedPair::new(Arc::new(found), 1.0, &identity))
                 })
                 .collect();
             let pairs = parts.iter().map(|(surfaces, features)| PairEvidence {
