@@ -11,7 +11,6 @@ use crate::features::sight::Judged;
 use crate::map::records::State;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::noise_scales::NoiseState;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
@@ -50,8 +49,7 @@ pub(crate) fn colour_record(
         return None;
     }
     let factor = aligner.independent_factor();
-    // By the scale before anything is measured: the estimated one grows with wrong colour, and would excuse it.
-    let covariance = alone.information.try_inverse()? * (factor * NoiseState::default().scales().surfaces);
+    let covariance = alone.information.try_inverse()? * aligner.metric_factor(input.context);
     let mut sums = Observed::new(input.context, colour, covariance);
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {

@@ -83,13 +83,7 @@ impl Context {
     /// Factor of the features' metric information beside that of the surfaces' blocks in units of their model;
     /// 0 where colour is not trusted.
     pub(crate) fn feature_weight(&self) -> f64 {
-        let trust = match (self.is_colour_trusted, self.is_colour_on_probation) {
-            (false, _) => 0.0,
-            // Not judged yet, or roughly registered: enough for what surfaces leave open.
-            (true, true) => 0.1,
-            (true, false) => 1.0,
-        };
-        trust * self.scales.surfaces / self.scales.features
+        if self.is_colour_trusted { self.scales.surfaces / self.scales.features } else { 0.0 }
     }
 
     /// The same without initial guesses from features.

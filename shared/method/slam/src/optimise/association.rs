@@ -145,9 +145,11 @@ impl<'a> KeyframeAssociation<'a> {
             surface: surface.target(vertices),
             is_consecutive: query == target + 1 && self.origins[query] == self.origins[target],
             limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
-            features: seen
-                .clone()
-                .map(|found| WeightedPair::new(found, weight, &(poses[target].inverse() * poses[query]))),
+            // At their own pose: a loop may be far from where the poses have it.
+            features: seen.clone().map(|found| {
+                let at = found.target_from_query;
+                WeightedPair::new(found, weight, &at)
+            }),
         };
         let pair = Pair { is_loop, ..search.find(self.context, matcher, poses) };
         let tested = tested.map(|tested| {
