@@ -144,7 +144,7 @@ impl FocalPosterior {
 /// Judges a stated focal length; `None` without evidence.
 ///
 /// The evidence is averaged by its variances; where it contradicts itself beyond chance its deviation grows by
-/// the root of chi-square (Birge 1932). The file is refuted where that mean lies beyond the quantile [`Z`]
+/// the root of chi-square (Birge 1932). The file is refuted where that mean lies beyond the quantile `Z`
 /// under "the file is right".
 pub fn judge_focal(evidence: &[FocalEvidence]) -> Option<FocalPosterior> {
     let usable = |e: &&FocalEvidence| e.log_ratio.is_finite() && e.sigma.is_finite() && e.sigma > 0.0;

@@ -17,7 +17,7 @@ pub const RUNS_PER_FALSE_ALARM: u32 = 1000;
 /// Two-sided quantile of the normal distribution at that rate.
 pub(crate) const Z: f64 = 3.2905;
 
-/// Factor on a standard error estimated from few independent groups, so that [`Z`] of it is the quantile of
+/// Factor on a standard error estimated from few independent groups, so that `Z` of it is the quantile of
 /// Student's distribution with these degrees of freedom: the Cornish-Fisher expansion (Fisher and Cornish
 /// 1960) to the third order.
 pub fn student_inflation(degrees_of_freedom: f64) -> f64 {

@@ -32,7 +32,7 @@ pub fn write(run_folders: &[&Path], path: &Path) -> Result<(), ToolError> {
 /// Writes the report of a run that was read, to a file.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_read(run: &ReadRun, path: &Path) -> Result<(), ToolError> {
     let reported = of_run(run, Some(MOST_POINTS))?;
     let page = crate::page(&[reported]).map_err(|error| ToolError::Stage(error.to_string()))?;
