@@ -16,24 +16,38 @@ const MOST_ASKED: usize = 2;
 const N_SAMPLES: usize = 300;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
+/// Squared distance from a prediction in units of its deviations that it has once in a thousand: the quantile of
+/// chi-square with six degrees of freedom.
+const ELSEWHERE_SQ: f64 = 22.46;
 /// Outer iterations from there: the start is at a solution, or not far from one.
 const OUTER_ITERATIONS: u32 = 3;
 /// Part of the last change of velocity that is expected to go on.
 const AHEAD: f64 = 0.5;
 
-/// The prediction at the pose that features agree on; `None` without one, or where the surfaces
-/// support it less than a known motion.
+/// What features say of where a frame is.
+pub(crate) enum Start {
+    /// Here the alignment starts.
+    Better(Prediction),
+    /// Surfaces support a known motion more, but the two are different places: both are tried.
+    Rival(Prediction),
+}
+
+/// The prediction at the pose that features agree on; `None` without one, or where that is the predicted one and the
+/// surfaces support it less.
 pub(crate) fn guess_from_features(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Option<Prediction> {
+) -> Option<Start> {
     let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
     let newest = newest_reference(input, &prediction.world_from_camera)?;
     let some = every_nth(input.samples, N_SAMPLES);
     let predicted = support(input, aligner, &some, &newest, &prediction.world_from_camera);
     let seen = support(input, aligner, &some, &newest, &world_from_camera);
-    if prediction.is_known && seen < LEAST_SUPPORT * predicted {
+    let is_better = !prediction.is_known || seen >= LEAST_SUPPORT * predicted;
+    let is_elsewhere =
+        || prediction.motion.as_ref().is_some_and(|m| m.squared_distance(&world_from_camera) > ELSEWHERE_SQ);
+    if !is_better && !is_elsewhere() {
         return None;
     }
     let window = &input.context.mapping.window;
@@ -49,7 +63,7 @@ pub(crate) fn guess_from_features(
         let velocity = velocity_at_frame(input, &guess.velocity);
         aligner.sight.observe_again(input.context, &input.frame.surface, &velocity);
     }
-    Some(guess)
+    Some(if is_better { Start::Better(guess) } else { Start::Rival(guess) })
 }
 
 /// The pose with most inliers against the newest members of the window: near where they are

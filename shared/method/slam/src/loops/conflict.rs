@@ -3,6 +3,7 @@
 
 use crate::loops::detection;
 use crate::map::records::{FrameRecord, KeyframePose, KeyframeRecord, State};
+use crate::map::state::KeyframeState;
 use crate::tracking::input::{FrameSurface, Surfaces};
 use crate::tracking::tracker::Tracker;
 use crate::tracking::window::Member;
@@ -105,7 +106,7 @@ impl Tracker {
         (jump_m, jump_rad): (f64, f64),
     ) -> FrameRecord {
         let n_moved = moved.len();
-        let moved = self.with_hanging(moved);
+        let moved = with_anchored(&self.state.keyframes, moved);
         let normal = |pose: &Pose| PoseBits::from(&compose_normalised(pose, &Twist::default()));
         let new_from_old = world_from_camera * Pose::from(&record.world_from_camera).inverse();
         let world_from_odom = new_from_old * Pose::from(&record.world_from_odom);
@@ -136,21 +137,19 @@ impl Tracker {
             ..record
         }
     }
+}
 
-    /// Keyframes that moved, and behind them those that hang on them.
-    fn with_hanging(&self, mut moved: Vec<KeyframePose>) -> Vec<KeyframePose> {
-        let keyframes = &self.state.keyframes;
-        for k in 0..moved.len() {
-            let KeyframePose { id, world_from_camera } = moved[k];
-            let Some(anchor) = keyframes.get(id as usize) else { continue };
-            let new_from_old =
-                Pose::from(&world_from_camera) * Pose::from(&anchor.world_from_camera).inverse();
-            moved.extend(keyframes.iter().filter(|k| k.anchored_to == Some(id)).map(|k| {
-                let pose = new_from_old * Pose::from(&k.world_from_camera);
-                let pose = compose_normalised(&pose, &Twist::default());
-                KeyframePose { id: k.id, world_from_camera: PoseBits::from(&pose) }
-            }));
-        }
-        moved
+/// Keyframes that moved, and behind them the culled ones that move along with them.
+pub(crate) fn with_anchored(keyframes: &[KeyframeState], mut moved: Vec<KeyframePose>) -> Vec<KeyframePose> {
+    for k in 0..moved.len() {
+        let KeyframePose { id, world_from_camera } = moved[k];
+        let Some(anchor) = keyframes.get(id as usize) else { continue };
+        let new_from_old = Pose::from(&world_from_camera) * Pose::from(&anchor.world_from_camera).inverse();
+        moved.extend(keyframes.iter().filter(|k| k.anchored_to == Some(id)).map(|k| {
+            let pose = new_from_old * Pose::from(&k.world_from_camera);
+            let pose = compose_normalised(&pose, &Twist::default());
+            KeyframePose { id: k.id, world_from_camera: PoseBits::from(&pose) }
+        }));
     }
+    moved
 }

@@ -2,6 +2,7 @@
 
 use crate::features::colour_model::{ColourModel, ColourState};
 use crate::settings::MappingSettings;
+use crate::tracking::motion_filter::MotionState;
 use crate::tracking::noise_scales::{NoiseScales, NoiseState};
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;
@@ -27,6 +28,8 @@ pub struct Context {
     pub(crate) colour: ColourModel,
     /// Factors of the covariances that the sensors' models state.
     pub(crate) scales: NoiseScales,
+    /// Factors of the alignment's covariance against the motion, of translation and rotation (method 6.1).
+    pub(crate) motion_scale: [f64; 2],
     /// Whether features may lead.
     pub(crate) is_colour_trusted: bool,
     /// Whether features may lead only where the surfaces lead nowhere.
@@ -63,6 +66,7 @@ impl Context {
             offset_px,
             colour: ColourModel::default(),
             scales: NoiseState::default().scales(),
+            motion_scale: MotionState::default().scale(),
             is_colour_trusted: true,
             is_colour_on_probation: false,
         }

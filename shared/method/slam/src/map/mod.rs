@@ -10,6 +10,7 @@ pub(crate) mod joint;
 pub(crate) mod joint_cache;
 pub(crate) mod keyframe;
 pub(crate) mod map_view;
+pub(crate) mod newest_blocks;
 pub(crate) mod placement;
 pub(crate) mod pose_history;
 pub(crate) mod records;

@@ -4,19 +4,24 @@ use crate::features::colour_model::{ColourModel, ColourState};
 use crate::map::active_ids::ActiveIds;
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
+use crate::map::newest_blocks::NewestBlocks;
 use crate::map::placement::{RigidMotion, apply_correction, apply_join, apply_poses};
 use crate::map::placement::{apply_retired, apply_split};
 use crate::map::records::{
-    AlignRecord, AppliedCorrection, ContradictionRecord, FrameRecord, JoinRecord, MapRecord, RequestRecord,
-    SightingRecord, SplitRecord, State,
+    AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, FrameRecord, JoinRecord, MapRecord,
+    RequestRecord, SightingRecord, SplitRecord, State,
 };
 use crate::map::submaps::Submaps;
+use crate::tracking::motion_filter::MotionState;
 use crate::tracking::noise_scales::NoiseState;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{Camera, InertialRotation, PoseBits};
+use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, log};
 
 /// Refused joins that are remembered.
 const MOST_REFUSED: usize = 16;
+
+/// Longest time between two frames through which the velocity is used, seconds.
+pub(crate) const MOST_COASTED_S: f64 = 1.0;
 
 /// One of the last frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,6 +42,8 @@ pub struct RecentFrame {
     pub repeats_colour: bool,
     /// As in [`FrameRecord::rotation`].
     pub rotation: Option<InertialRotation>,
+    /// As in [`FrameRecord::blocks`].
+    pub blocks: Vec<BlockRecord>,
 }
 
 /// Everything that tracking needs of the past beside surfaces.
@@ -54,6 +61,8 @@ pub struct TrackerState {
     pub is_placed: bool,
     /// All keyframes, by id.
     pub keyframes: Vec<KeyframeState>,
+    /// What the newest keyframes measured of older ones.
+    pub newest_blocks: NewestBlocks,
     /// The submap in which the camera is.
     pub submap: u32,
     /// Which submaps are joined.
@@ -92,6 +101,8 @@ pub struct TrackerState {
     pub colour: ColourState,
     /// Noise scales of surfaces and features.
     pub noise: NoiseState,
+    /// The camera's velocity and how much it changes.
+    pub motion: MotionState,
     /// The source is exhausted.
     pub is_ended: bool,
     /// Where the active keyframes stand.
@@ -150,6 +161,8 @@ impl TrackerState {
         self.apply_moved(frame);
         self.enter(frame.submap);
         if let Some(keyframe) = &frame.new_keyframe {
+            let became = self.recent.iter().find(|r| r.index == keyframe.frame_index);
+            self.newest_blocks.add(keyframe, became.map_or(&[], |r| &r.blocks));
             self.keyframes.push(KeyframeState {
                 id: keyframe.id,
                 session: self.session,
@@ -160,11 +173,7 @@ impl TrackerState {
                 velocity: keyframe.velocity,
                 slot: keyframe.slot,
                 edges: keyframe.edges.clone(),
-                covariance: self
-                    .recent
-                    .iter()
-                    .find(|r| r.index == keyframe.frame_index)
-                    .map_or(Vec::new(), |r| r.covariance.clone()),
+                covariance: became.map_or(Vec::new(), |r| r.covariance.clone()),
                 place: keyframe.place.clone(),
                 alike: keyframe.alike.clone(),
                 anchored_to: None,
@@ -181,6 +190,7 @@ impl TrackerState {
         if let Some(noise) = &frame.noise {
             self.noise.apply(noise);
         }
+        self.follow_motion(frame);
         self.is_placed |= frame.state == State::Tracking;
         self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
         self.lost_nanos = frame.lost_nanos;
@@ -205,6 +215,23 @@ impl TrackerState {
         }
     }
 
+    /// The motion from the frame before to this one.
+    fn follow_motion(&mut self, frame: &FrameRecord) {
+        let Some(last) = self.recent.last() else { return };
+        let seconds = frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 * 1e-9;
+        let is_measured = frame.state == State::Tracking && last.state != State::Relocalising;
+        match &frame.noise {
+            _ if !(seconds > 0.0 && seconds < MOST_COASTED_S) => self.motion.forget(),
+            Some(noise) if is_measured => {
+                let [before, after] = [&last.world_from_camera, &frame.world_from_camera].map(Pose::from);
+                let step = log(&(before.inverse() * after)).to_vector();
+                self.motion.apply(&step, noise.step_variance.as_ref(), seconds);
+            }
+            None if frame.state == State::Lost => self.motion.coast(seconds),
+            _ => self.motion.forget(),
+        }
+    }
+
     /// The last two frames, from which the next is predicted.
     fn remember(&mut self, frame: &FrameRecord) {
         if self.recent.len() == 2 {
@@ -219,6 +246,7 @@ impl TrackerState {
             covariance: frame.covariance.clone(),
             repeats_colour: frame.repeats_colour,
             rotation: frame.rotation,
+            blocks: frame.blocks.clone(),
         });
     }
 

@@ -33,18 +33,9 @@ pub struct WindowSettings {
     /// Pose change below which the schedule skips to its last, tightest step, metres (and radians).
     #[serde(skip)]
     pub converged_step: f64,
-    /// Standard deviation of the constant velocity prediction, metres per frame.
-    #[serde(skip)]
-    pub prior_translation_m: f64,
-    /// Standard deviation of the constant velocity prediction, degrees per frame.
-    #[serde(skip)]
-    pub prior_rotation_deg: f64,
     /// Whether the rotation of the prediction is the gyroscope's where the source has one.
     #[serde(skip)]
     pub inertial_rotation: bool,
-    /// Standard deviation that the last pose's rotation adds to the gyroscope's, degrees.
-    #[serde(skip)]
-    pub inertial_floor_deg: f64,
     /// Whether a frame is aligned without what stands where a moment ago nothing stood; not where
     /// `registration.weight.robust_sigmas` is 0.
     #[serde(skip)]
@@ -89,10 +80,7 @@ impl Default for WindowSettings {
             min_first_distance_m: 0.1,
             max_first_distance_m: 0.5,
             converged_step: 2e-4,
-            prior_translation_m: 0.05,
-            prior_rotation_deg: 3.0,
             inertial_rotation: true,
-            inertial_floor_deg: 0.2,
             at_rest_only: true,
             long_strides: true,
             min_match_share: 0.15,
@@ -124,9 +112,6 @@ impl WindowSettings {
             10.0,
         )?;
         check_range("window.converged_step", self.converged_step, 0.0, 0.1)?;
-        check_range("window.prior_translation_m", self.prior_translation_m, 1e-4, 1e3)?;
-        check_range("window.prior_rotation_deg", self.prior_rotation_deg, 1e-3, 1e3)?;
-        check_range("window.inertial_floor_deg", self.inertial_floor_deg, 1e-3, 1e3)?;
         check_range("window.min_match_share", self.min_match_share, 0.0, 1.0)?;
         check_range("window.max_residual_sigmas", self.max_residual_sigmas, 0.1, 1e3)?;
         check_range("window.min_matched", self.min_matched, 0.0, 1.0)?;

@@ -6,10 +6,11 @@
 
 use crate::features::colour_model::ColourState;
 use crate::map::map_view::MapView;
-use crate::settings::WindowSettings;
+use crate::map::state::MOST_COASTED_S;
 use crate::tracking::acceptance::AGREEING;
 use crate::tracking::alignment::Alignment;
 use crate::tracking::degeneracy::{DegenerateDirection, Motion, centroid};
+use crate::tracking::input::FrameSurface;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
@@ -18,16 +19,18 @@ use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
 ///
 /// `own`: covariance of the alignment against fixed references, degenerate directions held.
 pub(crate) fn of_world(
-    settings: &WindowSettings,
     map: &MapView<'_>,
     aligned: &WindowAlignment,
     own: &Matrix6,
     focal_px: f64,
-    frame_index: u64,
+    frame: &FrameSurface<'_>,
 ) -> Matrix6 {
     let a = &aligned.alignment;
     let is_seen = a.n_agreeing >= AGREEING;
     let is_good = |place: usize| is_seen || a.reports[place].n_matches * 5 >= a.reports[place].n_queries;
+    let deviation = map.state().motion.velocity_deviation();
+    let last = map.state().recent.last().map_or(frame.stamp_nanos, |last| last.stamp_nanos);
+    let seconds = (frame.stamp_nanos.saturating_sub(last) as f64 * 1e-9).clamp(0.0, MOST_COASTED_S);
     let inherited =
         aligned.members.iter().enumerate().filter(|(place, _)| is_good(*place)).filter_map(|(_, member)| {
             let (pose, numbers, index) = match member {
@@ -44,9 +47,10 @@ pub(crate) fn of_world(
             };
             let ad = adjoint(&(a.world_from_camera.inverse() * Pose::from(pose)));
             let mut carried = ad * from_upper_triangle(numbers) * ad.transpose();
-            let n_frames = frame_index.saturating_sub(index).max(1) as f64;
+            let n_frames = frame.index.saturating_sub(index).max(1) as f64;
             for direction in &a.degenerate {
-                drift(settings, direction, a.rotation_sigma_rad, n_frames, &mut carried);
+                let per_frame = per_frame(direction, &deviation, a.rotation_sigma_rad, seconds);
+                drift(direction, per_frame * n_frames, &mut carried);
             }
             Some(carried)
         });
@@ -78,20 +82,28 @@ fn systematic(colour: &ColourState, focal_px: f64, a: &Alignment) -> Matrix6 {
     Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r)) + late * late.transpose()
 }
 
+/// Standard deviation of a degenerate direction's motion in one frame of so many seconds: the velocity's, or that of a
+/// rotation that a gyroscope measured.
+fn per_frame(
+    direction: &DegenerateDirection,
+    velocity_deviation: &[f64; 6],
+    measured_rad: Option<f64>,
+    seconds: f64,
+) -> f64 {
+    let along = |first: usize| {
+        let parts = direction.axis.iter().zip(&velocity_deviation[first..]);
+        parts.map(|(axis, deviation)| (axis * deviation).powi(2)).sum::<f64>().sqrt() * seconds
+    };
+    match direction.motion {
+        Motion::Translation => along(0),
+        Motion::Rotation => measured_rad.unwrap_or_else(|| along(3)),
+    }
+}
+
 /// A direction that only the prediction holds drifts with an unknown, steady velocity: its
 /// standard deviation, not its variance, grows in proportion to time.
-fn drift(
-    settings: &WindowSettings,
-    direction: &DegenerateDirection,
-    measured_rad: Option<f64>,
-    n_frames: f64,
-    covariance: &mut Matrix6,
-) {
-    let per_frame = match direction.motion {
-        Motion::Translation => settings.prior_translation_m,
-        Motion::Rotation => measured_rad.unwrap_or(settings.prior_rotation_deg.to_radians()),
-    };
+fn drift(direction: &DegenerateDirection, deviation: f64, covariance: &mut Matrix6) {
     let before = (direction.coordinate.dot(&(*covariance * direction.coordinate))).max(0.0);
-    let after = before.sqrt() + per_frame * n_frames;
+    let after = before.sqrt() + deviation;
     *covariance += direction.tangent * direction.tangent.transpose() * (after * after - before);
 }

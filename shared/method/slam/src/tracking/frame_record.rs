@@ -25,14 +25,16 @@ pub(crate) fn frame_record(
     let a = &aligned.alignment;
     let own = metric_covariance(&a.information, aligner.metric_factor(input.context));
     let covariance = own.map_or(Vec::new(), |own| {
-        let window = &input.context.mapping.window;
         let camera = &input.context.camera;
         let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs());
-        let own = covariance::of_world(window, &input.map, aligned, &own, focal_px, input.frame.index);
+        let own = covariance::of_world(&input.map, aligned, &own, focal_px, input.frame);
         // As it is written down.
         upper_triangle(&own).into_iter().map(|v| f64::from(v as f32)).collect()
     });
-    let evidence = noise(input, aligner, aligned, new_keyframe.is_some());
+    let mut evidence = noise(input, aligner, aligned, new_keyframe.is_some());
+    if let (Some(evidence), Some(own), true) = (&mut evidence, own, a.degenerate.is_empty()) {
+        evidence.noise.step_variance = Some(std::array::from_fn(|k| own[(k, k)]));
+    }
     FrameRecord {
         state: aligned.state,
         reason: reason(aligned),

@@ -5,7 +5,7 @@
 //! search settings, how a guess is aligned, and what a result must show beside the strict tests.
 //! One loop walks the table; of a hypothesis's guesses the best supported one counts.
 
-use crate::features::start::guess_from_features;
+use crate::features::start::{Start, guess_from_features};
 use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
@@ -139,15 +139,26 @@ fn track_from(
     aligner: &mut Aligner,
     prediction: &Prediction,
 ) -> Result<WindowAlignment, String> {
-    let seen = guess_from_features(input, aligner, prediction);
-    let is_seen = seen.is_some();
+    let (seen, rival) = match guess_from_features(input, aligner, prediction) {
+        Some(Start::Better(guess)) => (Some(guess), None),
+        Some(Start::Rival(guess)) => (None, Some(guess)),
+        None => (None, None),
+    };
     let prediction = &seen.unwrap_or(*prediction);
     let guess = if prediction.is_known {
         *prediction
     } else {
         rotation_hypothesis::best_rotation(input, aligner, prediction)
     };
-    let first = align_to_window(input, aligner, &guess);
+    let mut first = align_to_window(input, aligner, &guess);
+    let mut is_seen = seen.is_some();
+    if let Some(rival) = rival {
+        let second = align_to_window(input, aligner, &rival);
+        let is_better = second.alignment.evidence_nats() > first.alignment.evidence_nats();
+        if second.alignment.is_solved && is_better {
+            (first, is_seen) = (second, true);
+        }
+    }
     let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
     let is_strict = acceptance::strict(&input.context.mapping.relocalise, &first.alignment).is_ok();
     let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {

@@ -2,12 +2,12 @@
 //! source has one (method 6).
 
 use crate::map::records::State;
-use crate::map::state::RecentFrame;
+use crate::map::state::{MOST_COASTED_S, RecentFrame};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use nalgebra::Vector3;
 use tessera_geometry::{
-    Pose, RelativeRotation, Twist, Vector6, compose_normalised, exp, translation_rotation_norms,
+    Pose, RelativeRotation, Twist, Vector6, compose_normalised, exp, log, translation_rotation_norms,
 };
 
 /// Lost frames in a row through which the velocity before them is still used.
@@ -24,6 +24,7 @@ pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Pred
         is_known: false,
         velocity: Twist::default(),
         rotation_sigma_rad: None,
+        motion: None,
         first_distance_m: window.max_first_distance_m,
         outer_iterations: window.retry_iterations,
     }
@@ -54,26 +55,36 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
     // A stamp that does not advance, a gap in time, or a frame that could not be aligned leaves no
     // velocity. A camera that saw nothing for a moment has moved on as before.
     let is_coasting = state.n_lost <= MOST_COASTED && last.velocity != [0.0; 6];
-    if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < 1.0) {
+    if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < MOST_COASTED_S) {
         return place(input, &last_turned);
     }
     // The second frame of a run: the first has no velocity yet.
     if last.velocity == [0.0; 6] {
         return Prediction { previous: Some((last_pose, seconds)), ..place(input, &last_turned) };
     }
+    let motion = state.motion.predict(&last_pose, seconds);
     let mut velocity = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
+    if let Some(motion) = &motion {
+        velocity = log(&(last_pose.inverse() * motion.world_from_camera)).scaled(1.0 / seconds);
+    }
     if let Some(measured) = &measured {
         velocity.phi = measured.rate_rad_per_s(seconds);
     }
     let (moved_m, turned_rad) = translation_rotation_norms(&exp(&velocity.scaled(seconds)));
     let motion_m = moved_m + measured.map_or(turned_rad, |m| m.sigma_rad);
     let window = &input.context.mapping.window;
+    let world_from_camera = compose_normalised(&last_pose, &velocity.scaled(seconds));
+    let motion = motion.map(|motion| match &measured {
+        Some(measured) => motion.turned(&world_from_camera, measured.sigma_rad),
+        None => motion,
+    });
     Prediction {
-        world_from_camera: compose_normalised(&last_pose, &velocity.scaled(seconds)),
+        world_from_camera,
         previous: Some((last_pose, seconds)),
         is_known: true,
         velocity,
         rotation_sigma_rad: measured.map(|m| m.sigma_rad),
+        motion,
         first_distance_m: (4.0 * motion_m).clamp(window.min_first_distance_m, window.max_first_distance_m),
         outer_iterations: window.outer_iterations,
     }

@@ -232,6 +232,7 @@ mod tests {
             is_known,
             velocity: tessera_geometry::Twist::default(),
             rotation_sigma_rad: None,
+            motion: None,
             first_distance_m: 0.1,
             outer_iterations: 6,
         };

@@ -1,6 +1,7 @@
 //! What an alignment starts from: the predicted pose of a frame, and the surfaces it is aligned to.
 
 use crate::features::weighted_pair::WeightedPair;
+use crate::tracking::motion_filter::MotionPrior;
 use tessera_features::Feature;
 use tessera_geometry::{Pose, Twist};
 use tessera_registration::ShutterTable;
@@ -32,6 +33,8 @@ pub(crate) struct Prediction {
     pub(crate) velocity: Twist,
     /// Standard deviation of the rotation about each axis where a gyroscope measured it, radians.
     pub(crate) rotation_sigma_rad: Option<f64>,
+    /// Where the motion so far leads, and how far that errs: a measurement beside the surfaces.
+    pub(crate) motion: Option<MotionPrior>,
     /// First distance limit, metres.
     pub(crate) first_distance_m: f64,
     pub(crate) outer_iterations: u32,

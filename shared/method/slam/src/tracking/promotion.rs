@@ -6,7 +6,7 @@ use crate::loops::detection;
 use crate::loops::in_place::is_in_place;
 use crate::map::culling;
 use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
-use crate::map::state::{KeyframeState, RecentFrame};
+use crate::map::state::{KeyframeState, MOST_COASTED_S, RecentFrame};
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::frame_record::frame_record;
@@ -114,7 +114,7 @@ fn central_velocity(input: &TrackingInput<'_>, previous: &RecentFrame, world_fro
         _ => previous,
     };
     let seconds = input.frame.stamp_nanos.saturating_sub(before.stamp_nanos) as f64 * 1e-9;
-    if !(seconds > 0.0 && seconds < 1.0) {
+    if !(seconds > 0.0 && seconds < MOST_COASTED_S) {
         return previous.velocity;
     }
     let step = log(&(Pose::from(&before.world_from_camera).inverse() * world_from_camera));

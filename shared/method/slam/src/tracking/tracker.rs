@@ -22,7 +22,7 @@ use crate::tracking::prediction::Prediction;
 use crate::tracking::promotion::{Promoted, with_keyframe, with_place};
 use crate::tracking::window_alignment::WindowAlignment;
 use crate::tracking::workload::Workload;
-use crate::tracking::{hypotheses, passing, relocalise, submap};
+use crate::tracking::{fixed_lag, hypotheses, passing, relocalise, submap};
 use tessera_numerics::Step;
 use tessera_registration::{Sample, Sampler};
 
@@ -156,7 +156,8 @@ impl Tracker {
         keyframes: &dyn KeyframeSurfaces,
         posed: &mut dyn FnMut(&FrameRecord),
     ) -> FrameRecord {
-        let context = &self.workload.at(frame.workload).with_colour(colour, &self.state.noise);
+        let context = self.workload.at(frame.workload).with_colour(colour, &self.state.noise);
+        let context = &Context { motion_scale: self.state.motion.scale(), ..context };
         context.steps.enter(Step::Sampling);
         self.sampler.draw(&frame.surface, frame.index, &context.registration, &mut self.samples);
         let input = TrackingInput {
@@ -195,6 +196,7 @@ impl Tracker {
                             colour_record(&input, &mut self.aligner, &aligned, &prediction, makes_keyframe);
                         let record = FrameRecord { colour: observed, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
+                        let record = fixed_lag::smoothed(&self.state, &aligned, record);
                         if has_more_to_do(&input, &record) && !gives_colour_away(colour, &record) {
                             posed(&record);
                             context.steps.enter(Step::Keyframe);

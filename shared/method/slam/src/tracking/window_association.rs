@@ -96,6 +96,8 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         }
         let seconds = self.prediction.previous.map_or(0.0, |(_, seconds)| seconds);
         let information = degeneracy::hold(&self.degenerate, seconds) * self.factor;
-        vec![Prior { vertex, predicted: self.prediction.world_from_camera, information }]
+        let motion = self.prediction.motion.as_ref().map(|motion| motion.world_from_camera);
+        let predicted = motion.unwrap_or(self.prediction.world_from_camera);
+        vec![Prior { vertex, predicted, information }]
     }
 }

@@ -1,0 +1,244 @@
+//! The camera's velocity and how far a prediction by it errs: a Kalman filter of constant velocity for each axis of
+//! the camera, whose noise levels are estimated from its innovations (method 6.1).
+//!
+//! Between frames the velocity changes by white acceleration of density `q`; with the variances `P_pp`, `P_pv` and
+//! `P_vv` of pose and velocity (Bar-Shalom, Li and Kirubarajan 2001, 6.2.2)
+//!
+//! ```text
+//! P_pp' = P_pp + 2 P_pv t + P_vv t^2 + q t^3 / 3,   P_pv' = P_pv + P_vv t + q t^2 / 2,   P_vv' = P_vv + q t.
+//! ```
+//!
+//! The alignment has the predicted pose as a prior with the variance `P_pp'`: its solution is the filter's updated
+//! pose, and `s` times its covariance the updated `P_pp`. So the gain is `K = 1 - P_pp / P_pp'`, the innovation is the
+//! step from the prediction over `K`, and its variance is `S = P_pp' / K`.
+//!
+//! An innovation `u` in units of `sqrt(S)` has a mean square of 1 where `s` is right, and is uncorrelated with the one
+//! before where `q` is (Mehra, IEEE Trans. Automatic Control 1970): a smaller `q` leaves a lag behind. Both are
+//! followed in logarithms, for translation and rotation apart.
+
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{Pose, Twist, Vector6, exp, log};
+
+/// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
+const STEP: f64 = 0.03;
+/// Degrees of freedom of Student's t for the innovations, as for the noise scales (Lange, Little and Taylor 1989).
+const STUDENT_FREEDOM: f64 = 4.0;
+/// Consistency at the normal distribution: `3 / E[(nu + 3) q / (nu + q)]` for `q` of a chi-square of 3.
+const CONSISTENCY: f64 = 1.155;
+/// Most that one frame adds to a logarithm, in steps.
+const MOST_STEPS: f64 = 2.0;
+/// Density of the acceleration before anything is known, m^2/s^3 and rad^2/s^3: 2 m/s^2 and 10 rad/s^2 that last for
+/// a thirtieth of a second.
+const START_DENSITY: [f64; 2] = [4.0 / 30.0, 100.0 / 30.0];
+/// Standard deviation of a rotation between two frames that no gyroscope falls below, radians: its axes and the camera's
+/// are not quite the same.
+const INERTIAL_FLOOR_RAD: f64 = 0.2_f64.to_radians();
+/// An alignment that tells nothing along an axis leaves this share of the variance predicted for it.
+const NOTHING: f64 = 0.999;
+
+/// Velocity and its noise levels as of all frames so far. Arrays by axis: along x, y, z, and about them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotionState {
+    is_known: bool,
+    velocity: [f64; 6],
+    /// `P_pp`, `P_pv` and `P_vv`.
+    variance: [[f64; 3]; 6],
+    /// The last innovation in units of its deviation.
+    innovation: [f64; 6],
+    /// Logarithm of `s`, of translation and of rotation.
+    ln_scale: [f64; 2],
+    /// Logarithm of `q` over its start.
+    ln_density: [f64; 2],
+}
+
+/// The pose that a motion leads to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MotionPrior {
+    pub(crate) world_from_camera: Pose,
+    /// Variance along and about each axis of the camera, m^2 and rad^2.
+    pub(crate) variance: [f64; 6],
+}
+
+impl MotionPrior {
+    /// Squared distance of a pose from this one in units of its deviations.
+    pub(crate) fn squared_distance(&self, world_from_camera: &Pose) -> f64 {
+        let step = log(&(self.world_from_camera.inverse() * world_from_camera)).to_vector();
+        step.iter().zip(&self.variance).map(|(step, variance)| step * step / variance).sum()
+    }
+
+    /// The same with the rotation of another pose, which a gyroscope measured.
+    pub(crate) fn turned(self, world_from_camera: &Pose, sigma_rad: f64) -> Self {
+        let mut variance = self.variance;
+        variance[3..].fill(sigma_rad * sigma_rad + INERTIAL_FLOOR_RAD * INERTIAL_FLOOR_RAD);
+        Self { world_from_camera: *world_from_camera, variance, ..self }
+    }
+}
+
+impl MotionState {
+    /// Where the camera is `seconds` after `last_pose`; `None` without a velocity.
+    pub(crate) fn predict(&self, last_pose: &Pose, seconds: f64) -> Option<MotionPrior> {
+        let ahead: [[f64; 3]; 6] = std::array::from_fn(|k| self.ahead(k, seconds));
+        let velocity = Twist::from_vector(&Vector6::from(self.velocity));
+        self.is_known.then(|| MotionPrior {
+            world_from_camera: last_pose * exp(&velocity.scaled(seconds)),
+            variance: ahead.map(|[pp, ..]| pp),
+        })
+    }
+
+    /// Factors of the alignment's covariance, of translation and rotation.
+    pub(crate) fn scale(&self) -> [f64; 2] {
+        self.ln_scale.map(f64::exp)
+    }
+
+    /// Standard deviation of the velocity along and about each axis, m/s and rad/s.
+    pub(crate) fn velocity_deviation(&self) -> [f64; 6] {
+        self.variance.map(|[.., vv]| vv.sqrt())
+    }
+
+    /// Takes in a pose `step` further than the one before, found `seconds` later with these variances as the
+    /// alignment states them; `None`: some direction was not measured.
+    pub(crate) fn apply(&mut self, step: &Vector6, stated: Option<&[f64; 6]>, seconds: f64) {
+        let velocity = step / seconds;
+        let scale = self.scale();
+        match stated {
+            Some(stated) if self.is_known => {
+                let innovation = self.update(&velocity, stated, seconds);
+                self.learn(innovation);
+            }
+            None if self.is_known => {
+                self.coast(seconds);
+                self.velocity = velocity.into();
+            }
+            _ => {
+                let deviation = stated.map(|stated| std::array::from_fn(|k| scale[k / 3] * stated[k]));
+                *self = Self {
+                    is_known: true,
+                    velocity: velocity.into(),
+                    variance: deviation
+                        .unwrap_or([0.0; 6])
+                        .map(|r| [r, r / seconds, 2.0 * r / seconds.powi(2)]),
+                    innovation: [0.0; 6],
+                    ..*self
+                };
+            }
+        }
+    }
+
+    /// A time without a measurement.
+    pub(crate) fn coast(&mut self, seconds: f64) {
+        self.variance = std::array::from_fn(|k| self.ahead(k, seconds));
+        self.innovation = [0.0; 6];
+    }
+
+    /// Nothing leads to the next pose.
+    pub(crate) fn forget(&mut self) {
+        self.is_known = false;
+    }
+
+    /// The variances of an axis some time later.
+    fn ahead(&self, axis: usize, t: f64) -> [f64; 3] {
+        let [pp, pv, vv] = self.variance[axis];
+        let q = START_DENSITY[axis / 3] * self.ln_density[axis / 3].exp();
+        [pp + 2.0 * pv * t + vv * t * t + q * t.powi(3) / 3.0, pv + vv * t + q * t * t / 2.0, vv + q * t]
+    }
+
+    /// The filter's update; the innovation in units of its deviation.
+    fn update(&mut self, velocity: &Vector6, stated: &[f64; 6], seconds: f64) -> [f64; 6] {
+        let scale = self.scale();
+        std::array::from_fn(|k| {
+            let [pp, pv, vv] = self.ahead(k, seconds);
+            let updated = (scale[k / 3] * stated[k]).min(NOTHING * pp);
+            let gain = 1.0 - updated / pp;
+            let step = (velocity[k] - self.velocity[k]) * seconds;
+            self.velocity[k] += pv / pp * step;
+            self.variance[k] = [updated, pv * (1.0 - gain), vv - pv * pv * gain / pp];
+            step / (pp * gain).sqrt()
+        })
+    }
+
+    /// Follows the noise levels.
+    fn learn(&mut self, mut innovation: [f64; 6]) {
+        for group in 0..2 {
+            let axes = 3 * group..3 * group + 3;
+            let squared: f64 = axes.clone().map(|k| innovation[k].powi(2)).sum();
+            let weight = (STUDENT_FREEDOM + 3.0) / (STUDENT_FREEDOM + squared);
+            axes.clone().for_each(|k| innovation[k] *= weight.sqrt().min(1.0));
+            let correlation = axes.map(|k| innovation[k] * self.innovation[k]).sum::<f64>() / 3.0;
+            let excess = CONSISTENCY * weight * squared / 3.0 - 1.0;
+            self.ln_scale[group] += STEP * excess.min(MOST_STEPS);
+            self.ln_density[group] += STEP * correlation.clamp(-MOST_STEPS, MOST_STEPS);
+        }
+        self.innovation = innovation;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_numerics::SplitMix64;
+
+    fn normal(random: &mut SplitMix64) -> f64 {
+        (0..12).map(|_| random.next_u64() as f64 / u64::MAX as f64).sum::<f64>() - 6.0
+    }
+
+    /// A camera whose velocity changes by `acceleration` (m/s^2 and rad/s^2 for a thirtieth of a second) and whose poses
+    /// err by `sigma`, where the alignment states `stated`: the state after a minute.
+    fn filtered(acceleration: f64, sigma: f64, stated: f64) -> MotionState {
+        let mut random = SplitMix64::for_frame(3, 1);
+        let (mut state, t) = (MotionState::default(), 1.0 / 30.0);
+        let (mut velocity, mut pose, mut found) = ([0.0; 6], [0.0; 6], [0.0; 6]);
+        for _ in 0..1800 {
+            let mut after = [0.0; 6];
+            let mut variance = [stated * stated; 6];
+            let predicted = state.predict(&Pose::identity(), t);
+            for k in 0..6 {
+                velocity[k] += acceleration * t * normal(&mut random);
+                pose[k] += velocity[k] * t;
+                let measured = pose[k] + sigma * normal(&mut random);
+                after[k] = measured;
+                if let Some(prior) = &predicted {
+                    // The alignment's least squares, its information scaled as the tracker does.
+                    let measured_variance = stated * stated * state.scale()[k / 3];
+                    let gain = prior.variance[k] / (prior.variance[k] + measured_variance);
+                    let expected = found[k] + state.velocity[k] * t;
+                    after[k] = expected + gain * (measured - expected);
+                    variance[k] *= gain;
+                }
+            }
+            let step = Vector6::from_fn(|k, _| after[k] - found[k]);
+            state.apply(&step, Some(&variance), t);
+            found = after;
+        }
+        state
+    }
+
+    #[test]
+    fn planted_noise_levels_are_found() {
+        for (acceleration, sigma) in [(1.0, 0.002), (1.0, 0.01), (4.0, 0.005), (0.3, 0.003)] {
+            for stated in [sigma, 0.3 * sigma, 3.0 * sigma] {
+                let state = filtered(acceleration, sigma, stated);
+                for group in 0..2 {
+                    let found = (state.scale()[group]).sqrt() * stated;
+                    assert!(
+                        (0.7..1.4).contains(&(found / sigma)),
+                        "{acceleration} {sigma} {stated}: {found}"
+                    );
+                    let density = START_DENSITY[group] * state.ln_density[group].exp();
+                    let found = (density * 30.0).sqrt();
+                    assert!((0.5..2.0).contains(&(found / acceleration)), "{acceleration} {sigma}: {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_time_without_a_measurement_is_uncertain_and_a_velocity_forgotten_predicts_nothing() {
+        let mut state = filtered(1.0, 0.005, 0.005);
+        let variance = |state: &MotionState| state.predict(&Pose::identity(), 0.1).map(|p| p.variance[0]);
+        let before = variance(&state).unwrap();
+        state.coast(0.2);
+        assert!(variance(&state).unwrap() > 2.0 * before);
+        state.forget();
+        assert_eq!(variance(&state), None);
+    }
+}
