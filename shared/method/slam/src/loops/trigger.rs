@@ -35,11 +35,7 @@ pub(crate) fn with_request(
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
     let request =
         |urgency| detection::request(settings, input.map.state(), frame.index, n_keyframes, urgency);
-    // Of the newest ones each keyframe moves some.
-    let is_old = |id: u32| {
-        input.map.keyframe(id).is_some_and(|k| detection::is_loop(settings, input.map, k, frame.index))
-    };
-    let has_moved = record.moved.iter().any(|k| is_old(k.id));
+    let has_moved = detection::moves_old(settings, &input.map, &record);
     if record.request.is_some() || request(if has_moved { Urgency::AtOnce } else { Urgency::Soon }).is_none()
     {
         return record;

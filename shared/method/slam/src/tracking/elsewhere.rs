@@ -100,7 +100,8 @@ pub(crate) fn with_contradiction(
 /// Whether a frame is compared with keyframes of long ago. The one that makes a keyframe has enough to do, and a
 /// correction decides on poses that are in doubt.
 pub(crate) fn is_compared(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
-    input.map.state().frames_since_keyframe == 1 && record.moved.is_empty()
+    let settings = &input.context.mapping.loops;
+    input.map.state().frames_since_keyframe == 1 && !detection::moves_old(settings, &input.map, record)
 }
 
 /// Whether the last frames have their place in another component, as often as makes a sighting certain.

@@ -5,9 +5,11 @@
 //! measures of an earlier one corrects it.
 
 use crate::loops::conflict::with_anchored;
+use crate::loops::detection;
 use crate::map::newest_blocks::N_FREE;
 use crate::map::records::{BlockRecord, FrameRecord, KeyframePose, KeyframeRecord, State};
 use crate::map::state::TrackerState;
+use crate::settings::LoopSettings;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
@@ -15,6 +17,8 @@ use tessera_graph::{Graph, INNER_ITERATIONS, Pair, PairBlock};
 
 /// Keyframes as vertices of a graph, by the order in which their blocks name them.
 struct Vertices<'a> {
+    settings: &'a LoopSettings,
+    frame_index: u64,
     state: &'a TrackerState,
     made: &'a KeyframeRecord,
     ids: Vec<u32>,
@@ -34,8 +38,10 @@ impl Vertices<'_> {
             if state.submaps.component(keyframe.submap) != state.submaps.component(state.submap) {
                 return None;
             }
-            let is_free =
-                id != 0 && id + N_FREE > self.made.id && keyframe.is_active() && state.is_own(keyframe);
+            // What was seen long ago is held: whether it is the same place is for others to judge.
+            let is_old = detection::is_loop(self.settings, state, keyframe, self.frame_index);
+            let is_new = !is_old && id != 0 && id + N_FREE > self.made.id;
+            let is_free = is_new && keyframe.is_active() && state.is_own(keyframe);
             (&keyframe.world_from_camera, is_free)
         };
         self.ids.push(id);
@@ -54,12 +60,19 @@ impl Vertices<'_> {
 
 /// The record of a frame that makes a keyframe, with the newest keyframes where they and the frame agree best. Nothing
 /// changes while a correction is under way, which decides, or without a solution.
-pub(crate) fn smoothed(state: &TrackerState, aligned: &WindowAlignment, record: FrameRecord) -> FrameRecord {
+pub(crate) fn smoothed(
+    settings: &LoopSettings,
+    state: &TrackerState,
+    aligned: &WindowAlignment,
+    record: FrameRecord,
+) -> FrameRecord {
     let Some(made) = &record.new_keyframe else { return record };
     if state.pending.is_some() || aligned.state != State::Tracking || !record.moved.is_empty() {
         return record;
     }
-    let mut vertices = Vertices { state, made, ids: Vec::new(), graph: Graph::default() };
+    let frame_index = record.index;
+    let mut vertices =
+        Vertices { settings, frame_index, state, made, ids: Vec::new(), graph: Graph::default() };
     let became = state.recent.iter().find(|r| r.index == made.frame_index);
     let of_made = became.into_iter().flat_map(|r| r.blocks.iter().map(|block| (made.id, block)));
     state.newest_blocks.iter().chain(of_made).for_each(|(newer, block)| vertices.add(newer, block));

@@ -141,7 +141,7 @@ fn track_from(
 ) -> Result<WindowAlignment, String> {
     let (seen, rival) = match guess_from_features(input, aligner, prediction) {
         Some(Start::Better(guess)) => (Some(guess), None),
-        Some(Start::Rival(guess)) => (None, Some(guess)),
+        Some(Start::Rival(guess)) => (None, Some(guess).filter(|_| !input.context.is_colour_on_probation)),
         None => (None, None),
     };
     let prediction = &seen.unwrap_or(*prediction);
@@ -154,8 +154,9 @@ fn track_from(
     let mut is_seen = seen.is_some();
     if let Some(rival) = rival {
         let second = align_to_window(input, aligner, &rival);
-        let is_better = second.alignment.evidence_nats() > first.alignment.evidence_nats();
-        if second.alignment.is_solved && is_better {
+        // Where most points float in what the references saw through, it is not, whatever agrees.
+        let is_possible = second.alignment.is_solved && second.alignment.support() > 0.0;
+        if is_possible && second.alignment.evidence_nats() > first.alignment.evidence_nats() {
             (first, is_seen) = (second, true);
         }
     }

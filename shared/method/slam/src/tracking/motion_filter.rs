@@ -30,6 +30,8 @@ const MOST_STEPS: f64 = 2.0;
 /// Density of the acceleration before anything is known, m^2/s^3 and rad^2/s^3: 2 m/s^2 and 10 rad/s^2 that last for
 /// a thirtieth of a second.
 const START_DENSITY: [f64; 2] = [4.0 / 30.0, 100.0 / 30.0];
+/// Standard deviation of a velocity that no alignment determines, m/s and rad/s: of a hand or a robot indoors.
+const START_VELOCITY: [f64; 2] = [1.5, 1.5];
 /// Standard deviation of a rotation between two frames that no gyroscope falls below, radians: its axes and the camera's
 /// are not quite the same.
 const INERTIAL_FLOOR_RAD: f64 = 0.2_f64.to_radians();
@@ -92,7 +94,8 @@ impl MotionState {
 
     /// Standard deviation of the velocity along and about each axis, m/s and rad/s.
     pub(crate) fn velocity_deviation(&self) -> [f64; 6] {
-        self.variance.map(|[.., vv]| vv.sqrt())
+        let deviation = self.variance.map(|[.., vv]| vv.sqrt());
+        if self.is_known { deviation } else { std::array::from_fn(|k| START_VELOCITY[k / 3]) }
     }
 
     /// Takes in a pose `step` further than the one before, found `seconds` later with these variances as the
@@ -110,13 +113,14 @@ impl MotionState {
                 self.velocity = velocity.into();
             }
             _ => {
-                let deviation = stated.map(|stated| std::array::from_fn(|k| scale[k / 3] * stated[k]));
+                let start = |k: usize| match stated.map(|stated| scale[k / 3] * stated[k]) {
+                    Some(r) => [r, r / seconds, 2.0 * r / seconds.powi(2)],
+                    None => [0.0, 0.0, START_VELOCITY[k / 3].powi(2)],
+                };
                 *self = Self {
                     is_known: true,
                     velocity: velocity.into(),
-                    variance: deviation
-                        .unwrap_or([0.0; 6])
-                        .map(|r| [r, r / seconds, 2.0 * r / seconds.powi(2)]),
+                    variance: std::array::from_fn(start),
                     innovation: [0.0; 6],
                     ..*self
                 };

@@ -196,7 +196,8 @@ impl Tracker {
                             colour_record(&input, &mut self.aligner, &aligned, &prediction, makes_keyframe);
                         let record = FrameRecord { colour: observed, ..record };
                         let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
-                        let record = fixed_lag::smoothed(&self.state, &aligned, record);
+                        let record =
+                            fixed_lag::smoothed(&self.context.mapping.loops, &self.state, &aligned, record);
                         if has_more_to_do(&input, &record) && !gives_colour_away(colour, &record) {
                             posed(&record);
                             context.steps.enter(Step::Keyframe);
