@@ -1,5 +1,6 @@
 //! What the tracker sees by features: the frame's own, the references', and the pairs between them.
 
+use crate::evidence::same_place;
 use crate::features::colour_model::ColourModel;
 use crate::features::lift::lift;
 use crate::features::matching::{PairFinder, Reach, Seen};
@@ -253,6 +254,23 @@ impl Sight {
             pair.found.inliers.iter().filter(|c| residuals::squared_error(c, &at) < AGREES_SQ).count() as u32
         };
         references.iter().map(count).max().unwrap_or(0)
+    }
+
+    /// Features that agree with an alignment to a reference, matched anew wherever they are: a pair that is known may
+    /// have been looked for about another pose.
+    pub(crate) fn n_agreeing_anywhere(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+    ) -> usize {
+        let observations = self.observations_of(context, reference);
+        let at = reference.world_from_camera.inverse() * world_from_camera;
+        let query = Seen { features: &self.features, observations: &self.observations };
+        let target = Seen { features: reference.features, observations: &observations };
+        let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
+        let found = self.finder.find(context, [query, target], &at, Reach::ANYWHERE, seed);
+        found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
     }
 
     /// Features of a pair already found that agree with a relative pose, `target_from_query`.

@@ -55,6 +55,8 @@ pub struct FrameRecord {
     pub submap: u32,
     /// Time for which the camera has been lost with usable frames, nanoseconds.
     pub lost_nanos: i64,
+    /// Sum of the evidence for a place that was found and is not yet certain, nats; 0 otherwise (method 12.7).
+    pub evidence_nats: f64,
     /// Pose as first published, in the map's frame.
     pub world_from_camera: PoseBits,
     /// What corrections change; `world_from_camera = world_from_odom * odom_from_camera`.

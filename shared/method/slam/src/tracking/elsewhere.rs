@@ -216,7 +216,12 @@ fn in_window<'a>(
 /// Whether the surfaces of two keyframes hold each other in every direction.
 fn are_determined(context: &Context, [query, target]: &[Matchable<'_>; 2], target_from_query: &Pose) -> bool {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
-    let pair = PairAlignment { query, target, n_queries: GlobalSettings::QUERIES_PER_PAIR, limits: &limits };
+    let pair = PairAlignment {
+        query: &query.queries,
+        target,
+        n_queries: GlobalSettings::QUERIES_PER_PAIR,
+        limits: &limits,
+    };
     let (block, _) = pair.search(&mut context.matcher(), target_from_query, 1.0);
     is_determined(context, &block.linearise(target_from_query).0)
 }

@@ -5,6 +5,7 @@ pub(crate) mod alignment;
 pub(crate) mod covariance;
 pub(crate) mod degeneracy;
 pub(crate) mod elsewhere;
+pub(crate) mod found_place;
 pub(crate) mod frame_record;
 pub(crate) mod hypotheses;
 pub(crate) mod input;
