@@ -2,11 +2,14 @@
 //! against the chi-square of its dimension (Bar-Shalom, Li and Kirubarajan 2001, chapter 5).
 
 use nalgebra::SymmetricEigen;
-use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, log};
+use tessera_geometry::{Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log};
 
 /// Bound of the squared distance of two poses that agree: the chi-square of six dimensions at an error rate of one
 /// in a thousand, the rate at which poses that agree are refused.
 const CHI_SQUARE_6: f64 = 22.458;
+
+/// Numbers of the upper triangle of a 6x6 matrix.
+const N_UPPER: usize = 21;
 
 /// Least standard deviation of a pose, metres and radians, as share of what it says of a direction: a covariance
 /// that is singular, as that of a first frame, has no inverse. Far below what any sensor resolves.
@@ -20,6 +23,12 @@ pub(crate) struct UncertainPose {
 }
 
 impl UncertainPose {
+    /// From a record; `None` where that has no covariance.
+    pub(crate) fn read(pose: &PoseBits, upper_triangle: &[f64]) -> Option<Self> {
+        let is_known = upper_triangle.len() == N_UPPER;
+        is_known.then(|| Self { pose: Pose::from(pose), covariance: from_upper_triangle(upper_triangle) })
+    }
+
     /// The pose of `to` in the frame of `from`, both poses of one track: what `to` inherited of the uncertainty of
     /// `from` cancels, so that the covariance is their difference, without the directions in which it is negative.
     pub(crate) fn along_track(from: &Self, to: &Self) -> Self {

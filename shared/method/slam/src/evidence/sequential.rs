@@ -5,7 +5,6 @@
 const WRONG: f64 = 1e-6;
 /// Error rate of a right one that is missed.
 const MISSED: f64 = 1e-2;
-
 /// What the evidence so far decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
@@ -25,6 +24,13 @@ impl SequentialTest {
     /// is known already.
     pub(crate) fn with(self, llr_nats: f64, novelty: f64) -> Self {
         Self { sum_nats: self.sum_nats + novelty.clamp(0.0, 1.0) * llr_nats }
+    }
+
+    /// The test where the same view was seen for longer by a share of the time in which its noise is another one: it
+    /// counts twice at most.
+    pub(crate) fn seen_again(self, llr_nats: f64, share: f64) -> Self {
+        let again = self.with(llr_nats, share).sum_nats.min(2.0 * llr_nats);
+        Self { sum_nats: self.sum_nats.max(again) }
     }
 
     /// The bound from which on the place is accepted.
@@ -58,5 +64,8 @@ mod tests {
         let apart = (0..4).fold(start, |test, _| test.with(4.0, 1.0));
         assert_eq!(apart.verdict(), Verdict::Accepted);
         assert_eq!(start.with(-5.0, 1.0).verdict(), Verdict::Rejected);
+        let at_rest = |llr: f64| (0..100).fold(start.with(llr, 1.0), |test, _| test.seen_again(llr, 0.1));
+        assert_eq!(at_rest(8.0).verdict(), Verdict::Accepted);
+        assert_eq!(at_rest(6.0).sum_nats, 12.0, "it counts twice");
     }
 }

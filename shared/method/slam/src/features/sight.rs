@@ -273,6 +273,27 @@ impl Sight {
         found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
     }
 
+    /// Features of the frame that would agree with a reference at a pose, were it the same place: of those that it
+    /// would have to see, the share that agrees with `before`, a view just before.
+    pub(crate) fn n_expected(
+        &mut self,
+        context: &Context,
+        before: Option<&Reference<'_>>,
+        target_from_query: &Pose,
+    ) -> f64 {
+        let n = same_place::n_comparable(context, &self.observations, target_from_query);
+        n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
+    }
+
+    /// Share of the comparable features that agree with a view just before, on whatever pose they agree.
+    fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
+        let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
+        pair.map_or(0.0, |pair| {
+            let at = pair.target_from_query;
+            same_place::agreeing_share(context, &self.observations, &pair.inliers, &at)
+        })
+    }
+
     /// Features of a pair already found that agree with a relative pose, `target_from_query`.
     pub(crate) fn n_agreeing_with(&self, key: SurfaceKey, at: &Pose) -> usize {
         let Some(Some(pair)) = self.pairs.get(&key) else { return 0 };

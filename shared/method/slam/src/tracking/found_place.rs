@@ -7,18 +7,19 @@ use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Reference;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
+use tessera_geometry::Pose;
 use tessera_graph::PairBlock;
 
-/// Time in which the view of a camera at rest counts once more, nanoseconds: what moves, exposure and noise change,
-/// the place does not.
-const SEEN_AGAIN_NANOS: f64 = 10e9;
+/// Time in which the view of a camera at rest counts once more, and no further, nanoseconds: noise, exposure and what
+/// moves are others by then. A choice; it bounds the time to find a place from a view that tells half of what is asked.
+const SEEN_AGAIN_NANOS: f64 = 2e9;
 
 /// What a frame shows of its place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shown {
     /// A log-likelihood ratio, nats.
     Evidence(f64),
-    /// Neither the frame nor the map has features: surfaces alone never reach the bounds of the test.
+    /// The map has no features, or they are not used: surfaces alone never reach the bounds of the test.
     SurfacesAlone,
 }
 
@@ -41,12 +42,14 @@ pub(crate) fn shown(
     }
     let n_seen = [aligner.sight.n_features(), there.features.len()];
     let n_agreeing = aligner.sight.n_agreeing_anywhere(input.context, &there, pose);
-    Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing).llr_nats()))
+    let before = input.map.state().recent.len().checked_sub(1).map(Member::Recent);
+    let before = before.and_then(|before| reference(input, before));
+    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), &at);
+    Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing, n_expected).llr_nats()))
 }
 
 fn is_without_features(input: &TrackingInput<'_>, there: &Reference<'_>) -> bool {
-    let has_none = input.frame.features.is_empty() && there.features.is_empty();
-    !input.context.mapping.features.enabled || !input.context.is_colour_trusted || has_none
+    !input.context.mapping.features.enabled || !input.context.is_colour_trusted || there.features.is_empty()
 }
 
 /// Evidence with which a place among so many is taken up: that it is this one is as likely then as all else, where
@@ -78,21 +81,24 @@ pub(crate) fn with_frame(
     shown: Shown,
 ) -> SequentialTest {
     let before = SequentialTest { sum_nats: input.map.state().evidence_nats };
-    let novelty = match shown {
-        Shown::Evidence(_) => novelty(input, aligner, found),
-        Shown::SurfacesAlone => 1.0,
-    };
-    before.with(nats(input, shown), novelty)
+    let nats = nats(input, shown);
+    if matches!(shown, Shown::SurfacesAlone) {
+        return before.with(nats, 1.0);
+    }
+    let Some((place, last)) = input.map.state().recent.iter().enumerate().next_back() else { return before };
+    let new_share = reference(input, Member::Recent(place))
+        .map_or(0.0, |last| novelty_beside(input, aligner, &last, &found.alignment.world_from_camera));
+    let time_share = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 / SEEN_AGAIN_NANOS;
+    before.with(nats, new_share).seen_again(nats, time_share - new_share)
 }
 
-/// Share of a frame that the one before did not show, and a little for the time between them.
-fn novelty(input: &TrackingInput<'_>, aligner: &mut Aligner, found: &WindowAlignment) -> f64 {
-    let recent = &input.map.state().recent;
-    let Some((place, last)) = recent.iter().enumerate().next_back() else { return 0.0 };
-    let seconds_share = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 / SEEN_AGAIN_NANOS;
-    let Some(before) = reference(input, Member::Recent(place)) else { return seconds_share };
-    let pose = &found.alignment.world_from_camera;
-    let report = aligner.try_pose(input.context, input.samples, &before, pose);
-    let overlap = f64::from(report.n_in_view) / f64::from(report.n_queries.max(1));
-    seconds_share.max(1.0 - overlap)
+/// Share of a frame at a pose that a reference did not show.
+pub(crate) fn novelty_beside(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    before: &Reference<'_>,
+    world_from_camera: &Pose,
+) -> f64 {
+    let report = aligner.try_pose(input.context, input.samples, before, world_from_camera);
+    1.0 - f64::from(report.n_in_view) / f64::from(report.n_queries.max(1))
 }

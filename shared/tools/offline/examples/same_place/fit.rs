@@ -11,9 +11,10 @@ struct Step {
 }
 
 /// Where steps are, by quantity in the order of `PlaceEvidence::quantities`, and the sign of their weights.
-const STEPS: [(&[f64], f64); 7] = [
+const STEPS: [(&[f64], f64); 8] = [
     (&[12.0, 20.0, 40.0, 80.0], 1.0),
-    (&[0.05, 0.1, 0.2, 0.3], 1.0),
+    (&[0.1, 0.2, 0.4, 0.7, 1.0], 1.0),
+    (&[10.0, 20.0, 40.0, 80.0], -1.0),
     (&[0.2, 0.4, 0.6, 0.8], 1.0),
     (&[0.4, 0.6, 0.7, 0.8, 0.9, 0.95], 1.0),
     (&[0.01, 0.02, 0.05, 0.1, 0.2, 0.4], -1.0),
@@ -21,7 +22,7 @@ const STEPS: [(&[f64], f64); 7] = [
     (&[0.005, 0.01, 0.02, 0.05, 0.1], 1.0),
 ];
 /// Quantities that concern features.
-const N_OF_FEATURES: usize = 2;
+const N_OF_FEATURES: usize = 3;
 /// Standard deviation of a step's weight before anything is known of it, nats: wide beside what the pairs tell.
 const PRIOR_NATS: f64 = 6.0;
 const SWEEPS: usize = 300;
@@ -31,7 +32,7 @@ struct Labelled {
     sequence: String,
     is_same: bool,
     has_features: bool,
-    quantities: [f64; 7],
+    quantities: [f64; 8],
     /// All worlds count the same, and both answers.
     weight: f64,
 }
@@ -49,18 +50,38 @@ impl Fitted {
     }
 }
 
+/// A table: its name, the quantities that it weighs, and which pairs it is fitted to.
+struct Table {
+    name: &'static str,
+    quantities: std::ops::Range<usize>,
+    is_of: fn(&Labelled) -> bool,
+}
+
+const TABLES: [Table; 3] = [
+    Table { name: "WITH_FEATURES", quantities: 0..8, is_of: |pair| pair.has_features },
+    Table { name: "SHAPE", quantities: N_OF_FEATURES..8, is_of: |_| true },
+    Table { name: "ALIKE", quantities: 0..N_OF_FEATURES, is_of: |pair| pair.has_features && fits(pair) },
+];
+
+/// Whether the surfaces of a pair fit as those of one place do: two fifths in view, half of them matched, a tenth in
+/// front of what the other saw at most.
+fn fits(pair: &Labelled) -> bool {
+    let [.., overlap, matched, in_front, _, _] = pair.quantities;
+    overlap >= 0.4 && matched >= 0.5 && in_front <= 0.1
+}
+
 pub(crate) fn run(fitted_on: &str, checked_on: &str) -> Result<(), Box<dyn Error>> {
-    for (name, with_features) in [("WITH_FEATURES", true), ("SHAPE", false)] {
-        let fitted = fit(&read(fitted_on, with_features)?, with_features);
-        print_table(name, &fitted);
+    for table in &TABLES {
+        let fitted = fit(&read(fitted_on, table.is_of)?, table.quantities.clone());
+        print_table(table.name, &fitted);
         for file in [fitted_on, checked_on] {
-            check(file, &read(file, with_features)?, &fitted);
+            check(file, &read(file, table.is_of)?, &fitted);
         }
     }
     Ok(())
 }
 
-fn read(file: &str, with_features: bool) -> Result<Vec<Labelled>, Box<dyn Error>> {
+fn read(file: &str, is_of: fn(&Labelled) -> bool) -> Result<Vec<Labelled>, Box<dyn Error>> {
     let mut pairs = Vec::new();
     for line in std::fs::read_to_string(file)?.lines() {
         let fields: Vec<&str> = line.split(',').collect();
@@ -70,11 +91,11 @@ fn read(file: &str, with_features: bool) -> Result<Vec<Labelled>, Box<dyn Error>
             sequence: (*sequence).to_owned(),
             is_same: *is_same == "1",
             has_features: *has_features == "1",
-            quantities: numbers.try_into().map_err(|_| format!("{file}: {line}: expected 7 quantities"))?,
+            quantities: numbers.try_into().map_err(|_| format!("{file}: {line}: expected 8 quantities"))?,
             weight: 0.0,
         });
     }
-    pairs.retain(|pair| (pair.has_features || !with_features) && !is_twin(pair));
+    pairs.retain(|pair| is_of(pair) && !is_twin(pair));
     let key = |pair: &Labelled| (pair.sequence.clone(), pair.is_same);
     let mut n: BTreeMap<(String, bool), f64> = BTreeMap::new();
     pairs.iter().for_each(|pair| *n.entry(key(pair)).or_default() += 1.0);
@@ -94,8 +115,8 @@ fn is_twin(pair: &Labelled) -> bool {
 }
 
 /// Newton steps of one weight after the other, each kept to its sign.
-fn fit(pairs: &[Labelled], with_features: bool) -> Fitted {
-    let steps = (0..).zip(STEPS).filter(|(quantity, _)| with_features || *quantity >= N_OF_FEATURES);
+fn fit(pairs: &[Labelled], quantities: std::ops::Range<usize>) -> Fitted {
+    let steps = (0..).zip(STEPS).filter(|(quantity, _)| quantities.contains(quantity));
     let steps = steps.flat_map(|(quantity, (from, sign))| {
         from.iter().map(move |&from| (Step { quantity, from, sign }, 0.0))
     });

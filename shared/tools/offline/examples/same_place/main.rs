@@ -42,8 +42,11 @@ fn pairs(asked: &Asked) -> Result<(), Box<dyn Error>> {
     let mut probe = PlaceProbe::new(&views.context, &views.keyframes, &views);
     let mut random = SplitMix64::new(1);
     for query in 0..views.keyframes.len() {
+        // A view just before or behind, as a tracked frame has.
+        let beside = if query > 0 { query - 1 } else { 1.min(views.keyframes.len() - 1) };
+        let share = probe.agreeing_share(query, beside);
         for (target, start) in starts(&views, &mut probe, query, &mut random) {
-            let (at, evidence) = probe.measure(query, target, &start);
+            let (at, evidence) = probe.measure((query, share), target, &start);
             if let Some(is_same) = label(&views.truly(query, target), &at) {
                 print(&asked.sequence, is_same, &evidence);
             }

@@ -8,7 +8,7 @@ use tessera_geometry::{Pose, PoseBits, log};
 use tessera_offline::RawFrame;
 use tessera_settings::Settings;
 use tessera_slam::{Context, Ferns, KeyframeState, KeyframeSurfaces, StoreSlot};
-use tessera_sources::{SimulationOptions, Source, SourceOptions, SourceSpec};
+use tessera_sources::{SimulationOptions, SourceOptions, SourceSpec};
 use tessera_surface::{Reconstructor, SurfaceView, Vertex};
 
 /// What is asked for on the command line.
