@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 
 /// A step of a quantity: where it begins, and the sign of what it adds.
-struct Step {
+struct FittedStep {
     quantity: usize,
     from: f64,
     sign: f64,
@@ -40,7 +40,7 @@ struct Labelled {
 /// The weights of a table.
 struct Fitted {
     constant: f64,
-    steps: Vec<(Step, f64)>,
+    steps: Vec<(FittedStep, f64)>,
 }
 
 impl Fitted {
@@ -51,16 +51,16 @@ impl Fitted {
 }
 
 /// A table: its name, the quantities that it weighs, and which pairs it is fitted to.
-struct Table {
+struct FitTable {
     name: &'static str,
     quantities: std::ops::Range<usize>,
     is_of: fn(&Labelled) -> bool,
 }
 
-const TABLES: [Table; 3] = [
-    Table { name: "WITH_FEATURES", quantities: 0..8, is_of: |pair| pair.has_features },
-    Table { name: "SHAPE", quantities: N_OF_FEATURES..8, is_of: |_| true },
-    Table { name: "ALIKE", quantities: 0..N_OF_FEATURES, is_of: |pair| pair.has_features && fits(pair) },
+const TABLES: [FitTable; 3] = [
+    FitTable { name: "WITH_FEATURES", quantities: 0..8, is_of: |pair| pair.has_features },
+    FitTable { name: "SHAPE", quantities: N_OF_FEATURES..8, is_of: |_| true },
+    FitTable { name: "ALIKE", quantities: 0..N_OF_FEATURES, is_of: |pair| pair.has_features && fits(pair) },
 ];
 
 /// Whether the surfaces of a pair fit as those of one place do: two fifths in view, half of them matched, a tenth in
@@ -118,7 +118,7 @@ fn is_twin(pair: &Labelled) -> bool {
 fn fit(pairs: &[Labelled], quantities: std::ops::Range<usize>) -> Fitted {
     let steps = (0..).zip(STEPS).filter(|(quantity, _)| quantities.contains(quantity));
     let steps = steps.flat_map(|(quantity, (from, sign))| {
-        from.iter().map(move |&from| (Step { quantity, from, sign }, 0.0))
+        from.iter().map(move |&from| (FittedStep { quantity, from, sign }, 0.0))
     });
     let mut fitted = Fitted { constant: 0.0, steps: steps.collect() };
     let mut llr: Vec<f64> = vec![0.0; pairs.len()];
@@ -158,7 +158,9 @@ fn print_table(name: &str, fitted: &Fitted) {
     println!("pub(crate) const {name}: WeightTable = WeightTable {{");
     println!("    constant_nats: {:.2},", fitted.constant);
     println!("    steps: &[");
-    for (Step { quantity, from, .. }, nats) in fitted.steps.iter().filter(|(_, nats)| nats.abs() >= 0.005) {
+    for (FittedStep { quantity, from, .. }, nats) in
+        fitted.steps.iter().filter(|(_, nats)| nats.abs() >= 0.005)
+    {
         println!("        step({quantity}, {from:?}, {nats:.2}),");
     }
     println!("    ],\n}};");

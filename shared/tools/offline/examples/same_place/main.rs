@@ -16,7 +16,7 @@ use std::error::Error;
 use tessera_geometry::{Pose, Twist, Vector6, exp, translation_rotation_norms};
 use tessera_numerics::SplitMix64;
 use tessera_slam::{PlaceEvidence, PlaceProbe, similarity};
-use views::{Asked, Views};
+use views::{Views, ViewsOptions};
 
 /// The same place within these, another one beyond those, metres and degrees.
 const SAME: (f64, f64) = (0.1, 5.0);
@@ -31,13 +31,13 @@ const N_RANDOM: usize = 3;
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.split_first() {
-        Some((command, rest)) if command == "pairs" => pairs(&Asked::parse(rest)?),
+        Some((command, rest)) if command == "pairs" => pairs(&ViewsOptions::parse(rest)?),
         Some((command, [fitted_on, checked_on])) if command == "fit" => fit::run(fitted_on, checked_on),
         _ => Err("expected: pairs SEQUENCE ..., or fit FITTED_ON CHECKED_ON".into()),
     }
 }
 
-fn pairs(asked: &Asked) -> Result<(), Box<dyn Error>> {
+fn pairs(asked: &ViewsOptions) -> Result<(), Box<dyn Error>> {
     let views = Views::of(asked)?;
     let mut probe = PlaceProbe::new(&views.context, &views.keyframes, &views);
     let mut random = SplitMix64::new(1);

@@ -12,7 +12,7 @@ use tessera_sources::{SimulationOptions, SourceOptions, SourceSpec};
 use tessera_surface::{Reconstructor, SurfaceView, Vertex};
 
 /// What is asked for on the command line.
-pub(crate) struct Asked {
+pub(crate) struct ViewsOptions {
     pub(crate) sequence: String,
     camera: Option<String>,
     simulation: SimulationOptions,
@@ -22,7 +22,7 @@ pub(crate) struct Asked {
     every: u64,
 }
 
-impl Asked {
+impl ViewsOptions {
     pub(crate) fn parse(arguments: &[String]) -> Result<Self, Box<dyn Error>> {
         let (sequence, rest) = arguments.split_first().ok_or("a sequence is needed")?;
         let mut asked = Self {
@@ -75,7 +75,7 @@ impl KeyframeSurfaces for Views {
 }
 
 impl Views {
-    pub(crate) fn of(asked: &Asked) -> Result<Self, Box<dyn Error>> {
+    pub(crate) fn of(asked: &ViewsOptions) -> Result<Self, Box<dyn Error>> {
         let options = SourceOptions {
             camera: asked.camera.clone(),
             simulation: asked.simulation.clone(),
