@@ -47,7 +47,7 @@ pub struct PlaceEvidence {
     /// Features that agree over those that would, were it the same place.
     pub agreeing: f64,
     /// Features that would agree, were it the same place, where views overlap and fewer do than make a pose; 0 where they do: of those
-    /// that the target would have to see ([`n_comparable`]) the share that agrees with a view just before.
+    /// that the target would have to see the share that agrees with a view just before.
     pub missing: f64,
     /// Share of the query's points that project into the target at a depth measured there.
     pub overlap: f64,

@@ -7,7 +7,7 @@ const WRONG: f64 = 1e-6;
 const MISSED: f64 = 1e-2;
 /// What the evidence so far decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum TestVerdict {
     Accepted,
     Undecided,
     Rejected,
@@ -39,13 +39,13 @@ impl SequentialTest {
     }
 
     /// The bounds are `ln((1 - MISSED) / WRONG)` and `ln(MISSED / (1 - WRONG))`.
-    pub(crate) fn verdict(self) -> Verdict {
+    pub(crate) fn verdict(self) -> TestVerdict {
         if self.sum_nats >= Self::accepted_nats() {
-            Verdict::Accepted
+            TestVerdict::Accepted
         } else if self.sum_nats <= libm::log(MISSED / (1.0 - WRONG)) {
-            Verdict::Rejected
+            TestVerdict::Rejected
         } else {
-            Verdict::Undecided
+            TestVerdict::Undecided
         }
     }
 }
@@ -57,15 +57,15 @@ mod tests {
     #[test]
     fn one_overwhelming_view_decides_and_the_same_weak_view_again_does_not() {
         let start = SequentialTest::default();
-        assert_eq!(start.verdict(), Verdict::Undecided);
-        assert_eq!(start.with(14.0, 1.0).verdict(), Verdict::Accepted);
+        assert_eq!(start.verdict(), TestVerdict::Undecided);
+        assert_eq!(start.with(14.0, 1.0).verdict(), TestVerdict::Accepted);
         let weak = (0..10).fold(start.with(4.0, 1.0), |test, _| test.with(4.0, 0.05));
-        assert_eq!(weak.verdict(), Verdict::Undecided, "{weak:?}");
+        assert_eq!(weak.verdict(), TestVerdict::Undecided, "{weak:?}");
         let apart = (0..4).fold(start, |test, _| test.with(4.0, 1.0));
-        assert_eq!(apart.verdict(), Verdict::Accepted);
-        assert_eq!(start.with(-5.0, 1.0).verdict(), Verdict::Rejected);
+        assert_eq!(apart.verdict(), TestVerdict::Accepted);
+        assert_eq!(start.with(-5.0, 1.0).verdict(), TestVerdict::Rejected);
         let at_rest = |llr: f64| (0..100).fold(start.with(llr, 1.0), |test, _| test.seen_again(llr, 0.1));
-        assert_eq!(at_rest(8.0).verdict(), Verdict::Accepted);
+        assert_eq!(at_rest(8.0).verdict(), TestVerdict::Accepted);
         assert_eq!(at_rest(6.0).sum_nats, 12.0, "it counts twice");
     }
 }

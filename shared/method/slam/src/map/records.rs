@@ -3,7 +3,7 @@
 //! The state of both is a fold over these records and nothing else, so a process
 //! that restarted and one that did not hold the same bits.
 
-use crate::evidence::sequential::{SequentialTest, Verdict};
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::features::colour_model::{ColourPoseRecord, ColourRecord};
 pub use crate::map::correction::{
     AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
@@ -170,7 +170,7 @@ pub struct ContradictionRecord {
 impl ContradictionRecord {
     /// Whether the map is refuted.
     pub(crate) fn is_certain(&self) -> bool {
-        SequentialTest { sum_nats: -self.sum_nats }.verdict() == Verdict::Rejected
+        SequentialTest { sum_nats: -self.sum_nats }.verdict() == TestVerdict::Rejected
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
-use crate::evidence::sequential::{SequentialTest, Verdict};
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
 use crate::map::records::{ASKED, FrameRecord, State};
@@ -88,7 +88,7 @@ pub(crate) fn confirm(
 
 /// The frame with what is known of its place: tracked once that is certain.
 fn as_far_as_certain(found: WindowAlignment, test: SequentialTest, why: &str) -> WindowAlignment {
-    let is_certain = test.verdict() == Verdict::Accepted;
+    let is_certain = test.verdict() == TestVerdict::Accepted;
     let (sum, bound) = (test.sum_nats, SequentialTest::accepted_nats());
     let reason = format!("{why}confirmed by {sum:.1} of {bound:.1} nats");
     let (state, evidence_nats) = if is_certain { (State::Tracking, 0.0) } else { (State::Relocalising, sum) };

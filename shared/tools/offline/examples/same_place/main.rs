@@ -16,12 +16,12 @@ use std::error::Error;
 use tessera_geometry::{Pose, Twist, Vector6, exp, translation_rotation_norms};
 use tessera_numerics::SplitMix64;
 use tessera_slam::{PlaceEvidence, PlaceProbe, similarity};
-use views::{Views, ViewsOptions};
+use views::{TrueViews, ViewsOptions};
 
 /// The same place within these, another one beyond those, metres and degrees.
 const SAME: (f64, f64) = (0.1, 5.0);
 const OTHER: (f64, f64) = (0.3, 15.0);
-/// Views whose centres and axes are within these may overlap, metres and degrees.
+/// TrueViews whose centres and axes are within these may overlap, metres and degrees.
 const NEAR: (f64, f64) = (1.5, 50.0);
 /// Near views, views that look alike elsewhere, and views at random, for each query.
 const N_NEAR: usize = 5;
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn pairs(asked: &ViewsOptions) -> Result<(), Box<dyn Error>> {
-    let views = Views::of(asked)?;
+    let views = TrueViews::of(asked)?;
     let mut probe = PlaceProbe::new(&views.context, &views.keyframes, &views);
     let mut random = SplitMix64::new(1);
     for query in 0..views.keyframes.len() {
@@ -73,7 +73,7 @@ fn print(sequence: &str, is_same: bool, evidence: &PlaceEvidence) {
 
 /// Targets of a query, each with the start of an alignment.
 fn starts(
-    views: &Views,
+    views: &TrueViews,
     probe: &mut PlaceProbe<'_>,
     query: usize,
     random: &mut SplitMix64,

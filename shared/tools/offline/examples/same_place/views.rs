@@ -1,4 +1,4 @@
-//! Views of a sequence at their true poses, as the keyframes of a map.
+//! TrueViews of a sequence at their true poses, as the keyframes of a map.
 
 use rayon::prelude::*;
 use std::error::Error;
@@ -56,15 +56,15 @@ impl ViewsOptions {
     }
 }
 
-/// Views as keyframes, with their surfaces and features.
-pub(crate) struct Views {
+/// TrueViews as keyframes, with their surfaces and features.
+pub(crate) struct TrueViews {
     pub(crate) context: Context,
     pub(crate) keyframes: Vec<KeyframeState>,
     surfaces: Vec<Vec<Vertex>>,
     features: Vec<Vec<Feature>>,
 }
 
-impl KeyframeSurfaces for Views {
+impl KeyframeSurfaces for TrueViews {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
         &self.surfaces[keyframe as usize]
     }
@@ -74,7 +74,7 @@ impl KeyframeSurfaces for Views {
     }
 }
 
-impl Views {
+impl TrueViews {
     pub(crate) fn of(asked: &ViewsOptions) -> Result<Self, Box<dyn Error>> {
         let options = SourceOptions {
             camera: asked.camera.clone(),
