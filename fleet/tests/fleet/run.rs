@@ -89,6 +89,7 @@ impl GrowingRun {
             reason: self.words(),
             submap: 0,
             lost_nanos: 0,
+            evidence_nats: 0.0,
             world_from_camera: pose,
             world_from_odom: PoseBits::IDENTITY,
             keyframe,

@@ -6,6 +6,7 @@
 //! not hold the same bits. Holz and Behnke 2015, III-F to III-H.
 #![forbid(unsafe_code)]
 
+mod evidence;
 mod features;
 mod loops;
 mod map;
@@ -13,6 +14,7 @@ mod optimise;
 mod settings;
 mod tracking;
 
+pub use evidence::same_place::{PlaceEvidence, PlaceProbe};
 pub use features::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState, UNTRUSTED};
 pub use features::seen_focal::{FocalView, seen_focal_ratio};
 pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};

@@ -10,7 +10,7 @@ use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TESSERAJ";
 /// Version of the framing and of the records in it.
-const VERSION: u32 = 15;
+const VERSION: u32 = 16;
 /// Bytes before the first record.
 pub(crate) const FILE_HEADER_BYTES: usize = 32;
 /// Bytes before each record's payload: length, version, checksum.

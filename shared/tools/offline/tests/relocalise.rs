@@ -32,9 +32,14 @@ fn a_camera_that_knows_its_place_finds_it_anew() {
     let found: Vec<&FrameRecord> = records.frames().collect();
     assert_eq!(asked(found.iter().copied()), [60], "once, though each later frame tells of it");
     assert!(found[60].reason.contains("; found by ") && !found[60].reason.contains("the last pose"));
+    // Some frames that show more and more of the place, and then it is certain.
+    let certain = 60 + found[60..].iter().position(|frame| frame.state == State::Tracking).unwrap();
+    assert!((61..66).contains(&certain), "frame {certain}");
     for frame in &found {
-        let expected = if (60..62).contains(&frame.index) { State::Relocalising } else { State::Tracking };
+        let is_sought = (60..certain as u64).contains(&frame.index);
+        let expected = if is_sought { State::Relocalising } else { State::Tracking };
         assert_eq!(frame.state, expected, "frame {}: {}", frame.index, frame.reason);
+        assert_eq!(frame.evidence_nats > 0.0, is_sought, "frame {}: {}", frame.index, frame.reason);
         let may_change = frame.state == State::Tracking;
         assert!(may_change || (frame.new_keyframe.is_none() && frame.request.is_none()));
     }

@@ -39,9 +39,9 @@ const ELSEWHERE: [(&str, &str, &str); 20] = [
         r#"contains("a relocalisation was asked for")"#,
     ),
     (
-        "are not seen where they should be",
+        "views of long ago contradict the map",
         "promises/durability/submaps.rs",
-        r#"contains("are not seen where they should be")"#,
+        r#"contains("views of long ago contradict the map")"#,
     ),
     (
         "both saw what contradicts it",

@@ -41,7 +41,7 @@ fn a_ride_in_a_lift_is_noticed_and_kills_change_no_byte() {
     let summary: serde_json::Value = serde_json::from_slice(&whole.output("summary.json")).unwrap();
     assert!(summary["submaps"].as_u64() >= Some(2) && summary["submaps_joined"] == 0, "{summary}");
     let states = String::from_utf8(whole.output("states.csv")).unwrap();
-    let noticed = states.lines().position(|line| line.contains("are not seen where they should be"));
+    let noticed = states.lines().position(|line| line.contains("views of long ago contradict the map"));
     let noticed = noticed.unwrap_or_else(|| panic!("not noticed: {states}")) - 1;
     // Before the frame, with it, and behind it.
     let plan = format!(

@@ -1,5 +1,6 @@
 //! What the tracker sees by features: the frame's own, the references', and the pairs between them.
 
+use crate::evidence::same_place;
 use crate::features::colour_model::ColourModel;
 use crate::features::lift::lift;
 use crate::features::matching::{PairFinder, Reach, Seen};
@@ -253,6 +254,44 @@ impl Sight {
             pair.found.inliers.iter().filter(|c| residuals::squared_error(c, &at) < AGREES_SQ).count() as u32
         };
         references.iter().map(count).max().unwrap_or(0)
+    }
+
+    /// Features that agree with an alignment to a reference, matched anew wherever they are: a pair that is known may
+    /// have been looked for about another pose.
+    pub(crate) fn n_agreeing_anywhere(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+    ) -> usize {
+        let observations = self.observations_of(context, reference);
+        let at = reference.world_from_camera.inverse() * world_from_camera;
+        let query = Seen { features: &self.features, observations: &self.observations };
+        let target = Seen { features: reference.features, observations: &observations };
+        let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
+        let found = self.finder.find(context, [query, target], &at, Reach::ANYWHERE, seed);
+        found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
+    }
+
+    /// Features of the frame that would agree with a reference at a pose, were it the same place: of those that it
+    /// would have to see, the share that agrees with `before`, a view just before.
+    pub(crate) fn n_expected(
+        &mut self,
+        context: &Context,
+        before: Option<&Reference<'_>>,
+        target_from_query: &Pose,
+    ) -> f64 {
+        let n = same_place::n_comparable(context, &self.observations, target_from_query);
+        n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
+    }
+
+    /// Share of the comparable features that agree with a view just before, on whatever pose they agree.
+    fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
+        let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
+        pair.map_or(0.0, |pair| {
+            let at = pair.target_from_query;
+            same_place::agreeing_share(context, &self.observations, &pair.inliers, &at)
+        })
     }
 
     /// Features of a pair already found that agree with a relative pose, `target_from_query`.

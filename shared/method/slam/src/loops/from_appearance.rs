@@ -137,7 +137,7 @@ fn aligned(
 ) -> (Pose, PairBlock) {
     let first_m = if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { FIRST_DISTANCE_M };
     let alignment = PairAlignment {
-        query: newer,
+        query: &newer.queries,
         target: older,
         n_queries: GlobalSettings::QUERIES_PER_PAIR,
         limits: &|tightness| MatchLimits::new(first_m, tightness),

@@ -3,7 +3,7 @@
 use crate::loops::matchable::Matchable;
 use tessera_geometry::Pose;
 use tessera_graph::{MultiEdge, OuterIteration, Pair, PairBlock, Schedule};
-use tessera_registration::{MatchLimits, Matcher, PairReport, Selection, Target};
+use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Selection, Target};
 
 /// Levenberg-Marquardt steps for one set of matches.
 const INNER_ITERATIONS: u32 = 10;
@@ -14,7 +14,7 @@ const STILL: f64 = 5e-4;
 /// How two keyframes are aligned.
 #[derive(Clone, Copy)]
 pub(crate) struct PairAlignment<'a> {
-    pub(crate) query: &'a Matchable<'a>,
+    pub(crate) query: &'a Queries,
     pub(crate) target: &'a Matchable<'a>,
     pub(crate) n_queries: usize,
     /// Limits by tightness, from 0 to 1.
@@ -31,11 +31,6 @@ pub(crate) struct AlignedPair {
 }
 
 impl PairAlignment<'_> {
-    /// The same with the sides exchanged.
-    pub(crate) fn reversed(self) -> Self {
-        Self { query: self.target, target: self.query, ..self }
-    }
-
     /// The matches at a pose.
     pub(crate) fn search(
         &self,
@@ -49,7 +44,7 @@ impl PairAlignment<'_> {
     }
 
     fn choose(&self, matcher: &mut Matcher) {
-        matcher.choose(&self.query.queries, Selection { count: self.n_queries, shift: 0 });
+        matcher.choose(self.query, Selection { count: self.n_queries, shift: 0 });
     }
 
     fn search_chosen(
@@ -107,7 +102,8 @@ mod tests {
         let [target, query] = [0, 1].map(|k| Matchable::new(&context, &mut sampler, &keyframes[k], &walls));
         let mut matcher = context.matcher();
         let limits = |tightness: f32| MatchLimits::drifted(0.15, tightness);
-        let alignment = PairAlignment { query: &query, target: &target, n_queries: 200, limits: &limits };
+        let alignment =
+            PairAlignment { query: &query.queries, target: &target, n_queries: 200, limits: &limits };
         let start = Pose::translation(0.03, 0.0, 0.04);
         let aligned = alignment.solve(&mut matcher, &start, &[0.0, 1.0, 1.0]);
         let mut at = start;

@@ -4,9 +4,10 @@
 //! may show the cabin and its doors, and where a run ends before the ride was noticed, another storey.
 
 use crate::map::state::KeyframeState;
-use crate::tracking::stand::STOOD_NANOS;
 use std::collections::BTreeMap;
 
+/// Time without a new keyframe after which the camera stood, nanoseconds.
+const STOOD_NANOS: i64 = 2_000_000_000;
 /// Time in which a cabin is entered and its door closes, nanoseconds.
 const ENTERED_NANOS: i64 = 2_500_000_000;
 /// Time from a stand to the end of a submap within which a ride may be unnoticed, nanoseconds.

@@ -1,6 +1,7 @@
 //! Triggering the global optimisation (III-G): a loop closure in the window, or a new keyframe that looks
 //! like an old one.
 
+use crate::evidence::pose_agreement::UncertainPose;
 use crate::features::matching::Reach;
 use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::appearance::similarity;
@@ -14,14 +15,8 @@ use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Reference;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
-use tessera_geometry::{Pose, translation_rotation_norms};
-
-/// Distance from where features see the camera that is worth a correction before the end. A smaller one
-/// would move the poses that are published by less than they are uncertain.
-const DRIFT_M: f64 = 0.1;
-const DRIFT_RAD: f64 = 5.0_f64.to_radians();
-/// Features that must agree on it.
-const MIN_INLIERS: usize = 20;
+use tessera_geometry::Pose;
+use tessera_graph::{PairBlock, metric_covariance};
 
 /// The record with a request for an optimisation, where a loop can be closed.
 pub(crate) fn with_request(
@@ -41,13 +36,12 @@ pub(crate) fn with_request(
         return record;
     }
     let sees_loop = old_members(input, aligned).next().is_some();
-    let at = Pose::from(&record.world_from_camera);
     // What is seen where it should be is not also elsewhere: that is a place that looks alike.
     let is_in_place = is_in_place(input, aligner, aligned);
     record.request = if sees_loop && has_moved {
         request(Urgency::AtOnce)
     } else if !is_in_place
-        && record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &at))
+        && record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &record))
     {
         request(Urgency::Soon)
     } else if sees_loop {
@@ -64,7 +58,7 @@ fn shows_drift(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     keyframe: &KeyframeRecord,
-    world_from_camera: &Pose,
+    record: &FrameRecord,
 ) -> bool {
     keyframe.alike.iter().any(|id| {
         let Some(older) = input.map.keyframe(*id) else { return false };
@@ -72,25 +66,38 @@ fn shows_drift(
         let has_features = |n: usize| n >= ENOUGH_FEATURES && input.context.is_colour_trusted;
         // Where both have features to tell by, looks alone say nothing: of bare walls all views are alike.
         if has_features(aligner.sight.n_features()) && has_features(there.features.len()) {
-            return is_seen_elsewhere(input, aligner, &there, world_from_camera);
+            return is_seen_elsewhere(input, aligner, (older, &there), record);
         }
         let is_similar =
             similarity(&keyframe.place, &older.place) >= input.context.mapping.loops.min_similarity;
-        is_similar && !is_near(input, older, world_from_camera)
+        is_similar && !is_near(input, older, &Pose::from(&record.world_from_camera))
     })
 }
 
+/// Whether features see the camera farther from an older keyframe than both are uncertain: a smaller correction before
+/// the end would move the poses that are published by less than that.
 fn is_seen_elsewhere(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
-    older: &Reference<'_>,
-    world_from_camera: &Pose,
+    (older, there): (&KeyframeState, &Reference<'_>),
+    record: &FrameRecord,
 ) -> bool {
-    let found = aligner.sight.pair(input.context, older, world_from_camera, Reach::ANYWHERE);
-    found.filter(|pair| pair.inliers.len() >= MIN_INLIERS).is_some_and(|pair| {
-        let seen = older.world_from_camera * pair.target_from_query;
-        let (apart_m, apart_rad) = translation_rotation_norms(&(world_from_camera.inverse() * seen));
-        apart_m > DRIFT_M || apart_rad > DRIFT_RAD
+    let world_from_camera = Pose::from(&record.world_from_camera);
+    let Some(pair) = aligner.sight.pair(input.context, there, &world_from_camera, Reach::ANYWHERE) else {
+        return false;
+    };
+    let at = pair.target_from_query;
+    let information = PairBlock::new(&at, &pair.sums).linearise(&at).0;
+    let Some(covariance) = metric_covariance(&information, input.context.scales.features) else {
+        return false;
+    };
+    let seen = UncertainPose { pose: at, covariance };
+    let known = UncertainPose::read(&older.world_from_camera, &older.covariance)
+        .zip(UncertainPose::read(&record.world_from_camera, &record.covariance));
+    known.is_some_and(|(older_pose, pose)| {
+        let is_of_track = input.map.is_own(older) && older.submap == input.map.submap();
+        let relative = if is_of_track { UncertainPose::along_track } else { UncertainPose::apart };
+        !relative(&older_pose, &pose).agrees(&seen)
     })
 }
 

@@ -126,7 +126,24 @@ pub(crate) fn resemblance(
         },
         &mut || (),
     );
-    judged(&looks, enough)
+    judged(&independent(looks, &pairs), enough)
+}
+
+/// The looks, of which those that share nothing count once for each view: before a door that moves many keyframes are
+/// made of one view.
+fn independent(mut looks: Vec<PairLook>, pairs: &[JoinedViews<'_>]) -> Vec<PairLook> {
+    let mut counted: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::new();
+    for (look, pair) in looks.iter_mut().zip(pairs).filter(|(look, _)| **look == PairLook::Unlike) {
+        let pose = Pose::from(&pair.moved.world_from_camera);
+        let (centre, axis) = (pose.translation.vector, optical_axis(&pose));
+        let centres = counted.iter().enumerate().map(|(k, (centre, _))| (k, *centre));
+        if SAME_VIEW.within(&centre, &axis, centres, |k| counted[k].1).is_empty() {
+            counted.push((centre, axis));
+        } else {
+            *look = PairLook::Elsewhere;
+        }
+    }
+    looks
 }
 
 /// What a pair of views says.

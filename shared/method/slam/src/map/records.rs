@@ -3,6 +3,7 @@
 //! The state of both is a fold over these records and nothing else, so a process
 //! that restarted and one that did not hold the same bits.
 
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::features::colour_model::{ColourPoseRecord, ColourRecord};
 pub use crate::map::correction::{
     AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
@@ -55,6 +56,8 @@ pub struct FrameRecord {
     pub submap: u32,
     /// Time for which the camera has been lost with usable frames, nanoseconds.
     pub lost_nanos: i64,
+    /// Sum of the evidence for a place that was found and is not yet certain, nats; 0 otherwise (method 12.7).
+    pub evidence_nats: f64,
     /// Pose as first published, in the map's frame.
     pub world_from_camera: PoseBits,
     /// What corrections change; `world_from_camera = world_from_odom * odom_from_camera`.
@@ -155,23 +158,27 @@ pub struct SightingRecord {
     pub n_confirmed: u32,
 }
 
-/// Views that contradict the map: what keyframes of long ago saw where the camera is thought to be is not
-/// there, one after the other (method 12.8).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// Evidence that the camera is not where the map has it, a cumulative sum (method 12.8).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContradictionRecord {
-    /// The first keyframe that was made since.
+    /// The newest keyframe when it began.
     pub first: u32,
-    /// Keyframes with which one was missed, less those that others took back which were seen.
-    pub n_missed: u32,
+    /// Log-likelihood ratio of "elsewhere", nats; above 0.
+    pub sum_nats: f64,
+}
+
+impl ContradictionRecord {
+    /// Whether the map is refuted.
+    pub(crate) fn is_certain(&self) -> bool {
+        SequentialTest { sum_nats: -self.sum_nats }.verdict() == TestVerdict::Rejected
+    }
 }
 
 /// The camera had left its submap before that was noticed: its latest keyframes are of new ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SplitRecord {
-    /// The first keyframe of a submap of its own for what lay before that, where its join is taken back as well.
-    pub before: Option<u32>,
-    /// The first keyframe of a submap of its own for the time in which the camera stood in something that
-    /// moved; none where it did not.
+    /// The first keyframe of a submap of its own for what was made between the last of the old map and the first of
+    /// the new one, of neither for sure; none where there is none.
     pub carried: Option<u32>,
     /// The first keyframe of the submap in which the camera is now.
     pub first: u32,
@@ -180,12 +187,12 @@ pub struct SplitRecord {
 impl SplitRecord {
     /// Only what came since this keyframe is of a new submap.
     pub(crate) fn since(first: u32) -> Self {
-        Self { before: None, carried: None, first }
+        Self { carried: None, first }
     }
 
     /// The first keyframe of each new submap, in their order.
     pub fn firsts(&self) -> impl Iterator<Item = u32> + use<> {
-        self.before.into_iter().chain(self.carried).chain([self.first])
+        self.carried.into_iter().chain([self.first])
     }
 }
 

@@ -43,7 +43,7 @@ mod tests {
             keyframe(5, 0, 1.8),
             anchored(6, 0.0, 0),
         ];
-        anchor_within_parts(&mut keyframes, &SplitRecord { before: None, carried: Some(4), first: 5 });
+        anchor_within_parts(&mut keyframes, &SplitRecord { carried: Some(4), first: 5 });
         let anchors: Vec<Option<u32>> = keyframes.iter().map(|k| k.anchored_to).collect();
         // Keyframe 4 is alone in its part.
         assert_eq!(anchors, [None, None, Some(1), Some(1), None, None, Some(5)]);

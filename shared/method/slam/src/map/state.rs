@@ -95,8 +95,8 @@ pub struct TrackerState {
     pub lost_nanos: i64,
     /// Lost since relocalisation was asked for: the last pose is no place to look at.
     pub is_pose_dropped: bool,
-    /// Frames in a row that were found by place recognition and passed the strict tests.
-    pub n_confirmed: u32,
+    /// As in [`FrameRecord::evidence_nats`].
+    pub evidence_nats: f64,
     /// What all frames say of colour.
     pub colour: ColourState,
     /// Noise scales of surfaces and features.
@@ -196,7 +196,7 @@ impl TrackerState {
         self.lost_nanos = frame.lost_nanos;
         let is_dropped = self.is_pose_dropped || frame.is_relocalisation_asked();
         self.is_pose_dropped = frame.state == State::Lost && is_dropped;
-        self.n_confirmed = if frame.state == State::Relocalising { self.n_confirmed + 1 } else { 0 };
+        self.evidence_nats = frame.evidence_nats;
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
         self.remember(frame);
         self.sighting = frame.sighting;

@@ -37,6 +37,7 @@ pub(crate) fn frame_record(
     }
     FrameRecord {
         state: aligned.state,
+        evidence_nats: aligned.evidence_nats,
         reason: reason(aligned),
         covariance,
         n_correspondences: a.n_matches(),
@@ -100,6 +101,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         reason: String::new(),
         submap: input.map.submap(),
         lost_nanos: 0,
+        evidence_nats: 0.0,
         world_from_camera: PoseBits::from(world_from_camera),
         world_from_odom: input.map.state().world_from_odom.unwrap_or(PoseBits::IDENTITY),
         keyframe: keyframe.map_or(NO_KEYFRAME, |k| k.id),

@@ -6,12 +6,14 @@
 //!
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
 use crate::map::records::{ASKED, FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
+use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
 use crate::tracking::prediction::Prediction;
@@ -63,8 +65,7 @@ pub(crate) fn noted(record: FrameRecord) -> FrameRecord {
     FrameRecord { reason, ..record }
 }
 
-/// Tracking after the place was found, under the strict tests, until enough frames in a row have
-/// passed them.
+/// Tracking after the place was found, until the frames show enough of it (method 12.7).
 pub(crate) fn confirm(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -73,11 +74,25 @@ pub(crate) fn confirm(
     let settings = &input.context.mapping.relocalise;
     let members = nearby_keyframes(input, &prediction.world_from_camera, usize::MAX);
     let found = align_to(input, aligner, members, input.samples, &widened(input, prediction));
-    let numbers = acceptance::strict(settings, &found.alignment)?;
-    let n_confirmed = input.map.state().n_confirmed + 1;
-    let state = if n_confirmed >= settings.confirm_frames { State::Tracking } else { State::Relocalising };
-    let reason = format!("confirmed {n_confirmed} of {} times: {numbers}", settings.confirm_frames);
-    Ok(WindowAlignment { state, reason, ..found })
+    let shown = found_place::shown(input, aligner, &found).ok_or("no keyframe is at hand")?;
+    match shown {
+        Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment)?,
+        Shown::SurfacesAlone => acceptance::strict(settings, &found.alignment).map(drop)?,
+    }
+    let test = found_place::with_frame(input, aligner, &found, shown);
+    if test.sum_nats <= 0.0 {
+        return Err(format!("the place that was found is refuted: {:.1} nats", test.sum_nats));
+    }
+    Ok(as_far_as_certain(found, test, ""))
+}
+
+/// The frame with what is known of its place: tracked once that is certain.
+fn as_far_as_certain(found: WindowAlignment, test: SequentialTest, why: &str) -> WindowAlignment {
+    let is_certain = test.verdict() == TestVerdict::Accepted;
+    let (sum, bound) = (test.sum_nats, SequentialTest::accepted_nats());
+    let reason = format!("{why}confirmed by {sum:.1} of {bound:.1} nats");
+    let (state, evidence_nats) = if is_certain { (State::Tracking, 0.0) } else { (State::Relocalising, sum) };
+    WindowAlignment { state, reason, evidence_nats, ..found }
 }
 
 /// The first candidate that passes. The error says why the frame was lost, and that none did.
@@ -95,9 +110,10 @@ pub(crate) fn relocalise(
     candidates.extend(supposed_candidates(input, &anywhere, prediction));
     let n_candidates = candidates.len();
     let found = first_that_fits(input, aligner, candidates);
-    let (found, how) =
+    let FoundPlace { found, how, shown } =
         found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
-    Ok(WindowAlignment { state: State::Relocalising, reason: format!("{why_lost}; found by {how}"), ..found })
+    let test = found_place::first(input, shown);
+    Ok(as_far_as_certain(found, test, &format!("{why_lost}; found by {how}; ")))
 }
 
 /// The place of a frame among these keyframes, wherever they are. `turn` goes through all of them.
@@ -109,7 +125,7 @@ pub(crate) fn recognise(
 ) -> Option<WindowAlignment> {
     let mut candidates = seen_candidates(input, aligner, keyframes, turn);
     candidates.extend(similar_keyframes(input, keyframes));
-    first_that_fits(input, aligner, candidates).map(|(found, _)| found)
+    first_that_fits(input, aligner, candidates).map(|place| place.found)
 }
 
 /// The place of a frame among these keyframes by features alone, at the cost of a search and of a match with
@@ -125,7 +141,14 @@ pub(crate) fn glimpse(
     let ids = aligner.sight.recognise_frame(input, [N_GLIMPSED, MIN_WORDS], is_asked);
     let seen = candidates_by_features(input, aligner, &ids, GLIMPSED_INLIERS);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
-    first_that_fits(input, aligner, vec![best]).map(|(found, _)| found)
+    first_that_fits(input, aligner, vec![best]).map(|place| place.found)
+}
+
+/// A candidate that passed.
+struct FoundPlace {
+    found: WindowAlignment,
+    how: String,
+    shown: Shown,
 }
 
 /// The first candidate that passes, and how it was found.
@@ -133,7 +156,7 @@ fn first_that_fits(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     candidates: Vec<Candidate>,
-) -> Option<(WindowAlignment, String)> {
+) -> Option<FoundPlace> {
     for candidate in candidates {
         let guess = place(input, &candidate.guess);
         let there = input.in_submap(candidate.submap);
@@ -144,13 +167,18 @@ fn first_that_fits(
         if !found.alignment.degenerate.is_empty() && !candidate.is_last_pose {
             continue;
         }
+        let Some(shown) = found_place::shown(&there, aligner, &found) else { continue };
+        if matches!(shown, Shown::Evidence(nats) if nats <= found_place::least_nats(input)) {
+            continue;
+        }
         // Of the submaps that are joined there, that of the nearest keyframe.
         let nearest = found.members.iter().find_map(|member| match member {
             Member::Keyframe(id) => input.map.keyframe(*id),
             Member::Recent(_) => None,
         });
         let submap = nearest.map_or(candidate.submap, |k| k.submap);
-        return Some((WindowAlignment { submap, ..found }, format!("{}: {numbers}", candidate.name)));
+        let how = format!("{}: {numbers}", candidate.name);
+        return Some(FoundPlace { found: WindowAlignment { submap, ..found }, how, shown });
     }
     None
 }

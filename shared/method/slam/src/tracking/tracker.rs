@@ -14,7 +14,7 @@ use crate::map::records::{
 use crate::map::state::TrackerState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::tracking::alignment::Aligner;
-use crate::tracking::elsewhere::{is_compared, with_contradiction};
+use crate::tracking::departure::{is_compared, with_departure};
 use crate::tracking::frame_record::{first_record, frame_record, lost_record};
 use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
 use crate::tracking::motion_model::predict;
@@ -203,7 +203,7 @@ impl Tracker {
                             context.steps.enter(Step::Keyframe);
                         }
                         let record = with_place(&input, &mut self.aligner, is_looked_for, record);
-                        let record = with_contradiction(&input, &mut self.aligner, &aligned, record);
+                        let record = with_departure(&input, &mut self.aligner, record);
                         let record = with_sighting(&input, &mut self.aligner, record);
                         with_request(&input, &mut self.aligner, &aligned, record)
                     } else {

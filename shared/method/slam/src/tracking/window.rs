@@ -6,9 +6,6 @@ use crate::settings::WindowSettings;
 use nalgebra::Vector3;
 use tessera_geometry::{Pose, Twist, Vector6};
 
-/// Keyframes of long ago that are missed before the frames of late are no longer aligned to any of before.
-const DOUBTED: u32 = 4;
-
 /// One fixed pose of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Member {
@@ -45,10 +42,6 @@ pub(crate) fn select(map: &MapView<'_>, settings: &WindowSettings, predicted: &P
         members.push(Member::Keyframe(last_keyframe.id));
     }
     near.retain(|n| last_keyframe.is_none_or(|k| n.1 != k.id));
-    // What contradicts the frames of late must not bend them, even where it is right.
-    if let Some(contradiction) = map.state().contradiction.filter(|known| known.n_missed >= DOUBTED) {
-        near.retain(|n| n.1 >= contradiction.first);
-    }
     if let Some(oldest) = near.iter().map(|n| n.1).min()
         && members.len() < size
     {

@@ -1,6 +1,8 @@
 //! A frame aligned to a window of the map, from an initial guess (method 5.1, 6).
 
 use crate::loops::view_limits::ViewLimits;
+#[cfg(doc)]
+use crate::map::records::FrameRecord;
 use crate::map::records::State;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
@@ -29,6 +31,8 @@ pub(crate) struct WindowAlignment {
     pub(crate) submap: u32,
     /// Why, where it is not plain tracking.
     pub(crate) reason: String,
+    /// Evidence so far where the place is not yet certain, as in [`FrameRecord::evidence_nats`].
+    pub(crate) evidence_nats: f64,
 }
 
 /// Aligns all samples to the local window about the initial guess.
@@ -58,7 +62,7 @@ pub(crate) fn align_to(
         alignment.n_agreeing = aligner.sight.n_agreeing(&references, &alignment.world_from_camera);
     }
     let (submap, reason) = (input.map.submap(), String::new());
-    WindowAlignment { members, alignment, state: State::Tracking, submap, reason }
+    WindowAlignment { members, alignment, state: State::Tracking, submap, reason, evidence_nats: 0.0 }
 }
 
 /// Aligns some samples to the two keyframes nearest to the view `near`, then all samples to the

@@ -1,0 +1,124 @@
+//! Whether two estimates of a pose agree: the squared Mahalanobis distance under their relative covariance,
+//! against the chi-square of its dimension (Bar-Shalom, Li and Kirubarajan 2001, chapter 5).
+
+use nalgebra::SymmetricEigen;
+use tessera_geometry::{Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log};
+
+/// Bound of the squared distance of two poses that agree: the chi-square of six dimensions at an error rate of one
+/// in a thousand, the rate at which poses that agree are refused.
+const CHI_SQUARE_6: f64 = 22.458;
+
+/// Numbers of the upper triangle of a 6x6 matrix.
+const N_UPPER: usize = 21;
+
+/// Least standard deviation of a pose, metres and radians, as share of what it says of a direction: a covariance
+/// that is singular, as that of a first frame, has no inverse. Far below what any sensor resolves.
+const LEAST_SIGMA: f64 = 1e-4;
+
+/// A pose with its covariance in the tangent `d` of `pose * exp(d)`, translation first, metres and radians.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UncertainPose {
+    pub(crate) pose: Pose,
+    pub(crate) covariance: Matrix6,
+}
+
+impl UncertainPose {
+    /// From a record; `None` where that has no covariance.
+    pub(crate) fn read(pose: &PoseBits, upper_triangle: &[f64]) -> Option<Self> {
+        let is_known = upper_triangle.len() == N_UPPER;
+        is_known.then(|| Self { pose: Pose::from(pose), covariance: from_upper_triangle(upper_triangle) })
+    }
+
+    /// The pose of `to` in the frame of `from`, both poses of one track: what `to` inherited of the uncertainty of
+    /// `from` cancels, so that the covariance is their difference, without the directions in which it is negative.
+    pub(crate) fn along_track(from: &Self, to: &Self) -> Self {
+        let pose = from.pose.inverse() * to.pose;
+        let carry = adjoint(&pose.inverse());
+        let since = to.covariance - carry * from.covariance * carry.transpose();
+        Self { pose, covariance: positive(&since) }
+    }
+
+    /// The same where neither inherited from the other: the covariances add.
+    pub(crate) fn apart(from: &Self, to: &Self) -> Self {
+        let pose = from.pose.inverse() * to.pose;
+        let carry = adjoint(&pose.inverse());
+        Self { pose, covariance: to.covariance + carry * from.covariance * carry.transpose() }
+    }
+
+    /// Squared Mahalanobis distance from another estimate of the same pose, independent of this one.
+    pub(crate) fn squared_distance(&self, other: &Self) -> f64 {
+        let difference = self.pose.inverse() * other.pose;
+        let carry = adjoint(&difference);
+        let sum = self.covariance + carry * other.covariance * carry.transpose();
+        squared_norm(&log(&difference).to_vector(), &sum)
+    }
+
+    /// Whether another estimate of the same pose, independent of this one, agrees.
+    pub(crate) fn agrees(&self, other: &Self) -> bool {
+        self.squared_distance(other) <= CHI_SQUARE_6
+    }
+}
+
+/// `d^T C^-1 d`; infinite where a number is not finite.
+fn squared_norm(d: &Vector6, covariance: &Matrix6) -> f64 {
+    let floored = covariance + Matrix6::identity() * (LEAST_SIGMA * LEAST_SIGMA);
+    let symmetric = (floored + floored.transpose()) * 0.5;
+    symmetric.cholesky().map_or(f64::INFINITY, |factor| d.dot(&factor.solve(d)))
+}
+
+/// A symmetric matrix without its negative eigenvalues.
+fn positive(matrix: &Matrix6) -> Matrix6 {
+    let eigen = SymmetricEigen::new((matrix + matrix.transpose()) * 0.5);
+    let kept = eigen.eigenvalues.map(|value| value.max(0.0));
+    eigen.eigenvectors * Matrix6::from_diagonal(&kept) * eigen.eigenvectors.transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_geometry::{Twist, exp};
+
+    fn uncertain(pose: Pose, sigmas: [f64; 6]) -> UncertainPose {
+        let variances = Vector6::from(sigmas.map(|sigma| sigma * sigma));
+        UncertainPose { pose, covariance: Matrix6::from_diagonal(&variances) }
+    }
+
+    fn at(x_m: f64, yaw_rad: f64) -> Pose {
+        Pose::translation(x_m, 0.0, 0.0)
+            * exp(&Twist::from_vector(&Vector6::new(0.0, 0.0, 0.0, 0.0, yaw_rad, 0.0)))
+    }
+
+    #[test]
+    fn poses_agree_within_their_covariance_alone() {
+        let sigmas = [0.01, 0.01, 0.01, 0.002, 0.002, 0.002];
+        let known = uncertain(at(0.0, 0.0), sigmas);
+        // Both are uncertain: 0.01 m each is 0.0141 m together.
+        let near = uncertain(at(0.06, 0.0), sigmas);
+        assert!((known.squared_distance(&near) - 18.0).abs() < 0.01, "{}", known.squared_distance(&near));
+        assert!(known.agrees(&near) && !known.agrees(&uncertain(at(0.07, 0.0), sigmas)));
+        assert!(!known.agrees(&uncertain(at(0.0, 0.02), sigmas)), "seven sigmas of rotation");
+        // Along a corridor nothing is known.
+        let slid = uncertain(at(3.0, 0.0), [2.0, 0.01, 0.01, 0.002, 0.002, 0.002]);
+        assert!(known.agrees(&slid));
+        assert!(!known.agrees(&uncertain(at(f64::NAN, 0.0), sigmas)));
+    }
+
+    #[test]
+    fn what_two_poses_of_one_track_share_cancels() {
+        let first = uncertain(at(1.0, 0.3), [0.5, 0.5, 0.5, 0.1, 0.1, 0.1]);
+        let step = at(0.2, 0.1);
+        let carry = adjoint(&step.inverse());
+        let own = Matrix6::identity() * 1e-4;
+        let covariance = carry * first.covariance * carry.transpose() + own;
+        let second = UncertainPose { pose: first.pose * step, covariance };
+        let along = UncertainPose::along_track(&first, &second);
+        assert!((along.covariance - own).norm() < 1e-12);
+        assert!((along.pose.inverse() * step).translation.vector.norm() < 1e-12);
+        let apart = UncertainPose::apart(&first, &second);
+        assert!(apart.covariance[(0, 0)] > 0.4);
+        // One that was certain again since has lost what it inherited: nothing is negative.
+        let certain = UncertainPose { covariance: own, ..second };
+        let along = UncertainPose::along_track(&first, &certain);
+        assert!(along.covariance.norm() < 1e-9);
+    }
+}

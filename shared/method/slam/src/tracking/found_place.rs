@@ -1,0 +1,104 @@
+//! Evidence that a frame is where an alignment has it: of the window's member with most matches, one pair of views.
+
+use crate::evidence::same_place::PlaceEvidence;
+use crate::evidence::sequential::SequentialTest;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Reference;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::{WindowAlignment, reference};
+use tessera_geometry::Pose;
+use tessera_graph::PairBlock;
+
+/// Time in which the view of a camera at rest counts once more, and no further, nanoseconds: noise, exposure and what
+/// moves are others by then. A choice; it bounds the time to find a place from a view that tells half of what is asked.
+const SEEN_AGAIN_NANOS: f64 = 2e9;
+
+/// What a frame shows of its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Shown {
+    /// A log-likelihood ratio, nats.
+    Evidence(f64),
+    /// The map has no features, or they are not used: surfaces alone never reach the bounds of the test.
+    SurfacesAlone,
+}
+
+/// What an alignment shows; `None` without a member whose surface is at hand.
+pub(crate) fn shown(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    found: &WindowAlignment,
+) -> Option<Shown> {
+    let a = &found.alignment;
+    let (place, report) = a.reports.iter().enumerate().max_by_key(|(_, report)| report.n_matches)?;
+    let there = reference(input, *found.members.get(place)?)?;
+    let pose = &a.world_from_camera;
+    let (origin, sums) = a.blocks.get(place)?;
+    let at = there.world_from_camera.inverse() * pose;
+    let information = PairBlock::new(origin, sums).linearise(&at).0;
+    let evidence = PlaceEvidence::of_surfaces(report, &information);
+    if is_without_features(input, &there) {
+        return Some(Shown::SurfacesAlone);
+    }
+    let n_seen = [aligner.sight.n_features(), there.features.len()];
+    let n_agreeing = aligner.sight.n_agreeing_anywhere(input.context, &there, pose);
+    let before = input.map.state().recent.len().checked_sub(1).map(Member::Recent);
+    let before = before.and_then(|before| reference(input, before));
+    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), &at);
+    Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing, n_expected).llr_nats()))
+}
+
+fn is_without_features(input: &TrackingInput<'_>, there: &Reference<'_>) -> bool {
+    !input.context.mapping.features.enabled || !input.context.is_colour_trusted || there.features.is_empty()
+}
+
+/// Evidence with which a place among so many is taken up: that it is this one is as likely then as all else, where
+/// each of them, and none, had been.
+pub(crate) fn least_nats(input: &TrackingInput<'_>) -> f64 {
+    libm::log(input.map.active_anywhere().count().max(1) as f64)
+}
+
+/// The test with the frame that found the place.
+pub(crate) fn first(input: &TrackingInput<'_>, shown: Shown) -> SequentialTest {
+    SequentialTest::default().with(nats(input, shown), 1.0)
+}
+
+fn nats(input: &TrackingInput<'_>, shown: Shown) -> f64 {
+    match shown {
+        Shown::Evidence(llr_nats) => llr_nats,
+        // As many frames as the settings ask for.
+        Shown::SurfacesAlone => {
+            SequentialTest::accepted_nats() / f64::from(input.context.mapping.relocalise.confirm_frames)
+        }
+    }
+}
+
+/// The test with one more frame at the place.
+pub(crate) fn with_frame(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    found: &WindowAlignment,
+    shown: Shown,
+) -> SequentialTest {
+    let before = SequentialTest { sum_nats: input.map.state().evidence_nats };
+    let nats = nats(input, shown);
+    if matches!(shown, Shown::SurfacesAlone) {
+        return before.with(nats, 1.0);
+    }
+    let Some((place, last)) = input.map.state().recent.iter().enumerate().next_back() else { return before };
+    let new_share = reference(input, Member::Recent(place))
+        .map_or(0.0, |last| novelty_beside(input, aligner, &last, &found.alignment.world_from_camera));
+    let time_share = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 / SEEN_AGAIN_NANOS;
+    before.with(nats, new_share).seen_again(nats, time_share - new_share)
+}
+
+/// Share of a frame at a pose that a reference did not show.
+pub(crate) fn novelty_beside(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    before: &Reference<'_>,
+    world_from_camera: &Pose,
+) -> f64 {
+    let report = aligner.try_pose(input.context, input.samples, before, world_from_camera);
+    1.0 - f64::from(report.n_in_view) / f64::from(report.n_queries.max(1))
+}
