@@ -1,7 +1,7 @@
 //! Loop-closure detection by the poses, and the request for a global optimisation (III-G; method 7).
 
 use crate::map::map_view::MapView;
-use crate::map::records::{FrameRecord, RequestRecord};
+use crate::map::records::RequestRecord;
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::settings::LoopSettings;
 
@@ -52,12 +52,6 @@ pub(crate) fn is_loop<'a>(
 ) -> bool {
     let frame = TrackPoint::of_frame(&map.into(), index);
     closes_loop(settings, &frame, &TrackPoint::of_keyframe(keyframe))
-}
-
-/// Whether keyframes of long ago move with a frame: a conflict was settled. The newest ones move with each keyframe.
-pub(crate) fn moves_old(settings: &LoopSettings, map: &MapView<'_>, record: &FrameRecord) -> bool {
-    let is_old = |id: u32| map.keyframe(id).is_some_and(|k| is_loop(settings, *map, k, record.index));
-    record.moved.iter().any(|k| is_old(k.id))
 }
 
 /// How long an optimisation may wait.

@@ -50,10 +50,6 @@ pub(crate) fn with_sighting(
     }
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
-    // A frame with which keyframes move says nothing of those in the state.
-    if detection::moves_old(&input.context.mapping.loops, &input.map, &record) {
-        return FrameRecord { sighting: known, ..record };
-    }
     let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
     let turn = turn(input, TURN_FRAMES, record.new_keyframe.is_some());
     let sighting = match (known, turn) {

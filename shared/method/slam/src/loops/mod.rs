@@ -3,11 +3,9 @@
 pub(crate) mod alike;
 pub(crate) mod appearance;
 pub(crate) mod brought_together;
-pub(crate) mod conflict;
 pub(crate) mod contradiction;
 pub(crate) mod covisibility;
 pub(crate) mod detection;
-pub(crate) mod extended_window;
 pub(crate) mod feature_cache;
 pub(crate) mod from_appearance;
 pub(crate) mod in_place;

@@ -30,17 +30,13 @@ pub(crate) fn with_request(
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
     let request =
         |urgency| detection::request(settings, input.map.state(), frame.index, n_keyframes, urgency);
-    let has_moved = detection::moves_old(settings, &input.map, &record);
-    if record.request.is_some() || request(if has_moved { Urgency::AtOnce } else { Urgency::Soon }).is_none()
-    {
+    if record.request.is_some() || request(Urgency::Soon).is_none() {
         return record;
     }
     let sees_loop = old_members(input, aligned).next().is_some();
     // What is seen where it should be is not also elsewhere: that is a place that looks alike.
     let is_in_place = is_in_place(input, aligner, aligned);
-    record.request = if sees_loop && has_moved {
-        request(Urgency::AtOnce)
-    } else if !is_in_place
+    record.request = if !is_in_place
         && record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &record))
     {
         request(Urgency::Soon)

@@ -12,9 +12,6 @@ pub struct LoopSettings {
     /// Least similarity of appearance at which two keyframes are tried as a loop wherever they lie,
     /// 0 to 1.
     pub min_similarity: f64,
-    /// Whether a conflict is settled at once between the frame and the keyframes of its window.
-    #[serde(skip)]
-    pub extended_window: bool,
     /// Keyframes between two requests, at least.
     pub request_interval: u32,
     /// Frames between a request and its effect, beside half a frame for each keyframe.
@@ -22,13 +19,6 @@ pub struct LoopSettings {
     /// Least number of keyframes between the two of a loop.
     #[serde(skip)]
     pub min_keyframes: u32,
-    /// Least jump of a frame's pose, caused by the old keyframes of its window, that is a conflict,
-    /// metres.
-    #[serde(skip)]
-    pub conflict_translation_m: f64,
-    /// As `conflict_translation_m`, degrees.
-    #[serde(skip)]
-    pub conflict_rotation_deg: f64,
 }
 
 impl Default for LoopSettings {
@@ -36,9 +26,6 @@ impl Default for LoopSettings {
         Self {
             min_frames: 150,
             min_keyframes: 5,
-            conflict_translation_m: 0.05,
-            conflict_rotation_deg: 3.0,
-            extended_window: true,
             request_interval: 30,
             delay_frames: 15,
             min_similarity: 0.75,
@@ -51,8 +38,6 @@ impl LoopSettings {
     pub(super) fn check(&self) -> Result<(), SettingError> {
         check_range("loop.min_frames", self.min_frames as f64, 1.0, 1e9)?;
         check_range("loop.min_keyframes", self.min_keyframes.into(), 0.0, 1e6)?;
-        check_range("loop.conflict_translation_m", self.conflict_translation_m, 0.0, 100.0)?;
-        check_range("loop.conflict_rotation_deg", self.conflict_rotation_deg, 0.0, 180.0)?;
         check_range("loop.request_interval", self.request_interval.into(), 1.0, 1e6)?;
         check_range("loop.delay_frames", self.delay_frames.into(), 1.0, 1e6)?;
         check_range("loop.min_similarity", self.min_similarity, 0.0, 1.0)

@@ -35,7 +35,7 @@ pub(crate) fn with_departure(
     let state = input.map.state();
     let known = state.contradiction;
     let contradiction = match state.keyframes.last() {
-        Some(newest) if is_compared(input, &record) => {
+        Some(newest) if is_compared(input) => {
             let against = evidence_nats(input, aligner, &Pose::from(&record.world_from_camera))
                 .map_or(0.0, |nats| -nats);
             let sum_nats = known.map_or(0.0, |known| known.sum_nats) + against;
@@ -56,11 +56,10 @@ pub(crate) fn with_departure(
     }
 }
 
-/// Whether a frame is compared with keyframes of long ago. The one that makes a keyframe has enough to do, and a
-/// correction decides on poses that are in doubt.
-pub(crate) fn is_compared(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
+/// Whether a frame is compared with keyframes of long ago. The one that makes a keyframe has enough to do.
+pub(crate) fn is_compared(input: &TrackingInput<'_>) -> bool {
     let is_able = input.context.mapping.submaps.after_s > 0.0;
-    is_able && input.map.state().frames_since_keyframe == 1 && record.moved.is_empty()
+    is_able && input.map.state().frames_since_keyframe == 1
 }
 
 /// Whether the last frames have their place in another component, as often as makes a sighting certain.

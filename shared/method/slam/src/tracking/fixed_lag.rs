@@ -4,11 +4,10 @@
 //! A window of fixed poses carries the error of each keyframe on to those that are aligned to it; what a later view
 //! measures of an earlier one corrects it.
 
-use crate::loops::conflict::with_anchored;
 use crate::loops::detection;
 use crate::map::newest_blocks::N_FREE;
 use crate::map::records::{BlockRecord, FrameRecord, KeyframePose, KeyframeRecord, State};
-use crate::map::state::TrackerState;
+use crate::map::state::{KeyframeState, TrackerState};
 use crate::settings::LoopSettings;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
@@ -67,7 +66,7 @@ pub(crate) fn smoothed(
     record: FrameRecord,
 ) -> FrameRecord {
     let Some(made) = &record.new_keyframe else { return record };
-    if state.pending.is_some() || aligned.state != State::Tracking || !record.moved.is_empty() {
+    if state.pending.is_some() || aligned.state != State::Tracking {
         return record;
     }
     let frame_index = record.index;
@@ -121,4 +120,19 @@ pub(crate) fn smoothed(
         moved: with_anchored(&state.keyframes, moved),
         ..record
     }
+}
+
+/// Keyframes that moved, and behind them the culled ones that move along with them.
+fn with_anchored(keyframes: &[KeyframeState], mut moved: Vec<KeyframePose>) -> Vec<KeyframePose> {
+    for k in 0..moved.len() {
+        let KeyframePose { id, world_from_camera } = moved[k];
+        let Some(anchor) = keyframes.get(id as usize) else { continue };
+        let new_from_old = Pose::from(&world_from_camera) * Pose::from(&anchor.world_from_camera).inverse();
+        moved.extend(keyframes.iter().filter(|k| k.anchored_to == Some(id)).map(|k| {
+            let pose = new_from_old * Pose::from(&k.world_from_camera);
+            let pose = compose_normalised(&pose, &Twist::default());
+            KeyframePose { id: k.id, world_from_camera: PoseBits::from(&pose) }
+        }));
+    }
+    moved
 }

@@ -195,7 +195,6 @@ impl Tracker {
                         let observed =
                             colour_record(&input, &mut self.aligner, &aligned, &prediction, makes_keyframe);
                         let record = FrameRecord { colour: observed, ..record };
-                        let record = self.settled(frame, input.samples, &input.surfaces, &aligned, record);
                         let record =
                             fixed_lag::smoothed(&self.context.mapping.loops, &self.state, &aligned, record);
                         if has_more_to_do(&input, &record) && !gives_colour_away(colour, &record) {
@@ -234,9 +233,7 @@ fn gives_colour_away(before: &ColourState, record: &FrameRecord) -> bool {
 
 /// Whether a tracked frame says something of the map that takes its time.
 fn has_more_to_do(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
-    record.new_keyframe.is_some()
-        || is_compared(input, record)
-        || input.map.state().submaps.n_components() > 1
+    record.new_keyframe.is_some() || is_compared(input) || input.map.state().submaps.n_components() > 1
 }
 
 /// The frame's place: tracked from the frame before, or found again in the map.
