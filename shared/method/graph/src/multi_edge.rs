@@ -4,7 +4,6 @@
 //! | Problem | Free poses | Pairs | Schedule |
 //! |-|-|-|-|
 //! | local window (III-F) | the new frame | frame to each pose of the window | 6, tightest early once still |
-//! | extended window (III-G) | frame and keyframes of the window | all but fixed to fixed | 3 |
 //! | global optimisation (III-G) | all keyframes but the first | neighbours and loops | 2, finally 4 |
 //! | loop verification | the newer keyframe | the pair alone | wide, tight, tight |
 //! | recognition by appearance | the newer keyframe | the pair alone | 5 of 6 |
