@@ -5,7 +5,7 @@ use crate::arrivals::{Arrival, Extent};
 use crate::error::FleetError;
 use crate::joint_surfaces::JointSurfaces;
 use crate::map::context_of;
-use crate::past::{Past, Prefix, surfaces_of, unlike};
+use crate::past::{Past, Prefix, surfaces_of};
 use crate::received::RunSurfaces;
 use std::path::Path;
 use tessera_journal::Follower;
@@ -55,14 +55,14 @@ pub fn answer(
     let mut others: Vec<Past> = Vec::new();
     for (other, arrival) in arrivals.iter().enumerate().filter(|(other, _)| *other != number) {
         let past = Past::read_map(base, arrival, extents.get(other).copied().unwrap_or_default());
-        let is_like =
-            |past: &Past| unlike((&past.run, &past.settings), (&asking.run, &asking.settings)).is_none();
-        others.extend(past.ok().filter(is_like));
+        others.extend(past.ok());
     }
     let Asking { context, optimiser, request, mut surfaces, journal, .. } = asking;
     let Some(mut map) = JointMap::of_request(context, &optimiser, &request) else { return Ok(None) };
     surfaces.keep_active(map.keyframes());
-    others.iter().for_each(|other| map.add(&other.state));
+    for other in &others {
+        map.add_seen_by(&other.state, &context_of(&other.run, &other.settings).session_camera());
+    }
     let mut joint = JointSurfaces::default();
     joint.add(map.keyframes_of(0), &surfaces);
     for (run, other) in (1..).zip(&others) {

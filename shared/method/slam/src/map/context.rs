@@ -1,8 +1,10 @@
 //! Camera, grid and settings, shared by aligner and optimiser.
 
 use crate::features::colour_model::{ColourModel, ColourState};
+use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::settings::MappingSettings;
 use crate::tracking::noise_scales::{NoiseScales, NoiseState};
+use std::borrow::Cow;
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;
 use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
@@ -25,6 +27,8 @@ pub struct Context {
     pub offset_px: f64,
     /// How colour lies against depth, as far as it is certain.
     pub(crate) colour: ColourModel,
+    /// Cameras of the runs that keyframes are of, where these differ.
+    pub(crate) cameras: SessionCameras,
     /// Factors of the covariances that the sensors' models state.
     pub(crate) scales: NoiseScales,
     /// Whether features may lead.
@@ -62,6 +66,7 @@ impl Context {
             noise: DepthNoise::default(),
             offset_px,
             colour: ColourModel::default(),
+            cameras: SessionCameras::default(),
             scales: NoiseState::default().scales(),
             is_colour_trusted: true,
             is_colour_on_probation: false,
@@ -99,10 +104,35 @@ impl Context {
         Self { colour, ..self }
     }
 
+    /// The same with keyframes of runs that had other cameras.
+    #[must_use]
+    pub fn with_cameras(self, cameras: SessionCameras) -> Self {
+        Self { cameras, ..self }
+    }
+
+    /// What was seen by the camera of a run among those that keyframes are of: this, unless that run had
+    /// another camera.
+    pub(crate) fn of(&self, session: u32) -> Cow<'_, Self> {
+        let Some(seen_by) = self.cameras.of(session) else { return Cow::Borrowed(self) };
+        let SessionCamera { camera, grid, offset_px, colour } = seen_by;
+        Cow::Owned(Self {
+            camera: camera.clone(),
+            grid: *grid,
+            offset_px: *offset_px,
+            colour: if self.mapping.features.correct { *colour } else { ColourModel::default() },
+            ..self.clone()
+        })
+    }
+
+    /// The camera of this run, as one among several.
+    pub fn session_camera(&self) -> SessionCamera {
+        let colour = self.colour;
+        SessionCamera { camera: self.camera.clone(), grid: self.grid, offset_px: self.offset_px, colour }
+    }
+
     /// A matcher with buffers of its own.
     pub fn matcher(&self) -> Matcher {
-        let camera = GridCamera::new(&self.camera, self.grid, self.offset_px);
-        Matcher::new(camera, self.noise, &self.registration)
+        Matcher::new(self.grid_camera(), self.noise, &self.registration)
     }
 
     /// The tree of a surface, where the exact search is asked for.
@@ -113,13 +143,20 @@ impl Context {
         }
     }
 
+    fn grid_camera(&self) -> GridCamera {
+        GridCamera::new(&self.camera, self.grid, self.offset_px)
+    }
+
     /// Motion during the readout of a frame with this velocity.
     pub fn shutter(&self, velocity: &Twist) -> ShutterTable {
-        ShutterTable::new(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px)
+        let table =
+            ShutterTable::new(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px);
+        // A matcher knows one camera, and takes another one from here.
+        if self.cameras.is_empty() { table } else { table.of_camera(self.grid_camera()) }
     }
 
     /// As [`Self::shutter`], into a table that exists.
     pub fn fill_shutter(&self, velocity: &Twist, table: &mut ShutterTable) {
-        table.fill(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px);
+        *table = self.shutter(velocity);
     }
 }

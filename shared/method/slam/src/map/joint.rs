@@ -1,7 +1,9 @@
 //! The maps of several runs as one (method 12.9): each is a component of its own until a place is seen
 //! from both.
 
+use crate::features::colour_model::ColourModel;
 use crate::loops::meeting::{Meeting, join_all};
+use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::joint_cache::JointCache;
@@ -17,10 +19,12 @@ use crate::optimise::refine::{FrameHistory, Refiner};
 use std::ops::Range;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
 
-/// The keyframes of several runs, numbered through in the order in which the runs were added. All must
-/// have one camera and one grid.
+/// The keyframes of several runs, numbered through in the order in which the runs were added. Each run has its
+/// own camera and grid.
 pub struct JointMap {
     context: Context,
+    /// By session.
+    cameras: Vec<SessionCamera>,
     state: TrackerState,
     runs: Vec<MemberRun>,
     cache: JointCache,
@@ -44,7 +48,7 @@ impl JointMap {
     pub fn knowing(context: Context, cache: JointCache) -> Self {
         // No keyframe is the tracker's own here.
         let state = TrackerState { session: u32::MAX, ..TrackerState::default() };
-        Self { context, state, runs: Vec::new(), cache }
+        Self { context, cameras: Vec::new(), state, runs: Vec::new(), cache }
     }
 
     /// What a later map of the same runs need not find out again.
@@ -62,8 +66,40 @@ impl JointMap {
         Some(map)
     }
 
-    /// Adds the map that a run has, as a fold over its journal; the first one says how colour lies.
+    /// Adds the map that a run has, as a fold over its journal, seen by the camera of this map's context.
     pub fn add(&mut self, map: &TrackerState) {
+        let seen_by = self.context.session_camera();
+        self.add_seen_by(map, &seen_by);
+    }
+
+    /// Adds the map that a run has; all its keyframes were seen by that camera. Runs of cameras like that of
+    /// the first one have its colour too.
+    pub fn add_seen_by(&mut self, map: &TrackerState, seen_by: &SessionCamera) {
+        self.know_camera(map, seen_by);
+        self.append(map);
+    }
+
+    /// Of the first run: what it found of colour is what the map begins with.
+    fn colour_of(&self, map: &TrackerState) -> ColourModel {
+        self.cameras.first().map_or(map.colour.model, |first| first.colour)
+    }
+
+    /// Enters the camera for each session of a run that is about to be added.
+    fn know_camera(&mut self, map: &TrackerState, seen_by: &SessionCamera) {
+        let n_before = self.state.keyframes.iter().map(|k| k.session.saturating_add(1)).max().unwrap_or(0);
+        // A run has no more sessions than keyframes, and its own.
+        let last = map.keyframes.iter().map(|k| k.session).chain([map.session]).max().unwrap_or(0);
+        let n_own = (last as usize).min(map.keyframes.len()) + 1;
+        let is_alike = self.cameras.first().is_none_or(|first| first.is_alike(seen_by));
+        let colour = if is_alike { self.colour_of(map) } else { map.colour.model };
+        self.cameras.truncate(n_before as usize);
+        self.cameras.extend(std::iter::repeat_n(SessionCamera { colour, ..seen_by.clone() }, n_own));
+        let cameras = SessionCameras::new(&self.cameras);
+        self.context = self.context.clone().with_cameras(cameras);
+    }
+
+    /// Adds keyframes and submaps; the first run says how colour lies.
+    fn append(&mut self, map: &TrackerState) {
         let first = self.state.keyframes.len() as u32;
         let (first_submap, n_submaps) = (self.state.submaps.n(), n_submaps(map));
         if self.runs.is_empty() {
@@ -130,7 +166,7 @@ impl JointMap {
     /// Joins components that share places. A join is no more than supposed until
     /// [`Self::optimise`] keeps it.
     pub fn join(&mut self, surfaces: &dyn KeyframeSurfaces, progress: &mut dyn FnMut()) -> Vec<Meeting> {
-        self.cache.begin(&self.state.keyframes);
+        self.cache.begin(&self.state.keyframes, self.context.cameras.colours(u32::MAX));
         join_all(&self.context, &mut self.state, surfaces, &mut self.cache.meetings, progress)
     }
 
@@ -207,6 +243,7 @@ impl JointMap {
             submaps: self.state.submaps.clone(),
             colour: own.colour,
             noise: own.noise,
+            cameras: self.context.cameras.clone(),
         });
         let frames = optimiser.own_frames(own, history);
         let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, &frames, progress);
