@@ -61,7 +61,7 @@ pub fn answer(
     let Some(mut map) = JointMap::of_request(context, &optimiser, &request) else { return Ok(None) };
     surfaces.keep_active(map.keyframes());
     for other in &others {
-        map.add_seen_by(&other.state, &context_of(&other.run, &other.settings).session_camera());
+        map.add_seen_by(&other.state, &context_of(&other.run, &other.settings).session_cameras());
     }
     let mut joint = JointSurfaces::default();
     joint.add(map.keyframes_of(0), &surfaces);

@@ -107,6 +107,7 @@ pub fn make_map(
 /// What the algorithms of mapping share, for the camera and settings of a run.
 pub(crate) fn context_of(run: &RunFile, settings: &Settings) -> Context {
     Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping)
+        .in_map_of(&run.map_cameras)
 }
 
 fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
@@ -134,7 +135,7 @@ fn joint(
     let mut pasts: Vec<(usize, &mut Past)> = Vec::new();
     for (number, part) in parts.iter_mut().enumerate() {
         if let Part::In(past) = part {
-            map.add_seen_by(&past.state, &context_of(&past.run, &past.settings).session_camera());
+            map.add_seen_by(&past.state, &context_of(&past.run, &past.settings).session_cameras());
             pasts.push((number, past));
         }
     }

@@ -109,7 +109,7 @@ fn joined(walks: &[&Walk]) -> (usize, Vec<Trajectory>) {
     let mut map = JointMap::new(walks[0].context());
     let states: Vec<TrackerState> = walks.iter().map(|walk| walk.state()).collect();
     for (walk, state) in walks.iter().zip(&states) {
-        map.add_seen_by(state, &walk.context().session_camera());
+        map.add_seen_by(state, &walk.context().session_cameras());
     }
     let all = |of: fn(&SavedMap) -> Vec<Vec<Vertex>>| walks.iter().flat_map(|w| of(&w.map)).collect();
     let features = walks.iter().flat_map(|walk| walk.map.features.clone()).collect();
@@ -198,4 +198,34 @@ fn a_kitchen_seen_by_another_camera_the_second_time_is_one_map() {
         eprintln!("alone {alone_m:.4} m, together {together_m:.4} m");
         assert!(together_m <= 1.3 * alone_m, "{together_m} m together, {alone_m} m alone");
     }
+}
+
+#[test]
+fn a_run_starts_in_the_map_of_another_camera_and_extends_it() {
+    let options = SimulationOptions::default();
+    let folder = tempfile::tempdir().unwrap();
+    let open = |focal_px: f64| {
+        let file = folder.path().join("camera.toml");
+        let camera = Camera::pinhole((640, 480), [focal_px, focal_px, 322.0, 238.0], 5000.0);
+        std::fs::write(&file, toml::to_string(&camera).unwrap()).unwrap();
+        SimulatedSource::open(SceneName::Room, Some(file.to_str().unwrap()), None, &options).unwrap()
+    };
+    let (first, second) = (open(525.0), open(560.0));
+    let monday = Walk::new(&first, (0..160).step_by(2), first.camera(), |frame| frame);
+    let (n_map, truth) = (monday.map.keyframes.len(), second.ground_truth().unwrap().poses.clone());
+    let mut run = Run::in_map(second.camera(), &Method::default(), monday.map, None).unwrap();
+    let indices: Vec<u64> = (90..220).step_by(2).collect();
+    indices.iter().for_each(|index| drop(run.push(&RawFrame::read(&second, *index).unwrap())));
+    let (records, extended) = run.finish_with_map();
+    assert!(extended.keyframes.len() > n_map + 2 && extended.cameras.len() == 2);
+    let last = records.last();
+    let tracked = last.poses.len() - 20;
+    let worst_m = last.poses.iter().zip(&indices).skip(20).map(|(pose, index)| {
+        let expected = truth[0].inverse() * truth[*index as usize];
+        translation_rotation_norms(&(expected.inverse() * pose)).0
+    });
+    let worst_m = worst_m.fold(0.0, f64::max);
+    eprintln!("{tracked} frames, worst {worst_m:.4} m");
+    // As of one camera (tests/saved_map.rs).
+    assert!(worst_m < 0.02, "{worst_m} m");
 }

@@ -92,6 +92,7 @@ fn starts_all_along_the_path_are_found() {
             submaps: map.submaps.clone(),
             keyframes: map.keyframes.clone(),
             features: Vec::new(),
+            cameras: Vec::new(),
         };
         let mut run = Run::in_map(source.camera(), &Method::default(), map, None).unwrap();
         let indices: Vec<u64> = (start..start + 32).collect();

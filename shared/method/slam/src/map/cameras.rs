@@ -14,8 +14,8 @@ pub struct SessionCamera {
     pub grid: Grid,
     /// Where the measurement of a cell lies relative to the cell's first pixel.
     pub offset_px: f64,
-    /// How its colour lies against its depth.
-    pub colour: ColourModel,
+    /// How its colour lies against its depth; `None`: as that of the context's own run.
+    pub colour: Option<ColourModel>,
 }
 
 impl SessionCamera {
@@ -42,13 +42,18 @@ impl SessionCameras {
         Self(if are_alike { Arc::default() } else { cameras.into() })
     }
 
+    /// All of them; nothing where there is one camera.
+    pub(crate) fn all(&self) -> &[SessionCamera] {
+        &self.0
+    }
+
     /// Whether there is one camera.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// How colour of a run and of those before it lies.
-    pub(crate) fn colours(&self, session: u32) -> Vec<ColourModel> {
+    pub(crate) fn colours(&self, session: u32) -> Vec<Option<ColourModel>> {
         self.0.iter().take((session as usize).saturating_add(1)).map(|of| of.colour).collect()
     }
 

@@ -27,6 +27,8 @@ pub struct Context {
     pub offset_px: f64,
     /// How colour lies against depth, as far as it is certain.
     pub(crate) colour: ColourModel,
+    /// The same of this run's own camera.
+    own_colour: ColourModel,
     /// Cameras of the runs that keyframes are of, where these differ.
     pub(crate) cameras: SessionCameras,
     /// Factors of the covariances that the sensors' models state.
@@ -66,6 +68,7 @@ impl Context {
             noise: DepthNoise::default(),
             offset_px,
             colour: ColourModel::default(),
+            own_colour: ColourModel::default(),
             cameras: SessionCameras::default(),
             scales: NoiseState::default().scales(),
             is_colour_trusted: true,
@@ -75,9 +78,10 @@ impl Context {
 
     /// The same with what is known of colour.
     pub(crate) fn with_colour(&self, colour: &ColourState, noise: &NoiseState) -> Self {
-        let settings = &self.mapping.features;
+        let model = if self.mapping.features.correct { colour.model } else { ColourModel::default() };
         Self {
-            colour: if settings.correct { colour.model } else { ColourModel::default() },
+            colour: model,
+            own_colour: model,
             scales: noise.scales(),
             is_colour_trusted: colour.is_trusted(),
             is_colour_on_probation: colour.is_on_probation(),
@@ -101,7 +105,7 @@ impl Context {
     /// The same with colour that lies against depth as this model says.
     #[must_use]
     pub fn with_colour_model(self, colour: ColourModel) -> Self {
-        Self { colour, ..self }
+        Self { colour, own_colour: colour, ..self }
     }
 
     /// The same with keyframes of runs that had other cameras.
@@ -119,15 +123,33 @@ impl Context {
             camera: camera.clone(),
             grid: *grid,
             offset_px: *offset_px,
-            colour: if self.mapping.features.correct { *colour } else { ColourModel::default() },
+            colour: colour.filter(|_| self.mapping.features.correct).unwrap_or(self.own_colour),
             ..self.clone()
         })
     }
 
     /// The camera of this run, as one among several.
     pub fn session_camera(&self) -> SessionCamera {
-        let colour = self.colour;
-        SessionCamera { camera: self.camera.clone(), grid: self.grid, offset_px: self.offset_px, colour }
+        let (camera, grid, offset_px) = (self.camera.clone(), self.grid, self.offset_px);
+        SessionCamera { camera, grid, offset_px, colour: None }
+    }
+
+    /// The cameras of this run and of those in whose map it began, by session.
+    pub fn session_cameras(&self) -> Vec<SessionCamera> {
+        if self.cameras.is_empty() { vec![self.session_camera()] } else { self.cameras.all().to_vec() }
+    }
+
+    /// The same in a map that runs with these cameras made, one after the other.
+    #[must_use]
+    pub fn in_map_of(self, earlier: &[Camera]) -> Self {
+        let own = self.session_camera();
+        let of = |camera: &Camera| SessionCamera {
+            camera: camera.clone(),
+            colour: Some(ColourModel::of_camera(camera)),
+            ..own.clone()
+        };
+        let all: Vec<SessionCamera> = earlier.iter().map(of).chain([own.clone()]).collect();
+        self.with_cameras(SessionCameras::new(&all))
     }
 
     /// A matcher with buffers of its own.

@@ -1,7 +1,6 @@
 //! The maps of several runs as one (method 12.9): each is a component of its own until a place is seen
 //! from both.
 
-use crate::features::colour_model::ColourModel;
 use crate::loops::meeting::{Meeting, join_all};
 use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::map::context::Context;
@@ -69,31 +68,32 @@ impl JointMap {
     /// Adds the map that a run has, as a fold over its journal, seen by the camera of this map's context.
     pub fn add(&mut self, map: &TrackerState) {
         let seen_by = self.context.session_camera();
-        self.add_seen_by(map, &seen_by);
+        self.add_seen_by(map, &[seen_by]);
     }
 
-    /// Adds the map that a run has; all its keyframes were seen by that camera. Runs of cameras like that of
-    /// the first one have its colour too.
-    pub fn add_seen_by(&mut self, map: &TrackerState, seen_by: &SessionCamera) {
-        self.know_camera(map, seen_by);
+    /// Adds the map that a run has, seen by cameras by session as [`Context::session_cameras`] has them. Those
+    /// like that of the first run have its colour too.
+    pub fn add_seen_by(&mut self, map: &TrackerState, seen_by: &[SessionCamera]) {
+        self.know_cameras(map, seen_by);
         self.append(map);
     }
 
-    /// Of the first run: what it found of colour is what the map begins with.
-    fn colour_of(&self, map: &TrackerState) -> ColourModel {
-        self.cameras.first().map_or(map.colour.model, |first| first.colour)
-    }
-
     /// Enters the camera for each session of a run that is about to be added.
-    fn know_camera(&mut self, map: &TrackerState, seen_by: &SessionCamera) {
+    fn know_cameras(&mut self, map: &TrackerState, seen_by: &[SessionCamera]) {
         let n_before = self.state.keyframes.iter().map(|k| k.session.saturating_add(1)).max().unwrap_or(0);
         // A run has no more sessions than keyframes, and its own.
         let last = map.keyframes.iter().map(|k| k.session).chain([map.session]).max().unwrap_or(0);
         let n_own = (last as usize).min(map.keyframes.len()) + 1;
-        let is_alike = self.cameras.first().is_none_or(|first| first.is_alike(seen_by));
-        let colour = if is_alike { self.colour_of(map) } else { map.colour.model };
+        let own = self.context.session_camera();
         self.cameras.truncate(n_before as usize);
-        self.cameras.extend(std::iter::repeat_n(SessionCamera { colour, ..seen_by.clone() }, n_own));
+        for session in 0..n_own {
+            let seen_by = seen_by.get(session).or(seen_by.last()).unwrap_or(&own);
+            // What the run itself found, of its own camera.
+            let found = seen_by.colour.unwrap_or(map.colour.model);
+            let is_alike = self.cameras.first().is_none_or(|first| first.is_alike(seen_by));
+            let colour = if is_alike { None } else { Some(found) };
+            self.cameras.push(SessionCamera { colour, ..seen_by.clone() });
+        }
         let cameras = SessionCameras::new(&self.cameras);
         self.context = self.context.clone().with_cameras(cameras);
     }

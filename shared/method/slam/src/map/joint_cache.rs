@@ -16,7 +16,7 @@ pub struct JointCache {
     /// What each number stood for.
     identities: Vec<u64>,
     /// How colour of each run lay, where they have several cameras.
-    colours: Vec<ColourModel>,
+    colours: Vec<Option<ColourModel>>,
     pub(crate) meetings: KnownMeetings,
     pub(crate) drawn: Drawn,
     pub(crate) features: FeatureCache,
@@ -24,7 +24,7 @@ pub struct JointCache {
 
 impl JointCache {
     /// A map of these keyframes begins: what other keyframes had under their numbers is forgotten.
-    pub(crate) fn begin(&mut self, keyframes: &[KeyframeState], colours: Vec<ColourModel>) {
+    pub(crate) fn begin(&mut self, keyframes: &[KeyframeState], colours: Vec<Option<ColourModel>>) {
         if self.colours != colours {
             (self.features, self.colours) = (FeatureCache::default(), colours);
         }

@@ -325,6 +325,9 @@ impl Optimiser {
         solution: &Solution,
         progress: &mut dyn FnMut(),
     ) -> Refinement {
+        if !self.context.cameras.is_empty() {
+            return Refinement::Kept("the map has keyframes of several cameras".to_owned());
+        }
         match refine_camera(&self.context, active, surfaces, solution, progress) {
             Ok(found) => {
                 let poses = all_poses(keyframes, &named(active, &found.world_from_camera, &[]));
