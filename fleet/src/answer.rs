@@ -10,7 +10,6 @@ use crate::received::RunSurfaces;
 use std::path::Path;
 use tessera_journal::Follower;
 use tessera_outputs::read_settings;
-use tessera_settings::Settings;
 use tessera_slam::{Context, JointMap, OptimiseRecord, Optimiser, RequestRecord};
 use tessera_stage::{BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles};
 
@@ -27,8 +26,6 @@ pub struct Answer {
 
 /// A run with an open request.
 struct Asking {
-    run: RunFile,
-    settings: Settings,
     context: Context,
     optimiser: Optimiser,
     request: RequestRecord,
@@ -57,7 +54,7 @@ pub fn answer(
         let past = Past::read_map(base, arrival, extents.get(other).copied().unwrap_or_default());
         others.extend(past.ok());
     }
-    let Asking { context, optimiser, request, mut surfaces, journal, .. } = asking;
+    let Asking { context, optimiser, request, mut surfaces, journal } = asking;
     let Some(mut map) = JointMap::of_request(context, &optimiser, &request) else { return Ok(None) };
     surfaces.keep_active(map.keyframes());
     for other in &others {
@@ -113,6 +110,6 @@ impl Asking {
         if request.is_final && settings.mapping.global.refine_camera {
             return Ok(None);
         }
-        Ok(Some(Self { run, settings, context, optimiser, request, surfaces, journal }))
+        Ok(Some(Self { context, optimiser, request, surfaces, journal }))
     }
 }
