@@ -205,9 +205,9 @@ mod tests {
                 let difference = log(&(known.inverse() * perturbed));
                 let expected = [difference.rho, difference.phi].map(|v| v / (1e-6 * seconds));
                 let expected = |row: usize| expected[row / 3][row % 3];
-                for row in 0..6 {
-                    for column in 0..6 {
-                        let wrong = covariance[row][column] - expected(row) * expected(column);
+                for (row, values) in covariance.iter().enumerate() {
+                    for (column, value) in values.iter().enumerate() {
+                        let wrong = value - expected(row) * expected(column);
                         assert!(wrong.abs() < 1e-2, "axis {axis}: {row} {column}: {wrong}");
                     }
                 }

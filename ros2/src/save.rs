@@ -23,9 +23,12 @@ pub(crate) struct SaveMap {
     service: Trigger,
     waiting: VecDeque<Client>,
     export: Option<(Client, Export, PathBuf)>,
-    grid: Option<(Client, JoinHandle<Result<usize, String>>, PathBuf)>,
+    grid: Option<(Client, SavedGrid, PathBuf)>,
     options: MapOptions,
 }
+
+/// The thread that writes a grid: how many cells it has, or why there is none.
+type SavedGrid = JoinHandle<Result<usize, String>>;
 
 /// A child, which is ended when it is dropped.
 struct Export(Child);
