@@ -1,9 +1,19 @@
 #!/usr/bin/env bash
 # A Python wheel with the command in it, and a .deb, in target/packages, for machines of this kind.
-# Says what it leaves out and why: the wheel needs maturin, the .deb dpkg-deb (in Debian and Ubuntu).
+# With arguments among ros2, fleet and view, or all, a .deb of each of these programs beside it: their crates
+# are many and take a quarter of an hour each. Says what it leaves out and why: the wheel needs maturin, the
+# .deb dpkg-deb (in Debian and Ubuntu).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=$PWD/target/packages
+companions=("$@")
+[ "${1:-}" = all ] && companions=(ros2 fleet view)
+for companion in "${companions[@]}"; do
+    case $companion in
+    ros2 | fleet | view) ;;
+    *) echo "$companion: expected ros2, fleet, view or all" >&2 && exit 2 ;;
+    esac
+done
 rm -rf "$out"
 mkdir -p "$out"
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
@@ -45,31 +55,52 @@ deb_tree() {
     find "$tree" -type f ! -path '*/usr/bin/*' -exec chmod 644 {} +
 }
 
-deb() {
-    local tree glibc architecture
-    tree=$(mktemp -d)
+# Makes the package NAME of a tree, with what it depends on and its description.
+pack() {
+    local name=$1 tree=$2 depends=$3 description=$4 architecture glibc
     architecture=$(dpkg --print-architecture)
-    deb_tree "$tree"
-    # The oldest C library that has every symbol of the program.
-    glibc=$(grep -aoE 'GLIBC_[0-9]+(\.[0-9]+)+' "$program" | sed 's/GLIBC_//' | sort -uV | tail -n 1)
+    # The oldest C library that has every symbol of the programs.
+    glibc=$(cat "$tree"/usr/bin/* | grep -aoE 'GLIBC_[0-9]+(\.[0-9]+)+' | sed 's/GLIBC_//' | sort -uV | tail -n 1)
     mkdir "$tree/DEBIAN"
     (cd "$tree" && find usr -type f -print0 | sort -z | xargs -0 md5sum > DEBIAN/md5sums)
     cat > "$tree/DEBIAN/control" <<END
-Package: tessera-slam
+Package: $name
 Version: $version
 Architecture: $architecture
 Maintainer: The Tessera authors
 Section: science
 Priority: optional
 Installed-Size: $(du -sk "$tree/usr" | cut -f 1)
-Depends: libc6 (>= $glibc), libgcc-s1
-Description: RGB-D SLAM in separate processes joined by shared memory
- Depth and colour images of a recording or of a camera in; a trajectory, a map
- and a verdict on both out. After Holz and Behnke, "Approximate Surface
- Reconstruction and Registration for RGB-D SLAM" (ECMR 2015).
+Depends: libc6 (>= $glibc), libgcc-s1$depends
+Description: $description
 END
-    dpkg-deb --root-owner-group -Zxz --build "$tree" "$out/tessera-slam_${version}_$architecture.deb"
+    dpkg-deb --root-owner-group -Zxz --build "$tree" "$out/${name}_${version}_$architecture.deb"
     rm -r "$tree"
+}
+
+deb() {
+    local tree
+    tree=$(mktemp -d)
+    deb_tree "$tree"
+    pack tessera-slam "$tree" '' "RGB-D SLAM in separate processes joined by shared memory
+ Depth and colour images of a recording or of a camera in; a trajectory, a map
+ and a verdict on both out. After Holz and Behnke, \"Approximate Surface
+ Reconstruction and Registration for RGB-D SLAM\" (ECMR 2015)."
+}
+
+# The program of a folder of its own, beside the command of the same version.
+companion_deb() {
+    local folder=$1 description=$2 tree options=()
+    [ "$folder" = ros2 ] && options=(--features zenoh)
+    # In the workspace's target folder: what is the same is built once.
+    CARGO_TARGET_DIR=target cargo build --release --locked --manifest-path "$folder/Cargo.toml" "${options[@]}"
+    tree=$(mktemp -d)
+    install -D "target/release/tessera-$folder" "$tree/usr/bin/tessera-$folder"
+    install -d "$tree/usr/share/doc/tessera-slam-$folder"
+    cat LICENSE-MIT <(echo) LICENSE-APACHE > "$tree/usr/share/doc/tessera-slam-$folder/copyright"
+    find "$tree" -type d -exec chmod 755 {} +
+    find "$tree" -type f ! -path '*/usr/bin/*' -exec chmod 644 {} +
+    pack "tessera-slam-$folder" "$tree" ", tessera-slam (= $version)" "$description"
 }
 
 if command -v maturin > /dev/null; then
@@ -79,6 +110,14 @@ else
 fi
 if command -v dpkg-deb > /dev/null; then
     deb
+    for companion in "${companions[@]}"; do
+        case $companion in
+        ros2) words='tessera ros2: a run in a live ROS 2 network, without ROS' ;;
+        fleet) words='tessera uplink and tessera base: one map of many robots' ;;
+        view) words='tessera view: a run in Rerun' ;;
+        esac
+        companion_deb "$companion" "$words"
+    done
 else
     echo "no .deb: dpkg-deb is not here"
 fi

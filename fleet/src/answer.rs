@@ -5,12 +5,11 @@ use crate::arrivals::{Arrival, Extent};
 use crate::error::FleetError;
 use crate::joint_surfaces::JointSurfaces;
 use crate::map::context_of;
-use crate::past::{Past, Prefix, surfaces_of, unlike};
+use crate::past::{Past, Prefix, surfaces_of};
 use crate::received::RunSurfaces;
 use std::path::Path;
 use tessera_journal::Follower;
 use tessera_outputs::read_settings;
-use tessera_settings::Settings;
 use tessera_slam::{Context, JointMap, OptimiseRecord, Optimiser, RequestRecord};
 use tessera_stage::{BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles};
 
@@ -27,8 +26,6 @@ pub struct Answer {
 
 /// A run with an open request.
 struct Asking {
-    run: RunFile,
-    settings: Settings,
     context: Context,
     optimiser: Optimiser,
     request: RequestRecord,
@@ -55,14 +52,14 @@ pub fn answer(
     let mut others: Vec<Past> = Vec::new();
     for (other, arrival) in arrivals.iter().enumerate().filter(|(other, _)| *other != number) {
         let past = Past::read_map(base, arrival, extents.get(other).copied().unwrap_or_default());
-        let is_like =
-            |past: &Past| unlike((&past.run, &past.settings), (&asking.run, &asking.settings)).is_none();
-        others.extend(past.ok().filter(is_like));
+        others.extend(past.ok());
     }
-    let Asking { context, optimiser, request, mut surfaces, journal, .. } = asking;
+    let Asking { context, optimiser, request, mut surfaces, journal } = asking;
     let Some(mut map) = JointMap::of_request(context, &optimiser, &request) else { return Ok(None) };
     surfaces.keep_active(map.keyframes());
-    others.iter().for_each(|other| map.add(&other.state));
+    for other in &others {
+        map.add_seen_by(&other.state, &context_of(&other.run, &other.settings).session_cameras());
+    }
     let mut joint = JointSurfaces::default();
     joint.add(map.keyframes_of(0), &surfaces);
     for (run, other) in (1..).zip(&others) {
@@ -113,6 +110,6 @@ impl Asking {
         if request.is_final && settings.mapping.global.refine_camera {
             return Ok(None);
         }
-        Ok(Some(Self { run, settings, context, optimiser, request, surfaces, journal }))
+        Ok(Some(Self { context, optimiser, request, surfaces, journal }))
     }
 }

@@ -35,7 +35,7 @@ pub struct MadeMap {
 /// What a map leaves to the next one, which is the same without it.
 #[derive(Debug, Default)]
 pub struct KnownMap {
-    /// The first run in the map: its camera and settings are those of the map.
+    /// The first run in the map: its settings are those of the map.
     first: Option<u64>,
     cache: JointCache,
 }
@@ -107,6 +107,7 @@ pub fn make_map(
 /// What the algorithms of mapping share, for the camera and settings of a run.
 pub(crate) fn context_of(run: &RunFile, settings: &Settings) -> Context {
     Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping)
+        .in_map_of(&run.map_cameras)
 }
 
 fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
@@ -115,16 +116,7 @@ fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
         let part = match Past::read(base, arrival, *extent) {
             // Where the base is says nothing of the map.
             Err(error) => Part::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
-            Ok(past) => {
-                let first = parts.iter().find_map(|part| match part {
-                    Part::In(first) => Some(first),
-                    Part::Out(_) => None,
-                });
-                match first.and_then(|first| past.unlike(first)) {
-                    Some(reason) => Part::Out(reason),
-                    None => Part::In(Box::new(past)),
-                }
-            }
+            Ok(past) => Part::In(Box::new(past)),
         };
         parts.push(part);
     }
@@ -143,7 +135,7 @@ fn joint(
     let mut pasts: Vec<(usize, &mut Past)> = Vec::new();
     for (number, part) in parts.iter_mut().enumerate() {
         if let Part::In(past) = part {
-            map.add(&past.state);
+            map.add_seen_by(&past.state, &context_of(&past.run, &past.settings).session_cameras());
             pasts.push((number, past));
         }
     }
@@ -159,7 +151,8 @@ fn joint(
     drop(histories);
     cost.optimise_s = begun.elapsed().as_secs_f64() - cost.join_s;
     let components = components(&map);
-    write_clouds(folder, &map, &components, pasts[0].1, &surfaces)?;
+    let seen: Vec<&Past> = pasts.iter().map(|(_, past)| &**past).collect();
+    write_clouds(folder, &map, &components, &seen, &surfaces)?;
     drop(surfaces);
     if correction.is_some() {
         for (run, (_, past)) in pasts.iter_mut().enumerate() {
@@ -202,20 +195,24 @@ fn joint(
     Ok(Summary::new(runs, components, joins, between))
 }
 
-/// Writes the cloud of each component, with the camera and the settings of the first run.
+/// Writes the cloud of each component, with the settings of the first run.
 fn write_clouds(
     folder: &Path,
     map: &JointMap,
     components: &Components,
-    first: &Past,
+    pasts: &[&Past],
     surfaces: &JointSurfaces<'_>,
 ) -> Result<(), FleetError> {
-    let (camera, step) = (&first.run.camera, first.settings.surface.step as usize);
+    let Some(first) = pasts.first() else { return Ok(()) };
+    let seen_by = |k| {
+        let past = map.run_of(k).map_or(*first, |run| pasts[run]);
+        (&past.run.camera, past.settings.surface.step as usize)
+    };
     for (place, component) in components.keys().enumerate() {
         let name = component_file("map", place, "ply");
         let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
-        let keyframes = map.keyframes().iter().filter(is_in);
-        write_joint_map((folder, &name), (camera, step, &first.settings.output), keyframes, surfaces)?;
+        let keyframes = map.keyframes().iter().filter(is_in).map(|k| (k, seen_by(k.id)));
+        write_joint_map((folder, &name), &first.settings.output, keyframes, surfaces)?;
     }
     Ok(())
 }

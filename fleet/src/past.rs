@@ -115,31 +115,6 @@ impl Past {
         surfaces.retire_missing(&mut state);
         Ok(Self { run, settings, state, replay, surfaces, journal })
     }
-
-    /// Why this run and the first one cannot have one map.
-    pub fn unlike(&self, first: &Self) -> Option<String> {
-        unlike((&self.run, &self.settings), (&first.run, &first.settings))
-    }
-}
-
-/// Why a run and the first one cannot have one map: surfaces of one map have one grid and are matched with
-/// one camera.
-pub fn unlike(run: (&RunFile, &Settings), first: (&RunFile, &Settings)) -> Option<String> {
-    let camera = |run: &RunFile| {
-        let c = &run.camera;
-        format!(
-            "{}x{} fx {} fy {} cx {} cy {} distortion {:?} readout {} s depth offset {} m",
-            c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.readout_s, c.depth_offset_m
-        )
-    };
-    let grid = |settings: &Settings| {
-        let surface = &settings.surface;
-        format!("surface.step {} and cell_sample {:?}", surface.step, surface.cell_sample)
-    };
-    let pairs = [("camera", camera(run.0), camera(first.0)), ("grid", grid(run.1), grid(first.1))];
-    pairs.into_iter().find(|(_, found, expected)| found != expected).map(|(what, found, expected)| {
-        format!("made with another {what}: {found}, the first run has {expected}")
-    })
 }
 
 /// The surfaces of so much of a run.

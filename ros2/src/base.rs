@@ -45,6 +45,29 @@ impl Base {
         self.base_from_camera * a_from_b * self.base_from_camera.inverse()
     }
 
+    /// Covariance of the base's velocity over `seconds` between two poses, in its own frame, from those of
+    /// the camera's poses about its own axes. What both have in common is counted twice, so that it is an
+    /// upper bound. `None` where either is unknown.
+    pub(crate) fn velocity_covariance(
+        &self,
+        [of_before, of_now]: [&[[f64; 6]; 6]; 2],
+        before_from_now: &Pose,
+        seconds: f64,
+    ) -> Option<Covariance> {
+        let local = |of: &[[f64; 6]; 6]| Matrix6::from_fn(|row, column| of[row][column]);
+        let (before, now) = (local(of_before), local(of_now));
+        if [before, now].iter().any(|of| of.iter().all(|value| *value == 0.0)) {
+            return None;
+        }
+        let to_base = adjoint(&self.base_from_camera);
+        // before * exp(a), now * exp(b): between them exp(b - Ad(now_from_before) a) behind the motion.
+        let back = adjoint(&before_from_now.inverse()) * to_base;
+        let moved = back * before * back.transpose() + to_base * now * to_base.transpose();
+        Some(std::array::from_fn(|row| {
+            std::array::from_fn(|column| moved[(row, column)] / (seconds * seconds))
+        }))
+    }
+
     /// Covariance of the base's pose about the fixed axes of odom, from that of the camera's pose
     /// about its own axes. All zero is unknown, and answered with `None`.
     pub(crate) fn covariance(&self, of_camera: &[[f64; 6]; 6], odom_from_base: &Pose) -> Option<Covariance> {
@@ -86,7 +109,7 @@ pub(crate) fn velocity(odom_from_before: &Pose, odom_from_now: &Pose, seconds: f
 mod tests {
     use super::*;
     use nalgebra::{Point3, Vector3};
-    use tessera_geometry::{Twist, exp};
+    use tessera_geometry::{Twist, exp, log};
     use tessera_recording::ros::{Header, RosPose, Time, TransformStamped, Transforms, encode};
 
     fn tree(parent: &str, child: &str, transform: RosPose) -> FrameTree {
@@ -153,6 +176,45 @@ mod tests {
             }
         }
         assert_eq!(base.covariance(&[[0.0; 6]; 6], &odom_from_base), None);
+    }
+
+    #[test]
+    fn covariance_of_velocity_is_that_of_perturbed_poses() {
+        let transform = RosPose { position: [0.2, -0.1, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
+        let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
+        let twist =
+            |v: [f64; 6]| Twist { rho: Vector3::new(v[0], v[1], v[2]), phi: Vector3::new(v[3], v[4], v[5]) };
+        let before = exp(&twist([1.0, 2.0, 3.0, 0.3, -0.7, 0.2]));
+        let now = before * exp(&twist([0.01, -0.02, 0.03, 0.002, 0.03, -0.01]));
+        let between = |before: &Pose, now: &Pose| base.of_base(before).inverse() * base.of_base(now);
+        let (seconds, known) = (0.1, between(&before, &now));
+        let tiny = 1e-30;
+        let mut nearly_exact = [[0.0; 6]; 6];
+        nearly_exact[0][0] = tiny;
+        for axis in 0..6 {
+            let mut local = [[0.0; 6]; 6];
+            local[axis][axis] = 1.0;
+            let mut delta = [0.0; 6];
+            delta[axis] = 1e-6;
+            let moved = exp(&twist(delta));
+            for (of, perturbed) in [
+                ([&local, &nearly_exact], between(&(before * moved), &now)),
+                ([&nearly_exact, &local], between(&before, &(now * moved))),
+            ] {
+                let covariance = base.velocity_covariance(of, &known, seconds).unwrap();
+                let difference = log(&(known.inverse() * perturbed));
+                let expected = [difference.rho, difference.phi].map(|v| v / (1e-6 * seconds));
+                let expected = |row: usize| expected[row / 3][row % 3];
+                for (row, values) in covariance.iter().enumerate() {
+                    for (column, value) in values.iter().enumerate() {
+                        let wrong = value - expected(row) * expected(column);
+                        assert!(wrong.abs() < 1e-2, "axis {axis}: {row} {column}: {wrong}");
+                    }
+                }
+            }
+        }
+        let unknown = [[0.0; 6]; 6];
+        assert_eq!(base.velocity_covariance([&unknown, &nearly_exact], &known, seconds), None);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::arguments::Arguments;
 use crate::carrier::{Carrier, NodeName};
 use crate::error::Ros2Error;
+use crate::initial_pose::InitialPose;
 use crate::input::Input;
 use crate::joined::Joined;
 use crate::map::MapSide;
@@ -99,6 +100,7 @@ struct Bridge<'a> {
     save: SaveMap,
     reset: Reset,
     relocalise: Relocalise,
+    initial_pose: InitialPose,
     time: RosTime,
     /// Time of the last depth image.
     last_depth_nanos: Option<i64>,
@@ -115,9 +117,10 @@ impl<'a> Bridge<'a> {
         let namespace = &arguments.namespace;
         let input = Input::new(arguments, carrier)?;
         let map = MapSide::new(carrier, (namespace, &arguments.grid_topic()), arguments.map())?;
-        let save = SaveMap::new(carrier, namespace)?;
+        let save = SaveMap::new(carrier, namespace, arguments.map())?;
         let reset = Reset::new(carrier, namespace)?;
         let relocalise = Relocalise::new(carrier, namespace)?;
+        let initial_pose = InitialPose::new(carrier)?;
         let output = Output::new(carrier, namespace, !arguments.no_tf)?;
         let time = RosTime::new(carrier, arguments.use_sim_time)?;
         carrier.introduce()?;
@@ -131,6 +134,7 @@ impl<'a> Bridge<'a> {
             save,
             reset,
             relocalise,
+            initial_pose,
             time,
             last_depth_nanos,
             report,
@@ -270,7 +274,7 @@ impl<'a> Bridge<'a> {
         joined.look()?;
         joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
         self.map.step(&self.input.clock, &mut self.report)?;
-        self.save.step(&joined.run.entry.run_dir, &mut self.report)?;
+        self.save.step(&joined.run.entry, self.input.base(), &mut self.report)?;
         self.time.step(&mut self.report);
         let n_depth = self.input.n_depth;
         self.input.step(self.carrier, &joined.run, self.time.waiting_nanos(), &mut self.report)?;
@@ -278,6 +282,7 @@ impl<'a> Bridge<'a> {
             self.last_depth_nanos = self.time.now_nanos();
         }
         self.relocalise.step(&joined.run.entry.name, self.input.sender(), &mut self.report)?;
+        self.initial_pose.step(self.output.map_from_base(), self.input.sender(), &mut self.report);
         let Some(now_nanos) = self.time.next_second() else { return Ok(()) };
         let silent = match self.last_depth_nanos.map(|at| now_nanos.saturating_sub(at)) {
             Some(nanos) if nanos >= SILENCE_NANOS => {

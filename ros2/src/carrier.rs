@@ -34,6 +34,7 @@ types! {
     GRID_UPDATE, "map_msgs/msg/OccupancyGridUpdate", "c4095b0be2e4363f8978a1570e0293ee093436f1e1c61d99b48502ac317025e8";
     CLOCK, "rosgraph_msgs/msg/Clock", "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564";
     IMU, "sensor_msgs/msg/Imu", "7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b";
+    INITIAL_POSE, "geometry_msgs/msg/PoseWithCovarianceStamped", "26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e";
     DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e";
 }
 
@@ -195,6 +196,10 @@ pub(crate) trait Carrier {
     /// What keeps messages from being carried, each with the reason: readers and writers of others on our
     /// topics that cannot be joined to ours, or a program that must be there and is not.
     fn unmatched(&self) -> Vec<String>;
+    /// Where no other program is heard: what was tried, and what would widen it, for people.
+    fn alone(&self) -> Option<String> {
+        None
+    }
     /// On what it listens and what may go wrong there, for people, a line each.
     fn words(&self) -> Vec<String>;
 }

@@ -11,7 +11,7 @@ use tessera_frames::CameraFile;
 use tessera_geometry::Camera;
 use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage, LiveTopic, RecordingError};
 
-/// How long the first depth image waits for colour, CameraInfo and `/tf_static`.
+/// How long the first depth image waits for colour, CameraInfo and `/tf_static` where one is missing.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// The newest message of each topic while the camera is not known; images are readable ones.
@@ -50,16 +50,16 @@ impl First {
     pub(crate) fn begin(
         &self,
         topics: &Topics,
-        frames: &FrameTree,
+        (frames, base): (&FrameTree, &str),
         given: Option<&CameraFile>,
         run: &Run,
         report: &mut Report,
     ) -> Result<Option<LiveCamera>, Ros2Error> {
         let (Some(data), Some(began_at)) = (&self.depth, self.began_at) else { return Ok(None) };
-        if began_at.elapsed() < PATIENCE {
+        let (topic, is_late) = (&topics.depth.topic, began_at.elapsed() >= PATIENCE);
+        if !is_late && !self.is_whole(topics, given) {
             return Ok(None);
         }
-        let topic = &topics.depth.topic;
         if self.info.is_none() && given.is_none() {
             report.note(Event::NoCamera, || format!("{topic}: images come, and no CameraInfo"));
             return Ok(None);
@@ -83,7 +83,8 @@ impl First {
             }
             Err(error) => return Err(error.into()),
         };
-        if !is_of_run(&mut camera, run, topic, report) {
+        let is_placed = camera.frame() == base || frames.between(camera.frame(), base).is_some();
+        if !(is_late || is_placed) || !is_of_run(&mut camera, run, topic, report) {
             return Ok(None);
         }
         let (width, height) = (camera.camera().width, camera.camera().height);
@@ -92,6 +93,16 @@ impl First {
             report.say(warning);
         }
         Ok(Some(camera))
+    }
+}
+
+impl First {
+    /// Whether each topic has had a message.
+    fn is_whole(&self, topics: &Topics, given: Option<&CameraFile>) -> bool {
+        let has = |is_read: bool, message: &Option<Vec<u8>>| !is_read || message.is_some();
+        (self.info.is_some() || given.is_some())
+            && has(topics.colour.is_some(), &self.colour)
+            && has(topics.colour_info.is_some(), &self.colour_info)
     }
 }
 

@@ -1,9 +1,8 @@
 //! `sensor_msgs/msg/Imu`: its angular rate, read from CDR.
 
+use crate::cdr::Reader;
 use tessera_recording::ros::Time;
 
-/// Bytes of CDR before the first field.
-const BEGIN: usize = 4;
 /// Orientation and its covariance stand between the header and the rate: numbers of 8 bytes.
 const N_BEFORE_RATE: usize = 4 + 9;
 /// No gyroscope turns faster, radians per second.
@@ -19,48 +18,13 @@ pub(crate) struct ImuRate {
     pub(crate) rate_rad_per_s: [f64; 3],
 }
 
-struct Reader<'a> {
-    body: &'a [u8],
-    at: usize,
-    is_big_endian: bool,
-}
-
-impl Reader<'_> {
-    fn bytes<const N: usize>(&mut self) -> Option<[u8; N]> {
-        // Numbers stand at multiples of their size.
-        let begin = self.at.next_multiple_of(N);
-        let mut bytes: [u8; N] = self.body.get(begin..begin + N)?.try_into().ok()?;
-        self.at = begin + N;
-        if self.is_big_endian {
-            bytes.reverse();
-        }
-        Some(bytes)
-    }
-
-    fn word(&mut self) -> Option<u32> {
-        self.bytes().map(u32::from_le_bytes)
-    }
-
-    fn number(&mut self) -> Option<f64> {
-        self.bytes().map(f64::from_le_bytes)
-    }
-
-    fn text(&mut self) -> Option<String> {
-        let len = self.word()? as usize;
-        let bytes = self.body.get(self.at..self.at.checked_add(len)?)?;
-        self.at += len;
-        Some(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)).into_owned())
-    }
-}
-
 /// The rate of a message with its encapsulation.
 ///
 /// # Errors
 /// In words, where it is no such message or has no rate.
 pub(crate) fn read(message: &[u8]) -> Result<ImuRate, String> {
     let short = || format!("no sensor_msgs/msg/Imu: {} bytes", message.len());
-    let (head, body) = message.split_at_checked(BEGIN).ok_or_else(short)?;
-    let mut reader = Reader { body, at: 0, is_big_endian: head[1] == 0 };
+    let mut reader = Reader::new(message).ok_or_else(short)?;
     let found = parse(&mut reader).ok_or_else(short)?;
     let (rate, variance) = found;
     let is_rate = |value: &f64| value.abs() <= MOST_RAD_PER_S;

@@ -128,12 +128,20 @@ impl Input {
                 if n_depth == 0 {
                     return Ok(());
                 }
-                self.going =
-                    self.first.begin(topics, &self.frames, self.given.as_ref(), run, report)?.map(|camera| {
-                        let base = Base::find(&self.frames, camera.frame(), &self.base_frame);
-                        report.say(&base.words);
-                        Going::new(camera, base)
-                    });
+                let frames = (&self.frames, self.base_frame.as_str());
+                let camera = self.first.begin(topics, frames, self.given.as_ref(), run, report)?;
+                self.going = camera.map(|camera| {
+                    let base = Base::find(&self.frames, camera.frame(), &self.base_frame);
+                    report.say(&base.words);
+                    report.say(&format!(
+                        "the camera is known: {} depth images that came before are not in the run",
+                        self.n_depth
+                    ));
+                    Going::new(camera, base)
+                });
+                if self.going.is_some() {
+                    report.add(Event::Before, self.n_depth);
+                }
             }
             Some(going) => {
                 while let Some(message) = self.imu.as_mut().and_then(|imu| take(&mut **imu, report)) {

@@ -9,6 +9,7 @@ mod arguments;
 mod base;
 mod bridge;
 mod carrier;
+mod cdr;
 mod clock;
 mod dds;
 mod error;
@@ -16,6 +17,7 @@ mod first;
 mod going;
 mod gyro;
 mod imu;
+mod initial_pose;
 mod input;
 mod joined;
 mod keeper;
@@ -30,6 +32,7 @@ mod relocalise;
 mod remap;
 mod report;
 mod reset;
+mod ros_arguments;
 mod ros_time;
 mod run;
 mod save;
@@ -47,7 +50,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let words = match ros_arguments::as_own(std::env::args_os().collect()) {
+        Ok(words) => words,
+        Err(why) => {
+            eprintln!("tessera-ros2: {why}");
+            return ExitCode::from(Ros2Error::Arguments(why).exit_code());
+        }
+    };
+    let arguments = Arguments::parse_from(words);
     let done = match keeper::is_needed(arguments.run) {
         true => keeper::keep(arguments.quiet),
         false => run(&arguments).map(|()| ExitCode::SUCCESS),

@@ -29,13 +29,20 @@ pub(crate) struct Output {
     diagnostics: Box<dyn Publication>,
     transforms: Option<Box<dyn Publication>>,
     way: Way,
-    before: Option<(i64, Pose)>,
+    before: Option<Before>,
     map_from_odom: Pose,
     newest_nanos: i64,
     /// Of the run's newest pose.
     pub(crate) state: u32,
     pub(crate) reason: String,
     pub(crate) n_poses: u64,
+}
+
+/// The pose before: its time, the pose of the base, and the covariance of the camera's where it was tracked.
+struct Before {
+    stamp_nanos: i64,
+    odom_from_base: Pose,
+    covariance: [[f64; 6]; 6],
 }
 
 impl Output {
@@ -93,9 +100,11 @@ impl Output {
         self.n_poses += 1;
         let is_lost = message.state == LOST;
         let covariance = base.covariance(&message.covariance, &odom_from_base).filter(|_| !is_lost);
-        let odometry = self.odometry(stamp_nanos, &odom_from_base, covariance, base);
+        let of_camera = if is_lost { [[0.0; 6]; 6] } else { message.covariance };
+        let now = Before { stamp_nanos, odom_from_base, covariance: of_camera };
+        let odometry = self.odometry(&now, covariance, base);
         self.odometry.send(&encode(&odometry)?)?;
-        self.before = Some((stamp_nanos, odom_from_base));
+        self.before = Some(now);
         if is_lost {
             return Ok(());
         }
@@ -112,27 +121,32 @@ impl Output {
         Ok(())
     }
 
-    fn odometry<'a>(
-        &self,
-        stamp_nanos: i64,
-        odom_from_base: &Pose,
-        covariance: Option<Covariance>,
-        base: &'a Base,
-    ) -> Odometry<'a> {
-        let moved = self.before.as_ref().and_then(|(before_nanos, before)| {
-            let seconds = stamp_nanos.saturating_sub(*before_nanos) as f64 * 1e-9;
-            (seconds > 0.0 && seconds < MOST_SECONDS).then(|| velocity(before, odom_from_base, seconds))
+    fn odometry<'a>(&self, now: &Before, covariance: Option<Covariance>, base: &'a Base) -> Odometry<'a> {
+        let moved = self.before.as_ref().and_then(|before| {
+            let seconds = now.stamp_nanos.saturating_sub(before.stamp_nanos) as f64 * 1e-9;
+            (seconds > 0.0 && seconds < MOST_SECONDS).then(|| {
+                let before_from_now = before.odom_from_base.inverse() * now.odom_from_base;
+                let of = [&before.covariance, &now.covariance];
+                let covariance = base.velocity_covariance(of, &before_from_now, seconds);
+                (velocity(&before.odom_from_base, &now.odom_from_base, seconds), covariance)
+            })
         });
-        let (linear, angular) = moved.unwrap_or_default();
+        let ((linear, angular), of_twist) = moved.unwrap_or_default();
         Odometry {
-            header: header(stamp_nanos, ODOM),
+            header: header(now.stamp_nanos, ODOM),
             child_frame_id: Cow::Borrowed(&base.frame),
             pose: PoseWithCovariance {
-                pose: odom_from_base.into(),
+                pose: (&now.odom_from_base).into(),
                 covariance: covariance.unwrap_or_else(unknown),
             },
-            twist: TwistWithCovariance { linear, angular, covariance: unknown() },
+            twist: TwistWithCovariance { linear, angular, covariance: of_twist.unwrap_or_else(unknown) },
         }
+    }
+
+    /// `map_from_base` of the newest pose, where that is not lost.
+    pub(crate) fn map_from_base(&self) -> Option<Pose> {
+        let newest = self.before.as_ref().filter(|_| self.state != LOST)?;
+        Some(self.map_from_odom * newest.odom_from_base)
     }
 
     /// Publishes the way so far, with the newest correction.

@@ -100,6 +100,10 @@ impl Carrier for Remapped {
         self.carrier.unmatched()
     }
 
+    fn alone(&self) -> Option<String> {
+        self.carrier.alone()
+    }
+
     fn words(&self) -> Vec<String> {
         self.carrier.words()
     }

@@ -14,6 +14,8 @@ pub(crate) enum Event {
     Malformed,
     /// An image of another size or encoding, or one that is not what it says.
     Unusable,
+    /// An image that came before the camera was known.
+    Before,
     /// An image while no CameraInfo has come.
     NoCamera,
     /// A CameraInfo other than the first.
@@ -46,6 +48,7 @@ impl Event {
         match self {
             Self::Malformed => "malformed messages",
             Self::Unusable => "unusable images",
+            Self::Before => "images before the camera was known",
             Self::NoCamera => "images without CameraInfo",
             Self::CameraChanged => "changes of the camera",
             Self::OtherCamera => "images of another camera",
@@ -97,7 +100,12 @@ impl Report {
 
     /// Counts without words.
     pub(crate) fn count(&mut self, event: Event) {
-        self.counts.entry(event).or_default().total += 1;
+        self.add(event, 1);
+    }
+
+    /// Counts several at once, without words.
+    pub(crate) fn add(&mut self, event: Event, n: u64) {
+        self.counts.entry(event).or_default().total += n;
     }
 
     fn line(&mut self, event: Event, now: Instant, words: impl FnOnce() -> String) -> Option<String> {

@@ -1,8 +1,10 @@
-//! The service `save_map`: `tessera export` as a child writes the outputs of the run into its folder,
-//! while everything else goes on.
+//! The service `save_map`: `tessera export` as a child writes the outputs of the run into its folder, then a
+//! thread the grid as Nav2 reads it, while everything else goes on.
 
+use crate::base::Base;
 use crate::carrier::{Carrier, CarrierError, Client};
 use crate::error::Ros2Error;
+use crate::map::{MapOptions, save_grid};
 use crate::report::Report;
 use crate::run::tessera;
 use crate::trigger::{Response, Trigger};
@@ -10,6 +12,8 @@ use std::collections::VecDeque;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
+use std::thread::JoinHandle;
+use tessera_transport::RunEntry;
 
 /// Requests that wait at most; more are refused.
 const MOST_WAITING: usize = 16;
@@ -19,7 +23,12 @@ pub(crate) struct SaveMap {
     service: Trigger,
     waiting: VecDeque<Client>,
     export: Option<(Client, Export, PathBuf)>,
+    grid: Option<(Client, SavedGrid, PathBuf)>,
+    options: MapOptions,
 }
+
+/// The thread that writes a grid: how many cells it has, or why there is none.
+type SavedGrid = JoinHandle<Result<usize, String>>;
 
 /// A child, which is ended when it is dropped.
 struct Export(Child);
@@ -37,17 +46,27 @@ impl SaveMap {
     ///
     /// # Errors
     /// Where the network refuses it.
-    pub(crate) fn new(carrier: &mut dyn Carrier, namespace: &str) -> Result<Self, CarrierError> {
+    pub(crate) fn new(
+        carrier: &mut dyn Carrier,
+        namespace: &str,
+        options: MapOptions,
+    ) -> Result<Self, CarrierError> {
         let service = Trigger::new(carrier, &format!("{namespace}/save_map"))?;
-        Ok(Self { service, waiting: VecDeque::new(), export: None })
+        Ok(Self { service, waiting: VecDeque::new(), export: None, grid: None, options })
     }
 
     /// Takes requests in and answers those that are done. Requests are served one after the other, each
-    /// with the map at that time.
+    /// with the map at that time. The grid is about the frame of the base, and there is none before that is
+    /// known.
     ///
     /// # Errors
     /// Where a reply cannot be written as CDR.
-    pub(crate) fn step(&mut self, run_dir: &Path, report: &mut Report) -> Result<(), Ros2Error> {
+    pub(crate) fn step(
+        &mut self,
+        entry: &RunEntry,
+        base: Option<&Base>,
+        report: &mut Report,
+    ) -> Result<(), Ros2Error> {
         while let Some(client) = self.service.take(report) {
             if self.waiting.len() == MOST_WAITING {
                 let response = Response::refused("too many requests wait".to_owned());
@@ -59,15 +78,27 @@ impl SaveMap {
         if let Some((client, export, dir)) = &mut self.export
             && let Some(response) = outcome(&mut export.0, dir)
         {
-            let client = client.clone();
+            let (client, dir) = (client.clone(), dir.clone());
             self.export = None;
-            report.say(&format!("save_map: {}", response.message));
-            self.service.answer(&client, &response, report)?;
+            match base.filter(|_| response.success) {
+                Some(base) => self.grid = Some((client, save_grid(entry, self.options, base), dir)),
+                None => self.answer(&client, &response, report)?,
+            }
+        }
+        if let Some((client, thread, dir)) = self.grid.take_if(|(_, thread, _)| thread.is_finished()) {
+            let made = thread.join().unwrap_or_else(|_| Err("a panic".to_owned()));
+            let message = match made {
+                Ok(_) => dir.display().to_string(),
+                Err(why) => format!("{}; no map.yaml: {why}", dir.display()),
+            };
+            self.answer(&client, &Response { success: true, message }, report)?;
         }
         if self.export.is_none()
+            && self.grid.is_none()
             && let Some(client) = self.waiting.pop_front()
         {
             let mut command = tessera();
+            let run_dir = &entry.run_dir;
             command.args(["export", "--quiet"]).arg(run_dir);
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
             match command.spawn() {
@@ -80,6 +111,11 @@ impl SaveMap {
             }
         }
         Ok(())
+    }
+
+    fn answer(&mut self, client: &Client, response: &Response, report: &mut Report) -> Result<(), Ros2Error> {
+        report.say(&format!("save_map: {}", response.message));
+        self.service.answer(client, response, report)
     }
 }
 

@@ -48,6 +48,8 @@ pub(crate) struct Chooser {
     settling: Option<(Choice, Instant)>,
     ambiguous_since: Option<Instant>,
     told_at: Option<Instant>,
+    /// When the first line told that something is missing.
+    waits_since: Option<Instant>,
 }
 
 impl Chooser {
@@ -62,6 +64,7 @@ impl Chooser {
             settling: None,
             ambiguous_since: None,
             told_at: None,
+            waits_since: None,
         }
     }
 
@@ -87,7 +90,10 @@ impl Chooser {
                 return Ok(None);
             }
             Err(error) => {
-                self.tell(now, report, &format!("waiting for the camera: {error}"));
+                let since = *self.waits_since.get_or_insert(now);
+                let alone = carrier.alone().filter(|_| now.saturating_duration_since(since) >= INTERVAL);
+                let why = alone.unwrap_or_else(|| error.to_string());
+                self.tell(now, report, &format!("waiting for the camera: {why}"));
                 return Ok(None);
             }
         };

@@ -3,12 +3,16 @@
 
 #[path = "network/common.rs"]
 mod common;
+#[path = "network/discovery.rs"]
+mod discovery;
 #[path = "network/faults.rs"]
 mod faults;
 #[path = "network/grid.rs"]
 mod grid;
 #[path = "network/gyro.rs"]
 mod gyro;
+#[path = "network/initial_pose.rs"]
+mod initial_pose;
 #[path = "network/map.rs"]
 mod map;
 #[path = "network/measured.rs"]
@@ -80,7 +84,7 @@ fn is_of_run(line: &Value, rows: &BTreeMap<i64, Isometry3<f64>>) -> bool {
 fn frames_come_in_and_poses_go_out_as_others_read_them() {
     let Some(network) = Network::new() else { return };
     let words = exchange(&network);
-    assert!(words.contains("DDS domain") && words.contains("127.0.0.1 alone"), "{words}");
+    assert!(words.contains("DDS domain") && words.contains("this machine alone"), "{words}");
 }
 
 /// Frames come in and poses go out, as programs of others read them; what the program says.
@@ -104,13 +108,17 @@ fn exchange(network: &Network) -> String {
         assert_eq!(line["same"], true, "{line}");
     }
     let written = online(&setup.out());
-    let mut odometry = BTreeMap::new();
+    let (mut odometry, mut n_moving) = (BTreeMap::new(), 0);
     for line in of("/tessera/odom") {
         assert_eq!((&line["frame"], &line["child"]), (&"odom".into(), &"base_link".into()));
         let covariance = numbers(&line["covariance"]);
         assert!(covariance.len() == 36 && (0..6).all(|k| covariance[7 * k] > 0.0), "{line}");
+        let of_twist = numbers(&line["of_twist"]);
+        assert!(of_twist.len() == 36 && (0..6).all(|k| of_twist[7 * k] > 0.0), "{line}");
+        n_moving += usize::from((0..6).all(|k| of_twist[7 * k] < 100.0));
         odometry.insert(micros(&line["stamp"]), pose(&numbers(&line["pose"])));
     }
+    assert!(n_moving >= 8, "{n_moving} poses have a velocity with a covariance");
     let mut n_compared = 0;
     for line in of("/tf") {
         let [map, odom] = &line["transforms"].as_array().unwrap()[..] else { panic!("{line}") };
@@ -259,11 +267,11 @@ fn types_have_the_hashes_that_others_compute() {
     }
     let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
     arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
-    assert_eq!(arguments.len(), 26);
+    assert_eq!(arguments.len(), 28);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "13");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "14");
 }
 
 #[test]

@@ -56,6 +56,7 @@ pub(crate) fn begin(folder: &Path, name: &str, camera: &Camera) -> RunFiles {
         doubts: Vec::new(),
         warnings: Vec::new(),
         map: None,
+        map_cameras: Vec::new(),
         faults: false,
         began_as: None,
     };

@@ -6,6 +6,8 @@ use tessera_transport::registered_runs;
 
 /// Folder of all runs that have no `--out`.
 pub(crate) const RUNS: &str = "runs";
+/// Of a base of a fleet, in its folder.
+const FLEET_JOURNAL: &str = "fleet.journal";
 
 /// The folder of a run by its name or by its path. A name is looked for in `runs/` and among the
 /// runs that are going on or died, wherever their folders are.
@@ -22,10 +24,21 @@ pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
         return Ok(folder);
     }
     let names = names();
+    if base(name_or_folder).is_some() {
+        return Err(CommandError::arguments(format!(
+            "{name_or_folder:?} is the folder of a base: its map's clouds and trajectories are in {name_or_folder}/map, its runs beside that; tessera view shows it"
+        )));
+    }
     let there_are = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
     Err(CommandError::arguments(format!(
         "no run {name_or_folder:?}: expected the folder of a run or a name in {RUNS}/, where there are: {there_are}"
     )))
+}
+
+/// The folder of a base, where that is one: it is looked at as a run is.
+pub(crate) fn base(folder: &str) -> Option<PathBuf> {
+    let folder = PathBuf::from(folder);
+    folder.join(FLEET_JOURNAL).is_file().then_some(folder)
 }
 
 /// What fresh names of runs of this source begin with: a scene, or the last part of a path.
@@ -56,6 +69,18 @@ pub(crate) fn names() -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_folder_of_a_base_is_known_and_told_apart_from_a_run() {
+        let dir = std::env::temp_dir().join(format!("tessera-base-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let folder = dir.to_str().unwrap();
+        assert_eq!(base(folder), None);
+        std::fs::write(dir.join(FLEET_JOURNAL), "").unwrap();
+        assert_eq!(base(folder), Some(dir.clone()));
+        assert!(find(folder).unwrap_err().to_string().contains("is the folder of a base"));
+        std::fs::remove_dir_all(dir).unwrap();
+    }
 
     #[test]
     fn labels_are_usable_names() {

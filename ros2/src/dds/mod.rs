@@ -1,7 +1,9 @@
 //! DDS, by RustDDS: messages pass as bytes, and what they mean is not its business.
 
+mod announcement;
 mod arrivals;
 mod buffers;
+mod neighbours;
 mod node;
 mod own_sockets;
 mod raw;
@@ -14,9 +16,11 @@ use crate::carrier::{
 use crate::network::{Network, Reach};
 use arrivals::Arrivals;
 use buffers::doubt_buffers;
+use neighbours::{Inside, Neighbours, multicast_port, unicast_port};
 use node::{Ends, Node};
 use own_sockets::keep_to_loopback;
 use raw::{Reader, Writer};
+use rustdds::discovery::{DiscoveredReaderData, DiscoveredWriterData};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
     DomainParticipant, DomainParticipantBuilder, Duration, GUID, QosPolicies, QosPolicyBuilder, RTPSEntity,
@@ -41,6 +45,8 @@ pub(crate) struct Dds {
     writers: Vec<End>,
     node: Node,
     arrivals: Arrivals,
+    /// Where the reach is this machine.
+    neighbours: Option<Neighbours>,
     /// What may go wrong with its sockets.
     doubts: Vec<String>,
 }
@@ -60,7 +66,19 @@ impl Dds {
     /// # Errors
     /// Where the sockets cannot be had.
     pub(crate) fn open(network: &Network, name: NodeName) -> Result<Self, CarrierError> {
-        let builder = DomainParticipantBuilder::new(network.domain);
+        let mut doubts = Vec::new();
+        let unheard = |error: &std::io::Error| {
+            format!(
+                "programs that find each other by multicast are not heard ({error}): --network all hears them"
+            )
+        };
+        // Before the participant, which is alone in a domain of its own.
+        let inside = match network.reach {
+            Reach::Loopback => Inside::open(network.domain).inspect_err(|e| doubts.push(unheard(e))).ok(),
+            Reach::Interface(_) | Reach::All => None,
+        };
+        let domain = inside.as_ref().map_or(network.domain, |inside| inside.inner);
+        let builder = DomainParticipantBuilder::new(domain);
         let builder = match network.reach {
             Reach::Loopback => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
             Reach::Interface(address) => {
@@ -72,7 +90,6 @@ impl Dds {
             builder.build().map_err(|error| wrong(&format!("join DDS domain {}", network.domain), &error))?;
         let to = make_writer(&participant, node::TOPIC, (node::KIND, &Quality::LATCHED))?;
         let node = Node { name, to, told: Vec::new() };
-        let mut doubts = Vec::new();
         if network.reach == Reach::Loopback
             && let Err(error) = keep_to_loopback()
         {
@@ -80,10 +97,18 @@ impl Dds {
                 "its UDP ports are open to other networks too ({error}): close them with a firewall"
             ));
         }
+        let prefix = participant.guid().to_bytes();
+        let neighbours = match inside.map(|of| of.begin(participant.participant_id(), &prefix[..12])) {
+            Some(Ok(neighbours)) => Some(neighbours),
+            Some(Err(error)) => {
+                return Err(wrong(&format!("join DDS domain {}", network.domain), &error));
+            }
+            None => None,
+        };
         doubts.extend(doubt_buffers());
         let (network, arrivals) = (network.clone(), Arrivals::new()?);
         let (readers, writers) = (Vec::new(), Vec::new());
-        Ok(Self { participant, network, readers, writers, node, arrivals, doubts })
+        Ok(Self { participant, network, readers, writers, node, arrivals, neighbours, doubts })
     }
 
     fn reader(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<Reader, CarrierError> {
@@ -241,23 +266,63 @@ impl Carrier for Dds {
         found.into_iter().collect()
     }
 
+    fn alone(&self) -> Option<String> {
+        let own = self.participant.guid_prefix();
+        let writes = |other: &DiscoveredWriterData| other.publication_topic_data.key.prefix != own;
+        let reads = |other: &DiscoveredReaderData| other.subscription_topic_data.key().prefix != own;
+        if self.participant.discovered_writers().iter().any(writes)
+            || self.participant.discovered_readers().iter().any(reads)
+        {
+            return None;
+        }
+        let (joined, foreign) = self
+            .neighbours
+            .as_ref()
+            .map_or_else(Default::default, |neighbours| (neighbours.joined(), neighbours.foreign()));
+        Some(alone_words(&self.network, &joined, &foreign))
+    }
+
     fn words(&self) -> Vec<String> {
         let (domain, index) = (self.network.domain, self.participant.participant_id());
-        let (multicast, own) = (7400 + 250 * u32::from(domain), u32::from(index));
+        let multicast = multicast_port(domain);
+        let meta = self.neighbours.as_ref().map_or(unicast_port(domain, index), |n| n.port);
+        let data = unicast_port(self.participant.domain_id(), index) + 1;
         let place = match self.network.reach {
-            Reach::Loopback => "127.0.0.1 alone".to_owned(),
+            Reach::Loopback => "this machine alone".to_owned(),
             Reach::Interface(address) => format!("{address} and 127.0.0.1"),
             Reach::All => "all interfaces".to_owned(),
         };
         let joined = format!(
-            "DDS domain {domain}, discovery and data on {place} ({}); UDP ports {multicast}, {}, {}, {}",
-            self.network.from,
-            multicast + 1,
-            multicast + 10 + 2 * own,
-            multicast + 11 + 2 * own
+            "DDS domain {domain}, discovery and data on {place} ({}); UDP ports {multicast} and {meta} for discovery, {data} for data",
+            self.network.from
         );
         [joined].into_iter().chain(self.doubts.iter().cloned()).collect()
     }
+}
+
+/// What was tried where nobody is heard, and which line widens it.
+fn alone_words(network: &Network, joined: &[Ipv4Addr], foreign: &[Ipv4Addr]) -> String {
+    let list =
+        |addresses: &[Ipv4Addr]| addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let (domain, port) = (network.domain, multicast_port(network.domain));
+    let place = match network.reach {
+        Reach::Loopback => format!("this machine, by multicast on {}", list(joined)),
+        Reach::Interface(address) => format!("{address} and 127.0.0.1"),
+        Reach::All => "all interfaces".to_owned(),
+    };
+    let mut words = format!(
+        "no program is heard in DDS domain {domain} on {place}, UDP port {port}, and by the ports of participants on 127.0.0.1"
+    );
+    match (network.reach, foreign) {
+        (Reach::Loopback, []) => {
+            words += "; a driver in a container or on another machine: --network all";
+        }
+        (Reach::Loopback, foreign) => {
+            words += &format!("; {} announces itself and is not answered: --network all", list(foreign));
+        }
+        _ => words += "; a firewall may keep UDP away",
+    }
+    words + "; one with another ROS_DOMAIN_ID: --domain N; one of rmw_zenoh: --carrier zenoh"
 }
 
 /// Why another's end and ours do not match, for people.

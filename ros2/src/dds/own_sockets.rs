@@ -33,6 +33,13 @@ pub(super) fn keep_to_loopback() -> io::Result<usize> {
     Ok(n_bound)
 }
 
+/// Holds off other tests that open sockets: those of the whole process are bound.
+#[cfg(test)]
+pub(super) fn alone() -> std::sync::MutexGuard<'static, ()> {
+    static SOCKETS: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    SOCKETS.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -40,6 +47,7 @@ mod tests {
 
     #[test]
     fn sockets_bound_to_all_addresses_hear_loopback_alone() {
+        let _alone = alone();
         let socket = UdpSocket::bind("0.0.0.0:0").unwrap();
         assert_eq!(SockRef::from(&socket).device().unwrap(), None);
         socket.set_read_timeout(Some(std::time::Duration::from_secs(60))).unwrap();

@@ -10,10 +10,12 @@ mod making;
 mod mapper;
 mod pace;
 mod points;
+mod saved;
 mod scan;
 mod side;
 mod votes;
 mod worker;
 
+pub(crate) use saved::save_grid;
 pub(crate) use side::MapSide;
 pub(crate) use worker::MapOptions;

@@ -102,13 +102,59 @@ pub(crate) struct Network {
     router: Option<String>,
     /// Folder with certificates, where links to the router are of TLS.
     keys: Option<PathBuf>,
+    /// Configuration of Cyclone DDS on the other side; `None`: its own defaults.
+    cyclone: Option<String>,
+    /// Variables of ROS on this program's side, and whether the domain is one of them.
+    variables: Vec<(String, String)>,
+    is_domain_a_variable: bool,
+    /// A network namespace of each side, `ours` and `theirs`, as words before a command.
+    inside: [Vec<String>; 2],
 }
 
 impl Network {
     /// `None`, with the reason printed, where something is missing.
     pub(crate) fn new() -> Option<Self> {
         let domain = domain().to_string();
-        Some(Self { tessera: tessera()?, python: python()?, domain, router: None, keys: None })
+        Some(Self {
+            tessera: tessera()?,
+            python: python()?,
+            domain,
+            router: None,
+            keys: None,
+            cyclone: Some(CYCLONE.to_owned()),
+            variables: Vec::new(),
+            is_domain_a_variable: false,
+            inside: [Vec::new(), Vec::new()],
+        })
+    }
+
+    /// The other side with that configuration, `None` its defaults; this one with these variables and the
+    /// domain as one of them.
+    pub(crate) fn between(self, cyclone: Option<&str>, variables: &[(&str, &str)]) -> Self {
+        let owned = |(name, value): &(&str, &str)| ((*name).to_owned(), (*value).to_owned());
+        Self {
+            cyclone: cyclone.map(str::to_owned),
+            variables: variables.iter().map(owned).collect(),
+            is_domain_a_variable: true,
+            ..self
+        }
+    }
+
+    /// Each side on a machine of its own: words before a command.
+    pub(crate) fn inside(self, inside: [Vec<String>; 2]) -> Self {
+        Self { inside, ..self }
+    }
+
+    /// A program with words before it.
+    fn command(&self, side: usize, program: &Path) -> Command {
+        match self.inside[side].split_first() {
+            None => Command::new(program),
+            Some((first, rest)) => {
+                let mut command = Command::new(first);
+                command.args(rest).arg(program);
+                command
+            }
+        }
     }
 
     /// The same over Zenoh.
@@ -126,8 +172,12 @@ impl Network {
     }
 
     fn script(&self, name: &str) -> Command {
-        let mut command = Command::new(&self.python);
-        command.arg(root().join("ros2/tests/python").join(name)).env("CYCLONEDDS_URI", CYCLONE);
+        let mut command = self.command(1, &self.python);
+        command.arg(root().join("ros2/tests/python").join(name));
+        match &self.cyclone {
+            Some(cyclone) => command.env("CYCLONEDDS_URI", cyclone),
+            None => command.env_remove("CYCLONEDDS_URI"),
+        };
         if let Some(keys) = &self.keys {
             command.env("TEST_KEYS", keys);
         }
@@ -156,6 +206,13 @@ impl Network {
         Listener(Program::start(command, true)).await_end()
     }
 
+    /// A program that goes on beside the test.
+    pub(crate) fn ask_beside(&self, script: &str, words: &[&str]) -> Listener {
+        let mut command = self.script(script);
+        command.arg(&self.domain).args(words);
+        Listener(Program::start(command, true))
+    }
+
     /// Calls a service once; the reply.
     pub(crate) fn call(&self, form: &str, service: &str) -> Value {
         let script = if self.router.is_some() { "call_zenoh.py" } else { "call.py" };
@@ -179,8 +236,11 @@ impl Network {
 
     /// Starts `tessera-ros2`.
     pub(crate) fn join(&self, setup: &Setup, arguments: &[&str]) -> Program {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tessera-ros2"));
-        command.args([&setup.name, "--domain", &self.domain]);
+        let mut command = self.command(0, Path::new(env!("CARGO_BIN_EXE_tessera-ros2")));
+        command.arg(&setup.name);
+        if !self.is_domain_a_variable {
+            command.args(["--domain", &self.domain]);
+        }
         if self.router.is_some() {
             command.args(["--carrier", "zenoh"]);
         }
@@ -189,6 +249,9 @@ impl Network {
             command.env_remove(variable);
         }
         command.env_remove("RMW_IMPLEMENTATION");
+        if self.is_domain_a_variable {
+            command.env("ROS_DOMAIN_ID", &self.domain).envs(self.variables.iter().cloned());
+        }
         match (&self.router, &self.keys) {
             (Some(_), Some(keys)) => command.env("ZENOH_SESSION_CONFIG_URI", keys.join("session.json5")),
             (Some(router), None) => {

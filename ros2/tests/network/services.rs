@@ -25,6 +25,10 @@ fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
         let folder = PathBuf::from(saved["message"].as_str().unwrap());
         assert_eq!(folder.canonicalize().unwrap(), setup.out().canonicalize().unwrap());
         assert!(map.metadata().unwrap().len() > 1000);
+        let (grid, image) = (setup.out().join("map.yaml"), setup.out().join("map.pgm"));
+        assert!(std::fs::read_to_string(&grid).unwrap().starts_with("image: map.pgm\n"));
+        assert!(std::fs::read(&image).unwrap().starts_with(b"P5\n"));
+        [grid, image].iter().for_each(|file| std::fs::remove_file(file).unwrap());
         std::fs::remove_file(&map).unwrap();
     }
     let aside = setup.frames().join("aside.toml");

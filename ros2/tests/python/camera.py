@@ -1,6 +1,6 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--clock] [--jump] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--clock] [--initial] [--jump] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
 
 It is one of DDS, and with a router one of Zenoh. FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
@@ -89,6 +89,16 @@ def imu(nanos):
     return STORE.serialize_cdr(message, "sensor_msgs/msg/Imu")
 
 
+def initial_pose(nanos):
+    pose = make(
+        "geometry_msgs/msg/Pose", make("geometry_msgs/msg/Point", 0.5, 0.0, 0.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    name = "geometry_msgs/msg/PoseWithCovariance"
+    message = make(name + "Stamped", header(nanos, "map"), make(name, pose, numpy.zeros(36)))
+    return STORE.serialize_cdr(message, name + "Stamped")
+
+
 def png(array):
     buffer = io.BytesIO()
     Picture.fromarray(array).save(buffer, "png")
@@ -116,6 +126,7 @@ def main():
     parser.add_argument("--imu", action="store_true")
     parser.add_argument("--clock", action="store_true", help="/clock is the time of the images")
     parser.add_argument("--jump", action="store_true", help="times are earlier once FOLDER has a file of that name")
+    parser.add_argument("--initial", action="store_true", help="every 20 images a pose on /initialpose")
     parser.add_argument("--focal", type=float, default=1.0, help="factor on the focal length")
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--rate", type=float, default=10.0)
@@ -141,6 +152,7 @@ def main():
     statics.write(messages.of(messages.TFMessage, transforms(links)))
     imus = writer("/imu", more_messages.Imu, messages.RELIABLE) if arguments.imu else None
     clocks = writer("/clock", more_messages.Clock) if arguments.clock else None
+    initials = writer("/initialpose", more_messages.InitialPose, messages.RELIABLE) if arguments.initial else None
     imu_nanos = camera["stamps"][0]
     period = camera["stamps"][1] - camera["stamps"][0]
     # Another program with an image of its own making.
@@ -184,6 +196,8 @@ def main():
         if clocks is not None:
             clock = make("rosgraph_msgs/msg/Clock", stamp_of(nanos))
             clocks.write(messages.of(more_messages.Clock, STORE.serialize_cdr(clock, "rosgraph_msgs/msg/Clock")))
+        if initials is not None and at % 20 == 19:
+            initials.write(messages.of(more_messages.InitialPose, initial_pose(nanos)))
         colours.write(messages.of(kind, colour))
         depths.write(messages.of(kind, depth))
         at += 1

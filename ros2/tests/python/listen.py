@@ -37,7 +37,7 @@ def odometry(m):
     return {
         "stamp": nanos(m.header), "frame": m.header.frame_id, "child": m.child_frame_id,
         "pose": numbers(m.pose.pose.position, m.pose.pose.orientation),
-        "covariance": list(m.pose.covariance),
+        "covariance": list(m.pose.covariance), "of_twist": list(m.twist.covariance),
     }
 
 

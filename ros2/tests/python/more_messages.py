@@ -12,6 +12,12 @@ UPDATE = "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\
 
 
 @dataclass
+class InitialPose(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"):
+    header: messages.Header
+    pose: messages.PoseWithCovariance
+
+
+@dataclass
 class PointField(IdlStruct, typename="sensor_msgs::msg::dds_::PointField_"):
     name: str
     offset: uint32
@@ -74,7 +80,7 @@ class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
     clock: messages.Time
 
 
-messages.raw(Clock, PointCloud2, OccupancyGrid, OccupancyGridUpdate, Imu)
+messages.raw(Clock, InitialPose, PointCloud2, OccupancyGrid, OccupancyGridUpdate, Imu)
 
 
 def register(store):

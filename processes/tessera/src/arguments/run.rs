@@ -61,6 +61,9 @@ pub(crate) struct RunArguments {
     /// Where the first frame stands in that map: "tx ty tz qx qy qz qw"
     #[arg(long, value_name = "POSE", requires = "map", allow_hyphen_values = true, help_heading = "Maps")]
     pub(crate) at: Option<String>,
+    /// Track in that map and add nothing to it: no keyframe, no loop, no submap
+    #[arg(long, requires = "map", conflicts_with = "map_update", help_heading = "Maps")]
+    pub(crate) only_localise: bool,
     /// At the end of the run its folder and that of the map change places: the map is updated
     #[arg(long, requires = "map", help_heading = "Maps")]
     pub(crate) map_update: bool,

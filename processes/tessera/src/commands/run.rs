@@ -111,6 +111,7 @@ fn under_a_free_name(
 pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandError> {
     let mut settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
     settings.mapping.global.refine_camera |= arguments.refine_camera;
+    settings.mapping.only_localise |= arguments.only_localise;
     let run = &mut settings.run;
     if let Some(source) = arguments.sources.first() {
         run.source.clone_from(source);

@@ -20,6 +20,7 @@ pub use features::seen_focal::{FocalView, seen_focal_ratio};
 pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use loops::covisibility::pairs as neighbour_pairs;
 pub use loops::meeting::Meeting;
+pub use map::cameras::{SessionCamera, SessionCameras};
 pub use map::context::Context;
 pub use map::given_up::GivenUp;
 pub use map::joint::JointMap;

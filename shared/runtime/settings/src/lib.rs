@@ -123,6 +123,13 @@ impl Settings {
         toml::to_string(&experiment::to_file(Table::try_from(self).map_err(wrong)?)).map_err(wrong)
     }
 
+    fn check_map(&self) -> Result<(), String> {
+        match self.mapping.only_localise && self.run.map.is_empty() {
+            true => Err("only_localise is true without a map, expected run.map = FOLDER with it".to_owned()),
+            false => Ok(()),
+        }
+    }
+
     /// Checks every range; NaN is outside of each.
     ///
     /// # Errors
@@ -137,7 +144,7 @@ impl Settings {
             ("simulation", words(self.simulation.check())),
             ("surface", words(self.surface.check())),
             ("registration", words(self.registration.check())),
-            ("mapping", words(self.mapping.check())),
+            ("mapping", words(self.mapping.check()).and_then(|()| self.check_map())),
             ("flow", words(self.flow.check())),
             ("stages", words(self.stages.check())),
             ("output", words(self.output.check())),

@@ -136,7 +136,8 @@ impl StageContext {
             &settings.surface,
             &settings.registration,
             &settings.mapping,
-        );
+        )
+        .in_map_of(&self.run.map_cameras);
         context.steps = self.stopwatch.steps();
         context
     }

@@ -39,6 +39,9 @@ pub struct RunFile {
     /// The map that it starts in, if any: enough to know it again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<MapIdentity>,
+    /// The cameras of the runs that made that map, by session, where one is another than this run's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub map_cameras: Vec<Camera>,
     /// Whether its stages may be made to fail on purpose, as `--faults` asked.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub faults: bool,
@@ -90,7 +93,9 @@ impl RunFile {
         if run.version != own {
             return Err(StageError::Version { own: own.into(), run: run.version });
         }
-        run.camera.check().map_err(|e| wrong(e.to_string()))?;
+        for camera in run.map_cameras.iter().chain([&run.camera]) {
+            camera.check().map_err(|e| wrong(e.to_string()))?;
+        }
         Ok(run)
     }
 

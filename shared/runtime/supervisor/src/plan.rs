@@ -79,6 +79,11 @@ impl Plan {
         let map = if is_there { None } else { MapOnDisk::open(&self.camera, &self.settings)? };
         let before = if is_there { Some(RunFile::read(&files)?) } else { None };
         let expected = before.as_ref().and_then(|run| run.map);
+        let map_cameras = match (&map, &before) {
+            (Some(map), _) => map.cameras().to_vec(),
+            (None, Some(before)) => before.map_cameras.clone(),
+            (None, None) => Vec::new(),
+        };
         let claim = claim.map_or_else(|| RunClaim::take(&self.name, &self.run_dir), Ok)?;
         let mut run = RunFile {
             name: self.name.clone(),
@@ -90,6 +95,7 @@ impl Plan {
             doubts: self.doubts.clone(),
             warnings: self.warnings.clone(),
             map: expected,
+            map_cameras,
             faults: self.kill_points.is_some(),
             began_as: match before {
                 Some(before) => before.began_as,

@@ -19,14 +19,14 @@ pub(crate) struct MapOnDisk {
     files: RunFiles,
     keyframes: StoredKeyframes,
     record: MapRecord,
+    cameras: Vec<Camera>,
 }
 
 impl MapOnDisk {
     /// Reads the map that `settings` name; `None` where they name none.
     ///
     /// # Errors
-    /// Where there is no map in that folder, its run is going on, or its surfaces are of another
-    /// camera or grid.
+    /// Where there is no map in that folder, its run is going on, or its surfaces have another shape.
     pub(crate) fn open(camera: &Camera, settings: &Settings) -> Result<Option<Self>, SupervisorError> {
         let folder = Path::new(&settings.run.map);
         if settings.run.map.is_empty() {
@@ -68,9 +68,15 @@ impl MapOnDisk {
         if state.keyframes.is_empty() {
             return Err(refuse("has no keyframe yet".into()));
         }
+        let cameras = cameras(&run, &state, camera);
         let start = settings.run.start().map_err(&refuse)?;
         let record = MapRecord { keyframes: state.keyframes, submaps: state.submaps, start };
-        Ok(Some(Self { files, keyframes, record }))
+        Ok(Some(Self { files, keyframes, record, cameras }))
+    }
+
+    /// The cameras that saw the map, by session, where one is another than that of the run that starts in it.
+    pub(crate) fn cameras(&self) -> &[Camera] {
+        &self.cameras
     }
 
     /// Copies the surfaces into an empty store and makes the map the first record of a journal.
@@ -145,20 +151,27 @@ fn refuse_if_going_on(files: &RunFiles, run: &RunFile) -> Result<(), String> {
         .map_err(|e| format!("belongs to a run that is going on, {}: {e}", run.name))
 }
 
-/// Surfaces of one map have one grid and are matched with one camera.
+/// The cameras of the runs that made a map, by session; nothing where all are like `own`.
+fn cameras(run: &RunFile, state: &TrackerState, own: &Camera) -> Vec<Camera> {
+    let n_sessions = state.keyframes.iter().map(|k| k.session as usize + 1).max().unwrap_or(0);
+    let of = |session: usize| run.map_cameras.get(session).unwrap_or(&run.camera).clone();
+    let all: Vec<Camera> = (0..n_sessions.min(state.keyframes.len())).map(of).collect();
+    let lens = |c: &Camera| ([c.fx, c.fy, c.cx, c.cy, c.depth_offset_m], c.distortion);
+    if all.iter().all(|camera| lens(camera) == lens(own)) { Vec::new() } else { all }
+}
+
+/// Surfaces of one map have one shape, and rows that were read out alike.
 fn check_alike(
     (old_camera, old): (&Camera, &Settings),
     (camera, settings): (&Camera, &Settings),
 ) -> Result<(), String> {
     let words = |camera: &Camera| {
-        let Camera { width, height, fx, fy, cx, cy, distortion, readout_s, depth_offset_m, .. } = camera;
-        format!(
-            "{width}x{height} fx {fx} fy {fy} cx {cx} cy {cy} distortion {distortion:?} readout {readout_s} s depth offset {depth_offset_m} m"
-        )
+        let Camera { width, height, readout_s, .. } = camera;
+        format!("{width}x{height} px, readout {readout_s} s")
     };
     let grid =
         |s: &Settings| format!("surface.step {} and cell_sample {:?}", s.surface.step, s.surface.cell_sample);
-    let pairs = [("camera", words(old_camera), words(camera)), ("grid", grid(old), grid(settings))];
+    let pairs = [("kind of camera", words(old_camera), words(camera)), ("grid", grid(old), grid(settings))];
     for (what, found, expected) in pairs {
         if found != expected {
             return Err(format!("was made with another {what}: {found}, this run has {expected}"));

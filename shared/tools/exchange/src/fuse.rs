@@ -3,11 +3,16 @@
 use crate::ExportFiles;
 use rayon::prelude::*;
 use tessera_fusion::{FusionSettings, Mesh, VIEWS_AT_ONCE, View, Volume};
-use tessera_geometry::{Twist, Vector6};
+use tessera_geometry::{Camera, Twist, Vector6};
 use tessera_outputs::ToolError;
 use tessera_outputs::{self as outputs, Replay};
 use tessera_stage::{RunFile, RunFiles};
 use tessera_surface::{SurfaceView, Vertex};
+
+/// The camera of an earlier run whose keyframe that is, where it was another one.
+fn earlier_camera<'a>(run: &'a RunFile, replay: &Replay, keyframe: u32) -> Option<&'a Camera> {
+    run.map_cameras.get(replay.earlier_run(keyframe)?)
+}
 
 /// Fuses all keyframes, those of a map that the run started in among them; tells `progress` how many of
 /// how many are done.
@@ -46,7 +51,8 @@ pub(crate) fn fuse(
             .iter()
             .zip(&loaded)
             .map(|((keyframe, world_from_camera), vertices)| View {
-                camera,
+                // Of a map that other cameras made, that of its run.
+                camera: earlier_camera(&run, replay, keyframe.id).unwrap_or(camera),
                 surface: SurfaceView { grid, vertices },
                 world_from_camera: *world_from_camera,
                 velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),

@@ -124,6 +124,8 @@ pub struct SavedMap {
     pub surfaces: Vec<Vec<Vertex>>,
     /// Features of their colour images; none where they are not kept.
     pub features: Vec<Vec<Feature>>,
+    /// Cameras of the runs that made it, one after the other.
+    pub cameras: Vec<Camera>,
 }
 
 /// A run in progress: push frames, then finish.
@@ -138,6 +140,9 @@ pub struct Run {
     /// First frame for which relocalisation was asked for last.
     relocalise_from: u64,
     records: Vec<AlignRecord>,
+    /// Of the runs whose map it began in, and its own.
+    cameras: Vec<Camera>,
+    camera: Camera,
 }
 
 impl Run {
@@ -159,10 +164,12 @@ impl Run {
             correction: None,
             relocalise_from: 0,
             records: Vec::new(),
+            cameras: Vec::new(),
+            camera: camera.clone(),
         })
     }
 
-    /// A run that starts in the map of an earlier one with the same camera and grid; `start`:
+    /// A run that starts in the map of an earlier one with the same grid; `start`:
     /// where its first frame stands in that map, if that is known.
     ///
     /// # Errors
@@ -174,6 +181,10 @@ impl Run {
         start: Option<Pose>,
     ) -> Result<Self, SettingError> {
         let mut run = Self::new(camera, method)?;
+        let context = Context::new(camera, &method.surface, &method.registration, &method.mapping)
+            .in_map_of(&map.cameras);
+        (run.tracker, run.optimiser) = (Tracker::new(context.clone()), Optimiser::new(context));
+        run.cameras = map.cameras;
         run.keyframes = RunKeyframes(map.surfaces, vec![Vec::new(); map.keyframes.len()]);
         let start = start.as_ref().map(PoseBits::from);
         let record = MapRecord { keyframes: map.keyframes, submaps: map.submaps, start };
@@ -265,7 +276,8 @@ impl Run {
         }
         let TrackerState { keyframes, submaps, .. } = self.tracker.state().clone();
         let RunKeyframes(surfaces, features) = self.keyframes;
-        (Records { records: self.records }, SavedMap { keyframes, submaps, surfaces, features })
+        let cameras = self.cameras.into_iter().chain([self.camera]).collect();
+        (Records { records: self.records }, SavedMap { keyframes, submaps, surfaces, features, cameras })
     }
 
     /// Ends the sequence where it is, without the final optimisation, and returns all records.

@@ -92,6 +92,7 @@ fn starts_all_along_the_path_are_found() {
             submaps: map.submaps.clone(),
             keyframes: map.keyframes.clone(),
             features: Vec::new(),
+            cameras: Vec::new(),
         };
         let mut run = Run::in_map(source.camera(), &Method::default(), map, None).unwrap();
         let indices: Vec<u64> = (start..start + 32).collect();
@@ -130,4 +131,23 @@ fn a_run_elsewhere_is_lost_and_leaves_the_map_as_it_is() {
     assert_eq!(map.keyframes, before);
     let n_corrections = records.records.iter().filter(|r| matches!(r, AlignRecord::Correction(_))).count();
     assert_eq!(n_corrections, 0, "there is nothing to optimise");
+}
+
+#[test]
+fn a_run_that_only_localises_tracks_in_the_map_and_adds_nothing_to_it() {
+    let source = scene(SceneName::Room);
+    let map = first_part(&source);
+    let before = map.keyframes.clone();
+    let mut method = Method::default();
+    method.mapping.only_localise = true;
+    let mut run = Run::in_map(source.camera(), &method, map, None).unwrap();
+    let indices: Vec<u64> = (40..FIRST_PART - 10).collect();
+    push_all(&mut run, &source, &indices);
+    let (records, after) = run.finish_with_map();
+    assert_found(&records, &source, &indices);
+    assert_eq!(after.keyframes, before);
+    assert_eq!(after.surfaces.len(), before.len());
+    assert!(!records.records.iter().any(|record| matches!(record, AlignRecord::Correction(_))));
+    let stated = |frame: &FrameRecord| frame.state != State::Tracking || !frame.covariance.is_empty();
+    assert!(records.frames().all(|frame| frame.request.is_none() && stated(frame)));
 }

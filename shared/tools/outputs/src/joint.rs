@@ -8,20 +8,20 @@ use tessera_geometry::{Camera, Pose, RollingShutter, Twist, Vector6};
 use tessera_settings::OutputSettings;
 use tessera_slam::{KeyframeState, KeyframeSurfaces};
 
-/// Writes a cloud of these keyframes, which have one camera and one gauge, as `name` in `folder`: one
-/// point a voxel, as in a run's own `map.ply`. `step`: pixels between neighbouring vertices.
+/// Writes a cloud of these keyframes, which have one gauge, as `name` in `folder`: one point a voxel, as in a
+/// run's own `map.ply`. Each with the camera that saw it, and the pixels between neighbouring vertices.
 ///
 /// # Errors
 /// Names the file that cannot be written.
 pub fn write_joint_map<'k>(
     (folder, name): (&Path, &str),
-    (camera, step, settings): (&Camera, usize, &OutputSettings),
-    keyframes: impl Iterator<Item = &'k KeyframeState>,
+    settings: &OutputSettings,
+    keyframes: impl Iterator<Item = (&'k KeyframeState, (&'k Camera, usize))>,
     surfaces: &dyn KeyframeSurfaces,
 ) -> Result<(), ToolError> {
-    let input = MapInput { camera, step, settings, warp: None };
     let mut cloud = VoxelCloud::new(settings.map_voxel_m);
-    for keyframe in keyframes {
+    for (keyframe, (camera, step)) in keyframes {
+        let input = MapInput { camera, step, settings, warp: None };
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let shutter = RollingShutter::new(camera, &velocity, step);
         let world_from_camera = Pose::from(&keyframe.world_from_camera);
@@ -69,7 +69,8 @@ mod tests {
         let surfaces = Surfaces((0..2).map(test_run::surface).collect());
         let (camera, settings) = (test_run::camera(), OutputSettings::default());
         let place = (dir.path(), "map.ply");
-        write_joint_map(place, (&camera, 4, &settings), keyframes.iter(), &surfaces).unwrap();
+        let seen = keyframes.iter().map(|keyframe| (keyframe, (&camera, 4)));
+        write_joint_map(place, &settings, seen, &surfaces).unwrap();
         let bytes = std::fs::read(dir.path().join("map.ply")).unwrap();
         assert!(bytes.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n"));
     }

@@ -22,6 +22,8 @@ pub struct Replay {
     pub keyframes: Vec<KeyframeRecord>,
     /// Keyframes of the map of earlier runs: the first of `keyframes`.
     pub n_map_keyframes: usize,
+    /// The run that made each of them.
+    map_sessions: Vec<u32>,
     /// The first frame that was tracked.
     pub first_tracked: Option<u64>,
     /// Poses of keyframes and frames with all corrections.
@@ -42,6 +44,11 @@ pub struct Replay {
 }
 
 impl Replay {
+    /// The earlier run that a keyframe of its map is of; `None` of one of this run.
+    pub fn earlier_run(&self, keyframe: u32) -> Option<usize> {
+        self.map_sessions.get(keyframe as usize).map(|session| *session as usize)
+    }
+
     /// Takes the next record in.
     pub fn apply(&mut self, record: AlignRecord) {
         if let AlignRecord::Frame(frame) = &record {
@@ -70,6 +77,7 @@ impl Replay {
 
     fn add_map(&mut self, map: MapRecord) {
         self.n_map_keyframes = map.keyframes.len();
+        self.map_sessions = map.keyframes.iter().map(|keyframe| keyframe.session).collect();
         for keyframe in map.keyframes {
             // What place it is matters to the tracker alone.
             let KeyframeState { id, frame_index, stamp_nanos, world_from_camera, velocity, slot, .. } =

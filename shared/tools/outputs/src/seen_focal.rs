@@ -25,7 +25,10 @@ pub(crate) fn seen_focal(
     let colour = replay.colour(beside.stated_colour).model;
     let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping)
         .with_colour_model(colour);
-    let (keyframes, poses): (Vec<_>, Vec<_>) = replay.main_keyframes().unzip();
+    // Those of the camera in question: a map may have been made by others before.
+    let is_own = |id: u32| run.map_cameras.is_empty() || replay.earlier_run(id).is_none();
+    let (keyframes, poses): (Vec<_>, Vec<_>) =
+        replay.main_keyframes().filter(|(keyframe, _)| is_own(keyframe.id)).unzip();
     seen_focal_ratio(&context, &poses, |place| {
         let keyframe = keyframes[place];
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));

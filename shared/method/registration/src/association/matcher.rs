@@ -31,6 +31,8 @@ pub struct PairReport {
 
 /// Searches and sums; holds its buffers.
 pub struct Matcher {
+    own_camera: GridCamera,
+    /// That of the present target.
     camera: GridCamera,
     noise: DepthNoise,
     settings: RegistrationSettings,
@@ -53,9 +55,10 @@ const AHEAD: usize = 16;
 const REFERENCE_DEPTH_M: f32 = 1.0;
 
 impl Matcher {
-    /// A matcher for surfaces of one camera.
+    /// A matcher for surfaces of one camera, beside those whose [`Target::shutter`] names another.
     pub fn new(camera: GridCamera, noise: DepthNoise, settings: &RegistrationSettings) -> Self {
         Self {
+            own_camera: camera,
             camera,
             noise,
             settings: settings.clone(),
@@ -108,6 +111,8 @@ impl Matcher {
     ) -> (BlockSums, PairReport) {
         self.steps.enter(Step::Search);
         let (motion, n_queries) = (flat(target_from_query), self.n_chosen);
+        self.camera = target.shutter.camera().unwrap_or(self.own_camera);
+        self.rejection.make_room(self.camera.grid.len());
         self.found.resize(self.chosen.len());
         self.locate(target, &motion);
         let limits = limits.at(self.camera.grid.step);
@@ -294,5 +299,36 @@ mod tests {
             assert_eq!(used.match_chosen(&target, &at(0.5 * away_m), &limits), expected[1]);
             assert!(away_m.abs() > 1.0 || count < 9 || expected[0].0.n > 5, "{count}: {:?}", expected[0].1);
         }
+    }
+
+    #[test]
+    fn a_target_of_another_camera_is_matched_as_by_a_matcher_of_that_camera() {
+        let near = Camera::pinhole((160, 120), [131.0, 131.0, 79.5, 59.5], 5000.0);
+        let far = Camera::pinhole((212, 124), [154.0, 150.0, 104.0, 60.0], 5000.0);
+        let near_grid = Grid { width: 40, height: 30, step: 4 };
+        let far_grid = Grid { width: 53, height: 31, step: 4 };
+        let matcher = |camera: &Camera, grid| {
+            let camera = GridCamera::new(camera, grid, 1.5);
+            Matcher::new(camera, DepthNoise::default(), &RegistrationSettings::default())
+        };
+        let of = |camera: &Camera, grid: Grid| {
+            ShutterTable::new(camera, &Twist::default(), grid.height, grid.step, 1.5)
+        };
+        let mut random = SplitMix64::for_frame(7, 6);
+        let [(_, samples), (vertices, _)] =
+            [(&near, near_grid), (&far, far_grid)].map(|(camera, grid)| wall(&mut random, camera, grid));
+        let mut queries = Queries::default();
+        queries.fill(&samples, &of(&near, near_grid));
+        let selection = Selection { count: 150, shift: 3 };
+        let (pose, limits) = (Pose::translation(0.02, 0.01, 0.002), MatchLimits::new(0.1, 0.5));
+        let surface = SurfaceView { grid: far_grid, vertices: &vertices };
+        let shutter = of(&far, far_grid);
+        let target = Target { surface, shutter: &shutter, tree: None };
+        let expected = matcher(&far, far_grid).match_pair(&queries, selection, &target, &pose, &limits);
+        let named = shutter.of_camera(GridCamera::new(&far, far_grid, 1.5));
+        let target = Target { shutter: &named, ..target };
+        let found = matcher(&near, near_grid).match_pair(&queries, selection, &target, &pose, &limits);
+        assert!(found.0.n > 50, "{:?}", found.1);
+        assert_eq!(found, expected);
     }
 }

@@ -4,7 +4,7 @@ use tessera_geometry::Camera;
 use tessera_surface::Grid;
 
 /// The camera in grid coordinates and `f32`, for projecting query points.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridCamera {
     /// Shape of the grid.
     pub grid: Grid,

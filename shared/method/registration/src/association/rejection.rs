@@ -92,6 +92,14 @@ impl Rejection {
         Self { holders: vec![(0, 0); n_vertices], ..Self::default() }
     }
 
+    /// For a target with so many vertices, which may be of another camera.
+    pub(crate) fn make_room(&mut self, n_vertices: usize) {
+        if self.holders.len() < n_vertices {
+            // A stamp of 0 is never current.
+            self.holders.resize(n_vertices, (0, 0));
+        }
+    }
+
     /// Keeps for each target vertex its nearest query only; the first among equals.
     pub(crate) fn keep_one_to_one(&mut self, found: &mut Found) {
         self.stamp = self.stamp.wrapping_add(1);

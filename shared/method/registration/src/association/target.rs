@@ -1,6 +1,7 @@
 //! A fixed surface that queries are matched against.
 
 use crate::association::kd_tree::KdTree;
+use crate::association::projection::GridCamera;
 use tessera_geometry::{Camera, Pose, Twist};
 use tessera_numerics::lanes::{Real, add, cross, scale};
 use tessera_surface::SurfaceView;
@@ -17,6 +18,8 @@ pub struct ShutterTable {
     first_row_s: f32,
     per_row_s: f32,
     last_row: f32,
+    /// The camera that was read out; `None` for that of the matcher.
+    camera: Option<GridCamera>,
 }
 
 impl ShutterTable {
@@ -29,7 +32,19 @@ impl ShutterTable {
             first_row_s: first_row_s as f32,
             per_row_s: (camera.row_time_s(offset_px + step as f64) - first_row_s) as f32,
             last_row: n_rows.saturating_sub(1) as f32,
+            camera: None,
         }
+    }
+
+    /// The same of a camera that is not the matcher's: its surface is a target of that grid.
+    #[must_use]
+    pub fn of_camera(self, camera: GridCamera) -> Self {
+        Self { camera: Some(camera), ..self }
+    }
+
+    /// The camera that was read out, where it is not the matcher's.
+    pub(crate) fn camera(&self) -> Option<GridCamera> {
+        self.camera
     }
 
     /// As [`Self::new`], in place.

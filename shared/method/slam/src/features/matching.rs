@@ -4,6 +4,7 @@ use crate::features::residuals;
 use crate::features::weighted_pair::FeaturePair;
 use crate::map::context::Context;
 use nalgebra::Vector3;
+use std::borrow::Cow;
 use tessera_features::{
     Correspondence, Feature, Gate, MatchSettings, MatchWorkspace, Observation, PoseSettings, PoseWorkspace,
     estimate_pose, match_features,
@@ -18,6 +19,8 @@ const USUAL_DEPTH_M: f64 = 2.0;
 pub(crate) struct Seen<'a> {
     pub(crate) features: &'a [Feature],
     pub(crate) observations: &'a [Observation],
+    /// The run whose camera saw them; `None`: that of the context.
+    pub(crate) session: Option<u32>,
 }
 
 /// Where matches are looked for, and how hard.
@@ -106,7 +109,8 @@ impl PairFinder {
     fn associate(&mut self, context: &Context, [query, target]: [Seen<'_>; 2], guess: &Pose, reach: Reach) {
         let gates = reach.radius_px.map(|radius_px| {
             self.gates.clear();
-            let gate = |o: &Observation| gate(context, guess, o, radius_px);
+            let context = target.session.map_or(Cow::Borrowed(context), |session| context.of(session));
+            let gate = |o: &Observation| gate(&context, guess, o, radius_px);
             self.gates.extend(query.observations.iter().map(gate));
             self.gates.as_slice()
         });

@@ -35,7 +35,7 @@ impl FocalView {
     }
 
     fn seen(&self) -> Seen<'_> {
-        Seen { features: &self.features, observations: &self.observations }
+        Seen { features: &self.features, observations: &self.observations, session: None }
     }
 }
 

@@ -11,6 +11,7 @@ use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::prediction::Reference;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_features::{Feature, Observation, PlaceIndex};
@@ -153,8 +154,9 @@ impl Sight {
         context.steps.enter(Step::Match);
         let observations = self.observations_of(context, reference);
         let guess = reference.world_from_camera.inverse() * world_from_camera;
-        let query = Seen { features: &self.features, observations: &self.observations };
-        let target = Seen { features: reference.features, observations: &observations };
+        let query = Seen { features: &self.features, observations: &self.observations, session: None };
+        let session = reference.session;
+        let target = Seen { features: reference.features, observations: &observations, session };
         let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
         let found = self.finder.find(context, [query, target], &guess, reach, seed);
         let found = found.map(Arc::new);
@@ -215,8 +217,9 @@ impl Sight {
             return Arc::clone(&known.observations);
         }
         let (model, velocity) = (context.colour, reference.velocity);
+        let seen_by = reference.session.map_or(Cow::Borrowed(context), |session| context.of(session));
         let observations: Arc<[Observation]> =
-            lift(context, reference.features, &reference.surface, &velocity).into();
+            lift(&seen_by, reference.features, &reference.surface, &velocity).into();
         while self.known.len() >= KEPT {
             self.known.pop_first();
         }
@@ -266,8 +269,9 @@ impl Sight {
     ) -> usize {
         let observations = self.observations_of(context, reference);
         let at = reference.world_from_camera.inverse() * world_from_camera;
-        let query = Seen { features: &self.features, observations: &self.observations };
-        let target = Seen { features: reference.features, observations: &observations };
+        let query = Seen { features: &self.features, observations: &self.observations, session: None };
+        let session = reference.session;
+        let target = Seen { features: reference.features, observations: &observations, session };
         let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
         let found = self.finder.find(context, [query, target], &at, Reach::ANYWHERE, seed);
         found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))

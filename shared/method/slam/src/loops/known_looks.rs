@@ -4,10 +4,10 @@
 //! its own component too. Their hash is the key, so that it makes no difference what is kept and what is
 //! looked for anew.
 
-use crate::features::colour_model::ColourState;
 use crate::map::input_hash::Fnv;
 use crate::map::state::{KeyframeState, TrackerState};
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 
 /// A keyframe and the hash of all that its look depends on.
 type LookKey = (u32, u64);
@@ -63,19 +63,19 @@ impl ComponentHashes {
         Self(hashes.into_iter().map(|(component, hash)| (component, hash.value())).collect())
     }
 
-    /// The key of what `own` sees of the components before its own.
-    pub(crate) fn seen(&self, colour: &ColourState, own: &KeyframeState, component: u32) -> LookKey {
+    /// The key of what `own` sees of the components before its own; `colour`: all that is known of it.
+    pub(crate) fn seen(&self, colour: &impl Debug, own: &KeyframeState, component: u32) -> LookKey {
         self.key(colour, own, self.0.range(..component))
     }
 
     /// The key of a join of its component with those before it.
-    pub(crate) fn joined(&self, colour: &ColourState, own: &KeyframeState, component: u32) -> LookKey {
+    pub(crate) fn joined(&self, colour: &impl Debug, own: &KeyframeState, component: u32) -> LookKey {
         self.key(colour, own, self.0.range(..=component))
     }
 
     fn key<'a>(
         &self,
-        colour: &ColourState,
+        colour: &impl Debug,
         own: &KeyframeState,
         components: impl Iterator<Item = (&'a u32, &'a u64)>,
     ) -> LookKey {

@@ -20,6 +20,8 @@ pub(crate) struct Matchable<'a> {
     surface: KeyframeSurface<'a>,
     tree: Option<KdTree>,
     velocity: Twist,
+    /// The run whose camera saw it.
+    session: u32,
     features: Cow<'a, [Feature]>,
     observations: OnceLock<Vec<Observation>>,
 }
@@ -51,7 +53,8 @@ impl<'a> Matchable<'a> {
         keyframe: &KeyframeState,
         surfaces: &'a dyn KeyframeSurfaces,
     ) -> Self {
-        let surface = KeyframeSurface { surfaces, keyframe: keyframe.id, grid: context.grid };
+        let grid = context.of(keyframe.session).grid;
+        let surface = KeyframeSurface { surfaces, keyframe: keyframe.id, grid };
         let vertices = surface.vertices();
         let view = surface.view(&vertices);
         let mut samples = Vec::new();
@@ -67,11 +70,13 @@ impl<'a> Matchable<'a> {
         samples: &[Sample],
     ) -> Self {
         let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
+        let (context, session) = (context.of(keyframe.session), keyframe.session);
         let shutter = context.shutter(&velocity);
         let mut queries = Queries::default();
         queries.fill(samples, &shutter);
         let (tree, features) = (context.tree(view, &shutter), Cow::default());
-        Self { queries, shutter, surface, tree, velocity, features, observations: OnceLock::new() }
+        let observations = OnceLock::new();
+        Self { queries, shutter, surface, tree, velocity, session, features, observations }
     }
 
     /// The keyframe with its features.
@@ -83,9 +88,11 @@ impl<'a> Matchable<'a> {
     pub(crate) fn seen(&self, context: &Context) -> Seen<'_> {
         let observe = || {
             let vertices = self.vertices();
-            lift(context, &self.features, &self.surface.view(&vertices), &self.velocity)
+            let context = context.of(self.session);
+            lift(&context, &self.features, &self.surface.view(&vertices), &self.velocity)
         };
-        Seen { features: &self.features, observations: self.observations.get_or_init(observe) }
+        let observations = self.observations.get_or_init(observe);
+        Seen { features: &self.features, observations, session: Some(self.session) }
     }
 
     pub(crate) fn vertices(&self) -> Cow<'a, [Vertex]> {

@@ -149,9 +149,10 @@ impl Looker {
         let outcome = if others.is_empty() {
             LookOutcome::Nothing
         } else {
-            let seen = hashes.seen(&state.colour, own, component(own));
+            let colour = (&state.colour, self.context.cameras.colours(own.session));
+            let seen = hashes.seen(&colour, own, component(own));
             let seen = known.seen.of(seen, || self.first_sighting(state, surfaces, own, &others));
-            let joined = hashes.joined(&state.colour, own, component(own));
+            let joined = hashes.joined(&colour, own, component(own));
             seen.map_or(LookOutcome::Nothing, |sighting| {
                 known.joined.of(joined, || self.judged(state, surfaces, own, sighting))
             })
@@ -295,7 +296,8 @@ impl Looker {
         keyframe: &KeyframeState,
         what: impl FnOnce(&TrackingInput<'_>, &mut Aligner) -> T,
     ) -> Option<T> {
-        let surface = SurfaceView { grid: self.context.grid, vertices: surfaces.vertices(keyframe.id) };
+        let context = &*self.context.of(keyframe.session);
+        let surface = SurfaceView { grid: context.grid, vertices: surfaces.vertices(keyframe.id) };
         let registration = &self.context.registration;
         self.sampler.draw(&surface, keyframe.frame_index, registration, &mut self.samples);
         if self.samples.len() < MIN_SAMPLES {
@@ -306,9 +308,9 @@ impl Looker {
             ..FrameSurface::new(keyframe.frame_index, keyframe.stamp_nanos, surface)
         };
         let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
-        self.aligner.sight.begin(&self.context, &frame, None, &velocity);
+        self.aligner.sight.begin(context, &frame, None, &velocity);
         let input = TrackingInput {
-            context: &self.context,
+            context,
             map: MapView::from(state).in_submap(keyframe.submap),
             ferns: &self.ferns,
             frame: &frame,

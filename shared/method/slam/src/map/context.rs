@@ -1,9 +1,11 @@
 //! Camera, grid and settings, shared by aligner and optimiser.
 
 use crate::features::colour_model::{ColourModel, ColourState};
+use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::settings::MappingSettings;
 use crate::tracking::motion_filter::MotionState;
 use crate::tracking::noise_scales::{NoiseScales, NoiseState};
+use std::borrow::Cow;
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;
 use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
@@ -26,6 +28,10 @@ pub struct Context {
     pub offset_px: f64,
     /// How colour lies against depth, as far as it is certain.
     pub(crate) colour: ColourModel,
+    /// The same of this run's own camera.
+    own_colour: ColourModel,
+    /// Cameras of the runs that keyframes are of, where these differ.
+    pub(crate) cameras: SessionCameras,
     /// Factors of the covariances that the sensors' models state.
     pub(crate) scales: NoiseScales,
     /// Factors of the alignment's covariance against the motion, of translation and rotation (method 6.1).
@@ -65,6 +71,8 @@ impl Context {
             noise: DepthNoise::default(),
             offset_px,
             colour: ColourModel::default(),
+            own_colour: ColourModel::default(),
+            cameras: SessionCameras::default(),
             scales: NoiseState::default().scales(),
             motion_scale: MotionState::default().scale(),
             is_colour_trusted: true,
@@ -74,9 +82,10 @@ impl Context {
 
     /// The same with what is known of colour.
     pub(crate) fn with_colour(&self, colour: &ColourState, noise: &NoiseState) -> Self {
-        let settings = &self.mapping.features;
+        let model = if self.mapping.features.correct { colour.model } else { ColourModel::default() };
         Self {
-            colour: if settings.correct { colour.model } else { ColourModel::default() },
+            colour: model,
+            own_colour: model,
             scales: noise.scales(),
             is_colour_trusted: colour.is_trusted(),
             is_colour_on_probation: colour.is_on_probation(),
@@ -100,13 +109,56 @@ impl Context {
     /// The same with colour that lies against depth as this model says.
     #[must_use]
     pub fn with_colour_model(self, colour: ColourModel) -> Self {
-        Self { colour, ..self }
+        Self { colour, own_colour: colour, ..self }
+    }
+
+    /// The same with keyframes of runs that had other cameras.
+    #[must_use]
+    pub fn with_cameras(self, cameras: SessionCameras) -> Self {
+        Self { cameras, ..self }
+    }
+
+    /// What was seen by the camera of a run among those that keyframes are of: this, unless that run had
+    /// another camera.
+    pub(crate) fn of(&self, session: u32) -> Cow<'_, Self> {
+        let Some(seen_by) = self.cameras.of(session) else { return Cow::Borrowed(self) };
+        let SessionCamera { camera, grid, offset_px, colour } = seen_by;
+        Cow::Owned(Self {
+            camera: camera.clone(),
+            grid: *grid,
+            offset_px: *offset_px,
+            colour: colour.filter(|_| self.mapping.features.correct).unwrap_or(self.own_colour),
+            ..self.clone()
+        })
+    }
+
+    /// The camera of this run, as one among several.
+    pub fn session_camera(&self) -> SessionCamera {
+        let (camera, grid, offset_px) = (self.camera.clone(), self.grid, self.offset_px);
+        SessionCamera { camera, grid, offset_px, colour: None }
+    }
+
+    /// The cameras of this run and of those in whose map it began, by session.
+    pub fn session_cameras(&self) -> Vec<SessionCamera> {
+        if self.cameras.is_empty() { vec![self.session_camera()] } else { self.cameras.all().to_vec() }
+    }
+
+    /// The same in a map that runs with these cameras made, one after the other.
+    #[must_use]
+    pub fn in_map_of(self, earlier: &[Camera]) -> Self {
+        let own = self.session_camera();
+        let of = |camera: &Camera| SessionCamera {
+            camera: camera.clone(),
+            colour: Some(ColourModel::of_camera(camera)),
+            ..own.clone()
+        };
+        let all: Vec<SessionCamera> = earlier.iter().map(of).chain([own.clone()]).collect();
+        self.with_cameras(SessionCameras::new(&all))
     }
 
     /// A matcher with buffers of its own.
     pub fn matcher(&self) -> Matcher {
-        let camera = GridCamera::new(&self.camera, self.grid, self.offset_px);
-        Matcher::new(camera, self.noise, &self.registration)
+        Matcher::new(self.grid_camera(), self.noise, &self.registration)
     }
 
     /// The tree of a surface, where the exact search is asked for.
@@ -117,13 +169,20 @@ impl Context {
         }
     }
 
+    fn grid_camera(&self) -> GridCamera {
+        GridCamera::new(&self.camera, self.grid, self.offset_px)
+    }
+
     /// Motion during the readout of a frame with this velocity.
     pub fn shutter(&self, velocity: &Twist) -> ShutterTable {
-        ShutterTable::new(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px)
+        let table =
+            ShutterTable::new(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px);
+        // A matcher knows one camera, and takes another one from here.
+        if self.cameras.is_empty() { table } else { table.of_camera(self.grid_camera()) }
     }
 
     /// As [`Self::shutter`], into a table that exists.
     pub fn fill_shutter(&self, velocity: &Twist, table: &mut ShutterTable) {
-        table.fill(&self.camera, velocity, self.grid.height, self.grid.step, self.offset_px);
+        *table = self.shutter(velocity);
     }
 }

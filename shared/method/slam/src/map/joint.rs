@@ -2,6 +2,7 @@
 //! from both.
 
 use crate::loops::meeting::{Meeting, join_all};
+use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::joint_cache::JointCache;
@@ -17,10 +18,12 @@ use crate::optimise::refine::{FrameHistory, Refiner};
 use std::ops::Range;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
 
-/// The keyframes of several runs, numbered through in the order in which the runs were added. All must
-/// have one camera and one grid.
+/// The keyframes of several runs, numbered through in the order in which the runs were added. Each run has its
+/// own camera and grid.
 pub struct JointMap {
     context: Context,
+    /// By session.
+    cameras: Vec<SessionCamera>,
     state: TrackerState,
     runs: Vec<MemberRun>,
     cache: JointCache,
@@ -44,7 +47,7 @@ impl JointMap {
     pub fn knowing(context: Context, cache: JointCache) -> Self {
         // No keyframe is the tracker's own here.
         let state = TrackerState { session: u32::MAX, ..TrackerState::default() };
-        Self { context, state, runs: Vec::new(), cache }
+        Self { context, cameras: Vec::new(), state, runs: Vec::new(), cache }
     }
 
     /// What a later map of the same runs need not find out again.
@@ -62,8 +65,41 @@ impl JointMap {
         Some(map)
     }
 
-    /// Adds the map that a run has, as a fold over its journal; the first one says how colour lies.
+    /// Adds the map that a run has, as a fold over its journal, seen by the camera of this map's context.
     pub fn add(&mut self, map: &TrackerState) {
+        let seen_by = self.context.session_camera();
+        self.add_seen_by(map, &[seen_by]);
+    }
+
+    /// Adds the map that a run has, seen by cameras by session as [`Context::session_cameras`] has them. Those
+    /// like that of the first run have its colour too.
+    pub fn add_seen_by(&mut self, map: &TrackerState, seen_by: &[SessionCamera]) {
+        self.know_cameras(map, seen_by);
+        self.append(map);
+    }
+
+    /// Enters the camera for each session of a run that is about to be added.
+    fn know_cameras(&mut self, map: &TrackerState, seen_by: &[SessionCamera]) {
+        let n_before = self.state.keyframes.iter().map(|k| k.session.saturating_add(1)).max().unwrap_or(0);
+        // A run has no more sessions than keyframes, and its own.
+        let last = map.keyframes.iter().map(|k| k.session).chain([map.session]).max().unwrap_or(0);
+        let n_own = (last as usize).min(map.keyframes.len()) + 1;
+        let own = self.context.session_camera();
+        self.cameras.truncate(n_before as usize);
+        for session in 0..n_own {
+            let seen_by = seen_by.get(session).or(seen_by.last()).unwrap_or(&own);
+            // What the run itself found, of its own camera.
+            let found = seen_by.colour.unwrap_or(map.colour.model);
+            let is_alike = self.cameras.first().is_none_or(|first| first.is_alike(seen_by));
+            let colour = if is_alike { None } else { Some(found) };
+            self.cameras.push(SessionCamera { colour, ..seen_by.clone() });
+        }
+        let cameras = SessionCameras::new(&self.cameras);
+        self.context = self.context.clone().with_cameras(cameras);
+    }
+
+    /// Adds keyframes and submaps; the first run says how colour lies.
+    fn append(&mut self, map: &TrackerState) {
         let first = self.state.keyframes.len() as u32;
         let (first_submap, n_submaps) = (self.state.submaps.n(), n_submaps(map));
         if self.runs.is_empty() {
@@ -130,7 +166,7 @@ impl JointMap {
     /// Joins components that share places. A join is no more than supposed until
     /// [`Self::optimise`] keeps it.
     pub fn join(&mut self, surfaces: &dyn KeyframeSurfaces, progress: &mut dyn FnMut()) -> Vec<Meeting> {
-        self.cache.begin(&self.state.keyframes);
+        self.cache.begin(&self.state.keyframes, self.context.cameras.colours(u32::MAX));
         join_all(&self.context, &mut self.state, surfaces, &mut self.cache.meetings, progress)
     }
 
@@ -207,6 +243,7 @@ impl JointMap {
             submaps: self.state.submaps.clone(),
             colour: own.colour,
             noise: own.noise,
+            cameras: self.context.cameras.clone(),
         });
         let frames = optimiser.own_frames(own, history);
         let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, &frames, progress);

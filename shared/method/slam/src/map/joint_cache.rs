@@ -3,17 +3,20 @@
 //! All of it is a function of keyframes with their numbers in the map, so that it makes no difference what is
 //! kept and what is found anew: keyframes of runs that came first and have not grown are known again.
 
+use crate::features::colour_model::ColourModel;
 use crate::loops::feature_cache::FeatureCache;
 use crate::loops::known_looks::identity;
 use crate::loops::meeting::KnownMeetings;
 use crate::map::state::KeyframeState;
 use crate::optimise::sample_cache::Drawn;
 
-/// What is kept of a joint map for the next one, which must have the same camera and settings.
+/// What is kept of a joint map for the next one, which must have the same settings.
 #[derive(Debug, Default)]
 pub struct JointCache {
     /// What each number stood for.
     identities: Vec<u64>,
+    /// How colour of each run lay, where they have several cameras.
+    colours: Vec<Option<ColourModel>>,
     pub(crate) meetings: KnownMeetings,
     pub(crate) drawn: Drawn,
     pub(crate) features: FeatureCache,
@@ -21,7 +24,10 @@ pub struct JointCache {
 
 impl JointCache {
     /// A map of these keyframes begins: what other keyframes had under their numbers is forgotten.
-    pub(crate) fn begin(&mut self, keyframes: &[KeyframeState]) {
+    pub(crate) fn begin(&mut self, keyframes: &[KeyframeState], colours: Vec<Option<ColourModel>>) {
+        if self.colours != colours {
+            (self.features, self.colours) = (FeatureCache::default(), colours);
+        }
         let identities: Vec<u64> = keyframes.iter().map(identity).collect();
         let both = identities.iter().zip(&self.identities);
         let same: Vec<u32> = (0..).zip(both).filter(|(_, (a, b))| a == b).map(|(id, _)| id).collect();

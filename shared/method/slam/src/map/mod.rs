@@ -1,6 +1,7 @@
 //! The map: keyframes and frames as a fold over journal records.
 
 pub(crate) mod active_ids;
+pub(crate) mod cameras;
 pub(crate) mod context;
 pub(crate) mod correction;
 pub(crate) mod culling;

@@ -165,7 +165,7 @@ fn matchable<'a>(
         keyframes,
         Sampler::default,
         |sampler, k| {
-            let surface = KeyframeSurface { surfaces, keyframe: k.id, grid: context.grid };
+            let surface = KeyframeSurface { surfaces, keyframe: k.id, grid: context.of(k.session).grid };
             let vertices = surface.vertices();
             let view = surface.view(&vertices);
             let draw = || sampler.choose(&view, k.frame_index, &context.registration).into();

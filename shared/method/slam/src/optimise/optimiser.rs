@@ -3,6 +3,7 @@
 use crate::features::colour_model::ColourState;
 use crate::loops::feature_cache::FeatureCache;
 use crate::loops::said_loops::SaidLoops;
+use crate::map::cameras::SessionCameras;
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::placement::corrected;
@@ -51,6 +52,8 @@ pub(crate) struct Pending {
     pub(crate) submaps: Submaps,
     pub(crate) colour: ColourState,
     pub(crate) noise: NoiseState,
+    /// Of keyframes of several runs.
+    pub(crate) cameras: SessionCameras,
 }
 
 /// The keyframes of a request, solved for.
@@ -89,7 +92,8 @@ impl Optimiser {
     pub(crate) fn asked(context: Context, state: &TrackerState, request: RequestRecord) -> Self {
         let (keyframes, submaps) = (state.keyframes.clone(), state.submaps.clone());
         let (colour, noise) = (state.colour, state.noise);
-        let pending = Pending { request, keyframes, submaps, colour, noise };
+        let cameras = context.cameras.clone();
+        let pending = Pending { request, keyframes, submaps, colour, noise, cameras };
         Self { pending: VecDeque::from([pending]), ..Self::new(context) }
     }
 
@@ -117,7 +121,8 @@ impl Optimiser {
             let n = (request.n_keyframes as usize).min(self.state.keyframes.len());
             let keyframes = self.state.keyframes[..n].to_vec();
             let (submaps, colour, noise) = (self.state.submaps.clone(), self.state.colour, self.state.noise);
-            self.pending.push_back(Pending { request, keyframes, submaps, colour, noise });
+            let cameras = self.context.cameras.clone();
+            self.pending.push_back(Pending { request, keyframes, submaps, colour, noise, cameras });
         }
     }
 
@@ -237,8 +242,8 @@ impl Optimiser {
         runs: &[RunFrames<'_>],
         progress: &mut dyn FnMut(),
     ) -> SolvedKeyframes {
-        let Pending { request, keyframes, submaps, colour, noise } = pending;
-        let context = self.context.with_colour(colour, noise);
+        let Pending { request, keyframes, submaps, colour, noise, cameras } = pending;
+        let context = self.context.with_colour(colour, noise).with_cameras(cameras.clone());
         let settings = &self.context.mapping.global;
         let iterations =
             if request.is_final { settings.final_iterations } else { GlobalSettings::OUTER_ITERATIONS };
@@ -320,6 +325,9 @@ impl Optimiser {
         solution: &Solution,
         progress: &mut dyn FnMut(),
     ) -> Refinement {
+        if !self.context.cameras.is_empty() {
+            return Refinement::Kept("the map has keyframes of several cameras".to_owned());
+        }
         match refine_camera(&self.context, active, surfaces, solution, progress) {
             Ok(found) => {
                 let poses = all_poses(keyframes, &named(active, &found.world_from_camera, &[]));

@@ -22,6 +22,9 @@ pub use window::WindowSettings;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MappingSettings {
+    /// Frames are tracked in the map of an earlier run, and nothing is added to it: no keyframe, no loop, no
+    /// submap.
+    pub only_localise: bool,
     /// The local window.
     pub window: WindowSettings,
     /// Keyframes.

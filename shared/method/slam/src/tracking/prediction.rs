@@ -13,6 +13,8 @@ pub(crate) struct Reference<'a> {
     /// Names its surface among the recent frames or, with `true`, among the keyframes.
     pub(crate) key: (bool, u64),
     pub(crate) surface: SurfaceView<'a>,
+    /// The run whose camera saw it, of a keyframe; `None`: that of the frame.
+    pub(crate) session: Option<u32>,
     pub(crate) shutter: ShutterTable,
     /// Its own motion per second in its camera frame.
     pub(crate) velocity: Twist,

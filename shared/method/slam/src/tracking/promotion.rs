@@ -75,6 +75,9 @@ fn new_keyframe(
     aligner: &Aligner,
     record: &FrameRecord,
 ) -> Option<KeyframeRecord> {
+    if input.context.mapping.only_localise {
+        return None;
+    }
     let state = input.map.state();
     let last_keyframe = input.map.last_keyframe()?;
     let previous = state.recent.last()?;

@@ -14,7 +14,8 @@ pub(crate) fn lost_or_new(input: &TrackingInput<'_>, prediction: &Prediction, re
     let lost_nanos = lost_nanos(input);
     let after_s = input.context.mapping.submaps.after_s;
     // A run that starts in a map is looked for there alone.
-    let is_due = input.map.state().is_placed && after_s > 0.0 && lost_nanos as f64 * 1e-9 >= after_s;
+    let may_begin = input.map.state().is_placed && !input.context.mapping.only_localise;
+    let is_due = may_begin && after_s > 0.0 && lost_nanos as f64 * 1e-9 >= after_s;
     if !is_due {
         return FrameRecord { lost_nanos, ..lost_record(input, prediction, reason) };
     }

@@ -201,10 +201,7 @@ impl Tracker {
                             posed(&record);
                             context.steps.enter(Step::Keyframe);
                         }
-                        let record = with_place(&input, &mut self.aligner, is_looked_for, record);
-                        let record = with_departure(&input, &mut self.aligner, record);
-                        let record = with_sighting(&input, &mut self.aligner, record);
-                        with_request(&input, &mut self.aligner, &aligned, record)
+                        with_map(&input, &mut self.aligner, (&aligned, is_looked_for), record)
                     } else {
                         FrameRecord { lost_nanos: self.state.lost_nanos, ..record }
                     }
@@ -215,6 +212,22 @@ impl Tracker {
         let record = FrameRecord { repeats_colour: self.aligner.sight.is_repeated, ..record };
         if is_asked { relocalise::noted(record) } else { record }
     }
+}
+
+/// The record with what the frame says of the map.
+fn with_map(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    (aligned, is_looked_for): (&WindowAlignment, bool),
+    record: FrameRecord,
+) -> FrameRecord {
+    if input.context.mapping.only_localise {
+        return record;
+    }
+    let record = with_place(input, aligner, is_looked_for, record);
+    let record = with_departure(input, aligner, record);
+    let record = with_sighting(input, aligner, record);
+    with_request(input, aligner, aligned, record)
 }
 
 /// What is known of colour behind a frame.

@@ -9,6 +9,7 @@ use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::window::{self, Member};
+use std::borrow::Cow;
 use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::Sample;
 use tessera_surface::SurfaceView;
@@ -127,14 +128,15 @@ pub(crate) fn support(
 
 pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option<Reference<'a>> {
     let surfaces = &input.surfaces;
-    let (pose, velocity, key, surface, features) = match member {
+    let mut context = Cow::Borrowed(input.context);
+    let (pose, velocity, key, surface, features, session) = match member {
         Member::Recent(place) => {
             let recent = &input.map.state().recent[place];
             let seen = surfaces.recent.iter().find(|s| s.index == recent.index)?;
             let key = (false, recent.index);
             // A repeated image shows what was there a frame before.
             let features = if recent.repeats_colour { &[] } else { seen.features };
-            (&recent.world_from_camera, &recent.velocity, key, seen.surface, features)
+            (&recent.world_from_camera, &recent.velocity, key, seen.surface, features, None)
         }
         Member::Keyframe(id) => {
             let keyframe = input.map.keyframe(id)?;
@@ -142,15 +144,17 @@ pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option
             // surface is that of the frame, not yet rounded, and has the frame's key.
             let is_own = input.map.is_own(keyframe);
             let fresh = surfaces.recent.iter().find(|s| is_own && s.index == keyframe.frame_index);
+            context = input.context.of(keyframe.session);
             let (key, surface, features) = match fresh {
                 Some(seen) => ((false, seen.index), seen.surface, seen.features),
                 None => {
                     let vertices = surfaces.keyframes.vertices(id);
-                    let surface = SurfaceView { grid: input.context.grid, vertices };
+                    let surface = SurfaceView { grid: context.grid, vertices };
                     ((true, u64::from(id)), surface, surfaces.keyframes.features(id))
                 }
             };
-            (&keyframe.world_from_camera, &keyframe.velocity, key, surface, features)
+            let session = Some(keyframe.session);
+            (&keyframe.world_from_camera, &keyframe.velocity, key, surface, features, session)
         }
     };
     let velocity = Twist::from_vector(&Vector6::from_column_slice(velocity));
@@ -158,7 +162,8 @@ pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option
         world_from_camera: Pose::from(pose),
         key,
         surface,
-        shutter: input.context.shutter(&velocity),
+        session,
+        shutter: context.shutter(&velocity),
         velocity,
         features,
         pair: None,
