@@ -112,6 +112,11 @@ impl Context {
         Self { colour, own_colour: colour, ..self }
     }
 
+    /// The same with what is known of the motion.
+    pub(crate) fn with_motion(self, motion: &MotionState) -> Self {
+        Self { motion_scale: motion.scale(), ..self }
+    }
+
     /// The same with keyframes of runs that had other cameras.
     #[must_use]
     pub fn with_cameras(self, cameras: SessionCameras) -> Self {

@@ -157,7 +157,7 @@ impl Tracker {
         posed: &mut dyn FnMut(&FrameRecord),
     ) -> FrameRecord {
         let context = self.workload.at(frame.workload).with_colour(colour, &self.state.noise);
-        let context = &Context { motion_scale: self.state.motion.scale(), ..context };
+        let context = &context.with_motion(&self.state.motion);
         context.steps.enter(Step::Sampling);
         self.sampler.draw(&frame.surface, frame.index, &context.registration, &mut self.samples);
         let input = TrackingInput {
