@@ -105,20 +105,6 @@ fn main() -> Result<(), Box<dyn Error>> {
                 for (stamp, pose) in last.stamps_nanos.iter().zip(&last.poses) {
                     write_tum_row(&mut file, *stamp, pose)?;
                 }
-                let mut file = std::fs::File::create(format!("{out}.online"))?;
-                for frame in records.frames() {
-                    write_tum_row(&mut file, frame.stamp_nanos, &(&frame.world_from_camera).into())?;
-                }
-                let mut file = std::fs::File::create(format!("{out}.txt"))?;
-                use std::io::Write;
-                for f in records.frames() {
-                    let cov: Vec<f64> = f.covariance.clone();
-                    let kf = f.new_keyframe.as_ref().map(|k| k.id as i64).unwrap_or(-1);
-                    let moved = f.moved.len();
-                    let v = f.velocity;
-                    let sd = |k: usize| cov.get(k).copied().unwrap_or(f64::NAN).sqrt();
-                    writeln!(file, "{} kf {kf} moved {moved} n {} v {:?} sd {:.4} {:.4} {:.4} {}", f.index, f.n_correspondences, v, sd(0), sd(6), sd(11), f.reason)?;
-                }
             }
         }
     }

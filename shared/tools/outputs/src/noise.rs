@@ -33,7 +33,12 @@ mod tests {
     #[test]
     fn evidence_of_many_frames_outweighs_the_prior_and_narrows_it() {
         assert_eq!(NoiseSummary::new([]), None);
-        let record = NoiseRecord { surface_residual: 0.02, squared: [1.5, 6.0], redundancy: [3.0, 3.0], step_variance: None };
+        let record = NoiseRecord {
+            surface_residual: 0.02,
+            squared: [1.5, 6.0],
+            redundancy: [3.0, 3.0],
+            step_variance: None,
+        };
         let few = NoiseSummary::new(&[record; 3]).unwrap();
         let many = NoiseSummary::new(&[record; 500]).unwrap();
         assert!((many.features[0] - 2.0).abs() < 0.1 && few.features[0] < 1.5, "{few:?} {many:?}");
