@@ -72,7 +72,7 @@ impl MotionPrior {
     pub(crate) fn turned(self, world_from_camera: &Pose, sigma_rad: f64) -> Self {
         let mut variance = self.variance;
         variance[3..].fill(sigma_rad * sigma_rad + INERTIAL_FLOOR_RAD * INERTIAL_FLOOR_RAD);
-        Self { world_from_camera: *world_from_camera, variance, ..self }
+        Self { world_from_camera: *world_from_camera, variance }
     }
 }
 
