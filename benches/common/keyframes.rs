@@ -85,6 +85,7 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
         reason: String::new(),
         submap: 0,
         lost_nanos: 0,
+        causes: tessera_slam::FrameCauses::default(),
         evidence_nats: 0.0,
         world_from_camera,
         world_from_odom: PoseBits::IDENTITY,

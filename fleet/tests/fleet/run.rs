@@ -90,6 +90,7 @@ impl GrowingRun {
             reason: self.words(),
             submap: 0,
             lost_nanos: 0,
+            causes: tessera_slam::FrameCauses::default(),
             evidence_nats: 0.0,
             world_from_camera: pose,
             world_from_odom: PoseBits::IDENTITY,

@@ -87,7 +87,7 @@ pub(crate) fn process_frame(
         store_keyframe(policy, state, ports, &mut record)?;
         context.kill_points.pass("stored", index);
     }
-    let is_asked = record.is_relocalisation_asked();
+    let is_asked = record.causes.is_relocalisation_asked;
     let concerns_optimiser = record.new_keyframe.is_some() || record.request.is_some();
     steps.enter(Step::Journal);
     log_change(state.fold.last_frame.as_ref(), &record);

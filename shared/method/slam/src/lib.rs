@@ -27,8 +27,8 @@ pub use map::joint::JointMap;
 pub use map::joint_cache::JointCache;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
-    AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, FrameRecord,
-    JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
+    AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, FrameCauses,
+    FrameRecord, JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
     OptimiseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, SkippedFrames,
     SplitRecord, State, StoreSlot,
 };

@@ -112,6 +112,7 @@ fn frame(id: u32, index: u64, pose: &Pose, alike: Vec<u32>) -> FrameRecord {
         reason: String::new(),
         submap: 0,
         lost_nanos: 0,
+        causes: tessera_slam::FrameCauses::default(),
         evidence_nats: 0.0,
         world_from_camera,
         world_from_odom: PoseBits::IDENTITY,

@@ -14,7 +14,7 @@ fn room() -> SimulatedSource {
 
 /// Indices of the frames with which the records say that relocalisation was asked for.
 fn asked<'a>(frames: impl Iterator<Item = &'a FrameRecord>) -> Vec<u64> {
-    frames.filter(|frame| frame.is_relocalisation_asked()).map(|frame| frame.index).collect()
+    frames.filter(|frame| frame.causes.is_relocalisation_asked).map(|frame| frame.index).collect()
 }
 
 #[test]

@@ -21,9 +21,6 @@ const LEFT_SHARE: f64 = 0.25;
 /// and where that is at least so long, metres: less may as well be drift.
 const LEAST_SPREAD_M: f64 = 0.1;
 
-/// What the tracker states of a frame that holds too little depth.
-const TOO_FEW_POINTS: &str = "usable points";
-
 /// Frames one after the other, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
@@ -210,7 +207,7 @@ impl FrameFacts {
         let (is_untracked, is_degenerate) = (frame.state != State::Tracking, frame.is_degenerate());
         facts.n_processed += 1;
         facts.n_untracked += u64::from(is_untracked);
-        facts.n_without_depth += u64::from(is_untracked && frame.reason.contains(TOO_FEW_POINTS));
+        facts.n_without_depth += u64::from(is_untracked && frame.causes.has_too_few_points);
         facts.n_degenerate += u64::from(is_degenerate);
         if is_untracked {
             extend(&mut facts.untracked, facts.ends_untracked, at);
@@ -313,7 +310,7 @@ mod tests {
         let n = replay.frames.len();
         for frame in &mut replay.frames[n - 3..] {
             frame.state = State::Tracking;
-            frame.reason = "degenerate, held by the prediction: translation along x".to_owned();
+            frame.causes.is_degenerate = true;
         }
         replay.frames[n - 1].state = State::Lost;
         let facts = Facts::new(&replay, &RunStatistics::default(), None, &Beside::default());

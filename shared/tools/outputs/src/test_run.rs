@@ -43,6 +43,7 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
         reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
         submap: 0,
         lost_nanos: 0,
+        causes: tessera_slam::FrameCauses::default(),
         evidence_nats: 0.0,
         world_from_camera: along_x(x),
         world_from_odom: PoseBits::IDENTITY,

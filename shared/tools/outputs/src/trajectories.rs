@@ -137,7 +137,7 @@ mod tests {
     fn every_processed_frame_has_its_row() {
         let dir = tempfile::tempdir().unwrap();
         let mut replay = test_run::replay();
-        replay.frames[2].reason = "degenerate, held by the prediction: translation along x".to_owned();
+        replay.frames[2].causes.is_degenerate = true;
         write(&replay, dir.path()).unwrap();
         let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
         let online = read("trajectory_online.txt");

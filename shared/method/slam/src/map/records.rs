@@ -20,11 +20,16 @@ use tessera_geometry::{InertialRotation, Pose, PoseBits};
 use tessera_graph::{PairBlock, Quadratic};
 use tessera_surface::WorkloadLevel;
 
-/// Beginning of the part of a reason that names degenerate directions.
-pub(crate) const DEGENERATE: &str = "degenerate, held by the prediction";
-
-/// Beginning of the reason of a frame with which relocalisation was asked for.
-pub(crate) const ASKED: &str = "a relocalisation was asked for";
+/// What is so of a frame, as far as anything is decided by it: its reason has the words.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrameCauses {
+    /// Its surfaces leave a direction undetermined; along it the pose is the prediction.
+    pub is_degenerate: bool,
+    /// Relocalisation was asked for with it.
+    pub is_relocalisation_asked: bool,
+    /// It has too few points to be aligned.
+    pub has_too_few_points: bool,
+}
 
 /// Whether a frame's pose can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +57,8 @@ pub struct FrameRecord {
     pub state: State,
     /// Why, in words and numbers; empty while tracking normally.
     pub reason: String,
+    /// The same as far as anything is decided by it.
+    pub causes: FrameCauses,
     /// The submap in whose gauge the poses are; where it is a new one, it begins with this frame.
     pub submap: u32,
     /// Time for which the camera has been lost with usable frames, nanoseconds.
@@ -114,12 +121,7 @@ impl FrameRecord {
     /// Whether the frame was tracked with a direction that its surfaces do not determine: the pose along
     /// it is the prediction.
     pub fn is_degenerate(&self) -> bool {
-        self.state == State::Tracking && self.reason.contains(DEGENERATE)
-    }
-
-    /// Whether relocalisation was asked for with this frame: its pose owes nothing to the one before.
-    pub fn is_relocalisation_asked(&self) -> bool {
-        self.reason.starts_with(ASKED)
+        self.state == State::Tracking && self.causes.is_degenerate
     }
 }
 

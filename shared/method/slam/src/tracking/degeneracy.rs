@@ -5,7 +5,6 @@
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
 use crate::map::context::Context;
-use crate::map::records::DEGENERATE;
 use crate::settings::WindowSettings;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use tessera_geometry::{Matrix6, Vector6, hat};
@@ -145,7 +144,7 @@ pub(crate) fn describe(degenerate: &[DegenerateDirection]) -> String {
             }
         })
         .collect();
-    format!("{DEGENERATE}: {}", words.join("; "))
+    format!("degenerate, held by the prediction: {}", words.join("; "))
 }
 
 #[cfg(test)]

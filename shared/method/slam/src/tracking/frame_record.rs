@@ -1,6 +1,6 @@
 //! From an alignment to the record of its frame.
 
-use crate::map::records::{BlockRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
+use crate::map::records::{BlockRecord, FrameCauses, FrameRecord, KeyframeRecord, State, StoreSlot};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
@@ -39,6 +39,7 @@ pub(crate) fn frame_record(
         state: aligned.state,
         evidence_nats: aligned.evidence_nats,
         reason: reason(aligned),
+        causes: FrameCauses { is_degenerate: !a.degenerate.is_empty(), ..FrameCauses::default() },
         covariance,
         n_correspondences: a.n_matches(),
         velocity: a.velocity.to_vector().into(),
@@ -99,6 +100,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         workload: frame.workload,
         state: State::Lost,
         reason: String::new(),
+        causes: FrameCauses::default(),
         submap: input.map.submap(),
         lost_nanos: 0,
         evidence_nats: 0.0,

@@ -9,7 +9,7 @@
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::features::matching::Reach;
 use crate::loops::appearance::similarity;
-use crate::map::records::{ASKED, FrameRecord, State};
+use crate::map::records::{FrameCauses, FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
@@ -48,6 +48,9 @@ impl Candidate {
     }
 }
 
+/// Reason of a frame with which relocalisation was asked for.
+pub(crate) const ASKED: &str = "a relocalisation was asked for";
+
 /// Whether the frame is the first one aligned since relocalisation was asked for.
 pub(crate) fn is_asked(input: &TrackingInput<'_>) -> bool {
     let (asked_from, index) = (input.frame.relocalise_from, input.frame.index);
@@ -57,12 +60,13 @@ pub(crate) fn is_asked(input: &TrackingInput<'_>) -> bool {
 
 /// The record of such a frame: its reason says so, whatever became of it.
 pub(crate) fn noted(record: FrameRecord) -> FrameRecord {
-    let reason = match record.is_relocalisation_asked() {
-        true => record.reason,
-        false if record.reason.is_empty() => ASKED.to_owned(),
-        false => format!("{ASKED}; {}", record.reason),
+    let reason = match record.reason.as_str() {
+        "" => ASKED.to_owned(),
+        said if said.starts_with(ASKED) => record.reason,
+        said => format!("{ASKED}; {said}"),
     };
-    FrameRecord { reason, ..record }
+    let causes = FrameCauses { is_relocalisation_asked: true, ..record.causes };
+    FrameRecord { reason, causes, ..record }
 }
 
 /// Tracking after the place was found, until the frames show enough of it (method 12.7).

@@ -9,7 +9,7 @@ use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::map_view::MapView;
 use crate::map::records::{
-    ASKED, AlignRecord, AppliedCorrection, Correction, FrameRecord, RequestRecord, State,
+    AlignRecord, AppliedCorrection, Correction, FrameCauses, FrameRecord, RequestRecord, State,
 };
 use crate::map::state::TrackerState;
 use crate::map::surfaces::KeyframeSurfaces;
@@ -258,7 +258,7 @@ fn locate(
     let state = input.map.state();
     // A run that starts in a map does not know where.
     let tracked = match state.recent.last().map_or(State::Lost, |r| r.state) {
-        _ if relocalise::is_asked(input) => Err(ASKED.to_owned()),
+        _ if relocalise::is_asked(input) => Err(relocalise::ASKED.to_owned()),
         State::Tracking => hypotheses::track(input, aligner, prediction),
         State::Relocalising => relocalise::confirm(input, aligner, prediction),
         State::Lost if !state.is_placed => Err(format!("not found in the map for {} frames", state.n_lost)),
@@ -276,5 +276,6 @@ fn sparse_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRec
     let reason = format!("{n} usable points, at least {MIN_SAMPLES} are needed");
     let velocity = prediction.velocity.to_vector().into();
     let lost_nanos = input.map.state().lost_nanos;
-    FrameRecord { velocity, lost_nanos, ..lost_record(input, prediction, reason) }
+    let causes = FrameCauses { has_too_few_points: true, ..FrameCauses::default() };
+    FrameRecord { velocity, lost_nanos, causes, ..lost_record(input, prediction, reason) }
 }
