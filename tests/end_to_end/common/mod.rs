@@ -343,7 +343,7 @@ pub fn carried_by_a_lift() -> Run {
     let run = room().with(&["--set", "surface.step=4"]);
     let camera = run.dir.path().join("camera.toml");
     std::fs::write(&camera, CAMERA_320).unwrap();
-    let frames: Vec<u64> = (0..330).chain((0..330).rev()).chain(6490..6900).step_by(4).collect();
+    let frames: Vec<u64> = (0..330).chain((0..330).rev()).chain(6490..7100).step_by(4).collect();
     let folder = run.dir.path().join("recording");
     write_images_of("building", &folder, &camera, &frames);
     let row = |(k, frame): (usize, &u64)| (format!("{:.6}", k as f64 * 4.0 / 30.0), *frame);

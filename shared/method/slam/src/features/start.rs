@@ -25,7 +25,7 @@ const OUTER_ITERATIONS: u32 = 3;
 const AHEAD: f64 = 0.5;
 
 /// What features say of where a frame is.
-pub(crate) enum Start {
+pub(crate) enum FeatureStart {
     /// Here the alignment starts.
     Better(Prediction),
     /// Surfaces support a known motion more, but the two are different places: both are tried.
@@ -38,7 +38,7 @@ pub(crate) fn guess_from_features(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Option<Start> {
+) -> Option<FeatureStart> {
     let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
     let newest = newest_reference(input, &prediction.world_from_camera)?;
     let some = every_nth(input.samples, N_SAMPLES);
@@ -63,7 +63,7 @@ pub(crate) fn guess_from_features(
         let velocity = velocity_at_frame(input, &guess.velocity);
         aligner.sight.observe_again(input.context, &input.frame.surface, &velocity);
     }
-    Some(if is_better { Start::Better(guess) } else { Start::Rival(guess) })
+    Some(if is_better { FeatureStart::Better(guess) } else { FeatureStart::Rival(guess) })
 }
 
 /// The pose with most inliers against the newest members of the window: near where they are

@@ -1,4 +1,4 @@
-//! What the newest keyframes measured of older ones: kept so that they can be solved for together (method 7.1).
+//! What the newest keyframes measured of older ones: kept so that they can be solved for together (method 7).
 
 use crate::map::records::{BlockRecord, KeyframeRecord};
 use serde::{Deserialize, Serialize};

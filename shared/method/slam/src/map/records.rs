@@ -175,7 +175,7 @@ const FALSE_DEPARTURES: f64 = 1e-4;
 impl ContradictionRecord {
     /// Whether the map is refuted.
     pub(crate) fn is_certain(&self) -> bool {
-        self.sum_nats >= -FALSE_DEPARTURES.ln()
+        self.sum_nats >= -libm::log(FALSE_DEPARTURES)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The newest keyframes solved for together with the frame, from the blocks that they have (method 7.1): the extended
+//! The newest keyframes solved for together with the frame, from the blocks that they have (method 7): the extended
 //! window of Holz and Behnke (III-G) without a search, and for each new keyframe.
 //!
 //! A window of fixed poses carries the error of each keyframe on to those that are aligned to it; what a later view

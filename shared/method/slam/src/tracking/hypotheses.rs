@@ -5,7 +5,7 @@
 //! search settings, how a guess is aligned, and what a result must show beside the strict tests.
 //! One loop walks the table; of a hypothesis's guesses the best supported one counts.
 
-use crate::features::start::{Start, guess_from_features};
+use crate::features::start::{FeatureStart, guess_from_features};
 use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
@@ -140,8 +140,10 @@ fn track_from(
     prediction: &Prediction,
 ) -> Result<WindowAlignment, String> {
     let (seen, rival) = match guess_from_features(input, aligner, prediction) {
-        Some(Start::Better(guess)) => (Some(guess), None),
-        Some(Start::Rival(guess)) => (None, Some(guess).filter(|_| !input.context.is_colour_on_probation)),
+        Some(FeatureStart::Better(guess)) => (Some(guess), None),
+        Some(FeatureStart::Rival(guess)) => {
+            (None, Some(guess).filter(|_| !input.context.is_colour_on_probation))
+        }
         None => (None, None),
     };
     let prediction = &seen.unwrap_or(*prediction);

@@ -89,7 +89,7 @@ impl MotionState {
 
     /// Factors of the alignment's covariance, of translation and rotation.
     pub(crate) fn scale(&self) -> [f64; 2] {
-        self.ln_scale.map(f64::exp)
+        self.ln_scale.map(libm::exp)
     }
 
     /// Standard deviation of the velocity along and about each axis, m/s and rad/s.
@@ -142,7 +142,7 @@ impl MotionState {
     /// The variances of an axis some time later.
     fn ahead(&self, axis: usize, t: f64) -> [f64; 3] {
         let [pp, pv, vv] = self.variance[axis];
-        let q = START_DENSITY[axis / 3] * self.ln_density[axis / 3].exp();
+        let q = START_DENSITY[axis / 3] * libm::exp(self.ln_density[axis / 3]);
         [pp + 2.0 * pv * t + vv * t * t + q * t.powi(3) / 3.0, pv + vv * t + q * t * t / 2.0, vv + q * t]
     }
 
@@ -227,7 +227,7 @@ mod tests {
                         (0.7..1.4).contains(&(found / sigma)),
                         "{acceleration} {sigma} {stated}: {found}"
                     );
-                    let density = START_DENSITY[group] * state.ln_density[group].exp();
+                    let density = START_DENSITY[group] * libm::exp(state.ln_density[group]);
                     let found = (density * 30.0).sqrt();
                     assert!((0.5..2.0).contains(&(found / acceleration)), "{acceleration} {sigma}: {found}");
                 }
