@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal};
+use tessera_journal::{Follower, Journal, OnDamage, Opening};
 use tessera_surface::Grid;
 
 /// Its name in the folder of a run at the base.
@@ -33,17 +33,20 @@ pub struct SurfaceCopy {
 }
 
 impl SurfaceCopy {
-    /// Opens or creates the copy and cuts off what a death left behind.
+    /// Opens or creates the copy. What a death or a power cut took the end of is set aside: the robot is asked for it
+    /// again.
     ///
     /// # Errors
     /// Where the file cannot be read or written.
     pub fn open(folder: &Path) -> Result<Self, FleetError> {
         let (mut held, mut surface_bytes) = (BTreeSet::new(), 0);
-        let (journal, _) = Journal::open(&folder.join(SURFACES), KIND, WAIT, |record: TravelledSurface| {
+        let opening = Opening { on_damage: OnDamage::SetAside, ..Opening::new(WAIT) };
+        let accept = |record: TravelledSurface| {
             held.insert(record.keyframe);
             surface_bytes += record.bytes.len() as u64;
             Ok(())
-        })?;
+        };
+        let (journal, _) = Journal::open_as(&folder.join(SURFACES), KIND, opening, accept)?;
         Ok(Self { journal, held, surface_bytes })
     }
 

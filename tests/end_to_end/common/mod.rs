@@ -340,13 +340,13 @@ pub fn lost_and_found() -> Run {
 
 /// Out of the building's lift and back into it, up to another storey, and out of it.
 pub fn carried_by_a_lift() -> Run {
-    let run = room().with(&["--set", "surface.step=4"]);
+    let run = room();
     let camera = run.dir.path().join("camera.toml");
     std::fs::write(&camera, CAMERA_320).unwrap();
-    let frames: Vec<u64> = (0..330).chain((0..330).rev()).chain(6490..7100).step_by(4).collect();
+    let frames: Vec<u64> = (0..330).chain((0..330).rev()).chain(6490..7000).step_by(3).collect();
     let folder = run.dir.path().join("recording");
     write_images_of("building", &folder, &camera, &frames);
-    let row = |(k, frame): (usize, &u64)| (format!("{:.6}", k as f64 * 4.0 / 30.0), *frame);
+    let row = |(k, frame): (usize, &u64)| (format!("{:.6}", k as f64 * 3.0 / 30.0), *frame);
     write_lists(&folder, frames.iter().enumerate().map(row));
     run.frames(frames.len() as u64).of(&folder)
 }

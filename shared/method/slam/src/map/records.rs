@@ -170,7 +170,7 @@ pub struct ContradictionRecord {
 
 /// Share of looks at which a map that is right is taken as left, at most: a cumulative sum that restarts at 0 comes to
 /// `ln(1 / p)` once in `1 / p` looks or less often (Page 1954, Lorden 1971).
-const FALSE_DEPARTURES: f64 = 1e-4;
+const FALSE_DEPARTURES: f64 = 5e-4;
 
 impl ContradictionRecord {
     /// Whether the map is refuted.
