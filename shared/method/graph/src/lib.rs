@@ -4,7 +4,7 @@
 //! All correspondences of a pair are one [`PairBlock`]: their exact sufficient statistics. A
 //! [`Graph`] of poses and pair blocks is solved by Levenberg-Marquardt ([`Graph::optimise`]) with
 //! its pairs frozen. [`MultiEdge::solve`] is the outer loop around it, which searches the pairs
-//! again under shrinking limits: one optimiser for the local window, the extended window, loop
+//! again under shrinking limits: one optimiser for the local window, loop
 //! verification and all keyframes at once.
 #![forbid(unsafe_code)]
 

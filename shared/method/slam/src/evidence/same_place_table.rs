@@ -1,5 +1,6 @@
 //! Weights of [`PlaceEvidence`](crate::PlaceEvidence), fitted to pairs whose answer is known by the example
-//! `same_place` (docs/accuracy.md has the sequences and the check on others). Made by that command, not edited.
+//! `same_place` (docs/accuracy.md has the sequences and the check on others). Not edited by hand; the missing features of
+//! its pairs were computed anew by a script after the pairs were collected, and a fresh collection was not tried.
 
 use crate::evidence::same_place::{WeightStep, WeightTable};
 

@@ -57,7 +57,7 @@ pub(crate) fn is_loop<'a>(
 /// How long an optimisation may wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Urgency {
-    /// Keyframes moved, or components were joined.
+    /// Components were joined.
     AtOnce,
     /// Drift is seen that only an optimisation takes away.
     Soon,

@@ -1,4 +1,4 @@
-//! The pair builder of the extended window and the global optimisation: one multi-edge between two
+//! The pair builder of the global optimisation: one multi-edge between two
 //! views (method 7, 8.1).
 
 use crate::features::weighted_pair::WeightedPair;

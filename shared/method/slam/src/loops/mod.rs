@@ -1,4 +1,4 @@
-//! Loop closure (III-G): candidates, verification, and the extended window.
+//! Loop closure (III-G): candidates, verification, joins of submaps.
 
 pub(crate) mod alike;
 pub(crate) mod appearance;

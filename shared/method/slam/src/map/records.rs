@@ -96,8 +96,7 @@ pub struct FrameRecord {
     pub colour_pose: Option<ColourPoseRecord>,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
-    /// Keyframes of the window that moved with this frame, because what was seen long ago
-    /// contradicted what was seen just now (method 7).
+    /// The newest keyframes, which were solved for together with the one that this frame makes (method 7).
     pub moved: Vec<KeyframePose>,
     /// A place of another submap that the camera is thought to see.
     pub sighting: Option<SightingRecord>,

@@ -310,7 +310,7 @@ impl TrackerState {
         }
     }
 
-    /// Keyframes that an extended window moved; the frames before this one move along with it.
+    /// Keyframes that moved with a new one; the frames before this one move along with it.
     fn apply_moved(&mut self, frame: &FrameRecord) {
         if frame.moved.is_empty() {
             return;
