@@ -4,6 +4,7 @@
 //! Three quantities: a squared Mahalanobis distance ([`pose_agreement`]), a log-likelihood ratio of one aligned pair
 //! of views ([`same_place`]), and a sequential test over views that are independent ([`sequential`]).
 
+pub(crate) mod contradiction;
 pub(crate) mod pose_agreement;
 pub(crate) mod same_place;
 pub(crate) mod same_place_table;

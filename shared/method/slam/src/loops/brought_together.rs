@@ -4,7 +4,7 @@
 //! room was brought over another has doors and corridors in each other, and what one keyframe saw there floats in
 //! front of what another one saw.
 
-use crate::loops::contradiction::{self, OwnNeighbours, PlacedKeyframe};
+use crate::loops::contradiction::{self, PlacedKeyframe};
 use crate::loops::covisibility;
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
@@ -35,11 +35,13 @@ pub(crate) fn is_contradicted(
     let is_far = |pair: &(usize, usize)| apart_m(&relative(before, *pair), &relative(after, *pair)) > FAR_M;
     let (across, own): (Vec<_>, Vec<_>) =
         covisibility::pairs(after, origins).into_iter().partition(|pair| is_far(pair));
+    if across.is_empty() {
+        return false;
+    }
     let placed: Vec<PlacedKeyframe<'_>> = keyframes
         .iter()
         .zip(after)
-        .map(|(keyframe, pose)| PlacedKeyframe { keyframe, world_from_camera: *pose })
+        .map(|(keyframe, pose)| PlacedKeyframe { keyframe, world_from_camera: *pose, is_moved: false })
         .collect();
-    let (across, own) = (contradiction::evenly(across), || OwnNeighbours::of(own));
-    contradiction::contradict(context, contradiction::IN_RUN, &placed, surfaces, across, own)
+    contradiction::nats(context, &placed, surfaces, across, own) < 0.0
 }

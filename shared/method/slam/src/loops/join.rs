@@ -1,11 +1,11 @@
 //! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
+use crate::evidence::sequential::TestVerdict;
 use crate::features::sight::ENOUGH_FEATURES;
 use crate::loops::contradiction;
 use crate::loops::detection::{self, Urgency};
 use crate::loops::matchable::Matchable;
-use crate::loops::unlike::{self, Resemblance};
 use crate::loops::verification::{self, Tested};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
@@ -194,14 +194,14 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
     if is_known_refused(input.map.state(), &join) {
         return record;
     }
-    match resemblance(input, &record, &join) {
-        Resemblance::Alike => {}
-        Resemblance::TooFew => {
+    match verdict(input, &record, &join) {
+        TestVerdict::Accepted => {}
+        TestVerdict::Undecided => {
             // Once more, with the keyframes to come.
             let n_confirmed = sighting.n_confirmed.saturating_sub(1);
             return FrameRecord { sighting: Some(SightingRecord { n_confirmed, ..*sighting }), ..record };
         }
-        Resemblance::Unlike => {
+        TestVerdict::Rejected => {
             let said =
                 format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
             return FrameRecord { refused: Some(join), ..saying(record, &said) };
@@ -229,19 +229,19 @@ pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
     FrameRecord { reason, ..record }
 }
 
-/// What the views of both components and their surfaces say of a join.
-fn resemblance(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> Resemblance {
+/// What the views of both components about the camera say of a join.
+fn verdict(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> TestVerdict {
     let (context, state, keyframes) = (input.context, input.map.state(), input.surfaces.keyframes);
     let camera = Pose::from(&record.world_from_camera);
     let is_moved = state.submaps.component(input.map.submap()) == join.moved;
     let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
-    let place = Some(&there.translation.vector);
-    match unlike::resemblance(context, state, keyframes, join, unlike::IN_RUN) {
-        Resemblance::Alike if contradiction::is_contradicted(context, state, keyframes, join, place) => {
-            Resemblance::Unlike
-        }
-        looks => looks,
-    }
+    contradiction::verdict(contradiction::join_nats(
+        context,
+        state,
+        keyframes,
+        join,
+        &there.translation.vector,
+    ))
 }
 
 /// Whether the frame has its place elsewhere in the other component just as well: of rooms that look alike none

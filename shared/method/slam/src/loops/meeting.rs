@@ -5,11 +5,11 @@
 //! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
 //! nothing, and what else both saw there must not contradict the join.
 
+use crate::evidence::sequential::TestVerdict;
 use crate::loops::appearance::Ferns;
 use crate::loops::contradiction;
 use crate::loops::join;
 use crate::loops::known_looks::{ComponentHashes, KnownLooks};
-use crate::loops::unlike::{self, Resemblance};
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::placement::apply_join;
@@ -179,16 +179,26 @@ impl Looker {
         };
         // Neighbours say the same: one test is enough for them.
         let is_known = self.contradicted.iter().any(|known| contradiction::is_same_join(known, &joined));
-        let resemblance = match is_known {
-            true => Resemblance::Unlike,
-            false => unlike::resemblance(&self.context, state, surfaces, &joined, unlike::IN_BASE),
+        let verdict = match is_known {
+            true => TestVerdict::Rejected,
+            false => {
+                let pose = Pose::from(&own.world_from_camera);
+                let is_moved = state.submaps.component(own.submap) == joined.moved;
+                let there = if is_moved { Pose::from(&joined.kept_from_moved) * pose } else { pose };
+                let place = there.translation.vector;
+                contradiction::verdict(contradiction::join_nats(
+                    &self.context,
+                    state,
+                    surfaces,
+                    &joined,
+                    &place,
+                ))
+            }
         };
-        let is_contradicted =
-            || contradiction::is_contradicted(&self.context, state, surfaces, &joined, None);
-        match resemblance {
-            Resemblance::TooFew => LookOutcome::Nothing,
-            Resemblance::Alike if !is_contradicted() => LookOutcome::Joined(meeting, joined),
-            Resemblance::Alike | Resemblance::Unlike => LookOutcome::Contradicted(joined),
+        match verdict {
+            TestVerdict::Undecided => LookOutcome::Nothing,
+            TestVerdict::Accepted => LookOutcome::Joined(meeting, joined),
+            TestVerdict::Rejected => LookOutcome::Contradicted(joined),
         }
     }
 

@@ -18,8 +18,6 @@ pub(crate) mod pair_alignment;
 pub(crate) mod said_loops;
 #[cfg(test)]
 pub(crate) mod test_wall;
-pub(crate) mod track_ends;
 pub(crate) mod trigger;
-pub(crate) mod unlike;
 pub(crate) mod verification;
 pub(crate) mod view_limits;
