@@ -38,11 +38,16 @@ impl SequentialTest {
         libm::log((1.0 - MISSED) / WRONG)
     }
 
+    /// Whether so much evidence, nats, refutes that it is one place.
+    pub(crate) fn refutes(sum_nats: f64) -> bool {
+        sum_nats <= libm::log(MISSED / (1.0 - WRONG))
+    }
+
     /// The bounds are `ln((1 - MISSED) / WRONG)` and `ln(MISSED / (1 - WRONG))`.
     pub(crate) fn verdict(self) -> TestVerdict {
         if self.sum_nats >= Self::accepted_nats() {
             TestVerdict::Accepted
-        } else if self.sum_nats <= libm::log(MISSED / (1.0 - WRONG)) {
+        } else if Self::refutes(self.sum_nats) {
             TestVerdict::Rejected
         } else {
             TestVerdict::Undecided

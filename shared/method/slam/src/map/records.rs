@@ -163,18 +163,39 @@ pub struct SightingRecord {
 pub struct ContradictionRecord {
     /// The newest keyframe when it began.
     pub first: u32,
-    /// Log-likelihood ratio of "elsewhere", nats; above 0.
-    pub sum_nats: f64,
+    /// Evidence of "elsewhere" by the keyframes of long ago that were looked at before `seen`, nats.
+    pub before_nats: f64,
+    /// The keyframe of long ago that was looked at last.
+    pub seen: u32,
+    /// Looks at it in a row: what it shows again is known already.
+    pub n_looks: u32,
+    /// Sum of their evidence, nats.
+    pub looks_nats: f64,
 }
 
-/// Share of looks at which a map that is right is taken as left, at most: a cumulative sum that restarts at 0 comes to
-/// `ln(1 / p)` once in `1 / p` looks or less often (Page 1954, Lorden 1971).
-const FALSE_DEPARTURES: f64 = 5e-4;
-
 impl ContradictionRecord {
-    /// Whether the map is refuted.
-    pub(crate) fn is_certain(&self) -> bool {
-        self.sum_nats >= -libm::log(FALSE_DEPARTURES)
+    /// With a look at a keyframe of long ago that tells `nats` against the map; `None` where nothing does any more.
+    pub(crate) fn with(known: Option<&Self>, newest: u32, (seen, nats): (u32, f64)) -> Option<Self> {
+        let next = match known {
+            Some(known) if known.seen == seen => Self {
+                n_looks: known.n_looks.saturating_add(1),
+                looks_nats: known.looks_nats + nats,
+                ..*known
+            },
+            known => Self {
+                first: known.map_or(newest, |known| known.first),
+                before_nats: known.map_or(0.0, Self::sum_nats),
+                seen,
+                n_looks: 1,
+                looks_nats: nats,
+            },
+        };
+        (next.sum_nats() > 0.0).then_some(next)
+    }
+
+    /// Log-likelihood ratio of "elsewhere", nats: each keyframe of long ago counts by the mean of its looks.
+    pub fn sum_nats(&self) -> f64 {
+        self.before_nats + self.looks_nats / f64::from(self.n_looks.max(1))
     }
 }
 

@@ -3,10 +3,11 @@
 //!
 //! Keyframes of long ago that should show what the frame shows are evidence for or against the map. The evidence
 //! against it is a cumulative sum (Page 1954): it never falls below 0, so that it begins with the keyframe from which
-//! on the map was wrong. Where it reaches the bound of the sequential test, a submap begins with that keyframe. If
+//! on the map was wrong. Where it reaches the bound of the sequential test at which one right place in a hundred is missed, a submap begins with that keyframe. If
 //! that was wrong, the next place that both know joins them again.
 
 use crate::evidence::same_place;
+use crate::evidence::sequential::SequentialTest;
 use crate::features::matching::Reach;
 use crate::loops::detection;
 use crate::loops::join::saying;
@@ -34,18 +35,16 @@ pub(crate) fn with_departure(
 ) -> FrameRecord {
     let state = input.map.state();
     let known = state.contradiction;
-    let contradiction = match state.keyframes.last() {
-        Some(newest) if is_compared(input) => {
-            let against = evidence_nats(input, aligner, &Pose::from(&record.world_from_camera))
-                .map_or(0.0, |nats| -nats);
-            let sum_nats = known.map_or(0.0, |known| known.sum_nats) + against;
-            let first = known.map_or(newest.id, |known| known.first);
-            (sum_nats > 0.0).then_some(ContradictionRecord { first, sum_nats })
-        }
-        _ => known,
+    let look = state.keyframes.last().filter(|_| is_compared(input)).and_then(|newest| {
+        Some((newest.id, evidence(input, aligner, &Pose::from(&record.world_from_camera))?))
+    });
+    let contradiction = match look {
+        Some((newest, (seen, nats))) => ContradictionRecord::with(known.as_ref(), newest, (seen, -nats)),
+        None => known,
     };
     let record = FrameRecord { contradiction, ..record };
-    match contradiction.filter(ContradictionRecord::is_certain) {
+    let is_certain = |known: &ContradictionRecord| SequentialTest::refutes(-known.sum_nats());
+    match contradiction.filter(is_certain) {
         // Drift misses what is near by the poses; what it sees is another part of the same map, unless frame after
         // frame is seen in another one.
         Some(_) if !is_sighted_elsewhere(input) && is_recognised(input, aligner) => {
@@ -76,9 +75,13 @@ fn is_recognised(input: &TrackingInput<'_>, aligner: &mut Aligner) -> bool {
     relocalise::glimpse(input, aligner, &old, |_, _| true).is_some()
 }
 
-/// What the frame and the keyframe of long ago that is most like it in view show of one place; `None` without one,
-/// or without features.
-fn evidence_nats(input: &TrackingInput<'_>, aligner: &mut Aligner, world_from_camera: &Pose) -> Option<f64> {
+/// The keyframe of long ago that is most like the frame in view, and what both show of one place, nats; `None` without
+/// one, or without features.
+fn evidence(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    world_from_camera: &Pose,
+) -> Option<(u32, f64)> {
     if !input.context.mapping.features.enabled || !input.context.is_colour_trusted {
         return None;
     }
@@ -103,7 +106,7 @@ fn evidence_nats(input: &TrackingInput<'_>, aligner: &mut Aligner, world_from_ca
     let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), &at);
     let evidence = surfaces.with_features(n_seen, n_agreeing, n_expected);
     // It may have come to where surfaces are the same.
-    evidence.least_nats()
+    evidence.least_nats().map(|nats| (old.id, nats))
 }
 
 /// The keyframe of the camera's map before the newest one.
@@ -135,7 +138,9 @@ fn with_split(input: &TrackingInput<'_>, record: FrameRecord, known: &Contradict
     let submap = state.submaps.n() + split.firsts().count() as u32 - 1;
     let said = format!(
         "submap {submap} begins with keyframe {}: since keyframe {} views of long ago contradict the map by {:.1} nats",
-        split.first, known.first, known.sum_nats
+        split.first,
+        known.first,
+        known.sum_nats()
     );
     FrameRecord { submap, contradiction: None, split: Some(split), ..saying(record, &said) }
 }
