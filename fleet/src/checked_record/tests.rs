@@ -59,7 +59,10 @@ fn keyframes_that_are_not_there_are_refused_wherever_they_are_named() {
         lie(false, |f| f.blocks = vec![block.clone()]),
         lie(false, |f| f.sighting = Some(sighting(7, 0))),
         lie(false, |f| f.sighting = Some(sighting(0, 7))),
-        lie(false, |f| f.contradiction = Some(ContradictionRecord { first: 7, sum_nats: 1.0 })),
+        lie(false, |f| {
+            f.contradiction =
+                Some(ContradictionRecord { first: 7, before_nats: 0.0, seen: 0, n_looks: 1, looks_nats: 1.0 })
+        }),
         lie(false, |f| f.request = Some(request)),
         lie(true, |f| f.new_keyframe.as_mut().unwrap().alike = vec![u32::MAX]),
         lie(true, |f| f.new_keyframe.as_mut().unwrap().edges = vec![EdgeRecord { to: 7, is_loop: true }]),
