@@ -74,7 +74,7 @@ fn check_frame(frame: &FrameRecord, facts: &RunFacts) -> Result<(), String> {
         check_join(join, n_submaps)?;
     }
     // It may name the keyframe that comes next.
-    check_ids(frame.contradiction.iter().map(|contradiction| contradiction.first), n + 1)?;
+    check_ids(frame.contradiction.iter().flat_map(|known| [known.first, known.seen]), n + 1)?;
     if let Some(request) = &frame.request {
         check_n_keyframes(request.n_keyframes, n)?;
     }

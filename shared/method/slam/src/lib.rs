@@ -6,25 +6,25 @@
 //! not hold the same bits. Holz and Behnke 2015, III-F to III-H.
 #![forbid(unsafe_code)]
 
+mod estimation;
 mod evidence;
-mod features;
-mod loops;
 mod map;
+mod merging;
 mod optimise;
+mod pairs;
 mod settings;
+mod step;
+mod submaps;
+mod tracker;
 mod tracking;
 
+pub use estimation::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState, UNTRUSTED};
+pub use estimation::noise_scales::{NoiseRecord, NoiseScales, NoiseState};
 pub use evidence::same_place::{PlaceEvidence, PlaceProbe};
-pub use features::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState, UNTRUSTED};
-pub use features::seen_focal::{FocalView, seen_focal_ratio};
-pub use loops::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
-pub use loops::covisibility::pairs as neighbour_pairs;
-pub use loops::meeting::Meeting;
+pub use map::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use map::cameras::{SessionCamera, SessionCameras};
 pub use map::context::Context;
 pub use map::given_up::GivenUp;
-pub use map::joint::JointMap;
-pub use map::joint_cache::JointCache;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
     AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, FrameCauses,
@@ -35,12 +35,16 @@ pub use map::records::{
 pub use map::state::TrackerState;
 pub use map::submaps::{Origin, Submaps};
 pub use map::surfaces::KeyframeSurfaces;
+pub use merging::joint::JointMap;
+pub use merging::joint_cache::JointCache;
+pub use merging::meeting::Meeting;
 pub use optimise::optimiser::{Optimiser, OptimiserState};
 pub use optimise::refine::FrameHistory;
+pub use pairs::covisibility::pairs as neighbour_pairs;
+pub use pairs::seen_focal::{FocalView, seen_focal_ratio};
 pub use settings::{
     FeatureUse, GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings,
     SubmapSettings, WindowSettings,
 };
+pub use tracker::Tracker;
 pub use tracking::input::FrameSurface;
-pub use tracking::noise_scales::{NoiseRecord, NoiseScales, NoiseState};
-pub use tracking::tracker::Tracker;

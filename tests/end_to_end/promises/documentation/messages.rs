@@ -45,7 +45,7 @@ const ELSEWHERE: [(&str, &str, &str); 20] = [
     ),
     (
         "both saw what contradicts it",
-        "../../shared/method/slam/src/loops/join.rs",
+        "../../shared/method/slam/src/submaps/join.rs",
         "both saw what contradicts it",
     ),
     ("its index leaves out", "interfaces/camera/external.rs", r#"contains("its index leaves out")"#),

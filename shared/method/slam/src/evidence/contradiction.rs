@@ -79,13 +79,14 @@ mod tests {
 
     #[test]
     fn parts_that_contradict_each_other_as_often_as_themselves_are_one_place() {
-        let calm = pairs(0..20, 0, 1000);
-        let wild = pairs(0..20, 0, 6);
+        // Asked often, so that little is left of the prior.
+        let own = |nth: usize| (0..8).flat_map(|_| pairs(0..20, 0, nth)).collect::<Vec<_>>();
+        let (calm, wild) = (own(1000), own(6));
         let nats = |own: &[AskedPair], nth| one_place_nats(40, own, &pairs(0..20, 20, nth));
         assert!(nats(&calm, 1000) > 1.5, "{}", nats(&calm, 1000));
         assert!(nats(&calm, 8) < -4.6, "{}", nats(&calm, 8));
         assert!(nats(&wild, 6) > 0.0, "{}", nats(&wild, 6));
-        assert!(nats(&wild, 2) < -4.6, "{}", nats(&wild, 2));
+        assert!(nats(&wild, 2) < -2.0, "{}", nats(&wild, 2));
         let silent: Vec<AskedPair> =
             pairs(0..20, 20, 1).into_iter().map(|(pair, _)| (pair, PairAnswer::Silent)).collect();
         assert_eq!(one_place_nats(40, &calm, &silent), 0.0);
@@ -97,6 +98,6 @@ mod tests {
         own.extend((0..20).map(|k| ((3, k), PairAnswer::Contradicts)));
         let across = |view: usize| (0..4).map(move |k| ((view, 20 + k), PairAnswer::Contradicts));
         let nats = |view| one_place_nats(40, &own, &across(view).collect::<Vec<_>>());
-        assert!(nats(3) > -0.3 && nats(4) < -0.8, "{} {}", nats(3), nats(4));
+        assert!(nats(3) > -0.2 && nats(4) < -0.4, "{} {}", nats(3), nats(4));
     }
 }

@@ -6,13 +6,13 @@
 //! to pairs whose answer is known ([`same_place_table`](crate::evidence::same_place_table)).
 
 use crate::evidence::same_place_table::{ALIKE, SHAPE, WITH_FEATURES};
-use crate::features::matching::{PairFinder, Reach};
-use crate::features::residuals;
-use crate::loops::matchable::Matchable;
-use crate::loops::pair_alignment::PairAlignment;
 use crate::map::context::Context;
 use crate::map::keyframe::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
+use crate::pairs::matchable::Matchable;
+use crate::pairs::matching::{PairFinder, Reach};
+use crate::pairs::pair_alignment::PairAlignment;
+use crate::pairs::residuals;
 use crate::settings::GlobalSettings;
 use nalgebra::SymmetricEigen;
 use tessera_features::{Correspondence, Observation};

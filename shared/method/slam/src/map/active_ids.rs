@@ -54,7 +54,7 @@ impl ActiveIds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::keyframe;
+    use crate::map::test_wall::keyframe;
 
     #[test]
     fn an_index_finds_what_a_look_at_all_finds() {

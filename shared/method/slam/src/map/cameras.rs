@@ -1,6 +1,6 @@
 //! The cameras of several runs whose keyframes are in one map: each keyframe is seen by that of its run.
 
-use crate::features::colour_model::ColourModel;
+use crate::estimation::colour_model::ColourModel;
 use std::sync::Arc;
 use tessera_geometry::Camera;
 use tessera_surface::Grid;

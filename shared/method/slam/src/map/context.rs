@@ -1,10 +1,10 @@
 //! Camera, grid and settings, shared by aligner and optimiser.
 
-use crate::features::colour_model::{ColourModel, ColourState};
+use crate::estimation::colour_model::{ColourModel, ColourState};
+use crate::estimation::motion_filter::MotionState;
+use crate::estimation::noise_scales::{NoiseScales, NoiseState};
 use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::settings::MappingSettings;
-use crate::tracking::motion_filter::MotionState;
-use crate::tracking::noise_scales::{NoiseScales, NoiseState};
 use std::borrow::Cow;
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;

@@ -53,7 +53,7 @@ fn n_kept(keyframes: &[KeyframeState], kept_bytes: u64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::keyframe;
+    use crate::map::test_wall::keyframe;
 
     #[test]
     fn the_oldest_of_the_culled_are_given_up_and_none_comes_back() {

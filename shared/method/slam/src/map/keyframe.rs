@@ -1,6 +1,6 @@
 //! Keyframes: as journaled, and as the tracker holds them.
 
-use crate::loops::appearance::PlaceCode;
+use crate::map::appearance::PlaceCode;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::PoseBits;
 

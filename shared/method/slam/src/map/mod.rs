@@ -1,14 +1,14 @@
 //! The map: keyframes and frames as a fold over journal records.
 
 pub(crate) mod active_ids;
+pub(crate) mod appearance;
 pub(crate) mod cameras;
 pub(crate) mod context;
 pub(crate) mod correction;
 pub(crate) mod culling;
+pub(crate) mod detection;
 pub(crate) mod given_up;
 pub(crate) mod input_hash;
-pub(crate) mod joint;
-pub(crate) mod joint_cache;
 pub(crate) mod keyframe;
 pub(crate) mod map_view;
 pub(crate) mod newest_blocks;
@@ -20,3 +20,6 @@ pub(crate) mod split;
 pub(crate) mod state;
 pub(crate) mod submaps;
 pub(crate) mod surfaces;
+#[cfg(test)]
+pub(crate) mod test_wall;
+pub(crate) mod view_limits;

@@ -3,7 +3,8 @@
 //! The state of both is a fold over these records and nothing else, so a process
 //! that restarted and one that did not hold the same bits.
 
-use crate::features::colour_model::{ColourPoseRecord, ColourRecord};
+use crate::estimation::colour_model::{ColourPoseRecord, ColourRecord};
+use crate::estimation::noise_scales::NoiseRecord;
 pub use crate::map::correction::{
     AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
 };
@@ -12,7 +13,6 @@ pub use crate::map::keyframe::{
 };
 use crate::map::single;
 use crate::map::submaps::Submaps;
-use crate::tracking::noise_scales::NoiseRecord;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use tessera_geometry::{InertialRotation, Pose, PoseBits};

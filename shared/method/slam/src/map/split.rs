@@ -27,8 +27,8 @@ pub(crate) fn anchor_within_parts<K: HasPlacement>(keyframes: &mut [K], split: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::keyframe;
     use crate::map::keyframe::KeyframeState;
+    use crate::map::test_wall::keyframe;
 
     #[test]
     fn a_culled_keyframe_stays_with_its_own_part() {

@@ -1,6 +1,8 @@
 //! State of the tracker between two frames, as a fold over its journal.
 
-use crate::features::colour_model::{ColourModel, ColourState};
+use crate::estimation::colour_model::{ColourModel, ColourState};
+use crate::estimation::motion_filter::MotionState;
+use crate::estimation::noise_scales::NoiseState;
 use crate::map::active_ids::ActiveIds;
 pub(crate) use crate::map::keyframe::KeyframeState;
 use crate::map::keyframe::RetiredRecord;
@@ -12,8 +14,6 @@ use crate::map::records::{
     RequestRecord, SightingRecord, SplitRecord, State,
 };
 use crate::map::submaps::Submaps;
-use crate::tracking::motion_filter::MotionState;
-use crate::tracking::noise_scales::NoiseState;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, log};
 

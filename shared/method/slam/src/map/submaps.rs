@@ -104,7 +104,7 @@ pub(crate) fn gauges(origins: &[Origin]) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::keyframe;
+    use crate::map::test_wall::keyframe;
 
     fn submaps(components: &[u32]) -> Submaps {
         Submaps { components: components.to_vec() }

@@ -100,8 +100,8 @@ fn check_loops(n_keyframes: usize, loops: &[LoopRecord]) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::keyframe;
     use crate::map::records::LoopVerdict;
+    use crate::map::test_wall::keyframe;
     use tessera_geometry::{Pose, PoseBits};
 
     const REQUEST: RequestRecord =

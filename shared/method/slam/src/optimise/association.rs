@@ -1,22 +1,22 @@
 //! Data association between all keyframes: neighbours by pose, verified loop closures, and loops
 //! recognised by appearance.
 
-use crate::features::matching::{PairFinder, Reach};
-use crate::features::sight::ENOUGH_FEATURES;
-use crate::features::weighted_pair::{FeaturePair, WeightedPair};
-use crate::loops::covisibility;
-use crate::loops::detection::{self, TrackPoint};
-use crate::loops::feature_cache::{FeatureCache, PairIds, RoundedGuess};
-use crate::loops::from_appearance::{self, AskedPairs};
-use crate::loops::keyframe_pair::{MIN_FEATURES, PairSearch};
-use crate::loops::matchable::Matchable;
-use crate::loops::verification::{self, KnownLoops, Tested};
 use crate::map::context::Context;
+use crate::map::detection::{self, TrackPoint};
 use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
+use crate::optimise::from_appearance::{self, AskedPairs};
+use crate::pairs::covisibility;
+use crate::pairs::feature_cache::{FeatureCache, PairIds, RoundedGuess};
+use crate::pairs::keyframe_pair::{MIN_FEATURES, PairSearch};
+use crate::pairs::matchable::Matchable;
+use crate::pairs::matching::{PairFinder, Reach};
+use crate::pairs::verification::{self, KnownLoops, Tested};
+use crate::pairs::weighted_pair::{FeaturePair, WeightedPair};
 use crate::settings::GlobalSettings;
 use crate::tracking::degeneracy::is_determined;
+use crate::tracking::sight::ENOUGH_FEATURES;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,10 +1,6 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
-use crate::loops::brought_together::{self, FAR_M};
-use crate::loops::feature_cache::{FeatureCache, PairIds};
-use crate::loops::matchable::{KeyframeSurface, Matchable};
-use crate::loops::verification::KnownLoops;
 use crate::map::context::Context;
 use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
@@ -14,7 +10,11 @@ use crate::optimise::association::KeyframeAssociation;
 use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
 use crate::optimise::held::held;
 use crate::optimise::sample_cache::Drawn;
+use crate::pairs::feature_cache::{FeatureCache, PairIds};
+use crate::pairs::matchable::{KeyframeSurface, Matchable};
+use crate::pairs::verification::KnownLoops;
 use crate::settings::GlobalSettings;
+use crate::submaps::brought_together::{self, FAR_M};
 use tessera_geometry::Pose;
 use tessera_graph::{GemanMcClure, INNER_ITERATIONS, MultiEdge, Schedule};
 use tessera_numerics::Step;

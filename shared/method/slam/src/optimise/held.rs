@@ -23,7 +23,7 @@ pub(crate) fn held(n: u32, loops: &[LoopRecord], keyframes: &[KeyframeState]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::keyframe;
+    use crate::map::test_wall::keyframe;
 
     #[test]
     fn accepted_loops_and_anchors_hold_submaps_together() {

@@ -3,10 +3,12 @@
 pub(crate) mod answer;
 pub(crate) mod association;
 pub(crate) mod culled;
+pub(crate) mod from_appearance;
 pub(crate) mod global;
 pub(crate) mod held;
 pub(crate) mod interpolation;
 pub(crate) mod optimiser;
 pub(crate) mod refine;
 pub(crate) mod refine_camera;
+pub(crate) mod said_loops;
 pub(crate) mod sample_cache;

@@ -1,8 +1,7 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
-use crate::features::colour_model::ColourState;
-use crate::loops::feature_cache::FeatureCache;
-use crate::loops::said_loops::SaidLoops;
+use crate::estimation::colour_model::ColourState;
+use crate::estimation::noise_scales::NoiseState;
 use crate::map::cameras::SessionCameras;
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
@@ -19,9 +18,10 @@ use crate::optimise::culled::RunFrames;
 use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
+use crate::optimise::said_loops::SaidLoops;
 use crate::optimise::sample_cache::Drawn;
+use crate::pairs::feature_cache::FeatureCache;
 use crate::settings::GlobalSettings;
-use crate::tracking::noise_scales::NoiseState;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::VecDeque;

@@ -1,12 +1,12 @@
 //! One frame against a local window of fixed poses (III-F): the window as a description for the one
 //! outer loop, [`MultiEdge::solve`].
 
-use crate::features::sight::Sight;
-use crate::features::weighted_pair::WeightedPair;
+use crate::estimation::noise_scales::{NoiseState, SURFACE_CORRELATION};
 use crate::map::context::Context;
+use crate::pairs::weighted_pair::WeightedPair;
 use crate::tracking::degeneracy::DegenerateDirection;
-use crate::tracking::noise_scales::{NoiseState, SURFACE_CORRELATION};
 use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::sight::Sight;
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};

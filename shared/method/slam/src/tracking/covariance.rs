@@ -4,7 +4,7 @@
 //! matches err by together ([`systematic`]). The errors of the window's members are correlated, so
 //! the most certain of them counts, once.
 
-use crate::features::colour_model::ColourState;
+use crate::estimation::colour_model::ColourState;
 use crate::map::map_view::MapView;
 use crate::map::state::MOST_COASTED_S;
 use crate::tracking::acceptance::AGREEING;

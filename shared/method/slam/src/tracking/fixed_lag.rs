@@ -4,7 +4,7 @@
 //! A window of fixed poses carries the error of each keyframe on to those that are aligned to it; what a later view
 //! measures of an earlier one corrects it.
 
-use crate::loops::detection;
+use crate::map::detection;
 use crate::map::newest_blocks::N_FREE;
 use crate::map::records::{BlockRecord, FrameRecord, KeyframePose, KeyframeRecord, State};
 use crate::map::state::{KeyframeState, TrackerState};

@@ -1,11 +1,11 @@
 //! From an alignment to the record of its frame.
 
 use crate::map::records::{BlockRecord, FrameCauses, FrameRecord, KeyframeRecord, State, StoreSlot};
+use crate::pairs::noise_evidence::{self, FrameEvidence, PairEvidence};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::noise_scales::{self, FrameEvidence, PairEvidence};
 use crate::tracking::prediction::Prediction;
 use crate::tracking::window::{Member, pose_and_velocity};
 use crate::tracking::window_alignment::WindowAlignment;
@@ -171,7 +171,7 @@ fn noise(
         })
     });
     let colour = makes_keyframe.then_some(&input.context.colour);
-    noise_scales::evidence(pairs, aligner.independent_factor(), &input.context.scales, colour)
+    noise_evidence::evidence(pairs, aligner.independent_factor(), &input.context.scales, colour)
 }
 
 /// Entropy of the pose relative to the last keyframe, nats (eq. 14); `None` where that is not in

@@ -5,12 +5,12 @@
 //! search settings, how a guess is aligned, and what a result must show beside the strict tests.
 //! One loop walks the table; of a hypothesis's guesses the best supported one counts.
 
-use crate::features::start::{FeatureStart, guess_from_features};
 use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
 use crate::tracking::prediction::Prediction;
+use crate::tracking::start::{FeatureStart, guess_from_features};
 use crate::tracking::window_alignment::{WindowAlignment, align_coarse_to_fine, align_to_window};
 use crate::tracking::{large_displacement, rotation_hypothesis};
 use tessera_geometry::{Pose, Twist};

@@ -1,6 +1,6 @@
 //! The input of one tracking step.
 
-use crate::loops::appearance::Ferns;
+use crate::map::appearance::Ferns;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::surfaces::KeyframeSurfaces;

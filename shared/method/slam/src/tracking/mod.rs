@@ -2,27 +2,31 @@
 
 pub(crate) mod acceptance;
 pub(crate) mod alignment;
+pub(crate) mod alike;
+pub(crate) mod audit;
+#[cfg(test)]
+mod colour_tests;
 pub(crate) mod covariance;
 pub(crate) mod degeneracy;
-pub(crate) mod departure;
 pub(crate) mod fixed_lag;
 pub(crate) mod found_place;
 pub(crate) mod frame_record;
 pub(crate) mod hypotheses;
+pub(crate) mod in_place;
 pub(crate) mod input;
 pub(crate) mod keyframe_test;
 pub(crate) mod large_displacement;
-pub(crate) mod motion_filter;
 pub(crate) mod motion_model;
-pub(crate) mod noise_scales;
+pub(crate) mod observed;
 pub(crate) mod passing;
 pub(crate) mod prediction;
 pub(crate) mod promotion;
 pub(crate) mod relocalise;
 pub(crate) mod rotation_hypothesis;
-pub(crate) mod submap;
-pub(crate) mod tracker;
+pub(crate) mod sight;
+pub(crate) mod start;
 pub(crate) mod trees;
+pub(crate) mod trigger;
 pub(crate) mod turn;
 pub(crate) mod window;
 pub(crate) mod window_alignment;

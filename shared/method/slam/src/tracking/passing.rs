@@ -4,13 +4,13 @@
 //! follow. But a keyframe of a second ago saw through where the person is now. A surface that stands there has
 //! moved, however the camera did; of the world at rest only what the map has in a wrong place would.
 
-use crate::features::sight::Sight;
 use crate::map::context::Context;
 use crate::map::culling::LOOKED_BACK_NANOS;
 use crate::map::keyframe::KeyframeState;
 use crate::map::map_view::MapView;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::sight::Sight;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::reference;
 use nalgebra::Vector3;
@@ -181,9 +181,9 @@ fn asked(map: &MapView<'_>, now: i64) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loops::test_wall::{Walls, context, keyframe};
     use crate::map::state::TrackerState;
     use crate::map::surfaces::KeyframeSurfaces;
+    use crate::map::test_wall::{Walls, context, keyframe};
 
     fn sample(x_m: f32, depth_m: f32) -> Sample {
         Sample { point: [x_m, 0.0, depth_m], normal: [0.0, 0.0, -1.0], grid_row: 0 }

@@ -1,7 +1,7 @@
 //! What an alignment starts from: the predicted pose of a frame, and the surfaces it is aligned to.
 
-use crate::features::weighted_pair::WeightedPair;
-use crate::tracking::motion_filter::MotionPrior;
+use crate::estimation::motion_filter::MotionPrior;
+use crate::pairs::weighted_pair::WeightedPair;
 use tessera_features::Feature;
 use tessera_geometry::{Pose, Twist};
 use tessera_registration::ShutterTable;

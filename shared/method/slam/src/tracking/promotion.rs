@@ -1,15 +1,15 @@
 //! The previous frame becomes a keyframe, and the alignment is repeated with it in the window
 //! (III-H, method 9).
 
-use crate::loops::alike::alike;
-use crate::loops::detection;
-use crate::loops::in_place::is_in_place;
 use crate::map::culling;
+use crate::map::detection;
 use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
 use crate::map::state::{KeyframeState, MOST_COASTED_S, RecentFrame};
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
+use crate::tracking::alike::alike;
 use crate::tracking::frame_record::frame_record;
+use crate::tracking::in_place::is_in_place;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::keyframe_test::{self, Distance};
 use crate::tracking::motion_model::predict;

@@ -7,10 +7,10 @@
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
-use crate::features::matching::Reach;
-use crate::loops::appearance::similarity;
+use crate::map::appearance::similarity;
 use crate::map::records::{FrameCauses, FrameRecord, State};
 use crate::map::state::KeyframeState;
+use crate::pairs::matching::Reach;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};

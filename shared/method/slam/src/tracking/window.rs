@@ -1,7 +1,7 @@
 //! The local window: the fixed poses that a new frame is aligned to (III-F; method 6).
 
-use crate::loops::view_limits::{ViewLimits, optical_axis};
 use crate::map::map_view::MapView;
+use crate::map::view_limits::{ViewLimits, optical_axis};
 use crate::settings::WindowSettings;
 use nalgebra::Vector3;
 use tessera_geometry::{Pose, Twist, Vector6};

@@ -1,9 +1,9 @@
 //! A frame aligned to a window of the map, from an initial guess (method 5.1, 6).
 
-use crate::loops::view_limits::ViewLimits;
 #[cfg(doc)]
 use crate::map::records::FrameRecord;
 use crate::map::records::State;
+use crate::map::view_limits::ViewLimits;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;

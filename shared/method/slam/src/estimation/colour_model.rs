@@ -1,0 +1,244 @@
+//! How colour lies against depth, estimated while running: time lag and ratio of focal lengths; and whether
+//! colour is trusted.
+//!
+//! The parameters are the maximum of their posterior ([`crate::estimation::colour_pose`] gives the likelihood); each
+//! is applied where its own deviation tells that it is not zero.
+
+use crate::estimation::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::Camera;
+
+/// What is applied to the pixels of features.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColourModel {
+    /// Seconds by which colour is newer than the depth of the same stamp.
+    pub lag_s: f64,
+    /// Focal length of colour over that of depth.
+    pub focal_ratio: f64,
+}
+
+impl Default for ColourModel {
+    fn default() -> Self {
+        Self { lag_s: 0.0, focal_ratio: 1.0 }
+    }
+}
+
+impl ColourModel {
+    /// What a camera file states.
+    pub fn of_camera(camera: &Camera) -> Self {
+        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
+    }
+
+    fn parameters(&self) -> ColourParameters {
+        ColourParameters::new(self.lag_s, self.focal_ratio - 1.0)
+    }
+
+    /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
+    /// image, both without distortion.
+    pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
+        [
+            (row - camera.cy) / self.focal_ratio + camera.cy,
+            (column - camera.cx) / self.focal_ratio + camera.cx,
+        ]
+    }
+
+    /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the
+    /// motion during the lag left out.
+    pub(crate) fn pixel(&self, camera: &Camera, point: &Vector3<f64>) -> Option<[f64; 2]> {
+        let (row, column) = camera.project(point)?;
+        Some([
+            (row - camera.cy) * self.focal_ratio + camera.cy,
+            (column - camera.cx) * self.focal_ratio + camera.cx,
+        ])
+    }
+}
+
+/// What one frame's matches say of colour, as journaled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColourRecord {
+    /// Matches that took part.
+    pub n_pairs: u32,
+    /// Median residual of a pair against its surfaces, mean over the pairs, pixels.
+    pub residual_px: f64,
+    /// What of it no lag and no ratio explains, in units of what is allowed at this motion.
+    pub disagreement: f64,
+}
+
+/// A frame's normal equations of lag and ratio less one, about the parameters themselves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColourPoseRecord {
+    /// Lag-lag, lag-ratio and ratio-ratio.
+    pub information: [f64; 3],
+    /// The information times the parameters that this frame alone would choose.
+    pub gradient: [f64; 2],
+}
+
+impl ColourPoseRecord {
+    /// `sums` are about the model in effect.
+    pub(crate) fn new(sums: &ParameterSums, model: &ColourModel) -> Self {
+        let gradient = sums.gradient + sums.information * model.parameters();
+        let [a, b, _, d] = [0, 1, 2, 3].map(|k| sums.information[k]);
+        Self { information: [a, b, d], gradient: gradient.into() }
+    }
+}
+
+/// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.5, that of another
+/// scene 1 to 3.
+pub const UNTRUSTED: f64 = 0.85;
+/// A frame's disagreement that counts, at most: its surfaces may have gone astray.
+const MOST_DISAGREEMENT: f64 = 2.0;
+/// Least share that a frame has in the running means.
+const LEAST_SHARE: f64 = 0.1;
+/// Residual in pixels, and disagreement, before the first frame.
+const FIRST_RESIDUAL_PX: f64 = 4.0;
+const FIRST_DISAGREEMENT: f64 = 0.4;
+/// A frame's residual counts as this at least, pixels: what corners are found to.
+const LEAST_RESIDUAL_PX: f64 = 0.5;
+/// Matches that count for a frame's residual, at least.
+pub(crate) const MIN_PAIRS: u32 = 20;
+/// Residual from which on features are no start for the surfaces, pixels.
+const VAGUE_PX: f64 = 10.0;
+/// Frames in which colour is on probation.
+const PROBATION_FRAMES: u32 = 2;
+/// Share by which what was seen before counts less with each keyframe.
+const FORGETTING: f64 = 0.01;
+/// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
+/// and fields of view of the two lenses differ by some tenths.
+const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
+/// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
+const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
+/// Standard deviations beyond which a parameter is not zero: one in 10^6.
+const CERTAIN_SIGMAS: f64 = 4.9;
+/// Standard deviations below which it may well be zero: one in 100.
+const DOUBTED_SIGMAS: f64 = 2.6;
+
+/// What all frames so far say of colour.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColourState {
+    /// Frames with enough matches.
+    pub n_frames: u32,
+    /// Sums of the records, older ones less.
+    information: [f64; 3],
+    gradient: [f64; 2],
+    /// Running residual, pixels.
+    pub residual_px: f64,
+    /// Running disagreement.
+    pub disagreement: f64,
+    /// What is applied.
+    pub model: ColourModel,
+}
+
+impl Default for ColourState {
+    fn default() -> Self {
+        Self {
+            n_frames: 0,
+            information: precisions(PRIOR_SIGMAS),
+            gradient: [0.0; 2],
+            residual_px: FIRST_RESIDUAL_PX,
+            disagreement: FIRST_DISAGREEMENT,
+            model: ColourModel::default(),
+        }
+    }
+}
+
+fn precisions([lag, ratio]: [f64; 2]) -> [f64; 3] {
+    [1.0 / (lag * lag), 0.0, 1.0 / (ratio * ratio)]
+}
+
+impl ColourState {
+    /// The state before the first frame: what the camera file states is applied, and the frames go on
+    /// from there; where it states nothing, nothing is known.
+    pub fn stated(model: ColourModel) -> Self {
+        if model == ColourModel::default() {
+            return Self::default();
+        }
+        let information = precisions(STATED_SIGMAS);
+        let [lag, _, ratio] = information;
+        let gradient = [lag * model.lag_s, ratio * (model.focal_ratio - 1.0)];
+        Self { information, gradient, model, ..Self::default() }
+    }
+
+    /// The state as of these records of frames, in their order.
+    pub fn of_records<'a>(
+        stated: ColourModel,
+        frames: impl IntoIterator<Item = (Option<&'a ColourRecord>, Option<&'a ColourPoseRecord>)>,
+    ) -> Self {
+        let mut state = Self::stated(stated);
+        frames.into_iter().for_each(|(audit, pose)| state.apply(audit, pose));
+        state
+    }
+
+    /// Takes a frame's records in.
+    pub(crate) fn apply(&mut self, audit: Option<&ColourRecord>, pose: Option<&ColourPoseRecord>) {
+        if let Some(record) = audit {
+            self.apply_audit(record);
+        }
+        if let Some(record) = pose {
+            self.apply_pose(record);
+        }
+    }
+
+    /// Takes in how the features of a frame lie against its surfaces.
+    pub(crate) fn apply_audit(&mut self, record: &ColourRecord) {
+        if record.n_pairs < MIN_PAIRS {
+            return;
+        }
+        self.n_frames = self.n_frames.saturating_add(1);
+        // The first frames count alike.
+        let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
+        self.disagreement += share * (record.disagreement.min(MOST_DISAGREEMENT) - self.disagreement);
+        // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
+        let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
+        self.residual_px *= libm::pow(ratio, share);
+    }
+
+    /// Takes a frame's normal equations in; what was seen before counts less, down to the prior.
+    pub(crate) fn apply_pose(&mut self, record: &ColourPoseRecord) {
+        let prior = precisions(PRIOR_SIGMAS);
+        for k in 0..3 {
+            let kept = (1.0 - FORGETTING) * self.information[k] + FORGETTING * prior[k];
+            self.information[k] = kept + record.information[k];
+        }
+        for k in 0..2 {
+            self.gradient[k] = (1.0 - FORGETTING) * self.gradient[k] + record.gradient[k];
+        }
+        self.decide();
+    }
+
+    /// Whether features may lead: otherwise colour is of another time or another scene.
+    pub fn is_trusted(&self) -> bool {
+        self.disagreement < UNTRUSTED
+    }
+
+    /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
+    /// of another scene that leads takes weak surfaces along and is found out late; or colour agrees
+    /// with depth too roughly.
+    pub(crate) fn is_on_probation(&self) -> bool {
+        self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
+    }
+
+    /// Lag and ratio less one with their standard deviations, `[value, sigma]` each.
+    pub fn estimate(&self) -> Option<[[f64; 2]; 2]> {
+        let [a, b, d] = self.information;
+        let covariance = ParameterMatrix::new(a, b, b, d).try_inverse()?;
+        let value = covariance * ColourParameters::from(self.gradient);
+        Some([0, 1].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
+    }
+
+    fn decide(&mut self) {
+        let Some([lag, ratio]) = self.estimate() else { return };
+        self.model.lag_s = chosen(lag, self.model.lag_s);
+        self.model.focal_ratio = 1.0 + chosen(ratio, self.model.focal_ratio - 1.0);
+    }
+}
+
+/// What is applied of a parameter: it moves when it must, not with each keyframe.
+fn chosen([value, sigma]: [f64; 2], applied: f64) -> f64 {
+    let certain = if applied == 0.0 { CERTAIN_SIGMAS } else { DOUBTED_SIGMAS };
+    match value.abs() > certain * sigma {
+        true if applied != 0.0 && (value - applied).abs() < sigma => applied,
+        true => value,
+        false => 0.0,
+    }
+}

@@ -1,0 +1,111 @@
+//! Variance components of surfaces and features, estimated while the run goes on (method 9.5).
+//!
+//! A reference that shares both kinds of measurement with a frame gives the relative pose twice: from
+//! surfaces with normal matrix `N_s` and gradient `g_s`, from features with `N_f` and `g_f`, each under its
+//! sensor's model. With the covariances `s_s^2 N_s^-1` and `s_f^2 N_f^-1`, the part of the two solutions'
+//! disagreement that belongs to a kind `k` at their joint optimum is `q_k`, its redundancy
+//! `r_k = 6 - tr(N_k N^-1)`, and Förstner's estimator `s_k^2 <- s_k^2 sum q_k / sum r_k` is a step of
+//! expectation maximisation (Förstner 1979; Teunissen and Amiri-Simkooei, J. Geodesy 2008).
+//!
+//! As poses are compared, not points, the scales hold what all matches of a kind err by together
+//! (calibration, lag, blur, the filter's correlation): the error of the reference's own pose alone cancels.
+
+use serde::{Deserialize, Serialize};
+
+/// Share of the evidence that stays from frame to frame: a memory of 100 frames.
+const KEPT: f64 = 0.99;
+/// Degrees of freedom of the prior: about what four frames with both kinds add.
+const PRIOR_FREEDOM: f64 = 20.0;
+/// Ratio of the surfaces' pose scale to the mean squared residual of their matches: matches that err together
+/// (method 9.5; fitted: the geometric mean over fr1_rpy_400, d435_office_400 and `room`).
+pub(crate) const SURFACE_CORRELATION: f64 = 10.0;
+/// Mean squared residual of surfaces before any was measured, in units of the model.
+const SURFACE_RESIDUAL: f64 = 0.005;
+/// Scale of the features where none was compared: the model's own.
+const FEATURE_SCALE: f64 = 1.0;
+
+/// A frame's evidence of the scales: sums over its pairs, divided by their number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct NoiseRecord {
+    /// Mean squared residual of the surfaces' matches in units of their model.
+    pub surface_residual: f64,
+    /// Squared disagreement that falls to surfaces and to features, in units of their models.
+    pub squared: [f64; 2],
+    /// Redundancy of each.
+    pub redundancy: [f64; 2],
+    /// Variance of the pose along and about each axis of the camera with its references fixed, m^2 and rad^2;
+    /// nothing where a direction is degenerate.
+    pub step_variance: Option<[f64; 6]>,
+}
+
+/// The scales as of all frames so far.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoiseState {
+    surface_residual: f64,
+    n_frames: f64,
+    squared: [f64; 2],
+    redundancy: [f64; 2],
+}
+
+impl Default for NoiseState {
+    fn default() -> Self {
+        Self { surface_residual: SURFACE_RESIDUAL, n_frames: 0.0, squared: [0.0; 2], redundancy: [0.0; 2] }
+    }
+}
+
+/// Factors of the covariances that the sensors' models state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseScales {
+    /// Of a pose from surfaces.
+    pub surfaces: f64,
+    /// Of a pose from features.
+    pub features: f64,
+}
+
+impl NoiseState {
+    /// The state as of these records, in order of frames.
+    pub fn of_records<'a>(records: impl IntoIterator<Item = &'a NoiseRecord>) -> Self {
+        let mut state = Self::default();
+        records.into_iter().for_each(|record| state.apply(record));
+        state
+    }
+
+    /// Takes a frame's record in.
+    pub(crate) fn apply(&mut self, record: &NoiseRecord) {
+        self.n_frames = KEPT * self.n_frames + 1.0;
+        self.surface_residual += (record.surface_residual - self.surface_residual) / (self.n_frames + 1.0);
+        for k in 0..2 {
+            self.squared[k] = KEPT * self.squared[k] + record.squared[k];
+            self.redundancy[k] = KEPT * self.redundancy[k] + record.redundancy[k];
+        }
+    }
+
+    /// The scales: the evidence with the prior's degrees of freedom.
+    pub fn scales(&self) -> NoiseScales {
+        let prior = [SURFACE_CORRELATION * self.surface_residual, FEATURE_SCALE];
+        let [surfaces, features] = [0, 1]
+            .map(|k| (self.squared[k] + PRIOR_FREEDOM * prior[k]) / (self.redundancy[k] + PRIOR_FREEDOM));
+        NoiseScales { surfaces, features }
+    }
+
+    /// Relative standard deviation of each scale, surfaces first: that of a chi-square of as many degrees of freedom.
+    pub fn relative_deviations(&self) -> [f64; 2] {
+        self.redundancy.map(|r| (2.0 / (r + PRIOR_FREEDOM)).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_features_the_scale_is_that_of_the_residuals() {
+        let mut state = NoiseState::default();
+        for _ in 0..1000 {
+            state.apply(&NoiseRecord { surface_residual: 0.02, ..NoiseRecord::default() });
+        }
+        let scales = state.scales();
+        assert!((scales.surfaces - SURFACE_CORRELATION * 0.02).abs() < 1e-6, "{scales:?}");
+        assert_eq!(scales.features, FEATURE_SCALE);
+    }
+}

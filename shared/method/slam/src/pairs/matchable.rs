@@ -1,0 +1,107 @@
+//! A keyframe made ready for data association.
+
+use crate::map::context::Context;
+use crate::map::state::KeyframeState;
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::pairs::lift::lift;
+use crate::pairs::matching::Seen;
+use std::borrow::Cow;
+use std::sync::OnceLock;
+use tessera_features::{Feature, Observation};
+use tessera_geometry::{Twist, Vector6};
+use tessera_registration::{KdTree, Queries, Sample, Sampler, ShutterTable, Target};
+use tessera_surface::{Grid, SurfaceView, Vertex};
+
+/// A keyframe as both sides of a pair: its samples as queries, its surface as a target, each with
+/// the readout motion at its stamp.
+pub(crate) struct Matchable<'a> {
+    pub(crate) queries: Queries,
+    shutter: ShutterTable,
+    surface: KeyframeSurface<'a>,
+    tree: Option<KdTree>,
+    velocity: Twist,
+    /// The run whose camera saw it.
+    session: u32,
+    features: Cow<'a, [Feature]>,
+    observations: OnceLock<Vec<Observation>>,
+}
+
+/// The surface of a keyframe, which is read when it is looked at: of many keyframes not all are at hand.
+#[derive(Clone, Copy)]
+pub(crate) struct KeyframeSurface<'a> {
+    pub(crate) surfaces: &'a dyn KeyframeSurfaces,
+    pub(crate) keyframe: u32,
+    pub(crate) grid: Grid,
+}
+
+impl<'a> KeyframeSurface<'a> {
+    pub(crate) fn vertices(&self) -> Cow<'a, [Vertex]> {
+        self.surfaces.vertices_once(self.keyframe)
+    }
+
+    /// As a view, of its [`Self::vertices`].
+    pub(crate) fn view<'v>(&self, vertices: &'v [Vertex]) -> SurfaceView<'v> {
+        SurfaceView { grid: self.grid, vertices }
+    }
+}
+
+impl<'a> Matchable<'a> {
+    /// A keyframe with its samples drawn.
+    pub(crate) fn new(
+        context: &Context,
+        sampler: &mut Sampler,
+        keyframe: &KeyframeState,
+        surfaces: &'a dyn KeyframeSurfaces,
+    ) -> Self {
+        let grid = context.of(keyframe.session).grid;
+        let surface = KeyframeSurface { surfaces, keyframe: keyframe.id, grid };
+        let vertices = surface.vertices();
+        let view = surface.view(&vertices);
+        let mut samples = Vec::new();
+        sampler.draw(&view, keyframe.frame_index, &context.registration, &mut samples);
+        Self::with_samples(context, keyframe, (surface, &view), &samples)
+    }
+
+    /// A keyframe with samples that are known.
+    pub(crate) fn with_samples(
+        context: &Context,
+        keyframe: &KeyframeState,
+        (surface, view): (KeyframeSurface<'a>, &SurfaceView<'_>),
+        samples: &[Sample],
+    ) -> Self {
+        let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
+        let (context, session) = (context.of(keyframe.session), keyframe.session);
+        let shutter = context.shutter(&velocity);
+        let mut queries = Queries::default();
+        queries.fill(samples, &shutter);
+        let (tree, features) = (context.tree(view, &shutter), Cow::default());
+        let observations = OnceLock::new();
+        Self { queries, shutter, surface, tree, velocity, session, features, observations }
+    }
+
+    /// The keyframe with its features.
+    pub(crate) fn with_features(self, context: &Context, features: Cow<'a, [Feature]>) -> Self {
+        if context.mapping.features.enabled { Self { features, ..self } } else { self }
+    }
+
+    /// Its features with their observations, which are made when they are first asked for.
+    pub(crate) fn seen(&self, context: &Context) -> Seen<'_> {
+        let observe = || {
+            let vertices = self.vertices();
+            let context = context.of(self.session);
+            lift(&context, &self.features, &self.surface.view(&vertices), &self.velocity)
+        };
+        let observations = self.observations.get_or_init(observe);
+        Seen { features: &self.features, observations, session: Some(self.session) }
+    }
+
+    pub(crate) fn vertices(&self) -> Cow<'a, [Vertex]> {
+        self.surface.vertices()
+    }
+
+    /// As a target, of its [`Self::vertices`].
+    pub(crate) fn target<'v>(&'v self, vertices: &'v [Vertex]) -> Target<'v> {
+        let surface = self.surface.view(vertices);
+        Target { surface, shutter: &self.shutter, tree: self.tree.as_ref() }
+    }
+}

@@ -1,0 +1,133 @@
+//! Matches of a frame with a reference, and the relative pose that they agree on.
+
+use crate::map::context::Context;
+use crate::pairs::residuals;
+use crate::pairs::weighted_pair::FeaturePair;
+use nalgebra::Vector3;
+use std::borrow::Cow;
+use tessera_features::{
+    Correspondence, Feature, Gate, MatchSettings, MatchWorkspace, Observation, PoseSettings, PoseWorkspace,
+    estimate_pose, match_features,
+};
+use tessera_geometry::Pose;
+
+/// Depth taken for a feature without one where a match is predicted, metres.
+const USUAL_DEPTH_M: f64 = 2.0;
+
+/// One frame's features with their observations.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'a> {
+    pub(crate) features: &'a [Feature],
+    pub(crate) observations: &'a [Observation],
+    /// The run whose camera saw them; `None`: that of the context.
+    pub(crate) session: Option<u32>,
+}
+
+/// Where matches are looked for, and how hard.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// About the predicted pixel; anywhere without a prediction.
+    pub(crate) radius_px: Option<f64>,
+    /// RANSAC iterations at most, beside the guess itself.
+    pub(crate) max_iterations: u32,
+}
+
+impl Reach {
+    /// About a motion prediction.
+    pub(crate) const PREDICTED: Self = Self { radius_px: Some(40.0), max_iterations: 100 };
+    /// Without one.
+    pub(crate) const ANYWHERE: Self = Self { radius_px: None, max_iterations: 100 };
+    /// About a pose that other features agree on.
+    pub(crate) const KNOWN: Self = Self { radius_px: Some(16.0), max_iterations: 2 };
+    /// About the poses of two keyframes.
+    pub(crate) const KEYFRAMES: Self = Self { radius_px: Some(45.0), max_iterations: 50 };
+    /// About the poses of two keyframes between which drift has grown.
+    pub(crate) const LOOP: Self = Self { radius_px: Some(60.0), max_iterations: 50 };
+}
+
+/// Buffers of matching and pose.
+pub(crate) struct PairFinder {
+    matching: MatchWorkspace,
+    pose: PoseWorkspace,
+    match_settings: MatchSettings,
+    pose_settings: PoseSettings,
+    gates: Vec<Gate>,
+    correspondences: Vec<Correspondence>,
+}
+
+impl PairFinder {
+    pub(crate) fn new(context: &Context) -> Self {
+        let arch = context.registration.isa.arch();
+        Self {
+            matching: MatchWorkspace::new(arch),
+            pose: PoseWorkspace::new(arch),
+            match_settings: MatchSettings::default(),
+            pose_settings: PoseSettings { min_inliers: 12, refine_iterations: 4, ..PoseSettings::default() },
+            gates: Vec::new(),
+            correspondences: Vec::new(),
+        }
+    }
+
+    /// The pair's matches near where `guess` (`target_from_query`) predicts them, or anywhere without
+    /// a radius, and the pose they agree on.
+    pub(crate) fn find(
+        &mut self,
+        context: &Context,
+        [query, target]: [Seen<'_>; 2],
+        guess: &Pose,
+        reach: Reach,
+        seed: u64,
+    ) -> Option<FeaturePair> {
+        self.pose_settings.max_iterations = reach.max_iterations;
+        let least = self.pose_settings.min_inliers as usize;
+        if query.features.len() < least || target.features.len() < least {
+            return None;
+        }
+        self.associate(context, [query, target], guess, reach);
+        let correspondences = &self.correspondences;
+        let guesses = [*guess];
+        let guesses = if reach.radius_px.is_some() { &guesses[..] } else { &[] };
+        let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
+        let inliers: Vec<Correspondence> =
+            found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
+        let sums = residuals::sums(&inliers, &found.target_from_query);
+        Some(FeaturePair { target_from_query: found.target_from_query, inliers, sums })
+    }
+
+    /// The pair's matches by their descriptors, near where `guess` predicts them.
+    pub(crate) fn matches(
+        &mut self,
+        context: &Context,
+        sides: [Seen<'_>; 2],
+        guess: &Pose,
+        reach: Reach,
+    ) -> Vec<Correspondence> {
+        self.associate(context, sides, guess, reach);
+        self.correspondences.clone()
+    }
+
+    fn associate(&mut self, context: &Context, [query, target]: [Seen<'_>; 2], guess: &Pose, reach: Reach) {
+        let gates = reach.radius_px.map(|radius_px| {
+            self.gates.clear();
+            let context = target.session.map_or(Cow::Borrowed(context), |session| context.of(session));
+            let gate = |o: &Observation| gate(&context, guess, o, radius_px);
+            self.gates.extend(query.observations.iter().map(gate));
+            self.gates.as_slice()
+        });
+        let matches =
+            match_features(query.features, target.features, gates, &self.match_settings, &mut self.matching);
+        self.correspondences.clear();
+        self.correspondences.extend(matches.iter().map(|m| Correspondence {
+            query: query.observations[m.query as usize],
+            target: target.observations[m.target as usize],
+        }));
+    }
+}
+
+fn gate(context: &Context, guess: &Pose, o: &Observation, radius_px: f64) -> Gate {
+    let usual = || Vector3::new(o.ray[0], o.ray[1], 1.0) * USUAL_DEPTH_M;
+    let point = o.point.map_or_else(usual, |p| p.position_m);
+    let seen = guess.rotation * point + guess.translation.vector;
+    let pixel = context.colour.pixel(&context.camera, &seen).unwrap_or([f64::NAN; 2]);
+    Gate { pixel: pixel.map(|p| p as f32), radius_px: radius_px as f32 }
+}

@@ -1,0 +1,96 @@
+//! Verification of a loop closure before it enters the graph (method 7): overlap, free space, and
+//! the same pose from both directions.
+
+use crate::map::records::LoopVerdict;
+use crate::pairs::matchable::Matchable;
+use crate::pairs::pair_alignment::{AlignedPair, PairAlignment};
+use crate::settings::GlobalSettings;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use tessera_geometry::Pose;
+use tessera_graph::disagreement_sigmas;
+use tessera_registration::{MatchLimits, Matcher};
+
+/// Queries of a test: enough for shares to a few per cent.
+const N_QUERIES: usize = 200;
+/// Tightness of the limits from one outer iteration to the next, there and back.
+const FORWARD: [f32; 3] = [0.0, 1.0, 1.0];
+const BACKWARD: [f32; 1] = [1.0];
+
+/// What the tests of a loop pair found.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct Tested {
+    /// Smaller share of queries with a match, of both directions.
+    pub(crate) overlap: f64,
+    /// Larger share of the queries in view that float in front of what the other saw there.
+    pub(crate) in_front: f64,
+    /// Root mean square disagreement between both directions, standard deviations.
+    pub(crate) inconsistency_sigmas: f64,
+    pub(crate) verdict: LoopVerdict,
+}
+
+/// Tests by the ids of the newer and the older keyframe.
+pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
+
+/// Tests the pair at its own optimum, which it looks for from `newer`'s pose in `older`'s frame.
+pub(crate) fn test(
+    settings: &GlobalSettings,
+    matcher: &mut Matcher,
+    newer: &Matchable<'_>,
+    older: &Matchable<'_>,
+    older_from_newer: &Pose,
+) -> Tested {
+    let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
+    let alignment =
+        PairAlignment { query: &newer.queries, target: older, n_queries: N_QUERIES, limits: &limits };
+    let forward = alignment.solve(matcher, older_from_newer, &FORWARD);
+    let newer_from_older = forward.target_from_query.inverse();
+    let reversed = PairAlignment { query: &older.queries, target: newer, ..alignment };
+    let backward = reversed.solve(matcher, &newer_from_older, &BACKWARD);
+    let (there, back) = (&forward.report, &backward.report);
+    let overlap = share(there.n_matches, there.n_queries).min(share(back.n_matches, back.n_queries));
+    let in_front = share(there.n_in_front, there.n_in_view).max(share(back.n_in_front, back.n_in_view));
+    let factor = matcher.metric_factor();
+    let disagreement = |pair: &AlignedPair, other: &AlignedPair| {
+        disagreement_sigmas(&pair.block, pair.cost, &other.target_from_query.inverse(), factor)
+    };
+    let inconsistency_sigmas = disagreement(&forward, &backward).max(disagreement(&backward, &forward));
+    let verdict = if !(overlap >= settings.min_overlap * 0.5) {
+        LoopVerdict::LittleOverlap
+    } else if !(in_front <= GlobalSettings::MAX_IN_FRONT) {
+        LoopVerdict::FreeSpaceViolated
+    } else if !(inconsistency_sigmas <= GlobalSettings::MAX_INCONSISTENCY_SIGMAS) {
+        LoopVerdict::Inconsistent
+    } else {
+        LoopVerdict::Accepted
+    };
+    Tested { overlap, in_front, inconsistency_sigmas, verdict }
+}
+
+/// Share of the queries in view that float in front of what the target saw.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InFront {
+    /// At the pair's own optimum, which is looked for as in [`test`].
+    pub(crate) at_optimum: f64,
+    /// Where the pair is put.
+    pub(crate) as_placed: f64,
+}
+
+/// What of the query floats in front of what the target saw.
+pub(crate) fn in_front(
+    matcher: &mut Matcher,
+    query: &Matchable<'_>,
+    target: &Matchable<'_>,
+    target_from_query: &Pose,
+) -> InFront {
+    let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
+    let alignment = PairAlignment { query: &query.queries, target, n_queries: N_QUERIES, limits: &limits };
+    let at_optimum = alignment.solve(matcher, target_from_query, &FORWARD).report;
+    let (_, as_placed) = alignment.search(matcher, target_from_query, 1.0);
+    let [at_optimum, as_placed] = [at_optimum, as_placed].map(|r| share(r.n_in_front, r.n_in_view));
+    InFront { at_optimum, as_placed }
+}
+
+fn share(part: u32, whole: u32) -> f64 {
+    f64::from(part) / f64::from(whole.max(1))
+}

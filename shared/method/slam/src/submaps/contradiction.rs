@@ -1,0 +1,242 @@
+//! Whether what two parts of a map saw contradicts that they are one place: rooms that look alike agree in themselves,
+//! but what is about them does not (method 12.9).
+
+use crate::evidence::contradiction::{AskedPair, PairAnswer, one_place_nats};
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
+use crate::map::context::Context;
+use crate::map::records::{JoinRecord, LoopVerdict};
+use crate::map::state::{KeyframeState, TrackerState};
+use crate::map::submaps::Origin;
+use crate::map::surfaces::KeyframeSurfaces;
+use crate::map::view_limits::{ViewLimits, optical_axis};
+use crate::pairs::covisibility;
+use crate::pairs::matchable::Matchable;
+use crate::pairs::matching::{PairFinder, Reach};
+use crate::pairs::verification::{self, InFront};
+use crate::settings::GlobalSettings;
+use crate::tracking::sight::ENOUGH_FEATURES;
+use nalgebra::Vector3;
+use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_numerics::parallel::map_in_parts;
+use tessera_registration::{Matcher, Sampler};
+
+/// Pairs of keyframes that are asked across a join, and as many of both parts by themselves, at most.
+const MOST_ASKED: usize = 100;
+/// Share of what the one saw that floats in front of what the other saw, by which a pair contradicts.
+const MOST_IN_FRONT: f64 = 0.5 * GlobalSettings::MAX_IN_FRONT;
+/// Views that share features wherever they show the same place.
+const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
+/// Evidence from which on a join is made, nats: seven views that agree, or more where views of one place contradict each
+/// other too. Right joins have 0.3 to 5.6, wrong ones -19 to -4.7 (example `joins`).
+const JOINED_NATS: f64 = 0.7;
+/// What is about the place at which two components are joined, metres: both have drifted in themselves.
+const ABOUT_M: f64 = 6.0;
+/// Joins that differ by more bring two components to different places, metres and radians.
+const APART_M: f64 = 1.0;
+const APART_RAD: f64 = 0.5;
+
+/// A keyframe where it is tested.
+pub(crate) struct PlacedKeyframe<'a> {
+    pub(crate) keyframe: &'a KeyframeState,
+    pub(crate) world_from_camera: Pose,
+    /// Of which of the two parts.
+    pub(crate) is_moved: bool,
+}
+
+/// Log-likelihood ratio of a join against another place that looks alike, nats: by keyframes of both components, which
+/// it brings near each other, within some metres of `place` in the gauge that stays. The same for any number of threads.
+pub(crate) fn join_nats(
+    context: &Context,
+    state: &TrackerState,
+    surfaces: &dyn KeyframeSurfaces,
+    joined: &JoinRecord,
+    place: &Vector3<f64>,
+) -> f64 {
+    let mut both = keyframes_of_both(state, joined);
+    both.retain(|k| (k.world_from_camera.translation.vector - place).norm() <= ABOUT_M);
+    let across = neighbours(&both, |_| 0).into_iter().filter_map(|(newer, older)| {
+        let pair = if both[newer].is_moved { (newer, older) } else { (older, newer) };
+        (both[newer].is_moved != both[older].is_moved).then_some(pair)
+    });
+    let across = across.collect();
+    let own = neighbours(&both, |k| u32::from(k.is_moved));
+    nats(context, &both, surfaces, across, own)
+}
+
+/// What the evidence about a join decides.
+pub(crate) fn verdict(nats: f64) -> TestVerdict {
+    if SequentialTest::refutes(nats) {
+        TestVerdict::Rejected
+    } else if nats >= JOINED_NATS {
+        TestVerdict::Accepted
+    } else {
+        TestVerdict::Undecided
+    }
+}
+
+/// The same of keyframes that were placed, by pairs across and pairs of one part.
+pub(crate) fn nats(
+    context: &Context,
+    placed: &[PlacedKeyframe<'_>],
+    surfaces: &dyn KeyframeSurfaces,
+    across: Vec<(usize, usize)>,
+    mut own: Vec<(usize, usize)>,
+) -> f64 {
+    let across = evenly(across);
+    let mut is_asked = vec![false; placed.len()];
+    across.iter().for_each(|(a, b)| (is_asked[*a], is_asked[*b]) = (true, true));
+    own.retain(|(a, b)| is_asked[*a] || is_asked[*b]);
+    let tester = || PairTester::new(context, placed, surfaces);
+    let answers = |pairs: &[(usize, usize)]| -> Vec<AskedPair> {
+        let ask = |tester: &mut PairTester<'_>, pair: &(usize, usize)| (*pair, tester.answer(*pair));
+        map_in_parts(pairs, tester, ask, &mut || ())
+    };
+    let (own, across) = (answers(&evenly(own)), answers(&across));
+    one_place_nats(placed.len(), &own, &across)
+}
+
+/// Asks pairs of keyframes; holds the buffers.
+struct PairTester<'a> {
+    context: &'a Context,
+    placed: &'a [PlacedKeyframe<'a>],
+    surfaces: &'a dyn KeyframeSurfaces,
+    matcher: Matcher,
+    sampler: Sampler,
+    finder: PairFinder,
+}
+
+impl<'a> PairTester<'a> {
+    fn new(
+        context: &'a Context,
+        placed: &'a [PlacedKeyframe<'a>],
+        surfaces: &'a dyn KeyframeSurfaces,
+    ) -> Self {
+        let (matcher, finder) = (context.matcher(), PairFinder::new(context));
+        Self { context, placed, surfaces, matcher, sampler: Sampler::default(), finder }
+    }
+
+    fn answer(&mut self, (a, b): (usize, usize)) -> PairAnswer {
+        let Self { context, placed, surfaces, sampler, .. } = self;
+        let sides = [a, b].map(|at| {
+            let keyframe = placed[at].keyframe;
+            let features = surfaces.features_once(keyframe.id);
+            Matchable::new(context, sampler, keyframe, *surfaces).with_features(context, features)
+        });
+        let b_from_a = placed[b].world_from_camera.inverse() * placed[a].world_from_camera;
+        let settings = &self.context.mapping.global;
+        let tested = verification::test(settings, &mut self.matcher, &sides[0], &sides[1], &b_from_a);
+        let is_enough =
+            tested.overlap >= settings.min_overlap || tested.verdict == LoopVerdict::FreeSpaceViolated;
+        let floats = is_enough
+            && (self.floats([&sides[0], &sides[1]], &b_from_a)
+                || self.floats([&sides[1], &sides[0]], &b_from_a.inverse()));
+        if floats || self.shares_nothing((a, b), &sides, &b_from_a) {
+            PairAnswer::Contradicts
+        } else if tested.verdict == LoopVerdict::Accepted {
+            PairAnswer::Agrees
+        } else {
+            PairAnswer::Silent
+        }
+    }
+
+    /// Whether too much of what the first one saw floats in front of what the second one saw: at the pair's own optimum
+    /// and where it is put, for by itself a pair was seen to end up to 0.3 m from there, where something floats.
+    fn floats(&mut self, [query, target]: [&Matchable<'_>; 2], target_from_query: &Pose) -> bool {
+        let InFront { at_optimum, as_placed } =
+            verification::in_front(&mut self.matcher, query, target, target_from_query);
+        at_optimum.min(as_placed) > MOST_IN_FRONT
+    }
+
+    /// Whether two that have the same view share no features, wherever they are looked for.
+    fn shares_nothing(
+        &mut self,
+        (a, b): (usize, usize),
+        sides: &[Matchable<'_>; 2],
+        b_from_a: &Pose,
+    ) -> bool {
+        let [pose, other] = [a, b].map(|at| self.placed[at].world_from_camera);
+        let centre = std::iter::once(((), other.translation.vector));
+        let (at, axis) = (pose.translation.vector, optical_axis(&pose));
+        if !self.context.is_colour_trusted
+            || SAME_VIEW.within(&at, &axis, centre, |()| optical_axis(&other)).is_empty()
+        {
+            return false;
+        }
+        let seen = [&sides[0], &sides[1]].map(|side| side.seen(self.context));
+        if seen.iter().any(|seen| seen.features.len() < ENOUGH_FEATURES) {
+            return false;
+        }
+        let seed = (self.placed[a].keyframe.id as u64) << 32 | self.placed[b].keyframe.id as u64;
+        let mut finds = |reach: Reach| self.finder.find(self.context, seen, b_from_a, reach, seed).is_some();
+        !finds(Reach::LOOP) && !finds(Reach::ANYWHERE)
+    }
+}
+
+fn keyframes_of_both<'a>(state: &'a TrackerState, joined: &JoinRecord) -> Vec<PlacedKeyframe<'a>> {
+    let kept_from_moved = Pose::from(&joined.kept_from_moved);
+    let place = |keyframe: &'a KeyframeState| {
+        let (component, pose) =
+            (state.submaps.component(keyframe.submap), Pose::from(&keyframe.world_from_camera));
+        let is_moved = component == joined.moved;
+        let world_from_camera = if is_moved { kept_from_moved * pose } else { pose };
+        let placed = PlacedKeyframe { keyframe, world_from_camera, is_moved };
+        (is_moved || component == joined.kept).then_some(placed)
+    };
+    state.active().filter_map(place).collect()
+}
+
+fn neighbours(
+    both: &[PlacedKeyframe<'_>],
+    component: impl Fn(&PlacedKeyframe<'_>) -> u32,
+) -> Vec<(usize, usize)> {
+    let poses: Vec<Pose> = both.iter().map(|k| k.world_from_camera).collect();
+    let origin = |k: &PlacedKeyframe<'_>| {
+        let KeyframeState { session, submap, .. } = *k.keyframe;
+        Origin { session, submap, component: component(k) }
+    };
+    covisibility::pairs(&poses, &both.iter().map(origin).collect::<Vec<_>>())
+}
+
+/// As many of these pairs as are asked.
+fn evenly(pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
+    let step = pairs.len().div_ceil(MOST_ASKED).max(1);
+    pairs.into_iter().step_by(step).collect()
+}
+
+/// Whether two joins bring the same components to the same place.
+pub(crate) fn is_same_join(a: &JoinRecord, b: &JoinRecord) -> bool {
+    let [motion_a, motion_b] = [a, b].map(|join| Pose::from(&join.kept_from_moved));
+    let apart = translation_rotation_norms(&(motion_a.inverse() * motion_b));
+    (a.kept, a.moved) == (b.kept, b.moved) && apart.0 < APART_M && apart.1 < APART_RAD
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::test_wall::keyframe;
+    use tessera_geometry::PoseBits;
+
+    fn joined(moved: u32, x_m: f64) -> JoinRecord {
+        let kept_from_moved = PoseBits::from(&Pose::translation(x_m, 0.0, 0.0));
+        JoinRecord { kept: 0, moved, kept_from_moved }
+    }
+
+    #[test]
+    fn a_join_is_the_same_where_it_brings_the_same_components_near_the_same_place() {
+        assert!(is_same_join(&joined(1, 0.0), &joined(1, 0.9)));
+        assert!(!is_same_join(&joined(1, 0.0), &joined(1, 1.1)));
+        assert!(!is_same_join(&joined(1, 0.0), &joined(2, 0.0)));
+    }
+
+    #[test]
+    fn a_third_component_takes_no_part() {
+        let mut state = TrackerState::default();
+        state.submaps.extend_to(2);
+        let number = |id: u32| KeyframeState { submap: id % 3, session: id % 3, ..keyframe(id, 0, 0.0) };
+        state.keyframes = (0..900).map(number).collect();
+        let both = keyframes_of_both(&state, &joined(1, 0.0));
+        assert_eq!(both.len(), 600);
+        let pairs = evenly(neighbours(&both, |_| 0));
+        assert!(pairs.len() > MOST_ASKED / 2 && pairs.len() <= MOST_ASKED, "{}", pairs.len());
+    }
+}

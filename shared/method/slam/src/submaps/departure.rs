@@ -1,0 +1,176 @@
+//! Map departure (method 12.8): the camera is not where the map has it, carried away by what it is in, or taken for
+//! being in a place that looks alike.
+//!
+//! Keyframes of long ago that should show what the frame shows are evidence for or against the map. The evidence
+//! against it is a cumulative sum (Page 1954): it never falls below 0, so that it begins with the keyframe from which
+//! on the map was wrong. Where it reaches the bound of the sequential test at which one right place in a hundred is missed, a submap begins with that keyframe. If
+//! that was wrong, the next place that both know joins them again.
+
+use crate::evidence::same_place;
+use crate::evidence::sequential::SequentialTest;
+use crate::map::detection;
+use crate::map::records::{ContradictionRecord, FrameRecord, SplitRecord};
+use crate::map::state::KeyframeState;
+use crate::map::submaps::Submaps;
+use crate::map::view_limits::ViewLimits;
+use crate::pairs::matchable::Matchable;
+use crate::pairs::matching::Reach;
+use crate::submaps::join::saying;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::relocalise;
+use crate::tracking::window::{self, Member};
+use crate::tracking::window_alignment::reference;
+use tessera_geometry::Pose;
+use tessera_registration::Sampler;
+
+/// Keyframes of long ago that look at what the frame looks at: a pair is aligned from where the map has it.
+const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
+
+/// The record with the evidence against the map so far, and with a split once that is certain.
+pub(crate) fn with_departure(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: FrameRecord,
+) -> FrameRecord {
+    let state = input.map.state();
+    let known = state.contradiction;
+    let look = state.keyframes.last().filter(|_| is_compared(input)).and_then(|newest| {
+        Some((newest.id, evidence(input, aligner, &Pose::from(&record.world_from_camera))?))
+    });
+    let contradiction = match look {
+        Some((newest, (seen, nats))) => ContradictionRecord::with(known.as_ref(), newest, (seen, -nats)),
+        None => known,
+    };
+    let record = FrameRecord { contradiction, ..record };
+    let is_certain = |known: &ContradictionRecord| SequentialTest::refutes(-known.sum_nats());
+    match contradiction.filter(is_certain) {
+        // Drift misses what is near by the poses; what it sees is another part of the same map, unless frame after
+        // frame is seen in another one.
+        Some(_) if !is_sighted_elsewhere(input) && is_recognised(input, aligner) => {
+            FrameRecord { contradiction: None, ..record }
+        }
+        Some(known) => with_split(input, record, &known),
+        None => record,
+    }
+}
+
+/// Whether a frame is compared with keyframes of long ago. The one that makes a keyframe has enough to do.
+pub(crate) fn is_compared(input: &TrackingInput<'_>) -> bool {
+    let is_able = input.context.mapping.submaps.after_s > 0.0;
+    is_able && input.map.state().frames_since_keyframe == 1
+}
+
+/// Whether the last frames have their place in another component, as often as makes a sighting certain.
+fn is_sighted_elsewhere(input: &TrackingInput<'_>) -> bool {
+    let n_certain = input.context.mapping.relocalise.confirm_frames;
+    let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
+    let sighting = input.map.state().sighting;
+    sighting.is_some_and(|sighting| sighting.n_confirmed >= n_certain && is_other(sighting.seen))
+}
+
+/// Whether the frame has its place among the keyframes of long ago, wherever they are.
+fn is_recognised(input: &TrackingInput<'_>, aligner: &mut Aligner) -> bool {
+    let old: Vec<&KeyframeState> = input.map.active().filter(|k| is_old(input, k)).collect();
+    relocalise::glimpse(input, aligner, &old, |_, _| true).is_some()
+}
+
+/// The keyframe of long ago that is most like the frame in view, and what both show of one place, nats; `None` without
+/// one, or without features.
+fn evidence(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    world_from_camera: &Pose,
+) -> Option<(u32, f64)> {
+    if !input.context.mapping.features.enabled || !input.context.is_colour_trusted {
+        return None;
+    }
+    let old = nearest_old(input, world_from_camera)?;
+    let own = input.map.state().active().last().filter(|k| input.map.contains(k))?;
+    let there = reference(input, Member::Keyframe(old.id))?;
+    let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
+    let old_from_camera = pair
+        .as_ref()
+        .map_or_else(|| there.world_from_camera.inverse() * world_from_camera, |pair| pair.target_from_query);
+    let camera_from_own = world_from_camera.inverse() * Pose::from(&own.world_from_camera);
+    let mut sampler = Sampler::default();
+    let [query, target] =
+        [own, old].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
+    let mut matcher = input.context.matcher();
+    let start = old_from_camera * camera_from_own;
+    let (old_from_own, surfaces) = same_place::measure(&mut matcher, &query.queries, &target, &start);
+    let at = old_from_own * camera_from_own.inverse();
+    let n_agreeing = pair.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at));
+    let n_seen = [aligner.sight.n_features(), there.features.len()];
+    let before = before_newest(input).and_then(|k| reference(input, Member::Keyframe(k.id)));
+    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), &at);
+    let evidence = surfaces.with_features(n_seen, n_agreeing, n_expected);
+    // It may have come to where surfaces are the same.
+    evidence.least_nats().map(|nats| (old.id, nats))
+}
+
+/// The keyframe of the camera's map before the newest one.
+fn before_newest<'a>(input: &TrackingInput<'a>) -> Option<&'a KeyframeState> {
+    input.map.state().keyframes.iter().rev().filter(|k| input.map.contains(k)).nth(1)
+}
+
+fn is_old(input: &TrackingInput<'_>, keyframe: &KeyframeState) -> bool {
+    detection::is_loop(&input.context.mapping.loops, input.map, keyframe, input.frame.index)
+}
+
+/// The keyframe of long ago whose view is the most like that of the frame.
+fn nearest_old<'a>(input: &TrackingInput<'a>, view: &Pose) -> Option<&'a KeyframeState> {
+    let near = window::near(&input.map, &SAME_VIEW, view);
+    near.iter().filter_map(|(_, id)| input.map.keyframe(*id)).find(|k| is_old(input, k))
+}
+
+/// The record with a submap that begins with the newest keyframe. What was made since the evidence began is of
+/// neither map for sure, and leaves the working map. Where the camera's submap had been joined to older ones, it is the
+/// join that was wrong: all of that submap leaves them.
+fn with_split(input: &TrackingInput<'_>, record: FrameRecord, known: &ContradictionRecord) -> FrameRecord {
+    let state = input.map.state();
+    let split = match (joined_since(&state.keyframes, &state.submaps), state.keyframes.last()) {
+        (None, Some(newest)) if newest.id > known.first => {
+            SplitRecord { carried: Some(known.first), first: newest.id }
+        }
+        (joined, _) => SplitRecord::since(joined.unwrap_or(known.first)),
+    };
+    let submap = state.submaps.n() + split.firsts().count() as u32 - 1;
+    let said = format!(
+        "submap {submap} begins with keyframe {}: since keyframe {} views of long ago contradict the map by {:.1} nats",
+        split.first,
+        known.first,
+        known.sum_nats()
+    );
+    FrameRecord { submap, contradiction: None, split: Some(split), ..saying(record, &said) }
+}
+
+/// The first keyframe of the newest submap, where that was joined to older ones and is the last of a chain of them;
+/// `None` where it was not joined, or has gone on from an older one since.
+fn joined_since(keyframes: &[KeyframeState], submaps: &Submaps) -> Option<u32> {
+    let submap = keyframes.last()?.submap;
+    let n_own = keyframes.iter().rev().take_while(|k| k.submap == submap).count();
+    let (before, own) = keyframes.split_at(keyframes.len() - n_own);
+    let is_joined = before.iter().any(|k| submaps.component(k.submap) == submaps.component(submap));
+    let is_chain = before.iter().all(|k| k.submap < submap);
+    (is_joined && is_chain).then(|| own[0].id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::test_wall::keyframe;
+
+    #[test]
+    fn evidence_against_a_joined_submap_takes_its_join_back() {
+        let made = |submaps: &[u32]| -> Vec<KeyframeState> {
+            (0..).zip(submaps).map(|(id, &submap)| KeyframeState { submap, ..keyframe(id, 0, 0.0) }).collect()
+        };
+        let mut joined = Submaps::apart(3);
+        joined.join(2, 0);
+        assert_eq!(joined_since(&made(&[0, 0, 1, 2, 2]), &joined), Some(3));
+        assert_eq!(joined_since(&made(&[0, 0, 1, 1]), &joined), None, "it is apart");
+        assert_eq!(joined_since(&made(&[0, 2, 2, 0]), &joined), None, "it went on from the older one");
+        assert_eq!(joined_since(&made(&[0, 0]), &joined), None);
+    }
+}

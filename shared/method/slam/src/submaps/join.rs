@@ -1,0 +1,310 @@
+//! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
+//! its own, confirmed in several frames and verified like a loop closure.
+
+use crate::evidence::sequential::TestVerdict;
+use crate::map::detection::{self, Urgency};
+use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
+use crate::map::state::{KeyframeState, TrackerState};
+use crate::pairs::matchable::Matchable;
+use crate::pairs::verification::{self, Tested};
+use crate::submaps::contradiction;
+use crate::tracking::acceptance;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::motion_model::place;
+use crate::tracking::prediction::Prediction;
+use crate::tracking::relocalise;
+use crate::tracking::sight::ENOUGH_FEATURES;
+use crate::tracking::turn::turn;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes};
+use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
+use tessera_registration::Sampler;
+
+/// Frames of a turn: one look in each, so that no frame takes long, and neighbours in time see the same and
+/// confirm little.
+const TURN_FRAMES: u64 = 3;
+/// Turns from one search by shape alone to the next, which tries many alignments.
+const TURNS_BY_SHAPE: u64 = 6;
+/// Largest disagreement of a sighting with the one before it.
+const AGREES_M: f64 = 0.1;
+const AGREES_RAD: f64 = 5.0_f64.to_radians();
+/// After each join that was refuted or refused, twice as many confirmations are needed for the next, up to so
+/// many times.
+const MOST_DOUBLINGS: u32 = 5;
+/// Keyframes farther than this from a place show another place, metres.
+pub(crate) const ELSEWHERE_M: f64 = 2.0;
+/// Keyframes for which a join that was refused is not tested again: by then both have seen more.
+const REFUSED_FOR: u32 = 200;
+
+/// The record of a tracked frame with what it sees of other submaps, and with the join and its
+/// optimisation once that is certain.
+pub(crate) fn with_sighting(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: FrameRecord,
+) -> FrameRecord {
+    let state = input.map.state();
+    if state.submaps.n_components() < 2 || record.split.is_some() {
+        return record;
+    }
+    let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
+    let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
+    let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
+    let turn = turn(input, TURN_FRAMES, record.new_keyframe.is_some());
+    let sighting = match (known, turn) {
+        (Some(known), _) if is_certain(&known) => Some(known),
+        (known, None) => known,
+        (None, Some(turn)) if turn.is_multiple_of(2) => found(input, aligner, &record, turn),
+        (None, Some(_)) => None,
+        (Some(known), Some(turn)) if turn.is_multiple_of(2) => confirmed(input, aligner, &record, &known),
+        (Some(known), Some(_)) => (!fits_elsewhere(input, aligner, &record, &known)).then_some(known),
+    };
+    // A pending correction was computed from the keyframes as they are.
+    match sighting.filter(|sighting| is_certain(sighting) && state.pending.is_none()) {
+        Some(certain) => joined(input, &certain, record),
+        None => FrameRecord { sighting, ..record },
+    }
+}
+
+/// Confirmations that make a sighting certain: more where joins were refuted, or refused between the two.
+fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
+    let state = input.map.state();
+    let seen = input.map.keyframe(sighting.seen).map_or(0, |k| state.submaps.component(k.submap));
+    let own = state.submaps.component(input.map.submap());
+    let is_between = |(join, _): &&(JoinRecord, u32)| {
+        [(join.kept, join.moved), (join.moved, join.kept)].contains(&(own, seen))
+    };
+    let n_refused = state.refused.iter().filter(is_between).count() as u32;
+    input.context.mapping.relocalise.confirm_frames
+        << state.n_refuted.saturating_add(n_refused).min(MOST_DOUBLINGS)
+}
+
+/// A first sighting: the frame's place among the keyframes of all other submaps.
+fn found(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+    turn: u64,
+) -> Option<SightingRecord> {
+    let others: Vec<&KeyframeState> =
+        input.map.active_anywhere().filter(|k| !input.map.contains(k)).collect();
+    let found = if aligner.sight.n_features() >= ENOUGH_FEATURES && input.context.is_colour_trusted {
+        let world_from_camera = Pose::from(&record.world_from_camera);
+        relocalise::glimpse(input, aligner, &others, |there, submap| {
+            let other_from_own = there * world_from_camera.inverse();
+            !is_known_refused(input.map.state(), &join_by(input, submap, &other_from_own))
+        })?
+    } else if turn.is_multiple_of(TURNS_BY_SHAPE) {
+        relocalise::recognise(input, aligner, &others, (turn / TURNS_BY_SHAPE) as usize)?
+    } else {
+        return None;
+    };
+    sighting(input, record, &found, 1)
+}
+
+/// The sighting once more, where the frame says the same.
+fn confirmed(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+    known: &SightingRecord,
+) -> Option<SightingRecord> {
+    let expected = other_from_own(input, known)? * Pose::from(&record.world_from_camera);
+    let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.velocity));
+    match seen_at(input, aligner, known.seen, &expected, velocity) {
+        Some(found) if agrees(&found, &expected) => sighting(input, record, &found, known.n_confirmed + 1),
+        _ => None,
+    }
+}
+
+/// The frame aligned to the keyframes of another submap about an expected pose; `None` unless the strict
+/// tests pass.
+pub(crate) fn seen_at(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    seen: u32,
+    expected: &Pose,
+    velocity: Twist,
+) -> Option<WindowAlignment> {
+    let other = input.in_submap(input.map.keyframe(seen)?.submap);
+    let guess = Prediction { velocity, ..place(&other, expected) };
+    let members = nearby_keyframes(&other, expected, usize::MAX);
+    let found = align_to(&other, aligner, members, other.samples, &guess);
+    acceptance::strict(&input.context.mapping.relocalise, &found.alignment).ok()?;
+    Some(found)
+}
+
+/// Whether an alignment is where it was expected, in every direction.
+pub(crate) fn agrees(found: &WindowAlignment, expected: &Pose) -> bool {
+    let apart = translation_rotation_norms(&(expected.inverse() * found.alignment.world_from_camera));
+    apart.0 <= AGREES_M && apart.1 <= AGREES_RAD && found.alignment.degenerate.is_empty()
+}
+
+/// What an alignment to another submap says of the keyframes of both.
+fn sighting(
+    input: &TrackingInput<'_>,
+    record: &FrameRecord,
+    found: &WindowAlignment,
+    n_confirmed: u32,
+) -> Option<SightingRecord> {
+    let seen = nearest_of(input, found)?;
+    let seen_from_camera = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
+    let (own, own_from_camera) = own_from_camera(input, record)?;
+    let seen_from_own = seen_from_camera * own_from_camera.inverse();
+    let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
+    Some(SightingRecord { seen: seen.id, own, seen_from_own, n_confirmed })
+}
+
+/// A keyframe of the state and the frame's pose in it: the record's own, or the last one before it where
+/// it makes a new one, as each frame of a fast camera does.
+fn own_from_camera(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<(u32, Pose)> {
+    if record.new_keyframe.is_none() {
+        return Some((record.keyframe, Pose::from(&record.keyframe_from_camera)));
+    }
+    let last = input.map.last_keyframe()?;
+    let own_from_world = Pose::from(&last.world_from_camera).inverse();
+    Some((last.id, own_from_world * Pose::from(&record.world_from_camera)))
+}
+
+/// The keyframe that an alignment has as its first member: the nearest one.
+pub(crate) fn nearest_of<'a>(
+    input: &TrackingInput<'a>,
+    found: &WindowAlignment,
+) -> Option<&'a KeyframeState> {
+    found.members.iter().find_map(|member| match member {
+        Member::Keyframe(id) => input.map.keyframe(*id),
+        Member::Recent(_) => None,
+    })
+}
+
+/// From the gauge of the camera's submap to that of the other one.
+pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Pose> {
+    let [seen, own] = [sighting.seen, sighting.own].map(|id| input.map.keyframe(id));
+    let [other_from_seen, own_from_own] =
+        [seen?, own?].map(|keyframe| Pose::from(&keyframe.world_from_camera));
+    Some(other_from_seen * Pose::from(&sighting.seen_from_own) * own_from_own.inverse())
+}
+
+/// The record with the join and a request to optimise both submaps together, where the keyframes
+/// themselves agree; without the sighting where they do not.
+fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRecord) -> FrameRecord {
+    let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
+    let Some((tested, join)) = verified else { return record };
+    if is_known_refused(input.map.state(), &join) {
+        return record;
+    }
+    match verdict(input, &record, &join) {
+        TestVerdict::Accepted => {}
+        TestVerdict::Undecided => {
+            // Once more, with the keyframes to come.
+            let n_confirmed = sighting.n_confirmed.saturating_sub(1);
+            return FrameRecord { sighting: Some(SightingRecord { n_confirmed, ..*sighting }), ..record };
+        }
+        TestVerdict::Rejected => {
+            let said =
+                format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
+            return FrameRecord { refused: Some(join), ..saying(record, &said) };
+        }
+    }
+    let settings = &input.context.mapping.loops;
+    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
+    let request =
+        detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
+    let said = format!(
+        "submap {} is joined to {}: {} frames agree, {:.0} % overlap, {:.1} % in front",
+        join.moved,
+        join.kept,
+        sighting.n_confirmed,
+        100.0 * tested.overlap,
+        100.0 * tested.in_front
+    );
+    FrameRecord { join: Some(join), request, ..saying(record, &said) }
+}
+
+/// The record with something more in its reason.
+pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
+    let reason =
+        if record.reason.is_empty() { said.to_owned() } else { format!("{}; {said}", record.reason) };
+    FrameRecord { reason, ..record }
+}
+
+/// What the views of both components about the camera say of a join.
+fn verdict(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> TestVerdict {
+    let (context, state, keyframes) = (input.context, input.map.state(), input.surfaces.keyframes);
+    let camera = Pose::from(&record.world_from_camera);
+    let is_moved = state.submaps.component(input.map.submap()) == join.moved;
+    let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
+    contradiction::verdict(contradiction::join_nats(
+        context,
+        state,
+        keyframes,
+        join,
+        &there.translation.vector,
+    ))
+}
+
+/// Whether the frame has its place elsewhere in the other component just as well: of rooms that look alike none
+/// says which one it is.
+fn fits_elsewhere(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    record: &FrameRecord,
+    sighting: &SightingRecord,
+) -> bool {
+    let (Some(other_from_own), Some(seen)) =
+        (other_from_own(input, sighting), input.map.keyframe(sighting.seen))
+    else {
+        return false;
+    };
+    let expected = other_from_own * Pose::from(&record.world_from_camera);
+    let other = input.map.in_submap(seen.submap);
+    let apart_m = |pose: &Pose| (expected.translation.vector - pose.translation.vector).norm();
+    let is_elsewhere = |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > ELSEWHERE_M;
+    let elsewhere: Vec<&KeyframeState> = other.active().filter(is_elsewhere).collect();
+    relocalise::glimpse(input, aligner, &elsewhere, |there, _| apart_m(there) > ELSEWHERE_M).is_some()
+}
+
+/// Whether the same join was refused a short while ago.
+fn is_known_refused(state: &TrackerState, join: &JoinRecord) -> bool {
+    let n = state.keyframes.len() as u32;
+    let is_known = |(refused, then): &(JoinRecord, u32)| {
+        n < then.saturating_add(REFUSED_FOR) && contradiction::is_same_join(refused, join)
+    };
+    state.refused.iter().any(is_known)
+}
+
+/// The tests of a loop between the camera's keyframe and the nearest one of the other submap; `None`
+/// where they fail.
+pub(crate) fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Tested> {
+    let own = input.map.keyframe(sighting.own)?;
+    let seen = input.map.keyframe(sighting.seen)?;
+    let other_from_camera = other_from_own(input, sighting)? * Pose::from(&own.world_from_camera);
+    let nearest = nearby_keyframes(&input.in_submap(seen.submap), &other_from_camera, 1);
+    let Some(Member::Keyframe(nearest)) = nearest.first() else { return None };
+    let nearest = input.map.keyframe(*nearest)?;
+    let nearest_from_own = Pose::from(&nearest.world_from_camera).inverse() * other_from_camera;
+    let mut sampler = Sampler::default();
+    let [own, nearest] =
+        [own, nearest].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
+    let settings = &input.context.mapping.global;
+    let mut matcher = input.context.matcher();
+    let tested = verification::test(settings, &mut matcher, &own, &nearest, &nearest_from_own);
+    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+    is_good.then_some(tested)
+}
+
+/// The older component keeps its gauge.
+pub(crate) fn join(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<JoinRecord> {
+    let seen = input.map.keyframe(sighting.seen)?;
+    Some(join_by(input, seen.submap, &other_from_own(input, sighting)?))
+}
+
+/// The join of the camera's component with that of a submap, from the gauge of one to that of the other.
+fn join_by(input: &TrackingInput<'_>, submap: u32, other_from_own: &Pose) -> JoinRecord {
+    let submaps = &input.map.state().submaps;
+    let [own, other] = [input.map.submap(), submap].map(|submap| submaps.component(submap));
+    let motion = if other < own { *other_from_own } else { other_from_own.inverse() };
+    let kept_from_moved = PoseBits::from(&compose_normalised(&motion, &Twist::default()));
+    JoinRecord { kept: own.min(other), moved: own.max(other), kept_from_moved }
+}

@@ -1,0 +1,38 @@
+//! Keyframes that look like a new one, wherever they lie: loops that drift hides from the poses.
+
+use crate::map::appearance::similarity;
+use crate::map::detection;
+use crate::map::state::KeyframeState;
+use crate::tracking::input::{FrameSurface, TrackingInput};
+use crate::tracking::sight::Sight;
+
+/// Keyframes that share the most features.
+const MOST_BY_FEATURES: usize = 2;
+/// Words that they share at least: of places in the simulated house the first wrong answer has ten.
+const MIN_WORDS: usize = 12;
+
+/// Keyframes with which a new one, made of `frame`, may close a loop, the most alike first. The
+/// optimiser verifies them.
+pub(crate) fn alike(
+    input: &TrackingInput<'_>,
+    sight: &mut Sight,
+    frame: &FrameSurface<'_>,
+    code: &[u8],
+) -> Vec<u32> {
+    let settings = &input.context.mapping.loops;
+    let closes_loop = |older: &KeyframeState| {
+        input.map.contains(older) && detection::is_loop(settings, input.map, older, frame.index)
+    };
+    let mut alike = Vec::new();
+    if input.context.mapping.features.enabled && input.context.is_colour_trusted {
+        alike = sight.recognise(input, frame.features, [MOST_BY_FEATURES, MIN_WORDS], closes_loop);
+    }
+    let older = input.map.active().filter(|older| closes_loop(older));
+    let best = older
+        .map(|older| (similarity(code, &older.place), older.id))
+        // The first among equals.
+        .fold((0.0, None), |best, next| if next.0 > best.0 { (next.0, Some(next.1)) } else { best });
+    let by_ferns = best.1.filter(|id| best.0 >= settings.min_similarity && !alike.contains(id));
+    alike.extend(by_ferns);
+    alike
+}

@@ -1,0 +1,69 @@
+//! The audit of colour: what the surfaces alone say of a frame that features took part in.
+//!
+//! A pose that follows wrong colour takes the data association of the surfaces along, which then
+//! agrees. So some frames are aligned once more without features, and their matches are judged there.
+//! Surfaces that leave a direction open, as those of a corridor or of one wall do, judge nothing: along it
+//! their pose is a prediction, and it would be colour that is found wrong.
+
+use crate::estimation::colour_model::ColourRecord;
+use crate::map::records::State;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::observed::Observed;
+use crate::tracking::prediction::{Prediction, Reference};
+use crate::tracking::sight::Judged;
+use crate::tracking::turn::turn;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::{WindowAlignment, reference};
+
+/// Frames that are all audited at first; from then on one of so many is.
+const ALL_UNTIL: u32 = 40;
+const EVERY: u64 = 8;
+/// Outer iterations: the start is at a solution, or not far from one.
+const OUTER_ITERATIONS: u32 = 3;
+
+/// What a frame's features say of colour; `None` where it is not audited, too few match, or the surfaces cannot tell.
+pub(crate) fn colour_record(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    aligned: &WindowAlignment,
+    prediction: &Prediction,
+    makes_keyframe: bool,
+) -> Option<ColourRecord> {
+    let colour = &input.map.state().colour;
+    let is_due = colour.n_frames < ALL_UNTIL || turn(input, EVERY, makes_keyframe).is_some();
+    if !is_due || aligner.sight.n_features() == 0 || aligned.state != State::Tracking {
+        return None;
+    }
+    let (members, references): (Vec<Member>, Vec<Reference<'_>>) =
+        aligned.members.iter().filter_map(|member| Some((*member, reference(input, *member)?))).unzip();
+    let guess = Prediction {
+        world_from_camera: aligned.alignment.world_from_camera,
+        is_known: false,
+        first_distance_m: input.context.mapping.window.min_first_distance_m,
+        outer_iterations: OUTER_ITERATIONS,
+        ..*prediction
+    };
+    let alone = aligner.align(input.context, input.samples, &references, &guess);
+    if !alone.is_solved || !alone.degenerate.is_empty() {
+        return None;
+    }
+    let factor = aligner.independent_factor();
+    let covariance = alone.information.try_inverse()? * aligner.metric_factor(input.context);
+    let mut sums = Observed::new(input.context, colour, covariance);
+    for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
+        if !matches!(member, Member::Keyframe(_)) {
+            continue;
+        }
+        let target_from_query = reference.world_from_camera.inverse() * alone.world_from_camera;
+        let judged = Judged {
+            key: reference.key,
+            target_from_query,
+            origin: *origin,
+            sums: block,
+            velocity: reference.velocity,
+        };
+        aligner.sight.judge(&judged, factor, &mut sums);
+    }
+    sums.record()
+}

@@ -1,0 +1,343 @@
+//! What the tracker sees by features: the frame's own, the references', and the pairs between them.
+
+use crate::estimation::colour_model::ColourModel;
+use crate::evidence::same_place;
+use crate::map::context::Context;
+use crate::map::state::KeyframeState;
+use crate::pairs::lift::lift;
+use crate::pairs::matching::{PairFinder, Reach, Seen};
+use crate::pairs::residuals;
+use crate::pairs::weighted_pair::{FeaturePair, WeightedPair};
+use crate::tracking::input::{FrameSurface, TrackingInput};
+use crate::tracking::observed::Observed;
+use crate::tracking::prediction::Reference;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use tessera_features::{Feature, Observation, PlaceIndex};
+use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
+use tessera_graph::{BlockSums, PairBlock};
+use tessera_numerics::Step;
+use tessera_surface::SurfaceView;
+
+/// Features of a view from which on what they do not share with another one says something.
+pub(crate) const ENOUGH_FEATURES: usize = 100;
+
+/// Names a surface: as [`Reference::key`].
+pub(crate) type SurfaceKey = (bool, u64);
+
+/// Observations kept beside those of this frame.
+const KEPT: usize = 24;
+/// References whose features are matched: the first of a window.
+const MOST_PAIRS: usize = 5;
+/// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
+const NEAR_IN_TIME: u32 = 4;
+const NEIGHBOURS: usize = 10;
+/// Squared normalised error of a feature that agrees with a pose, at most.
+const AGREES_SQ: f64 = 25.0;
+
+/// Observations of one reference, with what they were made from.
+struct KnownObservations {
+    model: ColourModel,
+    velocity: Twist,
+    observations: Arc<[Observation]>,
+}
+
+/// Observations are made again where a better known motion turns them by more, radians.
+const LEAST_CHANGE_RAD: f64 = 1e-3;
+
+/// The tracker's features: buffers and what is known of this frame. Nothing of it is state.
+pub(crate) struct Sight {
+    pub(crate) finder: PairFinder,
+    known: BTreeMap<SurfaceKey, KnownObservations>,
+    index: u64,
+    /// Motion that the observations were made with.
+    velocity: Twist,
+    features: Vec<Feature>,
+    n_features: usize,
+    /// The image is that of the frame before.
+    pub(crate) is_repeated: bool,
+    observations: Arc<[Observation]>,
+    pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
+    /// The active keyframes of all submaps, as of the last recognition; sets of keyframes that differ much have an
+    /// index each.
+    places: BTreeMap<u32, PlaceIndex>,
+    /// The index that is used: the caller's name of a set.
+    pub(crate) places_used: u32,
+    /// An index has those keyframes alone among which a frame is looked for: what it sees depends on no other.
+    pub(crate) holds_admitted_only: bool,
+}
+
+impl Sight {
+    pub(crate) fn new(context: &Context) -> Self {
+        Self {
+            finder: PairFinder::new(context),
+            known: BTreeMap::new(),
+            index: 0,
+            velocity: Twist::default(),
+            features: Vec::new(),
+            n_features: 0,
+            is_repeated: false,
+            observations: Arc::new([]),
+            pairs: BTreeMap::new(),
+            places: BTreeMap::new(),
+            places_used: 0,
+            holds_admitted_only: false,
+        }
+    }
+
+    /// Takes a frame's features in. Those of a repeated image are left out: no camera measures the same
+    /// image twice, bit by bit (in the dark some deliver each image twice), and its matches would hold the camera
+    /// still. `before` is the frame that
+    /// the state names as its last, so that an answer never hangs on what else is still at hand.
+    pub(crate) fn begin(
+        &mut self,
+        context: &Context,
+        frame: &FrameSurface<'_>,
+        before: Option<&FrameSurface<'_>>,
+        velocity: &Twist,
+    ) {
+        self.is_repeated =
+            !frame.features.is_empty() && before.is_some_and(|before| before.features == frame.features);
+        self.index = frame.index;
+        self.velocity = *velocity;
+        self.pairs.clear();
+        self.features.clear();
+        if context.mapping.features.enabled && !self.is_repeated {
+            self.features.extend_from_slice(frame.features);
+        }
+        self.n_features = self.features.len();
+        self.observations = lift(context, &self.features, &frame.surface, velocity).into();
+    }
+
+    /// Leaves out features of this frame by their points, metres in its camera.
+    pub(crate) fn leave_out(&mut self, is_left_out: impl Fn(&[f32; 3]) -> bool) {
+        let is_kept = |o: &Observation| {
+            o.point.is_none_or(|point| !is_left_out(&std::array::from_fn(|k| point.position_m[k] as f32)))
+        };
+        let kept: Vec<bool> = self.observations.iter().map(is_kept).collect();
+        let mut of_features = kept.iter();
+        self.features.retain(|_| of_features.next() != Some(&false));
+        let all = self.observations.iter().zip(&kept);
+        self.observations = all.filter(|(_, is_kept)| **is_kept).map(|(o, _)| *o).collect();
+    }
+
+    /// Observes the features again with a better known motion, where that moves them.
+    pub(crate) fn observe_again(&mut self, context: &Context, surface: &SurfaceView<'_>, velocity: &Twist) {
+        let change = Twist { rho: velocity.rho - self.velocity.rho, phi: velocity.phi - self.velocity.phi };
+        let seconds = context.colour.lag_s.abs() + 0.25 * context.camera.readout_s.abs();
+        if (change.phi.norm() + 0.5 * change.rho.norm()) * seconds < LEAST_CHANGE_RAD {
+            return;
+        }
+        self.velocity = *velocity;
+        self.pairs.clear();
+        self.observations = lift(context, &self.features, surface, velocity).into();
+    }
+
+    /// Features of the frame, those that were left out among them.
+    pub(crate) fn n_features(&self) -> usize {
+        self.n_features
+    }
+
+    /// The pair with a reference: found once for each frame, within reach of
+    /// `world_from_camera`.
+    pub(crate) fn pair(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+        reach: Reach,
+    ) -> Option<Arc<FeaturePair>> {
+        if let Some(Some(known)) = self.pairs.get(&reference.key) {
+            return Some(Arc::clone(known));
+        }
+        context.steps.enter(Step::Match);
+        let observations = self.observations_of(context, reference);
+        let guess = reference.world_from_camera.inverse() * world_from_camera;
+        let query = Seen { features: &self.features, observations: &self.observations, session: None };
+        let session = reference.session;
+        let target = Seen { features: reference.features, observations: &observations, session };
+        let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
+        let found = self.finder.find(context, [query, target], &guess, reach, seed);
+        let found = found.map(Arc::new);
+        self.pairs.insert(reference.key, found.clone());
+        found
+    }
+
+    /// Keyframes that show most of these features, the best first: at most `n`, of neighbours in time
+    /// the best one, and with at least `min_words` of them.
+    pub(crate) fn recognise(
+        &mut self,
+        input: &TrackingInput<'_>,
+        features: &[Feature],
+        [n, min_words]: [usize; 2],
+        is_admitted: impl Fn(&KeyframeState) -> bool,
+    ) -> Vec<u32> {
+        let map = input.map.state();
+        let is_held = |k: &&KeyframeState| !self.holds_admitted_only || is_admitted(k);
+        let held = map.active().filter(is_held).map(|keyframe| keyframe.id);
+        let arch = input.context.registration.isa.arch();
+        let places = self.places.entry(self.places_used).or_insert_with(|| PlaceIndex::new(arch));
+        places.hold_only(held, |id| input.surfaces.keyframes.features_once(id));
+        let mut admitted = vec![false; map.keyframes.len()];
+        map.active().filter(|k| is_admitted(k)).for_each(|k| admitted[k.id as usize] = true);
+        if !admitted.contains(&true) {
+            return Vec::new();
+        }
+        let is_admitted = |id: u32| admitted.get(id as usize) == Some(&true);
+        let found = places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
+        let mut chosen: Vec<u32> = Vec::new();
+        for place in found.iter().map(|found| found.place) {
+            if chosen.len() < n && chosen.iter().all(|other| other.abs_diff(place) > NEAR_IN_TIME) {
+                chosen.push(place);
+            }
+        }
+        chosen
+    }
+
+    /// As [`Self::recognise`], for the frame's own features.
+    pub(crate) fn recognise_frame(
+        &mut self,
+        input: &TrackingInput<'_>,
+        n: [usize; 2],
+        is_admitted: impl Fn(&KeyframeState) -> bool,
+    ) -> Vec<u32> {
+        let features = std::mem::take(&mut self.features);
+        let found = self.recognise(input, &features, n, is_admitted);
+        self.features = features;
+        found
+    }
+
+    fn observations_of(&mut self, context: &Context, reference: &Reference<'_>) -> Arc<[Observation]> {
+        if let Some(known) = self.known.get(&reference.key)
+            && known.model == context.colour
+            && known.velocity == reference.velocity
+            && known.observations.len() == reference.features.len()
+        {
+            return Arc::clone(&known.observations);
+        }
+        let (model, velocity) = (context.colour, reference.velocity);
+        let seen_by = reference.session.map_or(Cow::Borrowed(context), |session| context.of(session));
+        let observations: Arc<[Observation]> =
+            lift(&seen_by, reference.features, &reference.surface, &velocity).into();
+        while self.known.len() >= KEPT {
+            self.known.pop_first();
+        }
+        self.known.insert(
+            reference.key,
+            KnownObservations { model, velocity, observations: Arc::clone(&observations) },
+        );
+        observations
+    }
+
+    /// Gives references the features that they share with the frame; `weight` of metric information in
+    /// the units of the blocks.
+    pub(crate) fn pair_all(
+        &mut self,
+        context: &Context,
+        references: &mut [Reference<'_>],
+        world_from_camera: &Pose,
+        weight: f64,
+    ) {
+        if self.features.is_empty() {
+            return;
+        }
+        for reference in references.iter_mut().take(MOST_PAIRS) {
+            let pair = self.pair(context, reference, world_from_camera, Reach::KNOWN);
+            let at = reference.world_from_camera.inverse() * world_from_camera;
+            reference.pair = pair.map(|pair| WeightedPair::new(pair, weight, &at));
+        }
+    }
+
+    /// Features that agree with an alignment, of the reference that has most.
+    pub(crate) fn n_agreeing(&self, references: &[Reference<'_>], world_from_camera: &Pose) -> u32 {
+        let count = |reference: &Reference<'_>| {
+            let Some(pair) = &reference.pair else { return 0 };
+            let at = reference.world_from_camera.inverse() * world_from_camera;
+            pair.found.inliers.iter().filter(|c| residuals::squared_error(c, &at) < AGREES_SQ).count() as u32
+        };
+        references.iter().map(count).max().unwrap_or(0)
+    }
+
+    /// Features that agree with an alignment to a reference, matched anew wherever they are: a pair that is known may
+    /// have been looked for about another pose.
+    pub(crate) fn n_agreeing_anywhere(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        world_from_camera: &Pose,
+    ) -> usize {
+        let observations = self.observations_of(context, reference);
+        let at = reference.world_from_camera.inverse() * world_from_camera;
+        let query = Seen { features: &self.features, observations: &self.observations, session: None };
+        let session = reference.session;
+        let target = Seen { features: reference.features, observations: &observations, session };
+        let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
+        let found = self.finder.find(context, [query, target], &at, Reach::ANYWHERE, seed);
+        found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
+    }
+
+    /// Features of the frame that would agree with a reference at a pose, were it the same place: of those that it
+    /// would have to see, the share that agrees with `before`, a view just before.
+    pub(crate) fn n_expected(
+        &mut self,
+        context: &Context,
+        before: Option<&Reference<'_>>,
+        target_from_query: &Pose,
+    ) -> f64 {
+        let n = same_place::n_comparable(context, &self.observations, target_from_query);
+        n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
+    }
+
+    /// Share of the comparable features that agree with a view just before, on whatever pose they agree.
+    fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
+        let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
+        pair.map_or(0.0, |pair| {
+            let at = pair.target_from_query;
+            same_place::agreeing_share(context, &self.observations, &pair.inliers, &at)
+        })
+    }
+
+    /// Features of a pair already found that agree with a relative pose, `target_from_query`.
+    pub(crate) fn n_agreeing_with(&self, key: SurfaceKey, at: &Pose) -> usize {
+        let Some(Some(pair)) = self.pairs.get(&key) else { return 0 };
+        pair.inliers.iter().filter(|c| residuals::squared_error(c, at) < AGREES_SQ).count()
+    }
+
+    /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
+    pub(crate) fn judge(&self, judged: &Judged<'_>, factor: f64, sums: &mut Observed<'_>) {
+        let Some(Some(pair)) = self.pairs.get(&judged.key) else { return };
+        let at = by_surfaces(judged, factor);
+        let velocities = [&self.velocity, &judged.velocity];
+        pair.inliers.iter().for_each(|c| sums.add(c, &at, velocities));
+        sums.end_pair();
+    }
+}
+
+/// A pair whose surfaces judge colour.
+pub(crate) struct Judged<'a> {
+    pub(crate) key: SurfaceKey,
+    /// As aligned, and where the sums are about.
+    pub(crate) target_from_query: Pose,
+    pub(crate) origin: Pose,
+    /// Of the surfaces alone.
+    pub(crate) sums: &'a BlockSums,
+    /// Of the target.
+    pub(crate) velocity: Twist,
+}
+
+/// Standard deviations of a relative pose beyond which the surfaces do not judge, metres and radians.
+const JUDGED_M: f64 = 0.002;
+const JUDGED_RAD: f64 = 0.002;
+
+/// The relative pose by the surfaces alone; as aligned where they hardly hold it.
+fn by_surfaces(judged: &Judged<'_>, factor: f64) -> Pose {
+    let block = PairBlock::new(&judged.origin, judged.sums);
+    let (t, r) = (factor / (JUDGED_M * JUDGED_M), factor / (JUDGED_RAD * JUDGED_RAD));
+    let prior = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
+    let (h, g, _) = block.linearise(&judged.target_from_query);
+    let step = (h + prior).cholesky().map(|factor| -factor.solve(&g));
+    step.map_or(judged.target_from_query, |step| {
+        compose_normalised(&judged.target_from_query, &Twist::from_vector(&step))
+    })
+}

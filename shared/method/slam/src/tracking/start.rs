@@ -1,0 +1,114 @@
+//! The pose on which features agree, as an initial guess in place of the motion prediction.
+
+use crate::pairs::matching::Reach;
+use crate::tracking::alignment::Aligner;
+use crate::tracking::input::TrackingInput;
+use crate::tracking::prediction::Prediction;
+use crate::tracking::window::{self, Member};
+use crate::tracking::window_alignment::{every_nth, newest_reference, reference, support};
+use tessera_geometry::{Pose, Twist, Vector6, log};
+
+/// Inliers of a guess that needs no other reference.
+const SURE_INLIERS: usize = 30;
+/// Members of the window that are asked.
+const MOST_ASKED: usize = 2;
+/// Samples that are compared.
+const N_SAMPLES: usize = 300;
+/// Share of the prediction's support that the features' guess must have.
+const LEAST_SUPPORT: f64 = 0.9;
+/// Squared distance from a prediction in units of its deviations that it has once in a thousand: the quantile of
+/// chi-square with six degrees of freedom.
+const ELSEWHERE_SQ: f64 = 22.46;
+/// Outer iterations from there: the start is at a solution, or not far from one.
+const OUTER_ITERATIONS: u32 = 3;
+/// Part of the last change of velocity that is expected to go on.
+const AHEAD: f64 = 0.5;
+
+/// What features say of where a frame is.
+pub(crate) enum FeatureStart {
+    /// Here the alignment starts.
+    Better(Prediction),
+    /// Surfaces support a known motion more, but the two are different places: both are tried.
+    Rival(Prediction),
+}
+
+/// The prediction at the pose that features agree on; `None` without one, or where that is the predicted one and the
+/// surfaces support it less.
+pub(crate) fn guess_from_features(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    prediction: &Prediction,
+) -> Option<FeatureStart> {
+    let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
+    let newest = newest_reference(input, &prediction.world_from_camera)?;
+    let some = every_nth(input.samples, N_SAMPLES);
+    let predicted = support(input, aligner, &some, &newest, &prediction.world_from_camera);
+    let seen = support(input, aligner, &some, &newest, &world_from_camera);
+    let is_better = !prediction.is_known || seen >= LEAST_SUPPORT * predicted;
+    let is_elsewhere =
+        || prediction.motion.as_ref().is_some_and(|m| m.squared_distance(&world_from_camera) > ELSEWHERE_SQ);
+    if !is_better && !is_elsewhere() {
+        return None;
+    }
+    let window = &input.context.mapping.window;
+    let mut guess = Prediction {
+        world_from_camera,
+        is_known: true,
+        first_distance_m: window.min_first_distance_m,
+        outer_iterations: OUTER_ITERATIONS,
+        ..*prediction
+    };
+    if let Some((previous, seconds)) = prediction.previous {
+        guess.velocity = log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds);
+        let velocity = velocity_at_frame(input, &guess.velocity);
+        aligner.sight.observe_again(input.context, &input.frame.surface, &velocity);
+    }
+    Some(if is_better { FeatureStart::Better(guess) } else { FeatureStart::Rival(guess) })
+}
+
+/// The pose with most inliers against the newest members of the window: near where they are
+/// predicted, and anywhere where too few are there.
+fn pose_from_features(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    world_from_camera: &Pose,
+) -> Option<Pose> {
+    let is_wanted = input.context.mapping.features.gives_guess && input.context.is_colour_trusted;
+    if aligner.sight.n_features() == 0 || !is_wanted {
+        return None;
+    }
+    let mut members = window::select(&input.map, &input.context.mapping.window, world_from_camera);
+    members.truncate(MOST_ASKED);
+    let last = input.map.last_own_keyframe().map(|k| Member::Keyframe(k.id));
+    members.extend(last.filter(|last| !members.contains(last)));
+    for reach in [Reach::PREDICTED, Reach::ANYWHERE] {
+        let mut best: Option<(usize, Pose)> = None;
+        for reference in members.iter().filter_map(|member| reference(input, *member)) {
+            let found = aligner.sight.pair(input.context, &reference, world_from_camera, reach);
+            let Some(pair) = found else { continue };
+            let n = pair.inliers.len();
+            if best.as_ref().is_none_or(|best| n > best.0) {
+                best = Some((n, reference.world_from_camera * pair.target_from_query));
+            }
+            if n >= SURE_INLIERS {
+                break;
+            }
+        }
+        if let Some((_, pose)) = best {
+            return Some(pose);
+        }
+    }
+    None
+}
+
+/// The motion at the frame itself, half a step after the mean since the frame before.
+fn velocity_at_frame(input: &TrackingInput<'_>, mean: &Twist) -> Twist {
+    let before = input.map.state().recent.last().filter(|last| last.velocity != [0.0; 6]);
+    before.map_or(*mean, |last| {
+        let before = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
+        Twist {
+            rho: mean.rho + (mean.rho - before.rho) * AHEAD,
+            phi: mean.phi + (mean.phi - before.phi) * AHEAD,
+        }
+    })
+}
