@@ -85,8 +85,8 @@ fn halves_of_a_kitchen_become_one_map_no_worse_than_each() {
     for (run, summary) in [&first, &second].into_iter().zip(&summary.runs) {
         let joint = folder.join("map").join(format!("trajectory_{}.txt", summary.label));
         let (alone, joint) = (ate_m(&run.join("trajectory.txt"), run), ate_m(&joint, run));
-        // Other samples make as much of a difference.
-        assert!(joint <= 1.02 * alone, "{}: {alone} m alone, {joint} m joint", summary.label);
+        // Of one run over it five seeds differ by 7 % (docs/accuracy.md).
+        assert!(joint <= 1.05 * alone, "{}: {alone} m alone, {joint} m joint", summary.label);
     }
 }
 
