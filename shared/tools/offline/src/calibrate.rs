@@ -226,7 +226,6 @@ fn solve<E>(
         })
         .collect();
     let poses: Vec<Pose> = keyframes.iter().map(|k| k.world_from_camera).collect();
-    let global = &method.mapping.global;
     let limits = PairLimits {
         distance_m: GlobalSettings::RADIUS_M,
         angle_rad: GlobalSettings::ANGLE_DEG.to_radians(),
@@ -247,7 +246,7 @@ fn solve<E>(
             pairs: &pairs,
             queries_per_pair: options.queries_per_pair,
             first_distance_m: GlobalSettings::FIRST_DISTANCE_M,
-            min_overlap: global.min_overlap,
+            min_overlap: tessera_slam::GlobalSettings::MIN_OVERLAP,
             start_px: options.start_px,
             fixed: &options.fixed,
         },

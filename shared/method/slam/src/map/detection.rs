@@ -40,7 +40,7 @@ pub(crate) fn closes_loop(settings: &LoopSettings, newer: &TrackPoint, older: &T
     newer.session != older.session
         || newer.submap != older.submap
         || (newer.frame_index.saturating_sub(older.frame_index) > settings.min_frames
-            && newer.keyframe.saturating_sub(older.keyframe) > settings.min_keyframes)
+            && newer.keyframe.saturating_sub(older.keyframe) > LoopSettings::MIN_KEYFRAMES)
 }
 
 /// Whether seeing `keyframe` from frame `index` closes a loop.
@@ -111,18 +111,18 @@ mod tests {
 
     #[test]
     fn a_loop_is_far_in_frames_and_graph_or_of_another_run() {
-        let settings = LoopSettings { min_frames: 20, min_keyframes: 3, ..LoopSettings::default() };
+        let settings = LoopSettings { min_frames: 20, ..LoopSettings::default() };
         let keyframes: Vec<KeyframeState> = (0..8).map(|id| keyframe(id, 1, 0.0)).collect();
-        // Ten frames from keyframe to keyframe: more than three of them are needed.
-        let [newest, older, near] = [7, 3, 4].map(|id| TrackPoint::of_keyframe(&keyframes[id]));
+        // Ten frames from keyframe to keyframe: more than five of them are needed.
+        let [newest, older, near] = [7, 1, 2].map(|id| TrackPoint::of_keyframe(&keyframes[id]));
         assert!(closes_loop(&settings, &newest, &older) && !closes_loop(&settings, &newest, &near));
-        let sparse = LoopSettings { min_frames: 40, ..settings.clone() };
+        let sparse = LoopSettings { min_frames: 60, ..settings.clone() };
         assert!(!closes_loop(&sparse, &newest, &older));
         assert!(closes_loop(&settings, &newest, &TrackPoint::of_keyframe(&keyframe(6, 0, 0.0))));
         // A frame stands where the last keyframe does in the graph.
         let state = TrackerState { keyframes: keyframes.clone(), session: 1, ..TrackerState::default() };
-        assert!(is_loop(&settings, &state, &keyframes[3], 75));
-        assert!(!is_loop(&settings, &state, &keyframes[4], 75));
+        assert!(is_loop(&settings, &state, &keyframes[1], 75));
+        assert!(!is_loop(&settings, &state, &keyframes[2], 75));
     }
 
     #[test]

@@ -14,6 +14,7 @@ use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
+use crate::settings::RelocaliseSettings;
 use crate::submaps::contradiction;
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;
@@ -251,7 +252,7 @@ impl Looker {
         own: &KeyframeState,
         mut sighting: SightingRecord,
     ) -> Option<(Meeting, JoinRecord)> {
-        let n_needed = self.context.mapping.relocalise.confirm_frames;
+        let n_needed = RelocaliseSettings::CONFIRM_FRAMES;
         for neighbour in neighbours(state, own) {
             if sighting.n_confirmed >= n_needed {
                 break;

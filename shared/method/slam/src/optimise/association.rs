@@ -114,7 +114,6 @@ impl<'a> KeyframeAssociation<'a> {
         (query, target): (usize, usize),
         tightness: f32,
     ) -> SearchedPair {
-        let settings = &self.context.mapping.global;
         let PairSearcher { matcher, finder, looked_at } = searcher;
         let [newer, older] = [query, target].map(|k| &self.keyframes[k]);
         let is_loop = detection::closes_loop(
@@ -126,7 +125,7 @@ impl<'a> KeyframeAssociation<'a> {
         let tested = is_loop.then(|| {
             self.known.get(&(newer.id, older.id)).copied().unwrap_or_else(|| {
                 let at = poses[target].inverse() * poses[query];
-                verification::test(settings, matcher, queries, surface, &at)
+                verification::test(matcher, queries, surface, &at)
             })
         });
         let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
@@ -151,7 +150,7 @@ impl<'a> KeyframeAssociation<'a> {
                 WeightedPair::new(found, weight, &at)
             }),
         };
-        let pair = Pair { is_loop, ..search.find(self.context, matcher, poses) };
+        let pair = Pair { is_loop, ..search.find(matcher, poses) };
         let tested = tested.map(|tested| {
             let verdict = self.by_features(tested.verdict, [queries, surface], seen.as_deref(), || {
                 pair.block.linearise(&(poses[target].inverse() * poses[query])).0

@@ -108,10 +108,9 @@ fn alike(
     if guess.is_none() && !is_determined(context, &block.linearise(&at).0) {
         return None;
     }
-    let settings = &context.mapping.global;
-    let tested = verification::test(settings, matcher, newer, older, &at);
+    let tested = verification::test(matcher, newer, older, &at);
     // No pose speaks for this pair: it must overlap well in both directions.
-    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= GlobalSettings::MIN_OVERLAP;
     is_good.then_some(AlikePair { older_from_newer: at, block, tested })
 }
 

@@ -32,7 +32,6 @@ pub(crate) fn refine_camera(
     solution: &Solution,
     progress: &mut dyn FnMut(),
 ) -> Result<Calibration, CalibrationError> {
-    let global = &context.mapping.global;
     let limits = PairLimits {
         distance_m: GlobalSettings::RADIUS_M,
         angle_rad: GlobalSettings::ANGLE_DEG.to_radians(),
@@ -72,7 +71,7 @@ pub(crate) fn refine_camera(
             pairs: &pairs,
             queries_per_pair: QUERIES_PER_PAIR,
             first_distance_m: GlobalSettings::FIRST_DISTANCE_M,
-            min_overlap: global.min_overlap,
+            min_overlap: GlobalSettings::MIN_OVERLAP,
             start_px: START_PX,
             fixed: &[],
         },

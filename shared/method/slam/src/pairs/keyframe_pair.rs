@@ -1,7 +1,6 @@
 //! The pair builder of the global optimisation: one multi-edge between two
 //! views (method 7, 8.1).
 
-use crate::map::context::Context;
 use crate::pairs::weighted_pair::WeightedPair;
 use crate::settings::GlobalSettings;
 use tessera_geometry::Pose;
@@ -31,8 +30,7 @@ pub(crate) const MIN_FEATURES: u32 = 30;
 
 impl PairSearch<'_> {
     /// The pair at these poses; weight 0 where it overlaps too little to count.
-    pub(crate) fn find(&self, context: &Context, matcher: &mut Matcher, poses: &[Pose]) -> Pair {
-        let settings = &context.mapping.global;
+    pub(crate) fn find(&self, matcher: &mut Matcher, poses: &[Pose]) -> Pair {
         let target_from_query = poses[self.target].inverse() * poses[self.query];
         // Each pair takes another choice of the samples.
         let selection = Selection { count: GlobalSettings::QUERIES_PER_PAIR, shift: self.target };
@@ -41,7 +39,7 @@ impl PairSearch<'_> {
         let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
         let is_link = self.is_consecutive && report.n_matches >= MIN_CONSECUTIVE_MATCHES;
         let is_seen = self.features.as_ref().is_some_and(|pair| pair.found.sums.n >= MIN_FEATURES);
-        let weight = if overlap >= settings.min_overlap || is_link || is_seen { 1.0 } else { 0.0 };
+        let weight = if overlap >= GlobalSettings::MIN_OVERLAP || is_link || is_seen { 1.0 } else { 0.0 };
         if let Some(pair) = &self.features {
             pair.add_to(&mut sums, &target_from_query);
         }

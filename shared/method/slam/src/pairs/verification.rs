@@ -34,7 +34,6 @@ pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
 
 /// Tests the pair at its own optimum, which it looks for from `newer`'s pose in `older`'s frame.
 pub(crate) fn test(
-    settings: &GlobalSettings,
     matcher: &mut Matcher,
     newer: &Matchable<'_>,
     older: &Matchable<'_>,
@@ -55,7 +54,7 @@ pub(crate) fn test(
         disagreement_sigmas(&pair.block, pair.cost, &other.target_from_query.inverse(), factor)
     };
     let inconsistency_sigmas = disagreement(&forward, &backward).max(disagreement(&backward, &forward));
-    let verdict = if !(overlap >= settings.min_overlap * 0.5) {
+    let verdict = if !(overlap >= GlobalSettings::MIN_OVERLAP * 0.5) {
         LoopVerdict::LittleOverlap
     } else if !(in_front <= GlobalSettings::MAX_IN_FRONT) {
         LoopVerdict::FreeSpaceViolated

@@ -13,18 +13,17 @@ pub struct GlobalSettings {
     /// Outer iterations of the final request.
     #[serde(skip)]
     pub final_iterations: u32,
-    /// Least share of queries with a match for a pair to count.
-    #[serde(skip)]
-    pub min_overlap: f64,
 }
 
 impl Default for GlobalSettings {
     fn default() -> Self {
-        Self { refine_camera: false, final_iterations: 4, min_overlap: 0.2 }
+        Self { refine_camera: false, final_iterations: 4 }
     }
 }
 
 impl GlobalSettings {
+    /// Least share of queries with a match for a pair to count.
+    pub const MIN_OVERLAP: f64 = 0.2;
     /// Largest distance between the keyframes of a pair, metres: in a room, farther keyframes see
     /// the same surface too obliquely to be matched.
     pub const RADIUS_M: f64 = 1.5;
@@ -49,7 +48,6 @@ impl GlobalSettings {
 
     /// Checks every range, NaN included.
     pub(super) fn check(&self) -> Result<(), SettingError> {
-        check_range("global.final_iterations", self.final_iterations.into(), 1.0, 100.0)?;
-        check_range("global.min_overlap", self.min_overlap, 0.0, 10.0)
+        check_range("global.final_iterations", self.final_iterations.into(), 1.0, 100.0)
     }
 }

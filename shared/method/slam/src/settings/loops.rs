@@ -16,28 +16,21 @@ pub struct LoopSettings {
     pub request_interval: u32,
     /// Frames between a request and its effect, beside half a frame for each keyframe.
     pub delay_frames: u32,
-    /// Least number of keyframes between the two of a loop.
-    #[serde(skip)]
-    pub min_keyframes: u32,
 }
 
 impl Default for LoopSettings {
     fn default() -> Self {
-        Self {
-            min_frames: 150,
-            min_keyframes: 5,
-            request_interval: 30,
-            delay_frames: 15,
-            min_similarity: 0.75,
-        }
+        Self { min_frames: 150, request_interval: 30, delay_frames: 15, min_similarity: 0.75 }
     }
 }
 
 impl LoopSettings {
+    /// Least number of keyframes between the two of a loop.
+    pub const MIN_KEYFRAMES: u32 = 5;
+
     /// Checks every range, NaN included.
     pub(super) fn check(&self) -> Result<(), SettingError> {
         check_range("loop.min_frames", self.min_frames as f64, 1.0, 1e9)?;
-        check_range("loop.min_keyframes", self.min_keyframes.into(), 0.0, 1e6)?;
         check_range("loop.request_interval", self.request_interval.into(), 1.0, 1e6)?;
         check_range("loop.delay_frames", self.delay_frames.into(), 1.0, 1e6)?;
         check_range("loop.min_similarity", self.min_similarity, 0.0, 1.0)

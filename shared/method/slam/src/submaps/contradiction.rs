@@ -123,10 +123,9 @@ impl<'a> PairTester<'a> {
             Matchable::new(context, sampler, keyframe, *surfaces).with_features(context, features)
         });
         let b_from_a = placed[b].world_from_camera.inverse() * placed[a].world_from_camera;
-        let settings = &self.context.mapping.global;
-        let tested = verification::test(settings, &mut self.matcher, &sides[0], &sides[1], &b_from_a);
+        let tested = verification::test(&mut self.matcher, &sides[0], &sides[1], &b_from_a);
         let is_enough =
-            tested.overlap >= settings.min_overlap || tested.verdict == LoopVerdict::FreeSpaceViolated;
+            tested.overlap >= GlobalSettings::MIN_OVERLAP || tested.verdict == LoopVerdict::FreeSpaceViolated;
         let floats = is_enough
             && (self.floats([&sides[0], &sides[1]], &b_from_a)
                 || self.floats([&sides[1], &sides[0]], &b_from_a.inverse()));

@@ -15,6 +15,7 @@ use crate::map::submaps::Submaps;
 use crate::map::view_limits::ViewLimits;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::Reach;
+use crate::settings::RelocaliseSettings;
 use crate::submaps::join::saying;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -63,7 +64,7 @@ pub(crate) fn is_compared(input: &TrackingInput<'_>) -> bool {
 
 /// Whether the last frames have their place in another component, as often as makes a sighting certain.
 fn is_sighted_elsewhere(input: &TrackingInput<'_>) -> bool {
-    let n_certain = input.context.mapping.relocalise.confirm_frames;
+    let n_certain = RelocaliseSettings::CONFIRM_FRAMES;
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let sighting = input.map.state().sighting;
     sighting.is_some_and(|sighting| sighting.n_confirmed >= n_certain && is_other(sighting.seen))

@@ -7,8 +7,10 @@ use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
+use crate::settings::GlobalSettings;
+use crate::settings::RelocaliseSettings;
 use crate::submaps::contradiction;
-use crate::tracking::acceptance;
+use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::place;
@@ -76,8 +78,7 @@ fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
         [(join.kept, join.moved), (join.moved, join.kept)].contains(&(own, seen))
     };
     let n_refused = state.refused.iter().filter(is_between).count() as u32;
-    input.context.mapping.relocalise.confirm_frames
-        << state.n_refuted.saturating_add(n_refused).min(MOST_DOUBLINGS)
+    RelocaliseSettings::CONFIRM_FRAMES << state.n_refuted.saturating_add(n_refused).min(MOST_DOUBLINGS)
 }
 
 /// A first sighting: the frame's place among the keyframes of all other submaps.
@@ -131,7 +132,7 @@ pub(crate) fn seen_at(
     let guess = Prediction { velocity, ..place(&other, expected) };
     let members = nearby_keyframes(&other, expected, usize::MAX);
     let found = align_to(&other, aligner, members, other.samples, &guess);
-    acceptance::strict(&input.context.mapping.relocalise, &found.alignment).ok()?;
+    acceptance::strict(&STRICT, &found.alignment).ok()?;
     Some(found)
 }
 
@@ -287,10 +288,9 @@ pub(crate) fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> 
     let mut sampler = Sampler::default();
     let [own, nearest] =
         [own, nearest].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
-    let settings = &input.context.mapping.global;
     let mut matcher = input.context.matcher();
-    let tested = verification::test(settings, &mut matcher, &own, &nearest, &nearest_from_own);
-    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= settings.min_overlap;
+    let tested = verification::test(&mut matcher, &own, &nearest, &nearest_from_own);
+    let is_good = tested.verdict == LoopVerdict::Accepted && tested.overlap >= GlobalSettings::MIN_OVERLAP;
     is_good.then_some(tested)
 }
 

@@ -1,6 +1,6 @@
 //! Acceptance tests of an alignment (method 6).
 
-use crate::settings::{RelocaliseSettings, WindowSettings};
+use crate::settings::WindowSettings;
 use crate::tracking::alignment::Alignment;
 
 /// Features that agree with a pose where little of the surface does, at least.
@@ -72,19 +72,37 @@ impl std::fmt::Display for Best {
     }
 }
 
+/// Limits of the tests of a frame that may be anywhere, of its best reference (method 12.7).
+pub(crate) struct StrictLimits {
+    /// Least share of the frame that it sees.
+    in_view: f64,
+    /// Least share of that part that has a match.
+    matched: f64,
+    /// Largest share of that part that floats in front of what it saw.
+    in_front: f64,
+    /// Largest median normal residual, standard deviations of depth.
+    residual_sigmas: f64,
+}
+
+pub(crate) const STRICT: StrictLimits =
+    StrictLimits { in_view: 0.3, matched: 0.5, in_front: 0.1, residual_sigmas: 0.7 };
+/// For the first alignment of a candidate.
+pub(crate) const COARSE: StrictLimits =
+    StrictLimits { in_view: 0.24, matched: 0.35, in_front: 0.2, residual_sigmas: 1.05 };
+
 /// Strict tests, for a frame that may be anywhere: the best reference sees enough of it, nearly all
 /// of that matches, and almost nothing violates free space. Both answers hold the numbers.
-pub(crate) fn strict(r: &RelocaliseSettings, a: &Alignment) -> Result<String, String> {
+pub(crate) fn strict(r: &StrictLimits, a: &Alignment) -> Result<String, String> {
     if !a.is_solved {
         return Err("the normal equations could not be solved".into());
     }
     let best = Best::of(a);
-    if a.n_agreeing >= SURELY_AGREEING && best.in_front <= r.max_in_front {
+    if a.n_agreeing >= SURELY_AGREEING && best.in_front <= r.in_front {
         return Ok(format!("{best}, {} features agree", a.n_agreeing));
     }
-    let is_good = best.in_view >= r.min_in_view
-        && best.matched >= r.min_matched
-        && best.in_front <= r.max_in_front
-        && best.residual_sigmas <= r.max_residual_sigmas;
+    let is_good = best.in_view >= r.in_view
+        && best.matched >= r.matched
+        && best.in_front <= r.in_front
+        && best.residual_sigmas <= r.residual_sigmas;
     if is_good { Ok(best.to_string()) } else { Err(best.to_string()) }
 }

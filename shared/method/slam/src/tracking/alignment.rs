@@ -4,6 +4,7 @@
 use crate::estimation::noise_scales::{NoiseState, SURFACE_CORRELATION};
 use crate::map::context::Context;
 use crate::pairs::weighted_pair::WeightedPair;
+use crate::settings::WindowSettings;
 use crate::tracking::degeneracy::DegenerateDirection;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::sight::Sight;
@@ -204,7 +205,7 @@ fn window_problem(
         is_fixed: references.iter().map(|_| true).chain([false]).collect(),
         priors: prior.into_iter().collect(),
         schedule: Schedule {
-            converged_step: context.mapping.window.converged_step,
+            converged_step: WindowSettings::CONVERGED_STEP,
             held_iterations: HELD_ITERATIONS,
             ..Schedule::shrinking(n_outer, INNER_ITERATIONS)
         },

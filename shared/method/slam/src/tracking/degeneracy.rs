@@ -56,7 +56,6 @@ fn centroid_by_information(information: &Matrix6) -> Vector3<f64> {
 
 /// The degenerate directions of a pose with this metric information (right tangent, translation first).
 pub(crate) fn degenerate_directions(
-    settings: &WindowSettings,
     information: &Matrix6,
     centroid: &Vector3<f64>,
 ) -> Vec<DegenerateDirection> {
@@ -68,7 +67,8 @@ pub(crate) fn degenerate_directions(
     let (tt, tr, rr) = (block(0, 0), block(0, 3), block(3, 3));
     // A little information everywhere, far below any limit, keeps the inverses finite.
     let floor = |limit: f64| Matrix3::identity() * (1e-4 / (limit * limit));
-    let (limit_m, limit_rad) = (settings.free_translation_m, settings.free_rotation_deg.to_radians());
+    let (limit_m, limit_rad) =
+        (WindowSettings::FREE_TRANSLATION_M, WindowSettings::FREE_ROTATION_DEG.to_radians());
     let schur = |a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>| {
         d.try_inverse().map_or(*a, |inverse| a - b * inverse * b.transpose())
     };
@@ -82,7 +82,7 @@ pub(crate) fn degenerate_directions(
         let best = 1.0 / eigen.eigenvalues.max().max(1e-12).sqrt();
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
             let sigma = 1.0 / value.max(1e-12).sqrt();
-            if sigma > limit && sigma > settings.free_ratio * best {
+            if sigma > limit && sigma > WindowSettings::FREE_RATIO * best {
                 degenerate.push(direction(
                     motion,
                     eigen.eigenvectors.column(k).into_owned(),
@@ -99,7 +99,7 @@ pub(crate) fn degenerate_directions(
 pub(crate) fn is_determined(context: &Context, information: &Matrix6) -> bool {
     let metric = information / context.matcher().metric_factor();
     let centroid = centroid_by_information(information);
-    degenerate_directions(&context.mapping.window, &metric, &centroid).is_empty()
+    degenerate_directions(&metric, &centroid).is_empty()
 }
 
 fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<f64>) -> DegenerateDirection {
@@ -170,10 +170,9 @@ mod tests {
 
     #[test]
     fn a_wall_leaves_two_translations_and_a_turn_free_a_corridor_one_a_room_none() {
-        let settings = WindowSettings::default();
         let count = |points: &[(Vector3<f64>, Vector3<f64>)]| {
             let (h, c) = of(points);
-            let degenerate = degenerate_directions(&settings, &h, &c);
+            let degenerate = degenerate_directions(&h, &c);
             let translations = degenerate.iter().filter(|f| f.motion == Motion::Translation).count();
             (translations, degenerate.len() - translations, degenerate)
         };

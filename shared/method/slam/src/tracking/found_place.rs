@@ -2,6 +2,7 @@
 
 use crate::evidence::same_place::PlaceEvidence;
 use crate::evidence::sequential::SequentialTest;
+use crate::settings::RelocaliseSettings;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Reference;
@@ -59,16 +60,16 @@ pub(crate) fn least_nats(input: &TrackingInput<'_>) -> f64 {
 }
 
 /// The test with the frame that found the place.
-pub(crate) fn first(input: &TrackingInput<'_>, shown: Shown) -> SequentialTest {
-    SequentialTest::default().with(nats(input, shown), 1.0)
+pub(crate) fn first(shown: Shown) -> SequentialTest {
+    SequentialTest::default().with(nats(shown), 1.0)
 }
 
-fn nats(input: &TrackingInput<'_>, shown: Shown) -> f64 {
+fn nats(shown: Shown) -> f64 {
     match shown {
         Shown::Evidence(llr_nats) => llr_nats,
         // As many frames as the settings ask for.
         Shown::SurfacesAlone => {
-            SequentialTest::accepted_nats() / f64::from(input.context.mapping.relocalise.confirm_frames)
+            SequentialTest::accepted_nats() / f64::from(RelocaliseSettings::CONFIRM_FRAMES)
         }
     }
 }
@@ -81,7 +82,7 @@ pub(crate) fn with_frame(
     shown: Shown,
 ) -> SequentialTest {
     let before = SequentialTest { sum_nats: input.map.state().evidence_nats };
-    let nats = nats(input, shown);
+    let nats = nats(shown);
     if matches!(shown, Shown::SurfacesAlone) {
         return before.with(nats, 1.0);
     }

@@ -5,7 +5,7 @@
 //! search settings, how a guess is aligned, and what a result must show beside the strict tests.
 //! One loop walks the table; of a hypothesis's guesses the best supported one counts.
 
-use crate::tracking::acceptance;
+use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
@@ -163,7 +163,7 @@ fn track_from(
         }
     }
     let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
-    let is_strict = acceptance::strict(&input.context.mapping.relocalise, &first.alignment).is_ok();
+    let is_strict = acceptance::strict(&STRICT, &first.alignment).is_ok();
     let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {
         (true, _) => Decision::Accepted,
         // What features agree on is no guess of the motion.
@@ -216,8 +216,7 @@ impl Search {
         match self {
             Self::Window => {
                 let found = align_to_window(input, aligner, guess);
-                let strict = &input.context.mapping.relocalise;
-                acceptance::strict(strict, &found.alignment).ok().map(|numbers| (found, numbers))
+                acceptance::strict(&STRICT, &found.alignment).ok().map(|numbers| (found, numbers))
             }
             Self::CoarseToFine => align_coarse_to_fine(input, aligner, guess, &guess.world_from_camera),
         }

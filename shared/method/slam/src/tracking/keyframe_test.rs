@@ -23,7 +23,7 @@ pub(crate) fn is_due(settings: &KeyframeSettings, distance: &Distance<'_>) -> bo
         return true;
     }
     let Some(reference) = distance.reference_entropy else { return false };
-    if distance.n_frames < settings.min_frames || !distance.entropy_nats.is_finite() {
+    if distance.n_frames < KeyframeSettings::MIN_FRAMES || !distance.entropy_nats.is_finite() {
         return false;
     }
     let gained =

@@ -11,7 +11,7 @@ use crate::map::appearance::similarity;
 use crate::map::records::{FrameCauses, FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::pairs::matching::Reach;
-use crate::tracking::acceptance;
+use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
@@ -75,13 +75,12 @@ pub(crate) fn confirm(
     aligner: &mut Aligner,
     prediction: &Prediction,
 ) -> Result<WindowAlignment, String> {
-    let settings = &input.context.mapping.relocalise;
     let members = nearby_keyframes(input, &prediction.world_from_camera, usize::MAX);
     let found = align_to(input, aligner, members, input.samples, &widened(input, prediction));
     let shown = found_place::shown(input, aligner, &found).ok_or("no keyframe is at hand")?;
     match shown {
         Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment)?,
-        Shown::SurfacesAlone => acceptance::strict(settings, &found.alignment).map(drop)?,
+        Shown::SurfacesAlone => acceptance::strict(&STRICT, &found.alignment).map(drop)?,
     }
     let test = found_place::with_frame(input, aligner, &found, shown);
     if test.sum_nats <= 0.0 {
@@ -116,7 +115,7 @@ pub(crate) fn relocalise(
     let found = first_that_fits(input, aligner, candidates);
     let FoundPlace { found, how, shown } =
         found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
-    let test = found_place::first(input, shown);
+    let test = found_place::first(shown);
     Ok(as_far_as_certain(found, test, &format!("{why_lost}; found by {how}; ")))
 }
 

@@ -6,14 +6,14 @@ use crate::map::appearance::similarity;
 use crate::map::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, KeyframeRecord};
 use crate::map::state::KeyframeState;
-use crate::map::view_limits::{ViewLimits, optical_axis};
+use crate::map::view_limits::optical_axis;
 use crate::pairs::matching::Reach;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::in_place::{is_in_place, old_members};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Reference;
 use crate::tracking::sight::ENOUGH_FEATURES;
-use crate::tracking::window::Member;
+use crate::tracking::window::{Member, WINDOW_VIEWS};
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use tessera_geometry::Pose;
 use tessera_graph::{PairBlock, metric_covariance};
@@ -66,7 +66,7 @@ fn shows_drift(
         }
         let is_similar =
             similarity(&keyframe.place, &older.place) >= input.context.mapping.loops.min_similarity;
-        is_similar && !is_near(input, older, &Pose::from(&record.world_from_camera))
+        is_similar && !is_near(older, &Pose::from(&record.world_from_camera))
     })
 }
 
@@ -98,10 +98,9 @@ fn is_seen_elsewhere(
 }
 
 /// Whether a keyframe stands near enough for the window to see it: to such a one the frame is aligned.
-fn is_near(input: &TrackingInput<'_>, older: &KeyframeState, world_from_camera: &Pose) -> bool {
-    let limits = ViewLimits::from(&input.context.mapping.window);
+fn is_near(older: &KeyframeState, world_from_camera: &Pose) -> bool {
     let [here, there] = [*world_from_camera, Pose::from(&older.world_from_camera)];
     let other = std::iter::once((older.id, there.translation.vector));
     let axis_of = |_| optical_axis(&there);
-    !limits.within(&here.translation.vector, &optical_axis(&here), other, axis_of).is_empty()
+    !WINDOW_VIEWS.within(&here.translation.vector, &optical_axis(&here), other, axis_of).is_empty()
 }

@@ -15,11 +15,9 @@ pub(crate) enum Member {
     Keyframe(u32),
 }
 
-impl From<&WindowSettings> for ViewLimits {
-    fn from(settings: &WindowSettings) -> Self {
-        Self { radius_m: settings.radius_m, angle_rad: settings.angle_deg.to_radians() }
-    }
-}
+/// Views that a window may hold.
+pub(crate) const WINDOW_VIEWS: ViewLimits =
+    ViewLimits { radius_m: WindowSettings::RADIUS_M, angle_rad: WindowSettings::ANGLE_DEG.to_radians() };
 
 /// The last frame, the last keyframe, the oldest keyframe that sees the same, then the nearest.
 ///
@@ -35,7 +33,7 @@ pub(crate) fn select(map: &MapView<'_>, settings: &WindowSettings, predicted: &P
     {
         members.push(Member::Recent(place));
     }
-    let mut near = near(map, &ViewLimits::from(settings), predicted);
+    let mut near = near(map, &WINDOW_VIEWS, predicted);
     if let Some(last_keyframe) = last_keyframe
         && members.len() < size
     {

@@ -4,7 +4,7 @@
 use crate::map::records::FrameRecord;
 use crate::map::records::State;
 use crate::map::view_limits::ViewLimits;
-use crate::tracking::acceptance;
+use crate::tracking::acceptance::{self, COARSE, STRICT};
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::{Prediction, Reference};
@@ -74,7 +74,6 @@ pub(crate) fn align_coarse_to_fine(
     guess: &Prediction,
     near: &Pose,
 ) -> Option<(WindowAlignment, String)> {
-    let strict = &input.context.mapping.relocalise;
     let members = nearby_keyframes(input, near, COARSE_REFERENCES);
     if members.is_empty() {
         return None;
@@ -82,12 +81,12 @@ pub(crate) fn align_coarse_to_fine(
     // Samples may be in any order: an even choice covers the whole frame.
     let coarse = every_nth(input.samples, COARSE_SAMPLES);
     let first = align_to(input, aligner, members, &coarse, guess);
-    acceptance::strict(&strict.coarse(), &first.alignment).ok()?;
+    acceptance::strict(&COARSE, &first.alignment).ok()?;
     let found = first.alignment.world_from_camera;
     let members = nearby_keyframes(input, &found, usize::MAX);
     let guess = Prediction { world_from_camera: found, ..*guess };
     let second = align_to(input, aligner, members, input.samples, &guess);
-    let numbers = acceptance::strict(strict, &second.alignment).ok()?;
+    let numbers = acceptance::strict(&STRICT, &second.alignment).ok()?;
     Some((second, numbers))
 }
 

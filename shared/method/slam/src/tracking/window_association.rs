@@ -1,6 +1,7 @@
 //! Data association of a frame with its window, and what holds its degenerate directions.
 
 use crate::map::context::Context;
+use crate::settings::WindowSettings;
 use crate::tracking::degeneracy::{self, DegenerateDirection};
 use crate::tracking::prediction::{Prediction, Reference};
 use tessera_geometry::{Pose, Twist, log};
@@ -64,7 +65,7 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         let limits = MatchLimits::new(self.prediction.first_distance_m, iteration.tightness);
         let window = &self.context.mapping.window;
         // While the pose is still far off, fewer matches lead it as well.
-        let share = if iteration.tightness < 1.0 { window.early_share } else { 1.0 };
+        let share = if iteration.tightness < 1.0 { WindowSettings::EARLY_SHARE } else { 1.0 };
         let count = (f64::from(window.match_budget) * share) as usize / frame.max(1);
         for (place, (reference, target)) in self.references.iter().zip(&self.targets).enumerate() {
             let selection = Selection { count, shift: place };
@@ -90,7 +91,7 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         let vertex = self.references.len();
         let centroid = degeneracy::centroid(self.blocks.iter().map(|(_, sums)| sums));
         let metric = solved.information(vertex) / self.nominal_factor;
-        self.degenerate = degeneracy::degenerate_directions(&self.context.mapping.window, &metric, &centroid);
+        self.degenerate = degeneracy::degenerate_directions(&metric, &centroid);
         if self.degenerate.is_empty() {
             return Vec::new();
         }
