@@ -6,7 +6,7 @@
 //! directions that the surfaces leave open as large as they are there.
 
 use crate::features::colour_model::ColourModel;
-use crate::features::residuals::RobustResidual;
+use crate::features::residuals::{PairMotion, RobustResidual};
 use nalgebra::{Matrix2, Matrix3x2, Matrix6x2, Vector2, Vector3};
 use tessera_features::Correspondence;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6, hat};
@@ -52,7 +52,8 @@ pub(crate) fn coupling(
 ) -> Coupling {
     let mut sum = Coupling::zeros();
     let rotation = target_from_query.rotation.to_rotation_matrix().into_inner();
-    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, target_from_query)) {
+    let at = PairMotion::from(target_from_query);
+    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, &at)) {
         let [query, target] = velocities;
         let slope = moves(&residual.b, target, model) - rotation * moves(&residual.a, query, model);
         let weighted = residual.omega * slope;
