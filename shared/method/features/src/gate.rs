@@ -23,12 +23,14 @@ impl Gate {
     }
 }
 
-/// Side of the grid's cells, pixels.
-const CELL_PX: f32 = 32.0;
-/// Cells along each side at most.
-const MAX_CELLS: usize = 64;
+/// Height of the bands of the image by which targets are sorted, pixels.
+const BAND_PX: f32 = 8.0;
+/// Bands at most: the last one holds all below it.
+const MAX_BANDS: usize = 256;
+/// Targets that are looked at together.
+const LANES: usize = 16;
 
-/// A target as the grid holds it.
+/// A target as the bands hold it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GateTarget {
     pub(crate) descriptor: [u64; 4],
@@ -38,45 +40,41 @@ pub(crate) struct GateTarget {
     pub(crate) index: u32,
 }
 
-/// Targets by cell of the image.
+/// Targets by band of the image.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct TargetGrid {
-    size: [usize; 2],
-    /// Cell `c` holds `targets[starts[c]..starts[c + 1]]`, row by row, in order of features.
+pub(crate) struct TargetBands {
+    n_bands: usize,
+    /// Band `b` holds `targets[starts[b]..starts[b + 1]]`, in order of features.
     starts: Vec<u32>,
     targets: Vec<GateTarget>,
-    /// Row and column of each target, apart: all that a gate reads of most.
-    places: Vec<(f32, f32)>,
-    /// Targets that the last gate admits, and room for one more.
+    /// Row and column of each target, apart: all that a gate reads of most. Filled up to whole lanes with NaN.
+    rows: Vec<f32>,
+    columns: Vec<f32>,
+    /// Targets that the last gate admits.
     within: Vec<u32>,
 }
 
-impl TargetGrid {
+impl TargetBands {
     pub(crate) fn fill(&mut self, features: &[Feature]) {
-        let most = |k: usize| features.iter().fold(0.0f32, |most, f| most.max(f.pixel[k]));
-        self.size = [0, 1].map(|k| ((most(k) / CELL_PX) as usize + 1).min(MAX_CELLS));
-        let [rows, columns] = self.size;
+        let lowest = features.iter().fold(0.0f32, |most, f| most.max(f.pixel[0]));
+        self.n_bands = ((lowest / BAND_PX) as usize + 1).min(MAX_BANDS);
         self.starts.clear();
-        self.starts.resize(rows * columns + 2, 0);
-        let cell = |f: &Feature| {
-            let [row, column] = [0, 1].map(|k| index(f.pixel[k], self.size[k]));
-            row * columns + column
-        };
+        self.starts.resize(self.n_bands + 2, 0);
         // Counted two places on, so that the starts are right once all are placed.
-        features.iter().for_each(|f| self.starts[cell(f) + 2] += 1);
-        (2..self.starts.len()).for_each(|c| self.starts[c] += self.starts[c - 1]);
+        features.iter().for_each(|f| self.starts[band(f.pixel[0], self.n_bands) + 2] += 1);
+        (2..self.starts.len()).for_each(|b| self.starts[b] += self.starts[b - 1]);
         self.targets.clear();
         self.targets
             .resize(features.len(), GateTarget { descriptor: [0; 4], pixel: [0.0; 2], level: 0, index: 0 });
-        self.places.clear();
-        self.places.resize(features.len(), (0.0, 0.0));
-        self.within.clear();
-        self.within.resize(features.len() + 1, 0);
+        for column in [&mut self.rows, &mut self.columns] {
+            column.clear();
+            column.resize(features.len() + LANES, f32::NAN);
+        }
         for (i, f) in features.iter().enumerate() {
-            let next = &mut self.starts[cell(f) + 1];
+            let next = &mut self.starts[band(f.pixel[0], self.n_bands) + 1];
             let (descriptor, pixel, level) = (f.descriptor, f.pixel, f.level);
             self.targets[*next as usize] = GateTarget { descriptor, pixel, level, index: i as u32 };
-            self.places[*next as usize] = (f.pixel[0], f.pixel[1]);
+            [self.rows[*next as usize], self.columns[*next as usize]] = f.pixel;
             *next += 1;
         }
     }
@@ -84,27 +82,31 @@ impl TargetGrid {
     /// The targets that the gate admits.
     #[inline(always)]
     pub(crate) fn within(&mut self, gate: &Gate) -> impl Iterator<Item = &GateTarget> {
-        let [rows, columns] = [0, 1].map(|k| {
-            let first = index(gate.pixel[k] - gate.radius_px, self.size[k]);
-            [first, index(gate.pixel[k] + gate.radius_px, self.size[k])]
-        });
-        // Without a branch for each target, which would be foretold badly: each is put down, and overwritten by
-        // the next one unless it counts.
-        let mut n = 0;
-        for row in rows[0]..=rows[1] {
-            let first = row * self.size[1];
-            let (from, to) = (self.starts[first + columns[0]], self.starts[first + columns[1] + 1]);
-            for (target, (row, column)) in (from..to).zip(&self.places[from as usize..to as usize]) {
-                self.within[n] = target;
-                n += usize::from(gate.admits(*row, *column));
+        let first = band(gate.pixel[0] - gate.radius_px, self.n_bands);
+        let last = band(gate.pixel[0] + gate.radius_px, self.n_bands);
+        let (from, to) = (self.starts[first] as usize, self.starts[last + 1] as usize);
+        self.within.clear();
+        for at in (from..to).step_by(LANES) {
+            let run = |column: &[f32]| *column[at..].first_chunk::<LANES>().unwrap_or(&[f32::NAN; LANES]);
+            let (rows, columns) = (run(&self.rows), run(&self.columns));
+            // Without a branch for each target, which would be foretold badly.
+            let mut bits = [0u32; LANES];
+            (0..LANES).for_each(|l| bits[l] = u32::from(gate.admits(rows[l], columns[l])) << l);
+            let mut admitted = bits.iter().fold(0, |all, bit| all | bit);
+            while admitted != 0 {
+                let place = at + admitted.trailing_zeros() as usize;
+                admitted &= admitted - 1;
+                if place < to {
+                    self.within.push(place as u32);
+                }
             }
         }
-        self.within[..n].iter().map(|target| &self.targets[*target as usize])
+        self.within.iter().map(|target| &self.targets[*target as usize])
     }
 }
 
 #[inline(always)]
-fn index(position: f32, n: usize) -> usize {
+fn band(row: f32, n: usize) -> usize {
     // A cast saturates, NaN becomes 0.
-    ((position / CELL_PX) as usize).min(n - 1)
+    ((row / BAND_PX) as usize).min(n - 1)
 }

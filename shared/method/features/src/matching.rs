@@ -1,7 +1,7 @@
 //! Data association by descriptor: mutual nearest neighbours with a ratio test.
 
 use crate::feature::Feature;
-use crate::gate::{Gate, GateTarget, TargetGrid};
+use crate::gate::{Gate, GateTarget, TargetBands};
 use crate::settings::MatchSettings;
 use tessera_numerics::Isa;
 
@@ -20,7 +20,7 @@ pub struct FeatureMatch {
 #[derive(Clone, Debug)]
 pub struct MatchWorkspace {
     arch: pulp::Arch,
-    grid: TargetGrid,
+    bands: TargetBands,
     inside: Vec<(u32, [f32; 2])>,
     candidates: MatchCandidates,
     distances: Vec<u32>,
@@ -36,7 +36,7 @@ impl MatchWorkspace {
     pub fn new(arch: pulp::Arch) -> Self {
         Self {
             arch,
-            grid: TargetGrid::default(),
+            bands: TargetBands::default(),
             inside: Vec::new(),
             candidates: MatchCandidates::default(),
             distances: Vec::new(),
@@ -141,7 +141,7 @@ impl pulp::WithSimd for Matching<'_> {
         w.of_target.resize(targets.len(), u32::MAX);
         match gates {
             Some(gates) => {
-                w.grid.fill(targets);
+                w.bands.fill(targets);
                 queries
                     .iter()
                     .zip(gates)
@@ -165,7 +165,7 @@ impl MatchWorkspace {
     fn match_gated(&mut self, q: u32, (query, gate): (&Feature, &Gate), settings: &MatchSettings) {
         self.inside.clear();
         let (mut nearest, mut pixel) = (key(REFUSED, 0), [0.0; 2]);
-        for GateTarget { descriptor, pixel: at, level, index } in self.grid.within(gate) {
+        for GateTarget { descriptor, pixel: at, level, index } in self.bands.within(gate) {
             if u32::from(query.level.abs_diff(*level)) > settings.max_level_difference {
                 continue;
             }

@@ -201,19 +201,24 @@ impl Camera {
     /// Undistorts normalised image coordinates by Newton's method with a numeric safeguard.
     pub fn undistort(&self, xd: f64, yd: f64) -> (f64, f64) {
         let (mut x, mut y) = (xd, yd);
+        if !self.is_distorted() {
+            return (x, y);
+        }
         for _ in 0..20 {
             let (fx, fy) = self.distort(x, y);
             let (ex, ey) = (fx - xd, fy - yd);
-            if ex.abs() + ey.abs() < 1e-14 {
-                break;
-            }
             let [a, b, d] = self.distortion_slope(x, y);
             let det = a * d - b * b;
             if !(det.abs() > 1e-6) {
                 break;
             }
-            x -= (d * ex - b * ey) / det;
-            y -= (a * ey - b * ex) / det;
+            let inverse = 1.0 / det;
+            x -= (d * ex - b * ey) * inverse;
+            y -= (a * ey - b * ex) * inverse;
+            // A step squares the error: of the next one nothing would be left.
+            if ex.abs() + ey.abs() < 1e-7 {
+                break;
+            }
         }
         (x, y)
     }

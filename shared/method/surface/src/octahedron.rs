@@ -5,49 +5,47 @@
 const STEPS: f32 = 511.0;
 
 /// Rounds to the nearest integer, halves away from zero.
-#[inline]
+#[inline(always)]
 pub(crate) fn round(value: f32) -> i32 {
     (value + 0.5f32.copysign(value)) as i32
 }
 
 /// Place on the map, of the hemisphere towards the camera in its middle; `[0, 0]` for no normal.
-#[inline]
+#[inline(always)]
 pub(crate) fn from_normal(normal: [f32; 3]) -> [i32; 2] {
     from_normal_by(STEPS, normal)
 }
 
 /// As [`from_normal`], with so many steps from the centre of the map to its border.
-#[inline]
+#[inline(always)]
 pub(crate) fn from_normal_by(steps: f32, [x, y, z]: [f32; 3]) -> [i32; 2] {
     let length = x.abs() + y.abs() + z.abs();
-    if length == 0.0 {
-        return [0, 0];
-    }
-    let (u, v) = (x / length, y / length);
-    let [u, v] = if z <= 0.0 { [u, v] } else { fold([u, v]) };
+    // NaN for no normal, and a cast makes 0 of it.
+    let [u, v] = folded_where(z > 0.0, [x / length, y / length]);
     [round(u * steps), round(v * steps)]
 }
 
 /// The unit vector of a place on the map.
-#[inline]
+#[inline(always)]
 pub(crate) fn to_normal(place: [i32; 2]) -> [f32; 3] {
     to_normal_by(STEPS, place)
 }
 
 /// As [`to_normal`], with so many steps from the centre of the map to its border.
-#[inline]
+#[inline(always)]
 pub(crate) fn to_normal_by(steps: f32, [u, v]: [i32; 2]) -> [f32; 3] {
     let (u, v) = (u as f32 / steps, v as f32 / steps);
     let z = u.abs() + v.abs() - 1.0;
-    let [x, y] = if z <= 0.0 { [u, v] } else { fold([u, v]) };
+    let [x, y] = folded_where(z > 0.0, [u, v]);
     let length = (x * x + y * y + z * z).sqrt();
     [x / length, y / length, z / length]
 }
 
-/// Exchanges the inner and the outer half of the map.
-#[inline]
-fn fold([u, v]: [f32; 2]) -> [f32; 2] {
-    [(1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)]
+/// Exchanges the inner and the outer half of the map where a place is there. Without a branch.
+#[inline(always)]
+fn folded_where(is_outer: bool, [u, v]: [f32; 2]) -> [f32; 2] {
+    let folded = [(1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)];
+    [if is_outer { folded[0] } else { u }, if is_outer { folded[1] } else { v }]
 }
 
 #[cfg(test)]

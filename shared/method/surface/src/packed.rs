@@ -51,7 +51,7 @@ pub fn pack(grid: Grid, vertices: &[Vertex], beside: &[usize]) -> Vec<u8> {
 pub fn pack_and_round(grid: Grid, vertices: &[Vertex], beside: &[usize]) -> (Vec<u8>, Vec<Vertex>) {
     let mut rounded = Vec::with_capacity(grid.len());
     let bytes = pack_rows(grid, vertices, beside, |row| {
-        rounded.extend((0..grid.width).map(|column| row.vertex(column)));
+        row.append_to(grid.width, &mut rounded);
     });
     (bytes, rounded)
 }
@@ -86,7 +86,7 @@ pub fn unpack(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<Vec<Vertex>,
         rows.next();
         first.put(row, &mut rows);
         rows.read(&mut reader).ok_or(error)?;
-        vertices.extend((0..grid.width).map(|column| rows.current().vertex(column)));
+        rows.current().append_to(grid.width, &mut vertices);
     }
     if reader.is_at_end() { Ok(vertices) } else { Err(error) }
 }
@@ -99,14 +99,18 @@ pub fn unpack_first(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<FirstV
     FirstVertices::read(&mut RiceReader::new(bytes), grid, beside).ok_or(UnpackError::of(grid))
 }
 
+/// Few enough to stay in the nearest cache.
+const ROUNDED_AT_A_TIME: usize = 160;
+
 /// What [`unpack`] makes of what [`pack`] makes of the vertices: a surface as a keyframe keeps it.
 pub fn rounded(vertices: &[Vertex]) -> Vec<Vertex> {
-    let mut rounded = Rounded::new(1);
-    let round = |vertex| {
-        rounded.set(0, vertex);
-        rounded.vertex(0)
-    };
-    vertices.iter().map(round).collect()
+    let mut rounded = Vec::with_capacity(vertices.len());
+    let mut run = Rounded::new(ROUNDED_AT_A_TIME);
+    for vertices in vertices.chunks(ROUNDED_AT_A_TIME) {
+        run.set_all(vertices.iter());
+        run.append_to(vertices.len(), &mut rounded);
+    }
+    rounded
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::estimation::colour_model::ColourModel;
 use crate::estimation::colour_pose::Coupling;
-use crate::pairs::residuals::RobustResidual;
+use crate::pairs::residuals::{PairMotion, RobustResidual};
 use nalgebra::{Matrix3x2, Vector3};
 use tessera_features::Correspondence;
 use tessera_geometry::{Pose, Twist, hat};
@@ -16,7 +16,8 @@ pub(crate) fn coupling(
 ) -> Coupling {
     let mut sum = Coupling::zeros();
     let rotation = target_from_query.rotation.to_rotation_matrix().into_inner();
-    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, target_from_query)) {
+    let at = PairMotion::from(target_from_query);
+    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, &at)) {
         let [query, target] = velocities;
         let slope = moves(&residual.b, target, model) - rotation * moves(&residual.a, query, model);
         let weighted = residual.omega * slope;

@@ -23,8 +23,9 @@ const ROBUST_SQ: f64 = 9.0;
 /// Sums of all correspondences about `target_from_query`, metric, with robust weights there.
 pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose) -> BlockSums {
     let mut sums = BlockSums::default();
+    let at = PairMotion::from(target_from_query);
     for RobustResidual { a, e, omega, .. } in
-        correspondences.iter().filter_map(|c| RobustResidual::of(c, target_from_query))
+        correspondences.iter().filter_map(|c| RobustResidual::of(c, &at))
     {
         sums.add(&a, &e, &omega);
         sums.n += 1;
@@ -41,9 +42,9 @@ pub(crate) struct RobustResidual {
 }
 
 impl RobustResidual {
-    pub(crate) fn of(correspondence: &Correspondence, target_from_query: &Pose) -> Option<Self> {
+    pub(crate) fn of(correspondence: &Correspondence, target_from_query: &PairMotion) -> Option<Self> {
         let Residual { a, b, omega } = residual(correspondence, target_from_query)?;
-        let e = b - target_from_query.rotation * a - target_from_query.translation.vector;
+        let e = target_from_query.error(&a, &b);
         let weight = 1.0 / (1.0 + e.dot(&(omega * e)) / ROBUST_SQ);
         Some(Self { a, b, e, omega: omega * weight })
     }
@@ -51,15 +52,43 @@ impl RobustResidual {
 
 /// Squared normalised error of a correspondence; infinite where it has none.
 pub(crate) fn squared_error(correspondence: &Correspondence, target_from_query: &Pose) -> f64 {
+    error_at(correspondence, &PairMotion::from(target_from_query))
+}
+
+/// Correspondences with a squared normalised error below `limit_sq`.
+pub(crate) fn n_within(correspondences: &[Correspondence], target_from_query: &Pose, limit_sq: f64) -> usize {
+    let at = PairMotion::from(target_from_query);
+    correspondences.iter().filter(|c| error_at(c, &at) < limit_sq).count()
+}
+
+fn error_at(correspondence: &Correspondence, target_from_query: &PairMotion) -> f64 {
     residual(correspondence, target_from_query).map_or(f64::INFINITY, |r| {
-        let e = r.b - target_from_query.rotation * r.a - target_from_query.translation.vector;
+        let e = target_from_query.error(&r.a, &r.b);
         e.dot(&(r.omega * e))
     })
 }
 
-fn residual(c: &Correspondence, target_from_query: &Pose) -> Option<Residual> {
-    let rotation = target_from_query.rotation.to_rotation_matrix().into_inner();
-    let translation = target_from_query.translation.vector;
+/// A transform as a matrix, for many points.
+pub(crate) struct PairMotion {
+    rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
+}
+
+impl From<&Pose> for PairMotion {
+    fn from(pose: &Pose) -> Self {
+        let rotation = pose.rotation.to_rotation_matrix().into_inner();
+        Self { rotation, translation: pose.translation.vector }
+    }
+}
+
+impl PairMotion {
+    fn error(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
+        b - self.rotation * a - self.translation
+    }
+}
+
+fn residual(c: &Correspondence, target_from_query: &PairMotion) -> Option<Residual> {
+    let PairMotion { rotation, translation } = target_from_query;
     match (&c.query.point, &c.target.point) {
         (Some(q), Some(t)) => {
             let covariance = t.covariance_m2 + rotation * q.covariance_m2 * rotation.transpose();

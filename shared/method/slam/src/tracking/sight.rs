@@ -38,6 +38,8 @@ const AGREES_SQ: f64 = 25.0;
 
 /// Observations of one reference, with what they were made from.
 struct KnownObservations {
+    /// The frame that asked for them last.
+    asked_by: u64,
     model: ColourModel,
     velocity: Twist,
     observations: Arc<[Observation]>,
@@ -209,24 +211,25 @@ impl Sight {
     }
 
     fn observations_of(&mut self, context: &Context, reference: &Reference<'_>) -> Arc<[Observation]> {
-        if let Some(known) = self.known.get(&reference.key)
+        if let Some(known) = self.known.get_mut(&reference.key)
             && known.model == context.colour
             && known.velocity == reference.velocity
             && known.observations.len() == reference.features.len()
         {
+            known.asked_by = self.index;
             return Arc::clone(&known.observations);
         }
         let (model, velocity) = (context.colour, reference.velocity);
         let seen_by = reference.session.map_or(Cow::Borrowed(context), |session| context.of(session));
         let observations: Arc<[Observation]> =
             lift(&seen_by, reference.features, &reference.surface, &velocity).into();
-        while self.known.len() >= KEPT {
-            self.known.pop_first();
+        if self.known.len() >= KEPT {
+            // Those that were not asked for for longest.
+            let longest = self.known.iter().min_by_key(|(_, known)| known.asked_by).map(|(key, _)| *key);
+            longest.map(|key| self.known.remove(&key));
         }
-        self.known.insert(
-            reference.key,
-            KnownObservations { model, velocity, observations: Arc::clone(&observations) },
-        );
+        let (asked_by, kept) = (self.index, Arc::clone(&observations));
+        self.known.insert(reference.key, KnownObservations { asked_by, model, velocity, observations: kept });
         observations
     }
 
@@ -251,12 +254,17 @@ impl Sight {
 
     /// Features that agree with an alignment, of the reference that has most.
     pub(crate) fn n_agreeing(&self, references: &[Reference<'_>], world_from_camera: &Pose) -> u32 {
-        let count = |reference: &Reference<'_>| {
-            let Some(pair) = &reference.pair else { return 0 };
-            let at = reference.world_from_camera.inverse() * world_from_camera;
-            pair.found.inliers.iter().filter(|c| residuals::squared_error(c, &at) < AGREES_SQ).count() as u32
-        };
-        references.iter().map(count).max().unwrap_or(0)
+        let mut most = 0;
+        for reference in references {
+            let Some(pair) = &reference.pair else { continue };
+            let inliers = &pair.found.inliers;
+            // With fewer it cannot have most.
+            if inliers.len() > most {
+                let at = reference.world_from_camera.inverse() * world_from_camera;
+                most = most.max(residuals::n_within(inliers, &at, AGREES_SQ));
+            }
+        }
+        most as u32
     }
 
     /// Features that agree with an alignment to a reference, matched anew wherever they are: a pair that is known may
@@ -301,7 +309,7 @@ impl Sight {
     /// Features of a pair already found that agree with a relative pose, `target_from_query`.
     pub(crate) fn n_agreeing_with(&self, key: SurfaceKey, at: &Pose) -> usize {
         let Some(Some(pair)) = self.pairs.get(&key) else { return 0 };
-        pair.inliers.iter().filter(|c| residuals::squared_error(c, at) < AGREES_SQ).count()
+        residuals::n_within(&pair.inliers, at, AGREES_SQ)
     }
 
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.

@@ -68,9 +68,7 @@ impl FirstVertices {
     /// Those beside are told by what differs from the nearest spaced one.
     fn write_beside(&mut self, writer: &mut RiceWriter, vertices: &[Vertex]) {
         let nearest = self.nearest();
-        for (at, &place) in self.places.iter().enumerate() {
-            self.beside.set(at, &vertices[place]);
-        }
+        self.beside.set_all(self.places.iter().map(|place| &vertices[*place]));
         let flags = self.beside.flags.iter().zip(&nearest);
         let mut codes: Vec<u32> = flags.map(|(flags, near)| flags ^ self.spaced.flags[*near]).collect();
         writer.row(&codes);

@@ -31,8 +31,8 @@ impl RoundedRows {
     }
 
     /// Rounds the vertices of the row.
-    pub(super) fn set<'a>(&mut self, vertices: impl Iterator<Item = &'a Vertex>) {
-        vertices.enumerate().for_each(|(column, vertex)| self.current.set(column, vertex));
+    pub(super) fn set<'a>(&mut self, vertices: impl ExactSizeIterator<Item = &'a Vertex>) {
+        self.current.set_all(vertices);
     }
 
     /// Makes known what others have: at each `step`-th column from `first` on, those behind `from`, `n` of them.
