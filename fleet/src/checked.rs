@@ -2,9 +2,8 @@
 //! that lies may spoil its own map and nothing else.
 
 use crate::checked_record::CheckedRecord;
-use tessera_journal::decode;
 use tessera_slam::{AlignRecord, KeyframeState, OptimiseRecord, SplitRecord, State, StoreSlot};
-use tessera_stage::slots;
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, slots};
 
 /// What was seen of a run's journal so far.
 #[derive(Clone, Debug, Default)]
@@ -36,12 +35,12 @@ const UNSETTLED: usize = 5;
 const MOST_REQUESTS: usize = 2;
 
 impl RunFacts {
-    /// Takes the payload of a record in.
+    /// Takes the payload of a record of this version in.
     ///
     /// # Errors
     /// Names the number in it that cannot be.
-    pub fn take(&mut self, payload: &[u8]) -> Result<(), String> {
-        let record = CheckedRecord::check(decode(payload)?, self)?;
+    pub fn take(&mut self, version: u32, payload: &[u8]) -> Result<(), String> {
+        let record = CheckedRecord::check(ALIGN_JOURNAL.read(version, payload)?, self)?;
         self.note(record);
         Ok(())
     }
@@ -130,12 +129,12 @@ pub struct AnswerFacts {
 }
 
 impl AnswerFacts {
-    /// Takes the payload of a record in.
+    /// Takes the payload of a record of this version in.
     ///
     /// # Errors
     /// Where it is none.
-    pub fn take(&mut self, payload: &[u8]) -> Result<(), String> {
-        let record: OptimiseRecord = decode(payload)?;
+    pub fn take(&mut self, version: u32, payload: &[u8]) -> Result<(), String> {
+        let record = OPTIMISE_JOURNAL.read(version, payload)?;
         self.n_answered = self.n_answered.max(record.correction().request.saturating_add(1));
         self.n_from_base += u64::from(matches!(record, OptimiseRecord::FromBase(_)));
         Ok(())

@@ -5,7 +5,7 @@ use crate::wire::{Growing, Refusal};
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use tessera_journal::Chain;
+use tessera_journal::{Chain, set_aside};
 
 /// Bytes of a copy that are read at a time when it is opened.
 const READ_BYTES: usize = 1 << 20;
@@ -18,15 +18,16 @@ pub struct JournalCopy {
 }
 
 impl JournalCopy {
-    /// Opens or creates the copy, hands every whole record in it to `take`, and cuts off what a death
-    /// left behind them.
+    /// Opens or creates the copy, hands every whole record in it to `take`, and cuts off what is behind
+    /// them: the torn end that a death left, or what is damaged or refused, which is set aside first. The robot is
+    /// asked for it again.
     ///
     /// # Errors
     /// Where the file cannot be read or written.
     pub fn open(
         folder: &Path,
         which: Growing,
-        mut take: impl FnMut(&[u8]) -> Result<(), String>,
+        mut take: impl FnMut(u32, &[u8]) -> Result<(), String>,
     ) -> Result<Self, FleetError> {
         let path = folder.join(which.file());
         let io = |what: &'static str| FleetError::io(what, &path);
@@ -47,7 +48,11 @@ impl JournalCopy {
             copy.file.read_exact_at(&mut bytes, copy.len_bytes()).map_err(io("read"))?;
             let is_all = copy.len_bytes() + n as u64 == end;
             let (used, problem) = copy.walk(&bytes, &mut take);
-            if problem.is_some() || (used == 0 && is_all) {
+            if problem.is_some() {
+                set_aside(&path)?;
+                break;
+            }
+            if used == 0 && is_all {
                 break;
             }
             n_read = if used == 0 { n_read * 4 } else { READ_BYTES };
@@ -74,7 +79,7 @@ impl JournalCopy {
     }
 
     /// Appends the whole records that `bytes`, which continue the copy, begin with, and forces them to
-    /// disk; `take` has the payload of each and may refuse it. Answers how many bytes that were, and
+    /// disk; `take` has version and payload of each and may refuse it. Answers how many bytes that were, and
     /// why it was not more where that is the robot's doing.
     ///
     /// # Errors
@@ -82,7 +87,7 @@ impl JournalCopy {
     pub fn append(
         &mut self,
         bytes: &[u8],
-        take: impl FnMut(&[u8]) -> Result<(), String>,
+        take: impl FnMut(u32, &[u8]) -> Result<(), String>,
     ) -> Result<(usize, Option<(Refusal, String)>), FleetError> {
         let before = self.chain;
         let (used, problem) = self.walk(bytes, take);
@@ -105,7 +110,7 @@ impl JournalCopy {
     fn walk(
         &mut self,
         bytes: &[u8],
-        mut take: impl FnMut(&[u8]) -> Result<(), String>,
+        mut take: impl FnMut(u32, &[u8]) -> Result<(), String>,
     ) -> (usize, Option<String>) {
         let mut used = 0;
         loop {
@@ -114,7 +119,7 @@ impl JournalCopy {
                 Ok(None) => return (used, None),
                 Err(error) => return (used, Some(error.to_string())),
                 Ok(Some(part)) => {
-                    if let Err(problem) = part.payload.map_or(Ok(()), &mut take) {
+                    if let Err(problem) = part.payload.map_or(Ok(()), |payload| take(part.version, payload)) {
                         self.chain = before;
                         let at = before.len_bytes();
                         return (

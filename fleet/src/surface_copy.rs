@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, OnDamage, Opening};
+use tessera_journal::{Follower, Journal, OnDamage, Opening, RecordKind};
 use tessera_surface::Grid;
 
 /// Its name in the folder of a run at the base.
 pub const SURFACES: &str = "surfaces.journal";
 /// What it calls itself; the first form had Rice codes, the third ranges of 32 bits, the fourth learnt bits of descriptors.
-const KIND: &str = "surfaces5";
+const KIND: RecordKind<TravelledSurface> = RecordKind::only("surfaces5", 16);
 /// How long a base waits for one that is ending.
 const WAIT: Duration = Duration::from_millis(500);
 

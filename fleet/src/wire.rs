@@ -55,8 +55,8 @@ impl Growing {
     /// What a journal calls itself in its first bytes; nothing for the store.
     pub fn kind(self) -> &'static str {
         match self {
-            Self::Align => tessera_stage::ALIGN_JOURNAL,
-            Self::Optimise => tessera_stage::OPTIMISE_JOURNAL,
+            Self::Align => tessera_stage::ALIGN_JOURNAL.name,
+            Self::Optimise => tessera_stage::OPTIMISE_JOURNAL.name,
             Self::Store => "",
         }
     }

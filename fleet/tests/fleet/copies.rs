@@ -288,15 +288,16 @@ fn another_run_in_the_same_folder_is_another_run() {
 
 #[test]
 fn records_that_none_can_have_stop_a_copy_before_them() {
-    use tessera_journal::Journal;
+    use tessera_journal::{Follower, Journal};
     use tessera_slam::AlignRecord;
+    use tessera_stage::ALIGN_JOURNAL;
     let dir = tempfile::tempdir().unwrap();
     let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
     let mut run = GrowingRun::begin(&from, "run", 1);
     (0..10).for_each(|_| run.grow());
     let mut bad: Vec<AlignRecord> = Vec::new();
     let journal = from.join("align.journal");
-    let mut follower = tessera_journal::Follower::<AlignRecord>::open(&journal, "align").unwrap();
+    let mut follower = Follower::open(&journal, ALIGN_JOURNAL).unwrap();
     while let Some(record) = follower.next().unwrap() {
         if let AlignRecord::Frame(mut frame) = record {
             frame.submap = u32::MAX;
@@ -311,7 +312,7 @@ fn records_that_none_can_have_stop_a_copy_before_them() {
     for record in [bad[0].clone(), bad[1].clone()] {
         std::fs::write(&journal, &whole).unwrap();
         let wait = std::time::Duration::ZERO;
-        let (mut writer, _) = Journal::open(&journal, "align", wait, |_: AlignRecord| Ok(())).unwrap();
+        let (mut writer, _) = Journal::open(&journal, ALIGN_JOURNAL, wait, |_| Ok(())).unwrap();
         writer.append(&record, false).unwrap();
         let _ = std::fs::remove_dir_all(&to);
         let mut replica = Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();

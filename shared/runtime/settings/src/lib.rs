@@ -89,6 +89,17 @@ impl Settings {
         layers.resolve()
     }
 
+    /// Reads the `config.toml` of a run that may have been recorded by an earlier version: settings that there
+    /// are no more decide nothing and are left out, those that have come since have their defaults.
+    ///
+    /// # Errors
+    /// As [`Self::load`]; `origin` names the text in messages.
+    pub fn from_run(text: &str, origin: &str) -> Result<Self, SettingsError> {
+        let mut layers = Layers::new();
+        layers.add_recorded(text, origin)?;
+        layers.resolve()
+    }
+
     /// The source that these settings name, and how it is opened.
     pub fn source(&self) -> (SourceSpec, SourceOptions) {
         let run = &self.run;
