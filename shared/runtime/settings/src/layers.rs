@@ -60,7 +60,7 @@ impl Layers {
     /// Syntax, an unknown key or a value of the wrong type, each with its line.
     pub fn add_text(&mut self, text: &str, origin: &str) -> Result<(), SettingsError> {
         self.add(text, &|offset| {
-            let line = 1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count();
+            let line = text.bytes().take(offset).filter(|&byte| byte == b'\n').count().saturating_add(1);
             format!("{origin}, line {line}")
         })
     }

@@ -7,6 +7,15 @@
 //! Keys stand in two groups: those for users, and below `[experiment]` the variants of the method that
 //! the preset `paper`, `tessera ablate` and tests need.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 #[cfg(test)]
 mod documented;

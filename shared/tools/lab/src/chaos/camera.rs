@@ -13,6 +13,8 @@ use tessera_transport::{Guest, RunIdentity, SlicePublisher, Subscriber, register
 
 /// Time between two looks for the run, and between two messages that the camera has ended.
 const LOOK: Duration = Duration::from_millis(10);
+/// Time between two looks whether the run has other services.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
 /// What the camera sees.
 #[derive(Clone, Debug)]
@@ -57,6 +59,7 @@ impl ExternalCamera {
             is_live: view.is_live,
             is_over: Arc::clone(&is_over),
             began: None,
+            looked: None,
         };
         let thread = std::thread::spawn(move || program.run_on());
         Ok(Self { is_over, thread: Some(thread) })
@@ -80,6 +83,8 @@ struct Program {
     is_over: Arc<AtomicBool>,
     /// When the first image was due.
     began: Option<Instant>,
+    /// When the registry was looked at.
+    looked: Option<Instant>,
 }
 
 /// Services of the run as it is now.
@@ -172,7 +177,11 @@ impl Program {
     }
 
     /// The services of the run, where it is there; those held, where they are still its.
-    fn services(&self, held: Option<Services>) -> Option<Services> {
+    fn services(&mut self, held: Option<Services>) -> Option<Services> {
+        if held.is_some() && self.looked.is_some_and(|looked| looked.elapsed() < LOOK_AGAIN) {
+            return held;
+        }
+        self.looked = Some(Instant::now());
         let runs = registered_runs().ok()?;
         let run = runs.into_iter().find(|run| run.is_alive && run.entry.name == self.run)?.entry;
         if let Some(held) = held.filter(|held| held.identity == run.identity) {
