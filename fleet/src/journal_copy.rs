@@ -1,4 +1,13 @@
 //! A journal at the base: the robot's bytes, appended where they continue it and nowhere else.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::error::FleetError;
 use crate::wire::{Growing, Refusal};
@@ -43,10 +52,11 @@ impl JournalCopy {
         let end = copy.file.metadata().map_err(io("look at"))?.len();
         let mut n_read = READ_BYTES;
         while copy.len_bytes() < end {
-            let n = usize::try_from(end - copy.len_bytes()).unwrap_or(n_read).min(n_read);
+            let n_left = end.saturating_sub(copy.len_bytes());
+            let n = usize::try_from(n_left).unwrap_or(n_read).min(n_read);
             let mut bytes = vec![0; n];
             copy.file.read_exact_at(&mut bytes, copy.len_bytes()).map_err(io("read"))?;
-            let is_all = copy.len_bytes() + n as u64 == end;
+            let is_all = n as u64 == n_left;
             let (used, problem) = copy.walk(&bytes, &mut take);
             if problem.is_some() {
                 set_aside(&path)?;
@@ -55,7 +65,7 @@ impl JournalCopy {
             if used == 0 && is_all {
                 break;
             }
-            n_read = if used == 0 { n_read * 4 } else { READ_BYTES };
+            n_read = if used == 0 { n_read.saturating_mul(4) } else { READ_BYTES };
         }
         if copy.len_bytes() < end {
             copy.file.set_len(copy.len_bytes()).map_err(io("cut"))?;
@@ -94,7 +104,7 @@ impl JournalCopy {
         if used > 0 {
             let written = self
                 .file
-                .write_all_at(&bytes[..used], before.len_bytes())
+                .write_all_at(bytes.get(..used).unwrap_or_default(), before.len_bytes())
                 .and_then(|()| self.file.sync_data());
             if let Err(error) = written {
                 self.chain = before;
@@ -115,7 +125,7 @@ impl JournalCopy {
         let mut used = 0;
         loop {
             let before = self.chain;
-            match self.chain.step(&bytes[used..], &self.path) {
+            match self.chain.step(bytes.get(used..).unwrap_or_default(), &self.path) {
                 Ok(None) => return (used, None),
                 Err(error) => return (used, Some(error.to_string())),
                 Ok(Some(part)) => {
@@ -127,7 +137,7 @@ impl JournalCopy {
                             Some(format!("the record at {at} of {}: {problem}", self.path.display())),
                         );
                     }
-                    used += part.len;
+                    used = usize::saturating_add(used, part.len);
                 }
             }
         }

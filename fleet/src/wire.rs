@@ -8,6 +8,15 @@
 //! only where it continues what the base has; the next request is the acknowledgement of the last.
 //! Surfaces of single keyframes are asked for by where they lie in the store
 //! ([`WantedSurfaces`](crate::surface_wire::WantedSurfaces)).
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 pub use crate::piece::{Kind, Piece};
 use crate::surface_wire::WantedSurfaces;

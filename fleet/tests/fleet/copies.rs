@@ -349,3 +349,33 @@ fn a_request_that_is_nonsense_is_refused_in_words() {
     let pieces = answer(ask(identity, 0, 0));
     assert_eq!(pieces.last().map(|piece| piece.kind), Some(Kind::End));
 }
+
+#[test]
+fn what_is_cut_off_a_damaged_copy_is_set_aside_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+    let mut run = GrowingRun::begin(&from, "run", 1);
+    (0..30).for_each(|_| run.grow());
+    drop(run);
+    let open = || Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();
+    visit(&mut Faulty::new(&from, 1, 0), &mut open());
+    // Behind its first page the store has the first surface.
+    for (name, first) in [("align.journal", 1000), ("keyframes.store", 4100)] {
+        let path = to.join(name);
+        let whole = std::fs::read(&path).unwrap();
+        let mut damaged = whole.clone();
+        damaged[first..first + 4].iter_mut().for_each(|byte| *byte ^= 0x55);
+        std::fs::write(&path, &damaged).unwrap();
+        let mut replica = open();
+        assert!(std::fs::read(&path).unwrap().len() < whole.len(), "{name} was not cut");
+        let aside = to.join(format!("{name}.damaged-1"));
+        assert_eq!(std::fs::read(&aside).unwrap(), damaged, "{name} is not set aside");
+        visit(&mut Faulty::new(&from, 1, 0), &mut replica);
+        assert_eq!(std::fs::read(&path).unwrap(), whole, "{name} did not come again");
+        // A torn end, as a death leaves it, is no damage.
+        std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
+        drop(open());
+        assert!(!to.join(format!("{name}.damaged-2")).exists(), "{name}: a torn end is set aside");
+        visit(&mut Faulty::new(&from, 1, 0), &mut open());
+    }
+}

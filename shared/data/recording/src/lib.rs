@@ -177,7 +177,7 @@ impl RecordingSource {
 
     /// The place of a frame's depth image.
     /// The images of a frame, each with its place among those of its kind: depth, and colour where it has a partner.
-    fn images(&self, index: u64) -> Result<(Placed<'_>, Option<Placed<'_>>), SourceError> {
+    fn images(&self, index: u64) -> Result<(SpotAt<'_>, Option<SpotAt<'_>>), SourceError> {
         let last = (self.depth.len() as u64).saturating_sub(1);
         let placed = usize::try_from(index).ok().and_then(|at| Some((at, self.depth.get(at)?)));
         let (at, depth) = placed.ok_or(SourceError::NoFrame { frame: index, last })?;
@@ -189,7 +189,7 @@ impl RecordingSource {
     fn image(
         &self,
         topic: &str,
-        (at, spot): Placed<'_>,
+        (at, spot): SpotAt<'_>,
         decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<(), MessageError>,
     ) -> Result<(), SourceError> {
         let wrong = |source| SourceError::Recording { path: self.path.clone(), source: Box::new(source) };
@@ -289,7 +289,7 @@ fn holds_depth(chunks: &Chunks, spot: &Spot) -> Option<bool> {
 }
 
 /// A message and its place among those of its topic.
-type Placed<'a> = (usize, &'a Spot);
+type SpotAt<'a> = (usize, &'a Spot);
 
 /// Images as they were recorded, with their times of recording where they have any.
 fn recorded(spots: &[Spot]) -> Vec<RecordedImage> {

@@ -40,12 +40,12 @@ impl CameraView {
 
 /// A camera that sends until it is dropped.
 #[derive(Debug)]
-pub(super) struct ExternalCamera {
+pub(super) struct CameraProgram {
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl ExternalCamera {
+impl CameraProgram {
     /// Starts the camera of the run with this name, which may begin later.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ impl ExternalCamera {
     }
 }
 
-impl Drop for ExternalCamera {
+impl Drop for CameraProgram {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

@@ -1,6 +1,6 @@
 //! One run of the pipeline as chaos starts it, goes on with it, and looks at what it left.
 
-use super::camera::{CameraView, ExternalCamera};
+use super::camera::{CameraProgram, CameraView};
 use super::journal::{self, FrameCount};
 use super::leftovers;
 use std::fs::File;
@@ -34,7 +34,7 @@ pub(super) struct Trial {
     kill_plan: String,
     /// Shared memory that the run has had, over all its supervisors.
     identities: Vec<RunIdentity>,
-    camera: Option<ExternalCamera>,
+    camera: Option<CameraProgram>,
 }
 
 impl Trial {
@@ -46,7 +46,7 @@ impl Trial {
     pub(super) fn start(&mut self) -> Result<Child, ToolError> {
         self.remember();
         if let (Some(view), None) = (&self.pipeline.camera, &self.camera) {
-            self.camera = Some(ExternalCamera::start(view, &self.name)?);
+            self.camera = Some(CameraProgram::start(view, &self.name)?);
         }
         let mut command = Command::new(&self.pipeline.executable);
         if RunFiles::new(&self.dir).run_file().exists() {
