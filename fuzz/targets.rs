@@ -5,13 +5,14 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, ser::SerializeTupl
 use std::path::Path;
 use std::time::Duration;
 use tessera_evaluation::parse_tum;
-use tessera_journal::{Follower, Journal};
+use tessera_journal::{Follower, Journal, RecordKind};
 use tessera_messages::{
     Beat, CameraFrame, Flow, FrameHeader, FrameShape, PoseMessage, SurfaceExpectation, SurfaceHeader,
 };
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, OptimiseRecord, TrackerState};
+use tessera_slam::TrackerState;
 use tessera_sources::{FolderSource, FrameBuffers, RecordingOptions, RecordingSource, Source, load_camera};
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 use tessera_surface::{Grid, Vertex, thinned};
 
 /// Takes any bytes, and panics where a promise is broken.
@@ -212,15 +213,15 @@ pub fn journal(bytes: &[u8]) {
         let _ = std::fs::remove_file(&path);
         match which % 3 {
             0 => write(folder, "align.journal", bytes),
-            1 => sealed(&path, "align", bytes),
-            _ => sealed(&path, "optimise", bytes),
+            1 => sealed(&path, ALIGN_JOURNAL, bytes),
+            _ => sealed(&path, OPTIMISE_JOURNAL, bytes),
         }
         if which % 3 == 2 {
-            let _ = Journal::<OptimiseRecord>::open(&path, "optimise", Duration::ZERO, |_| Ok(()));
+            let _ = Journal::open(&path, OPTIMISE_JOURNAL, Duration::ZERO, |_| Ok(()));
             return;
         }
         let mut state = TrackerState::default();
-        let opened = Journal::<AlignRecord>::open(&path, "align", Duration::ZERO, |record| {
+        let opened = Journal::open(&path, ALIGN_JOURNAL, Duration::ZERO, |record| {
             state.apply(&record);
             Ok(())
         });
@@ -229,7 +230,7 @@ pub fn journal(bytes: &[u8]) {
             Err(error) => return assert!(error.to_string().contains("align.journal"), "{error}"),
         };
         // What is left is whole, and a follower reads the same.
-        let mut follower = Follower::<AlignRecord>::open(&path, "align").expect("it is there");
+        let mut follower = Follower::open(&path, ALIGN_JOURNAL).expect("it is there");
         for k in 0..n_records {
             assert!(follower.next().is_ok_and(|record| record.is_some()), "record {k} of {n_records}");
         }
@@ -239,9 +240,9 @@ pub fn journal(bytes: &[u8]) {
 }
 
 /// Writes a journal of one record with this payload, whatever it is.
-pub fn sealed(path: &Path, kind: &str, payload: &[u8]) {
-    let (mut journal, _) =
-        Journal::<Raw<'_>>::open(path, kind, Duration::ZERO, |_| Ok(())).expect("a new file");
+pub fn sealed<T>(path: &Path, kind: RecordKind<T>, payload: &[u8]) {
+    let kind = RecordKind::<Raw<'_>>::only(kind.name, kind.version);
+    let (mut journal, _) = Journal::open(path, kind, Duration::ZERO, |_| Ok(())).expect("a new file");
     journal.append(&Raw(payload), false).expect("the record fits");
 }
 

@@ -84,7 +84,7 @@ impl Asking {
     fn read(base: &Path, arrival: &Arrival, extent: Extent) -> Result<Option<Self>, FleetError> {
         let folder = arrival.folder(base);
         let files = RunFiles::new(&folder);
-        let run = RunFile::read(&files)?;
+        let run = RunFile::read_recorded(&files)?;
         let settings = read_settings(&files)?;
         if settings.run.base_wait_s <= 0.0 {
             return Ok(None);

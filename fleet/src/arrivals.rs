@@ -5,10 +5,10 @@ use crate::error::FleetError;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tessera_journal::Journal;
+use tessera_journal::{Journal, RecordKind};
 
 /// What the journal calls itself.
-const KIND: &str = "fleet2";
+const KIND: RecordKind<FleetRecord> = RecordKind::only("fleet2", 16);
 /// Its name in the base's folder.
 pub const FLEET_JOURNAL: &str = "fleet.journal";
 /// How long a base waits for one that is ending.

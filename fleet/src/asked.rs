@@ -1,4 +1,13 @@
 //! What came of asking a robot: an answer as it comes, and what of it was refused.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::carrier::Carrier;
 use crate::served::REPLACED;
@@ -47,7 +56,7 @@ impl ComingAnswer {
                 return true;
             }
         };
-        pulled.received_bytes += piece.wire_bytes as u64;
+        pulled.received_bytes = pulled.received_bytes.saturating_add(piece.wire_bytes as u64);
         if piece.kind == Kind::Refused {
             let words = refusal_words(&piece);
             let refusal = if words.starts_with(REPLACED) { Refusal::Replaced } else { Refusal::OtherRun };
@@ -58,7 +67,7 @@ impl ComingAnswer {
             pulled.refuse(Refusal::OtherRun, format!("a piece of run {:016x}", piece.identity));
             return true;
         }
-        let next = self.at + self.bytes.len() as u64;
+        let next = self.at.saturating_add(self.bytes.len() as u64);
         if piece.at != next {
             pulled.refuse(Refusal::OtherPlace, format!("a piece at {}, expected {next}", piece.at));
             return true;
@@ -67,7 +76,7 @@ impl ComingAnswer {
             self.is_whole = true;
             return false;
         }
-        if self.bytes.len() + piece.bytes.len() > self.most {
+        if self.bytes.len().saturating_add(piece.bytes.len()) > self.most {
             pulled.refuse(Refusal::TooLarge, format!("more than {} bytes", self.most));
             return false;
         }
@@ -92,7 +101,7 @@ pub fn ask_offer(carrier: &mut dyn Carrier, robot: &str, pulled: &mut Pulled) ->
                 return true;
             }
         };
-        pulled.received_bytes += piece.wire_bytes as u64;
+        pulled.received_bytes = pulled.received_bytes.saturating_add(piece.wire_bytes as u64);
         if piece.kind != Kind::Data {
             pulled.refuse(Refusal::Offer, refusal_words(&piece));
             return false;

@@ -1,10 +1,18 @@
 //! What the records of a robot's aligner say, checked before they are written down at the base: a robot
 //! that lies may spoil its own map and nothing else.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::checked_record::CheckedRecord;
-use tessera_journal::decode;
 use tessera_slam::{AlignRecord, KeyframeState, OptimiseRecord, SplitRecord, State, StoreSlot};
-use tessera_stage::slots;
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, slots};
 
 /// What was seen of a run's journal so far.
 #[derive(Clone, Debug, Default)]
@@ -36,12 +44,12 @@ const UNSETTLED: usize = 5;
 const MOST_REQUESTS: usize = 2;
 
 impl RunFacts {
-    /// Takes the payload of a record in.
+    /// Takes the payload of a record of this version in.
     ///
     /// # Errors
     /// Names the number in it that cannot be.
-    pub fn take(&mut self, payload: &[u8]) -> Result<(), String> {
-        let record = CheckedRecord::check(decode(payload)?, self)?;
+    pub fn take(&mut self, version: u32, payload: &[u8]) -> Result<(), String> {
+        let record = CheckedRecord::check(ALIGN_JOURNAL.read(version, payload)?, self)?;
         self.note(record);
         Ok(())
     }
@@ -49,11 +57,12 @@ impl RunFacts {
     fn note(&mut self, CheckedRecord(record): CheckedRecord) {
         self.slots.extend(slots(&record).map(|(_, slot)| *slot));
         self.note_active(&record);
-        self.n_records += 1;
+        self.n_records = self.n_records.saturating_add(1);
         match record {
             AlignRecord::Frame(frame) => {
-                self.n_frames += 1;
-                self.n_tracked += u64::from(frame.state == State::Tracking);
+                self.n_frames = self.n_frames.saturating_add(1);
+                let is_tracked = frame.state == State::Tracking;
+                self.n_tracked = self.n_tracked.saturating_add(is_tracked.into());
                 self.n_submaps = self.n_submaps.max(frame.submap.saturating_add(1));
                 self.note_request(frame.request.map(|request| request.request));
             }
@@ -130,14 +139,15 @@ pub struct AnswerFacts {
 }
 
 impl AnswerFacts {
-    /// Takes the payload of a record in.
+    /// Takes the payload of a record of this version in.
     ///
     /// # Errors
     /// Where it is none.
-    pub fn take(&mut self, payload: &[u8]) -> Result<(), String> {
-        let record: OptimiseRecord = decode(payload)?;
+    pub fn take(&mut self, version: u32, payload: &[u8]) -> Result<(), String> {
+        let record = OPTIMISE_JOURNAL.read(version, payload)?;
         self.n_answered = self.n_answered.max(record.correction().request.saturating_add(1));
-        self.n_from_base += u64::from(matches!(record, OptimiseRecord::FromBase(_)));
+        let is_from_base = matches!(record, OptimiseRecord::FromBase(_));
+        self.n_from_base = self.n_from_base.saturating_add(is_from_base.into());
         Ok(())
     }
 }

@@ -1,5 +1,14 @@
 //! A record of a robot's aligner every number of which may be used: each keyframe, submap and request that
 //! it names is there, poses are poses, and a map comes first or not at all.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::checked::RunFacts;
 use tessera_geometry::PoseBits;
@@ -60,7 +69,7 @@ fn check_slots(record: &AlignRecord, facts: &RunFacts) -> Result<(), String> {
 
 fn check_frame(frame: &FrameRecord, facts: &RunFacts) -> Result<(), String> {
     // The one that this frame makes may be named by it.
-    let n = facts.slots.len() + 1;
+    let n = facts.slots.len().saturating_add(1);
     let n_submaps = check_submap(frame, facts)?;
     check_numbers(&frame.velocity)?;
     check_covariance(&frame.covariance)?;
@@ -74,7 +83,7 @@ fn check_frame(frame: &FrameRecord, facts: &RunFacts) -> Result<(), String> {
         check_join(join, n_submaps)?;
     }
     // It may name the keyframe that comes next.
-    check_ids(frame.contradiction.iter().flat_map(|known| [known.first, known.seen]), n + 1)?;
+    check_ids(frame.contradiction.iter().flat_map(|known| [known.first, known.seen]), n.saturating_add(1))?;
     if let Some(request) = &frame.request {
         check_n_keyframes(request.n_keyframes, n)?;
     }
@@ -98,9 +107,9 @@ fn check_new_keyframe(keyframe: &KeyframeRecord, n: usize) -> Result<(), String>
 fn check_submap(frame: &FrameRecord, facts: &RunFacts) -> Result<u32, String> {
     let mut next = facts.n_submaps;
     if let Some(split) = &frame.split {
-        let n_made = split.firsts().count() as u32;
+        let n_made = u32::try_from(split.firsts().count()).unwrap_or(u32::MAX);
         next = next.saturating_add(n_made.saturating_sub(1));
-        check_ids(split.firsts(), facts.slots.len() + 1)?;
+        check_ids(split.firsts(), facts.slots.len().saturating_add(1))?;
     }
     match frame.submap {
         submap if submap <= next && (frame.split.is_none() || submap == next) => {

@@ -1,5 +1,14 @@
 //! Features as they travel: the strongest of a keyframe, rounded, in the order of the keyframe, which is by level
 //! and row. A descriptor is told by where it differs from the nearest one before it.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use tessera_features::{Feature, hamming_distance, nearest_before};
 use tessera_messages::POSITION_STEP_PX;
@@ -25,6 +34,7 @@ const MOST_DIFFERENT: u32 = 90;
 const DISTANCES: u32 = 8;
 const CLASSES: usize = (MOST_DIFFERENT / DISTANCES) as usize + 1;
 /// Bytes by where a descriptor differs from a like one: how often each comes, by class.
+#[expect(clippy::indexing_slicing, reason = "computed when it is compiled")]
 static DIFFERENCES: [ByteParts; CLASSES] = {
     let mut parts = [ByteParts::new(&[1; 256]); CLASSES];
     let mut class = 0;
@@ -36,6 +46,7 @@ static DIFFERENCES: [ByteParts; CLASSES] = {
 };
 
 /// Each bit of a byte differs with the probability of the middle of a class of distances, of 256 bits.
+#[expect(clippy::arithmetic_side_effects, clippy::indexing_slicing, reason = "computed when it is compiled")]
 const fn differences(class: u64) -> ByteParts {
     // In 64ths: 4 and 12 of 256 are 1 and 3.
     let one = 2 * class + 1;
@@ -58,6 +69,7 @@ pub fn pack_and_round(features: &[Feature]) -> (Vec<u8>, Vec<Feature>) {
     (pack_rounded(&rounded), rounded.iter().map(Rounded::feature).collect())
 }
 
+#[expect(clippy::indexing_slicing, reason = "places of features of ours")]
 fn strongest(features: &[Feature]) -> Vec<Rounded> {
     let mut chosen: Vec<usize> = (0..features.len()).collect();
     chosen.sort_by(|&a, &b| features[b].response.total_cmp(&features[a].response).then(a.cmp(&b)));
@@ -66,6 +78,12 @@ fn strongest(features: &[Feature]) -> Vec<Rounded> {
     chosen.into_iter().map(|place| Rounded::of(&features[place])).collect()
 }
 
+#[expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "features of ours, 300 at most"
+)]
 fn pack_rounded(rounded: &[Rounded]) -> Vec<u8> {
     let widest = rounded.iter().map(|feature| feature.column).max().unwrap_or(0);
     let mut writer = RangeWriter::default();
@@ -108,6 +126,7 @@ struct Rounded {
     descriptor: [u64; 4],
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "the casts saturate, and an angle goes round")]
 impl Rounded {
     /// A conversion of a float to an integer saturates.
     fn of(feature: &Feature) -> Self {
@@ -169,12 +188,13 @@ impl Models {
         like: Option<u32>,
     ) -> Option<Rounded> {
         let last = before.last().copied().unwrap_or_default();
-        let step = self.level.signed(coder, i32::from(feature.level) - i32::from(last.level));
+        let step = i32::from(feature.level).saturating_sub(i32::from(last.level));
+        let step = self.level.signed(coder, step);
         let level = u8::try_from(i32::from(last.level).checked_add(step)?).ok().filter(|l| *l < LEVELS)?;
-        let [rows, responses, sigmas] = &mut self.numbers[usize::from(level)];
+        let [rows, responses, sigmas] = self.numbers.get_mut(usize::from(level))?;
         // The rows of a level begin anew.
         let above = if level == last.level { last.row as i32 } else { 0 };
-        let row = above.checked_add(rows.signed(coder, feature.row as i32 - above))?;
+        let row = above.checked_add(rows.signed(coder, (feature.row as i32).saturating_sub(above)))?;
         let row = u32::from(u16::try_from(row).ok()?);
         let column = coder.plain(feature.column, self.width_bits);
         let turn = coder.plain(feature.turn, ANGLE_BITS);
@@ -196,12 +216,13 @@ impl Models {
         let is_like_another = !before.is_empty() && coder.bit(&mut self.is_like_another, nearest.is_some());
         if !is_like_another {
             let mut word = |word: u64| {
-                let high = coder.plain((word >> u32::BITS) as u32, u32::BITS);
-                u64::from(high) << u32::BITS | u64::from(coder.plain(word as u32, u32::BITS))
+                let [high, low] = [word >> u32::BITS, word & u64::from(u32::MAX)];
+                let [high, low] = [high, low].map(|half| u32::try_from(half).unwrap_or_default());
+                u64::from(coder.plain(high, u32::BITS)) << u32::BITS | u64::from(coder.plain(low, u32::BITS))
             };
             return Some(descriptor.map(&mut word));
         }
-        let n_bits = usize::BITS - (before.len() - 1).leading_zeros();
+        let n_bits = usize::BITS.saturating_sub(before.len().saturating_sub(1).leading_zeros());
         let place = coder.plain(nearest.unwrap_or(0), n_bits);
         let like = before.get(place as usize)?.descriptor;
         let class = self.class.magnitude(coder, hamming_distance(&descriptor, &like) / DISTANCES);
@@ -209,7 +230,8 @@ impl Models {
         let mut found = like;
         for (found, of) in found.iter_mut().zip(descriptor) {
             let different = (*found ^ of).to_le_bytes();
-            *found ^= u64::from_le_bytes(different.map(|byte| coder.part(parts, byte.into()) as u8));
+            let part = |byte: u8| coder.part(parts, byte.into()).to_le_bytes();
+            *found ^= u64::from_le_bytes(different.map(part).map(|[lowest, ..]| lowest));
         }
         Some(found)
     }

@@ -1,11 +1,20 @@
 //! A journal at the base: the robot's bytes, appended where they continue it and nowhere else.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::error::FleetError;
 use crate::wire::{Growing, Refusal};
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use tessera_journal::Chain;
+use tessera_journal::{Chain, set_aside};
 
 /// Bytes of a copy that are read at a time when it is opened.
 const READ_BYTES: usize = 1 << 20;
@@ -18,15 +27,16 @@ pub struct JournalCopy {
 }
 
 impl JournalCopy {
-    /// Opens or creates the copy, hands every whole record in it to `take`, and cuts off what a death
-    /// left behind them.
+    /// Opens or creates the copy, hands every whole record in it to `take`, and cuts off what is behind
+    /// them: the torn end that a death left, or what is damaged or refused, which is set aside first. The robot is
+    /// asked for it again.
     ///
     /// # Errors
     /// Where the file cannot be read or written.
     pub fn open(
         folder: &Path,
         which: Growing,
-        mut take: impl FnMut(&[u8]) -> Result<(), String>,
+        mut take: impl FnMut(u32, &[u8]) -> Result<(), String>,
     ) -> Result<Self, FleetError> {
         let path = folder.join(which.file());
         let io = |what: &'static str| FleetError::io(what, &path);
@@ -42,15 +52,20 @@ impl JournalCopy {
         let end = copy.file.metadata().map_err(io("look at"))?.len();
         let mut n_read = READ_BYTES;
         while copy.len_bytes() < end {
-            let n = usize::try_from(end - copy.len_bytes()).unwrap_or(n_read).min(n_read);
+            let n_left = end.saturating_sub(copy.len_bytes());
+            let n = usize::try_from(n_left).unwrap_or(n_read).min(n_read);
             let mut bytes = vec![0; n];
             copy.file.read_exact_at(&mut bytes, copy.len_bytes()).map_err(io("read"))?;
-            let is_all = copy.len_bytes() + n as u64 == end;
+            let is_all = n as u64 == n_left;
             let (used, problem) = copy.walk(&bytes, &mut take);
-            if problem.is_some() || (used == 0 && is_all) {
+            if problem.is_some() {
+                set_aside(&path)?;
                 break;
             }
-            n_read = if used == 0 { n_read * 4 } else { READ_BYTES };
+            if used == 0 && is_all {
+                break;
+            }
+            n_read = if used == 0 { n_read.saturating_mul(4) } else { READ_BYTES };
         }
         if copy.len_bytes() < end {
             copy.file.set_len(copy.len_bytes()).map_err(io("cut"))?;
@@ -74,7 +89,7 @@ impl JournalCopy {
     }
 
     /// Appends the whole records that `bytes`, which continue the copy, begin with, and forces them to
-    /// disk; `take` has the payload of each and may refuse it. Answers how many bytes that were, and
+    /// disk; `take` has version and payload of each and may refuse it. Answers how many bytes that were, and
     /// why it was not more where that is the robot's doing.
     ///
     /// # Errors
@@ -82,14 +97,14 @@ impl JournalCopy {
     pub fn append(
         &mut self,
         bytes: &[u8],
-        take: impl FnMut(&[u8]) -> Result<(), String>,
+        take: impl FnMut(u32, &[u8]) -> Result<(), String>,
     ) -> Result<(usize, Option<(Refusal, String)>), FleetError> {
         let before = self.chain;
         let (used, problem) = self.walk(bytes, take);
         if used > 0 {
             let written = self
                 .file
-                .write_all_at(&bytes[..used], before.len_bytes())
+                .write_all_at(bytes.get(..used).unwrap_or_default(), before.len_bytes())
                 .and_then(|()| self.file.sync_data());
             if let Err(error) = written {
                 self.chain = before;
@@ -105,16 +120,16 @@ impl JournalCopy {
     fn walk(
         &mut self,
         bytes: &[u8],
-        mut take: impl FnMut(&[u8]) -> Result<(), String>,
+        mut take: impl FnMut(u32, &[u8]) -> Result<(), String>,
     ) -> (usize, Option<String>) {
         let mut used = 0;
         loop {
             let before = self.chain;
-            match self.chain.step(&bytes[used..], &self.path) {
+            match self.chain.step(bytes.get(used..).unwrap_or_default(), &self.path) {
                 Ok(None) => return (used, None),
                 Err(error) => return (used, Some(error.to_string())),
                 Ok(Some(part)) => {
-                    if let Err(problem) = part.payload.map_or(Ok(()), &mut take) {
+                    if let Err(problem) = part.payload.map_or(Ok(()), |payload| take(part.version, payload)) {
                         self.chain = before;
                         let at = before.len_bytes();
                         return (
@@ -122,7 +137,7 @@ impl JournalCopy {
                             Some(format!("the record at {at} of {}: {problem}", self.path.display())),
                         );
                     }
-                    used += part.len;
+                    used = usize::saturating_add(used, part.len);
                 }
             }
         }

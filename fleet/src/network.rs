@@ -2,6 +2,15 @@
 //!
 //! A robot is there while its token `fleet/ROBOT/alive` is; it answers at `fleet/ROBOT/run`. Nothing that
 //! a robot sends unasked is listened to but the token.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::arrivals::DISK;
 use crate::base::{MAX_ROBOTS, Network};
@@ -133,7 +142,7 @@ impl Carrier for ZenohCarrier {
         while is_taking && let Ok(reply) = replies.recv() {
             // An error is the end of patience.
             let Ok(sample) = reply.result() else { break };
-            n_pieces += 1;
+            n_pieces = u32::saturating_add(n_pieces, 1);
             let label = sample.attachment().map(|label| label.to_bytes());
             let label = label.as_deref().unwrap_or_default();
             is_taking = take(Piece::read(label, &sample.payload().to_bytes()));
@@ -141,7 +150,7 @@ impl Carrier for ZenohCarrier {
         // A record that is too large for the link in that time would never come.
         let is_slow = is_taking && n_pieces > 0 && begun.elapsed() >= patience.mul_f64(0.95);
         match is_slow {
-            true => self.patience.insert(robot.into(), (2 * patience).min(MOST_PATIENCE)),
+            true => self.patience.insert(robot.into(), patience.saturating_mul(2).min(MOST_PATIENCE)),
             false => self.patience.remove(robot),
         };
     }

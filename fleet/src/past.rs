@@ -95,7 +95,7 @@ impl Past {
     ) -> Result<Self, FleetError> {
         let folder = arrival.folder(base);
         let files = RunFiles::new(&folder);
-        let run = RunFile::read(&files)?;
+        let run = RunFile::read_recorded(&files)?;
         let settings = read_settings(&files)?;
         let mut surfaces = surfaces_of(&folder, arrival.form, extent, run.layout(&settings).grid)?;
         let (mut state, mut replay) = (TrackerState::default(), Replay::default());

@@ -1,5 +1,14 @@
 //! One piece of an answer, as it travels: a label that says which bytes of which run it is, and the bytes,
 //! deflated where that is less.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::wire::{MAX_SMALL_BYTES, Refusal};
 use flate2::read::DeflateDecoder;
@@ -98,19 +107,22 @@ impl Piece {
     /// # Errors
     /// Names what is wrong with it.
     pub fn read(label: &[u8], bytes: &[u8]) -> Result<Self, Refusal> {
-        if label.len() != LABEL_BYTES || &label[..4] != MAGIC {
+        let label: &[u8; LABEL_BYTES] = label.try_into().map_err(|_| Refusal::Foreign)?;
+        if !label.starts_with(MAGIC) {
             return Err(Refusal::Foreign);
         }
         if bytes.len() > MAX_SMALL_BYTES {
             return Err(Refusal::TooLarge);
         }
-        let (head, sum) = label.split_at(LABEL_BYTES - 4);
-        let number = |from: usize| head[from..from + 8].try_into().map_or(0, u64::from_le_bytes);
-        if checksum(head, bytes).to_le_bytes() != sum {
+        let (head, sum) = label.split_last_chunk::<4>().ok_or(Refusal::Foreign)?;
+        let number = |from: usize| {
+            head.get(from..).and_then(<[u8]>::first_chunk).map_or(0, |number| u64::from_le_bytes(*number))
+        };
+        if checksum(head, bytes).to_le_bytes() != *sum {
             return Err(Refusal::Checksum);
         }
         let (identity, at, wire_bytes) = (number(5), number(13), bytes.len());
-        let (kind, bytes) = match head[4] {
+        let (kind, bytes) = match head.get(4).copied().unwrap_or_default() {
             1 => (Kind::Data, bytes.to_vec()),
             2 => (Kind::End, bytes.to_vec()),
             3 => (Kind::Refused, bytes.to_vec()),
@@ -145,7 +157,7 @@ impl Deflater {
 
 fn inflate(bytes: &[u8]) -> Result<Vec<u8>, Refusal> {
     let mut found = Vec::new();
-    let mut reader = DeflateDecoder::new(bytes).take(MAX_SMALL_BYTES as u64 + 1);
+    let mut reader = DeflateDecoder::new(bytes).take((MAX_SMALL_BYTES as u64).saturating_add(1));
     reader.read_to_end(&mut found).map_err(|_| Refusal::Foreign)?;
     if found.len() > MAX_SMALL_BYTES { Err(Refusal::TooLarge) } else { Ok(found) }
 }

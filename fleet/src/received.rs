@@ -1,4 +1,13 @@
 //! What a map is made of the surfaces of one run: the robot's whole store, or those surfaces that came.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::error::FleetError;
 use crate::surface_copy::{TravelledSurface, read_surfaces};
@@ -49,7 +58,8 @@ impl RunSurfaces {
                 ids.iter().copied().filter(|id| received.surfaces.contains_key(id)).collect();
             let nearest = |id: u32| here.iter().copied().min_by_key(|other| (other.abs_diff(id), *other));
             for keyframe in ids.iter().copied().filter(|id| here.binary_search(id).is_err()) {
-                let anchored_to = nearest(keyframe).unwrap_or(ids[0]);
+                let first = ids.first().copied();
+                let anchored_to = nearest(keyframe).or(first).unwrap_or(keyframe);
                 if anchored_to != keyframe {
                     state.retire(&RetiredRecord { keyframe, anchored_to });
                 }

@@ -64,8 +64,10 @@ impl Replica {
     pub fn open(folder: &Path, robot: &str, identity: u64, form: CopyForm) -> Result<Self, FleetError> {
         std::fs::create_dir_all(folder).map_err(FleetError::io("make", folder))?;
         let (mut facts, mut answers) = (RunFacts::default(), AnswerFacts::default());
-        let align = JournalCopy::open(folder, Growing::Align, |payload| facts.take(payload))?;
-        let optimise = JournalCopy::open(folder, Growing::Optimise, |payload| answers.take(payload))?;
+        let align =
+            JournalCopy::open(folder, Growing::Align, |version, payload| facts.take(version, payload))?;
+        let optimise =
+            JournalCopy::open(folder, Growing::Optimise, |version, payload| answers.take(version, payload))?;
         let surfaces = match form {
             CopyForm::Whole => CopiedSurfaces::Whole(StoreCopy::open(folder, &facts.slots)?),
             CopyForm::Kept => CopiedSurfaces::Kept(SurfaceCopy::open(folder)?),
@@ -268,11 +270,11 @@ impl Replica {
         let (used, problem) = match file {
             Growing::Align => {
                 let facts = &mut self.facts;
-                self.align.append(&bytes, |payload| facts.take(payload))?
+                self.align.append(&bytes, |version, payload| facts.take(version, payload))?
             }
             _ => {
                 let answers = &mut self.answers;
-                self.optimise.append(&bytes, |payload| answers.take(payload))?
+                self.optimise.append(&bytes, |version, payload| answers.take(version, payload))?
             }
         };
         pulled.taken_bytes += used as u64;

@@ -310,7 +310,7 @@ impl Served {
 /// Where they cannot be read.
 pub(crate) fn grid_of(folder: &Path) -> Result<Grid, String> {
     let files = RunFiles::new(folder);
-    let run = RunFile::read(&files).map_err(|error| error.to_string())?;
+    let run = RunFile::read_recorded(&files).map_err(|error| error.to_string())?;
     let settings = read_settings(&files).map_err(|error| error.to_string())?;
     Ok(run.layout(&settings).grid)
 }

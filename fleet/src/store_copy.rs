@@ -1,12 +1,21 @@
 //! A store of surfaces at the base: the robot's bytes up to the last block that a record names. What they
 //! hold is opaque here; each block has its checksum in the journal.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::error::FleetError;
 use crate::wire::Growing;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use tessera_journal::StoreView;
+use tessera_journal::{StoreView, set_aside};
 use tessera_slam::StoreSlot;
 use tessera_stage::journal_slot;
 
@@ -36,9 +45,14 @@ impl StoreCopy {
             .open(&path)
             .map_err(FleetError::io("open", &path))?;
         let mut copy = Self { file, path, end: 0, n_whole: 0 };
-        while copy.n_whole < slots.len() && copy.is_whole(&slots[copy.n_whole]) {
-            copy.end = copy.end.max(end_of(&slots[copy.n_whole]));
-            copy.n_whole += 1;
+        while let Some(slot) = slots.get(copy.n_whole).filter(|slot| copy.is_whole(slot)) {
+            copy.end = copy.end.max(end_of(slot));
+            copy.n_whole = copy.n_whole.saturating_add(1);
+        }
+        // A block that is all there and not whole is damage, and others may lie behind it.
+        let len = copy.file.metadata().map_err(FleetError::io("look at", &copy.path))?.len();
+        if slots.get(copy.n_whole).is_some_and(|slot| end_of(slot) <= len) {
+            set_aside(&copy.path)?;
         }
         // What a death left behind: no reader has that mapped.
         copy.file.set_len(copy.end).map_err(FleetError::io("cut", &copy.path))?;
@@ -64,14 +78,14 @@ impl StoreCopy {
         let io = |what: &'static str| FleetError::io(what, &self.path);
         self.file.write_all_at(bytes, self.end).map_err(io("append to"))?;
         self.file.sync_data().map_err(io("sync"))?;
-        let end = self.end + bytes.len() as u64;
+        let end = self.end.saturating_add(bytes.len() as u64);
         while let Some(slot) = slots.get(self.n_whole).filter(|slot| end_of(slot) <= end) {
             if !self.is_whole(slot) {
                 // Of a block that came in several answers all come again.
                 self.end = self.end.min(slot.offset);
                 return Ok(false);
             }
-            self.n_whole += 1;
+            self.n_whole = self.n_whole.saturating_add(1);
         }
         self.end = end;
         Ok(true)
@@ -83,5 +97,5 @@ impl StoreCopy {
 }
 
 fn end_of(slot: &StoreSlot) -> u64 {
-    slot.offset + slot.len
+    slot.offset.saturating_add(slot.len)
 }

@@ -1,4 +1,13 @@
 //! The surfaces of a run's active keyframes at the base, as they travelled, in the order in which they came.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::error::FleetError;
 use crate::surface_wire::from_wire;
@@ -6,13 +15,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, OnDamage, Opening};
+use tessera_journal::{Follower, Journal, OnDamage, Opening, RecordKind};
 use tessera_surface::Grid;
 
 /// Its name in the folder of a run at the base.
 pub const SURFACES: &str = "surfaces.journal";
 /// What it calls itself; the first form had Rice codes, the third ranges of 32 bits, the fourth learnt bits of descriptors.
-const KIND: &str = "surfaces5";
+const KIND: RecordKind<TravelledSurface> = RecordKind::only("surfaces5", 16);
 /// How long a base waits for one that is ending.
 const WAIT: Duration = Duration::from_millis(500);
 
@@ -43,7 +52,7 @@ impl SurfaceCopy {
         let opening = Opening { on_damage: OnDamage::SetAside, ..Opening::new(WAIT) };
         let accept = |record: TravelledSurface| {
             held.insert(record.keyframe);
-            surface_bytes += record.bytes.len() as u64;
+            surface_bytes = u64::saturating_add(surface_bytes, record.bytes.len() as u64);
             Ok(())
         };
         let (journal, _) = Journal::open_as(&folder.join(SURFACES), KIND, opening, accept)?;
@@ -67,7 +76,7 @@ impl SurfaceCopy {
 
     /// Bytes of a surface, in the mean of those that came; 0 before the first.
     pub fn mean_bytes(&self) -> u64 {
-        self.surface_bytes / (self.held.len() as u64).max(1)
+        self.surface_bytes.checked_div(self.held.len() as u64).unwrap_or(0)
     }
 
     /// Appends surfaces that are not here yet and forces them to disk.
@@ -82,11 +91,11 @@ impl SurfaceCopy {
                 new.push(surface);
             }
         }
-        for (place, surface) in new.iter().enumerate() {
+        for (place, surface) in (1..).zip(&new) {
             // Forced to disk with the last one.
-            self.journal.append(surface, place + 1 == new.len())?;
+            self.journal.append(surface, place == new.len())?;
             self.held.insert(surface.keyframe);
-            self.surface_bytes += surface.bytes.len() as u64;
+            self.surface_bytes = self.surface_bytes.saturating_add(surface.bytes.len() as u64);
         }
         Ok(())
     }

@@ -1,4 +1,13 @@
 //! Surfaces of keyframes as they travel: which ones a base wants, and the stream in which they come.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::feature_wire::{pack_and_round, unpack_features};
 use tessera_features::Feature;
@@ -55,14 +64,13 @@ impl WantedSurfaces {
                 bytes.len()
             ));
         }
-        let number =
-            |bytes: &[u8]| bytes.iter().rev().fold(0, |sum: u64, byte| (sum << 8) | u64::from(*byte));
-        let slot = |bytes: &[u8]| StoreSlot {
-            offset: number(&bytes[..8]),
-            len: number(&bytes[8..16]),
-            crc: number(&bytes[16..]) as u32,
+        let slot = |bytes: &[u8; SLOT_BYTES]| {
+            let (offset, rest) = bytes.split_first_chunk()?;
+            let (len, rest) = rest.split_first_chunk()?;
+            let [offset, len] = [*offset, *len].map(u64::from_le_bytes);
+            Some(StoreSlot { offset, len, crc: u32::from_le_bytes(*rest.first_chunk()?) })
         };
-        Ok(Self(bytes.chunks_exact(SLOT_BYTES).map(slot).collect()))
+        Ok(Self(bytes.as_chunks().0.iter().filter_map(slot).collect()))
     }
 }
 
@@ -94,6 +102,7 @@ pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
 ///
 /// # Panics
 /// Where the thinning is none.
+#[expect(clippy::cast_possible_truncation, reason = "a surface of ours: its length is bounded by the grid")]
 pub fn pack_surface(
     grid: Grid,
     vertex_at: impl Fn(usize) -> Vertex,
@@ -121,6 +130,7 @@ pub fn from_wire(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>)
 }
 
 /// Appends a surface to a stream; `None`: the robot has it no more.
+#[expect(clippy::cast_possible_truncation, reason = "a surface of ours: its length is bounded by the grid")]
 pub fn append_frame(stream: &mut Vec<u8>, surface: Option<&[u8]>) {
     let bytes = surface.unwrap_or_default();
     stream.extend((bytes.len() as u32).to_le_bytes());

@@ -8,6 +8,15 @@
 //! only where it continues what the base has; the next request is the acknowledgement of the last.
 //! Surfaces of single keyframes are asked for by where they lie in the store
 //! ([`WantedSurfaces`](crate::surface_wire::WantedSurfaces)).
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 pub use crate::piece::{Kind, Piece};
 use crate::surface_wire::WantedSurfaces;
@@ -55,8 +64,8 @@ impl Growing {
     /// What a journal calls itself in its first bytes; nothing for the store.
     pub fn kind(self) -> &'static str {
         match self {
-            Self::Align => tessera_stage::ALIGN_JOURNAL,
-            Self::Optimise => tessera_stage::OPTIMISE_JOURNAL,
+            Self::Align => tessera_stage::ALIGN_JOURNAL.name,
+            Self::Optimise => tessera_stage::OPTIMISE_JOURNAL.name,
             Self::Store => "",
         }
     }

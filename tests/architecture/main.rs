@@ -5,6 +5,7 @@
 mod layers;
 mod names;
 mod shapes;
+mod stamps;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -24,8 +24,8 @@ impl Run {
         let path = files.config();
         let text = std::fs::read_to_string(&path)
             .map_err(|error| ViewError::File { path: path.clone(), problem: error.to_string() })?;
-        let settings = Settings::from_toml(&text, &path.display().to_string())?;
-        Ok(Self { file: RunFile::read(&files)?, files, settings })
+        let settings = Settings::from_run(&text, &path.display().to_string())?;
+        Ok(Self { file: RunFile::read_recorded(&files)?, files, settings })
     }
 
     /// Whether its supervisor lives.

@@ -36,7 +36,7 @@ impl RobotRun {
     /// Where the run cannot be read, has not ended, or a surface is damaged.
     pub fn begin(original: &Path, robot: &str, folder: &Path) -> Result<Self, FleetError> {
         // By its own words where it is of another version.
-        RunFile::read(&RunFiles::new(original)).map_err(unusable)?;
+        RunFile::read_recorded(&RunFiles::new(original)).map_err(unusable)?;
         let read = |file: Growing| {
             let path = original.join(file.file());
             std::fs::read(&path).map_err(FleetError::io("read", &path)).map_err(unusable)
@@ -119,7 +119,7 @@ fn needs(run: &Path, align: &[u8]) -> Result<Vec<(u64, u64)>, FleetError> {
     let (mut chain, mut facts, mut needs) =
         (Chain::new(Growing::Align.kind()), RunFacts::default(), Vec::new());
     while let Some(part) = chain.step(&align[chain.len_bytes() as usize..], &path).map_err(unusable)? {
-        part.payload.map_or(Ok(()), |payload| facts.take(payload)).map_err(wrong)?;
+        part.payload.map_or(Ok(()), |payload| facts.take(part.version, payload)).map_err(wrong)?;
         needs.push((chain.len_bytes() - part.len as u64, facts.store_bytes()));
     }
     if !facts.is_ended {

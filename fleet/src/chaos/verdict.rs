@@ -62,7 +62,9 @@ fn surface_difference(original: &Path, copy: &Path) -> Result<Option<String>, Fl
     let align = std::fs::read(&path).map_err(FleetError::io("read", &path))?;
     let mut chain = Chain::new(Growing::Align.kind());
     while let Some(part) = chain.step(&align[chain.len_bytes() as usize..], &path)? {
-        part.payload.map_or(Ok(()), |payload| facts.take(payload)).map_err(FleetError::Input)?;
+        part.payload
+            .map_or(Ok(()), |payload| facts.take(part.version, payload))
+            .map_err(FleetError::Input)?;
     }
     let found = first_surfaces(copy, usize::MAX)?;
     let n_twice = found.len() - found.iter().map(|surface| surface.keyframe).collect::<BTreeSet<_>>().len();

@@ -288,15 +288,16 @@ fn another_run_in_the_same_folder_is_another_run() {
 
 #[test]
 fn records_that_none_can_have_stop_a_copy_before_them() {
-    use tessera_journal::Journal;
+    use tessera_journal::{Follower, Journal};
     use tessera_slam::AlignRecord;
+    use tessera_stage::ALIGN_JOURNAL;
     let dir = tempfile::tempdir().unwrap();
     let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
     let mut run = GrowingRun::begin(&from, "run", 1);
     (0..10).for_each(|_| run.grow());
     let mut bad: Vec<AlignRecord> = Vec::new();
     let journal = from.join("align.journal");
-    let mut follower = tessera_journal::Follower::<AlignRecord>::open(&journal, "align").unwrap();
+    let mut follower = Follower::open(&journal, ALIGN_JOURNAL).unwrap();
     while let Some(record) = follower.next().unwrap() {
         if let AlignRecord::Frame(mut frame) = record {
             frame.submap = u32::MAX;
@@ -311,7 +312,7 @@ fn records_that_none_can_have_stop_a_copy_before_them() {
     for record in [bad[0].clone(), bad[1].clone()] {
         std::fs::write(&journal, &whole).unwrap();
         let wait = std::time::Duration::ZERO;
-        let (mut writer, _) = Journal::open(&journal, "align", wait, |_: AlignRecord| Ok(())).unwrap();
+        let (mut writer, _) = Journal::open(&journal, ALIGN_JOURNAL, wait, |_| Ok(())).unwrap();
         writer.append(&record, false).unwrap();
         let _ = std::fs::remove_dir_all(&to);
         let mut replica = Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();
@@ -347,4 +348,34 @@ fn a_request_that_is_nonsense_is_refused_in_words() {
     }
     let pieces = answer(ask(identity, 0, 0));
     assert_eq!(pieces.last().map(|piece| piece.kind), Some(Kind::End));
+}
+
+#[test]
+fn what_is_cut_off_a_damaged_copy_is_set_aside_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("run"), dir.path().join("copy"));
+    let mut run = GrowingRun::begin(&from, "run", 1);
+    (0..30).for_each(|_| run.grow());
+    drop(run);
+    let open = || Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();
+    visit(&mut Faulty::new(&from, 1, 0), &mut open());
+    // Behind its first page the store has the first surface.
+    for (name, first) in [("align.journal", 1000), ("keyframes.store", 4100)] {
+        let path = to.join(name);
+        let whole = std::fs::read(&path).unwrap();
+        let mut damaged = whole.clone();
+        damaged[first..first + 4].iter_mut().for_each(|byte| *byte ^= 0x55);
+        std::fs::write(&path, &damaged).unwrap();
+        let mut replica = open();
+        assert!(std::fs::read(&path).unwrap().len() < whole.len(), "{name} was not cut");
+        let aside = to.join(format!("{name}.damaged-1"));
+        assert_eq!(std::fs::read(&aside).unwrap(), damaged, "{name} is not set aside");
+        visit(&mut Faulty::new(&from, 1, 0), &mut replica);
+        assert_eq!(std::fs::read(&path).unwrap(), whole, "{name} did not come again");
+        // A torn end, as a death leaves it, is no damage.
+        std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
+        drop(open());
+        assert!(!to.join(format!("{name}.damaged-2")).exists(), "{name}: a torn end is set aside");
+        visit(&mut Faulty::new(&from, 1, 0), &mut open());
+    }
 }

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_journal::Follower;
 use tessera_slam::{AlignRecord, OptimiseRecord};
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 
 /// A small camera, so that a run takes little time.
 const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\
@@ -123,7 +124,7 @@ impl Robot {
     /// Answers in the optimiser's journal, and those of them that came from a base.
     pub(crate) fn n_answers(&self) -> (usize, usize) {
         let path = self.out.join("optimise.journal");
-        let mut journal = Follower::<OptimiseRecord>::open(&path, "optimise").unwrap();
+        let mut journal = Follower::open(&path, OPTIMISE_JOURNAL).unwrap();
         let records: Vec<_> = std::iter::from_fn(|| journal.next().unwrap()).collect();
         let n_from_base = records.iter().filter(|record| matches!(record, OptimiseRecord::FromBase(_)));
         (records.len(), n_from_base.count())
@@ -133,7 +134,7 @@ impl Robot {
     /// `world_from_odom` moved in all.
     pub(crate) fn odometry(&self) -> (f64, f64) {
         let path = self.out.join("align.journal");
-        let mut journal = Follower::<AlignRecord>::open(&path, "align").unwrap();
+        let mut journal = Follower::open(&path, ALIGN_JOURNAL).unwrap();
         let (mut before, mut largest, mut moved): (Option<(Pose, Pose)>, f64, f64) = (None, 0.0, 0.0);
         while let Some(record) = journal.next().unwrap() {
             let AlignRecord::Frame(frame) = record else { continue };

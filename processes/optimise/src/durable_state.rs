@@ -26,7 +26,7 @@ impl JournaledOptimiser {
     pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
         let (files, flow) = (&context.files, &context.settings.flow);
         let mut checkpoint =
-            Checkpoint::new(&files.optimise_checkpoint(), OPTIMISE_JOURNAL, flow.checkpoint_kb);
+            Checkpoint::new(&files.optimise_checkpoint(), OPTIMISE_JOURNAL.name, flow.checkpoint_kb);
         let kept = checkpoint.read::<StateAt<OptimiserState<'static>>>();
         let (marks, mut optimiser) = match kept.filter(|kept| kept.marks.fits(files)) {
             Some(kept) => (Some(kept.marks), Optimiser::restore(context.mapping_context(), kept.state)),

@@ -4,6 +4,7 @@ use crate::common::{Network, Setup, base_from_camera, pose, room};
 use nalgebra::Vector3;
 use tessera_journal::Follower;
 use tessera_slam::{AlignRecord, FrameRecord};
+use tessera_stage::ALIGN_JOURNAL;
 
 /// Of `camera.py`: the rate about the axes of the instrument, and how that stands on the base.
 const RATE: [f64; 3] = [0.2, -0.1, 0.4];
@@ -21,7 +22,7 @@ fn each_frame_has_the_rotation_that_the_gyroscope_measured() {
     setup.finish(run);
     let words = ros2.finish();
     drop(camera);
-    let mut journal = Follower::<AlignRecord>::open(&setup.out().join("align.journal"), "align").unwrap();
+    let mut journal = Follower::open(&setup.out().join("align.journal"), ALIGN_JOURNAL).unwrap();
     let mut frames: Vec<FrameRecord> = Vec::new();
     while let Some(record) = journal.next().unwrap() {
         if let AlignRecord::Frame(frame) = record {

@@ -8,6 +8,7 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tessera_slam::AlignRecord;
+use tessera_stage::ALIGN_JOURNAL;
 
 /// Frames of the runs here: enough for several keyframes.
 pub const FRAMES: &str = "40";
@@ -155,7 +156,7 @@ impl Run {
     /// Frames in the aligner's journal so far.
     pub fn n_processed(&self) -> usize {
         let path = self.out().join("align.journal");
-        let Ok(mut journal) = tessera_journal::Follower::<AlignRecord>::open(&path, "align") else {
+        let Ok(mut journal) = tessera_journal::Follower::open(&path, ALIGN_JOURNAL) else {
             return 0;
         };
         let records = std::iter::from_fn(|| journal.next().ok().flatten());

@@ -19,6 +19,7 @@ Examples:
   tessera chaos --faults kill,stop,slow,drop,corrupt,segv,abort,memory,full,flip
   tessera chaos --plan FILE                     lines of STAGE INDEX POINT FAULT,
                                                 such as `align 12 stored kill`
+  tessera chaos --external --live --kills 50    a camera's own program sends the frames
   tessera chaos --attach NAME --stages align    a run that is going on
   tessera chaos --fleet --times 100             a fleet and its network")]
 pub(crate) struct ChaosArguments {
@@ -67,6 +68,9 @@ pub(crate) struct ChaosArguments {
     /// Live runs: frames are dropped, so outputs are not compared; what came is counted
     #[arg(long)]
     pub(crate) live: bool,
+    /// The frames come from a camera's own program: with --live each once, else each until it was taken
+    #[arg(long, conflicts_with = "attach")]
+    pub(crate) external: bool,
     /// Folder for the runs [default: a temporary one, removed when the promise was kept]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
@@ -97,6 +101,7 @@ impl From<ChaosArguments> for tessera_lab::chaos::Campaign {
             overrides: arguments.overrides,
             frames: arguments.frames,
             live: arguments.live,
+            external: arguments.external,
             out: arguments.out,
             patience_s: arguments.patience_s,
         }

@@ -1,4 +1,10 @@
 //! Depth that is the distance along the ray, as renderers write it, and depth that looks like it.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "pixels within an image of the camera's size"
+)]
 
 use tessera_geometry::Camera;
 

@@ -42,8 +42,9 @@ impl CameraFile {
     /// # Errors
     /// No such name or file, or a file that is not a camera.
     pub fn named(name_or_file: &str) -> Result<Self, SourceError> {
-        if let Some(at) = CAMERA_NAMES.iter().position(|name| *name == name_or_file) {
-            return Self::parse(TEXTS[at], name_or_file);
+        let known = CAMERA_NAMES.iter().zip(TEXTS).find(|(name, _)| **name == name_or_file);
+        if let Some((_, text)) = known {
+            return Self::parse(text, name_or_file);
         }
         let path = Path::new(name_or_file);
         if !path.is_file() {

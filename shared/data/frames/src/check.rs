@@ -67,7 +67,7 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
     let camera = source.camera().clone();
     let n_frames = source.n_frames();
     let stamps: Vec<i64> = (0..n_frames.unwrap_or(0)).map_while(|index| source.stamp_nanos(index)).collect();
-    let duration_nanos = stamps.last().unwrap_or(&0) - stamps.first().unwrap_or(&0);
+    let duration_nanos = stamps.last().unwrap_or(&0).saturating_sub(*stamps.first().unwrap_or(&0));
     let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = source.pairing();
     let inside_truth = |stamp: &&i64| {
         source.ground_truth().is_some_and(|truth| match truth.stamps_nanos.as_slice() {
@@ -75,7 +75,7 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
             _ => false,
         })
     };
-    let middle = (f64::from(camera.height - 1) / 2.0, f64::from(camera.width - 1) / 2.0);
+    let middle = ((f64::from(camera.height) - 1.0) / 2.0, (f64::from(camera.width) - 1.0) / 2.0);
     let (broken_frames, mut broken) = broken(source, n_frames.unwrap_or(0));
     let mut report = CheckReport {
         description: source.description(),
@@ -120,17 +120,25 @@ fn angle_deg(camera: &Camera, from: (f64, f64), to: (f64, f64)) -> f64 {
 }
 
 fn gaps(stamps_nanos: &[i64]) -> Gaps {
-    let intervals: Vec<i64> = stamps_nanos.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let pairs = stamps_nanos.iter().zip(stamps_nanos.iter().skip(1));
+    let intervals: Vec<i64> = pairs.map(|(before, after)| after.saturating_sub(*before)).collect();
     let mut sorted = intervals.clone();
     sorted.sort_unstable();
     let Some(&median) = sorted.get(sorted.len() / 2) else { return Gaps::default() };
     // The first of several longest ones.
-    let longest = (0..intervals.len()).rev().max_by_key(|&at| intervals[at]).unwrap_or(0);
+    let later = |best: (u64, &i64), next: (u64, &i64)| -> std::cmp::Ordering {
+        best.1.cmp(next.1).then(next.0.cmp(&best.0))
+    };
+    let longest = (0_u64..).zip(&intervals).max_by(|a, b| later(*a, *b));
+    let (longest_after_frame, longest) = longest.unwrap_or((0, &0));
     Gaps {
         median_interval_s: median as f64 * 1e-9,
-        n_gaps: intervals.iter().filter(|&&interval| 2 * interval > 3 * median).count(),
-        longest_s: intervals[longest] as f64 * 1e-9,
-        longest_after_frame: longest as u64,
+        n_gaps: intervals
+            .iter()
+            .filter(|interval| interval.saturating_mul(2) > median.saturating_mul(3))
+            .count(),
+        longest_s: *longest as f64 * 1e-9,
+        longest_after_frame,
     }
 }
 
@@ -174,9 +182,9 @@ fn warnings(report: &CheckReport) -> Vec<String> {
     }
     let ratio = (camera.fx / camera.fy).abs();
     warn(!(0.8..=1.25).contains(&ratio), format!("fx / fy is {ratio:.2}: pixels are rarely that oblong"));
-    let unpaired = report.n_depth - report.n_pairs;
+    let unpaired = report.n_depth.saturating_sub(report.n_pairs);
     warn(
-        report.n_colour > 0 && 10 * unpaired > report.n_depth,
+        report.n_colour > 0 && unpaired.saturating_mul(10) > report.n_depth,
         format!("{unpaired} of {} depth images have no colour image within 0.02 s", report.n_depth),
     );
     let gaps = &report.gaps;

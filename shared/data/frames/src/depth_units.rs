@@ -1,4 +1,9 @@
 //! Depth over some frames, and whether its units can be right.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    reason = "a histogram of all 65,536 raw values, and counts of pixels in memory"
+)]
 
 use crate::along_ray::Bent;
 use crate::judge::{Lattice, UnitsEvidence, depth_lattice, judge_units};

@@ -1,4 +1,10 @@
 //! Images that are larger than those that are processed: read in full and reduced by whole steps.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "blocks within an image whose size was checked"
+)]
 
 use tessera_geometry::{Camera, CameraError};
 

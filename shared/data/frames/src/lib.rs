@@ -4,6 +4,15 @@
 //! again at any time and by several threads at once, and reading an index twice gives the same
 //! bytes. That is what lets a restarted sensor go on where its predecessor died.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod along_ray;
 pub mod camera_forms;

@@ -11,9 +11,9 @@ pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> Vec<Option<usize>> {
     let mut candidates = Vec::new();
     let mut first = 0;
     for (at_depth, &stamp) in depth_nanos.iter().enumerate() {
-        while first < colour_nanos.len() && colour_nanos[first] <= stamp.saturating_sub(MAX_DIFFERENCE_NANOS)
-        {
-            first += 1;
+        let earliest = stamp.saturating_sub(MAX_DIFFERENCE_NANOS);
+        while colour_nanos.get(first).is_some_and(|other| *other <= earliest) {
+            first = usize::saturating_add(first, 1);
         }
         for (at_colour, &other) in colour_nanos.iter().enumerate().skip(first) {
             let difference = other.saturating_sub(stamp);
@@ -27,9 +27,12 @@ pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> Vec<Option<usize>> {
     let mut partners = vec![None; depth_nanos.len()];
     let mut taken = vec![false; colour_nanos.len()];
     for (_, at_depth, at_colour) in candidates {
-        if partners[at_depth].is_none() && !taken[at_colour] {
-            partners[at_depth] = Some(at_colour);
-            taken[at_colour] = true;
+        let (Some(partner), Some(is_taken)) = (partners.get_mut(at_depth), taken.get_mut(at_colour)) else {
+            continue;
+        };
+        if partner.is_none() && !*is_taken {
+            *partner = Some(at_colour);
+            *is_taken = true;
         }
     }
     partners
@@ -38,7 +41,7 @@ pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> Vec<Option<usize>> {
 /// What came of pairing.
 pub fn summarise(depth_nanos: &[i64], colour_nanos: &[i64], partners: &[Option<usize>]) -> Pairing {
     let differences = depth_nanos.iter().zip(partners).filter_map(|(stamp, partner)| {
-        partner.map(|at| colour_nanos[at].saturating_sub(*stamp).saturating_abs())
+        Some(colour_nanos.get((*partner)?)?.saturating_sub(*stamp).saturating_abs())
     });
     Pairing {
         n_depth: depth_nanos.len(),

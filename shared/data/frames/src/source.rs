@@ -19,13 +19,14 @@ impl FrameBuffers<'_> {
     /// # Errors
     /// Says the lengths found and expected.
     pub fn check(&self, camera: &Camera) -> Result<(), SourceError> {
-        let n_pixels = camera.width as usize * camera.height as usize;
-        if self.depth.len() != n_pixels || self.colour.len() != 3 * n_pixels {
+        let n_pixels = (camera.width as usize).saturating_mul(camera.height as usize);
+        let n_colour = n_pixels.saturating_mul(3);
+        if self.depth.len() != n_pixels || self.colour.len() != n_colour {
             return Err(SourceError::Buffers {
                 depth: self.depth.len(),
                 colour: self.colour.len(),
                 expected_depth: n_pixels,
-                expected_colour: 3 * n_pixels,
+                expected_colour: n_colour,
             });
         }
         Ok(())

@@ -1,4 +1,9 @@
 //! Colour of another camera, brought to the pixels of depth.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "places within an image of the camera's size, and matrices of floating-point numbers"
+)]
 
 use nalgebra::Vector3;
 use tessera_geometry::{Camera, Pose};

@@ -93,7 +93,7 @@ pub(super) fn find(
                 found: FoundMessage::default(),
             };
             // Where a file was cut, only checksums tell whether all of its end was written.
-            looking.through(file, place, is_cut && at + 1 == n)
+            looking.through(file, place, is_cut && at.saturating_add(1) == n)
         })
         .collect();
     let mut all = FoundMessage::default();
@@ -107,7 +107,7 @@ pub(super) fn find(
                 all.extrinsics = all.extrinsics.or(found.extrinsics);
                 all.transforms.extend(found.transforms);
             }
-            Err(error @ RecordingError::Damaged { .. }) if at + 1 == n && is_cut => {
+            Err(error @ RecordingError::Damaged { .. }) if at.saturating_add(1) == n && is_cut => {
                 all.torn = Some(error);
             }
             Err(error) => return Err(error),
@@ -181,7 +181,7 @@ impl Looking<'_> {
             place: message.place,
             number: message.number,
         };
-        self.next_ordinal += 1;
+        self.next_ordinal = self.next_ordinal.saturating_add(1);
         let (topic, to) = match role {
             Role::Camera | Role::ColourCamera | Role::Extrinsics => {
                 let first = match role {
@@ -202,7 +202,7 @@ impl Looking<'_> {
             }
         };
         let wrong = |problem| {
-            let (topic, number) = (topic.clone(), message.sequence as usize);
+            let (topic, number) = (topic.clone(), usize::try_from(message.sequence).unwrap_or(usize::MAX));
             RecordingError::Message { topic, number, problem }
         };
         spot.stamp_nanos = messages::stamp_nanos(kind, message.data).map_err(wrong)?;
@@ -228,7 +228,7 @@ impl Deref for RecordedMessage {
     type Target = [u8];
 
     fn deref(&self) -> &[u8] {
-        &self.of.bytes[self.range.clone()]
+        self.of.bytes.get(self.range.clone()).unwrap_or_default()
     }
 }
 

@@ -185,7 +185,9 @@ impl ColourUse {
         depth_raw: &[u16],
         rgb: &mut [u8],
     ) -> Result<(), MessageError> {
-        let bytes = |(width, height): (u32, u32)| vec![0; 3 * width as usize * height as usize];
+        let bytes = |(width, height): (u32, u32)| {
+            vec![0; (width as usize).saturating_mul(height as usize).saturating_mul(3)]
+        };
         match (self, depth_lens) {
             (Self::None, _) => rgb.fill(0),
             (Self::Registered, None) => pixels::colour(image, size, rgb)?,

@@ -6,6 +6,15 @@
 //! memory. After that a frame costs the reading of the chunks that it stands in. The file is read
 //! and never mapped: one that shrinks meanwhile is an error, not a signal.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod camera;
 mod chunks;
@@ -167,24 +176,26 @@ impl RecordingSource {
     }
 
     /// The place of a frame's depth image.
-    fn place(&self, index: u64) -> Result<usize, SourceError> {
+    /// The images of a frame, each with its place among those of its kind: depth, and colour where it has a partner.
+    fn images(&self, index: u64) -> Result<(SpotAt<'_>, Option<SpotAt<'_>>), SourceError> {
         let last = (self.depth.len() as u64).saturating_sub(1);
-        let at = usize::try_from(index).ok().filter(|at| *at < self.depth.len());
-        at.ok_or(SourceError::NoFrame { frame: index, last })
+        let placed = usize::try_from(index).ok().and_then(|at| Some((at, self.depth.get(at)?)));
+        let (at, depth) = placed.ok_or(SourceError::NoFrame { frame: index, last })?;
+        let partner = self.partners.get(at).copied().flatten();
+        Ok(((at, depth), partner.and_then(|of| Some((of, self.colour.get(of)?)))))
     }
 
     /// Reads one image, and puts it where it belongs by `decode`.
     fn image(
         &self,
         topic: &str,
-        at: usize,
-        spot: &Spot,
+        (at, spot): SpotAt<'_>,
         decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<(), MessageError>,
     ) -> Result<(), SourceError> {
         let wrong = |source| SourceError::Recording { path: self.path.clone(), source: Box::new(source) };
         let data = self.chunks.read(spot).map_err(wrong)?;
         messages::image(spot.kind, &data).and_then(|image| decode(&image)).map_err(|problem| {
-            wrong(RecordingError::Message { topic: topic.to_owned(), number: at + 1, problem })
+            wrong(RecordingError::Message { topic: topic.to_owned(), number: at.saturating_add(1), problem })
         })
     }
 }
@@ -277,6 +288,9 @@ fn holds_depth(chunks: &Chunks, spot: &Spot) -> Option<bool> {
     Some(pixels::is_depth(&image))
 }
 
+/// A message and its place among those of its topic.
+type SpotAt<'a> = (usize, &'a Spot);
+
 /// Images as they were recorded, with their times of recording where they have any.
 fn recorded(spots: &[Spot]) -> Vec<RecordedImage> {
     let of = |spot: &Spot| RecordedImage {
@@ -288,8 +302,8 @@ fn recorded(spots: &[Spot]) -> Vec<RecordedImage> {
 }
 
 fn ordered(spots: &[Spot], timeline: &ImageOrder) -> Vec<Spot> {
-    let spot = |(at, stamp): (&usize, &i64)| Spot { stamp_nanos: *stamp, ..spots[*at] };
-    timeline.order.iter().zip(&timeline.stamps_nanos).map(spot).collect()
+    let spot = |(at, stamp): (&usize, &i64)| Some(Spot { stamp_nanos: *stamp, ..*spots.get(*at)? });
+    timeline.order.iter().zip(&timeline.stamps_nanos).filter_map(spot).collect()
 }
 
 impl Source for RecordingSource {
@@ -308,10 +322,9 @@ impl Source for RecordingSource {
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         let Cameras { depth: camera, lens, .. } = &self.cameras;
         buffers.check(camera)?;
-        let at = self.place(index)?;
+        let (depth, colour) = self.images(index)?;
         let size = (camera.width, camera.height);
-        let spot = &self.depth[at];
-        self.image(&self.topics.depth, at, spot, |image| {
+        self.image(&self.topics.depth, depth, |image| {
             let Some(lens) = lens else {
                 return pixels::depth(image, size, camera.units_per_metre, buffers.depth);
             };
@@ -323,27 +336,24 @@ impl Source for RecordingSource {
         if let Some(rays) = &self.rays {
             rays.to_depth(buffers.depth);
         }
-        let partner = self.partners[at];
-        match (partner, &self.topics.colour) {
-            (Some(of), Some(topic)) => self
-                .image(topic, of, &self.colour[of], |image| {
+        match (colour, &self.topics.colour) {
+            (Some(colour), Some(topic)) => self
+                .image(topic, colour, |image| {
                     self.cameras.colour.read(image, size, lens.as_ref(), buffers.depth, buffers.colour)
                 })
                 .map_err(|error| SourceError::Colour(Box::new(error)))?,
             _ => buffers.colour.fill(0),
         }
-        Ok(FrameInfo { stamp_nanos: spot.stamp_nanos, has_colour: partner.is_some(), rotation: None })
+        Ok(FrameInfo { stamp_nanos: depth.1.stamp_nanos, has_colour: colour.is_some(), rotation: None })
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
-        let at = self.place(index)?;
+        let (depth, colour) = self.images(index)?;
         let size = (self.cameras.depth.width, self.cameras.depth.height);
-        self.image(&self.topics.depth, at, &self.depth[at], |image| {
-            pixels::inspect(image, "depth", Some(size))
-        })?;
-        match (self.partners[at], &self.topics.colour) {
-            (Some(of), Some(topic)) => self
-                .image(topic, of, &self.colour[of], |image| pixels::inspect(image, "colour", None))
+        self.image(&self.topics.depth, depth, |image| pixels::inspect(image, "depth", Some(size)))?;
+        match (colour, &self.topics.colour) {
+            (Some(colour), Some(topic)) => self
+                .image(topic, colour, |image| pixels::inspect(image, "colour", None))
                 .map_err(|error| SourceError::Colour(Box::new(error))),
             _ => Ok(()),
         }

@@ -11,6 +11,7 @@ const COMPRESSED_DEPTH_HEADER: usize = 12;
 const PNG: &[u8] = b"\x89PNG";
 
 /// Depth as raw units; what is metres in the message is counted in `units_per_metre`.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
 pub(super) fn depth(
     image: &ImageMessage<'_>,
     size: (u32, u32),
@@ -33,19 +34,18 @@ pub(super) fn depth(
                 "16UC1" | "mono16" => {
                     let rows = rows(&image.data, size, *step, 2)?;
                     for (to, from) in depth_raw.chunks_exact_mut(size.0 as usize).zip(rows) {
-                        for (raw, bytes) in to.iter_mut().zip(from.chunks_exact(2)) {
-                            *raw = swap([bytes[0], bytes[1]]);
+                        for (raw, bytes) in to.iter_mut().zip(from.as_chunks().0) {
+                            *raw = swap(*bytes);
                         }
                     }
                 }
                 "32FC1" => {
                     let rows = rows(&image.data, size, *step, 4)?;
                     for (to, from) in depth_raw.chunks_exact_mut(size.0 as usize).zip(rows) {
-                        for (raw, bytes) in to.iter_mut().zip(from.chunks_exact(4)) {
-                            let bytes = [bytes[0], bytes[1], bytes[2], bytes[3]];
+                        for (raw, bytes) in to.iter_mut().zip(from.as_chunks().0) {
                             *raw = raw_of(match is_big_endian {
-                                true => f32::from_be_bytes(bytes),
-                                false => f32::from_le_bytes(bytes),
+                                true => f32::from_be_bytes(*bytes),
+                                false => f32::from_le_bytes(*bytes),
                             });
                         }
                     }
@@ -71,7 +71,7 @@ fn compressed_depth(
     }
     let is_rvl = format.trim_end().ends_with("compressedDepth rvl");
     let (head, inside) = data
-        .split_at_checked(COMPRESSED_DEPTH_HEADER)
+        .split_first_chunk::<COMPRESSED_DEPTH_HEADER>()
         .filter(|(_, inside)| is_rvl || inside.starts_with(PNG))
         .ok_or_else(|| unknown(format, "a PNG, or compressedDepth with a PNG or RVL"))?;
     if is_rvl {
@@ -82,8 +82,8 @@ fn compressed_depth(
         decode::depth(inside, size, depth_raw)?;
     }
     if format.starts_with("32FC1") {
-        let word = |at: usize| f32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
-        let (a, b) = (word(4), word(8));
+        let [_, _, _, _, a0, a1, a2, a3, b0, b1, b2, b3] = *head;
+        let (a, b) = (f32::from_le_bytes([a0, a1, a2, a3]), f32::from_le_bytes([b0, b1, b2, b3]));
         for raw in depth_raw.iter_mut().filter(|raw| **raw != 0) {
             *raw = raw_of(a / (f32::from(*raw) - b));
         }
@@ -131,9 +131,9 @@ pub(super) fn colour(image: &ImageMessage<'_>, size: (u32, u32), rgb: &mut [u8])
         }
     };
     let rows = rows(&image.data, size, step, n_channels)?;
-    for (to, from) in rgb.chunks_exact_mut(3 * size.0 as usize).zip(rows) {
-        for (pixel, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(n_channels)) {
-            pixel.copy_from_slice(&places.map(|place| from[place]));
+    for (to, from) in rgb.chunks_exact_mut((size.0 as usize).saturating_mul(3)).zip(rows) {
+        for (pixel, from) in to.as_chunks_mut().0.iter_mut().zip(from.chunks_exact(n_channels)) {
+            *pixel = places.map(|place| from.get(place).copied().unwrap_or_default());
         }
     }
     Ok(())
@@ -188,12 +188,12 @@ fn rows(
     step: usize,
     bytes_per_pixel: usize,
 ) -> Result<impl Iterator<Item = &[u8]>, MessageError> {
-    let (row, height) = (width as usize * bytes_per_pixel, height as usize);
+    let (row, height) = ((width as usize).saturating_mul(bytes_per_pixel), height as usize);
     let expected = step.saturating_mul(height.saturating_sub(1)).saturating_add(row);
     if step < row || data.len() < expected {
         return Err(MessageError::Length { found: data.len(), step, expected, row });
     }
-    Ok((0..height).map(move |at| &data[at * step..at * step + row]))
+    Ok(data.chunks(step.max(1)).take(height).filter_map(move |whole| whole.get(..row)))
 }
 
 fn unknown(found: &str, expected: &'static str) -> MessageError {

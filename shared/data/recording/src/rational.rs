@@ -1,4 +1,9 @@
 //! A lens of eight coefficients, taken out of images as they are read.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "places within an image whose camera was checked"
+)]
 
 use std::sync::Arc;
 use tessera_geometry::Camera;

@@ -1,6 +1,12 @@
 //! Colour as cameras give it: YUV with shared chroma, Bayer patterns, 16 bits a channel.
 //!
 //! Encodings are those of ROS's `image_encodings.hpp`.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "places within pixels of rows whose length was checked (pixels::rows), sums of at most nine bytes"
+)]
 
 /// A form of pixels that is not plain 8-bit colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -42,13 +42,21 @@ impl<'a> Fields<'a> {
         Ok(bytes)
     }
 
+    fn chunk<const N: usize>(&mut self) -> Result<[u8; N], MessageError> {
+        let too_early = N.saturating_sub(self.left.len());
+        let split = self.left.split_first_chunk();
+        let (chunk, left) =
+            split.ok_or_else(|| self.wrong(format!("it ends {too_early} bytes too early")))?;
+        self.left = left;
+        Ok(*chunk)
+    }
+
     fn word(&mut self) -> Result<u32, MessageError> {
-        let bytes = self.bytes(4)?;
-        Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+        self.chunk().map(u32::from_le_bytes)
     }
 
     fn byte(&mut self) -> Result<u8, MessageError> {
-        Ok(self.bytes(1)?[0])
+        self.chunk().map(u8::from_le_bytes)
     }
 
     /// Bytes behind their number.
@@ -62,13 +70,16 @@ impl<'a> Fields<'a> {
     }
 
     fn reals(&mut self, n: usize) -> Result<Vec<f64>, MessageError> {
-        let bytes = self.bytes(8 * n)?;
-        Ok(bytes.chunks_exact(8).map(|b| f64::from_le_bytes(std::array::from_fn(|k| b[k]))).collect())
+        let bytes = self.bytes(n.saturating_mul(8))?;
+        Ok(bytes.as_chunks().0.iter().map(|real| f64::from_le_bytes(*real)).collect())
     }
 
     fn array<const N: usize>(&mut self) -> Result<[f64; N], MessageError> {
-        let reals = self.reals(N)?;
-        Ok(std::array::from_fn(|k| reals[k]))
+        let mut reals = [0.0; N];
+        for real in &mut reals {
+            *real = self.chunk().map(f64::from_le_bytes)?;
+        }
+        Ok(reals)
     }
 
     /// Sequence, time and frame.

@@ -12,19 +12,17 @@ const SIZE_BYTES: usize = 8;
 
 /// Columns, rows and code of an image.
 pub(super) fn split(data: &[u8]) -> Result<((u32, u32), &[u8]), MessageError> {
-    let word =
-        |at: usize| data.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
-    match (word(0), word(4)) {
-        (Some(width), Some(height)) => Ok(((width, height), &data[SIZE_BYTES..])),
-        _ => Err(wrong(format!("{} bytes, expected at least {SIZE_BYTES}", data.len()))),
-    }
+    let split = data.split_first_chunk().and_then(|(width, rest)| Some((width, rest.split_first_chunk()?)));
+    let (width, (height, code)) =
+        split.ok_or_else(|| wrong(format!("{} bytes, expected at least {SIZE_BYTES}", data.len())))?;
+    Ok(((u32::from_le_bytes(*width), u32::from_le_bytes(*height)), code))
 }
 
 /// Decodes all of `depth_raw`; 0 is no measurement.
 pub(super) fn decode(code: &[u8], depth_raw: &mut [u16]) -> Result<(), MessageError> {
     let mut nibbles = code.as_chunks::<4>().0.iter().flat_map(|word| {
         let word = u32::from_le_bytes(*word);
-        (0..8).rev().map(move |at| word >> (4 * at) & 0xf)
+        (0..u32::BITS).step_by(4).rev().map(move |at| word >> at & 0xf)
     });
     let n_pixels = depth_raw.len();
     let mut number = |at: usize| -> Result<u32, MessageError> {
@@ -39,7 +37,7 @@ pub(super) fn decode(code: &[u8], depth_raw: &mut [u16]) -> Result<(), MessageEr
         }
         Err(wrong(format!("a number of more than 32 bits at pixel {at}")))
     };
-    let (mut at, mut last) = (0, 0i32);
+    let (mut at, mut last) = (0_usize, 0i32);
     while at < n_pixels {
         for is_measured in [false, true] {
             let n = number(at)? as usize;
@@ -48,15 +46,17 @@ pub(super) fn decode(code: &[u8], depth_raw: &mut [u16]) -> Result<(), MessageEr
             };
             if is_measured {
                 for (step, raw) in run.iter_mut().enumerate() {
-                    let zigzag = number(at + step)?;
-                    last = last.wrapping_add((zigzag >> 1) as i32 ^ -((zigzag & 1) as i32));
-                    let out = |_| wrong(format!("depth {last} at pixel {}, expected 16 bits", at + step));
+                    let pixel = at.saturating_add(step);
+                    let zigzag = number(pixel)?;
+                    let sign = ((zigzag & 1) as i32).wrapping_neg();
+                    last = last.wrapping_add((zigzag >> 1) as i32 ^ sign);
+                    let out = |_| wrong(format!("depth {last} at pixel {pixel}, expected 16 bits"));
                     *raw = u16::try_from(last).map_err(out)?;
                 }
             } else {
                 run.fill(0);
             }
-            at += n;
+            at = at.saturating_add(n);
         }
     }
     Ok(())

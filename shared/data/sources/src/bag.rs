@@ -112,7 +112,7 @@ pub(crate) fn open(
     let mut first_error = None;
     let mut n_passed = 0;
     let first = files.iter().find_map(|file| {
-        n_passed += 1;
+        n_passed = usize::saturating_add(n_passed, 1);
         match RecordingSource::open(file, options, if files.len() == 1 { frames } else { None }) {
             Ok(source) => Some(source),
             Err(error) => {

@@ -30,6 +30,7 @@ impl JoinedSource {
         joined
     }
 
+    #[expect(clippy::indexing_slicing, reason = "it begins with one")]
     pub(crate) fn first(&self) -> &RecordingSource {
         &self.parts[0]
     }
@@ -38,7 +39,8 @@ impl JoinedSource {
     /// set, or the same was recorded again.
     pub(crate) fn add(&mut self, part: RecordingSource) {
         let last = self.frames.last().map(|(_, _, stamp)| *stamp);
-        let at = self.parts.len() as u32;
+        let at = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let number = at.saturating_add(1);
         let stamps: Vec<i64> =
             (0..part.n_frames().unwrap_or(0)).map_while(|index| part.stamp_nanos(index)).collect();
         // The recorder may write the last message of a file again into the next.
@@ -49,7 +51,7 @@ impl JoinedSource {
         let mut shift = 0;
         if n_left_out > 0 {
             self.warnings
-                .push(format!("file {}: {n_left_out} messages repeat a time and are left out", at + 1));
+                .push(format!("file {}: {n_left_out} messages repeat a time and are left out", number));
         } else if let (Some(last), Some(first)) = (last, stamps.first())
             && *first <= last
         {
@@ -60,16 +62,17 @@ impl JoinedSource {
             shift = last.saturating_add(interval).saturating_sub(*first);
             self.warnings.push(format!(
                 "file {} begins {:.3} s before the end of the one before it: its stamps are counted on as a new stretch of time",
-                at + 1,
+                number,
                 last.saturating_sub(*first) as f64 * 1e-9
             ));
         }
         let frames = (0..).zip(&stamps).skip(n_left_out);
         self.frames.extend(frames.map(|(index, stamp)| (at, index, stamp.saturating_add(shift))));
         let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = part.pairing();
-        self.pairing.n_depth += n_depth;
-        self.pairing.n_colour += n_colour;
-        self.pairing.n_pairs += n_pairs;
+        let sum = |so_far: &mut usize, more: usize| *so_far = so_far.saturating_add(more);
+        sum(&mut self.pairing.n_depth, n_depth);
+        sum(&mut self.pairing.n_colour, n_colour);
+        sum(&mut self.pairing.n_pairs, n_pairs);
         self.pairing.largest_difference_nanos =
             self.pairing.largest_difference_nanos.max(largest_difference_nanos);
         self.warnings.extend(part.warnings().iter().cloned());

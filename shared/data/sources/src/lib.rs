@@ -4,6 +4,15 @@
 //! To add a layout of folders, see `folder/layouts/mod.rs`. To add another source, implement
 //! [`Source`] in a file of its own and add a case to [`open`].
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod bag;
 mod folder;

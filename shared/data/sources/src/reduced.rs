@@ -43,8 +43,8 @@ impl Source for ReducedSource {
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         buffers.check(&self.camera)?;
         let full = self.source.camera();
-        let n = full.width as usize * full.height as usize;
-        let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
+        let n = (full.width as usize).saturating_mul(full.height as usize);
+        let (mut depth, mut colour) = (vec![0; n], vec![0; n.saturating_mul(3)]);
         let mut whole = FrameBuffers { depth: &mut depth, colour: &mut colour };
         let info = self.source.read(index, &mut whole);
         let (width, to_width) = (full.width, self.camera.width);

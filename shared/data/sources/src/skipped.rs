@@ -33,7 +33,7 @@ impl Source for SkippedSource {
     }
 
     fn n_frames(&self) -> Option<u64> {
-        self.source.n_frames().map(|n| n - self.n_skipped)
+        self.source.n_frames().map(|n| n.saturating_sub(self.n_skipped))
     }
 
     fn stamp_nanos(&self, index: u64) -> Option<i64> {

@@ -6,6 +6,7 @@ use crate::codec;
 use crate::error::JournalError;
 use crate::follower::Follower;
 use crate::framing::{RECORD_HEADER_BYTES, file_header, first_link, seal};
+use crate::kind::RecordKind;
 use crate::raw::Chain;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -16,7 +17,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// Where it cannot be written; the one before then stays.
-pub fn write_checkpoint<T: Serialize>(path: &Path, kind: &str, state: &T) -> Result<u64, JournalError> {
+pub fn write_checkpoint<T: Serialize>(
+    path: &Path,
+    kind: RecordKind<T>,
+    state: &T,
+) -> Result<u64, JournalError> {
     let bytes = sealed_record(path, kind, state)?;
     write_atomically(path, Durability::Scratch, |writer| writer.write_all(&bytes))
         .map_err(JournalError::io("write", path))?;
@@ -27,11 +32,15 @@ pub fn write_checkpoint<T: Serialize>(path: &Path, kind: &str, state: &T) -> Res
 ///
 /// # Errors
 /// Where it is too large to be a record.
-pub fn sealed_record<T: Serialize>(path: &Path, kind: &str, record: &T) -> Result<Vec<u8>, JournalError> {
+pub fn sealed_record<T: Serialize>(
+    path: &Path,
+    kind: RecordKind<T>,
+    record: &T,
+) -> Result<Vec<u8>, JournalError> {
     let mut bytes = vec![0; RECORD_HEADER_BYTES];
     codec::encode(record, &mut bytes, path)?;
-    seal(&mut bytes, first_link(kind));
-    bytes.splice(0..0, file_header(kind));
+    seal(&mut bytes, kind.version, first_link(kind.name));
+    bytes.splice(0..0, file_header(kind.name));
     Ok(bytes)
 }
 
@@ -39,8 +48,8 @@ pub fn sealed_record<T: Serialize>(path: &Path, kind: &str, record: &T) -> Resul
 ///
 /// # Errors
 /// Where they are something else, of another version, cut, damaged, or more than that.
-pub fn unsealed_record<T: DeserializeOwned>(kind: &'static str, bytes: &[u8]) -> Result<T, String> {
-    let (mut chain, path) = (Chain::new(kind), Path::new("a record"));
+pub fn unsealed_record<T: DeserializeOwned>(kind: RecordKind<T>, bytes: &[u8]) -> Result<T, String> {
+    let (mut chain, path) = (Chain::new(kind.name), Path::new("a record"));
     let mut next = |from: usize| {
         chain.step(bytes.get(from..).unwrap_or_default(), path).map_err(|error| error.to_string())
     };
@@ -49,7 +58,7 @@ pub fn unsealed_record<T: DeserializeOwned>(kind: &'static str, bytes: &[u8]) ->
     let record = next(header)?.ok_or_else(cut)?;
     let n_behind = bytes.len().saturating_sub(header).saturating_sub(record.len);
     match record.payload {
-        Some(payload) if n_behind == 0 => codec::decode(payload),
+        Some(payload) if n_behind == 0 => kind.read(record.version, payload),
         _ => Err(format!("{n_behind} bytes behind a record")),
     }
 }
@@ -58,7 +67,10 @@ pub fn unsealed_record<T: DeserializeOwned>(kind: &'static str, bytes: &[u8]) ->
 ///
 /// # Errors
 /// Where the file is something else or was written by another version.
-pub fn read_checkpoint<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<Option<T>, JournalError> {
+pub fn read_checkpoint<T: DeserializeOwned>(
+    path: &Path,
+    kind: RecordKind<T>,
+) -> Result<Option<T>, JournalError> {
     if !path.exists() {
         return Ok(None);
     }
@@ -71,15 +83,20 @@ mod tests {
     use crate::{Journal, Mark, Opening};
     use std::time::Duration;
 
+    type State = (u64, String);
+
+    const TEST: RecordKind<State> = RecordKind::only("test", 7);
+    const NUMBERS: RecordKind<u64> = RecordKind::only("test", 7);
+
     #[test]
     fn a_checkpoint_is_whole_or_absent() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.checkpoint");
-        let read = || read_checkpoint::<(u64, String)>(&path, "test");
+        let read = || read_checkpoint(&path, TEST);
         assert_eq!(read().unwrap(), None);
         for n in [3, 4] {
             let state = (n, "x".repeat(500));
-            let len = write_checkpoint(&path, "test", &state).unwrap();
+            let len = write_checkpoint(&path, TEST, &state).unwrap();
             assert_eq!(std::fs::metadata(&path).unwrap().len(), len);
             assert_eq!(read().unwrap(), Some(state));
         }
@@ -100,8 +117,8 @@ mod tests {
     #[test]
     fn the_bytes_of_one_record_are_believed_whole_and_of_their_kind_alone() {
         let record = (7u64, "x".repeat(50));
-        let bytes = sealed_record(Path::new("a"), "test", &record).unwrap();
-        let read = |kind, bytes: &[u8]| unsealed_record::<(u64, String)>(kind, bytes);
+        let bytes = sealed_record(Path::new("a"), TEST, &record).unwrap();
+        let read = |name, bytes: &[u8]| unsealed_record::<State>(RecordKind::only(name, 7), bytes);
         assert_eq!(read("test", &bytes), Ok(record));
         assert!(read("other", &bytes).is_err());
         (0..bytes.len()).for_each(|cut| assert!(read("test", &bytes[..cut]).is_err(), "cut at {cut}"));
@@ -116,7 +133,7 @@ mod tests {
 
     /// A journal of `n` records and the mark behind each, the first one before all.
     fn journal(path: &Path, n: u64) -> Vec<Mark> {
-        let (mut journal, _) = Journal::<u64>::open(path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        let (mut journal, _) = Journal::open(path, NUMBERS, Duration::ZERO, |_| Ok(())).unwrap();
         let mut marks = vec![journal.mark()];
         for k in 0..n {
             journal.append(&(k * k * 1000), false).unwrap();
@@ -135,14 +152,14 @@ mod tests {
             assert!(!mark.fits(&path, "other").unwrap());
             let mut records = Vec::new();
             let opening = Opening { mark: Some(mark), ..Opening::new(Duration::ZERO) };
-            let (opened, recovered) = Journal::<u64>::open_as(&path, "test", opening, |record| {
+            let (opened, recovered) = Journal::open_as(&path, NUMBERS, opening, |record| {
                 records.push(record);
                 Ok(())
             })
             .unwrap();
             assert_eq!(records, (k as u64..20).map(|k| k * k * 1000).collect::<Vec<_>>());
             assert_eq!((opened.mark(), recovered.n_records), (marks[20], 20));
-            let mut follower = Follower::<u64>::open_behind(&path, "test", Some(mark)).unwrap();
+            let mut follower = Follower::open_behind(&path, NUMBERS, Some(mark)).unwrap();
             assert_eq!(follower.next().unwrap(), records.first().copied());
         }
     }
@@ -172,7 +189,7 @@ mod tests {
         assert!(marks[19].fits(&path, "test").unwrap());
         // The same lengths, another record far before: the chain tells.
         std::fs::remove_file(&path).unwrap();
-        let (mut other, _) = Journal::<u64>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        let (mut other, _) = Journal::open(&path, NUMBERS, Duration::ZERO, |_| Ok(())).unwrap();
         for k in 0..20u64 {
             other.append(&(if k == 2 { 4001 } else { k * k * 1000 }), false).unwrap();
         }

@@ -5,7 +5,8 @@
 //! file, and cutting there would destroy them.
 
 use crate::error::JournalError;
-use crate::framing::{RECORD_HEADER_BYTES, chained_crc, record_header};
+use crate::framing::{RECORD_HEADER_BYTES, record_header};
+use crate::kind::UnreadableRecord;
 use crate::scan::{Mark, NoRecord, next_record};
 use crate::synced::Synced;
 use std::fs::File;
@@ -41,20 +42,24 @@ impl BrokenAt {
     }
 }
 
-/// Goes over records from `mark` on, up to the end or to the first that cannot be used.
+/// Goes over records from `mark` on, each with its version, up to the end or to the first that cannot be used.
 pub(crate) fn walk(
     file: &File,
     path: &Path,
     mark: &mut Mark,
     synced: Option<Synced>,
-    mut accept: impl FnMut(&[u8]) -> Result<(), String>,
+    mut accept: impl FnMut(u32, &[u8]) -> Result<(), UnreadableRecord>,
 ) -> Result<Option<BrokenAt>, JournalError> {
     let mut payload = Vec::new();
     let (reason, n_refused) = loop {
         match next_record(file, path, mark, &mut payload)? {
-            Ok(crc) => match accept(&payload) {
-                Ok(()) => *mark = mark.behind(payload.len(), crc),
-                Err(reason) => break (reason, 1),
+            Ok(head) => match accept(head.version, &payload) {
+                Ok(()) => *mark = mark.behind(&head),
+                Err(UnreadableRecord::Damage(reason)) => break (reason, 1),
+                // Whole, and of another program: no damage that might be cut.
+                Err(UnreadableRecord::Version { found, expected }) => {
+                    return Err(JournalError::Version { path: path.into(), found, expected });
+                }
             },
             Err(NoRecord::End) => break ("the file ends there".to_owned(), 0),
             Err(NoRecord::Broken(reason)) => break (reason, 0),
@@ -75,11 +80,10 @@ pub(crate) fn walk(
 /// The length of the broken one may be part of the damage, so each place is tried: a record is
 /// recognised by its header and by the checksum of its successor, which continues its own.
 pub(crate) fn records_behind(bytes: &[u8]) -> u64 {
-    let version_at = |at: usize| record_header(bytes.get(at..)?);
     let continued = |at: usize| {
-        let (len, crc) = version_at(at)?;
-        let next = at.checked_add(RECORD_HEADER_BYTES)?.checked_add(len)?;
-        Some((next, crc)).filter(|_| next <= bytes.len())
+        let head = record_header(bytes.get(at..)?)?;
+        let next = at.checked_add(RECORD_HEADER_BYTES)?.checked_add(head.len)?;
+        Some((next, head.crc)).filter(|_| next <= bytes.len())
     };
     // The broken record's own header may be whole: its successor then continues it.
     if let Some((next, crc)) = continued(0) {
@@ -102,14 +106,14 @@ pub(crate) fn records_behind(bytes: &[u8]) -> u64 {
 /// Records from `at` on that continue a record with the checksum `link`.
 fn chain_len(bytes: &[u8], mut at: usize, mut link: u32) -> u64 {
     let mut n = 0;
-    while let Some((len, crc)) = bytes.get(at..).and_then(record_header) {
+    while let Some(head) = bytes.get(at..).and_then(record_header) {
         let begin = at.saturating_add(RECORD_HEADER_BYTES);
-        let end = begin.saturating_add(len);
+        let end = begin.saturating_add(head.len);
         let Some(payload) = bytes.get(begin..end) else { break };
-        if chained_crc(link, payload) != crc {
+        if !head.is_of(link, payload) {
             break;
         }
-        (at, link) = (end, crc);
+        (at, link) = (end, head.crc);
         n = u64::saturating_add(n, 1);
     }
     n

@@ -52,8 +52,8 @@ pub enum JournalError {
         path: PathBuf,
         /// Version in the file.
         found: u32,
-        /// Version of this program.
-        expected: u32,
+        /// Versions that this program reads.
+        expected: String,
     },
     /// A file that belongs to the run is not there.
     #[error("{path} is not there, and the run has records in it")]

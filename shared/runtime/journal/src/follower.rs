@@ -1,12 +1,11 @@
 //! A reader that follows a journal while another process writes it.
 
-use crate::codec;
 use crate::error::JournalError;
 use crate::framing::{FILE_HEADER_BYTES, FileStart, check_file_header};
+use crate::kind::{RecordKind, UnreadableRecord};
 use crate::scan::{Mark, next_record, read_at};
 use serde::de::DeserializeOwned;
 use std::fs::File;
-use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 /// Reads a growing journal record by record; takes no lock and changes nothing.
@@ -14,12 +13,11 @@ use std::path::{Path, PathBuf};
 pub struct Follower<T> {
     file: File,
     path: PathBuf,
-    kind: String,
+    kind: RecordKind<T>,
     mark: Mark,
     /// The file's first bytes have been seen.
     has_header: bool,
     buffer: Vec<u8>,
-    of: PhantomData<fn() -> T>,
 }
 
 impl<T: DeserializeOwned> Follower<T> {
@@ -27,7 +25,7 @@ impl<T: DeserializeOwned> Follower<T> {
     ///
     /// # Errors
     /// Where the file cannot be opened.
-    pub fn open(path: &Path, kind: &str) -> Result<Self, JournalError> {
+    pub fn open(path: &Path, kind: RecordKind<T>) -> Result<Self, JournalError> {
         Self::open_behind(path, kind, None)
     }
 
@@ -35,38 +33,42 @@ impl<T: DeserializeOwned> Follower<T> {
     ///
     /// # Errors
     /// Where the file cannot be opened.
-    pub fn open_behind(path: &Path, kind: &str, mark: Option<&Mark>) -> Result<Self, JournalError> {
+    pub fn open_behind(path: &Path, kind: RecordKind<T>, mark: Option<&Mark>) -> Result<Self, JournalError> {
         let file = File::open(path).map_err(JournalError::io("open", path))?;
-        let mark = mark.copied().unwrap_or(Mark::start(kind));
-        let (path, kind) = (path.to_path_buf(), kind.to_string());
-        Ok(Self { file, path, kind, mark, has_header: false, buffer: Vec::new(), of: PhantomData })
+        let mark = mark.copied().unwrap_or(Mark::start(kind.name));
+        Ok(Self { file, path: path.into(), kind, mark, has_header: false, buffer: Vec::new() })
     }
 
     /// The next whole record, or `None` where it is not there yet.
     ///
     /// # Errors
     /// Where the file is something else, cannot be read, or holds a whole record that this
-    /// program cannot decode.
+    /// program cannot read.
     #[expect(clippy::should_implement_trait, reason = "an iterator ends at None, a follower does not")]
     pub fn next(&mut self) -> Result<Option<T>, JournalError> {
         if !self.has_header {
             if !read_at(&self.file, &self.path, 0, FILE_HEADER_BYTES, &mut self.buffer)?
-                || check_file_header(&self.buffer, &self.kind, &self.path)? == FileStart::Torn
+                || check_file_header(&self.buffer, self.kind.name, &self.path)? == FileStart::Torn
             {
                 return Ok(None);
             }
             self.has_header = true;
         }
-        let Ok(crc) = next_record(&self.file, &self.path, &self.mark, &mut self.buffer)? else {
+        let Ok(head) = next_record(&self.file, &self.path, &self.mark, &mut self.buffer)? else {
             return Ok(None);
         };
-        let record = codec::decode(&self.buffer).map_err(|problem| JournalError::Slot {
-            path: self.path.clone(),
-            offset: self.mark.end,
-            len: self.buffer.len() as u64,
-            problem: format!("are whole but no record: {problem}"),
+        let record = self.kind.decode(head.version, &self.buffer).map_err(|unreadable| match unreadable {
+            UnreadableRecord::Version { found, expected } => {
+                JournalError::Version { path: self.path.clone(), found, expected }
+            }
+            UnreadableRecord::Damage(problem) => JournalError::Slot {
+                path: self.path.clone(),
+                offset: self.mark.end,
+                len: self.buffer.len() as u64,
+                problem: format!("are whole but no record: {problem}"),
+            },
         })?;
-        self.mark = self.mark.behind(self.buffer.len(), crc);
+        self.mark = self.mark.behind(&head);
         Ok(Some(record))
     }
 

@@ -9,8 +9,11 @@ use crate::error::JournalError;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TESSERAJ";
-/// Version of the framing and of the records in it.
-const VERSION: u32 = 16;
+/// Version of the framing: of a file's first bytes and of each record's header. What records hold has versions of
+/// its own ([`RecordKind`](crate::RecordKind)).
+const FRAMING: u32 = 16;
+/// Versions of records are below this.
+const VERSIONS_END: u32 = 1 << 10;
 /// Bytes before the first record.
 pub(crate) const FILE_HEADER_BYTES: usize = 32;
 /// Bytes before each record's payload: length, version, checksum.
@@ -25,7 +28,7 @@ pub const RECORD_HEADER_BYTES: usize = 12;
 pub(crate) fn file_header(kind: &str) -> [u8; FILE_HEADER_BYTES] {
     let mut header = [0; FILE_HEADER_BYTES];
     header[..8].copy_from_slice(MAGIC);
-    header[8..12].copy_from_slice(&VERSION.to_le_bytes());
+    header[8..12].copy_from_slice(&FRAMING.to_le_bytes());
     let name = &kind.as_bytes()[..kind.len().min(16)];
     header[12..12 + name.len()].copy_from_slice(name);
     let crc = crc32fast::hash(&header[..28]);
@@ -53,9 +56,9 @@ pub(crate) fn check_file_header(bytes: &[u8], kind: &str, path: &Path) -> Result
         return Ok(FileStart::Torn);
     }
     if bytes.starts_with(MAGIC)
-        && let Some(found) = u32_at(bytes, MAGIC.len()).filter(|found| *found != VERSION)
+        && let Some(found) = u32_at(bytes, MAGIC.len()).filter(|found| *found != FRAMING)
     {
-        return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
+        return Err(JournalError::Version { path: path.into(), found, expected: FRAMING.to_string() });
     }
     Err(JournalError::Foreign {
         path: path.into(),
@@ -81,11 +84,11 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
 
 /// The checksum of a record that follows one whose checksum is `link`.
 #[expect(clippy::cast_possible_truncation, reason = "a record has at most MAX_RECORD_BYTES")]
-pub(crate) fn chained_crc(link: u32, payload: &[u8]) -> u32 {
+pub(crate) fn chained_crc(link: u32, version: u32, payload: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&link.to_le_bytes());
     hasher.update(&(payload.len() as u32).to_le_bytes());
-    hasher.update(&VERSION.to_le_bytes());
+    hasher.update(&version.to_le_bytes());
     hasher.update(payload);
     hasher.finalize()
 }
@@ -96,19 +99,38 @@ pub(crate) fn chained_crc(link: u32, payload: &[u8]) -> u32 {
     clippy::cast_possible_truncation,
     reason = "constant places of a record of ours, which has at most MAX_RECORD_BYTES"
 )]
-pub(crate) fn seal(record: &mut [u8], link: u32) -> u32 {
+pub(crate) fn seal(record: &mut [u8], version: u32, link: u32) -> u32 {
     let (header, payload) = record.split_at_mut(RECORD_HEADER_BYTES);
-    let crc = chained_crc(link, payload);
+    let crc = chained_crc(link, version, payload);
     header[..4].copy_from_slice(&(payload.len() as u32).to_le_bytes());
-    header[4..8].copy_from_slice(&VERSION.to_le_bytes());
+    header[4..8].copy_from_slice(&version.to_le_bytes());
     header[8..12].copy_from_slice(&crc.to_le_bytes());
     crc
 }
 
-/// Length of the payload and checksum, where the header can be one of ours.
-pub(crate) fn record_header(bytes: &[u8]) -> Option<(usize, u32)> {
+/// The header of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RecordHead {
+    /// Bytes of the payload.
+    pub(crate) len: usize,
+    /// Version of what the payload holds.
+    pub(crate) version: u32,
+    /// Checksum over the payload and all before it.
+    pub(crate) crc: u32,
+}
+
+impl RecordHead {
+    /// Whether a payload belongs to it, behind a record whose checksum is `link`.
+    pub(crate) fn is_of(&self, link: u32, payload: &[u8]) -> bool {
+        chained_crc(link, self.version, payload) == self.crc
+    }
+}
+
+/// The header that `bytes` begin with, where they can be one.
+pub(crate) fn record_header(bytes: &[u8]) -> Option<RecordHead> {
     let (len, version, crc) = (u32_at(bytes, 0)? as usize, u32_at(bytes, 4)?, u32_at(bytes, 8)?);
-    (version == VERSION && (1..=MAX_RECORD_BYTES).contains(&len)).then_some((len, crc))
+    let can_be = (1..VERSIONS_END).contains(&version) && (1..=MAX_RECORD_BYTES).contains(&len);
+    can_be.then_some(RecordHead { len, version, crc })
 }
 
 #[cfg(test)]
@@ -127,8 +149,8 @@ mod tests {
         assert!(check(&file_header("optimise")).unwrap_err().to_string().contains("not a Tessera align"));
         assert!(check(b"ply\nformat ascii 1.0\nelement v").unwrap_err().to_string().contains("ply"));
         let mut newer = file_header("align");
-        newer[8] = VERSION as u8 + 1;
-        let words = format!("version {}", VERSION + 1);
+        newer[8] = FRAMING as u8 + 1;
+        let words = format!("version {}", FRAMING + 1);
         assert!(check(&newer).unwrap_err().to_string().contains(&words));
     }
 }

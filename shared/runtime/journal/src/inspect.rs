@@ -1,9 +1,9 @@
 //! Reading a journal to its end without a lock and without a change: what of it is whole.
 
-use crate::codec;
 use crate::damage::{BrokenAt, bytes_from, records_behind, walk};
 use crate::error::JournalError;
 use crate::framing::{FILE_HEADER_BYTES, FileStart, check_file_header, kind_in};
+use crate::kind::{RecordKind, UnreadableRecord};
 use crate::scan::{Mark, read_at};
 use crate::synced::SyncedFile;
 use serde::de::DeserializeOwned;
@@ -51,10 +51,12 @@ pub struct Inspection {
 /// Where the file cannot be read, is something else, or is of another version.
 pub fn inspect<T: DeserializeOwned>(
     path: &Path,
-    kind: &str,
+    kind: RecordKind<T>,
     mut accept: impl FnMut(T) -> Result<(), String>,
 ) -> Result<Inspection, JournalError> {
-    inspect_payloads(path, kind, &mut |payload| codec::decode(payload).and_then(&mut accept))
+    inspect_payloads(path, kind.name, &mut |version, payload| {
+        accept(kind.decode(version, payload)?).map_err(UnreadableRecord::Damage)
+    })
 }
 
 /// As [`inspect`], of a file of records whatever they hold.
@@ -67,13 +69,13 @@ pub fn inspect_framing(path: &Path) -> Result<Inspection, JournalError> {
     if !read_at(&file, path, 0, FILE_HEADER_BYTES, &mut header)? {
         header.clear();
     }
-    inspect_payloads(path, &kind_in(&header), &mut |_| Ok(()))
+    inspect_payloads(path, &kind_in(&header), &mut |_, _| Ok(()))
 }
 
 fn inspect_payloads(
     path: &Path,
     kind: &str,
-    accept: &mut dyn FnMut(&[u8]) -> Result<(), String>,
+    accept: &mut dyn FnMut(u32, &[u8]) -> Result<(), UnreadableRecord>,
 ) -> Result<Inspection, JournalError> {
     let file = File::open(path).map_err(JournalError::io("open", path))?;
     let mut header = Vec::new();
@@ -112,16 +114,18 @@ mod tests {
     use super::*;
     use crate::Journal;
 
+    const TEST: RecordKind<u64> = RecordKind::only("test", 7);
+
     #[test]
     fn whole_torn_and_damaged_are_told_apart() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("j");
-        let (mut journal, _) = Journal::<u64>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        let (mut journal, _) = Journal::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
         (0..20).for_each(|k| journal.append(&(k * 1000), false).unwrap());
         let mut sum = 0;
         let mut look = || {
             sum = 0;
-            inspect(&path, "test", |k: u64| {
+            inspect(&path, TEST, |k: u64| {
                 sum += k;
                 Ok(())
             })
@@ -141,6 +145,6 @@ mod tests {
         assert!(matches!(found.ending, Ending::Damaged { n_lost, .. } if n_lost + found.n_records == 19));
         assert_eq!(std::fs::read(&path).unwrap(), damaged);
         assert_eq!(sum, (0..found.n_records).map(|k| k * 1000).sum::<u64>());
-        assert!(inspect(&path, "other", |_: u64| Ok(())).is_err());
+        assert!(inspect(&path, RecordKind::only("other", 7), |_: u64| Ok(())).is_err());
     }
 }

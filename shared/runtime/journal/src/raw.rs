@@ -2,9 +2,7 @@
 
 use crate::codec;
 use crate::error::JournalError;
-use crate::framing::{
-    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, chained_crc, check_file_header, record_header,
-};
+use crate::framing::{FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, check_file_header, record_header};
 use crate::scan::Mark;
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -25,6 +23,8 @@ pub struct Chain {
 pub struct FilePart<'b> {
     /// All its bytes.
     pub len: usize,
+    /// Version of the record; 0 of the header.
+    pub version: u32,
     /// What it holds; nothing of the header.
     pub payload: Option<&'b [u8]>,
 }
@@ -60,17 +60,18 @@ impl Chain {
             let is_whole = bytes.len() >= FILE_HEADER_BYTES
                 && check_file_header(bytes, self.kind, path)? == FileStart::Whole;
             self.has_header = is_whole;
-            return Ok(is_whole.then_some(FilePart { len: FILE_HEADER_BYTES, payload: None }));
+            return Ok(is_whole.then_some(FilePart { len: FILE_HEADER_BYTES, version: 0, payload: None }));
         }
         let Some(header) = bytes.get(..RECORD_HEADER_BYTES) else { return Ok(None) };
-        let (len, crc) = record_header(header).ok_or_else(|| self.broken(path, "have no record header"))?;
+        let head = record_header(header).ok_or_else(|| self.broken(path, "have no record header"))?;
         let behind = bytes.get(RECORD_HEADER_BYTES..).unwrap_or_default();
-        let Some(payload) = behind.get(..len) else { return Ok(None) };
-        if chained_crc(self.mark.link, payload) != crc {
+        let Some(payload) = behind.get(..head.len) else { return Ok(None) };
+        if !head.is_of(self.mark.link, payload) {
             return Err(self.broken(path, "have a checksum that does not match"));
         }
-        self.mark = self.mark.behind(len, crc);
-        Ok(Some(FilePart { len: RECORD_HEADER_BYTES.saturating_add(len), payload: Some(payload) }))
+        self.mark = self.mark.behind(&head);
+        let len = RECORD_HEADER_BYTES.saturating_add(head.len);
+        Ok(Some(FilePart { len, version: head.version, payload: Some(payload) }))
     }
 
     fn broken(&self, path: &Path, problem: &str) -> JournalError {
@@ -85,10 +86,10 @@ impl Chain {
 
 /// The checksum that the header of a record holds; `None` of bytes that are no such header.
 pub fn checksum_in(header: &[u8]) -> Option<u32> {
-    record_header(header).map(|(_, crc)| crc)
+    record_header(header).map(|head| head.crc)
 }
 
-/// The record in a payload.
+/// What a payload holds, in the form `T`: for the earlier forms of a [`RecordKind`](crate::RecordKind).
 ///
 /// # Errors
 /// Where it holds something else, or more.
@@ -99,13 +100,15 @@ pub fn decode<T: DeserializeOwned>(payload: &[u8]) -> Result<T, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Journal;
+    use crate::{Journal, RecordKind};
     use std::time::Duration;
+
+    const TEST: RecordKind<u64> = RecordKind::only("test", 7);
 
     fn bytes_of_a_journal(n: u64) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("j");
-        let (mut journal, _) = Journal::<u64>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        let (mut journal, _) = Journal::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
         for k in 0..n {
             journal.append(&(k * k * 1000), false).unwrap();
         }

@@ -2,7 +2,7 @@
 
 use crate::error::JournalError;
 use crate::framing::{
-    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, chained_crc, check_file_header, first_link,
+    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, RecordHead, check_file_header, first_link,
     record_header,
 };
 use serde::{Deserialize, Serialize};
@@ -38,13 +38,13 @@ impl Mark {
         Self { n_records, end, link: 1, last_at, last_link: 2 }
     }
 
-    /// Behind a further record of `len` bytes with this checksum.
-    pub(crate) fn behind(&self, len: usize, crc: u32) -> Self {
+    /// Behind a further record.
+    pub(crate) fn behind(&self, head: &RecordHead) -> Self {
         Self {
             n_records: self.n_records.saturating_add(1),
             // A mark of a checkpoint is untrusted input: no file reaches the end of the range.
-            end: self.end.saturating_add(RECORD_HEADER_BYTES as u64).saturating_add(len as u64),
-            link: crc,
+            end: self.end.saturating_add(RECORD_HEADER_BYTES as u64).saturating_add(head.len as u64),
+            link: head.crc,
             last_at: self.end,
             last_link: self.link,
         }
@@ -77,7 +77,7 @@ impl Mark {
             ..*self
         };
         let found = next_record(&file, path, &before, &mut buffer)?;
-        Ok(found.is_ok_and(|crc| before.behind(buffer.len(), crc) == *self))
+        Ok(found.is_ok_and(|head| before.behind(&head) == *self))
     }
 }
 
@@ -90,23 +90,23 @@ pub(crate) enum NoRecord {
     Broken(String),
 }
 
-/// Reads the record behind `mark` into `payload`; its checksum, or why there is none.
+/// Reads the record behind `mark` into `payload`; its header, or why there is none.
 pub(crate) fn next_record(
     file: &File,
     path: &Path,
     mark: &Mark,
     payload: &mut Vec<u8>,
-) -> Result<Result<u32, NoRecord>, JournalError> {
+) -> Result<Result<RecordHead, NoRecord>, JournalError> {
     let broken = |reason: &str| Ok(Err(NoRecord::Broken(reason.into())));
     if !read_at(file, path, mark.end, RECORD_HEADER_BYTES, payload)? {
         let len = file.metadata().map_err(JournalError::io("look at", path))?.len();
         return if len <= mark.end { Ok(Err(NoRecord::End)) } else { broken("no record header") };
     }
-    let Some((len, crc)) = record_header(payload) else { return broken("no record header") };
-    if !read_at(file, path, mark.end.saturating_add(RECORD_HEADER_BYTES as u64), len, payload)? {
-        return Ok(Err(NoRecord::Broken(format!("a record of {len} bytes is cut short"))));
+    let Some(head) = record_header(payload) else { return broken("no record header") };
+    if !read_at(file, path, mark.end.saturating_add(RECORD_HEADER_BYTES as u64), head.len, payload)? {
+        return Ok(Err(NoRecord::Broken(format!("a record of {} bytes is cut short", head.len))));
     }
-    if chained_crc(mark.link, payload) == crc { Ok(Ok(crc)) } else { broken("a checksum does not match") }
+    if head.is_of(mark.link, payload) { Ok(Ok(head)) } else { broken("a checksum does not match") }
 }
 
 /// Reads exactly `len` bytes at `offset`; `false` where the file is shorter.

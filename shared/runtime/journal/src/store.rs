@@ -76,7 +76,7 @@ pub(crate) fn check_head(file: &File, path: &Path) -> Result<StoreHead, JournalE
     }
     if version != VERSION.to_le_bytes() {
         let found = version.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte));
-        return Err(JournalError::Version { path: path.into(), found, expected: VERSION });
+        return Err(JournalError::Version { path: path.into(), found, expected: VERSION.to_string() });
     }
     Ok(StoreHead::Whole)
 }

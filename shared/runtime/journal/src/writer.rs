@@ -4,15 +4,15 @@ use crate::codec;
 use crate::damage::{BrokenAt, OnDamage, bytes_from, records_behind, set_aside, walk};
 use crate::error::{JournalError, sync_file};
 use crate::framing::{
-    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, check_file_header, file_header, seal,
+    FILE_HEADER_BYTES, FileStart, RECORD_HEADER_BYTES, RecordHead, check_file_header, file_header, seal,
 };
+use crate::kind::{RecordKind, UnreadableRecord};
 use crate::lock::lock_file;
 use crate::scan::{Mark, read_at};
 use crate::synced::SyncedFile;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{File, OpenOptions};
-use std::marker::PhantomData;
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -58,7 +58,7 @@ pub struct Journal<T> {
     mark: Mark,
     synced: SyncedFile,
     buffer: Vec<u8>,
-    of: PhantomData<fn(T)>,
+    kind: RecordKind<T>,
 }
 
 impl<T: Serialize + DeserializeOwned> Journal<T> {
@@ -69,7 +69,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// As [`Self::open_as`].
     pub fn open(
         path: &Path,
-        kind: &str,
+        kind: RecordKind<T>,
         wait: Duration,
         accept: impl FnMut(T) -> Result<(), String>,
     ) -> Result<(Self, Recovered), JournalError> {
@@ -88,7 +88,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// something else, is of another version, or cannot be read.
     pub fn open_as(
         path: &Path,
-        kind: &str,
+        kind: RecordKind<T>,
         opening: Opening<'_>,
         mut accept: impl FnMut(T) -> Result<(), String>,
     ) -> Result<(Self, Recovered), JournalError> {
@@ -110,13 +110,13 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         let mut journal = Self {
             file,
             path: path.into(),
-            mark: opening.mark.copied().unwrap_or(Mark::start(kind)),
+            mark: opening.mark.copied().unwrap_or(Mark::start(kind.name)),
             synced,
             buffer: Vec::new(),
-            of: PhantomData,
+            kind,
         };
         let mut recovered = Recovered::default();
-        if !journal.read_start(kind, &opening, &mut recovered)? {
+        if !journal.read_start(kind.name, &opening, &mut recovered)? {
             return Ok((journal, recovered));
         }
         if let Some(broken) = journal.read_records(&mut accept)? {
@@ -180,7 +180,10 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         accept: &mut impl FnMut(T) -> Result<(), String>,
     ) -> Result<Option<BrokenAt>, JournalError> {
         let synced = self.synced.read();
-        let accept = |payload: &[u8]| codec::decode(payload).and_then(&mut *accept);
+        let kind = self.kind;
+        let accept = |version: u32, payload: &[u8]| {
+            accept(kind.decode(version, payload)?).map_err(UnreadableRecord::Damage)
+        };
         walk(&self.file, &self.path, &mut self.mark, synced, accept)
     }
 
@@ -213,14 +216,15 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         self.buffer.clear();
         self.buffer.resize(RECORD_HEADER_BYTES, 0);
         codec::encode(record, &mut self.buffer, &self.path)?;
-        let crc = seal(&mut self.buffer, self.mark.link);
+        let crc = seal(&mut self.buffer, self.kind.version, self.mark.link);
         let written = self.file.write_all_at(&self.buffer, self.mark.end);
         if written.is_err() {
             // Half a record may stand there; the next one overwrites it if this fails too.
             let _ = self.file.set_len(self.mark.end);
         }
         written.map_err(JournalError::io("append to", &self.path))?;
-        self.mark = self.mark.behind(self.buffer.len().saturating_sub(RECORD_HEADER_BYTES), crc);
+        let len = self.buffer.len().saturating_sub(RECORD_HEADER_BYTES);
+        self.mark = self.mark.behind(&RecordHead { len, version: self.kind.version, crc });
         if sync { self.sync() } else { Ok(()) }
     }
 

@@ -28,7 +28,7 @@ impl BeatState {
 
     /// Name for people.
     pub fn name(self) -> &'static str {
-        Self::ALL[self as usize].1
+        Self::ALL.get(self as usize).map_or("", |(_, name)| name)
     }
 }
 
@@ -73,7 +73,7 @@ impl WaitingOn {
 
     /// Name for people.
     pub fn name(self) -> &'static str {
-        Self::ALL[self as usize].1
+        Self::ALL.get(self as usize).map_or("", |(_, name)| name)
     }
 }
 

@@ -81,12 +81,17 @@ pub struct FrameShape {
 impl FrameShape {
     /// Pixels of the image.
     pub fn n_pixels(self) -> usize {
-        self.width as usize * self.height as usize
+        (self.width as usize).saturating_mul(self.height as usize)
+    }
+
+    /// Bytes of its colour: three a pixel.
+    fn n_colour(self) -> usize {
+        self.n_pixels().saturating_mul(3)
     }
 
     /// Length of the payload in units of 16 bits: depth, then three bytes of colour a pixel.
     pub fn payload_len(self) -> usize {
-        self.n_pixels() + (self.n_pixels() * 3).div_ceil(2)
+        self.n_pixels().saturating_add(self.n_colour().div_ceil(2))
     }
 
     /// Splits a payload into depth and colour to write into; `None` where it is too short.
@@ -94,7 +99,7 @@ impl FrameShape {
         let payload = payload.get_mut(..self.payload_len())?;
         let (depth, colour) = payload.split_at_mut(self.n_pixels());
         let colour: &mut [u8] = bytemuck::cast_slice_mut(colour);
-        Some((depth, &mut colour[..self.n_pixels() * 3]))
+        Some((depth, colour.get_mut(..self.n_colour())?))
     }
 }
 
@@ -140,7 +145,8 @@ impl FrameHeader {
         Refusal::unless_equal(self.index, "payload length", payload.len() as u64, expected as u64)?;
         let (depth, colour) = payload.split_at(shape.n_pixels());
         let colour: &[u8] = bytemuck::cast_slice(colour);
-        Ok(FramePayload { depth, colour: (self.has_colour == 1).then_some(&colour[..shape.n_pixels() * 3]) })
+        let colour = colour.get(..shape.n_colour()).filter(|_| self.has_colour == 1);
+        Ok(FramePayload { depth, colour })
     }
 }
 

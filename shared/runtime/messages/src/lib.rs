@@ -4,6 +4,15 @@
 //! Nothing here knows iceoryx2. A layout change means a new version in [`Message::NAME`]: two
 //! processes that disagree then fail to open the service instead of misreading each other.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod beat;
 mod camera;

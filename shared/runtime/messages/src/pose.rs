@@ -62,19 +62,17 @@ impl PoseMessage {
 
     /// The reason as text; bytes that are no UTF-8 are replaced.
     pub fn reason_text(&self) -> String {
-        let end = self.reason.iter().position(|&b| b == 0).unwrap_or(self.reason.len());
-        String::from_utf8_lossy(&self.reason[..end]).into_owned()
+        let text = self.reason.split(|&byte| byte == 0).next().unwrap_or_default();
+        String::from_utf8_lossy(text).into_owned()
     }
 }
 
 /// Packs a text into fixed bytes, cut at a character border.
 pub fn pack_reason(text: &str) -> [u8; 64] {
     let mut packed = [0; 64];
-    let mut end = text.len().min(packed.len());
-    while !text.is_char_boundary(end) {
-        end -= 1;
-    }
-    packed[..end].copy_from_slice(&text.as_bytes()[..end]);
+    let is_end = |end: &usize| text.is_char_boundary(*end);
+    let end = (0..=text.len().min(packed.len())).rev().find(is_end).unwrap_or(0);
+    packed.iter_mut().zip(text.as_bytes().iter().take(end)).for_each(|(to, byte)| *to = *byte);
     packed
 }
 

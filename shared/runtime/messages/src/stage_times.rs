@@ -83,7 +83,7 @@ impl StageTimes {
 
     /// Row of a step.
     pub fn step_row(step: Step) -> usize {
-        Phase::ALL.len() + step.number()
+        Phase::ALL.len().saturating_add(step.number())
     }
 
     /// Checks the number that stands for the stage.

@@ -9,6 +9,8 @@ use tessera_surface::{Grid, Vertex};
 
 /// Bytes of the length in front.
 const LENGTH: usize = size_of::<u32>();
+/// Most bytes of features.
+const MAX_FEATURE_BYTES: usize = MAX_FEATURES * size_of::<Feature>();
 /// What stands under a feature is found from its position rounded to this, pixels: as it travels.
 pub const POSITION_STEP_PX: f32 = 1.0 / 16.0;
 
@@ -36,6 +38,12 @@ pub enum StoredSurfaceError {
 ///
 /// # Panics
 /// Where the payload has fewer vertices than the grid.
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "a surface of ours: its length is bounded by the grid"
+)]
 pub fn store_surface(grid: Grid, payload: &[Vertex]) -> (Vec<u8>, Vec<Vertex>) {
     let features = read_features(payload, grid.len());
     let (packed, vertices) = pack_and_round(grid, &payload[..grid.len()], &places_under(grid, &features));
@@ -79,6 +87,7 @@ pub fn load_features(bytes: &[u8]) -> Result<Vec<Feature>, StoredSurfaceError> {
 
 /// The places of the grid under features, rising: what stands there says how far away they are, and most stand at
 /// edges, where nothing can be interpolated.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 0 to below the length of a side")]
 pub fn places_under(grid: Grid, features: &[Feature]) -> Vec<usize> {
     let step = grid.step as f32;
     let cell = |pixel: f32, n: usize| {
@@ -88,7 +97,7 @@ pub fn places_under(grid: Grid, features: &[Feature]) -> Vec<usize> {
     };
     let place = |feature: &Feature| {
         let [row, column] = feature.pixel;
-        Some(cell(row, grid.height)? * grid.width + cell(column, grid.width)?)
+        cell(row, grid.height)?.checked_mul(grid.width)?.checked_add(cell(column, grid.width)?)
     };
     let mut places: Vec<usize> = features.iter().filter_map(place).collect();
     places.sort_unstable();
@@ -104,7 +113,7 @@ fn parts(bytes: &[u8]) -> Result<(&[u8], &[u8]), StoredSurfaceError> {
     let length = u32::from_le_bytes(*length) as usize;
     let (packed, features) =
         rest.split_at_checked(length).ok_or_else(|| wrong(format!("{length} of packed vertices")))?;
-    if features.len() > MAX_FEATURES * size_of::<Feature>() || features.len() % size_of::<Feature>() != 0 {
+    if features.len() > MAX_FEATURE_BYTES || !features.len().is_multiple_of(size_of::<Feature>()) {
         return Err(wrong(format!("at most {MAX_FEATURES} whole features behind the vertices")));
     }
     Ok((packed, features))
@@ -113,7 +122,9 @@ fn parts(bytes: &[u8]) -> Result<(&[u8], &[u8]), StoredSurfaceError> {
 /// Most bytes of a stored surface.
 pub fn max_stored_bytes(grid: Grid) -> usize {
     // Each number takes at most 57 bits, where it is an escape.
-    LENGTH + 2 * size_of::<Vertex>() * grid.len() + 64 * grid.height + MAX_FEATURES * size_of::<Feature>()
+    let vertices = size_of::<Vertex>().saturating_mul(2).saturating_mul(grid.len());
+    let rows = grid.height.saturating_mul(64);
+    LENGTH.saturating_add(vertices).saturating_add(rows).saturating_add(MAX_FEATURE_BYTES)
 }
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ impl SurfaceHeader {
                 rule: "at most 1000",
             });
         }
-        let expected_len = grid.len() + vertices_of_features(n_features);
+        let expected_len = grid.len().saturating_add(vertices_of_features(n_features));
         Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, expected_len as u64)?;
         self.rotation.read(index)?;
         Refusal::unless_reached(index, self.relocalise_from)?;
@@ -96,8 +96,8 @@ impl SurfaceHeader {
             _ => {}
         }
         check_features(index, &read_features(vertices, grid.len()))?;
-        let vertices = &vertices[..grid.len()];
-        if kind == Kind::Frame && !all_finite(vertices) {
+        let vertices = vertices.get(..grid.len());
+        if kind == Kind::Frame && !vertices.is_some_and(all_finite) {
             return Err(Refusal::Value {
                 index,
                 what: "a vertex",

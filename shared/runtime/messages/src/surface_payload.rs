@@ -10,7 +10,7 @@ pub const MAX_FEATURES: usize = 1000;
 
 /// Vertices that hold `n_features` features.
 pub const fn vertices_of_features(n_features: usize) -> usize {
-    (n_features * size_of::<Feature>()).div_ceil(size_of::<Vertex>())
+    n_features.saturating_mul(size_of::<Feature>()).div_ceil(size_of::<Vertex>())
 }
 
 /// Writes features into the vertices behind the grid; what is left over is zero.
@@ -28,8 +28,7 @@ pub fn write_features(tail: &mut [Vertex], features: &[Feature]) {
 /// aligned for their descriptors.
 pub fn read_features(payload: &[Vertex], n_vertices: usize) -> Vec<Feature> {
     let tail: &[u8] = bytemuck::cast_slice(payload.get(n_vertices..).unwrap_or_default());
-    let n_features = tail.len() / size_of::<Feature>();
-    bytemuck::pod_collect_to_vec(&tail[..n_features * size_of::<Feature>()])
+    tail.chunks_exact(size_of::<Feature>()).map(bytemuck::pod_read_unaligned).collect()
 }
 
 /// Checks features that came from outside this process.

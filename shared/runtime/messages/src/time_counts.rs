@@ -23,6 +23,12 @@ impl Default for TimeCounts {
 
 impl TimeCounts {
     /// Counts one duration.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        reason = "an octave is 16 to 63 where it is used, a quarter 0 to 3, and the bucket below N"
+    )]
     pub fn add(&mut self, nanos: u64) {
         let octave = nanos.max(1).ilog2();
         let bucket = match octave.checked_sub(FIRST_OCTAVE) {
@@ -38,10 +44,17 @@ impl TimeCounts {
     /// Both together.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
-        Self(std::array::from_fn(|k| self.0[k].saturating_add(other.0[k])))
+        let mut both = *self;
+        both.0.iter_mut().zip(&other.0).for_each(|(sum, n)| *sum = sum.saturating_add(*n));
+        both
     }
 
     /// Least duration of a bucket, nanoseconds; that of the bucket behind the last is its end.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        clippy::cast_possible_truncation,
+        reason = "buckets are 0 to N, octaves therefore 16 to 32"
+    )]
     pub fn begin_nanos(bucket: usize) -> u64 {
         let (octave, quarter) = (bucket as u32 / PER_OCTAVE + FIRST_OCTAVE, bucket as u64 % 4);
         (4 + quarter) << (octave - 2)

@@ -2,7 +2,7 @@
 
 use crate::experiment::{self, merge};
 use crate::known::check_keys;
-use crate::{PRESETS, Settings, SettingsError, preset};
+use crate::{PRESETS, Settings, SettingsError, moved, preset};
 use serde::Deserialize;
 use toml::de::DeTable;
 use toml::{Table, Value};
@@ -60,9 +60,22 @@ impl Layers {
     /// Syntax, an unknown key or a value of the wrong type, each with its line.
     pub fn add_text(&mut self, text: &str, origin: &str) -> Result<(), SettingsError> {
         self.add(text, &|offset| {
-            let line = 1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count();
+            let line = text.bytes().take(offset).filter(|&byte| byte == b'\n').count().saturating_add(1);
             format!("{origin}, line {line}")
         })
+    }
+
+    /// As [`Self::add_text`], of settings that an earlier version wrote down: without those that were removed.
+    ///
+    /// # Errors
+    /// As [`Self::add_text`].
+    pub(crate) fn add_recorded(&mut self, text: &str, origin: &str) -> Result<(), SettingsError> {
+        let syntax = |reason: String| SettingsError::Syntax { origin: origin.to_owned(), reason };
+        let mut table: Table =
+            toml::from_str(text).map_err(|error| syntax(error.message().replace('\n', ", ")))?;
+        moved::remove(&mut table, "");
+        let text = toml::to_string(&table).map_err(|error| syntax(error.to_string()))?;
+        self.add_text(&text, origin)
     }
 
     /// Adds `key.path=value`; a value that is not TOML is taken as text.

@@ -7,6 +7,15 @@
 //! Keys stand in two groups: those for users, and below `[experiment]` the variants of the method that
 //! the preset `paper`, `tessera ablate` and tests need.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 #[cfg(test)]
 mod documented;
@@ -86,6 +95,17 @@ impl Settings {
     pub fn from_toml(text: &str, origin: &str) -> Result<Self, SettingsError> {
         let mut layers = Layers::new();
         layers.add_text(text, origin)?;
+        layers.resolve()
+    }
+
+    /// Reads the `config.toml` of a run that may have been recorded by an earlier version: settings that there
+    /// are no more decide nothing and are left out, those that have come since have their defaults.
+    ///
+    /// # Errors
+    /// As [`Self::load`]; `origin` names the text in messages.
+    pub fn from_run(text: &str, origin: &str) -> Result<Self, SettingsError> {
+        let mut layers = Layers::new();
+        layers.add_recorded(text, origin)?;
         layers.resolve()
     }
 

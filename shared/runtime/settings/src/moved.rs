@@ -3,6 +3,7 @@
 use crate::experiment;
 use crate::known::join;
 use toml::de::DeValue;
+use toml::{Table, Value};
 
 /// The answer to a key that no longer is one, with its full path: for `given` itself, or for the first
 /// key in it where it is a table.
@@ -14,6 +15,22 @@ pub(crate) fn first(path: &str, given: &DeValue<'_>) -> Option<(String, String)>
         _ => None,
     };
     inside.or_else(|| Some((path.to_owned(), answer(path)?)))
+}
+
+/// Takes out what was removed, with the tables that are empty then.
+pub(crate) fn remove(table: &mut Table, prefix: &str) {
+    table.retain(|key, value| {
+        let path = join(prefix, key);
+        let is_removed = REMOVED.iter().any(|(old, _)| *old == path);
+        let is_emptied = match value {
+            Value::Table(inner) if !inner.is_empty() => {
+                remove(inner, &path);
+                inner.is_empty()
+            }
+            _ => false,
+        };
+        !is_removed && !is_emptied
+    });
 }
 
 /// Where the key went.

@@ -32,6 +32,7 @@ impl SourceSettings {
     }
 
     /// Frames with a broken image that a source of `n_frames` may have.
+    #[expect(clippy::cast_possible_truncation, reason = "a share of a count is a count")]
     pub fn most_broken(&self, n_frames: u64) -> u64 {
         match self.max_broken_share > 0.0 {
             true => ((self.max_broken_share * n_frames as f64) as u64).max(1),

@@ -194,3 +194,20 @@ fn a_missing_file_names_the_presets() {
     assert!(message.starts_with("nowhere.toml: cannot read the configuration"), "{message}");
     assert!(message.contains("default, paper, fast, onboard"), "{message}");
 }
+
+#[test]
+fn the_settings_of_a_run_of_an_earlier_version_are_read_without_what_was_removed() {
+    let text = "[surface]\nstep = 2\nedge_angle_deg = 14.0\n\n[stages.align]\nnice = 5\n\n\
+                [mapping.window]\nradius_m = 0.4\n";
+    assert!(refusal(text).contains("removed"), "{}", refusal(text));
+    let settings = Settings::from_run(text, "config.toml").unwrap();
+    assert_eq!(settings.surface.step, 2);
+    let defaults = Settings::from_toml("[surface]\nstep = 2\n", "text").unwrap();
+    assert_eq!(settings, defaults, "what has come since has its default");
+    // What never was a setting, has another name now or is no setting's value is refused as ever.
+    let refused = |text: &str| Settings::from_run(text, "config.toml").unwrap_err().to_string();
+    assert!(refused("[surface]\nstpe = 2\n").contains("unknown key `surface.stpe`"));
+    assert!(refused("[flow]\nladder = true\n").contains("now flow.load_shedding"));
+    assert!(refused("[surface]\nstep = \"two\"\n").contains("expected a whole number"));
+    assert!(refused("[surface\n").contains("config.toml: not valid TOML"));
+}

@@ -6,11 +6,13 @@ use crate::names::RunFiles;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Durability, JournalError, sealed_record, unsealed_record, write_atomically};
+use tessera_journal::{
+    Durability, JournalError, RecordKind, sealed_record, unsealed_record, write_atomically,
+};
 use tessera_slam::Correction;
 
-/// What the file of an answer calls itself.
-const ANSWER: &str = "answer";
+/// An answer in its file, and as it travels.
+const ANSWER: RecordKind<BaseAnswer> = RecordKind::only("answer", 16);
 /// Bytes of an answer, at most: some fifty thousand keyframes.
 pub const MAX_ANSWER_BYTES: usize = 4 << 20;
 /// Silence after which a base is away.

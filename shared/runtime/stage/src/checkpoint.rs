@@ -4,10 +4,11 @@
 //! of another version or of another boot of the machine (after a power loss the journal may have
 //! lost pages that were never forced to disk) costs its reader time and nothing else.
 
+use crate::ALIGN_JOURNAL;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use tessera_journal::{partial_path, read_checkpoint, write_checkpoint};
+use tessera_journal::{RecordKind, partial_path, read_checkpoint, write_checkpoint};
 
 /// What stands in the file.
 #[derive(Serialize, Deserialize)]
@@ -49,7 +50,7 @@ impl Checkpoint {
     /// The state that was kept last in this boot of the machine, if it is there and whole.
     pub fn read<T: DeserializeOwned>(&self) -> Option<T> {
         let boot = self.boot.as_ref().filter(|_| self.every_bytes > 0)?;
-        match read_checkpoint::<Kept<T>>(&self.path, self.kind) {
+        match read_checkpoint::<Kept<T>>(&self.path, self.records()) {
             Ok(kept) => kept.filter(|kept| kept.boot == *boot).map(|kept| kept.state),
             Err(error) => {
                 tracing::warn!("{error}; the journal is read from the beginning");
@@ -75,7 +76,7 @@ impl Checkpoint {
     pub fn write<T: Serialize>(&mut self, state: &T, journal_bytes: u64) {
         let Some(boot) = self.boot.clone() else { return };
         self.last_at_bytes = journal_bytes;
-        match write_checkpoint(&self.path, self.kind, &Kept { boot, state }) {
+        match write_checkpoint(&self.path, self.records(), &Kept { boot, state }) {
             Ok(len) => self.last_len_bytes = len,
             Err(error) if !self.has_failed => {
                 tracing::warn!("{error}; a restart will take longer");
@@ -83,6 +84,11 @@ impl Checkpoint {
             }
             Err(_) => {}
         }
+    }
+
+    /// A state is a fold over records of the aligner: another version of them, another state.
+    fn records<T>(&self) -> RecordKind<T> {
+        RecordKind::only(self.kind, ALIGN_JOURNAL.version)
     }
 
     /// Removes it, and what a killed writer left of one.

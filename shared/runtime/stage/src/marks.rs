@@ -28,8 +28,8 @@ impl Marks {
     /// Whether both journals still have the records before the marks.
     pub fn fits(&self, files: &RunFiles) -> bool {
         let fits = |mark: &Mark, path: &Path, kind| mark.fits(path, kind).unwrap_or(false);
-        fits(&self.align, &files.align_journal(), ALIGN_JOURNAL)
-            && fits(&self.optimise, &files.optimise_journal(), OPTIMISE_JOURNAL)
+        fits(&self.align, &files.align_journal(), ALIGN_JOURNAL.name)
+            && fits(&self.optimise, &files.optimise_journal(), OPTIMISE_JOURNAL.name)
     }
 
     /// Bytes of both journals before the marks.

@@ -2,11 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-/// What the aligner's journal calls itself.
-pub const ALIGN_JOURNAL: &str = "align";
-/// What the optimiser's journal calls itself.
-pub const OPTIMISE_JOURNAL: &str = "optimise";
-
 /// Paths inside a run directory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFiles {

@@ -80,19 +80,30 @@ pub fn identity_of(run_file: &[u8]) -> u64 {
 }
 
 impl RunFile {
-    /// Reads the file of a run directory and refuses that of another version.
+    /// Reads the file of a run that this program goes on with, or looks into while it goes on: refuses that of
+    /// another version.
     ///
     /// # Errors
     /// Names the file and what is wrong with it.
     pub fn read(files: &RunFiles) -> Result<Self, StageError> {
-        let path = files.run_file();
-        let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };
-        let text = std::fs::read_to_string(&path).map_err(|e| wrong(format!("cannot read: {e}")))?;
-        let run: RunFile = serde_json::from_str(&text).map_err(|e| wrong(format!("is no run file: {e}")))?;
+        let run = Self::read_recorded(files)?;
         let own = env!("CARGO_PKG_VERSION");
         if run.version != own {
             return Err(StageError::Version { own: own.into(), run: run.version });
         }
+        Ok(run)
+    }
+
+    /// Reads the file of a run for what was recorded, whichever version of the program it was: what has come
+    /// since is absent there, and its records have versions of their own.
+    ///
+    /// # Errors
+    /// Names the file and what is wrong with it.
+    pub fn read_recorded(files: &RunFiles) -> Result<Self, StageError> {
+        let path = files.run_file();
+        let wrong = |problem: String| StageError::RunFile { path: path.clone(), problem };
+        let text = std::fs::read_to_string(&path).map_err(|e| wrong(format!("cannot read: {e}")))?;
+        let run: RunFile = serde_json::from_str(&text).map_err(|e| wrong(format!("is no run file: {e}")))?;
         for camera in run.map_cameras.iter().chain([&run.camera]) {
             camera.check().map_err(|e| wrong(e.to_string()))?;
         }

@@ -40,11 +40,11 @@ impl MapOnDisk {
         if !files.run_file().is_file() {
             return Err(refuse("is no folder of a run: it has no run.json".into()));
         }
-        let run = RunFile::read(&files)?;
+        let run = RunFile::read_recorded(&files)?;
         refuse_if_going_on(&files, &run).map_err(&refuse)?;
         let text =
             std::fs::read_to_string(files.config()).map_err(|e| directory("read", &files.config(), &e))?;
-        let old = Settings::from_toml(&text, &files.config().display().to_string())
+        let old = Settings::from_run(&text, &files.config().display().to_string())
             .map_err(|e| refuse(e.to_string()))?;
         check_alike((&run.camera, &old), (camera, settings)).map_err(&refuse)?;
         let grid = run.layout(&old).grid;
@@ -124,7 +124,7 @@ impl MapOnDisk {
 /// Where the run of the map's folder is going on, or the folders lie on different file systems.
 pub fn update_map(map: &Path, run_dir: &Path) -> Result<(), SupervisorError> {
     let files = RunFiles::new(map);
-    let run = RunFile::read(&files)?;
+    let run = RunFile::read_recorded(&files)?;
     refuse_if_going_on(&files, &run).map_err(|reason| SupervisorError::Map { dir: map.into(), reason })?;
     renameat_with(CWD, map, CWD, run_dir, RenameFlags::EXCHANGE)
         .map_err(|e| directory("exchange with the map's folder", run_dir, &e))

@@ -2,8 +2,10 @@
 
 use crate::failure::SupervisorError;
 use crate::plan::Plan;
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use tessera_messages::Stage;
 use tessera_stage::{
@@ -62,15 +64,15 @@ fn kill_points<'a>(plan: &'a Plan, files: &RunFiles, stage: Stage, is_first: boo
     let points = plan.kill_points.iter().flatten().filter(|(of, _)| *of == stage);
     let points: Vec<&str> = points.flat_map(|(_, words)| words.split(',')).collect();
     // Also a first life may follow others: those of a supervisor that was killed.
-    let log = match points.iter().any(|word| word.ends_with('+')) {
-        true => std::fs::read_to_string(files.log()).unwrap_or_default(),
-        false => String::new(),
+    let struck = match points.iter().any(|word| word.ends_with('+')) {
+        true => lines_with(&files.log(), STRUCK),
+        false => Vec::new(),
     };
     let has_struck = |word: &str| {
         let word = word.trim_end_matches('+');
         let name = if word.split(':').count() < 3 { format!("{word}:kill") } else { word.to_owned() };
         let (mark, by) = (format!(" {stage}["), format!("{STRUCK} {name} "));
-        log.lines().any(|line| line.contains(&mark) && line.contains(&by))
+        struck.iter().any(|line| line.contains(&mark) && line.contains(&by))
     };
     let is_due = |word: &&str| match word.chars().last() {
         Some('*') => true,
@@ -78,6 +80,14 @@ fn kill_points<'a>(plan: &'a Plan, files: &RunFiles, stage: Stage, is_first: boo
         _ => is_first,
     };
     points.into_iter().filter(is_due).collect()
+}
+
+/// Lines of a file with these words; the others are not kept, for a log may be long.
+fn lines_with(path: &Path, words: &str) -> Vec<String> {
+    let Ok(file) = File::open(path) else { return Vec::new() };
+    let lines = BufReader::new(file).split(b'\n').map_while(Result::ok);
+    let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
+    lines.filter(|line| line.contains(words)).collect()
 }
 
 /// What the end of a stage means.

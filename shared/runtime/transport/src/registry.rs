@@ -8,6 +8,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Read;
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// What the registry says of a run.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -112,8 +113,13 @@ impl Drop for RunClaim {
     }
 }
 
+/// How long the lock may be held by none that runs under the name: by a stage that a supervisor was about to
+/// start when it died, which has the descriptor until it is another program, or by a look at the registry.
+const LEFT_BEHIND: Duration = Duration::from_secs(2);
+
 /// Opens and locks the file of a name; answers what a dead run wrote there.
 fn lock(name: &str) -> Result<(PathBuf, File, Option<RunEntry>), TransportError> {
+    let began = Instant::now();
     loop {
         let path = private_folder()?.join(format!("{name}.run"));
         let opened = OpenOptions::new()
@@ -133,6 +139,10 @@ fn lock(name: &str) -> Result<(PathBuf, File, Option<RunEntry>), TransportError>
         let before = read_entry(&file);
         if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
             let (pid, run_dir) = before.map_or((0, PathBuf::new()), |entry| (entry.pid, entry.run_dir));
+            if !is_running(pid) && began.elapsed() < LEFT_BEHIND {
+                std::thread::sleep(Duration::from_millis(5));
+                continue;
+            }
             return Err(TransportError::NameInUse { name: name.into(), pid, run_dir });
         }
         // A run that ended between the two calls has removed the file that is locked now.
@@ -141,6 +151,14 @@ fn lock(name: &str) -> Result<(PathBuf, File, Option<RunEntry>), TransportError>
             return Ok((path, file, before));
         }
     }
+}
+
+/// Whether there is a process of this number that has not ended.
+fn is_running(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The state stands behind the name, which is in parentheses and may hold any letters.
+    let state = stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next());
+    state.is_some_and(|state| !['Z', 'X'].contains(&state))
 }
 
 fn read_entry(file: &File) -> Option<RunEntry> {
@@ -197,6 +215,32 @@ mod tests {
         for name in ["", "..", ".x", "-x", "a/b", "a b", "ä", &"x".repeat(65)] {
             assert!(check_name(name).is_err(), "{name}");
         }
+    }
+
+    #[test]
+    fn a_lock_that_is_left_by_a_dead_run_is_waited_for() {
+        let name = format!("test-registry-left-{}", std::process::id());
+        let dir = tempfile::tempdir().unwrap();
+        let _other = RunClaim::take(&format!("{name}-other"), dir.path()).unwrap();
+        let claim = RunClaim::take(&name, dir.path()).unwrap();
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        child.wait().unwrap();
+        let of_dead = serde_json::to_vec(&RunEntry { pid: child.id(), ..claim.entry.clone() }).unwrap();
+        let (path, identity) = (claim.path.clone(), claim.entry.identity.clone());
+        drop(claim);
+        std::fs::write(&path, of_dead).unwrap();
+        // What a stage between its fork and its exec has.
+        let held = File::open(&path).unwrap();
+        flock(&held, FlockOperation::NonBlockingLockExclusive).unwrap();
+        let began = Instant::now();
+        let letting_go = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(200));
+            drop(held);
+        });
+        let again = RunClaim::take(&name, dir.path()).unwrap();
+        assert!(began.elapsed() >= Duration::from_millis(200));
+        assert!(again.entry.identity != identity && again.entry.pid == std::process::id());
+        letting_go.join().unwrap();
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub(crate) fn fuse(
     progress: &dyn Fn(usize, usize),
 ) -> Result<Mesh, ToolError> {
     let settings = outputs::read_settings(files)?;
-    let run = RunFile::read(files)?;
+    let run = RunFile::read_recorded(files)?;
     let mut volume = Volume::new(&FusionSettings {
         voxel_m: 1e-3 * wanted.voxel_mm,
         max_depth_m: wanted.max_depth_m,

@@ -9,13 +9,15 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use tessera_journal::{Journal, Store};
+use tessera_journal::{Journal, RecordKind, Store};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
 use tessera_slam::AlignRecord;
 use tessera_sources::{SourceOptions, SourceSpec};
 use tessera_surface::Vertex;
 
+/// Records as in a run's journal.
+const KIND: RecordKind<AlignRecord> = RecordKind::only("align", 1);
 /// Repetitions of each policy; the median counts.
 const REPEAT: usize = 5;
 
@@ -87,8 +89,7 @@ fn write_down(
     dir: &Path,
 ) -> Result<Cost, Box<dyn Error>> {
     let folder = tempfile::tempdir_in(dir)?;
-    let (mut journal, _) =
-        Journal::open(&folder.path().join("journal"), "align", Duration::ZERO, |_: AlignRecord| Ok(()))?;
+    let (mut journal, _) = Journal::open(&folder.path().join("journal"), KIND, Duration::ZERO, |_| Ok(()))?;
     let mut store = Store::open(&folder.path().join("store"), Duration::ZERO)?;
     let mut keyframes_ms = Vec::new();
     let (cpu, wall) = (cpu_ms(), Instant::now());

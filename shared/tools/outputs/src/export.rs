@@ -64,7 +64,7 @@ pub fn read_settings(files: &RunFiles) -> Result<Settings, ToolError> {
     let text = fs::read_to_string(&path).map_err(|error| {
         input_error(&path, format!("{error}: expected the folder of a run, which has a config.toml"))
     })?;
-    Ok(Settings::from_toml(&text, &path.display().to_string())?)
+    Ok(Settings::from_run(&text, &path.display().to_string())?)
 }
 
 /// The journal of the aligner, folded; nothing where there is none yet.
@@ -85,7 +85,7 @@ pub fn read_journal(files: &RunFiles) -> Result<Replay, ToolError> {
 /// What the run directory has for the verdict beside the journal; nothing where it has none.
 pub(crate) fn read_beside(files: &RunFiles) -> Beside {
     let broken = BrokenFrames::new(files).read();
-    match RunFile::read(files) {
+    match RunFile::read_recorded(files) {
         Ok(run) => Beside {
             broken,
             source_doubts: run.doubts,
@@ -161,7 +161,7 @@ pub(crate) fn clouds(
     settings: &Settings,
     components: &[u32],
 ) -> Result<Vec<VoxelCloud>, ToolError> {
-    let run = RunFile::read(files)?;
+    let run = RunFile::read_recorded(files)?;
     let keyframes = map_keyframes(files, &run, replay, settings)?;
     // One at a time: a map may have more surfaces than fit into memory.
     let surfaces = |id| -> Result<_, ToolError> {

@@ -20,7 +20,7 @@ pub(crate) fn seen_focal(
     settings: &Settings,
     beside: &Beside,
 ) -> Result<Option<FocalRatio>, ToolError> {
-    let run = RunFile::read(files)?;
+    let run = RunFile::read_recorded(files)?;
     let Some(stored) = map_keyframes(files, &run, replay, settings)? else { return Ok(None) };
     let colour = replay.colour(beside.stated_colour).model;
     let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping)

@@ -55,7 +55,7 @@ pub struct Verified {
 /// Where the folder is none of a run, or its settings cannot be read.
 pub fn verify(folder: &Path) -> Result<Verified, ToolError> {
     let files = RunFiles::new(folder);
-    let run = RunFile::read(&files)?;
+    let run = RunFile::read_recorded(&files)?;
     let settings = read_settings(&files)?;
     let grid = run.layout(&settings).grid;
     let mut checked = vec![

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use tessera_journal::Follower;
 use tessera_slam::AlignRecord;
+use tessera_stage::ALIGN_JOURNAL;
 use tessera_transport::registered_runs;
 
 fn external() -> Run {
@@ -231,7 +232,7 @@ fn an_index_that_jumps_costs_its_frame_alone_and_a_pause_is_one_record() {
     let n_read = summary["frames_read"].as_u64().unwrap();
     // Counting begins with the first image that the sensor hears.
     assert!((AFTER_PAUSE..=AFTER_PAUSE + 10).contains(&n_read), "{summary}");
-    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
+    let mut journal = Follower::open(&run.out().join("align.journal"), ALIGN_JOURNAL).unwrap();
     let mut n_skipped = Vec::new();
     while let Some(record) = journal.next().unwrap() {
         if let AlignRecord::Skipped(skipped) = record {

@@ -299,18 +299,19 @@ fn a_depth_frame_without_colour_is_used() {
 }
 
 #[test]
-fn a_mixed_set_of_versions_is_refused() {
+fn a_run_of_another_version_is_gone_on_with_by_that_version_alone() {
     let recording = Recording::new(3);
     assert!(recording.run(&[]).status.success());
     let own = concat!("\"version\": \"", env!("CARGO_PKG_VERSION"), "\"");
     recording.replace("out/run.json", own, "\"version\": \"0.0.1\"");
-    for command in ["export", "resume"] {
-        let out = recording.path("out");
-        let output = tessera(&[Path::new(command), &out]);
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{command}: {text}");
-        assert_contains(&text, &["0.0.1", env!("CARGO_PKG_VERSION")]);
-    }
+    let out = recording.path("out");
+    let output = tessera(&[Path::new("resume"), &out]);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert_contains(&text, &["0.0.1", env!("CARGO_PKG_VERSION")]);
+    // What it recorded is read.
+    let output = tessera(&[Path::new("export"), &out]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 fn tessera(arguments: &[&Path]) -> Output {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_journal::Journal;
 use tessera_numerics::SplitMix64;
-use tessera_slam::{AlignRecord, OptimiseRecord};
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
@@ -181,17 +181,17 @@ fn the_corpus_of_journals_holds_records_of_this_version() {
         let n_records = match bytes[0] {
             0 => {
                 std::fs::write(&path, &bytes[1..]).unwrap();
-                let opened = Journal::<AlignRecord>::open(&path, "align", Duration::ZERO, |_| Ok(()));
+                let opened = Journal::open(&path, ALIGN_JOURNAL, Duration::ZERO, |_| Ok(()));
                 opened.unwrap().1.n_records
             }
             1 => {
-                targets::sealed(&path, "align", &bytes[1..]);
-                let opened = Journal::<AlignRecord>::open(&path, "align", Duration::ZERO, |_| Ok(()));
+                targets::sealed(&path, ALIGN_JOURNAL, &bytes[1..]);
+                let opened = Journal::open(&path, ALIGN_JOURNAL, Duration::ZERO, |_| Ok(()));
                 opened.unwrap().1.n_records
             }
             _ => {
-                targets::sealed(&path, "optimise", &bytes[1..]);
-                let opened = Journal::<OptimiseRecord>::open(&path, "optimise", Duration::ZERO, |_| Ok(()));
+                targets::sealed(&path, OPTIMISE_JOURNAL, &bytes[1..]);
+                let opened = Journal::open(&path, OPTIMISE_JOURNAL, Duration::ZERO, |_| Ok(()));
                 opened.unwrap().1.n_records
             }
         };

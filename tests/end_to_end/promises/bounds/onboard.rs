@@ -2,6 +2,7 @@
 
 use crate::common::{Run, room};
 use tessera_slam::KeyframeState;
+use tessera_stage::ALIGN_JOURNAL;
 
 #[test]
 fn one_thread_in_each_stage_changes_no_byte() {
@@ -19,7 +20,7 @@ fn a_map_with_a_budget_survives_deaths_to_the_bit() {
     assert!(plain.finish().success());
     let mut state = tessera_slam::TrackerState::default();
     let path = plain.out().join("align.journal");
-    let mut journal = tessera_journal::Follower::open(&path, "align").unwrap();
+    let mut journal = tessera_journal::Follower::open(&path, ALIGN_JOURNAL).unwrap();
     while let Some(record) = journal.next().unwrap() {
         state.apply(&record);
     }

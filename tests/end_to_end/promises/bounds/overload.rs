@@ -5,6 +5,7 @@ use crate::common::{Run, room, signal, wait_for, write_images, write_lists};
 use std::process::{Child, Command, Stdio};
 use tessera_journal::Follower;
 use tessera_slam::AlignRecord;
+use tessera_stage::ALIGN_JOURNAL;
 use tessera_surface::WorkloadLevel;
 
 /// Processes that burn cores for as long as they are held.
@@ -47,7 +48,7 @@ fn rushed_recording(run: &Run, n_rushed: u64, n_calm: u64) {
 
 fn workloads(run: &Run) -> Vec<WorkloadLevel> {
     let path = run.out().join("align.journal");
-    let mut journal = Follower::<AlignRecord>::open(&path, "align").unwrap();
+    let mut journal = Follower::open(&path, ALIGN_JOURNAL).unwrap();
     let mut workloads = Vec::new();
     while let Some(record) = journal.next().unwrap() {
         if let AlignRecord::Frame(frame) = record {

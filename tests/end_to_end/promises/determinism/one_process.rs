@@ -8,6 +8,7 @@ use tessera_offline::{Method, RawFrame, Records, Run, Source};
 use tessera_outputs::{Replay, map_points, write_ply};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, StoreSlot};
+use tessera_stage::ALIGN_JOURNAL;
 
 /// Where a surface lies is the pipeline's own; all else must agree to the bit.
 fn without_slot(mut record: AlignRecord) -> AlignRecord {
@@ -54,7 +55,7 @@ const EARLY_LOOPS: [&str; 10] = [
 
 /// The aligner's records so far, surfaces' places left out.
 fn journal(run: &crate::common::Run) -> Vec<AlignRecord> {
-    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
+    let mut journal = Follower::open(&run.out().join("align.journal"), ALIGN_JOURNAL).unwrap();
     let mut records = Vec::new();
     while let Some(record) = journal.next().unwrap() {
         records.push(without_slot(record));

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use tessera_journal::{Follower, fingerprint};
 use tessera_slam::{AlignRecord, OptimiseRecord, StoreSlot};
+use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 
 fn tessera(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).output().unwrap()
@@ -36,7 +37,7 @@ fn digest(fingerprints: impl Iterator<Item = u32>) -> String {
 }
 
 fn aligned(run: &crate::common::Run) -> String {
-    let mut journal = Follower::<AlignRecord>::open(&run.out().join("align.journal"), "align").unwrap();
+    let mut journal = Follower::open(&run.out().join("align.journal"), ALIGN_JOURNAL).unwrap();
     let mut found = Vec::new();
     while let Some(mut record) = journal.next().unwrap() {
         let AlignRecord::Frame(frame) = &mut record else { continue };
@@ -51,8 +52,7 @@ fn aligned(run: &crate::common::Run) -> String {
 }
 
 fn optimised(run: &crate::common::Run) -> String {
-    let mut journal =
-        Follower::<OptimiseRecord>::open(&run.out().join("optimise.journal"), "optimise").unwrap();
+    let mut journal = Follower::open(&run.out().join("optimise.journal"), OPTIMISE_JOURNAL).unwrap();
     let mut found = Vec::new();
     while let Some(OptimiseRecord::Correction(correction)) = journal.next().unwrap() {
         found.push(fingerprint(&*correction).unwrap());

@@ -135,3 +135,27 @@ fn a_broken_promise_is_told() {
     assert!(text.contains("the run failed") && text.contains("outputs differ"), "{text}");
     assert!(run.dir.path().join("chaos/run-1/log.txt").exists(), "the run stays for a look");
 }
+
+#[test]
+fn a_camera_of_its_own_loses_nothing_that_was_journaled() {
+    let run = room();
+    // One that keeps its images: every byte is that of the undisturbed run. A live one: no frame is missing.
+    for live in [None, Some("--live")] {
+        let mut arguments = vec!["--external", "--kills", "6", "--seed", "5", "--frames", "120"];
+        arguments.extend(["--faults", "kill,stop,index-jump", "--interval-ms", "150", "--json"]);
+        arguments.extend(live);
+        let lines = lines(&chaos(run.dir.path(), &arguments));
+        let total = lines.last().unwrap();
+        assert!(total["kept"] == true && total["faults"].as_u64().unwrap() >= 6, "{total}");
+        let runs: Vec<_> = lines.iter().filter(|line| line["event"] == "run").collect();
+        assert!(!runs.is_empty());
+        for run in runs {
+            assert_eq!(
+                run["identical"],
+                if live.is_some() { serde_json::Value::Null } else { true.into() },
+                "{run}"
+            );
+            assert!(run["frames"].as_u64().unwrap() > 20, "{run}");
+        }
+    }
+}

@@ -8,7 +8,8 @@ use tessera_journal::Follower;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, Context, Correction, KeyframeSurfaces, OptimiseRecord, Optimiser};
 use tessera_stage::{
-    BaseAnswer, BaseContactWriter, MAX_ANSWER_BYTES, RunFile, RunFiles, StoredKeyframes, identity_of,
+    ALIGN_JOURNAL, BaseAnswer, BaseContactWriter, MAX_ANSWER_BYTES, OPTIMISE_JOURNAL, RunFile, RunFiles,
+    StoredKeyframes, identity_of,
 };
 
 const ASKING: [&str; 2] = ["--set", "run.base_wait_s=3600"];
@@ -84,7 +85,7 @@ impl StandIn {
         let context = Context::new(&run.camera, &settings.surface, &settings.registration, &settings.mapping);
         let mut optimiser = Optimiser::new(context);
         let mut surfaces = StoredKeyframes::open(&self.files.store(), run.layout(&settings).grid).unwrap();
-        let mut journal = Follower::<AlignRecord>::open(&self.files.align_journal(), "align").unwrap();
+        let mut journal = Follower::open(&self.files.align_journal(), ALIGN_JOURNAL).unwrap();
         let mut records = Vec::new();
         while let Some(record) = journal.next().unwrap() {
             surfaces.take(&record).unwrap();
@@ -104,7 +105,7 @@ fn an_answer_is_used_where_it_fits_and_refused_in_words_where_not() {
     let mut child = run.start();
     let mut base = StandIn::of(&run, &mut child);
     base.wait_for("the end", &mut child, |files| {
-        let Ok(mut journal) = Follower::<AlignRecord>::open(&files.align_journal(), "align") else {
+        let Ok(mut journal) = Follower::open(&files.align_journal(), ALIGN_JOURNAL) else {
             return false;
         };
         let mut records = std::iter::from_fn(|| journal.next().ok().flatten());
@@ -141,7 +142,7 @@ fn an_answer_is_used_where_it_fits_and_refused_in_words_where_not() {
     run.assert_same_bytes(&alone, "the answer has the bits of the run's own");
     assert_eq!(summary(&run)["corrections_from_base"], 1);
     let path = run.out().join("optimise.journal");
-    let mut journal = Follower::<OptimiseRecord>::open(&path, "optimise").unwrap();
+    let mut journal = Follower::open(&path, OPTIMISE_JOURNAL).unwrap();
     let records = std::iter::from_fn(|| journal.next().unwrap());
     assert_eq!(records.filter(|record| matches!(record, OptimiseRecord::FromBase(_))).count(), 1);
 }

@@ -32,8 +32,7 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
         let [fx, fy, cx, cy] = intrinsics;
         // There the middle of the first pixel is at 0.5.
         let half = if is_nerf { 0.5 } else { 0.0 };
-        let side =
-            |names| number(names).filter(|side| *side >= 1.0 && *side <= 65_535.0).map(|side| side as u32);
+        let side = |names| number(names).and_then(super::side);
         let distortion = ["k1", "k2", "p1", "p2", "k3"].map(|name| number(&[name]).unwrap_or(0.0));
         return Ok(Some(StatedCamera {
             form: if is_nerf { "nerfstudio" } else { "JSON" },

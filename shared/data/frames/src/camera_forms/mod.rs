@@ -77,6 +77,12 @@ pub fn read_scale(path: &Path) -> Option<f64> {
     json::scale_alone(&std::fs::read_to_string(path).ok()?).ok()?
 }
 
+/// The side of an image, pixels; `None` of what cannot be one.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to 65535")]
+fn side(side: f64) -> Option<u32> {
+    (1.0..=65_535.0).contains(&side).then_some(side as u32)
+}
+
 /// The text of a file of that name, in small letters.
 pub(crate) fn parse_stated(text: &str, name: &str) -> Result<Option<StatedCamera>, String> {
     let text = text.trim_start_matches('\u{feff}');

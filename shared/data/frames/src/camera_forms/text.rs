@@ -1,7 +1,7 @@
 //! Plain text: COLMAP's `cameras.txt`, BundleFusion's `info.txt`, ScanNet's, a 3x3 or 4x4 matrix, and
 //! `fx fy cx cy` as of ETH3D.
 
-use super::StatedCamera;
+use super::{StatedCamera, side};
 
 pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
     let lines: Vec<&str> =
@@ -28,8 +28,7 @@ fn bundle_fusion(lines: &[&str]) -> Result<Option<StatedCamera>, String> {
     let named = [["m_depthWidth", "m_depthHeight"], ["depthWidth", "depthHeight"]];
     let size = named.iter().find_map(|[width, height]| {
         let (width, height) = (one(width)?, one(height)?);
-        (width >= 1.0 && height >= 1.0 && width < 65_536.0 && height < 65_536.0)
-            .then_some((width as u32, height as u32))
+        Some((side(width)?, side(height)?))
     });
     let intrinsics = match values("m_calibrationDepthIntrinsic")[..] {
         [fx, _, cx, _, _, fy, cy, _, 0.0, 0.0, 1.0, _, 0.0, 0.0, 0.0, 1.0] => [fx, fy, cx, cy],

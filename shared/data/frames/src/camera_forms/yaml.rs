@@ -2,7 +2,7 @@
 //!
 //! Of YAML it takes `key: value` and lists of numbers, wherever they stand; that is all these files use.
 
-use super::{StatedCamera, units_of_scale};
+use super::{StatedCamera, side, units_of_scale};
 
 /// `key: value` of a text, with the lists of numbers that follow a key.
 struct Keys<'a>(Vec<(&'a str, String)>);
@@ -48,8 +48,8 @@ impl<'a> Keys<'a> {
     /// The numbers of `data` inside the table `key`.
     fn data(&self, key: &str) -> Vec<f64> {
         let at = self.0.iter().position(|(known, _)| known.eq_ignore_ascii_case(key));
-        let inside = at.map_or(&[][..], |at| &self.0[at..self.0.len().min(at + 6)]);
-        let data = inside.iter().skip(1).find(|(known, _)| known.eq_ignore_ascii_case("data"));
+        let inside = at.and_then(|at| self.0.get(at..)).unwrap_or_default();
+        let data = inside.iter().take(6).skip(1).find(|(known, _)| known.eq_ignore_ascii_case("data"));
         match inside.first().map(|(_, value)| numbers(value)).filter(|own| own.len() > 3) {
             Some(own) => own,
             None => data.map_or(Vec::new(), |(_, value)| numbers(value)),
@@ -140,7 +140,6 @@ fn four(values: [Option<f64>; 4]) -> Option<[f64; 4]> {
 }
 
 fn size(width: Option<f64>, height: Option<f64>) -> Option<(u32, u32)> {
-    let side = |side: f64| (1.0..=65_535.0).contains(&side).then_some(side as u32);
     Some((side(width?)?, side(height?)?))
 }
 

@@ -39,7 +39,8 @@ impl ArrayKind {
 
 fn open(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let pixels = if bytes.starts_with(NPY) { npy(bytes)? } else { pgm(bytes)? };
-    let expected = pixels.size.0 as usize * pixels.size.1 as usize * pixels.kind.n_bytes();
+    let n_pixels = (pixels.size.0 as usize).saturating_mul(pixels.size.1 as usize);
+    let expected = n_pixels.saturating_mul(pixels.kind.n_bytes());
     if pixels.data.len() < expected {
         let format = if bytes.starts_with(NPY) { "NPY" } else { "PGM" };
         return Err(damaged(format, &format!("{} bytes of pixels, expected {expected}", pixels.data.len())));
@@ -52,6 +53,7 @@ pub(super) fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
 }
 
 /// Decodes raw depth; metres are counted in `units_per_metre`.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
 pub(super) fn depth(
     bytes: &[u8],
     size: (u32, u32),
@@ -63,8 +65,11 @@ pub(super) fn depth(
     let values = pixels.data.chunks_exact(pixels.kind.n_bytes());
     for (raw, bytes) in depth_raw.iter_mut().zip(values) {
         *raw = match pixels.kind {
-            ArrayKind::Whole { is_big_endian: true } => u16::from_be_bytes([bytes[0], bytes[1]]),
-            ArrayKind::Whole { is_big_endian: false } => u16::from_le_bytes([bytes[0], bytes[1]]),
+            ArrayKind::Whole { is_big_endian } => match (bytes.first_chunk(), is_big_endian) {
+                (Some(raw), true) => u16::from_be_bytes(*raw),
+                (Some(raw), false) => u16::from_le_bytes(*raw),
+                (None, _) => 0,
+            },
             ArrayKind::Metres { is_big_endian, .. } => {
                 let units = (metres(bytes, is_big_endian) * units_per_metre).round();
                 // No measurement: not finite, behind the camera, or beyond what a raw value holds.
@@ -76,44 +81,41 @@ pub(super) fn depth(
 }
 
 fn metres(bytes: &[u8], is_big_endian: bool) -> f64 {
-    let mut ordered = [0; 8];
-    let n = bytes.len().min(8);
-    ordered[..n].copy_from_slice(&bytes[..n]);
-    if is_big_endian {
-        ordered[..n].reverse();
-    }
-    match n {
-        8 => f64::from_le_bytes(ordered),
-        _ => f64::from(f32::from_le_bytes([ordered[0], ordered[1], ordered[2], ordered[3]])),
+    match (bytes.first_chunk::<8>(), bytes.first_chunk::<4>(), is_big_endian) {
+        (Some(value), _, true) => f64::from_be_bytes(*value),
+        (Some(value), _, false) => f64::from_le_bytes(*value),
+        (None, Some(value), true) => f64::from(f32::from_be_bytes(*value)),
+        (None, Some(value), false) => f64::from(f32::from_le_bytes(*value)),
+        (None, None, _) => f64::NAN,
     }
 }
 
 /// `P5 width height maximum`, separated by white space and comments, then pixels, the higher byte first.
 fn pgm(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let wrong = |found: &str| damaged("PGM", &format!("its head has {found}"));
-    let mut at = PGM.len();
+    let mut left = bytes.get(PGM.len()..).unwrap_or_default();
     let mut numbers = [0_u32; 3];
     for number in &mut numbers {
         loop {
-            match bytes.get(at) {
-                Some(b'#') => {
-                    at += bytes[at..].iter().position(|byte| *byte == b'\n').ok_or_else(|| wrong("no end"))?
-                }
-                Some(byte) if byte.is_ascii_whitespace() => at += 1,
-                _ => break,
+            left = left.trim_ascii_start();
+            if !left.starts_with(b"#") {
+                break;
             }
+            let end = left.iter().position(|byte| *byte == b'\n').ok_or_else(|| wrong("no end"))?;
+            left = left.get(end..).unwrap_or_default();
         }
-        let n = bytes[at.min(bytes.len())..].iter().take(10).take_while(|byte| byte.is_ascii_digit()).count();
-        let digits = std::str::from_utf8(&bytes[at..at + n]).unwrap_or_default();
+        let n = left.iter().take(10).take_while(|byte| byte.is_ascii_digit()).count();
+        let (digits, rest) = left.split_at_checked(n).unwrap_or_default();
+        let digits = std::str::from_utf8(digits).unwrap_or_default();
         *number = digits.parse().map_err(|_| wrong("no three numbers"))?;
-        at += n;
+        left = rest;
     }
     let [width, height, most] = numbers;
     if most <= 255 {
         let found = "1 channel of 8 bits".to_owned();
         return Err(ImageError::Pixels { what: "depth", found, expected: "1 channel of 16 bits" });
     }
-    let data = bytes.get(at + 1..).unwrap_or_default();
+    let data = left.get(1..).unwrap_or_default();
     Ok(ArrayPixels { size: (width, height), kind: ArrayKind::Whole { is_big_endian: true }, data })
 }
 
@@ -121,10 +123,10 @@ fn pgm(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
 fn npy(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let wrong = |found: &str| damaged("NPY", &format!("its head has {found}"));
     let version = *bytes.get(6).ok_or_else(|| wrong("no version"))?;
-    let (begin, n) = match (version, bytes.get(8..12)) {
-        (1, Some(length)) => (10_usize, usize::from(u16::from_le_bytes([length[0], length[1]]))),
-        (_, Some(length)) => (12, u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize),
-        _ => return Err(wrong("no length")),
+    let length = bytes.get(8..).and_then(<[u8]>::first_chunk::<4>).ok_or_else(|| wrong("no length"))?;
+    let (begin, n) = match (version, *length) {
+        (1, [low, high, ..]) => (10_usize, usize::from(u16::from_le_bytes([low, high]))),
+        (_, length) => (12, u32::from_le_bytes(length) as usize),
     };
     let head = bytes.get(begin..begin.saturating_add(n.min(MOST_HEADER))).ok_or_else(|| wrong("no end"))?;
     let head = String::from_utf8_lossy(head);
@@ -153,7 +155,11 @@ fn npy(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
             });
         }
     };
-    Ok(ArrayPixels { size: (width, height), kind, data: bytes.get(begin + n..).unwrap_or_default() })
+    Ok(ArrayPixels {
+        size: (width, height),
+        kind,
+        data: bytes.get(begin.saturating_add(n)..).unwrap_or_default(),
+    })
 }
 
 #[cfg(test)]

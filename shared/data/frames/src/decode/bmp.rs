@@ -22,10 +22,12 @@ struct BmpHead {
 }
 
 fn head(bytes: &[u8]) -> Result<BmpHead, ImageError> {
-    let whole = bytes.get(..HEAD).ok_or_else(|| damaged("BMP", &format!("{} bytes", bytes.len())))?;
-    let word = |at: usize| u32::from_le_bytes([whole[at], whole[at + 1], whole[at + 2], whole[at + 3]]);
+    let whole: &[u8; HEAD] =
+        bytes.first_chunk().ok_or_else(|| damaged("BMP", &format!("{} bytes", bytes.len())))?;
+    let word =
+        |at: usize| whole.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |word| u32::from_le_bytes(*word));
     let (width, height) = (word(18) as i32, word(22) as i32);
-    let (n_bits, compression) = (usize::from(whole[28]), word(30));
+    let (n_bits, compression) = (word(28) as usize & 0xff, word(30));
     // 3: fields of bits, which are those of 32 bits without.
     let is_plain = compression == 0 || (compression == 3 && n_bits == 32);
     if !is_plain || ![8, 24, 32].contains(&n_bits) {
@@ -59,22 +61,24 @@ pub(super) fn read(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(),
     let (width, height) = (size.0 as usize, size.1 as usize);
     let n = head.n_bits / 8;
     // Rows are filled up to four bytes.
-    let row_bytes = (width * n).next_multiple_of(4);
-    for (row, to) in rgb.chunks_exact_mut(3 * width).enumerate() {
-        let at = if head.is_top_down { row } else { height - 1 - row };
-        let begin = head.pixels_at.saturating_add(at * row_bytes);
-        let from = bytes.get(begin..begin.saturating_add(width * n));
+    let n_row = width.saturating_mul(n);
+    let row_bytes = n_row.saturating_add(3) & !3;
+    for (row, to) in rgb.chunks_exact_mut(width.saturating_mul(3)).enumerate() {
+        let at = if head.is_top_down { row } else { height.saturating_sub(1).saturating_sub(row) };
+        let begin = head.pixels_at.saturating_add(at.saturating_mul(row_bytes));
+        let from = bytes.get(begin..begin.saturating_add(n_row));
         let from =
             from.ok_or_else(|| damaged("BMP", &format!("{} bytes, row {at} is not whole", bytes.len())))?;
-        for (pixel, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(n)) {
-            let bgr = match n {
-                1 => {
-                    let entry = head.palette_at.saturating_add(4 * usize::from(from[0]));
-                    bytes.get(entry..entry.saturating_add(3)).ok_or_else(|| damaged("BMP", &pixels(1, 8)))?
+        for (pixel, from) in to.as_chunks_mut().0.iter_mut().zip(from.chunks_exact(n)) {
+            let bgr = match from {
+                [grey] => {
+                    let entry = head.palette_at.saturating_add(usize::from(*grey).saturating_mul(4));
+                    bytes.get(entry..).and_then(<[u8]>::first_chunk)
                 }
-                _ => &from[..3],
+                _ => from.first_chunk(),
             };
-            pixel.copy_from_slice(&[bgr[2], bgr[1], bgr[0]]);
+            let [blue, green, red] = *bgr.ok_or_else(|| damaged("BMP", &pixels(1, 8)))?;
+            *pixel = [red, green, blue];
         }
     }
     Ok(())

@@ -71,7 +71,7 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     let mut decoder = JpegDecoder::new(ZCursor::new(bytes));
     decoder.decode_headers().map_err(|error| damaged("JPEG", &error))?;
     let (columns, rows) = decoder.dimensions().ok_or_else(|| damaged("JPEG", &"no size"))?;
-    Ok((columns as u32, rows as u32))
+    jpeg_size(columns, rows)
 }
 
 /// Whether a file is a PNG of one channel of 16 bits, as depth is.
@@ -99,7 +99,7 @@ pub fn inspect(path: &Path) -> Result<(), ImageError> {
 /// # Errors
 /// It is no image, or is cut short.
 pub fn inspect_bytes(bytes: &[u8]) -> Result<(), ImageError> {
-    check_marks(bytes, &bytes[bytes.len().saturating_sub(TAIL_BYTES as usize)..], bytes.len() as u64)
+    check_marks(bytes, tail(bytes), bytes.len() as u64)
 }
 
 fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError> {
@@ -136,8 +136,7 @@ pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), Imag
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
     }
     // The decoder paints what is missing of a cut file grey and calls it a success.
-    let tail = &bytes[bytes.len().saturating_sub(TAIL_BYTES as usize)..];
-    if !tail.windows(2).any(|pair| pair == JPEG_END) {
+    if !tail(bytes).windows(2).any(|pair| pair == JPEG_END) {
         let message = format!("no end marker in {} bytes", bytes.len());
         return Err(ImageError::Damaged { format: "JPEG", message });
     }
@@ -153,7 +152,7 @@ fn jpeg(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError
     let (Some((columns, rows)), Some(from)) = (decoder.dimensions(), decoder.input_colorspace()) else {
         return Err(damaged(&"no size"));
     };
-    check_size("colour", (columns as u32, rows as u32), size)?;
+    check_size("colour", jpeg_size(columns, rows)?, size)?;
     let (to, n_channels) =
         if from == ColorSpace::Luma { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
     decoder.set_options(decoder.options().jpeg_set_out_colorspace(to));
@@ -169,7 +168,7 @@ fn read_rgb(
     if n_channels == 3 {
         return read(rgb);
     }
-    let mut scratch = vec![0; rgb.len() / 3 * n_channels];
+    let mut scratch = vec![0; (rgb.len() / 3).saturating_mul(n_channels)];
     read(&mut scratch)?;
     for (pixel, from) in rgb.chunks_exact_mut(3).zip(scratch.chunks_exact(n_channels)) {
         match *from {
@@ -200,11 +199,9 @@ impl<'a> Png<'a> {
 
     /// The higher byte of each channel of 16 bits.
     fn read_high_bytes(&mut self, to: &mut [u8]) -> Result<(), ImageError> {
-        let mut both = vec![0; 2 * to.len()];
+        let mut both = vec![0; to.len().saturating_mul(2)];
         self.read(&mut both)?;
-        for (to, pair) in to.iter_mut().zip(both.chunks_exact(2)) {
-            *to = pair[0];
-        }
+        to.iter_mut().zip(both.iter().step_by(2)).for_each(|(to, high)| *to = *high);
         Ok(())
     }
 
@@ -214,6 +211,17 @@ impl<'a> Png<'a> {
     }
 }
 
+/// The last bytes, where an image has its end marker.
+fn tail(bytes: &[u8]) -> &[u8] {
+    let n = usize::try_from(TAIL_BYTES).unwrap_or(usize::MAX);
+    bytes.get(bytes.len().saturating_sub(n)..).unwrap_or_default()
+}
+
+fn jpeg_size(columns: usize, rows: usize) -> Result<(u32, u32), ImageError> {
+    let sides = u32::try_from(columns).ok().zip(u32::try_from(rows).ok());
+    sides.ok_or_else(|| damaged("JPEG", &format!("a size of {columns}x{rows}")))
+}
+
 fn is_png(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x89PNG\r\n\x1a\n")
 }
@@ -221,7 +229,7 @@ fn is_png(bytes: &[u8]) -> bool {
 fn first_bytes(bytes: &[u8]) -> String {
     match bytes {
         [] => "nothing (0 bytes)".to_owned(),
-        _ => format!("'{}'", bytes[..bytes.len().min(8)].escape_ascii()),
+        _ => format!("'{}'", bytes.get(..8).unwrap_or(bytes).escape_ascii()),
     }
 }
 

@@ -30,7 +30,7 @@ pub fn load(folder: &Path) -> Result<Option<(Gyroscope, Vec<GyroSample>)>, Sourc
     let camera_from_imu = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
     let mut samples = parse(&String::from_utf8_lossy(&read(&path)?), &path)?;
     for sample in &mut samples {
-        sample.rate_rad_per_s = camera_from_imu * sample.rate_rad_per_s;
+        sample.rate_rad_per_s = camera_from_imu.transform_vector(&sample.rate_rad_per_s);
     }
     Ok(Some((gyroscope, samples)))
 }
@@ -64,7 +64,7 @@ fn parse(text: &str, path: &Path) -> Result<Vec<GyroSample>, SourceError> {
         }
         let sample = parse_line(line, samples.last()).map_err(|source| SourceError::List {
             path: path.to_owned(),
-            line: at + 1,
+            line: at.saturating_add(1),
             source,
         })?;
         samples.push(sample);
@@ -94,7 +94,7 @@ fn parse_line(line: &str, before: Option<&GyroSample>) -> Result<GyroSample, Lis
         let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
         value.ok_or_else(|| ListError::ImuNumber { found: word.to_owned() })
     };
-    for word in &words[4..] {
+    for word in words.iter().skip(4) {
         number(word)?;
     }
     let rate_rad_per_s = Vector3::new(number(gx)?, number(gy)?, number(gz)?);

@@ -12,6 +12,7 @@ const UNKNOWN_RATE_RAD_PER_S: f64 = 3.0;
 /// The rotation at each stamp since the first one. Rates between two samples are taken to change
 /// evenly; before the first, after the last and in gaps the nearest one holds, and the variance
 /// says that this is a guess. Both lists increase.
+#[expect(clippy::arithmetic_side_effects, reason = "rotations of floating-point numbers")]
 pub fn rotations(
     gyroscope: &Gyroscope,
     samples: &[GyroSample],
@@ -28,8 +29,8 @@ pub fn rotations(
         .map(|&stamp| {
             while now < stamp {
                 let end = samples.get(next).map_or(stamp, |s| s.stamp_nanos.min(stamp));
-                let seconds = (end - now) as f64 * 1e-9;
-                let before = next.checked_sub(1).map(|at| samples[at]);
+                let seconds = end.saturating_sub(now) as f64 * 1e-9;
+                let before = next.checked_sub(1).and_then(|at| samples.get(at)).copied();
                 let after = samples.get(next).copied();
                 let (rate, is_known) = mean_rate(before, after, now, end);
                 rotation =
@@ -41,7 +42,7 @@ pub fn rotations(
                     (UNKNOWN_RATE_RAD_PER_S * seconds) * (UNKNOWN_RATE_RAD_PER_S * seconds)
                 };
                 now = end;
-                next += usize::from(after.is_some_and(|s| s.stamp_nanos <= now));
+                next = next.saturating_add(usize::from(after.is_some_and(|s| s.stamp_nanos <= now)));
             }
             InertialRotation {
                 start_from_camera_xyzw: [rotation.i, rotation.j, rotation.k, rotation.w],
@@ -62,11 +63,14 @@ fn mean_rate(
     match (before, after) {
         (Some(a), Some(b)) => {
             let whole = b.stamp_nanos.saturating_sub(a.stamp_nanos) as f64;
-            let middle = 0.5 * ((from - a.stamp_nanos) as f64 + (to - a.stamp_nanos) as f64);
+            let since = |nanos: i64| nanos.saturating_sub(a.stamp_nanos) as f64;
+            let middle = 0.5 * (since(from) + since(to));
             let rate = a.rate_rad_per_s.lerp(&b.rate_rad_per_s, middle / whole);
             (rate, whole <= LONGEST_GAP_S * 1e9)
         }
-        (Some(only), None) => (only.rate_rad_per_s, (to - only.stamp_nanos) as f64 <= LONGEST_GAP_S * 1e9),
+        (Some(only), None) => {
+            (only.rate_rad_per_s, to.saturating_sub(only.stamp_nanos) as f64 <= LONGEST_GAP_S * 1e9)
+        }
         (None, Some(only)) => {
             (only.rate_rad_per_s, only.stamp_nanos.saturating_sub(from) as f64 <= LONGEST_GAP_S * 1e9)
         }

@@ -1,5 +1,11 @@
 //! The steps in which a triangulating sensor counts depth: disparity is counted in steps of equal size, so
 //! those of depth grow with its square, and their size is that of the sensor: `step = q depth^2`.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "a histogram of all 65,536 raw values, and medians of lists that are not empty"
+)]
 
 use serde::Serialize;
 

@@ -80,12 +80,18 @@ pub fn timelines(depth: &[RecordedImage], colour: &[RecordedImage], names: [&str
 /// Median interval between stamps that rise, nanoseconds.
 fn interval_nanos(stream: &[RecordedImage]) -> i64 {
     let mut steps: Vec<i64> = stream
-        .windows(2)
-        .map(|pair| pair[1].stamp_nanos.saturating_sub(pair[0].stamp_nanos))
+        .iter()
+        .zip(stream.iter().skip(1))
+        .map(|(before, after)| after.stamp_nanos.saturating_sub(before.stamp_nanos))
         .filter(|step| *step > 0)
         .collect();
     steps.sort_unstable();
     steps.get(steps.len() / 2).copied().unwrap_or(USUAL_INTERVAL_NANOS)
+}
+
+/// From each number to the next.
+fn steps_of(nanos: &[i64]) -> impl Iterator<Item = i64> + '_ {
+    nanos.iter().zip(nanos.iter().skip(1)).map(|(before, after)| after.saturating_sub(*before))
 }
 
 /// A pause that is stated: seconds, and times the median interval.
@@ -94,7 +100,7 @@ const LONG_PAUSE_INTERVALS: i64 = 100;
 
 /// A sentence on the longest pause between frames, where it is so long that a stamp may be wrong.
 pub fn long_pause(stamps_nanos: &[i64]) -> Option<String> {
-    let steps = || stamps_nanos.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
+    let steps = || steps_of(stamps_nanos);
     let mut sorted: Vec<i64> = steps().collect();
     sorted.sort_unstable();
     let limit = LONG_PAUSE_NANOS.max(LONG_PAUSE_INTERVALS.saturating_mul(*sorted.get(sorted.len() / 2)?));
@@ -103,7 +109,7 @@ pub fn long_pause(stamps_nanos: &[i64]) -> Option<String> {
         format!(
             "{:.0} s pass between frames {at} and {}, far more than between the others",
             longest as f64 * 1e-9,
-            at + 1
+            at.saturating_add(1)
         )
     })
 }
@@ -111,8 +117,9 @@ pub fn long_pause(stamps_nanos: &[i64]) -> Option<String> {
 /// Whether the times of recording can order the frames.
 fn has_log(stream: &[RecordedImage]) -> bool {
     let logs: Vec<i64> = stream.iter().filter_map(|image| image.log_nanos).collect();
-    let n_rising = logs.windows(2).filter(|pair| pair[1] > pair[0]).count();
-    logs.len() == stream.len() && 10 * n_rising >= 9 * stream.len().saturating_sub(1)
+    let n_rising = steps_of(&logs).filter(|step| *step > 0).count();
+    let n_steps = stream.len().saturating_sub(1);
+    logs.len() == stream.len() && n_rising.saturating_mul(10) >= n_steps.saturating_mul(9)
 }
 
 /// Stamps that are zero here and there: from the time of recording, or from the stamp before.
@@ -121,7 +128,7 @@ fn fill_some(stream: &mut [RecordedImage], name: &str) -> Option<String> {
     let n_unset = stream.iter().filter(|image| is_unset(image)).count();
     // One that counts from zero begins so.
     let is_start = n_unset == 1 && stream.first().is_some_and(is_unset) && !is_far(stream);
-    if n_unset == 0 || is_start || 2 * n_unset > stream.len() {
+    if n_unset == 0 || is_start || n_unset.saturating_mul(2) > stream.len() {
         return None;
     }
     let interval = interval_nanos(stream);
@@ -133,7 +140,9 @@ fn fill_some(stream: &mut [RecordedImage], name: &str) -> Option<String> {
     offsets.sort_unstable();
     let offset = offsets.get(offsets.len() / 2).copied();
     let first = stream.iter().position(|image| !is_unset(image)).unwrap_or(0);
-    let mut before = stream[first].stamp_nanos.saturating_sub(interval.saturating_mul(first as i64 + 1));
+    let n_before = (first as i64).saturating_add(1);
+    let first_nanos = stream.get(first).map_or(0, |image| image.stamp_nanos);
+    let mut before = first_nanos.saturating_sub(interval.saturating_mul(n_before));
     for image in stream.iter_mut() {
         if image.stamp_nanos == 0 {
             let by_log = offset.zip(image.log_nanos).map(|(offset, log)| log.saturating_add(offset));
@@ -156,11 +165,13 @@ fn unusable(stream: &[RecordedImage], name: &str) -> Option<String> {
         return None;
     }
     let n_unset = stream.iter().filter(|image| image.stamp_nanos == 0).count();
-    if 2 * n_unset > n {
+    if n_unset.saturating_mul(2) > n {
         return Some(format!("{name}: {n_unset} of {n} stamps are not set"));
     }
-    let n_same = stream.windows(2).filter(|pair| pair[0].stamp_nanos == pair[1].stamp_nanos).count();
-    (4 * n_same > n).then(|| format!("{name}: {n_same} of {n} stamps are equal to the one before"))
+    let stamps = stream.iter().map(|image| image.stamp_nanos);
+    let n_same = stamps.clone().zip(stamps.skip(1)).filter(|(before, after)| before == after).count();
+    (n_same.saturating_mul(4) > n)
+        .then(|| format!("{name}: {n_same} of {n} stamps are equal to the one before"))
 }
 
 /// Stamps by the times of recording, or at the usual rate.
@@ -170,7 +181,7 @@ fn by_recording(stream: &mut [RecordedImage], is_logged: bool) {
         image.stamp_nanos = match image.log_nanos.filter(|_| is_logged) {
             // Written in one breath: in order all the same.
             Some(log) => log.max(last.saturating_add(1)),
-            None => at * USUAL_INTERVAL_NANOS,
+            None => at.saturating_mul(USUAL_INTERVAL_NANOS),
         };
         last = image.stamp_nanos;
     }
@@ -182,11 +193,12 @@ fn shifts(stream: &[RecordedImage], found: &Stretches) -> Vec<i64> {
     let mut shifts: Vec<i64> = Vec::new();
     let mut end: Option<(i64, Option<i64>)> = None;
     for members in &found.members {
-        let (Some(first), Some(last)) = (members.first(), members.last()) else {
+        let ends = members.first().zip(members.last());
+        let Some((first, last)) = ends.and_then(|(first, last)| stream.get(*first).zip(stream.get(*last)))
+        else {
             shifts.push(0);
             continue;
         };
-        let (first, last) = (stream[*first], stream[*last]);
         let shift = end.map_or(0, |(last_nanos, last_log)| {
             let logged = first.log_nanos.zip(last_log).map(|(now, before)| now.saturating_sub(before));
             let pause = logged.filter(|pause| (interval / 2..interval.saturating_mul(300)).contains(pause));
@@ -202,7 +214,8 @@ fn shifts(stream: &[RecordedImage], found: &Stretches) -> Vec<i64> {
 fn shifted(stream: &[RecordedImage], found: &Stretches, shifts: &[i64]) -> ImageOrder {
     let mut rows: Vec<(i64, usize)> = Vec::new();
     for (members, shift) in found.members.iter().zip(shifts) {
-        rows.extend(members.iter().map(|at| (stream[*at].stamp_nanos.saturating_add(*shift), *at)));
+        let row = |at: &usize| Some((stream.get(*at)?.stamp_nanos.saturating_add(*shift), *at));
+        rows.extend(members.iter().filter_map(row));
     }
     rows.sort_by_key(|(stamp, _)| *stamp);
     rows.dedup_by_key(|(stamp, _)| *stamp);
@@ -220,10 +233,12 @@ fn partners(
     if of_colour.n() == of_depth.n() {
         return (0..of_colour.n()).collect();
     }
-    let begins: Vec<u64> =
-        of_depth.members.iter().map(|members| members.first().map_or(0, |at| depth[*at].ordinal)).collect();
+    let ordinal = |stream: &[RecordedImage], at: Option<&usize>| {
+        at.and_then(|at| stream.get(*at)).map_or(0, |image| image.ordinal)
+    };
+    let begins: Vec<u64> = of_depth.members.iter().map(|members| ordinal(depth, members.first())).collect();
     let stretch_at = |ordinal: u64| begins.iter().rposition(|begin| *begin <= ordinal).unwrap_or(0);
-    let middle = |members: &Vec<usize>| members.get(members.len() / 2).map_or(0, |at| colour[*at].ordinal);
+    let middle = |members: &Vec<usize>| ordinal(colour, members.get(members.len() / 2));
     of_colour.members.iter().map(|members| stretch_at(middle(members))).collect()
 }
 

@@ -1,4 +1,5 @@
 //! Stretches of time in a stream: where the clock was set, images that came late, and repeats.
+#![expect(clippy::indexing_slicing, reason = "members are indices of the stream that they were made from")]
 
 use super::{RecordedImage, interval_nanos};
 
@@ -34,12 +35,12 @@ pub(super) fn stretches(stream: &[RecordedImage], name: &str) -> Stretches {
             sentences.push(sentence);
         }
     }
-    let n_back = walk.members.len() - 1;
+    let n_back = walk.members.len().saturating_sub(1);
     if n_back > FEW_BACK && n_back as f64 > UNORDERED_SHARE * stream.len() as f64 {
         let mut members: Vec<usize> = (0..stream.len()).collect();
         members.sort_by_key(|at| stream[*at].stamp_nanos);
         members.dedup_by_key(|at| stream[*at].stamp_nanos);
-        let n_left_out = stream.len() - members.len();
+        let n_left_out = stream.len().saturating_sub(members.len());
         let mut sentence =
             format!("{name}: {n_back} of {} stamps are below the one before: sorted by time", stream.len());
         if n_left_out > 0 {
@@ -49,7 +50,7 @@ pub(super) fn stretches(stream: &[RecordedImage], name: &str) -> Stretches {
     }
     const MOST_NAMED: usize = 3;
     if sentences.len() > MOST_NAMED {
-        let n_more = sentences.len() - MOST_NAMED;
+        let n_more = sentences.len().saturating_sub(MOST_NAMED);
         sentences.truncate(MOST_NAMED);
         sentences.push(format!("{name}: {n_more} further times the clock was set"));
     }
@@ -98,7 +99,7 @@ impl StretchWalk<'_> {
                 let by = step as f64 * 1e-9;
                 return Some(format!(
                     "{name}: the stamps jump ahead by {by:.3} s at image {}, the times of recording do not (a clock that was set): a new stretch of time begins there",
-                    at + 1
+                    at.saturating_add(1)
                 ));
             }
             stretch.push(at);
@@ -107,17 +108,19 @@ impl StretchWalk<'_> {
         // Among the newest, where has it its place?
         let place = stretch.iter().rposition(|member| stream[*member].stamp_nanos <= stamp);
         if let Some(place) = place {
-            if stamp == newest && at > 0 && stream[at - 1].stamp_nanos == stamp {
-                self.n_repeated += 1;
+            if stamp == newest && at.checked_sub(1).is_some_and(|before| stream[before].stamp_nanos == stamp)
+            {
+                self.n_repeated = self.n_repeated.saturating_add(1);
                 return None;
             }
             let before = stream[stretch[place]].stamp_nanos;
-            let after = stretch.get(place + 1).map_or(newest, |member| stream[*member].stamp_nanos);
-            let is_hole = 2 * after.saturating_sub(before) >= 3 * self.interval;
+            let behind = place.saturating_add(1);
+            let after = stretch.get(behind).map_or(newest, |member| stream[*member].stamp_nanos);
+            let is_hole = after.saturating_sub(before).saturating_mul(2) >= self.interval.saturating_mul(3);
             // Only few images in a row are older than what came before them.
             if before < stamp && is_hole && n_older(newest) <= MOST_LATE {
-                stretch.insert(place + 1, at);
-                self.n_late += 1;
+                stretch.insert(behind, at);
+                self.n_late = self.n_late.saturating_add(1);
                 return None;
             }
         }
@@ -125,7 +128,7 @@ impl StretchWalk<'_> {
         let by = newest.saturating_sub(stamp) as f64 * 1e-9;
         Some(format!(
             "{name}: the stamps go back by {by:.3} s at image {} (a clock that was set, or a recording that was repeated): a new stretch of time begins there",
-            at + 1
+            at.saturating_add(1)
         ))
     }
 }

@@ -23,6 +23,11 @@ pub(super) struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
+    /// Bytes still to come.
+    pub(super) fn n_left(&self) -> u64 {
+        self.end.saturating_sub(self.at)
+    }
+
     /// A reader for a decompression.
     pub(super) fn buffered(self) -> BufReader<Section<'a>> {
         BufReader::with_capacity(READ_BYTES, self)
@@ -31,9 +36,9 @@ impl<'a> Section<'a> {
 
 impl Read for Section<'_> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let n = (self.end - self.at).min(bytes.len() as u64) as usize;
-        let n = self.file.read_at(&mut bytes[..n], self.at)?;
-        self.at += n as u64;
+        let n = usize::try_from(self.n_left()).unwrap_or(usize::MAX).min(bytes.len());
+        let n = self.file.read_at(bytes.get_mut(..n).unwrap_or_default(), self.at)?;
+        self.at = self.at.saturating_add(n as u64);
         Ok(n)
     }
 }
@@ -51,6 +56,6 @@ impl Read for Bytes<'_> {
 /// declares is not believed.
 pub(super) fn fill(from: impl Read, n: u64, to: &mut Vec<u8>) -> io::Result<u64> {
     to.clear();
-    to.reserve(n.min(FIRST_BYTES) as usize);
+    to.reserve(usize::try_from(n.min(FIRST_BYTES)).unwrap_or_default());
     from.take(n).read_to_end(to).map(|found| found as u64)
 }

@@ -29,6 +29,11 @@ pub(super) struct Place {
 }
 
 impl Place {
+    /// Where it ends.
+    pub(super) fn end(&self) -> u64 {
+        self.offset.saturating_add(self.len)
+    }
+
     /// Says what is wrong here.
     pub(super) fn damaged(&self, reason: impl Into<String>) -> RecordingError {
         RecordingError::Damaged { offset: self.offset, reason: reason.into() }
@@ -91,7 +96,7 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     let file = File::open(path)?;
     let mut head = [0u8; 16];
     let n = read_whole(&file, 0, &mut head)?;
-    let head = &head[..n];
+    let head = head.get(..n).unwrap_or_default();
     if head.starts_with(mcap::MAGIC) {
         return Ok(Box::new(mcap::McapFile::open(file)?));
     }
@@ -101,16 +106,16 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     if head.starts_with(sqlite::MAGIC) {
         return Ok(Box::new(sqlite::SqliteBag::open(file, path)?));
     }
-    Err(RecordingError::Magic { found: head[..n.min(8)].escape_ascii().to_string() })
+    Err(RecordingError::Magic { found: head.get(..8).unwrap_or(head).escape_ascii().to_string() })
 }
 
 /// Reads as many bytes as there are; answers how many.
 fn read_whole(file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<usize> {
-    let mut n = 0;
-    while n < bytes.len() {
-        match file.read_at(&mut bytes[n..], offset + n as u64) {
+    let mut n = 0_usize;
+    while let Some(left) = bytes.get_mut(n..).filter(|left| !left.is_empty()) {
+        match file.read_at(left, offset.saturating_add(n as u64)) {
             Ok(0) => break,
-            Ok(more) => n += more,
+            Ok(more) => n = n.saturating_add(more),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(error) => return Err(error),
         }

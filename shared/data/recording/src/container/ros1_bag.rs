@@ -46,9 +46,9 @@ impl<'a> RecordFields<'a> {
         let mut left = self.0;
         while let Some((length, rest)) = left.split_at_checked(4) {
             let (field, rest) = rest.split_at_checked(u32_of(length)? as usize)?;
-            let equals = field.iter().position(|&byte| byte == b'=')?;
-            if &field[..equals] == name.as_bytes() {
-                return Some(&field[equals + 1..]);
+            let (found, value) = field.split_at_checked(field.iter().position(|&byte| byte == b'=')?)?;
+            if found == name.as_bytes() {
+                return value.get(1..);
             }
             left = rest;
         }
@@ -77,8 +77,9 @@ impl Ros1Bag {
     pub(super) fn open(file: File) -> Result<Self, RecordingError> {
         let mut version = vec![0; VERSION.len()];
         let n = read_whole(&file, 0, &mut version)?;
-        if version[..n] != *VERSION {
-            let found = version[..n].escape_ascii().to_string();
+        version.truncate(n);
+        if version != VERSION {
+            let found = version.escape_ascii().to_string();
             return Err(RecordingError::BagVersion { found });
         }
         let mut bag = Self { file, places: Vec::new(), channels: Channels::new(), damage: None, cut: None };
@@ -99,17 +100,17 @@ impl Ros1Bag {
         let mut header = Vec::new();
         while offset < n_bytes {
             let mut whole = Section { file: &self.file, at: offset, end: n_bytes };
-            let record = head(&mut whole, &mut header)?.filter(|n_data| *n_data <= n_bytes - whole.at);
+            let record = head(&mut whole, &mut header)?.filter(|n_data| *n_data <= whole.n_left());
             let Some(n_data) = record else {
                 self.cut =
                     Some(format!("the record at byte {offset} is not whole, the file has {n_bytes} bytes"));
                 return Ok(());
             };
             let (data_at, fields) = (whole.at, RecordFields(&header));
-            let end = data_at + n_data;
+            let end = data_at.saturating_add(n_data);
             match fields.op() {
                 Some(op @ (CHUNK | MESSAGE)) => {
-                    self.places.push(Place { offset, len: end - offset, opcode: op });
+                    self.places.push(Place { offset, len: end.saturating_sub(offset), opcode: op });
                 }
                 Some(CONNECTION) => {
                     let mut data = Vec::new();
@@ -119,7 +120,7 @@ impl Ros1Bag {
                     self.channels.extend(channel);
                 }
                 Some(BAG_HEADER) => {
-                    let place = Place { offset, len: end - offset, opcode: BAG_HEADER };
+                    let place = Place { offset, len: end.saturating_sub(offset), opcode: BAG_HEADER };
                     if let Some(by) = fields.text("encryptor").filter(|by| !by.is_empty()) {
                         return Err(place
                             .damaged(format!("the bag is encrypted by '{by}', expected one that is not")));
@@ -168,11 +169,12 @@ impl Ros1Bag {
         while n_left > 0 {
             let n_data = head(&mut bytes, &mut header).map_err(broken)?.ok_or_else(torn)?;
             let fields = RecordFields(&header);
-            let n_head = 8 + header.len() as u64;
-            n_left = n_left.checked_sub(n_head + n_data).ok_or_else(torn)?;
+            let n_record = (header.len() as u64).saturating_add(8).saturating_add(n_data);
+            n_left = n_left.checked_sub(n_record).ok_or_else(torn)?;
             let n = if fields.op() == Some(MESSAGE) { n_data.min(most) } else { n_data };
             let n_found = fill(&mut bytes, n, &mut data).map_err(broken)?;
-            if n_found != n || pass(&mut bytes, n_data - n).map_err(broken)? != n_data - n {
+            let n_more = n_data.saturating_sub(n);
+            if n_found != n || pass(&mut bytes, n_more).map_err(broken)? != n_more {
                 return Err(torn());
             }
             take(&fields, &data)?;
@@ -185,14 +187,14 @@ impl Ros1Bag {
 
     /// The bytes of a place's records, and how many there are.
     fn content(&self, place: &Place) -> Result<(Bytes<'_>, u64), RecordingError> {
-        let mut section = Section { file: &self.file, at: place.offset, end: place.offset + place.len };
+        let mut section = Section { file: &self.file, at: place.offset, end: place.end() };
         if place.opcode == MESSAGE {
             return Ok((Bytes::Plain(section), place.len));
         }
         let mut header = Vec::new();
         let n_stored = head(&mut section, &mut header)?;
         let fields = RecordFields(&header);
-        let n_stored = n_stored.filter(|n| *n <= section.end - section.at);
+        let n_stored = n_stored.filter(|n| *n <= section.n_left());
         let n_stored =
             n_stored.ok_or_else(|| place.damaged("its head has changed since the file was opened"))?;
         let size = fields.word("size").ok_or_else(|| place.damaged("it has no size"))?;
@@ -236,8 +238,8 @@ fn head(from: &mut impl Read, header: &mut Vec<u8>) -> io::Result<Option<u64>> {
 fn pass(bytes: &mut Bytes<'_>, n: u64) -> io::Result<u64> {
     match bytes {
         Bytes::Plain(section) => {
-            let n = n.min(section.end - section.at);
-            section.at += n;
+            let n = n.min(section.n_left());
+            section.at = section.at.saturating_add(n);
             Ok(n)
         }
         Bytes::Compressed(inside) => io::copy(&mut inside.take(n), &mut io::sink()),
@@ -284,11 +286,12 @@ impl Container for Ros1Bag {
                 fields.word("conn").ok_or_else(|| place.damaged("a message in it has no connection"))?;
             let (seconds, nanos) =
                 (fields.get("time").and_then(u32_of), fields.get("time").and_then(|t| u32_of(t.get(4..)?)));
-            let log_nanos =
-                seconds.zip(nanos).map_or(0, |(s, n)| i64::from(s) * 1_000_000_000 + i64::from(n));
-            let sequence = u64::from(number) + 1;
+            let log_nanos = seconds
+                .zip(nanos)
+                .map_or(0, |(s, n)| i64::from(s).saturating_mul(1_000_000_000).saturating_add(i64::from(n)));
+            let sequence = u64::from(number).saturating_add(1);
             let stored = Stored { channel, place: *place, number, sequence, log_nanos, data };
-            number += 1;
+            number = u32::saturating_add(number, 1);
             take(&stored)
         })
     }

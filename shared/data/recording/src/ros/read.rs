@@ -17,14 +17,15 @@ const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
     let wrong = |reason: String| MessageError::Kind { kind, reason };
     let (head, body) = data
-        .split_at_checked(4)
+        .split_first_chunk::<4>()
         .ok_or_else(|| wrong(format!("{} bytes, expected at least 4", data.len())))?;
-    if head == ZSTD {
+    if *head == ZSTD {
         let remedy = "its messages are compressed one by one (compression_mode: message); convert the bag without \
                       compression: ros2 bag convert";
         return Err(wrong(remedy.to_owned()));
     }
-    let decoded = match head[1] {
+    let [_, encapsulation, ..] = *head;
+    let decoded = match encapsulation {
         0 => from_bytes::<T, BigEndian>(body),
         1 => from_bytes::<T, LittleEndian>(body),
         other => return Err(wrong(format!("encapsulation {other}, expected 0 or 1 (plain CDR)"))),

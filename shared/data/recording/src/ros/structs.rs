@@ -19,8 +19,9 @@ impl Time {
     pub fn from_nanos(stamp_nanos: i64) -> Self {
         const SECOND: i64 = 1_000_000_000;
         let most = i64::from(i32::MAX);
-        let sec = stamp_nanos.div_euclid(SECOND).clamp(-most, most) as i32;
-        Self { sec, nanosec: stamp_nanos.rem_euclid(SECOND) as u32 }
+        let sec = stamp_nanos.div_euclid(SECOND).clamp(most.saturating_neg(), most);
+        let (sec, nanosec) = (i32::try_from(sec), u32::try_from(stamp_nanos.rem_euclid(SECOND)));
+        Self { sec: sec.unwrap_or_default(), nanosec: nanosec.unwrap_or_default() }
     }
 
     /// The stamp, nanoseconds.

@@ -106,7 +106,8 @@ impl ColourImages {
         rgb: &mut [u8],
     ) -> Result<(), ImageError> {
         let Some(warp) = &self.warp else { return decode::colour(bytes, size, rgb) };
-        let mut own = vec![0; 3 * warp.size.0 as usize * warp.size.1 as usize];
+        let n_pixels = (warp.size.0 as usize).saturating_mul(warp.size.1 as usize);
+        let mut own = vec![0; n_pixels.saturating_mul(3)];
         decode::colour(bytes, warp.size, &mut own)?;
         warp.apply(depth_raw, &own, rgb);
         Ok(())
@@ -124,7 +125,7 @@ fn sizes(folder: &Path, images: &[ListEntry]) -> Vec<(u32, u32)> {
 
 fn some(images: &[ListEntry]) -> impl Iterator<Item = &ListEntry> {
     let n = MOST_TRIED.min(images.len());
-    (0..n).filter_map(move |at| images.get(at * images.len() / n))
+    (0..n).filter_map(move |at| images.get(at.saturating_mul(images.len()).checked_div(n)?))
 }
 
 /// Why the first of these images cannot be read.

@@ -30,20 +30,22 @@ pub(super) fn read(path: &Path) -> Result<ImageList, SourceError> {
 
 fn parse(text: &str, path: &Path) -> Result<ImageList, SourceError> {
     let mut lines: Vec<(usize, &str, PathBuf)> = Vec::new();
-    for (at, line) in text.lines().enumerate() {
+    for (number, line) in (1..).zip(text.lines()) {
         let line = line.trim_start_matches('\u{feff}').trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let (stamp, file) = parse_line(line).map_err(|source| wrong(path, at + 1, source))?;
-        lines.push((at + 1, stamp, file));
+        let (stamp, file) = parse_line(line).map_err(|source| wrong(path, number, source))?;
+        lines.push((number, stamp, file));
     }
     if lines.is_empty() {
         return Err(SourceError::EmptyList { path: path.to_owned() });
     }
     let words: Vec<&str> = lines.iter().map(|(_, stamp, _)| *stamp).collect();
-    let (stamps, is_numbered) =
-        stamps(&words).map_err(|(at, source)| wrong(path, lines[at].0, source.into()))?;
+    let (stamps, is_numbered) = stamps(&words).map_err(|(at, source)| {
+        let number = lines.get(at).map_or(0, |(number, ..)| *number);
+        wrong(path, number, source.into())
+    })?;
     let entries =
         lines.into_iter().zip(stamps).map(|((_, _, file), stamp_nanos)| ListEntry { stamp_nanos, file });
     Ok(ImageList { entries: entries.collect(), is_numbered })
@@ -83,7 +85,7 @@ pub(super) fn stamps(words: &[&str]) -> Result<(Vec<i64>, bool), (usize, StampEr
     }
     let stamps = words.iter().enumerate().map(|(at, word)| parse_stamp(word).map_err(|source| (at, source)));
     let stamps: Vec<i64> = stamps.collect::<Result<_, _>>()?;
-    let is_counted = whole.is_some_and(|values| values.iter().any(|value| *value != values[0]));
+    let is_counted = whole.is_some_and(|values| values.iter().any(|value| Some(value) != values.first()));
     Ok((stamps, is_counted && clock == Some(NameClock::Frames)))
 }
 
@@ -96,7 +98,7 @@ pub(super) fn in_order(
 ) -> (Vec<ListEntry>, Vec<ListEntry>, Vec<String>) {
     let recorded = |entries: &[ListEntry]| -> Vec<RecordedImage> {
         let n = entries.len().max(1) as u64;
-        let ordinal = |at: u64| (at << 24) / n;
+        let ordinal = |at: u64| (at << 24).checked_div(n).unwrap_or(0);
         let of = |(at, entry): (u64, &ListEntry)| RecordedImage {
             stamp_nanos: entry.stamp_nanos,
             log_nanos: None,
@@ -106,9 +108,10 @@ pub(super) fn in_order(
     };
     let found = timelines(&recorded(&depth), &recorded(&colour), names);
     let ordered = |timeline: &ImageOrder, entries: &[ListEntry]| -> Vec<ListEntry> {
-        let entry =
-            |(at, stamp): (&usize, &i64)| ListEntry { stamp_nanos: *stamp, file: entries[*at].file.clone() };
-        timeline.order.iter().zip(&timeline.stamps_nanos).map(entry).collect()
+        let entry = |(at, stamp): (&usize, &i64)| {
+            Some(ListEntry { stamp_nanos: *stamp, file: entries.get(*at)?.file.clone() })
+        };
+        timeline.order.iter().zip(&timeline.stamps_nanos).filter_map(entry).collect()
     };
     (ordered(&found.depth, &depth), ordered(&found.colour, &colour), found.sentences)
 }

@@ -17,6 +17,7 @@ const METRES_BYTES: usize = size_of::<f32>();
 ///
 /// # Errors
 /// The stream is damaged, or is not that of `size` columns and rows.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
 pub(super) fn depth(
     bytes: &[u8],
     size: (u32, u32),
@@ -78,7 +79,8 @@ fn decompress(
     size: (u32, u32),
     pixel_bytes: usize,
 ) -> Result<Vec<u8>, ImageError> {
-    let expected = size.0 as usize * size.1 as usize * pixel_bytes;
+    let n_pixels = (size.0 as usize).saturating_mul(size.1 as usize);
+    let expected = n_pixels.saturating_mul(pixel_bytes);
     let image = decode(bytes, expected)?;
     let found = match image.len() {
         n if n == expected => return Ok(image),
@@ -103,7 +105,7 @@ fn check_head(bytes: &[u8]) -> Result<(), ImageError> {
     if bytes.starts_with(BLOCK) {
         return Ok(());
     }
-    let head = &bytes[..bytes.len().min(END.len())];
+    let head = bytes.get(..END.len()).unwrap_or(bytes);
     Err(damaged(format!("it begins with '{}'", head.escape_ascii())))
 }
 

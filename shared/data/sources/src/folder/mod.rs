@@ -123,7 +123,7 @@ impl FolderSource {
         let rays = is_distance.then(|| RayLengths::new(&camera));
         let rotations = imu::load(folder)?
             .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
-        let colour = partners.iter().map(|partner| partner.map(|at| colour[at].clone())).collect();
+        let colour = partners.iter().map(|partner| colour.get((*partner)?).cloned()).collect();
         let mut description = vec![("layout", layout.to_owned()), ("camera", camera_from)];
         description.push(("colour", colour_images.words.clone()));
         if is_distance {
@@ -154,6 +154,10 @@ impl FolderSource {
             .ok_or(SourceError::NoFrame { frame: index, last: (self.depth.len() as u64).saturating_sub(1) })
     }
 
+    fn colour_of(&self, at: usize) -> Option<&ListEntry> {
+        self.colour.get(at)?.as_ref()
+    }
+
     /// Reads an image of frame `index` and names it where that fails.
     fn image(
         &self,
@@ -176,7 +180,7 @@ impl FolderSource {
         let Some(Some(file)) = self.confidence.get(at) else { return Ok(()) };
         let size = (self.camera.width, self.camera.height);
         self.image(index, file, |path| self.codec.confidence(&load(path)?, size, scratch))?;
-        for (raw, confidence) in depth_raw.iter_mut().zip(scratch.chunks_exact(3)) {
+        for (raw, confidence) in depth_raw.iter_mut().zip(scratch.as_chunks::<3>().0) {
             if confidence[0] < LEAST_CONFIDENCE {
                 *raw = 0;
             }
@@ -211,7 +215,8 @@ impl Source for FolderSource {
         if let Some(rays) = &self.rays {
             rays.to_depth(buffers.depth);
         }
-        match &self.colour[at] {
+        let colour = self.colour_of(at);
+        match colour {
             Some(colour) => self
                 .image(index, &colour.file, |path| {
                     self.colour_images.read(&load(path)?, size, buffers.depth, buffers.colour)
@@ -221,7 +226,7 @@ impl Source for FolderSource {
         }
         Ok(FrameInfo {
             stamp_nanos: depth.stamp_nanos,
-            has_colour: self.colour[at].is_some(),
+            has_colour: colour.is_some(),
             rotation: self.rotations.get(at).copied(),
         })
     }
@@ -248,7 +253,7 @@ impl Source for FolderSource {
         if let Some(Some(file)) = self.confidence.get(at) {
             self.image(index, file, |path| self.codec.inspect(path))?;
         }
-        match &self.colour[at] {
+        match self.colour_of(at) {
             Some(colour) => self.image(index, &colour.file, decode::inspect),
             None => Ok(()),
         }

@@ -5,12 +5,14 @@ use crate::Follower;
 
 type Record = (u64, Vec<f64>, String);
 
+const TEST: RecordKind<Record> = RecordKind::only("test", 7);
+
 fn record(n: u64) -> Record {
     (n, (0..n % 7).map(|k| k as f64 * 0.1).collect(), "word ".repeat((n % 90) as usize))
 }
 
 fn written(path: &Path, n: u64) {
-    let (mut journal, _) = Journal::<Record>::open(path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+    let (mut journal, _) = Journal::<Record>::open(path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
     for k in 0..n {
         journal.append(&record(k), false).unwrap();
     }
@@ -18,7 +20,7 @@ fn written(path: &Path, n: u64) {
 
 fn read(path: &Path) -> (Vec<Record>, Recovered) {
     let mut records = Vec::new();
-    let (_, recovered) = Journal::<Record>::open(path, "test", Duration::ZERO, |r| {
+    let (_, recovered) = Journal::<Record>::open(path, TEST, Duration::ZERO, |r| {
         records.push(r);
         Ok(())
     })
@@ -50,7 +52,7 @@ fn a_file_cut_anywhere_gives_a_prefix_and_goes_on() {
 fn set_aside(path: &Path) -> (Vec<Record>, Recovered) {
     let mut records = Vec::new();
     let opening = Opening { on_damage: OnDamage::SetAside, ..Opening::new(Duration::ZERO) };
-    let (_, recovered) = Journal::<Record>::open_as(path, "test", opening, |r| {
+    let (_, recovered) = Journal::<Record>::open_as(path, TEST, opening, |r| {
         records.push(r);
         Ok(())
     })
@@ -59,7 +61,7 @@ fn set_aside(path: &Path) -> (Vec<Record>, Recovered) {
 }
 
 fn refusal(path: &Path) -> JournalError {
-    Journal::<Record>::open(path, "test", Duration::ZERO, |_| Ok(())).unwrap_err()
+    Journal::<Record>::open(path, TEST, Duration::ZERO, |_| Ok(())).unwrap_err()
 }
 
 #[test]
@@ -85,7 +87,7 @@ fn a_zeroed_page_is_refused_and_nothing_is_cut() {
         let copy = recovered.set_aside.unwrap();
         assert_eq!(std::fs::read(copy).unwrap(), bytes);
         // Written again from there, the file has the same bytes as if nothing had happened.
-        let (mut journal, _) = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+        let (mut journal, _) = Journal::<Record>::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
         for k in n_before..200 {
             journal.append(&record(k), false).unwrap();
         }
@@ -118,7 +120,7 @@ fn a_flipped_bit_is_refused_but_in_the_last_record() {
 }
 
 fn written_from(path: &Path, from: u64, to: u64) {
-    let (mut journal, _) = Journal::<Record>::open(path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+    let (mut journal, _) = Journal::<Record>::open(path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
     (from..to).for_each(|k| journal.append(&record(k), false).unwrap());
 }
 
@@ -127,7 +129,7 @@ fn a_journal_that_was_begun_is_neither_absent_nor_empty() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("j");
     let begun = Opening { is_begun: true, ..Opening::new(Duration::ZERO) };
-    let open = |opening| Journal::<Record>::open_as(&path, "test", opening, |_| Ok(()));
+    let open = |opening| Journal::<Record>::open_as(&path, TEST, opening, |_| Ok(()));
     assert!(matches!(open(begun), Err(JournalError::Absent { .. })));
     assert!(!path.exists());
     for bytes in [&[][..], &[0; 10], &[0; 5000]] {
@@ -146,12 +148,12 @@ fn a_refused_record_is_damage() {
     written(&path, 9);
     let whole = std::fs::read(&path).unwrap();
     let refuse = |r: Record| if r.0 < 5 { Ok(()) } else { Err("its keyframe is gone".to_string()) };
-    let error = Journal::open(&path, "test", Duration::ZERO, refuse).unwrap_err();
+    let error = Journal::open(&path, TEST, Duration::ZERO, refuse).unwrap_err();
     let JournalError::Damaged { n_before, n_lost, ref reason, .. } = error else { panic!("{error}") };
     assert_eq!((n_before, n_lost, reason.as_str()), (5, 4, "its keyframe is gone"));
     assert_eq!(std::fs::read(&path).unwrap(), whole);
     let opening = Opening { on_damage: OnDamage::SetAside, ..Opening::new(Duration::ZERO) };
-    let (_, recovered) = Journal::open_as(&path, "test", opening, refuse).unwrap();
+    let (_, recovered) = Journal::open_as(&path, TEST, opening, refuse).unwrap();
     assert_eq!((recovered.n_records, recovered.reason.as_deref()), (5, Some("its keyframe is gone")));
     assert_eq!(read(&path).0.len(), 5);
 }
@@ -160,7 +162,7 @@ fn a_refused_record_is_damage() {
 fn what_was_forced_to_disk_is_missed_where_the_file_is_shorter() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("j");
-    let (mut journal, _) = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+    let (mut journal, _) = Journal::<Record>::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
     (0..20).for_each(|k| journal.append(&record(k), k == 9).unwrap());
     drop(journal);
     let whole = std::fs::read(&path).unwrap();
@@ -188,20 +190,20 @@ fn what_was_forced_to_disk_is_missed_where_the_file_is_shorter() {
 fn there_is_one_writer() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("j");
-    let (held, _) = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-    let second = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(()));
+    let (held, _) = Journal::<Record>::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
+    let second = Journal::<Record>::open(&path, TEST, Duration::ZERO, |_| Ok(()));
     let message = second.unwrap_err().to_string();
     assert!(message.contains("written by another process"), "{message}");
     drop(held);
-    Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
+    Journal::<Record>::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
 }
 
 #[test]
 fn a_follower_sees_each_record_once_it_is_whole() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("j");
-    let (mut journal, _) = Journal::<Record>::open(&path, "test", Duration::ZERO, |_| Ok(())).unwrap();
-    let mut follower = Follower::<Record>::open(&path, "test").unwrap();
+    let (mut journal, _) = Journal::<Record>::open(&path, TEST, Duration::ZERO, |_| Ok(())).unwrap();
+    let mut follower = Follower::<Record>::open(&path, TEST).unwrap();
     assert_eq!(follower.next().unwrap(), None);
     for k in 0..30 {
         journal.append(&record(k), false).unwrap();

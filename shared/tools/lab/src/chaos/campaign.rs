@@ -1,5 +1,6 @@
 //! Run after run under faults, until there were enough of them.
 
+use super::camera::CameraView;
 use super::disturb::{Disturbance, Disturber};
 use super::plan_file;
 use super::recovery::{Sign, events};
@@ -39,6 +40,8 @@ pub struct Campaign {
     pub frames: Option<u64>,
     /// Whether the runs are live.
     pub live: bool,
+    /// Whether the frames come from a camera's own program, which sends those of the source.
+    pub external: bool,
     /// Folder for the runs; a temporary one where absent.
     pub out: Option<PathBuf>,
     /// Longest time for one run, seconds.
@@ -144,9 +147,17 @@ fn clear(reference: &Trial, base: &Path) {
 
 /// What comes behind `tessera run`.
 fn pipeline(arguments: &Campaign) -> Result<Pipeline, ToolError> {
-    let mut words = vec![arguments.source.clone().unwrap_or_else(|| "room".to_owned())];
+    let source = arguments.source.clone().unwrap_or_else(|| "room".to_owned());
+    let camera = arguments.external.then(|| CameraView {
+        source: source.clone(),
+        camera: arguments.camera.clone(),
+        frames: arguments.frames,
+        is_live: arguments.live,
+    });
+    let mut words = vec![if arguments.external { "external".to_owned() } else { source }];
     let options = [
-        ("--camera", arguments.camera.clone()),
+        // A camera's own program states its camera.
+        ("--camera", arguments.camera.clone().filter(|_| !arguments.external)),
         ("--config", arguments.config.clone()),
         ("--frames", arguments.frames.map(|n| n.to_string())),
     ];
@@ -161,7 +172,7 @@ fn pipeline(arguments: &Campaign) -> Result<Pipeline, ToolError> {
     }
     let executable = std::env::current_exe()
         .map_err(|error| ToolError::Stage(format!("cannot find the own program: {error}")))?;
-    Ok(Pipeline { executable, arguments: words })
+    Ok(Pipeline { executable, arguments: words, camera })
 }
 
 /// Messages to lose and to corrupt, at frames drawn from the seed.

@@ -119,6 +119,7 @@ impl Disturber {
             }
             sample(child.id(), &mut done);
         }
+        trial.end_camera();
         done.wall_s = began.elapsed().as_secs_f64();
         Ok(done)
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use tessera_transport::RunIdentity;
 
 /// Files of a run directory that the documentation names, outputs among them.
-const DOCUMENTED: [&str; 26] = [
+const DOCUMENTED: [&str; 27] = [
     "align.checkpoint",
     "align.journal",
     "align.synced",
@@ -17,6 +17,7 @@ const DOCUMENTED: [&str; 26] = [
     "keyframes.txt",
     "live.clock",
     "live.posed",
+    "camera.session",
     "log.txt",
     "map.ply",
     "optimise.checkpoint",

@@ -3,6 +3,7 @@
 //! Faults come from outside, as a user's machine would bring them: signals, limits, damaged files.
 //! Only `drop`, `corrupt` and exact plans reach into the stages, through their kill points.
 
+mod camera;
 mod campaign;
 mod damage;
 mod disturb;

@@ -1,5 +1,6 @@
 //! One run of the pipeline as chaos starts it, goes on with it, and looks at what it left.
 
+use super::camera::{CameraProgram, CameraView};
 use super::journal::{self, FrameCount};
 use super::leftovers;
 use std::fs::File;
@@ -19,6 +20,8 @@ pub(super) struct Pipeline {
     pub(super) executable: PathBuf,
     /// Arguments behind `tessera run`, without name and folder.
     pub(super) arguments: Vec<String>,
+    /// What a camera's own program sees, where the frames come from one.
+    pub(super) camera: Option<CameraView>,
 }
 
 /// One run.
@@ -31,16 +34,20 @@ pub(super) struct Trial {
     kill_plan: String,
     /// Shared memory that the run has had, over all its supervisors.
     identities: Vec<RunIdentity>,
+    camera: Option<CameraProgram>,
 }
 
 impl Trial {
     pub(super) fn new(pipeline: &Pipeline, name: String, dir: PathBuf, kill_plan: String) -> Self {
-        Self { pipeline: pipeline.clone(), name, dir, kill_plan, identities: Vec::new() }
+        Self { pipeline: pipeline.clone(), name, dir, kill_plan, identities: Vec::new(), camera: None }
     }
 
     /// Starts the run, or goes on with it where it has begun.
     pub(super) fn start(&mut self) -> Result<Child, ToolError> {
         self.remember();
+        if let (Some(view), None) = (&self.pipeline.camera, &self.camera) {
+            self.camera = Some(CameraProgram::start(view, &self.name)?);
+        }
         let mut command = Command::new(&self.pipeline.executable);
         if RunFiles::new(&self.dir).run_file().exists() {
             command.args(["resume", "--quiet"]).arg(&self.dir);
@@ -61,6 +68,11 @@ impl Trial {
             .stderr(errors)
             .spawn()
             .map_err(|error| ToolError::Stage(format!("cannot start the pipeline: {error}")))
+    }
+
+    /// Ends the camera's program, which has no run any more.
+    pub(super) fn end_camera(&mut self) {
+        self.camera = None;
     }
 
     fn errors_path(&self) -> PathBuf {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_features::{Extractor, Feature};
 use tessera_geometry::{Camera, InertialRotation};
-use tessera_journal::{Follower, Journal, JournalError, sync_folder_of};
+use tessera_journal::{Follower, Journal, JournalError, RecordKind, sync_folder_of};
 use tessera_messages::{Stage, read_features, vertices_of_features, write_features};
 use tessera_offline::Method;
 use tessera_outputs::ToolError;
@@ -14,8 +14,8 @@ use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, AppliedCorrection};
 use tessera_surface::Vertex;
 
-/// What such a file calls itself.
-const KIND: &str = "stage input";
+/// Its records.
+const KIND: RecordKind<Entry> = RecordKind::only("stage input", 16);
 
 /// Stages whose input can be recorded, by name.
 pub struct Stages;
@@ -144,7 +144,7 @@ impl RecordingWriter {
             }
             _ => {}
         }
-        let (journal, _) = Journal::open(&temporary, KIND, Duration::ZERO, |_: Entry| Ok(()))
+        let (journal, _) = Journal::open(&temporary, KIND, Duration::ZERO, |_| Ok(()))
             .map_err(|error| ToolError::write(path, error))?;
         let mut writer = Self { journal, temporary, path: path.to_owned() };
         writer.add(&Entry::Begin(Box::new(begin)))?;
@@ -201,7 +201,7 @@ impl Recorded {
     pub fn read(path: &Path) -> Result<Self, ToolError> {
         let bad = |problem: String| ToolError::Input(format!("{}: {problem}", path.display()));
         let foreign = |error: JournalError| ToolError::Input(error.to_string());
-        let mut follower = Follower::<Entry>::open(path, KIND).map_err(foreign)?;
+        let mut follower = Follower::open(path, KIND).map_err(foreign)?;
         let Some(Entry::Begin(begin)) = follower.next().map_err(foreign)? else {
             return Err(bad("does not begin as a recording of `tessera record`".to_owned()));
         };

@@ -34,7 +34,7 @@ pub(super) struct Content<'a> {
 
 impl<'a> Content<'a> {
     pub(super) fn open(file: &'a File, place: &Place) -> Result<Self, RecordingError> {
-        let (at, end) = (place.offset, place.offset + place.len);
+        let (at, end) = (place.offset, place.end());
         let mut content = Self {
             bytes: Bytes::Plain(Section { file, at, end }),
             place: *place,
@@ -44,7 +44,7 @@ impl<'a> Content<'a> {
             is_broken: false,
         };
         if place.opcode == op::CHUNK {
-            content.enter(file, at + FRAMING, end)?;
+            content.enter(file, at.saturating_add(FRAMING), end)?;
         }
         if content.n_left > MOST_BYTES {
             let reason = format!("it has {} bytes, expected at most {MOST_BYTES}", content.n_left);
@@ -57,13 +57,12 @@ impl<'a> Content<'a> {
     fn enter(&mut self, file: &'a File, mut at: u64, end: u64) -> Result<(), RecordingError> {
         let place = self.place;
         let mut next = |n: u64| {
-            if end - at < n {
-                return Err(place.damaged("it is shorter than a chunk's head"));
-            }
-            let mut bytes = vec![0; n as usize];
+            let behind = at.checked_add(n).filter(|behind| *behind <= end);
+            let behind = behind.ok_or_else(|| place.damaged("it is shorter than a chunk's head"))?;
+            let mut bytes = vec![0; usize::try_from(n).unwrap_or(usize::MAX)];
             file.read_exact_at(&mut bytes, at)?;
-            at += n;
-            Ok(bytes)
+            at = behind;
+            Ok::<_, RecordingError>(bytes)
         };
         let head = next(CHUNK_HEAD)?;
         let n_name = u32_at(&next(NAME_LENGTH)?, 0);
@@ -74,12 +73,11 @@ impl<'a> Content<'a> {
         }
         let name = next(u64::from(n_name))?;
         let n_stored = u64_at(&next(RECORDS_LENGTH)?, 0);
-        if n_stored > end - at {
-            return Err(place.damaged("its records are longer than itself"));
-        }
+        let end = at.checked_add(n_stored).filter(|behind| *behind <= end);
+        let end = end.ok_or_else(|| place.damaged("its records are longer than itself"))?;
         self.n_left = u64_at(&head, 16);
         self.expected_crc = u32_at(&head, 24);
-        let stored = Section { file, at, end: at + n_stored };
+        let stored = Section { file, at, end };
         self.bytes = match name.as_slice() {
             b"" if self.n_left != n_stored => {
                 return Err(place
@@ -131,7 +129,7 @@ impl<'a> Content<'a> {
             }
             let n = length.min(most(opcode));
             self.fill(n, &mut body)?;
-            self.pass(length - n)?;
+            self.pass(length.saturating_sub(n))?;
             take(opcode, &body)?;
         }
         Ok(())
@@ -147,8 +145,8 @@ impl<'a> Content<'a> {
             return Ok(());
         }
         if let Bytes::Plain(section) = &mut self.bytes {
-            section.at += n;
-            self.n_left -= n;
+            section.at = section.at.saturating_add(n);
+            self.n_left = self.n_left.saturating_sub(n);
             self.crc = None;
             return Ok(());
         }
@@ -192,16 +190,17 @@ impl Read for Content<'_> {
         let n = self.bytes.read(bytes)?;
         self.n_left = self.n_left.saturating_sub(n as u64);
         if let Some(crc) = &mut self.crc {
-            crc.update(&bytes[..n]);
+            crc.update(bytes.get(..n).unwrap_or_default());
         }
         Ok(n)
     }
 }
 
+/// A number in bytes that were read for it; 0 behind their end.
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k]))
+    bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |word| u32::from_le_bytes(*word))
 }
 
 fn u64_at(bytes: &[u8], at: usize) -> u64 {
-    u64::from_le_bytes(std::array::from_fn(|k| bytes[at + k]))
+    bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |word| u64::from_le_bytes(*word))
 }

@@ -64,20 +64,20 @@ impl McapFile {
         let mut offset = 8;
         let mut is_summary = false;
         loop {
-            let mut framing = [0u8; FRAMING as usize];
-            if n_bytes - offset < FRAMING {
+            let mut framing = [0u8; 9];
+            let Some(n_behind) = n_bytes.checked_sub(offset).and_then(|n| n.checked_sub(FRAMING)) else {
                 found.cut = Some(format!("the file ends at byte {n_bytes} without a footer"));
                 break;
-            }
+            };
             found.file.read_exact_at(&mut framing, offset)?;
             let [opcode, length @ ..] = framing;
             let length = u64::from_le_bytes(length);
-            if opcode == 0 || length > n_bytes - offset - FRAMING {
+            if opcode == 0 || length > n_behind {
                 found.cut =
                     Some(format!("the record at byte {offset} is not whole, the file has {n_bytes} bytes"));
                 break;
             }
-            let place = Place { offset, len: FRAMING + length, opcode };
+            let place = Place { offset, len: FRAMING.saturating_add(length), opcode };
             match opcode {
                 op::FOOTER => break,
                 op::DATA_END => is_summary = true,
@@ -85,7 +85,7 @@ impl McapFile {
                 op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK if !is_summary => found.data.push(place),
                 _ => {}
             }
-            offset += place.len;
+            offset = place.end();
         }
         Ok(found)
     }
@@ -147,7 +147,7 @@ impl Container for McapFile {
                 let (channel, sequence) = (header.channel_id.into(), header.sequence.into());
                 let log_nanos = i64::try_from(header.log_time).unwrap_or(0);
                 let stored = Stored { channel, place: *place, number, sequence, log_nanos, data };
-                number += 1;
+                number = u32::saturating_add(number, 1);
                 take(&stored)
             },
         )
@@ -158,8 +158,8 @@ impl Container for McapFile {
 fn message(body: &[u8]) -> Result<(MessageHeader, &[u8]), String> {
     match mcap::parse_record(op::MESSAGE, body).map_err(|error| error.to_string())? {
         Record::Message { header, data } => {
-            let at = body.len() - data.len();
-            Ok((header, &body[at..]))
+            let at = body.len().saturating_sub(data.len());
+            Ok((header, body.get(at..).unwrap_or_default()))
         }
         _ => Err("no message".to_owned()),
     }

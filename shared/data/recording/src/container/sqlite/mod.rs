@@ -88,7 +88,7 @@ impl SqliteBag {
         };
         let channel = u32::try_from(*topic).map_err(|_| place.damaged(format!("its topic is {topic}")))?;
         let payload = self.pages.payload(row, start.saturating_add(len.min(most)))?;
-        let data = payload.get(start as usize..).unwrap_or_default();
+        let data = usize::try_from(start).ok().and_then(|start| payload.get(start..)).unwrap_or_default();
         if (data.len() as u64) < len.min(most) {
             return Err(place.damaged("its data are longer than itself"));
         }
@@ -173,8 +173,7 @@ impl Container for SqliteBag {
         if place.opcode == ROW {
             return self.message(&self.pages.row_at(place.offset)?, most, take);
         }
-        let page = place.offset / self.pages.size as u64 + 1;
-        for row in self.pages.rows(u32::try_from(page).unwrap_or(u32::MAX))? {
+        for row in self.pages.rows(self.pages.page_at(place.offset))? {
             self.message(&row, most, take)?;
         }
         Ok(())

@@ -32,8 +32,8 @@ impl Pages {
         if read_whole(&file, 0, &mut header)? < HEADER_BYTES {
             return wrong("is an SQLite database that was cut within its header".to_owned());
         }
-        let short = |at: usize| u16::from_be_bytes([header[at], header[at + 1]]);
-        let word = |at: usize| u32::from_be_bytes(std::array::from_fn(|k| header[at + k]));
+        let short = |at| short(&header, at).unwrap_or_default();
+        let word = |at| word(&header, at).unwrap_or_default();
         // 65536 does not fit and is written as 1.
         let size = if short(16) == 1 { 65536 } else { usize::from(short(16)) };
         let usable = size.saturating_sub(usize::from(header[20]));
@@ -50,7 +50,7 @@ impl Pages {
             refuse_companion(path, end, what)?;
         }
         let n_bytes = file.metadata()?.len();
-        let n = u32::try_from(n_bytes / size as u64).unwrap_or(u32::MAX);
+        let n = u32::try_from(n_bytes.checked_div(size as u64).unwrap_or(0)).unwrap_or(u32::MAX);
         // The count is valid where two counters of changes agree.
         let expected = if word(24) == word(92) { word(28) } else { n };
         if n < expected {
@@ -64,7 +64,13 @@ impl Pages {
 
     /// Where a page begins in the file.
     pub(super) fn offset(&self, page: u32) -> u64 {
-        u64::from(page.saturating_sub(1)) * self.size as u64
+        u64::from(page.saturating_sub(1)).saturating_mul(self.size as u64)
+    }
+
+    /// The page at an offset of the file.
+    pub(super) fn page_at(&self, offset: u64) -> u32 {
+        let before = offset.checked_div(self.size as u64).unwrap_or(u64::MAX);
+        u32::try_from(before.saturating_add(1)).unwrap_or(u32::MAX)
     }
 
     /// Reads a page.
@@ -81,6 +87,16 @@ impl Pages {
         bytes.truncate(self.usable);
         Ok(bytes)
     }
+}
+
+/// A number of two bytes.
+pub(super) fn short(bytes: &[u8], at: usize) -> Option<u16> {
+    bytes.get(at..)?.first_chunk().map(|short| u16::from_be_bytes(*short))
+}
+
+/// A number of four bytes.
+pub(super) fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..)?.first_chunk().map(|word| u32::from_be_bytes(*word))
 }
 
 /// Changes in a file beside the database are not in it yet, or have to be taken back.

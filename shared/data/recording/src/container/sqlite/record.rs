@@ -25,7 +25,7 @@ pub(super) fn varint(bytes: &[u8]) -> Option<(u64, usize)> {
         }
         value = value << 7 | u64::from(byte & 0x7f);
         if byte & 0x80 == 0 {
-            return Some((value, at + 1));
+            return Some((value, at.saturating_add(1)));
         }
     }
     None
@@ -39,14 +39,14 @@ pub(super) fn values(front: &[u8]) -> Option<Vec<Value>> {
     let mut start = n_head;
     let mut values = Vec::new();
     while at < head.len() {
-        let (kind, n) = varint(&head[at..])?;
-        at += n;
+        let (kind, n) = varint(head.get(at..)?)?;
+        at = at.saturating_add(n);
         let len = match kind {
             0..=4 => kind,
             5 => 6,
             6 | 7 => 8,
             8..=11 => 0,
-            _ => (kind - 12) / 2,
+            _ => kind.saturating_sub(12) / 2,
         };
         let end = start.checked_add(len)?;
         let is_blob = kind >= 12 && kind % 2 == 0;
@@ -65,7 +65,8 @@ pub(super) fn values(front: &[u8]) -> Option<Vec<Value>> {
 fn value(kind: u64, bytes: &[u8]) -> Value {
     match kind {
         1..=6 => {
-            let sign = if bytes[0] & 0x80 == 0 { 0 } else { -1_i64 };
+            let is_negative = bytes.first().is_some_and(|byte| byte & 0x80 != 0);
+            let sign = if is_negative { -1_i64 } else { 0 };
             Value::Integer(bytes.iter().fold(sign, |value, &byte| value << 8 | i64::from(byte)))
         }
         8 => Value::Integer(0),

@@ -2,7 +2,7 @@
 //!
 //! Source: sqlite.org/fileformat2.html, sections 1.5 (freelists are not visited), 1.6 and 1.7.
 
-use super::pages::{HEADER_BYTES, Pages};
+use super::pages::{HEADER_BYTES, Pages, short, word};
 use super::record::varint;
 use crate::container::MOST_BYTES;
 use crate::error::RecordingError;
@@ -29,12 +29,13 @@ impl Pages {
                 .checked_sub(1)
                 .ok_or_else(|| self.damaged(root, "a table has more pages than the file"))?;
             let bytes = self.read(page)?;
-            match bytes[start(page)] {
+            match bytes.get(start(page)).copied().unwrap_or_default() {
                 LEAF => leaves.push(page),
                 INTERIOR if level < MOST_LEVELS => {
                     let mut children = self.children(page, &bytes)?;
                     children.reverse();
-                    to_visit.extend(children.into_iter().map(|child| (child, level + 1)));
+                    to_visit
+                        .extend(children.into_iter().map(|child| (child, usize::saturating_add(level, 1))));
                 }
                 kind => {
                     let reason = format!("page {page} is of kind {kind}, expected a table's (5 or 13)");
@@ -52,7 +53,7 @@ impl Pages {
         for cell in cells(page, bytes).ok_or_else(torn)? {
             children.push(word(bytes, cell).ok_or_else(torn)?);
         }
-        children.push(word(bytes, start(page) + 8).ok_or_else(torn)?);
+        children.push(word(bytes, start(page).saturating_add(8)).ok_or_else(torn)?);
         Ok(children)
     }
 
@@ -60,7 +61,7 @@ impl Pages {
     pub(super) fn rows(&self, page: u32) -> Result<Vec<Row>, RecordingError> {
         let bytes = self.read(page)?;
         let torn = || self.damaged(page, format!("page {page} of a table is not whole"));
-        if bytes[start(page)] != LEAF {
+        if bytes.get(start(page)) != Some(&LEAF) {
             return Err(torn());
         }
         cells(page, &bytes)
@@ -71,23 +72,32 @@ impl Pages {
 
     /// The row at an offset of the file.
     pub(super) fn row_at(&self, offset: u64) -> Result<Row, RecordingError> {
-        let page = u32::try_from(offset / self.size as u64 + 1).unwrap_or(u32::MAX);
+        let page = self.page_at(offset);
         let bytes = self.read(page)?;
-        let row = self.row(page, &bytes, (offset % self.size as u64) as usize);
-        row.ok_or_else(|| self.damaged(page, format!("page {page} of a table is not whole")))
+        let within = usize::try_from(offset.saturating_sub(self.offset(page))).unwrap_or(usize::MAX);
+        self.row(page, &bytes, within)
+            .ok_or_else(|| self.damaged(page, format!("page {page} of a table is not whole")))
     }
 
     fn row(&self, page: u32, bytes: &[u8], cell: usize) -> Option<Row> {
         let (len, n_len) = varint(bytes.get(cell..)?)?;
-        let (id, n_id) = varint(bytes.get(cell + n_len..)?)?;
-        let at = cell + n_len + n_id;
+        let id_at = cell.checked_add(n_len)?;
+        let (id, n_id) = varint(bytes.get(id_at..)?)?;
+        let at = id_at.checked_add(n_id)?;
         let n_local = self.local_bytes(len);
-        let local = bytes.get(at..at.checked_add(n_local)?)?.to_vec();
-        let overflow = if n_local as u64 == len { 0 } else { word(bytes, at + n_local)? };
-        Some(Row { offset: self.offset(page) + cell as u64, id: id as i64, len, local, overflow })
+        let end = at.checked_add(n_local)?;
+        let local = bytes.get(at..end)?.to_vec();
+        let overflow = if n_local as u64 == len { 0 } else { word(bytes, end)? };
+        let offset = self.offset(page).saturating_add(cell as u64);
+        Some(Row { offset, id: id as i64, len, local, overflow })
     }
 
     /// Bytes of a payload that stand in its leaf; the rest overflows.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        clippy::cast_possible_truncation,
+        reason = "a page has 480 usable bytes at least (Pages::open), and the result is less than a page"
+    )]
     fn local_bytes(&self, len: u64) -> usize {
         let usable = self.usable as u64;
         let most = usable - 35;
@@ -106,17 +116,18 @@ impl Pages {
         if n > MOST_BYTES {
             return Err(damaged(format!("a row has {n} bytes, expected at most {MOST_BYTES}")));
         }
-        let n = n as usize;
-        let mut payload = row.local[..row.local.len().min(n)].to_vec();
+        let n = usize::try_from(n).unwrap_or(usize::MAX);
+        let mut payload = row.local.clone();
+        payload.truncate(n);
         let mut next = row.overflow;
         while payload.len() < n {
+            let n_left = n.saturating_sub(payload.len());
             if next == 0 {
-                return Err(damaged(format!("a row ends {} bytes before its size", n - payload.len())));
+                return Err(damaged(format!("a row ends {n_left} bytes before its size")));
             }
             let bytes = self.read(next)?;
             next = word(&bytes, 0).unwrap_or(0);
-            let more = (n - payload.len()).min(bytes.len() - 4);
-            payload.extend_from_slice(&bytes[4..4 + more]);
+            payload.extend(bytes.iter().skip(4).take(n_left));
         }
         Ok(payload)
     }
@@ -141,15 +152,11 @@ fn start(page: u32) -> usize {
     if page == 1 { HEADER_BYTES } else { 0 }
 }
 
-fn word(bytes: &[u8], at: usize) -> Option<u32> {
-    Some(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?))
-}
-
 /// Where the cells of a page begin.
 fn cells(page: u32, bytes: &[u8]) -> Option<impl Iterator<Item = usize> + '_> {
-    let head = &bytes[start(page)..];
-    let n = usize::from(u16::from_be_bytes([head[3], head[4]]));
-    let n_head = if head[0] == INTERIOR { 12 } else { 8 };
-    let pointers = head.get(n_head..n_head + 2 * n)?;
-    Some(pointers.chunks_exact(2).map(|pair| usize::from(u16::from_be_bytes([pair[0], pair[1]]))))
+    let head = bytes.get(start(page)..)?;
+    let n = usize::from(short(head, 3)?);
+    let n_head = if head.first() == Some(&INTERIOR) { 12 } else { 8 };
+    let pointers = head.get(n_head..)?.as_chunks().0.get(..n)?;
+    Some(pointers.iter().map(|pair| usize::from(u16::from_be_bytes(*pair))))
 }

@@ -1,6 +1,7 @@
 //! Files of a folder by name and number, and small text files.
 
 use super::super::list::ListEntry;
+use super::super::names::nanos_of;
 use crate::SourceError;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -46,7 +47,13 @@ pub(super) fn unset(images: &[Numbered]) -> Vec<ListEntry> {
 
 /// Time of frame `number`, nanoseconds.
 pub(super) fn number_nanos(number: u64, fps: f64) -> i64 {
-    (number as f64 / fps * 1e9).round() as i64
+    nanos_of(number as f64 / fps)
+}
+
+/// A whole number of things; `None` of what is none.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 0 to below 2^32")]
+pub(super) fn count(number: f64) -> Option<usize> {
+    (0.0..4_294_967_296.0).contains(&number).then_some(number as usize)
 }
 
 /// Refuses a layout without depth.

@@ -42,7 +42,7 @@ fn of_size((width, height): (u32, u32), units: f64) -> (Camera, &'static str) {
 
 /// Units that bring the median of the first image that can be read nearest to what is usual.
 fn units_of(folder: &Path, depth: &[ListEntry], size: (u32, u32), units: f64) -> f64 {
-    let mut raw = vec![0; size.0 as usize * size.1 as usize];
+    let mut raw = vec![0; (size.0 as usize).saturating_mul(size.1 as usize)];
     let mut read = |entry: &ListEntry| {
         let bytes = std::fs::read(folder.join(&entry.file)).ok()?;
         decode::depth_in(&bytes, size, units, &mut raw).ok()?;

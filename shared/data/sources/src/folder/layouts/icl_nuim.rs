@@ -23,29 +23,30 @@ pub(super) fn is(folder: &Path) -> bool {
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let path = folder.join(LIST);
-    let (mut rows, mut lines): (Vec<AssociationRow>, Vec<usize>) = (Vec::new(), Vec::new());
+    let (mut rows, mut lines): (Vec<AssociationRow>, Vec<(usize, &str)>) = (Vec::new(), Vec::new());
     let all = text(&path)?;
-    for (at, line) in all.lines().enumerate() {
+    for (number, line) in (1..).zip(all.lines()) {
         let line = line.trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let row = AssociationRow::parse(line).ok_or_else(|| unusable(&path, at + 1, line))?;
+        let row = AssociationRow::parse(line).ok_or_else(|| unusable(&path, number, line))?;
         rows.push(row);
-        lines.push(at + 1);
+        lines.push((number, line));
     }
     if rows.is_empty() {
         return Err(SourceError::EmptyList { path });
     }
     let words: Vec<&str> = rows.iter().flat_map(|row| [row.depth.0, row.colour.0]).collect();
     let (stamps, is_numbered) = list::stamps(&words).map_err(|(at, _)| {
-        unusable(&path, lines[at / 2], all.lines().nth(lines[at / 2] - 1).unwrap_or_default())
+        let (number, line) = lines.get(at / 2).copied().unwrap_or_default();
+        unusable(&path, number, line)
     })?;
     let entry =
         |stamp_nanos: &i64, file: &str| ListEntry { stamp_nanos: *stamp_nanos, file: PathBuf::from(file) };
-    let pairs = rows.iter().zip(stamps.chunks_exact(2));
+    let pairs = rows.iter().zip(stamps.as_chunks().0);
     let (depth, colour): (Vec<ListEntry>, Vec<ListEntry>) =
-        pairs.map(|(row, pair)| (entry(&pair[0], row.depth.1), entry(&pair[1], row.colour.1))).unzip();
+        pairs.map(|(row, [depth, colour])| (entry(depth, row.depth.1), entry(colour, row.colour.1))).unzip();
     let units = tum::UNITS_PER_METRE;
     let chosen =
         asked.camera_or_beside(folder, &depth, units, || match is_numbered && is_of_icl(folder) {

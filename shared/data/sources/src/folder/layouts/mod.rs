@@ -124,7 +124,9 @@ fn unknown(folder: &Path) -> SourceError {
     let mut there_are = names.iter().take(MOST_NAMED).cloned().collect::<Vec<String>>().join(", ");
     match names.len() {
         0 => there_are.push_str("nothing"),
-        n if n > MOST_NAMED => there_are.push_str(&format!(" and {} more", n - MOST_NAMED)),
+        n if n > MOST_NAMED => {
+            there_are.push_str(&format!(" and {} more", n.saturating_sub(MOST_NAMED)));
+        }
         _ => {}
     }
     let inside = names.iter().map(|name| folder.join(name)).find(|path| path.is_dir() && is_known(path));

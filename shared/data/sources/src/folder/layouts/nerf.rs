@@ -3,10 +3,10 @@
 //! backward.
 
 use super::super::list::ListEntry;
-use super::super::names::{NameMeaning, understand};
+use super::super::names::{NameMeaning, nanos_of, understand};
 use super::asked::ChosenCamera;
 use super::files::{json, number_nanos, size_of, some_depth, wrong};
-use super::pose::{Poses, from_matrix};
+use super::pose::{Poses, from_matrix, turned};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -74,7 +74,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         let numbers: Vec<f64> = frame.transform_matrix.iter().flatten().copied().collect();
         if !numbers.is_empty() {
             match from_matrix(&numbers, &path) {
-                Ok(pose) => poses.push(*stamp_nanos, pose.map(|pose| pose * backward)),
+                Ok(pose) => poses.push(*stamp_nanos, pose.map(|pose| turned(&pose, &backward))),
                 Err(error) => wrong_pose = wrong_pose.or(Some(error)),
             }
         }
@@ -108,9 +108,10 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.take_truth(wrong_pose.map_or(Ok(poses.finish()), Err));
     if n > rows.len() {
-        found
-            .warnings
-            .push(format!("{} frames of {FILE} repeat the time of another and are left out", n - rows.len()));
+        found.warnings.push(format!(
+            "{} frames of {FILE} repeat the time of another and are left out",
+            n.saturating_sub(rows.len())
+        ));
     }
     found.notes.push(("times", words));
     Ok(found)
@@ -128,7 +129,7 @@ fn times(
     let stamps: Option<Vec<f64>> =
         frames.iter().map(|frame| frame.timestamp.filter(|seconds| seconds.abs() < MOST_SECONDS)).collect();
     if let Some(seconds) = stamps.filter(|_| asked.fps.is_none()) {
-        let nanos = seconds.iter().map(|seconds| (seconds * 1e9).round() as i64).collect();
+        let nanos = seconds.iter().map(|seconds| nanos_of(*seconds)).collect();
         return Ok((nanos, format!("timestamp of {FILE}")));
     }
     let files: Vec<&Path> =

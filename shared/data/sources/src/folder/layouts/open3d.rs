@@ -57,7 +57,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         _ => (words, false),
     };
     let entries = some_depth(depth.entries(&times), folder, "depth/NUMBER.png")?;
-    let n_same = depth.files.len() - entries.len();
+    let n_same = depth.files.len().saturating_sub(entries.len());
     let colour_times = colour.times_beside(&depth, &times, asked.fps.is_some(), fps, has_times);
     let mut found = FoundLayout::new(NAME, chosen, entries, colour.entries(&colour_times));
     found.no_colour = match &colour_folder {
@@ -120,8 +120,12 @@ impl NamedImages {
         let Understood { kept, meaning, warning } =
             understand(&stems, asked.fps.is_some()).map_err(|reason| wrong(&folder.join(sub), reason))?;
         Ok(Self {
-            stems: kept.iter().map(|at| stems[*at].to_owned()).collect(),
-            files: kept.iter().map(|at| Path::new(sub).join(&names[*at])).collect(),
+            stems: kept.iter().filter_map(|at| stems.get(*at)).map(|stem| (*stem).to_owned()).collect(),
+            files: kept
+                .iter()
+                .filter_map(|at| names.get(*at))
+                .map(|name| Path::new(sub).join(name))
+                .collect(),
             meaning,
             warning: warning.map(|warning| format!("{sub}/: {warning}")),
         })
@@ -161,7 +165,7 @@ impl NamedImages {
             depth.stems.iter().map(String::as_str).zip(depth_times.iter().copied()).collect();
         let n_named = self.stems.iter().filter(|stem| by_name.contains_key(stem.as_str())).count();
         let own = self.times(is_rate_given, fps);
-        if own_are_times == has_times && !is_rate_given || 2 * n_named <= self.stems.len() {
+        if own_are_times == has_times && !is_rate_given || n_named.saturating_mul(2) <= self.stems.len() {
             return own;
         }
         let time = |(stem, own): (&String, &i64)| by_name.get(stem.as_str()).copied().unwrap_or(*own);

@@ -16,14 +16,12 @@ const MOST_SKEW: f64 = 0.01;
 /// # Errors
 /// Not 16 numbers, or no rotation.
 pub(super) fn from_matrix(m: &[f64], path: &Path) -> Result<Option<Pose>, SourceError> {
-    if m.len() != 16 {
-        return Err(wrong(path, format!("{} numbers, expected the 16 of a 4x4 matrix", m.len())));
-    }
+    let &[a, b, c, x, d, e, f, y, g, h, i, z, ..] = matrix(m, path)?;
     if m.iter().any(|value| !value.is_finite()) {
         return Ok(None);
     }
-    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
-    let skew = (rotation * rotation.transpose() - Matrix3::identity()).amax();
+    let rotation = Matrix3::new(a, b, c, d, e, f, g, h, i);
+    let skew = skew(&rotation);
     if !(skew <= MOST_SKEW && rotation.determinant() > 0.0) {
         return Err(wrong(
             path,
@@ -31,7 +29,24 @@ pub(super) fn from_matrix(m: &[f64], path: &Path) -> Result<Option<Pose>, Source
         ));
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    Ok(Some(Pose::from_parts(Translation3::new(m[3], m[7], m[11]), rotation)))
+    Ok(Some(Pose::from_parts(Translation3::new(x, y, z), rotation)))
+}
+
+/// The 16 numbers of a 4x4 matrix, row by row.
+pub(super) fn matrix<'m>(m: &'m [f64], path: &Path) -> Result<&'m [f64; 16], SourceError> {
+    m.try_into().map_err(|_| wrong(path, format!("{} numbers, expected the 16 of a 4x4 matrix", m.len())))
+}
+
+/// How far a matrix is from a rotation or a reflection.
+#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
+fn skew(rotation: &Matrix3<f64>) -> f64 {
+    (rotation * rotation.transpose() - Matrix3::identity()).amax()
+}
+
+/// A pose of a camera whose axes are others.
+#[expect(clippy::arithmetic_side_effects, reason = "poses of floating-point numbers")]
+pub(super) fn turned(pose: &Pose, camera_from_other: &Pose) -> Pose {
+    pose * camera_from_other
 }
 
 /// Collects known poses by time; one that comes out of order is left out.
@@ -84,13 +99,14 @@ pub(super) fn of_lines(path: &Path, stamps_nanos: &[i64]) -> Result<Option<Traje
 pub(super) fn of_log(path: &Path, stamps_nanos: &[i64]) -> Result<Option<Trajectory>, SourceError> {
     const BLOCK: usize = 3 + 16;
     let all = numbers(&text(path)?, path)?;
-    if all.len() % BLOCK != 0 {
+    let (blocks, rest) = all.as_chunks::<BLOCK>();
+    if !rest.is_empty() {
         let reason = format!("{} numbers, expected blocks of 3 and 16 (index, then a 4x4 matrix)", all.len());
         return Err(wrong(path, reason));
     }
     let mut poses = Poses::default();
-    for (block, stamp) in all.chunks_exact(BLOCK).zip(stamps_nanos) {
-        poses.push(*stamp, from_matrix(&block[3..], path)?);
+    for ([_, _, _, matrix @ ..], stamp) in blocks.iter().zip(stamps_nanos) {
+        poses.push(*stamp, from_matrix(matrix, path)?);
     }
     Ok(poses.finish())
 }

@@ -8,9 +8,10 @@
 use super::super::codec::DepthCodec;
 use super::super::list::ListEntry;
 use super::super::lzfse;
+use super::super::names::nanos_of;
 use super::asked::{ChosenCamera, POSSIBLE_FPS, USUAL_FPS};
-use super::files::{Numbered, json, number_nanos, numbered, pinhole, some_depth, wrong};
-use super::pose::Poses;
+use super::files::{self, Numbered, json, number_nanos, numbered, pinhole, some_depth, wrong};
+use super::pose::{Poses, turned};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -93,7 +94,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.notes.push(("times", times));
     found.warnings.extend(intrinsics.warning());
-    let n_without = images.len() - found.depth.len();
+    let n_without = images.len().saturating_sub(found.depth.len());
     if n_without > 0 {
         found
             .warnings
@@ -120,7 +121,7 @@ fn stamps(
     for image in images {
         let stamp = match is_timed {
             true => match usize::try_from(image.number).ok().and_then(|at| metadata.times.get(at)) {
-                Some(seconds) if seconds.abs() < MOST_SECONDS => (seconds * 1e9).round() as i64,
+                Some(seconds) if seconds.abs() < MOST_SECONDS => nanos_of(*seconds),
                 _ => continue,
             },
             false => number_nanos(image.number, fps),
@@ -156,8 +157,12 @@ fn poses(
                 format!("pose {number} is {pose:?}, expected qx qy qz qw x y z of a unit quaternion");
             return Err(wrong(path, reason));
         }
-        let rotation = UnitQuaternion::from_quaternion(quaternion) * arkit_from_camera;
-        poses.push(*stamp, Some(Pose::from_parts(Translation3::new(x, y, z), rotation)));
+        let rotation = UnitQuaternion::from_quaternion(quaternion);
+        let pose = Pose::from_parts(Translation3::new(x, y, z), rotation);
+        poses.push(
+            *stamp,
+            Some(turned(&pose, &Pose::from_parts(Translation3::identity(), arkit_from_camera))),
+        );
     }
     Ok(poses)
 }
@@ -180,10 +185,13 @@ fn depth_size(
     let found = depth.iter().take(5).find_map(n_pixels);
     let n =
         found.ok_or_else(|| wrong(folder, "none of the first depth images can be read, expected LZFSE"))?;
-    let width = (n as f64 * w as f64 / h as f64).sqrt().round() as usize;
-    match width > 0 && n % width == 0 {
-        true => Ok((width as u32, (n / width) as u32)),
-        false => Err(wrong(
+    let width = (n as f64 * w as f64 / h as f64).sqrt().round();
+    let width = files::count(width).filter(|width| n.is_multiple_of(*width));
+    let height = width.and_then(|width| n.checked_div(width));
+    let side = |side: Option<usize>| u32::try_from(side?).ok();
+    match side(width).zip(side(height)) {
+        Some(size) => Ok(size),
+        None => Err(wrong(
             &folder.join(METADATA),
             format!("no dw and dh, and depth images of {n} pixels do not have the shape of colour, {w}x{h}"),
         )),
@@ -204,16 +212,18 @@ impl Intrinsics {
         if metadata.intrinsics.is_empty() {
             return Self { median: [k[0], k[4], k[6], k[7]], focus_change: 0.0 };
         }
-        let column = |at: usize| {
-            let mut values: Vec<f64> = metadata.intrinsics.iter().map(|frame| frame[at]).collect();
+        let column = |value: fn(&[f64; 4]) -> f64| {
+            let mut values: Vec<f64> = metadata.intrinsics.iter().map(value).collect();
             values.sort_by(f64::total_cmp);
             values
         };
-        let columns = [column(0), column(1), column(2), column(3)];
-        let median = columns.each_ref().map(|values| values[values.len() / 2]);
-        let focal = &columns[0];
-        let focus_change = (focal[focal.len() - 1] - focal[0]) / median[0];
-        Self { median, focus_change }
+        let columns = [column(|k| k[0]), column(|k| k[1]), column(|k| k[2]), column(|k| k[3])];
+        let median =
+            columns.each_ref().map(|values| values.get(values.len() / 2).copied().unwrap_or_default());
+        let [focal, ..] = &columns;
+        let range = focal.first().zip(focal.last()).map_or(0.0, |(least, most)| most - least);
+        let [usual, ..] = median;
+        Self { median, focus_change: range / usual }
     }
 
     /// At the size of depth.

@@ -3,7 +3,7 @@
 //! `intrinsic_color.txt`. Colour is larger than depth and seen from the same place.
 
 use super::asked::ChosenCamera;
-use super::files::{numbered, numbers, pinhole, size_of, some_depth, text, wrong};
+use super::files::{numbered, numbers, pinhole, size_of, some_depth, text};
 use super::times::FrameTimes;
 use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
@@ -46,8 +46,6 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
 /// A camera from a 4x4 matrix whose upper left is the intrinsic matrix.
 fn intrinsics(path: &Path, size: (u32, u32)) -> Result<Camera, SourceError> {
     let m = numbers(&text(path)?, path)?;
-    if m.len() != 16 {
-        return Err(wrong(path, format!("{} numbers, expected the 16 of a 4x4 matrix", m.len())));
-    }
-    pinhole(size, [m[0], m[5], m[2], m[6]], UNITS_PER_METRE, path)
+    let &[fx, _, cx, _, _, fy, cy, ..] = pose::matrix(&m, path)?;
+    pinhole(size, [fx, fy, cx, cy], UNITS_PER_METRE, path)
 }

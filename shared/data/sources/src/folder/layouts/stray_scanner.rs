@@ -2,8 +2,9 @@
 //! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`.
 
 use super::super::list::ListEntry;
+use super::super::names::nanos_of;
 use super::asked::ChosenCamera;
-use super::files::{numbered, numbers, pinhole, size_of, some_depth, text, wrong};
+use super::files::{self, numbered, numbers, pinhole, size_of, some_depth, text, wrong};
 use super::pose::Poses;
 use super::{Asked, FoundLayout};
 use crate::SourceError;
@@ -36,7 +37,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         confidence.push(PathBuf::from("confidence").join(image.file.file_name().unwrap_or_default()));
         depth.push(ListEntry { stamp_nanos, file: image.file.clone() });
     }
-    let n_without = images.len() - depth.len();
+    let n_without = images.len().saturating_sub(depth.len());
     let depth = some_depth(depth, folder, "depth/NUMBER.png with rows in odometry.csv")?;
     let camera = asked.camera(folder, || {
         let camera = camera(&folder.join("camera_matrix.csv"), size_of(folder, &depth)?)?;
@@ -77,7 +78,8 @@ fn odometry(path: &Path) -> Result<BTreeMap<u64, (i64, Pose)>, SourceError> {
             return Err(bad());
         }
         let pose = Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));
-        rows.insert(frame as u64, ((time * 1e9).round() as i64, pose));
+        let frame = files::count(frame).ok_or_else(bad)? as u64;
+        rows.insert(frame, (nanos_of(time), pose));
     }
     Ok(rows)
 }
@@ -85,9 +87,9 @@ fn odometry(path: &Path) -> Result<BTreeMap<u64, (i64, Pose)>, SourceError> {
 /// The camera of the video at the size of depth.
 fn camera(path: &Path, size: (u32, u32)) -> Result<Camera, SourceError> {
     let k = numbers(&text(path)?, path)?;
-    if k.len() != 9 {
+    let [fx, _, cx, _, fy, cy, _, _, _] = k[..] else {
         return Err(wrong(path, format!("{} numbers, expected the 9 of a 3x3 matrix", k.len())));
-    }
+    };
     let (sx, sy) = (f64::from(size.0) / VIDEO.0, f64::from(size.1) / VIDEO.1);
-    pinhole(size, [k[0] * sx, k[4] * sy, k[2] * sx, k[5] * sy], UNITS_PER_METRE, path)
+    pinhole(size, [fx * sx, fy * sy, cx * sx, cy * sy], UNITS_PER_METRE, path)
 }

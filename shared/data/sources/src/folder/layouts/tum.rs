@@ -68,7 +68,7 @@ fn unlisted(folder: &Path, list: &str, listed: &[ListEntry]) -> Option<String> {
     let files = names(&folder.join(inside));
     let n_files = files.iter().filter(|name| Path::new(name).extension() == Some(end)).count();
     let n = listed.iter().filter(|entry| entry.file.parent() == Some(inside)).count();
-    let is_own = !inside.as_os_str().is_empty() && n + 1 < n_files;
+    let is_own = !inside.as_os_str().is_empty() && n.saturating_add(1) < n_files;
     (is_own && (n as f64) < MOST_LISTED * n_files as f64)
         .then(|| format!("{list} lists {n} of the {n_files} images in {}/", inside.display()))
 }

@@ -37,19 +37,24 @@ impl NameClock {
         sorted.dedup();
         let Some(&largest) = sorted.last() else { return Ok((Self::Frames, "frames")) };
         for (unit, name) in UNITS {
-            let since = SINCE_1970_S.start * (SECOND / unit)..SINCE_1970_S.end * (SECOND / unit);
+            let since = since_1970(unit);
             if sorted.iter().all(|value| since.contains(value)) {
                 return Ok((Self::Time(unit), name));
             }
         }
-        let mut steps: Vec<u64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let pairs = sorted.iter().zip(sorted.iter().skip(1));
+        let mut steps: Vec<u64> = pairs.map(|(before, after)| after.saturating_sub(*before)).collect();
         steps.sort_unstable();
-        let Some(&median) = steps.get(steps.len() / 2) else { return Ok((Self::Frames, "frames")) };
+        let ([shortest, ..], Some(&median), [smallest, ..]) =
+            (&steps[..], steps.get(steps.len() / 2), &sorted[..])
+        else {
+            return Ok((Self::Frames, "frames"));
+        };
         let share = |is: &dyn Fn(u64) -> bool| {
             steps.iter().filter(|step| is(**step)).count() as f64 / steps.len() as f64
         };
-        let is_even = share(&|step| step % steps[0] == 0) >= 1.0;
-        if median <= MOST_FRAME_STEP || (is_even && steps[0] <= MOST_EVEN_STEP) {
+        let is_even = share(&|step| step.is_multiple_of(*shortest)) >= 1.0;
+        if median <= MOST_FRAME_STEP || (is_even && *shortest <= MOST_EVEN_STEP) {
             return Ok((Self::Frames, "frames"));
         }
         // Whole multiples of the median are frames that were dropped.
@@ -61,7 +66,7 @@ impl NameClock {
             .into_iter()
             .skip(1)
             .find(|(unit, _)| POSSIBLE_INTERVAL.contains(&median.saturating_mul(*unit)));
-        let (smallest, range) = (sorted[0], format!("{} to {}", steps[0], steps[steps.len() - 1]));
+        let range = format!("{shortest} to {}", steps.last().unwrap_or(shortest));
         match unit {
             Some((unit, name))
                 if (unit < 1_000_000 || share(&is_regular) >= MOST_STEPS) && fits(largest, unit) =>
@@ -78,10 +83,22 @@ impl NameClock {
     /// Time of a number, nanoseconds; frames at a rate.
     pub(in crate::folder) fn nanos(self, value: u64, fps: f64) -> i64 {
         match self {
-            Self::Frames => (value as f64 / fps * 1e9).round() as i64,
+            Self::Frames => nanos_of(value as f64 / fps),
             Self::Time(unit) => i64::try_from(value.saturating_mul(unit)).unwrap_or(i64::MAX),
         }
     }
+}
+
+/// Seconds as nanoseconds; beyond what these hold the largest or smallest.
+#[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
+pub(in crate::folder) fn nanos_of(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}
+
+/// Counts of parts of a second of so many nanoseconds, from 2001 to 2106.
+fn since_1970(unit: u64) -> std::ops::Range<u64> {
+    let in_second = SECOND.checked_div(unit).unwrap_or(0);
+    SINCE_1970_S.start.saturating_mul(in_second)..SINCE_1970_S.end.saturating_mul(in_second)
 }
 
 fn fits(value: u64, unit: u64) -> bool {
@@ -90,7 +107,7 @@ fn fits(value: u64, unit: u64) -> bool {
 
 /// Whether a word counts parts of a second, of so many nanoseconds each, since 1970.
 pub(super) fn is_since_1970(word: &str, unit: u64) -> bool {
-    let since = SINCE_1970_S.start * (SECOND / unit)..SINCE_1970_S.end * (SECOND / unit);
+    let since = since_1970(unit);
     word.parse().is_ok_and(|value| since.contains(&value))
 }
 
@@ -115,7 +132,7 @@ pub(super) fn decimal(seconds: &[&str], fractions: &[&str]) -> Option<Vec<i64>> 
 pub(super) fn counted(seconds: &[&str], parts: &[&str]) -> Option<Vec<i64>> {
     let (seconds, parts) = (values(seconds).ok()?, values(parts).ok()?);
     let largest = parts.iter().max()?;
-    let (unit, _) = UNITS.into_iter().skip(1).find(|(unit, _)| *largest < SECOND / unit)?;
+    let (unit, _) = UNITS.into_iter().skip(1).find(|(unit, _)| largest.saturating_mul(*unit) < SECOND)?;
     let nanos = |(seconds, part): (&u64, &u64)| {
         i64::try_from(seconds.checked_mul(SECOND)?.checked_add(part.checked_mul(unit)?)?).ok()
     };
@@ -127,10 +144,11 @@ pub(super) fn regularity(times: &[i64]) -> f64 {
     const NEAR: f64 = 0.35;
     let mut sorted = times.to_vec();
     sorted.sort_unstable();
-    let mut steps: Vec<i64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let pairs = sorted.iter().zip(sorted.iter().skip(1));
+    let mut steps: Vec<i64> = pairs.map(|(before, after)| after.saturating_sub(*before)).collect();
     steps.sort_unstable();
     let Some(&median) = steps.get(steps.len() / 2) else { return 1.0 };
-    if steps[0] <= 0 {
+    if steps.first().is_some_and(|step| *step <= 0) {
         return 0.0;
     }
     let is_near = |step: &&i64| {

@@ -3,10 +3,15 @@
 //!
 //! Stamps are recognised by their digits (a time since 1970 has 10 of them in seconds, 19 in
 //! nanoseconds) and by their steps; what may be either is refused with what to give.
+#![expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "indices of the names and of their pieces, of which all rows have as many as the first"
+)]
 
 mod clock;
 
-pub(super) use clock::NameClock;
+pub(super) use clock::{NameClock, nanos_of};
 use clock::{SECOND, regularity};
 
 /// Share of regular steps from which on a reading is believed.

@@ -1,0 +1,18 @@
+//! The records of a run's journals, and which versions of them are read.
+//!
+//! A run that was recorded once stays readable. Whoever changes the form of a record, or of anything in it:
+//! 1. raises `version` here and names what `earlier` reads,
+//! 2. keeps the form as it was in `record_versions/before_N.rs`, N being the new version: the changed types with
+//!    their fields, and the conversion into those of today; types that did not change are used as they are,
+//! 3. lets `TESSERA_UPDATE=1 cargo test --test end_to_end versions` write a run of the new version beside those of
+//!    the earlier ones in `tests/data/runs`, each of which must still be read.
+//!
+//! Version 16 of both is the first that is read; records of runs before it are refused by name.
+
+use tessera_journal::RecordKind;
+use tessera_slam::{AlignRecord, OptimiseRecord};
+
+/// The aligner's journal.
+pub const ALIGN_JOURNAL: RecordKind<AlignRecord> = RecordKind::only("align", 16);
+/// The optimiser's journal.
+pub const OPTIMISE_JOURNAL: RecordKind<OptimiseRecord> = RecordKind::only("optimise", 16);
