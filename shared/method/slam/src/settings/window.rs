@@ -73,7 +73,7 @@ impl Default for WindowSettings {
             size: 5,
             radius_m: 0.3,
             angle_deg: 30.0,
-            match_budget: 2000,
+            match_budget: 4000,
             early_share: 0.3,
             outer_iterations: 6,
             retry_iterations: 10,
