@@ -1,4 +1,4 @@
-//! Corners of one level: local maxima of the score, and above a lower threshold in cells without any.
+//! Corners of one level: local maxima of the score, above a lower threshold in cells without any.
 
 use crate::fast::{RUN, score_row, suppress};
 use crate::pyramid::Plane;
@@ -45,17 +45,6 @@ pub(crate) struct ScoreRows {
     is_taken: Vec<bool>,
 }
 
-impl ScoreRows {
-    /// Room for the rows of a plane; the part of it where corners can be, `None` where there is none.
-    #[inline(always)]
-    fn begin(&mut self, &Plane { width, height, .. }: &Plane) -> Option<ImagePart> {
-        let all = (width > 2 * MARGIN && height > 2 * MARGIN)
-            .then(|| ImagePart { rows: MARGIN..height - MARGIN, columns: MARGIN..width - MARGIN })?;
-        self.rows.iter_mut().for_each(|row| row.resize(width + 2 * RUN, 0));
-        Some(all)
-    }
-}
-
 /// Square cells over a level.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellGrid {
@@ -93,33 +82,25 @@ struct ImagePart {
     columns: Range<usize>,
 }
 
-/// Replaces `corners` by those above `threshold`.
+/// Replaces `corners` by those above `threshold`, and those above `low` in cells without any.
 #[inline(always)]
 pub(crate) fn detect(
     plane: &Plane,
     grid: &CellGrid,
-    threshold: u8,
+    [threshold, low]: [u8; 2],
     scores: &mut ScoreRows,
     corners: &mut Vec<Corner>,
 ) {
     corners.clear();
-    if let Some(all) = scores.begin(plane) {
-        scan(plane, grid, &all, threshold, &mut scores.rows, corners);
+    let &Plane { width, height, .. } = plane;
+    if width <= 2 * MARGIN || height <= 2 * MARGIN {
+        return;
     }
-}
-
-/// Adds those above `low` in cells without any.
-#[inline(always)]
-pub(crate) fn detect_in_empty_cells(
-    plane: &Plane,
-    grid: &CellGrid,
-    low: u8,
-    scores: &mut ScoreRows,
-    corners: &mut Vec<Corner>,
-) {
-    let Some(all) = scores.begin(plane) else { return };
+    scores.rows.iter_mut().for_each(|row| row.resize(width + 2 * RUN, 0));
+    let all = ImagePart { rows: MARGIN..height - MARGIN, columns: MARGIN..width - MARGIN };
+    scan(plane, grid, &all, threshold, &mut scores.rows, corners);
     scores.is_taken.clear();
-    scores.is_taken.resize(grid.n_cells(), false);
+    scores.is_taken.resize(grid.n_cells(), low >= threshold);
     corners.iter().for_each(|corner| scores.is_taken[corner.cell as usize] = true);
     for row in 0..grid.rows {
         let mut first = 0;
@@ -205,10 +186,7 @@ mod tests {
     fn detected(plane: &Plane, cell_px: usize, thresholds: [u8; 2]) -> Vec<Corner> {
         let grid = CellGrid::new(plane.width, plane.height, cell_px);
         let (mut scores, mut corners) = (ScoreRows::default(), Vec::new());
-        detect(plane, &grid, thresholds[0], &mut scores, &mut corners);
-        if thresholds[1] < thresholds[0] {
-            detect_in_empty_cells(plane, &grid, thresholds[1], &mut scores, &mut corners);
-        }
+        detect(plane, &grid, thresholds, &mut scores, &mut corners);
         corners
     }
 

@@ -1,7 +1,7 @@
 //! From an image to features.
 
 use crate::descriptor::describe;
-use crate::detect::{CellGrid, Corner, ScoreRows, detect, detect_in_empty_cells};
+use crate::detect::{CellGrid, Corner, ScoreRows, detect};
 use crate::feature::Feature;
 use crate::patch::Patch;
 use crate::pattern::Pattern;
@@ -77,45 +77,26 @@ impl pulp::WithSimd for Extraction<'_, '_> {
         w.planes.resize_with(n_levels, Plane::default);
         w.levels.resize_with(n_levels, Level::default);
         pyramid::build(picture, &mut w.planes, &mut w.line);
-        let finest = finest_level(picture.width(), n_levels);
-        let (planes, levels) = (&w.planes[finest..], &mut w.levels[finest..]);
-        let grid = |plane: &Plane| CellGrid::new(plane.width, plane.height, settings.cell_px as usize);
-        for (plane, level) in planes.iter().zip(levels.iter_mut()) {
-            detect(plane, &grid(plane), settings.threshold, &mut w.scores, &mut level.corners);
+        for (plane, level) in w.planes.iter().zip(&mut w.levels) {
+            let grid = CellGrid::new(plane.width, plane.height, settings.cell_px as usize);
+            let thresholds = [settings.threshold, settings.low_threshold];
+            detect(plane, &grid, thresholds, &mut w.scores, &mut level.corners);
+            level.cells.fill(&level.corners, grid.n_cells());
         }
-        let n_strong: usize = levels.iter().map(|level| level.corners.len()).sum();
-        // Where there are enough, weak ones are mostly noise.
-        let are_few = 2 * n_strong < settings.max_features as usize;
-        for (plane, level) in planes.iter().zip(levels.iter_mut()) {
-            if are_few && settings.low_threshold < settings.threshold {
-                let low = settings.low_threshold;
-                detect_in_empty_cells(plane, &grid(plane), low, &mut w.scores, &mut level.corners);
-            }
-            level.cells.fill(&level.corners, grid(plane).n_cells());
-        }
-        let available: Vec<usize> = levels.iter().map(|level| level.cells.len()).collect();
-        let scales: Vec<f32> = (finest..n_levels).map(scale).collect();
+        let available: Vec<usize> = w.levels.iter().map(|level| level.cells.len()).collect();
+        let scales: Vec<f32> = (0..n_levels).map(scale).collect();
         let quotas = quotas(settings.max_features as usize, &available, &scales);
         let mut patch = Patch::EMPTY;
-        for (place, (plane, level)) in planes.iter().zip(levels).enumerate() {
-            level.cells.choose(quotas[place], &mut w.chosen);
+        for (index, level) in w.levels.iter_mut().enumerate() {
+            level.cells.choose(quotas[index], &mut w.chosen);
             w.chosen.sort_unstable_by_key(|&corner| level.corners[corner as usize].place());
             for &corner in &w.chosen {
                 let corner = &level.corners[corner as usize];
-                patch.fill(plane, corner.row.into(), corner.column.into());
-                features.push(feature(corner, &patch, &w.pattern, finest + place, settings.sigma_px));
+                patch.fill(&w.planes[index], corner.row.into(), corner.column.into());
+                features.push(feature(corner, &patch, &w.pattern, index, settings.sigma_px));
             }
         }
     }
-}
-
-/// Width from which on an image is searched from two thirds of its size on, pixels: it has corners enough, and its
-/// pixels are no measurements each, but made from those of one colour.
-const WIDE_PX: usize = 480;
-
-/// The finest level that is searched, of `n_levels`.
-fn finest_level(width: usize, n_levels: usize) -> usize {
-    usize::from(width >= WIDE_PX && n_levels > 1)
 }
 
 #[inline(always)]

@@ -36,13 +36,11 @@ fn check_all(values: &[(&'static str, f64, f64, f64)]) -> Result<(), RangeError>
 pub struct FeatureSettings {
     /// Features per image at most.
     pub max_features: u32,
-    /// Levels of the pyramid: scales 1, 1.5, 2, 3, 4, 6, 8, 12. The first is not searched where an image is at least
-    /// 480 px wide.
+    /// Levels of the pyramid: scales 1, 1.5, 2, 3, 4, 6, 8, 12.
     pub levels: u32,
     /// FAST threshold, grey levels.
     pub threshold: u8,
-    /// FAST threshold in cells without a corner at `threshold`, grey levels, of an image with fewer than
-    /// half of `max_features` corners.
+    /// FAST threshold in cells without a corner at `threshold`, grey levels.
     pub low_threshold: u8,
     /// Side of the square cells that share the features of a level, pixels of the level.
     pub cell_px: u32,

@@ -127,14 +127,13 @@ fn corners_are_found_again_under_rotation_and_scale() {
 #[test]
 fn orientation_and_descriptor_turn_with_the_image() {
     let texture = Texture::new(8);
-    // Not so wide that its first level is left out.
-    let image = texture.image([440, 440], |x, y| [x, y]);
-    let turned: Vec<u8> = (0..440 * 440).map(|i| image[(439 - i % 440) * 440 + i / 440]).collect();
-    let (queries, targets) = (features(&image, [440, 440]), features(&turned, [440, 440]));
+    let image = texture.image([480, 480], |x, y| [x, y]);
+    let turned: Vec<u8> = (0..480 * 480).map(|i| image[(479 - i % 480) * 480 + i / 480]).collect();
+    let (queries, targets) = (features(&image, [480, 480]), features(&turned, [480, 480]));
     let (mut n, mut n_turned, mut bits) = (0, 0, 0);
     for q in queries.iter().filter(|q| q.level == 0) {
-        // The pixel (row, column) goes to (column, 439 - row).
-        let at = [q.pixel[1], 439.0 - q.pixel[0]];
+        // The pixel (row, column) goes to (column, 479 - row).
+        let at = [q.pixel[1], 479.0 - q.pixel[0]];
         let is_same = |t: &&Feature| {
             t.level == 0 && (t.pixel[0] - at[0]).abs() < 0.01 && (t.pixel[1] - at[1]).abs() < 0.01
         };
@@ -149,31 +148,15 @@ fn orientation_and_descriptor_turn_with_the_image() {
     assert!(bits < 20 * n, "{} bits differ on average", bits / n);
 }
 
-/// The texture with a share of its contrast by column.
-fn with_contrast(texture: &Texture, share: impl Fn(usize) -> f64) -> Vec<u8> {
-    let mut image = texture.image(SIZE, |x, y| [x, y]);
-    for (i, value) in image.iter_mut().enumerate() {
-        *value = (128.0 + share(i % 640) * (f64::from(*value) - 128.0)) as u8;
-    }
-    image
-}
-
-#[test]
-fn weak_corners_count_where_there_are_few_strong_ones() {
-    let texture = Texture::new(6);
-    let n_right = |share: f64| {
-        let image = with_contrast(&texture, |column| if column < 320 { share } else { 0.15 });
-        features(&image, SIZE).iter().filter(|f| f.pixel[1] > 340.0).count()
-    };
-    let (beside_strong, beside_weak) = (n_right(1.0), n_right(0.15));
-    assert!(beside_weak > 100 && beside_strong < 60, "{beside_weak} {beside_strong}");
-}
-
 #[test]
 fn features_are_spread_over_the_image() {
     let texture = Texture::new(6);
-    // Contrast falls to a third from left to right.
-    let image = with_contrast(&texture, |column| 1.0 - 0.67 * column as f64 / 640.0);
+    // Contrast falls to a twentieth from left to right.
+    let mut image = texture.image(SIZE, |x, y| [x, y]);
+    for (i, value) in image.iter_mut().enumerate() {
+        let share = 1.0 - 0.9 * (i % 640) as f64 / 640.0;
+        *value = (128.0 + share * (f64::from(*value) - 128.0)) as u8;
+    }
     let found = features(&image, SIZE);
     let most = FeatureSettings::default().max_features as usize;
     assert_eq!(found.len(), most);
@@ -182,8 +165,7 @@ fn features_are_spread_over_the_image() {
         of_tile[(f.pixel[0] / 120.0) as usize][(f.pixel[1] / 160.0) as usize] += 1;
     }
     assert!(of_tile.iter().flatten().all(|&n| (8..80).contains(&n)), "{of_tile:?}");
-    let n_of = |level: u8| found.iter().filter(|f| f.level == level).count();
-    assert!(n_of(0) == 0 && (1..4).all(|level| n_of(level) >= most / 10));
+    assert!((0..4).all(|level| found.iter().filter(|f| f.level == level).count() >= most / 10));
     assert!(
         found
             .iter()

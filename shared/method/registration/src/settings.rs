@@ -54,8 +54,8 @@ pub struct RegistrationSettings {
 impl Default for RegistrationSettings {
     fn default() -> Self {
         Self {
-            uniform_samples: 500,
-            normal_space_samples: 700,
+            uniform_samples: 800,
+            normal_space_samples: 1200,
             seed: 0,
             search: SearchMethod::Projective,
             weight: WeightSettings::default(),

@@ -1,7 +1,7 @@
 //! Candidate vertices for sampling, and those of each bin of normal space.
 
 use std::ops::Range;
-use tessera_surface::SurfaceView;
+use tessera_surface::Vertex;
 
 /// Bins of normal space: polar bands (towards the camera is the pole) times azimuth sectors.
 pub(crate) const BINS: usize = POLAR * AZIMUTH;
@@ -29,31 +29,13 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// Finds the inner vertices that are not too deep.
-    pub(crate) fn find(&mut self, surface: &SurfaceView<'_>, max_depth_m: f32) {
-        self.begin(surface);
-        self.add(surface, 0..surface.vertices.len(), max_depth_m);
-    }
-
-    /// As [`Self::find`], of every second row.
-    pub(crate) fn find_in_half(&mut self, surface: &SurfaceView<'_>, is_odd: bool, max_depth_m: f32) {
-        self.begin(surface);
-        let (width, n) = (surface.grid.width, surface.vertices.len());
-        for row in (usize::from(is_odd)..surface.grid.height).step_by(2) {
-            self.add(surface, (row * width).min(n)..((row + 1) * width).min(n), max_depth_m);
-        }
-    }
-
-    fn begin(&mut self, surface: &SurfaceView<'_>) {
-        self.vertices.resize(surface.vertices.len(), 0);
-        self.bins.resize(surface.vertices.len(), 0);
+    pub(crate) fn find(&mut self, vertices: &[Vertex], max_depth_m: f32) {
+        self.vertices.resize(vertices.len(), 0);
+        self.bins.resize(vertices.len(), 0);
         self.n = 0;
-    }
-
-    #[inline(always)]
-    fn add(&mut self, surface: &SurfaceView<'_>, places: Range<usize>, max_depth_m: f32) {
         // Without a branch: each is put down, and overwritten by the next one unless it counts.
-        for (i, vertex) in (places.start as u32..).zip(&surface.vertices[places]) {
-            self.vertices[self.n] = i;
+        for (i, vertex) in vertices.iter().enumerate() {
+            self.vertices[self.n] = i as u32;
             self.bins[self.n] = bin_of(&vertex.normal);
             self.n += usize::from(vertex.is_inner() & (vertex.position[2] <= max_depth_m));
         }
@@ -130,13 +112,12 @@ fn bin_of(n: &[f32; 3]) -> u8 {
 mod tests {
     use super::*;
     use tessera_numerics::SplitMix64;
-    use tessera_surface::{Grid, Vertex};
 
     #[test]
     fn each_bin_holds_its_vertices_in_raster_order_until_they_are_taken() {
         let mut random = SplitMix64::for_frame(5, 0);
         let mut uniform = || random.next_u64() as f32 / u64::MAX as f32 * 2.0 - 1.0;
-        for n in [0, 1, 3, 4, 5, 7 * 143] {
+        for n in [0, 1, 3, 4, 5, 1001] {
             let vertices: Vec<Vertex> = (0..n)
                 .map(|_| {
                     let flags = if uniform() > 0.5 { Vertex::BOUNDARY } else { 0 } | Vertex::VALID;
@@ -151,18 +132,10 @@ mod tests {
                 })
                 .collect();
             let mut found = Candidates::default();
-            let width = if n > 7 { 7 } else { 1 };
-            let surface =
-                SurfaceView { grid: Grid { width, height: n / width, step: 4 }, vertices: &vertices };
+            found.find(&vertices, 5.0);
             let expected: Vec<u32> = (0..n as u32)
                 .filter(|&i| vertices[i as usize].is_inner() && vertices[i as usize].position[2] <= 5.0)
                 .collect();
-            for is_odd in [false, true] {
-                found.find_in_half(&surface, is_odd, 5.0);
-                let is_there = |i: &&u32| (**i as usize / width % 2 == 1) == is_odd;
-                assert!(found.in_raster_order().iter().eq(expected.iter().filter(is_there)));
-            }
-            found.find(&surface, 5.0);
             assert_eq!(found.in_raster_order(), expected);
             found.sort_by_bin();
             let mut n_taken = 0;

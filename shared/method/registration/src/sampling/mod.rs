@@ -21,13 +21,6 @@ pub struct Sample {
 /// Depth beyond which no point is sampled, metres: noise grows with the square of the depth.
 const MAX_SAMPLE_DEPTH_M: f32 = 5.0;
 
-/// Candidates for each sample with which every second row of the grid is enough, in turn from frame to frame.
-const SPARE: usize = 2;
-
-fn wanted(settings: &RegistrationSettings) -> usize {
-    (settings.uniform_samples + settings.normal_space_samples) as usize
-}
-
 /// Draws samples; holds its buffers.
 #[derive(Debug, Default)]
 pub struct Sampler {
@@ -61,10 +54,7 @@ impl Sampler {
         settings: &RegistrationSettings,
     ) -> &[u32] {
         let mut random = SplitMix64::for_frame(settings.seed, index);
-        self.candidates.find_in_half(surface, !index.is_multiple_of(2), MAX_SAMPLE_DEPTH_M);
-        if self.candidates.in_raster_order().len() < SPARE * wanted(settings) {
-            self.candidates.find(surface, MAX_SAMPLE_DEPTH_M);
-        }
+        self.candidates.find(surface.vertices, MAX_SAMPLE_DEPTH_M);
         let candidates = self.candidates.in_raster_order();
         for drawn in [&mut self.over_image, &mut self.over_normals] {
             drawn.clear();

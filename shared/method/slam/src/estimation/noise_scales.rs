@@ -18,7 +18,7 @@ const KEPT: f64 = 0.99;
 const PRIOR_FREEDOM: f64 = 20.0;
 /// Ratio of the surfaces' pose scale to the mean squared residual of their matches: matches that err together
 /// (method 9.5; fitted: the geometric mean over fr1_rpy_400, d435_office_400 and `room`).
-pub(crate) const SURFACE_CORRELATION: f64 = 5.0;
+pub(crate) const SURFACE_CORRELATION: f64 = 10.0;
 /// Mean squared residual of surfaces before any was measured, in units of the model.
 const SURFACE_RESIDUAL: f64 = 0.005;
 /// Scale of the features where none was compared: the model's own.

@@ -30,23 +30,19 @@ pub(crate) struct Reach {
     pub(crate) radius_px: Option<f64>,
     /// RANSAC iterations at most, beside the guess itself.
     pub(crate) max_iterations: u32,
-    /// Steps of the refinement at most.
-    pub(crate) refine_iterations: u32,
 }
 
 impl Reach {
     /// About a motion prediction.
-    pub(crate) const PREDICTED: Self =
-        Self { radius_px: Some(40.0), max_iterations: 100, refine_iterations: 4 };
+    pub(crate) const PREDICTED: Self = Self { radius_px: Some(40.0), max_iterations: 100 };
     /// Without one.
-    pub(crate) const ANYWHERE: Self = Self { radius_px: None, max_iterations: 100, refine_iterations: 4 };
-    /// About a pose that other features agree on: one step leads from there to what these agree on.
-    pub(crate) const KNOWN: Self = Self { radius_px: Some(16.0), max_iterations: 2, refine_iterations: 1 };
+    pub(crate) const ANYWHERE: Self = Self { radius_px: None, max_iterations: 100 };
+    /// About a pose that other features agree on.
+    pub(crate) const KNOWN: Self = Self { radius_px: Some(16.0), max_iterations: 2 };
     /// About the poses of two keyframes.
-    pub(crate) const KEYFRAMES: Self =
-        Self { radius_px: Some(30.0), max_iterations: 50, refine_iterations: 4 };
+    pub(crate) const KEYFRAMES: Self = Self { radius_px: Some(45.0), max_iterations: 50 };
     /// About the poses of two keyframes between which drift has grown.
-    pub(crate) const LOOP: Self = Self { radius_px: Some(60.0), max_iterations: 50, refine_iterations: 4 };
+    pub(crate) const LOOP: Self = Self { radius_px: Some(60.0), max_iterations: 50 };
 }
 
 /// Buffers of matching and pose.
@@ -66,7 +62,7 @@ impl PairFinder {
             matching: MatchWorkspace::new(arch),
             pose: PoseWorkspace::new(arch),
             match_settings: MatchSettings::default(),
-            pose_settings: PoseSettings { min_inliers: 12, ..PoseSettings::default() },
+            pose_settings: PoseSettings { min_inliers: 12, refine_iterations: 4, ..PoseSettings::default() },
             gates: Vec::new(),
             correspondences: Vec::new(),
         }
@@ -83,7 +79,6 @@ impl PairFinder {
         seed: u64,
     ) -> Option<FeaturePair> {
         self.pose_settings.max_iterations = reach.max_iterations;
-        self.pose_settings.refine_iterations = reach.refine_iterations;
         let least = self.pose_settings.min_inliers as usize;
         if query.features.len() < least || target.features.len() < least {
             return None;

@@ -45,7 +45,7 @@ impl Default for WindowSettings {
     fn default() -> Self {
         Self {
             size: 5,
-            match_budget: 2000,
+            match_budget: 4000,
             outer_iterations: 6,
             min_first_distance_m: 0.1,
             max_first_distance_m: 0.5,

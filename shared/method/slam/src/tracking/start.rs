@@ -13,14 +13,14 @@ const SURE_INLIERS: usize = 30;
 /// Members of the window that are asked.
 const MOST_ASKED: usize = 2;
 /// Samples that are compared.
-const N_SAMPLES: usize = 150;
+const N_SAMPLES: usize = 300;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
 /// Squared distance from a prediction in units of its deviations that it has once in a thousand: the quantile of
 /// chi-square with six degrees of freedom.
 const ELSEWHERE_SQ: f64 = 22.46;
 /// Outer iterations from there: the start is at a solution, or not far from one.
-const OUTER_ITERATIONS: u32 = 2;
+const OUTER_ITERATIONS: u32 = 3;
 /// Part of the last change of velocity that is expected to go on.
 const AHEAD: f64 = 0.5;
 
