@@ -4,6 +4,7 @@
 
 mod names;
 mod shapes;
+mod stamps;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -16,7 +16,8 @@ mod top;
 mod viewer;
 
 use arguments::{Arguments, Command, RunArguments};
-use clap::Parser;
+use clap::error::ContextKind;
+use clap::{CommandFactory, Parser};
 use exit::Exit;
 use std::process::ExitCode;
 
@@ -62,6 +63,13 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// The command that a word is by one slip of the fingers: a letter more, less, another, or two in another order.
+fn nearest(word: &str) -> Option<String> {
+    let commands = Arguments::command();
+    let names = commands.get_subcommands().map(|command| command.get_name().to_owned());
+    names.into_iter().find(|name| strsim::osa_distance(name, word) == 1)
+}
+
 /// Prints help and version where asked for, else what is wrong with the arguments.
 fn refuse(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
@@ -70,7 +78,12 @@ fn refuse(error: &clap::Error) -> ExitCode {
         return Exit::Done.into();
     }
     let words = "no such command (`tessera run FOLDER` runs a recording):";
-    let text = error.render().to_string().replace("unrecognized subcommand", words);
+    let mut text = error.render().to_string().replace("unrecognized subcommand", words);
+    if let Some(near) = error.get(ContextKind::InvalidSubcommand).and_then(|word| nearest(&word.to_string()))
+        && error.get(ContextKind::SuggestedSubcommand).is_none()
+    {
+        text = text.replacen("\n", &format!("; did you mean `tessera {near}`?\n"), 1);
+    }
     terminal::say_error(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
     Exit::Arguments.into()
 }

@@ -164,7 +164,7 @@ pub fn evaluate(
 
 fn coverage(estimate: &Trajectory, groundtruth: &Trajectory, pairs: &[(usize, usize)]) -> Coverage {
     let span_s = |from: usize, to: usize| {
-        (groundtruth.stamps_nanos[to] - groundtruth.stamps_nanos[from]) as f64 * 1e-9
+        groundtruth.stamps_nanos[to].saturating_sub(groundtruth.stamps_nanos[from]) as f64 * 1e-9
     };
     let whole_s = span_s(0, groundtruth.len() - 1);
     let compared_s = match pairs {

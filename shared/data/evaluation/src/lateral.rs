@@ -152,14 +152,15 @@ fn motions(estimate: &Trajectory, truth: &Trajectory) -> Vec<TwoMotions> {
     let nanos = |place: usize| estimate.stamps_nanos[pairs[place].1];
     let (mut motions, mut later) = (Vec::new(), 0);
     for first in 0..pairs.len() {
-        while later < pairs.len() && nanos(later) - nanos(first) < OVER_NANOS {
+        let since_first = |place: usize| nanos(place).saturating_sub(nanos(first));
+        while later < pairs.len() && since_first(later) < OVER_NANOS {
             later += 1;
         }
         if later == pairs.len() {
             break;
         }
         // Across a gap the motion is not one of that time.
-        if nanos(later) - nanos(first) > 2 * OVER_NANOS {
+        if since_first(later) > 2 * OVER_NANOS {
             continue;
         }
         let motion = |trajectory: &Trajectory, from: usize, to: usize| {

@@ -62,7 +62,7 @@ fn refined(estimate: &Trajectory, groundtruth: &Trajectory, middle_s: f64) -> Op
         .filter(|&at| {
             // The same poses count for every offset, or dropping bad ones would look like a gain.
             let stamp = estimate.stamps_nanos[at].saturating_add(middle_nanos);
-            is_covered(groundtruth, stamp - around_nanos, stamp + around_nanos)
+            is_covered(groundtruth, stamp.saturating_sub(around_nanos), stamp.saturating_add(around_nanos))
         })
         .collect();
     if usable.len() < LEAST_POSES {
@@ -84,7 +84,7 @@ fn cost(estimate: &Trajectory, groundtruth: &Trajectory, usable: &[usize], offse
     let source: Vec<Vector3<f64>> = usable.iter().map(position).collect();
     let target: Vec<Vector3<f64>> = usable
         .iter()
-        .map(|&at| interpolated(groundtruth, estimate.stamps_nanos[at] + offset_nanos))
+        .map(|&at| interpolated(groundtruth, estimate.stamps_nanos[at].saturating_add(offset_nanos)))
         .collect();
     let pose = align_rigid(&source, &target);
     let moved = |a: &Vector3<f64>| pose.rotation * a + pose.translation.vector;

@@ -4,6 +4,7 @@
 //! order. The file names the boot of the machine too: in the same boot nothing was lost to a power cut,
 //! and a gap is damage wherever it lies.
 
+use crate::atomic_file::sync_folder_of;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -42,9 +43,11 @@ impl SyncedFile {
         Some(Synced { len: len.parse().ok()?, is_of_this_boot })
     }
 
-    /// Notes that the first `len` bytes of the journal are on disk. Not forced to disk itself: an older
-    /// note states less, which is true too. A note that cannot be written leaves the older one.
+    /// Notes that the first `len` bytes of the journal are on disk. Only the first note is forced to disk
+    /// itself: without any, what a power cut took would pass for damage, and an older one states less, which is
+    /// true too. A note that cannot be written leaves the older one.
     pub(crate) fn note(&mut self, len: u64) {
+        let is_first = self.file.is_none() && !self.path.exists();
         if self.file.is_none() {
             let opened =
                 OpenOptions::new().write(true).create(true).truncate(false).mode(0o600).open(&self.path);
@@ -55,5 +58,8 @@ impl SyncedFile {
         let text = format!("{len:020} {boot:<36}\n");
         let _ = file.write_all_at(text.as_bytes(), 0);
         let _ = file.set_len(LEN as u64);
+        if is_first {
+            let _ = file.sync_data().and_then(|()| sync_folder_of(&self.path));
+        }
     }
 }

@@ -59,6 +59,8 @@ fn help_has_examples_and_exit_codes() {
 #[test]
 fn wrong_arguments_end_with_2() {
     assert!(refusal(&["rum"], 2).contains("`tessera run FOLDER` runs a recording): 'rum'"));
+    assert!(refusal(&["rnu"], 2).contains("did you mean `tessera run`?"));
+    assert!(!refusal(&["fly"], 2).contains("did you mean"));
     assert!(refusal(&["run", "--frames", "-3"], 2).contains("invalid value '-3'"));
     assert!(refusal(&["run", "--frams", "3"], 2).contains("--frames"));
     assert!(refusal(&["run", "--frames", "many"], 2).contains("invalid value 'many'"));

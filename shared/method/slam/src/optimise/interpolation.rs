@@ -39,7 +39,8 @@ impl PoseTimeline {
             {
                 let step = log(&(start.inverse() * pose));
                 filled.extend(waiting.iter().map(|&(index, at)| {
-                    let share = (at - from) as f64 / (stamp - from) as f64;
+                    let since = |stamp: i64| stamp.saturating_sub(from) as f64;
+                    let share = since(at) / since(stamp);
                     (index, PoseBits::from(&compose_normalised(&start, &step.scaled(share))))
                 }));
             }
