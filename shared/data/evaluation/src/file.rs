@@ -1,4 +1,13 @@
 //! Trajectories in the TUM text form: one `timestamp tx ty tz qx qy qz qw` a line.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::stamp::{StampError, format_stamp, parse_stamp};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
@@ -157,8 +166,8 @@ pub fn read_tum(path: &Path) -> Result<Trajectory, ReadError> {
 /// Names the file and the line of the first thing that is wrong.
 pub fn parse_tum(text: &str, path: &Path) -> Result<Trajectory, ReadError> {
     let mut trajectory = Trajectory::default();
-    for (at, line) in text.lines().enumerate() {
-        let line_error = |source| ReadError::Line { path: path.to_owned(), line: at + 1, source };
+    for (number, line) in (1..).zip(text.lines()) {
+        let line_error = |source| ReadError::Line { path: path.to_owned(), line: number, source };
         let line = line.trim_start_matches('\u{feff}').trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
@@ -198,16 +207,16 @@ fn parse_tum_rows(text: &str, path: &Path) -> Result<TumRows, ReadError> {
     let mut leave_out = |line: usize, source: TrajectoryError| {
         let error = ReadError::Line { path: path.to_owned(), line, source };
         first_error = first_error.take().or(Some(error));
-        found.n_left_out += 1;
+        found.n_left_out = found.n_left_out.saturating_add(1);
     };
-    for (at, line) in text.lines().enumerate() {
+    for (number, line) in (1..).zip(text.lines()) {
         let line = line.trim_start_matches('\u{feff}').trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
         match parse_row(line) {
-            Ok((stamp, pose)) => rows.push((stamp, at + 1, pose)),
-            Err(source) => leave_out(at + 1, source),
+            Ok((stamp, pose)) => rows.push((stamp, number, pose)),
+            Err(source) => leave_out(number, source),
         }
     }
     // Stable: of rows with one time the first is kept.

@@ -1,4 +1,13 @@
 //! Trajectory files by their form: TUM, TUM with whole nanoseconds, EuRoC, KITTI.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use crate::file::{ReadError, Trajectory, parse_tum};
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
@@ -42,7 +51,7 @@ impl TrajectoryFile {
             (Self::Rows(rows), Self::Timed(b)) => timed(rows, &b.stamps_nanos).map(|a| (a, b)),
             (Self::Rows(a), Self::Rows(b)) => {
                 // Ten a second, as KITTI's cameras.
-                let stamps: Vec<i64> = (0..b.len() as i64).map(|k| k * 100_000_000).collect();
+                let stamps: Vec<i64> = (0_i64..).step_by(100_000_000).take(b.len()).collect();
                 Ok((timed(a, &stamps)?, timed(b, &stamps)?))
             }
         }
@@ -72,7 +81,9 @@ fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError
     };
     let Some((_, first)) = rows().next() else { return parse_tum(text, path).map(TrajectoryFile::Timed) };
     let words = words(first);
-    let is_whole = words[0].len() >= WHOLE_DIGITS && words[0].bytes().all(|byte| byte.is_ascii_digit());
+    let is_whole = words
+        .first()
+        .is_some_and(|word| word.len() >= WHOLE_DIGITS && word.bytes().all(|byte| byte.is_ascii_digit()));
     if words.len() == KITTI_COLUMNS {
         let pose = |(at, line): (usize, &str)| {
             kitti(line).ok_or_else(|| unusable(path, at, line, "12 numbers of a 3x4 matrix"))
@@ -91,7 +102,7 @@ fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError
         let (stamp, pose) = nanos_row(line, is_euroc).ok_or_else(|| unusable(path, at, line, expected))?;
         trajectory.push(stamp, pose).map_err(|source| ReadError::Line {
             path: path.to_owned(),
-            line: at + 1,
+            line: at.saturating_add(1),
             source,
         })?;
     }
@@ -104,7 +115,7 @@ fn words(line: &str) -> Vec<&str> {
 
 fn unusable(path: &Path, at: usize, line: &str, expected: &'static str) -> ReadError {
     let found = line.chars().take(60).collect();
-    ReadError::Row { path: path.to_owned(), line: at + 1, found, expected }
+    ReadError::Row { path: path.to_owned(), line: at.saturating_add(1), found, expected }
 }
 
 fn numbers(words: &[&str]) -> Option<Vec<f64>> {
@@ -114,8 +125,9 @@ fn numbers(words: &[&str]) -> Option<Vec<f64>> {
 fn nanos_row(line: &str, is_w_first: bool) -> Option<(i64, Pose)> {
     let words = words(line);
     let columns = words.get(..EUROC_COLUMNS).filter(|_| is_w_first || words.len() == EUROC_COLUMNS)?;
-    let stamp: i64 = columns[0].parse().ok()?;
-    let [x, y, z, a, b, c, d] = numbers(&columns[1..])?[..] else { return None };
+    let (stamp, columns) = columns.split_first()?;
+    let stamp: i64 = stamp.parse().ok()?;
+    let [x, y, z, a, b, c, d] = numbers(columns)?[..] else { return None };
     let quaternion = if is_w_first { Quaternion::new(a, b, c, d) } else { Quaternion::new(d, a, b, c) };
     let is_unit = (quaternion.norm() - 1.0).abs() <= TOLERANCE;
     is_unit.then(|| {
@@ -123,6 +135,7 @@ fn nanos_row(line: &str, is_w_first: bool) -> Option<(i64, Pose)> {
     })
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
 fn kitti(line: &str) -> Option<Pose> {
     let [a, b, c, x, d, e, f, y, g, h, i, z] = numbers(&words(line))?[..] else { return None };
     let rotation = Matrix3::new(a, b, c, d, e, f, g, h, i);

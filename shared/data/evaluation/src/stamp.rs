@@ -1,4 +1,13 @@
 //! Timestamps: decimal seconds in files, whole nanoseconds in memory.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 /// Why a word is not a timestamp.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -23,6 +32,11 @@ pub enum StampError {
 ///
 /// # Errors
 /// The word is not a finite decimal number, or too large.
+#[expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "places of digits of a word in memory, an exponent of 60 at most, and nanoseconds bounded before each step"
+)]
 pub fn parse_stamp(word: &str) -> Result<i64, StampError> {
     let wrong = || StampError::NotANumber { found: word.to_owned() };
     let range = || StampError::Range { found: word.to_owned() };
@@ -32,7 +46,10 @@ pub fn parse_stamp(word: &str) -> Result<i64, StampError> {
         _ => (false, word),
     };
     let (mantissa, exponent) = match unsigned.find(['e', 'E']) {
-        Some(at) => (&unsigned[..at], unsigned[at + 1..].parse::<i32>().map_err(|_| wrong())?),
+        Some(at) => {
+            let (mantissa, exponent) = unsigned.split_at(at);
+            (mantissa, exponent.get(1..).unwrap_or_default().parse::<i32>().map_err(|_| wrong())?)
+        }
         None => (unsigned, 0),
     };
     let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
@@ -76,7 +93,7 @@ pub fn format_stamp(stamp_nanos: i64) -> String {
     let sign = if stamp_nanos < 0 { "-" } else { "" };
     let nanos = stamp_nanos.unsigned_abs();
     let mut text = format!("{sign}{}.{:09}", nanos / 1_000_000_000, nanos % 1_000_000_000);
-    while text.ends_with('0') && text.len() - text.find('.').unwrap_or(0) > 7 {
+    while text.ends_with('0') && text.len().saturating_sub(text.find('.').unwrap_or(0)) > 7 {
         text.pop();
     }
     text

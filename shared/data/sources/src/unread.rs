@@ -18,7 +18,7 @@ struct UnreadKind {
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [UnreadKind; 7] = [
+const KINDS: [UnreadKind; 10] = [
     UnreadKind {
         begins: b"PK\x03\x04",
         ends: ".r3d",
@@ -63,6 +63,26 @@ const KINDS: [UnreadKind; 7] = [
         what: "a recording of OpenNI",
         remedy: "play it into ROS 2 or write its frames as PNG images, then run the folder",
     },
+    UnreadKind {
+        begins: b"",
+        ends: ".klg",
+        what: "a log of ElasticFusion or Kintinuous",
+        remedy: "write its frames as 16-bit PNG depth and JPEG colour with a camera.toml, then run the folder {stem}",
+    },
+    UnreadKind {
+        begins: b"",
+        ends: ".svo2",
+        what: "a recording of a ZED camera",
+        remedy: "export it: python svo_export.py --mode 4 --input_svo_file {in} --output_path_dir {stem} (of ZED's \
+                 samples; depth as 16-bit PNG), then run the folder {stem}",
+    },
+    UnreadKind {
+        begins: b"",
+        ends: ".svo",
+        what: "a recording of a ZED camera",
+        remedy: "export it: python svo_export.py --mode 4 --input_svo_file {in} --output_path_dir {stem} (of ZED's \
+                 samples; depth as 16-bit PNG), then run the folder {stem}",
+    },
 ];
 
 /// The file for what it is; `None`: not known, or a kind that is read.
@@ -83,13 +103,16 @@ mod tests {
     #[test]
     fn each_kind_is_named_with_its_command() {
         let folder = tempfile::tempdir().unwrap();
-        let table: [(&str, &[u8], &str, &str); 6] = [
+        let table: [(&str, &[u8], &str, &str); 9] = [
             ("a.r3d", b"PK\x03\x04", "Record3D", "unzip"),
             ("a.zip", b"PK\x03\x04", "a zip file", "unzip"),
             ("a.tgz", b"\x1f\x8b\x08", "a compressed archive", "tar -xzf"),
             ("a.mkv", b"\x1a\x45\xdf\xa3", "Azure Kinect", "azure_kinect_mkv_reader.py"),
             ("a.sens", b"\x04\0\0\0", "ScanNet", "reader.py --filename"),
             ("a.oni", b"NI10", "OpenNI", "PNG"),
+            ("a.klg", b"\x90\x01\0\0", "ElasticFusion", "PNG"),
+            ("a.svo", b"SVO", "ZED", "svo_export.py"),
+            ("a.SVO2", b"\x89MCAP", "ZED", "svo_export.py"),
         ];
         for (name, head, what, command) in table {
             let path = folder.path().join(name);

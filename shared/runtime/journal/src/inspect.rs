@@ -72,10 +72,13 @@ pub fn inspect_framing(path: &Path) -> Result<Inspection, JournalError> {
     inspect_payloads(path, &kind_in(&header), &mut |_, _| Ok(()))
 }
 
+/// Takes version and payload of a record.
+type AcceptPayload<'a> = dyn FnMut(u32, &[u8]) -> Result<(), UnreadableRecord> + 'a;
+
 fn inspect_payloads(
     path: &Path,
     kind: &str,
-    accept: &mut dyn FnMut(u32, &[u8]) -> Result<(), UnreadableRecord>,
+    accept: &mut AcceptPayload<'_>,
 ) -> Result<Inspection, JournalError> {
     let file = File::open(path).map_err(JournalError::io("open", path))?;
     let mut header = Vec::new();

@@ -59,7 +59,7 @@ impl SyncedFile {
         let _ = file.write_all_at(text.as_bytes(), 0);
         let _ = file.set_len(LEN as u64);
         if is_first {
-            let _ = file.sync_all().and_then(|()| sync_folder_of(&self.path));
+            let _ = file.sync_data().and_then(|()| sync_folder_of(&self.path));
         }
     }
 }

@@ -145,14 +145,10 @@ fn a_power_cut_takes_nothing_that_was_synced() {
     let n_syncs = events.iter().filter(|(_, event)| matches!(event, Event::Sync)).count();
     assert!(n_syncs > 20, "{n_syncs} syncs");
     let files = [("run.json", run.output("run.json")), ("config.toml", run.output("config.toml"))];
-    // The supervisor's own syncs: before them the run has no run.json.
-    let begin = 1 + events
-        .iter()
-        .enumerate()
-        .filter(|(_, (_, event))| matches!(event, Event::Sync))
-        .nth(2)
-        .unwrap()
-        .0;
+    // The supervisor's own syncs, of which the optimiser's journal is the last: before them the run has no run.json.
+    let is_last =
+        |(name, event): &(String, Event)| name == "optimise.journal" && matches!(event, Event::Sync);
+    let begin = 1 + events.iter().position(is_last).unwrap();
     let n_cuts = std::env::var("TESSERA_POWER_CUTS").map_or(CUTS, |n| n.parse().unwrap());
     let (mut n_torn, mut n_records) = (0, 0);
     for cut in 0..n_cuts {

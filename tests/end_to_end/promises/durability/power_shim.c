@@ -57,6 +57,13 @@ int fdatasync(int fd) {
     return failed;
 }
 
+int fsync(int fd) {
+    int (*real)(int) = dlsym(RTLD_NEXT, "fsync");
+    int failed = real(fd);
+    if (!failed) note('s', fd, 0, NULL, 0);
+    return failed;
+}
+
 int ftruncate64(int fd, off64_t len) {
     int (*real)(int, off64_t) = dlsym(RTLD_NEXT, "ftruncate64");
     int failed = real(fd, len);

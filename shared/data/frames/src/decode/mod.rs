@@ -1,7 +1,8 @@
-//! Images into the caller's memory: PNG for depth, PNG, JPEG or BMP for colour.
+//! Images into the caller's memory: PNG for depth, PNG, JPEG, WebP or BMP for colour.
 
 mod arrays;
 mod bmp;
+mod webp;
 
 use crate::ImageError;
 use std::fmt::Display;
@@ -62,6 +63,9 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     if bmp::is(bytes) {
         return bmp::size(bytes);
     }
+    if webp::is(bytes) {
+        return webp::size(bytes);
+    }
     if arrays::is(bytes) {
         return arrays::size(bytes);
     }
@@ -88,7 +92,7 @@ pub fn inspect(path: &Path) -> Result<(), ImageError> {
     let mut file = File::open(path).map_err(ImageError::Io)?;
     let n_bytes = file.metadata().map_err(ImageError::Io)?.len();
     let (mut head, mut tail) = (Vec::new(), Vec::new());
-    file.by_ref().take(8).read_to_end(&mut head).map_err(ImageError::Io)?;
+    file.by_ref().take(12).read_to_end(&mut head).map_err(ImageError::Io)?;
     file.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES))).map_err(ImageError::Io)?;
     file.take(TAIL_BYTES).read_to_end(&mut tail).map_err(ImageError::Io)?;
     check_marks(&head, &tail, n_bytes)
@@ -107,6 +111,8 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         ("PNG", b"IEND")
     } else if head.starts_with(JPEG) {
         ("JPEG", JPEG_END)
+    } else if webp::is(head) {
+        return webp::check_length(head, n_bytes);
     } else if bmp::is(head) || arrays::is(head) {
         // These have no end marker; its length is checked as it is read.
         return Ok(());
@@ -119,7 +125,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
     }
 }
 
-/// Decodes a colour or grey PNG or JPEG of 8 bits as red, green, blue.
+/// Decodes a colour or grey PNG, JPEG, WebP or BMP as red, green, blue.
 pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
     if is_png(bytes) {
         let mut png = Png::open(bytes)?;
@@ -131,6 +137,9 @@ pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), Imag
     }
     if bmp::is(bytes) {
         return bmp::read(bytes, size, rgb);
+    }
+    if webp::is(bytes) {
+        return webp::read(bytes, size, rgb);
     }
     if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });

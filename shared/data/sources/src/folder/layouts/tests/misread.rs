@@ -307,7 +307,7 @@ fn colour_that_is_not_there_or_not_read_leaves_depth() {
     assert!(source.warnings().join("\n").contains("no frame has colour"), "{:?}", source.warnings());
     assert_eq!(read(&source, 3), (1500, false, 0));
     for k in 0..60 {
-        folder.write(&format!("color/{k}.jpg"), "RIFF....WEBPVP8 ");
+        folder.write(&format!("color/{k}.jpg"), "RIFF....AVI LIST");
     }
     let source = folder.open();
     assert!(
