@@ -94,7 +94,7 @@ fn most_alike(indices: &[u64], codes: &[PlaceCode], newer: usize) -> Option<u32>
     let settings = Method::default().mapping.loops;
     let closes_loop = |older: &usize| {
         indices[newer] - indices[*older] > settings.min_frames
-            && newer - older > LoopSettings::MIN_KEYFRAMES as usize
+            && newer - older > tessera_slam::LoopSettings::MIN_KEYFRAMES as usize
     };
     let alike = (0..newer).filter(closes_loop).map(|older| (similarity(&codes[newer], &codes[older]), older));
     let best = alike.max_by(|a, b| a.0.total_cmp(&b.0))?;
