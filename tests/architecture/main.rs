@@ -2,6 +2,7 @@
 //!
 //! ARCHITECTURE.md states these rules in words; a rule that only words keep does not last.
 
+mod constants;
 mod layers;
 mod names;
 mod shapes;

@@ -8,16 +8,13 @@ use crate::submaps::submap;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::audit::colour_record;
 use crate::tracking::frame_record::{first_record, frame_record, lost_record};
-use crate::tracking::input::TrackingInput;
+use crate::tracking::input::{MIN_SAMPLES, TrackingInput};
 use crate::tracking::prediction::Prediction;
 use crate::tracking::promotion::{Promoted, with_keyframe, with_place};
 use crate::tracking::trigger::with_request;
 use crate::tracking::window_alignment::WindowAlignment;
 use crate::tracking::{fixed_lag, hypotheses, relocalise};
 use tessera_numerics::Step;
-
-/// Fewer samples than this cannot be aligned.
-const MIN_SAMPLES: usize = 100;
 
 /// The record of a frame. `posed` gets it as soon as the pose is known, where much is left to do for the map.
 pub(crate) fn step(

@@ -16,9 +16,9 @@ use tessera_sources::{FolderSource, SceneName, SimulatedSource, SimulationOption
 
 /// Surfaces and features of the keyframes of both runs.
 #[derive(Default)]
-struct Kept(Vec<Vec<Vertex>>, Vec<Vec<Feature>>);
+struct BothRuns(Vec<Vec<Vertex>>, Vec<Vec<Feature>>);
 
-impl KeyframeSurfaces for Kept {
+impl KeyframeSurfaces for BothRuns {
     fn vertices(&self, keyframe: u32) -> &[Vertex] {
         &self.0[keyframe as usize]
     }
@@ -74,7 +74,7 @@ fn joined(sequence: &str, parts: &[Range<u64>; 2], every: u64, seed: u64) -> Res
     method.registration.seed = seed;
     method.mapping.loops.min_frames = (method.mapping.loops.min_frames / every).max(1);
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
-    let (mut map, mut kept) = (JointMap::new(context), Kept::default());
+    let (mut map, mut kept) = (JointMap::new(context), BothRuns::default());
     for part in parts {
         let mut run = Run::new(source.camera(), &method)?;
         for index in part.clone().step_by(every as usize) {

@@ -105,7 +105,7 @@ const PROBATION_FRAMES: u32 = 2;
 const FORGETTING: f64 = 0.01;
 /// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
 /// and fields of view of the two lenses differ by some tenths.
-const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
+pub(crate) const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
 const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
 /// Standard deviations beyond which a parameter is not zero: one in 10^6.

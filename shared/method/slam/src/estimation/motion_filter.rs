@@ -22,7 +22,7 @@ use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 /// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
 const STEP: f64 = 0.03;
 /// Degrees of freedom of Student's t for the innovations, as for the noise scales (Lange, Little and Taylor 1989).
-const STUDENT_FREEDOM: f64 = 4.0;
+pub(crate) const STUDENT_FREEDOM: f64 = 4.0;
 /// Consistency at the normal distribution: `3 / E[(nu + 3) q / (nu + q)]` for `q` of a chi-square of 3.
 const CONSISTENCY: f64 = 1.155;
 /// Most that one frame adds to a logarithm, in steps.

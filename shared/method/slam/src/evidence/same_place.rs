@@ -13,19 +13,16 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::residuals;
+use crate::pairs::verification::{FORWARD, N_QUERIES};
 use crate::settings::GlobalSettings;
 use nalgebra::SymmetricEigen;
 use tessera_features::{Correspondence, Observation};
 use tessera_geometry::{Matrix6, Pose, rotation_log};
 use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Sampler};
 
-/// Queries of a measurement: enough for shares to a few per cent.
-const N_QUERIES: usize = 200;
-/// Tightness of the limits from one outer iteration to the next.
-const SCHEDULE: [f32; 3] = [0.0, 1.0, 1.0];
 /// Squared normalised error of a feature that agrees with a pose, at most: the chi-square of two dimensions at one
 /// in 10^5, beside the error of the surfaces' pose.
-const AGREES_SQ: f64 = 25.0;
+pub(crate) const AGREES_SQ: f64 = 25.0;
 
 /// Overlap of views that show the same. Of labelled pairs of one place that overlap so, features were missed in 1 to
 /// 18 % of those of simulated worlds and recordings with features; of those that overlap by 0.1 less in up to 56 %.
@@ -152,7 +149,7 @@ pub(crate) fn measure(
 ) -> (Pose, PlaceEvidence) {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
     let alignment = PairAlignment { query, target, n_queries: N_QUERIES, limits: &limits };
-    let pair = alignment.solve(matcher, target_from_query, &SCHEDULE);
+    let pair = alignment.solve(matcher, target_from_query, &FORWARD);
     let information = pair.block.linearise(&pair.target_from_query).0;
     (pair.target_from_query, PlaceEvidence::of_surfaces(&pair.report, &information))
 }

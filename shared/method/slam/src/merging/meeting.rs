@@ -15,23 +15,18 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
 use crate::settings::RelocaliseSettings;
-use crate::submaps::contradiction;
+use crate::submaps::contradiction::{self, APART_M, APART_RAD};
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;
-use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
+use crate::tracking::input::{FrameSurface, MIN_SAMPLES, Surfaces, TrackingInput};
 use crate::tracking::relocalise;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
 use tessera_registration::{Sample, Sampler};
 use tessera_surface::SurfaceView;
 
-/// Fewer samples than this cannot be aligned.
-const MIN_SAMPLES: usize = 100;
 /// Neighbours of a keyframe that are asked to confirm what it sees.
 const MOST_ASKED: usize = 12;
-/// Poses that differ by more are different places, metres and radians.
-const APART_M: f64 = 1.0;
-const APART_RAD: f64 = 0.5;
 
 /// Two components that were joined because both saw a place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,15 +2,13 @@
 
 use crate::estimation::colour_model::{ColourModel, ColourPoseRecord};
 use crate::estimation::colour_pose::ParameterSums;
+use crate::estimation::motion_filter::STUDENT_FREEDOM;
 use crate::estimation::noise_scales::{NoiseRecord, NoiseScales};
 use crate::pairs::colour_coupling::coupling;
 use crate::pairs::weighted_pair::WeightedPair;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
 use tessera_graph::{BlockSums, PairBlock};
 
-/// Degrees of freedom of Student's t, by which one disagreement far beyond its covariance counts
-/// less (Lange, Little and Taylor, JASA 1989: 4).
-const STUDENT_FREEDOM: f64 = 4.0;
 /// Consistency at the normal distribution: `6 / E[(nu + 6) q / (nu + q)]` for `q` of a chi-square of 6.
 const CONSISTENCY: f64 = 1.0816;
 

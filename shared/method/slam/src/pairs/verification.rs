@@ -12,9 +12,9 @@ use tessera_graph::disagreement_sigmas;
 use tessera_registration::{MatchLimits, Matcher};
 
 /// Queries of a test: enough for shares to a few per cent.
-const N_QUERIES: usize = 200;
+pub(crate) const N_QUERIES: usize = 200;
 /// Tightness of the limits from one outer iteration to the next, there and back.
-const FORWARD: [f32; 3] = [0.0, 1.0, 1.0];
+pub(crate) const FORWARD: [f32; 3] = [0.0, 1.0, 1.0];
 const BACKWARD: [f32; 1] = [1.0];
 
 /// What the tests of a loop pair found.

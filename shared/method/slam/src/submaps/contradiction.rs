@@ -32,8 +32,8 @@ const JOINED_NATS: f64 = 0.7;
 /// What is about the place at which two components are joined, metres: both have drifted in themselves.
 const ABOUT_M: f64 = 6.0;
 /// Joins that differ by more bring two components to different places, metres and radians.
-const APART_M: f64 = 1.0;
-const APART_RAD: f64 = 0.5;
+pub(crate) const APART_M: f64 = 1.0;
+pub(crate) const APART_RAD: f64 = 0.5;
 
 /// A keyframe where it is tested.
 pub(crate) struct PlacedKeyframe<'a> {

@@ -7,7 +7,7 @@ use crate::tracking::alignment::Alignment;
 pub(crate) const AGREEING: u32 = 20;
 
 /// The same for a frame that may be anywhere.
-const SURELY_AGREEING: u32 = 30;
+pub(crate) const SURELY_AGREEING: u32 = 30;
 
 /// Failure tests for a frame whose motion was predicted.
 pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), String> {

@@ -12,6 +12,7 @@ use crate::tracking::input::TrackingInput;
 use crate::tracking::observed::Observed;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::sight::Judged;
+use crate::tracking::start::OUTER_ITERATIONS;
 use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
@@ -19,8 +20,6 @@ use crate::tracking::window_alignment::{WindowAlignment, reference};
 /// Frames that are all audited at first; from then on one of so many is.
 const ALL_UNTIL: u32 = 40;
 const EVERY: u64 = 8;
-/// Outer iterations: the start is at a solution, or not far from one.
-const OUTER_ITERATIONS: u32 = 3;
 
 /// What a frame's features say of colour; `None` where it is not audited, too few match, or the surfaces cannot tell.
 pub(crate) fn colour_record(

@@ -10,13 +10,10 @@ use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
 use crate::tracking::prediction::Prediction;
-use crate::tracking::start::{FeatureStart, guess_from_features};
+use crate::tracking::start::{FeatureStart, OUTER_ITERATIONS, guess_from_features};
 use crate::tracking::window_alignment::{WindowAlignment, align_coarse_to_fine, align_to_window};
 use crate::tracking::{large_displacement, rotation_hypothesis};
 use tessera_geometry::{Pose, Twist};
-
-/// Outer iterations from a pose that was found.
-const OUTER_ITERATIONS_AGAIN: u32 = 3;
 
 /// Outcome of the alignment from the prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,7 +121,7 @@ fn once_more(
         world_from_camera: found.alignment.world_from_camera,
         is_known: true,
         first_distance_m: window.min_first_distance_m,
-        outer_iterations: OUTER_ITERATIONS_AGAIN,
+        outer_iterations: OUTER_ITERATIONS,
         ..*prediction
     };
     let again = align_to_window(input, aligner, &guess);

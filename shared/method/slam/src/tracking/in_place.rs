@@ -2,14 +2,12 @@
 
 use crate::map::detection;
 use crate::map::state::KeyframeState;
+use crate::tracking::acceptance::AGREEING;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::Pose;
-
-/// Features on which the frame and a keyframe of long ago agree.
-const MIN_AGREEING: usize = 20;
 
 /// Keyframes of the frame's window with which it closes a loop.
 pub(crate) fn old_members<'a>(
@@ -28,6 +26,6 @@ pub(crate) fn is_in_place(input: &TrackingInput<'_>, aligner: &Aligner, aligned:
     let world_from_camera = &aligned.alignment.world_from_camera;
     old_members(input, aligned).any(|old| {
         let at = Pose::from(&old.world_from_camera).inverse() * world_from_camera;
-        aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= MIN_AGREEING
+        aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= AGREEING as usize
     })
 }

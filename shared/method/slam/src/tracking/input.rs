@@ -9,6 +9,9 @@ use tessera_geometry::InertialRotation;
 use tessera_registration::Sample;
 use tessera_surface::{SurfaceView, WorkloadLevel};
 
+/// Fewer samples than this cannot be aligned.
+pub(crate) const MIN_SAMPLES: usize = 100;
+
 /// One frame: its identity, its surface, and what else was measured with it.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameSurface<'a> {

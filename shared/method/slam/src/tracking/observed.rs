@@ -1,15 +1,12 @@
 //! What one frame's matches say of colour, where the surfaces give the relative poses.
 
-use crate::estimation::colour_model::{ColourModel, ColourRecord, ColourState, MIN_PAIRS};
+use crate::estimation::colour_model::{ColourModel, ColourRecord, ColourState, MIN_PAIRS, PRIOR_SIGMAS};
 use crate::map::context::Context;
 use nalgebra::{Matrix2, Matrix2x6, Vector2, Vector3};
 use tessera_features::Correspondence;
 use tessera_geometry::{Matrix6, Pose, Twist};
 
-/// Lag and ratio less one that a real camera may have: standard deviations.
-const PLAUSIBLE_LAG_S: f64 = 0.03;
-const PLAUSIBLE_RATIO: f64 = 0.1;
-/// Deviations of these that count as all of what is allowed.
+/// Deviations of lag and ratio ([`PRIOR_SIGMAS`]) that count as all of what is allowed.
 const IMPLAUSIBLE_SIGMAS: f64 = 4.0;
 /// Residual that is allowed at rest, pixels, more of it by the length of the motion in the image, and
 /// by the standard deviation that the pose has there: weak surfaces judge nothing.
@@ -121,7 +118,7 @@ impl<'a> Observed<'a> {
     /// Residual that this frame's own best lag and ratio leave, in units of what is allowed. Implausible
     /// ones count as well: colour of another scene may move as these say for a moment.
     fn disagreement(&self) -> f64 {
-        let (lag_prior, ratio_prior) = (PLAUSIBLE_LAG_S.powi(-2), PLAUSIBLE_RATIO.powi(-2));
+        let [lag_prior, ratio_prior] = PRIOR_SIGMAS.map(|sigma| sigma.powi(-2));
         let prior = Matrix2::new(lag_prior, 0.0, 0.0, ratio_prior);
         let mut x = Vector2::zeros();
         for _ in 0..ROUNDS {

@@ -11,7 +11,7 @@ use crate::map::appearance::similarity;
 use crate::map::records::{FrameCauses, FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::pairs::matching::Reach;
-use crate::tracking::acceptance::{self, STRICT};
+use crate::tracking::acceptance::{self, AGREEING, STRICT};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
@@ -25,9 +25,8 @@ use tessera_geometry::{Pose, Twist, exp};
 
 /// Newest keyframes whose features are matched.
 const N_NEWEST: usize = 2;
-/// Keyframes that a glimpse matches, and features that must agree with one.
+/// Keyframes that a glimpse matches.
 const N_GLIMPSED: usize = 2;
-const GLIMPSED_INLIERS: usize = 20;
 /// Words of a frame that a keyframe shows at least to be tried.
 const MIN_WORDS: usize = 4;
 
@@ -142,7 +141,7 @@ pub(crate) fn glimpse(
 ) -> Option<WindowAlignment> {
     let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
     let ids = aligner.sight.recognise_frame(input, [N_GLIMPSED, MIN_WORDS], is_asked);
-    let seen = candidates_by_features(input, aligner, &ids, GLIMPSED_INLIERS);
+    let seen = candidates_by_features(input, aligner, &ids, AGREEING as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
     first_that_fits(input, aligner, vec![best]).map(|place| place.found)
 }

@@ -1,7 +1,7 @@
 //! What the tracker sees by features: the frame's own, the references', and the pairs between them.
 
 use crate::estimation::colour_model::ColourModel;
-use crate::evidence::same_place;
+use crate::evidence::same_place::{self, AGREES_SQ};
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::pairs::lift::lift;
@@ -33,8 +33,6 @@ const MOST_PAIRS: usize = 5;
 /// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
 const NEAR_IN_TIME: u32 = 4;
 const NEIGHBOURS: usize = 10;
-/// Squared normalised error of a feature that agrees with a pose, at most.
-const AGREES_SQ: f64 = 25.0;
 
 /// Observations of one reference, with what they were made from.
 struct KnownObservations {

@@ -1,6 +1,8 @@
 //! The pose on which features agree, as an initial guess in place of the motion prediction.
 
+use crate::evidence::pose_agreement::CHI_SQUARE_6;
 use crate::pairs::matching::Reach;
+use crate::tracking::acceptance::SURELY_AGREEING;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
@@ -8,19 +10,14 @@ use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{every_nth, newest_reference, reference, support};
 use tessera_geometry::{Pose, Twist, Vector6, log};
 
-/// Inliers of a guess that needs no other reference.
-const SURE_INLIERS: usize = 30;
 /// Members of the window that are asked.
 const MOST_ASKED: usize = 2;
 /// Samples that are compared.
 const N_SAMPLES: usize = 300;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
-/// Squared distance from a prediction in units of its deviations that it has once in a thousand: the quantile of
-/// chi-square with six degrees of freedom.
-const ELSEWHERE_SQ: f64 = 22.46;
 /// Outer iterations from there: the start is at a solution, or not far from one.
-const OUTER_ITERATIONS: u32 = 3;
+pub(crate) const OUTER_ITERATIONS: u32 = 3;
 /// Part of the last change of velocity that is expected to go on.
 const AHEAD: f64 = 0.5;
 
@@ -46,7 +43,7 @@ pub(crate) fn guess_from_features(
     let seen = support(input, aligner, &some, &newest, &world_from_camera);
     let is_better = !prediction.is_known || seen >= LEAST_SUPPORT * predicted;
     let is_elsewhere =
-        || prediction.motion.as_ref().is_some_and(|m| m.squared_distance(&world_from_camera) > ELSEWHERE_SQ);
+        || prediction.motion.as_ref().is_some_and(|m| m.squared_distance(&world_from_camera) > CHI_SQUARE_6);
     if !is_better && !is_elsewhere() {
         return None;
     }
@@ -90,7 +87,7 @@ fn pose_from_features(
             if best.as_ref().is_none_or(|best| n > best.0) {
                 best = Some((n, reference.world_from_camera * pair.target_from_query));
             }
-            if n >= SURE_INLIERS {
+            if n >= SURELY_AGREEING as usize {
                 break;
             }
         }
