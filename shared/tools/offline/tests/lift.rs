@@ -18,7 +18,7 @@ const RIDE_AND_OUT: std::ops::Range<u64> = 6490..7000;
 /// In the cabin: what is seen from there does not tell where it is.
 const CABIN: std::ops::Range<u64> = 6490..6800;
 /// Way out of the cabin on which a ride is noticed, metres: another storey looks much like the one before.
-const NOTICED_M: f64 = 3.0;
+const NOTICED_M: f64 = 3.5;
 /// A tenth of a second from frame to frame.
 const EVERY: usize = 3;
 

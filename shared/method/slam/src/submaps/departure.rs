@@ -3,11 +3,10 @@
 //!
 //! Keyframes of long ago that should show what the frame shows are evidence for or against the map. The evidence
 //! against it is a cumulative sum (Page 1954): it never falls below 0, so that it begins with the keyframe from which
-//! on the map was wrong. Where it reaches the bound of the sequential test at which one right place in a hundred is missed, a submap begins with that keyframe. If
+//! on the map was wrong. Where it reaches its bound, a submap begins with that keyframe. If
 //! that was wrong, the next place that both know joins them again.
 
 use crate::evidence::same_place;
-use crate::evidence::sequential::SequentialTest;
 use crate::map::detection;
 use crate::map::records::{ContradictionRecord, FrameRecord, SplitRecord};
 use crate::map::state::KeyframeState;
@@ -25,6 +24,9 @@ use crate::tracking::window_alignment::reference;
 use tessera_geometry::Pose;
 use tessera_registration::Sampler;
 
+/// Share of looks at which a map that is right is taken as left, at most: a cumulative sum that restarts at 0 comes to
+/// `ln(1 / p)` once in `1 / p` looks or less often (Page 1954, Lorden 1971).
+const FALSE_DEPARTURES: f64 = 2e-3;
 /// Keyframes of long ago that look at what the frame looks at: a pair is aligned from where the map has it.
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
 
@@ -44,7 +46,7 @@ pub(crate) fn with_departure(
         None => known,
     };
     let record = FrameRecord { contradiction, ..record };
-    let is_certain = |known: &ContradictionRecord| SequentialTest::refutes(-known.sum_nats());
+    let is_certain = |known: &ContradictionRecord| known.sum_nats() >= -libm::log(FALSE_DEPARTURES);
     match contradiction.filter(is_certain) {
         // Drift misses what is near by the poses; what it sees is another part of the same map, unless frame after
         // frame is seen in another one.
