@@ -40,21 +40,7 @@ pub(crate) enum Outcome {
 impl Sender {
     pub(crate) fn new(camera: &Camera) -> Self {
         let session = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
-        let header = CameraFrame {
-            session,
-            width: camera.width,
-            height: camera.height,
-            colour_registered: u32::from(camera.colour_registered),
-            fx: camera.fx,
-            fy: camera.fy,
-            cx: camera.cx,
-            cy: camera.cy,
-            units_per_metre: camera.units_per_metre,
-            distortion: camera.distortion,
-            readout_s: camera.readout_s,
-            depth_offset_m: camera.depth_offset_m,
-            ..CameraFrame::default()
-        };
+        let header = CameraFrame { session, ..CameraFrame::of_camera(camera) };
         let shape = FrameShape { width: camera.width, height: camera.height };
         Self {
             header,

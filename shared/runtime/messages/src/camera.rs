@@ -82,6 +82,24 @@ impl CameraFrame {
         self.kind == Self::RELOCALISE
     }
 
+    /// The header of a camera's frames, which describes it; [`Self::camera`] reads it back.
+    pub fn of_camera(camera: &Camera) -> Self {
+        Self {
+            width: camera.width,
+            height: camera.height,
+            colour_registered: camera.colour_registered.into(),
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            units_per_metre: camera.units_per_metre,
+            distortion: camera.distortion,
+            readout_s: camera.readout_s,
+            depth_offset_m: camera.depth_offset_m,
+            ..Self::default()
+        }
+    }
+
     /// The camera that the header describes; `None` where the publisher leaves that to `--camera`.
     ///
     /// # Errors

@@ -1,5 +1,5 @@
 //! Whether what two parts of a map saw contradicts that they are one place: rooms that look alike agree in themselves,
-//! but what is about them does not (method 12.9).
+//! but what is about them does not (method 12.8).
 
 use crate::evidence::contradiction::{AskedPair, PairAnswer, one_place_nats};
 use crate::evidence::sequential::{SequentialTest, TestVerdict};

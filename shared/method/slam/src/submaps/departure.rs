@@ -3,8 +3,8 @@
 //!
 //! Keyframes of long ago that should show what the frame shows are evidence for or against the map. The evidence
 //! against it is a cumulative sum (Page 1954): it never falls below 0, so that it begins with the keyframe from which
-//! on the map was wrong. Where it reaches its bound, a submap begins with that keyframe. If
-//! that was wrong, the next place that both know joins them again.
+//! on the map was wrong. Where it reaches its bound, a submap begins with that keyframe. If that was wrong, the next
+//! place that both know joins them again.
 
 use crate::evidence::same_place;
 use crate::map::detection;

@@ -145,25 +145,13 @@ impl Program {
 
     fn publish(&self, to: &SlicePublisher<CameraFrame, u16>, index: u64, kind: u32) -> Option<()> {
         let camera = self.source.camera();
-        let Camera { width, height, .. } = *camera;
-        let shape = FrameShape { width, height };
+        let shape = FrameShape { width: camera.width, height: camera.height };
         let mut header = CameraFrame {
             session: std::process::id().into(),
             index,
             kind,
-            width,
-            height,
             ring_frames: if self.is_live { 0 } else { u32::MAX },
-            colour_registered: camera.colour_registered.into(),
-            fx: camera.fx,
-            fy: camera.fy,
-            cx: camera.cx,
-            cy: camera.cy,
-            units_per_metre: camera.units_per_metre,
-            distortion: camera.distortion,
-            readout_s: camera.readout_s,
-            depth_offset_m: camera.depth_offset_m,
-            ..CameraFrame::default()
+            ..CameraFrame::of_camera(camera)
         };
         let len = if kind == 1 { 1 } else { shape.payload_len() };
         let mut loan = to.loan(len).ok()?;
