@@ -5,22 +5,16 @@ use crate::map::culling;
 use crate::map::detection;
 use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
 use crate::map::state::{KeyframeState, MOST_COASTED_S, RecentFrame};
-use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::alike::alike;
 use crate::tracking::frame_record::frame_record;
 use crate::tracking::in_place::is_in_place;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::keyframe_test::{self, Distance};
-use crate::tracking::motion_model::predict;
-use crate::tracking::prediction::Prediction;
 use crate::tracking::window::Member;
-use crate::tracking::window_alignment::{WindowAlignment, align_to_window};
+use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Pose, log};
 
-/// Outer iterations of the repeated alignment: it starts at a solution, so once with wide limits
-/// and once with the last.
-const REPEATED_ITERATIONS: u32 = 2;
 /// Where the camera is where the map has it, one keyframe of so many is looked for among all others.
 const LOOKED_FOR_IN_PLACE: u32 = 4;
 
@@ -48,7 +42,7 @@ pub(crate) fn with_keyframe(
     // The window has closed what loops there are.
     let is_looked_for =
         keyframe.id.is_multiple_of(LOOKED_FOR_IN_PLACE) || !is_in_place(input, aligner, &aligned);
-    let (aligned, record) = realign(input, aligner, aligned, record, keyframe);
+    let (aligned, record) = relative_to(input, aligner, aligned, keyframe);
     Promoted { aligned, record, is_looked_for }
 }
 
@@ -124,32 +118,24 @@ fn central_velocity(input: &TrackingInput<'_>, previous: &RecentFrame, world_fro
     step.scaled(1.0 / seconds).to_vector().into()
 }
 
-/// The alignment repeated with the new keyframe in the window.
-fn realign(
+/// The alignment and its record relative to the new keyframe: it is the frame before, which was in the window.
+fn relative_to(
     input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
-    first: WindowAlignment,
-    record: FrameRecord,
+    aligner: &Aligner,
+    mut aligned: WindowAlignment,
     mut keyframe: KeyframeRecord,
 ) -> (WindowAlignment, FrameRecord) {
+    let recent = &input.map.state().recent;
+    for member in &mut aligned.members {
+        if matches!(member, Member::Recent(place) if recent[*place].index == keyframe.frame_index) {
+            *member = Member::Keyframe(keyframe.id);
+        }
+    }
     let candidate = candidate(input, &keyframe);
     let input = &TrackingInput { map: input.map.with_candidate(&candidate), ..*input };
-    let guess = Prediction {
-        world_from_camera: first.alignment.world_from_camera,
-        velocity: first.alignment.velocity,
-        first_distance_m: input.context.mapping.window.min_first_distance_m,
-        outer_iterations: REPEATED_ITERATIONS,
-        ..predict(input)
-    };
-    let second = align_to_window(input, aligner, &guess);
-    if acceptance::tracking(&input.context.mapping.window, &second.alignment).is_ok() {
-        keyframe.edges = edges(input, &second);
-        let record = frame_record(input, aligner, &second, Some(keyframe));
-        (second, record)
-    } else {
-        // The first alignment stands, relative to the keyframe it was made with.
-        (first, FrameRecord { new_keyframe: Some(keyframe), ..record })
-    }
+    keyframe.edges = edges(input, &aligned);
+    let record = frame_record(input, aligner, &aligned, Some(keyframe));
+    (aligned, record)
 }
 
 /// The new keyframe as the state will hold it once the record is applied.
