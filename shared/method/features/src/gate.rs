@@ -17,20 +17,18 @@ impl Gate {
 
     /// Whether a target lies inside; never for a NaN, as a point behind the camera predicts.
     #[inline(always)]
-    fn admits(&self, row: f32, column: f32) -> bool {
+    fn admits(&self, [row, column]: [f32; 2]) -> bool {
         let (row, column) = (row - self.pixel[0], column - self.pixel[1]);
         row * row + column * column <= self.radius_px * self.radius_px
     }
 }
 
-/// Height of the bands of the image by which targets are sorted, pixels.
-const BAND_PX: f32 = 8.0;
-/// Bands at most: the last one holds all below it.
-const MAX_BANDS: usize = 256;
-/// Targets that are looked at together.
-const LANES: usize = 16;
+/// Side of the cells of the image by which targets are sorted, pixels.
+const CELL_PX: f32 = 16.0;
+/// Cells along a side of the image at most: the last one holds all beyond it.
+const MOST_CELLS: usize = 256;
 
-/// A target as the bands hold it.
+/// A target as the cells hold it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GateTarget {
     pub(crate) descriptor: [u64; 4],
@@ -40,73 +38,67 @@ pub(crate) struct GateTarget {
     pub(crate) index: u32,
 }
 
-/// Targets by band of the image.
+/// Targets by cell of the image, rows of cells one after the other.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct TargetBands {
-    n_bands: usize,
-    /// Band `b` holds `targets[starts[b]..starts[b + 1]]`, in order of features.
+pub(crate) struct TargetCells {
+    /// Rows and columns of cells.
+    n: [usize; 2],
+    /// Cell `c` holds `targets[starts[c]..starts[c + 1]]`, in order of features.
     starts: Vec<u32>,
     targets: Vec<GateTarget>,
-    /// Row and column of each target, apart: all that a gate reads of most. Filled up to whole lanes with NaN.
-    rows: Vec<f32>,
-    columns: Vec<f32>,
-    /// Targets that the last gate admits.
-    within: Vec<u32>,
+    /// Of each target: all that a gate reads of most.
+    pixels: Vec<[f32; 2]>,
 }
 
-impl TargetBands {
+impl TargetCells {
     pub(crate) fn fill(&mut self, features: &[Feature]) {
-        let lowest = features.iter().fold(0.0f32, |most, f| most.max(f.pixel[0]));
-        self.n_bands = ((lowest / BAND_PX) as usize + 1).min(MAX_BANDS);
+        self.n = [0, 1].map(|axis| {
+            let farthest = features.iter().fold(0.0f32, |most, f| most.max(f.pixel[axis]));
+            ((farthest / CELL_PX) as usize + 1).min(MOST_CELLS)
+        });
+        let n = self.n;
+        let cell_of = |f: &Feature| cell(f.pixel[0], n[0]) * n[1] + cell(f.pixel[1], n[1]);
         self.starts.clear();
-        self.starts.resize(self.n_bands + 2, 0);
+        self.starts.resize(n[0] * n[1] + 2, 0);
         // Counted two places on, so that the starts are right once all are placed.
-        features.iter().for_each(|f| self.starts[band(f.pixel[0], self.n_bands) + 2] += 1);
-        (2..self.starts.len()).for_each(|b| self.starts[b] += self.starts[b - 1]);
+        features.iter().for_each(|f| self.starts[cell_of(f) + 2] += 1);
+        (2..self.starts.len()).for_each(|c| self.starts[c] += self.starts[c - 1]);
         self.targets.clear();
         self.targets
             .resize(features.len(), GateTarget { descriptor: [0; 4], pixel: [0.0; 2], level: 0, index: 0 });
-        for column in [&mut self.rows, &mut self.columns] {
-            column.clear();
-            column.resize(features.len() + LANES, f32::NAN);
-        }
+        self.pixels.clear();
+        self.pixels.resize(features.len(), [0.0; 2]);
         for (i, f) in features.iter().enumerate() {
-            let next = &mut self.starts[band(f.pixel[0], self.n_bands) + 1];
+            let next = &mut self.starts[cell_of(f) + 1];
             let (descriptor, pixel, level) = (f.descriptor, f.pixel, f.level);
             self.targets[*next as usize] = GateTarget { descriptor, pixel, level, index: i as u32 };
-            [self.rows[*next as usize], self.columns[*next as usize]] = f.pixel;
+            self.pixels[*next as usize] = pixel;
             *next += 1;
         }
     }
 
-    /// The targets that the gate admits.
+    /// Takes the targets that the gate admits.
     #[inline(always)]
-    pub(crate) fn within(&mut self, gate: &Gate) -> impl Iterator<Item = &GateTarget> {
-        let first = band(gate.pixel[0] - gate.radius_px, self.n_bands);
-        let last = band(gate.pixel[0] + gate.radius_px, self.n_bands);
-        let (from, to) = (self.starts[first] as usize, self.starts[last + 1] as usize);
-        self.within.clear();
-        for at in (from..to).step_by(LANES) {
-            let run = |column: &[f32]| *column[at..].first_chunk::<LANES>().unwrap_or(&[f32::NAN; LANES]);
-            let (rows, columns) = (run(&self.rows), run(&self.columns));
-            // Without a branch for each target, which would be foretold badly.
-            let mut bits = [0u32; LANES];
-            (0..LANES).for_each(|l| bits[l] = u32::from(gate.admits(rows[l], columns[l])) << l);
-            let mut admitted = bits.iter().fold(0, |all, bit| all | bit);
-            while admitted != 0 {
-                let place = at + admitted.trailing_zeros() as usize;
-                admitted &= admitted - 1;
-                if place < to {
-                    self.within.push(place as u32);
+    pub(crate) fn within(&self, gate: &Gate, mut take: impl FnMut(&GateTarget)) {
+        let [rows, columns] = [0, 1].map(|axis| {
+            let at = |side: f32| cell(gate.pixel[axis] + side, self.n[axis]);
+            at(-gate.radius_px)..at(gate.radius_px) + 1
+        });
+        for row in rows {
+            // Cells beside each other hold one run of targets.
+            let [from, to] =
+                [columns.start, columns.end].map(|column| self.starts[row * self.n[1] + column] as usize);
+            for (pixel, target) in self.pixels[from..to].iter().zip(&self.targets[from..to]) {
+                if gate.admits(*pixel) {
+                    take(target);
                 }
             }
         }
-        self.within.iter().map(|target| &self.targets[*target as usize])
     }
 }
 
 #[inline(always)]
-fn band(row: f32, n: usize) -> usize {
+fn cell(pixel: f32, n: usize) -> usize {
     // A cast saturates, NaN becomes 0.
-    ((row / BAND_PX) as usize).min(n - 1)
+    ((pixel / CELL_PX) as usize).min(n - 1)
 }

@@ -1,7 +1,7 @@
 //! Data association by descriptor: mutual nearest neighbours with a ratio test.
 
 use crate::feature::Feature;
-use crate::gate::{Gate, GateTarget, TargetBands};
+use crate::gate::{Gate, TargetCells};
 use crate::settings::MatchSettings;
 use tessera_numerics::Isa;
 
@@ -20,7 +20,7 @@ pub struct FeatureMatch {
 #[derive(Clone, Debug)]
 pub struct MatchWorkspace {
     arch: pulp::Arch,
-    bands: TargetBands,
+    cells: TargetCells,
     inside: Vec<(u32, [f32; 2])>,
     candidates: MatchCandidates,
     distances: Vec<u32>,
@@ -36,7 +36,7 @@ impl MatchWorkspace {
     pub fn new(arch: pulp::Arch) -> Self {
         Self {
             arch,
-            bands: TargetBands::default(),
+            cells: TargetCells::default(),
             inside: Vec::new(),
             candidates: MatchCandidates::default(),
             distances: Vec::new(),
@@ -141,7 +141,7 @@ impl pulp::WithSimd for Matching<'_> {
         w.of_target.resize(targets.len(), u32::MAX);
         match gates {
             Some(gates) => {
-                w.bands.fill(targets);
+                w.cells.fill(targets);
                 queries
                     .iter()
                     .zip(gates)
@@ -163,22 +163,22 @@ impl MatchWorkspace {
     /// One query among the few targets that its gate admits.
     #[inline(always)]
     fn match_gated(&mut self, q: u32, (query, gate): (&Feature, &Gate), settings: &MatchSettings) {
-        self.inside.clear();
+        let Self { cells, inside, of_target, .. } = self;
+        inside.clear();
         let (mut nearest, mut pixel) = (key(REFUSED, 0), [0.0; 2]);
-        for GateTarget { descriptor, pixel: at, level, index } in self.bands.within(gate) {
-            if u32::from(query.level.abs_diff(*level)) > settings.max_level_difference {
-                continue;
+        cells.within(gate, |target| {
+            if u32::from(query.level.abs_diff(target.level)) > settings.max_level_difference {
+                return;
             }
-            let distance = hamming_distance(&query.descriptor, descriptor);
-            self.inside.push((distance, *at));
-            if key(distance, *index) < nearest {
-                (nearest, pixel) = (key(distance, *index), *at);
+            let distance = hamming_distance(&query.descriptor, &target.descriptor);
+            inside.push((distance, target.pixel));
+            if key(distance, target.index) < nearest {
+                (nearest, pixel) = (key(distance, target.index), target.pixel);
             }
-            let best = &mut self.of_target[*index as usize];
+            let best = &mut of_target[target.index as usize];
             *best = (*best).min(key(distance, q));
-        }
-        let elsewhere =
-            self.inside.iter().filter(|(_, at)| is_elsewhere(*at, pixel, settings.same_corner_px));
+        });
+        let elsewhere = inside.iter().filter(|(_, at)| is_elsewhere(*at, pixel, settings.same_corner_px));
         self.second.push(elsewhere.fold(REFUSED, |second, (distance, _)| second.min(*distance)));
         self.of_query.push(nearest);
     }
