@@ -28,8 +28,7 @@ impl KeyframeSurfaces for Surfaces {
 pub(crate) fn optimiser(n: u64) -> (Optimiser, RequestRecord, Surfaces) {
     let source = SimulatedSource::open(SceneName::House, None, None, &SimulationOptions::default())
         .expect("the house opens");
-    let mut method = Method::default();
-    method.mapping.global.final_iterations = 1;
+    let method = Method::default();
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
     let truth = source.ground_truth().expect("a simulated scene has a ground truth");
     let n_of_a_round = truth.poses.len() as u64 / SPACING;

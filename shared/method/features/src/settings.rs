@@ -122,8 +122,6 @@ pub struct PoseSettings {
     pub min_inliers: u32,
     /// Iterations of the refinement at most.
     pub refine_iterations: u32,
-    /// Below this pose change the refinement ends, metres and radians.
-    pub min_change: f64,
     /// Degenerate beyond: standard deviation of the translation in any direction, metres.
     pub max_translation_sigma_m: f64,
     /// Degenerate beyond: standard deviation of the rotation about any axis, radians.
@@ -138,7 +136,6 @@ impl Default for PoseSettings {
             inlier_sigmas: 3.0,
             min_inliers: 8,
             refine_iterations: 8,
-            min_change: 1e-6,
             max_translation_sigma_m: 0.1,
             max_rotation_sigma_rad: 0.03,
         }
@@ -157,7 +154,6 @@ impl PoseSettings {
             ("inlier_sigmas", self.inlier_sigmas, 0.5, 10.0),
             ("min_inliers", self.min_inliers.into(), 4.0, 1000.0),
             ("refine_iterations", self.refine_iterations.into(), 1.0, 100.0),
-            ("min_change", self.min_change, 0.0, 1e-2),
             ("max_translation_sigma_m", self.max_translation_sigma_m, 1e-4, 100.0),
             ("max_rotation_sigma_rad", self.max_rotation_sigma_rad, 1e-4, 10.0),
         ])

@@ -141,7 +141,7 @@ const REMOVED: [(&str, &str); 98] = [
     ("mapping.global.neighbours", "it is 12 now"),
     ("mapping.global.queries_per_pair", "it is 150 now"),
     ("mapping.global.outer_iterations", "it is 2 now"),
-    ("mapping.global.final_iterations", "it is 4 now"),
+    ("mapping.global.final_iterations", "it is 2 now"),
     ("mapping.global.first_distance_m", "it is 0.15 now"),
     ("mapping.global.min_overlap", "it is 0.2 now"),
     ("mapping.global.max_in_front", "it is 0.2 now"),

@@ -22,12 +22,10 @@ impl KeyframeSurfaces for Surfaces {
 const SPACING: u64 = 6;
 const N_FRAMES: u64 = 360;
 
-/// Largest error after one outer iteration from drifted poses, metres, and loops that count.
+/// Largest error after an optimisation from drifted poses, metres, and loops that count.
 fn solved(is_recognised: bool) -> (f64, usize) {
     let source = SimulatedSource::open(SceneName::Room, None, None, &SimulationOptions::default()).unwrap();
-    let mut method = Method::default();
-    // With more of them the poses come near enough for loops to be found without recognition.
-    method.mapping.global.final_iterations = 1;
+    let method = Method::default();
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
     let n = (source.camera().width * source.camera().height) as usize;
     // Once round, and on into what has been seen.
@@ -50,8 +48,8 @@ fn solved(is_recognised: bool) -> (f64, usize) {
     let all = &source.ground_truth().unwrap().poses;
     let truth: Vec<Pose> = indices.iter().map(|i| all[0].inverse() * all[(i % N_FRAMES) as usize]).collect();
     let mut drift = Twist::default();
-    drift.rho.x = 0.025;
-    drift.phi.y = 0.006;
+    drift.rho.x = 0.035;
+    drift.phi.y = 0.009;
     let drifted: Vec<Pose> =
         truth.iter().enumerate().map(|(k, pose)| exp(&drift.scaled(k as f64)) * pose).collect();
     let worst = translation_rotation_norms(&(truth[truth.len() - 1].inverse() * drifted[truth.len() - 1]));

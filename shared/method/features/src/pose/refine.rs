@@ -15,6 +15,9 @@ pub(crate) fn limit_sq(residual: &ReprojectionResidual, inlier_sigmas: f64) -> f
 /// Errors beyond this times the limit have weight 0 (in squares), so that far outliers do not add up.
 const CUT: f64 = 4.0;
 
+/// A step of a tenth of the pose's standard deviation is the last.
+const STILL_SQ: f64 = 0.01;
+
 /// Least squares with the weights of Geman and McClure from a first pose; `None` where the
 /// correspondences near it do not determine a pose.
 pub(crate) fn refine(
@@ -34,9 +37,10 @@ pub(crate) fn refine(
                 normal.add(&residual, weight * weight);
             }
         }
-        let delta = Twist::from_vector(&normal.solve()?);
-        target_from_query = compose_normalised(&target_from_query, &delta);
-        if !(delta.rho.norm().max(delta.phi.norm()) > settings.min_change) {
+        let delta = normal.solve()?;
+        target_from_query = compose_normalised(&target_from_query, &Twist::from_vector(&delta));
+        // The squared step in standard deviations of the pose.
+        if !(normal.gradient.dot(&delta) > STILL_SQ) {
             break;
         }
     }

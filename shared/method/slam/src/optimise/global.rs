@@ -53,7 +53,6 @@ pub(crate) struct Start<'a> {
     pub(crate) known: &'a KnownLoops,
     /// The frames of the runs whose culled keyframes are solved for as well; others move along with their anchors.
     pub(crate) runs: &'a [RunFrames<'a>],
-    pub(crate) outer_iterations: u32,
 }
 
 /// Solves for all active keyframes. Where that takes all weight from the loops that hold submaps
@@ -128,7 +127,7 @@ fn solve_joined(
         poses,
         is_fixed,
         priors: Vec::new(),
-        schedule: Schedule::shrinking(start.outer_iterations, INNER_ITERATIONS),
+        schedule: Schedule::shrinking(GlobalSettings::OUTER_ITERATIONS, INNER_ITERATIONS),
         kernel: Some(GemanMcClure {
             limit_sigmas: GlobalSettings::LOOP_RESIDUAL_SIGMAS,
             metric_factor: context.matcher().metric_factor(),

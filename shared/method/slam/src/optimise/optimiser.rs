@@ -21,7 +21,6 @@ use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::said_loops::SaidLoops;
 use crate::optimise::sample_cache::Drawn;
 use crate::pairs::feature_cache::FeatureCache;
-use crate::settings::GlobalSettings;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -242,11 +241,8 @@ impl Optimiser {
         runs: &[RunFrames<'_>],
         progress: &mut dyn FnMut(),
     ) -> SolvedKeyframes {
-        let Pending { request, keyframes, submaps, colour, noise, cameras } = pending;
+        let Pending { keyframes, submaps, colour, noise, cameras, .. } = pending;
         let context = self.context.with_colour(colour, noise).with_cameras(cameras.clone());
-        let settings = &self.context.mapping.global;
-        let iterations =
-            if request.is_final { settings.final_iterations } else { GlobalSettings::OUTER_ITERATIONS };
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
         self.cache.begin(context.colour, &active.iter().map(|k| k.id).collect::<Vec<_>>());
         let start = Start {
@@ -258,7 +254,6 @@ impl Optimiser {
             cache: &self.cache,
             known: &self.said.settled(),
             runs,
-            outer_iterations: iterations,
         };
         let solution = global::solve(&start, submaps, progress);
         let solved = named(&active, &solution.poses, &solution.culled);

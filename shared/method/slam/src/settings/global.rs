@@ -1,24 +1,14 @@
 //! Settings of the global optimisation, and its fixed numbers.
 
 use serde::{Deserialize, Serialize};
-use tessera_numerics::{SettingError, check_range};
 
 /// The optimisation of all keyframes (method 8).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GlobalSettings {
     /// The final request solves for the camera too. What was tracked and mapped stays as it is;
     /// the outputs are those of the refined camera.
     pub refine_camera: bool,
-    /// Outer iterations of the final request.
-    #[serde(skip)]
-    pub final_iterations: u32,
-}
-
-impl Default for GlobalSettings {
-    fn default() -> Self {
-        Self { refine_camera: false, final_iterations: 4 }
-    }
 }
 
 impl GlobalSettings {
@@ -34,7 +24,7 @@ impl GlobalSettings {
     pub const NEIGHBOURS: usize = 12;
     /// Queries of a pair: few, as a keyframe has many pairs.
     pub const QUERIES_PER_PAIR: usize = 150;
-    /// Outer iterations of a request during the run; the next request continues.
+    /// Outer iterations of a request: more change nothing (docs/laboratory.md).
     pub const OUTER_ITERATIONS: u32 = 2;
     /// First distance limit, metres: the drift that a pair may have.
     pub const FIRST_DISTANCE_M: f64 = 0.15;
@@ -45,9 +35,4 @@ impl GlobalSettings {
     /// Disagreement with the graph beyond which a loop pair loses its weight, standard deviations of
     /// depth (method 8.3).
     pub const LOOP_RESIDUAL_SIGMAS: f64 = 1.0;
-
-    /// Checks every range, NaN included.
-    pub(super) fn check(&self) -> Result<(), SettingError> {
-        check_range("global.final_iterations", self.final_iterations.into(), 1.0, 100.0)
-    }
 }

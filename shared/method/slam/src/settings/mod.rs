@@ -52,7 +52,6 @@ impl MappingSettings {
         self.keyframe.check()?;
         self.loops.check()?;
         self.relocalise.check()?;
-        self.submaps.check()?;
-        self.global.check()
+        self.submaps.check()
     }
 }
