@@ -5,8 +5,8 @@ use tessera_geometry::{Pose, PoseBits, Twist, exp};
 use tessera_offline::Method;
 use tessera_slam::Ferns;
 use tessera_slam::{
-    AlignRecord, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, Optimiser, RequestRecord, State,
-    StoreSlot,
+    AlignRecord, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, MapChange, Optimiser, PoseRecord,
+    RequestRecord, StoreSlot,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{SurfaceView, Vertex};
@@ -79,34 +79,8 @@ fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
     FrameRecord {
         index,
         stamp_nanos,
-        workload: tessera_surface::WorkloadLevel::Full,
-        state: State::Tracking,
-        reason: String::new(),
-        submap: 0,
-        lost_nanos: 0,
-        causes: tessera_slam::FrameCauses::default(),
-        evidence_nats: 0.0,
-        world_from_camera,
-        world_from_odom: PoseBits::IDENTITY,
-        rotation: None,
-        keyframe: id,
-        keyframe_from_camera: PoseBits::IDENTITY,
-        covariance: Vec::new(),
-        n_correspondences: 0,
-        velocity: [0.0; 6],
-        entropy_nats: f64::NAN,
-        colour: None,
-        colour_pose: None,
-        noise: None,
-        repeats_colour: false,
-        blocks: Vec::new(),
-        new_keyframe,
-        request: None,
-        moved: Vec::new(),
-        sighting: None,
-        join: None,
-        refused: None,
-        contradiction: None,
-        split: None,
+        pose: PoseRecord { world_from_camera, keyframe: id, ..PoseRecord::default() },
+        change: MapChange { new_keyframe, ..MapChange::default() },
+        ..FrameRecord::default()
     }
 }

@@ -223,7 +223,9 @@ fn walked(source: &SimulatedSource, method: &Method, frames: Vec<u64>) -> Result
             run.push(frame);
             let own = run.last_features().to_vec();
             let made = match run.records().last() {
-                Some(AlignRecord::Frame(frame)) => frame.new_keyframe.as_ref().map(|k| (frame.index, k)),
+                Some(AlignRecord::Frame(frame)) => {
+                    frame.change.new_keyframe.as_ref().map(|k| (frame.index, k))
+                }
                 _ => None,
             };
             // A keyframe is this frame or the one before it.

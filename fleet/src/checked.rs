@@ -64,7 +64,7 @@ impl RunFacts {
                 let is_tracked = frame.state == State::Tracking;
                 self.n_tracked = self.n_tracked.saturating_add(is_tracked.into());
                 self.n_submaps = self.n_submaps.max(frame.submap.saturating_add(1));
-                self.note_request(frame.request.map(|request| request.request));
+                self.note_request(frame.change.request.map(|request| request.request));
             }
             AlignRecord::Map(map) => self.n_submaps = self.n_submaps.max(map.submaps.n()),
             AlignRecord::End { request, .. } => {
@@ -89,7 +89,7 @@ impl RunFacts {
                 self.is_active.extend(map.keyframes.iter().map(KeyframeState::is_active))
             }
             AlignRecord::Frame(frame) => {
-                if let Some(keyframe) = &frame.new_keyframe {
+                if let Some(keyframe) = &frame.change.new_keyframe {
                     self.is_active.push(true);
                     for retired in &keyframe.retires {
                         if let Some(is_active) = self.is_active.get_mut(retired.keyframe as usize) {
@@ -97,7 +97,7 @@ impl RunFacts {
                         }
                     }
                 }
-                if let Some(SplitRecord { carried: Some(carried), first, .. }) = frame.split {
+                if let Some(SplitRecord { carried: Some(carried), first, .. }) = frame.change.split {
                     let carried = self.is_active.iter_mut().take(first as usize).skip(carried as usize);
                     carried.for_each(|is_active| *is_active = false);
                 }

@@ -71,27 +71,30 @@ fn check_frame(frame: &FrameRecord, facts: &RunFacts) -> Result<(), String> {
     // The one that this frame makes may be named by it.
     let n = facts.slots.len().saturating_add(1);
     let n_submaps = check_submap(frame, facts)?;
-    check_numbers(&frame.velocity)?;
-    check_covariance(&frame.covariance)?;
-    check_ids(frame.blocks.iter().map(|block| block.keyframe).chain([frame.keyframe]), n)?;
-    frame.blocks.iter().try_for_each(|block| check_pose(&block.keyframe_from_camera))?;
-    if let Some(sighting) = &frame.sighting {
+    check_numbers(&frame.pose.velocity)?;
+    check_covariance(&frame.pose.covariance)?;
+    check_ids(frame.evidence.blocks.iter().map(|block| block.keyframe).chain([frame.pose.keyframe]), n)?;
+    frame.evidence.blocks.iter().try_for_each(|block| check_pose(&block.keyframe_from_camera))?;
+    if let Some(sighting) = &frame.change.sighting {
         check_ids([sighting.seen, sighting.own].into_iter(), n)?;
         check_pose(&sighting.seen_from_own)?;
     }
-    for join in frame.join.iter().chain(&frame.refused) {
+    for join in frame.change.join.iter().chain(&frame.change.refused) {
         check_join(join, n_submaps)?;
     }
     // It may name the keyframe that comes next.
-    check_ids(frame.contradiction.iter().flat_map(|known| [known.first, known.seen]), n.saturating_add(1))?;
-    if let Some(request) = &frame.request {
+    check_ids(
+        frame.change.contradiction.iter().flat_map(|known| [known.first, known.seen]),
+        n.saturating_add(1),
+    )?;
+    if let Some(request) = &frame.change.request {
         check_n_keyframes(request.n_keyframes, n)?;
     }
-    if let Some(keyframe) = &frame.new_keyframe {
+    if let Some(keyframe) = &frame.change.new_keyframe {
         check_new_keyframe(keyframe, n)?;
     }
-    check_poses(&frame.moved, facts)?;
-    let poses = [frame.world_from_camera, frame.keyframe_from_camera, frame.world_from_odom];
+    check_poses(&frame.change.moved, facts)?;
+    let poses = [frame.pose.world_from_camera, frame.pose.keyframe_from_camera, frame.pose.world_from_odom];
     poses.iter().try_for_each(check_pose)
 }
 
@@ -106,13 +109,13 @@ fn check_new_keyframe(keyframe: &KeyframeRecord, n: usize) -> Result<(), String>
 /// A submap is known or the next one; a split makes one to three. Answers how many there are behind it.
 fn check_submap(frame: &FrameRecord, facts: &RunFacts) -> Result<u32, String> {
     let mut next = facts.n_submaps;
-    if let Some(split) = &frame.split {
+    if let Some(split) = &frame.change.split {
         let n_made = u32::try_from(split.firsts().count()).unwrap_or(u32::MAX);
         next = next.saturating_add(n_made.saturating_sub(1));
         check_ids(split.firsts(), facts.slots.len().saturating_add(1))?;
     }
     match frame.submap {
-        submap if submap <= next && (frame.split.is_none() || submap == next) => {
+        submap if submap <= next && (frame.change.split.is_none() || submap == next) => {
             Ok(facts.n_submaps.max(submap.saturating_add(1)))
         }
         submap => Err(format!("submap {submap}, there are {}", facts.n_submaps)),

@@ -106,7 +106,7 @@ pub(crate) fn log_static(recording: &RecordingStream, camera: &Camera) -> Result
 
 /// Logs where the camera is.
 pub(crate) fn log_pose(recording: &RecordingStream, frame: &FrameRecord) -> Result<(), ViewError> {
-    log(recording, "world/camera", &transform(&Pose::from(&frame.world_from_camera)))
+    log(recording, "world/camera", &transform(&Pose::from(&frame.pose.world_from_camera)))
 }
 
 fn jpeg(camera: &Camera, colour: &[u8]) -> Result<EncodedImage, ViewError> {

@@ -159,7 +159,7 @@ impl Feed<'_> {
 
 /// Standard deviation of the position, from the diagonal of the covariance.
 fn std_m(frame: &FrameRecord) -> Option<f64> {
-    let variances = [0, 6, 11].map(|place| frame.covariance.get(place).copied());
+    let variances = [0, 6, 11].map(|place| frame.pose.covariance.get(place).copied());
     let [Some(x), Some(y), Some(z)] = variances else { return None };
     Some((x + y + z).max(0.0).sqrt()).filter(|std| std.is_finite())
 }

@@ -52,7 +52,7 @@ impl Map {
         self.surfaces.take(record)?;
         let before: Vec<Pose> = match record {
             // It moves nothing, and most records are like it.
-            AlignRecord::Frame(frame) if frame.moved.is_empty() && frame.new_keyframe.is_none() => {
+            AlignRecord::Frame(frame) if frame.change.moved.is_empty() && frame.change.new_keyframe.is_none() => {
                 return Ok(());
             }
             _ => self.poses.keyframe_poses().collect(),
@@ -70,7 +70,7 @@ impl Map {
                 let edges = |keyframe: &KeyframeRecord| -> Vec<u32> {
                     keyframe.edges.iter().map(|edge| edge.to).collect()
                 };
-                self.edges.extend(frame.new_keyframe.as_ref().map(edges));
+                self.edges.extend(frame.change.new_keyframe.as_ref().map(edges));
             }
             AlignRecord::Correction(applied) => self.apply_verdicts(&applied.correction),
             AlignRecord::Skipped(..) | AlignRecord::End { .. } => {}

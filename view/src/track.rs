@@ -33,7 +33,7 @@ impl Track {
     }
 
     fn add(&mut self, frame: &FrameRecord) {
-        self.piece.push(place(&Pose::from(&frame.world_from_camera)));
+        self.piece.push(place(&Pose::from(&frame.pose.world_from_camera)));
         self.has_grown = true;
         self.frames.push(frame.into());
     }

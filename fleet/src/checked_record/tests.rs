@@ -29,9 +29,10 @@ fn frame(makes_keyframe: bool) -> FrameRecord {
         AlignRecord::Frame(frame) => Some(*frame),
         _ => None,
     });
-    let mut frame = frames.into_iter().find(|frame| frame.new_keyframe.is_some() == makes_keyframe).unwrap();
-    frame.keyframe = 0;
-    if let Some(keyframe) = &mut frame.new_keyframe {
+    let mut frame =
+        frames.into_iter().find(|frame| frame.change.new_keyframe.is_some() == makes_keyframe).unwrap();
+    frame.pose.keyframe = 0;
+    if let Some(keyframe) = &mut frame.change.new_keyframe {
         (keyframe.id, keyframe.edges) = (2, Vec::new());
     }
     frame
@@ -55,20 +56,22 @@ fn keyframes_that_are_not_there_are_refused_wherever_they_are_named() {
     let sighting = |seen, own| SightingRecord { seen, own, seen_from_own: pose(), n_confirmed: 1 };
     let request = RequestRecord { request: 0, n_keyframes: 7, effective_before: 9, is_final: false };
     let lies = [
-        lie(false, |f| f.keyframe = u32::MAX),
-        lie(false, |f| f.blocks = vec![block.clone()]),
-        lie(false, |f| f.sighting = Some(sighting(7, 0))),
-        lie(false, |f| f.sighting = Some(sighting(0, 7))),
+        lie(false, |f| f.pose.keyframe = u32::MAX),
+        lie(false, |f| f.evidence.blocks = vec![block.clone()]),
+        lie(false, |f| f.change.sighting = Some(sighting(7, 0))),
+        lie(false, |f| f.change.sighting = Some(sighting(0, 7))),
         lie(false, |f| {
-            f.contradiction =
+            f.change.contradiction =
                 Some(ContradictionRecord { first: 7, before_nats: 0.0, seen: 0, n_looks: 1, looks_nats: 1.0 })
         }),
-        lie(false, |f| f.request = Some(request)),
-        lie(true, |f| f.new_keyframe.as_mut().unwrap().alike = vec![u32::MAX]),
-        lie(true, |f| f.new_keyframe.as_mut().unwrap().edges = vec![EdgeRecord { to: 7, is_loop: true }]),
+        lie(false, |f| f.change.request = Some(request)),
+        lie(true, |f| f.change.new_keyframe.as_mut().unwrap().alike = vec![u32::MAX]),
+        lie(true, |f| {
+            f.change.new_keyframe.as_mut().unwrap().edges = vec![EdgeRecord { to: 7, is_loop: true }]
+        }),
         lie(true, |f| {
             let retired = RetiredRecord { keyframe: 0, anchored_to: 7 };
-            f.new_keyframe.as_mut().unwrap().retires = vec![retired];
+            f.change.new_keyframe.as_mut().unwrap().retires = vec![retired];
         }),
     ];
     for words in lies {
@@ -79,13 +82,13 @@ fn keyframes_that_are_not_there_are_refused_wherever_they_are_named() {
 #[test]
 fn submaps_and_poses_that_cannot_be_are_refused() {
     let join = |kept, moved, kept_from_moved| JoinRecord { kept, moved, kept_from_moved };
-    assert!(lie(false, |f| f.join = Some(join(0, 7, pose()))).contains("component 7 is joined"));
-    assert!(lie(false, |f| f.refused = Some(join(u32::MAX, 0, pose()))).contains("is joined"));
-    assert!(lie(false, |f| f.join = Some(join(0, 0, far()))).contains("a pose that none can have"));
+    assert!(lie(false, |f| f.change.join = Some(join(0, 7, pose()))).contains("component 7 is joined"));
+    assert!(lie(false, |f| f.change.refused = Some(join(u32::MAX, 0, pose()))).contains("is joined"));
+    assert!(lie(false, |f| f.change.join = Some(join(0, 0, far()))).contains("a pose that none can have"));
     assert!(lie(false, |f| f.submap = 7).contains("submap 7"));
-    assert!(lie(false, |f| f.covariance = vec![0.0; 5]).contains("a covariance of 5 numbers"));
-    assert!(lie(false, |f| f.velocity = [f64::NAN; 6]).contains("numbers that are none"));
-    assert!(lie(false, |f| f.world_from_camera = far()).contains("a pose that none can have"));
+    assert!(lie(false, |f| f.pose.covariance = vec![0.0; 5]).contains("a covariance of 5 numbers"));
+    assert!(lie(false, |f| f.pose.velocity = [f64::NAN; 6]).contains("numbers that are none"));
+    assert!(lie(false, |f| f.pose.world_from_camera = far()).contains("a pose that none can have"));
 }
 
 #[test]

@@ -303,7 +303,7 @@ fn records_that_none_can_have_stop_a_copy_before_them() {
             frame.submap = u32::MAX;
             bad.push(AlignRecord::Frame(frame.clone()));
             frame.submap = 0;
-            frame.world_from_camera.translation_m[0] = f64::NAN;
+            frame.pose.world_from_camera.translation_m[0] = f64::NAN;
             bad.push(AlignRecord::Frame(frame));
         }
     }

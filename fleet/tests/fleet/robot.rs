@@ -138,8 +138,8 @@ impl Robot {
         let (mut before, mut largest, mut moved): (Option<(Pose, Pose)>, f64, f64) = (None, 0.0, 0.0);
         while let Some(record) = journal.next().unwrap() {
             let AlignRecord::Frame(frame) = record else { continue };
-            let world_from_odom = Pose::from(&frame.world_from_odom);
-            let odom_from_camera = world_from_odom.inverse() * Pose::from(&frame.world_from_camera);
+            let world_from_odom = Pose::from(&frame.pose.world_from_odom);
+            let odom_from_camera = world_from_odom.inverse() * Pose::from(&frame.pose.world_from_camera);
             if let Some((world_before, camera_before)) = before {
                 let step = camera_before.inverse() * odom_from_camera;
                 largest = largest.max(translation_rotation_norms(&step).0);

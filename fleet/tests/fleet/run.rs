@@ -9,10 +9,11 @@ use tessera_messages::store_surface;
 use tessera_numerics::SplitMix64;
 use tessera_settings::Settings;
 use tessera_slam::{
-    AlignRecord, Correction, FrameRecord, KeyframeRecord, OptimiseRecord, RetiredRecord, State, Submaps,
+    AlignRecord, Correction, FrameRecord, KeyframeRecord, MapChange, OptimiseRecord, PoseRecord,
+    RetiredRecord, Submaps,
 };
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
-use tessera_surface::{Grid, Vertex, WorkloadLevel};
+use tessera_surface::{Grid, Vertex};
 use tessera_transport::RunIdentity;
 
 /// Frames from one keyframe to the next.
@@ -85,35 +86,15 @@ impl GrowingRun {
         let record = FrameRecord {
             index,
             stamp_nanos: index as i64 * 33_000_000,
-            workload: WorkloadLevel::Full,
-            state: State::Tracking,
             reason: self.words(),
-            submap: 0,
-            lost_nanos: 0,
-            causes: tessera_slam::FrameCauses::default(),
-            evidence_nats: 0.0,
-            world_from_camera: pose,
-            world_from_odom: PoseBits::IDENTITY,
-            keyframe,
-            keyframe_from_camera: PoseBits::IDENTITY,
-            covariance: Vec::new(),
-            n_correspondences: 0,
-            velocity: [0.0; 6],
-            rotation: None,
-            entropy_nats: 0.0,
-            colour: None,
-            noise: None,
-            repeats_colour: false,
-            colour_pose: None,
-            blocks: Vec::new(),
-            moved: Vec::new(),
-            sighting: None,
-            join: None,
-            refused: None,
-            contradiction: None,
-            split: None,
-            new_keyframe,
-            request: None,
+            pose: PoseRecord {
+                world_from_camera: pose,
+                keyframe,
+                entropy_nats: 0.0,
+                ..PoseRecord::default()
+            },
+            change: MapChange { new_keyframe, ..MapChange::default() },
+            ..FrameRecord::default()
         };
         self.align.append(&AlignRecord::Frame(Box::new(record)), false).unwrap();
         if index % 5 == 4 {

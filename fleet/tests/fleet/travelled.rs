@@ -39,7 +39,7 @@ fn walked(
         let own = run.last_features().to_vec();
         // A keyframe is this frame or the one before it.
         if let Some(AlignRecord::Frame(frame)) = run.records().last()
-            && let Some(keyframe) = &frame.new_keyframe
+            && let Some(keyframe) = &frame.change.new_keyframe
         {
             features.push(if frame.index == keyframe.frame_index { own.clone() } else { before });
         }

@@ -142,7 +142,7 @@ impl JournaledAligner {
         let sync = self.fsync != Fsync::Never;
         let (bytes, vertices) = store_surface(self.grid, surface);
         let slot = self.store.append(&bytes, sync)?;
-        if let Some(keyframe) = &mut record.new_keyframe {
+        if let Some(keyframe) = &mut record.change.new_keyframe {
             keyframe.slot = store_slot(&slot);
             self.stored = Some((bytes, vertices));
         }
@@ -151,7 +151,7 @@ impl JournaledAligner {
 
     /// Journals a record and applies it: the commit point.
     pub(crate) fn commit(&mut self, record: AlignRecord) -> Result<(), StageError> {
-        let is_plain = matches!(&record, AlignRecord::Frame(f) if f.new_keyframe.is_none())
+        let is_plain = matches!(&record, AlignRecord::Frame(f) if f.change.new_keyframe.is_none())
             || matches!(record, AlignRecord::Skipped(..));
         let sync = match self.fsync {
             // `Auto` is none of a run.

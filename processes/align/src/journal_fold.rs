@@ -90,7 +90,7 @@ impl JournalFold {
         self.tracker.apply(&record);
         match record {
             AlignRecord::Frame(frame) => {
-                let edges = frame.new_keyframe.iter().flat_map(|keyframe| &keyframe.edges);
+                let edges = frame.change.new_keyframe.iter().flat_map(|keyframe| &keyframe.edges);
                 self.n_loops += u64::from(edges.filter(|edge| edge.is_loop).count() > 0);
                 self.last_frame = Some(*frame);
             }

@@ -7,8 +7,8 @@ use tessera_slam::{FrameRecord, State};
 /// The pose message of a record: a pure function of it, but for the times. What its reason says of the map is
 /// in the journal alone where the pose goes out first.
 pub(crate) fn pose_message(record: &FrameRecord, times: StepTimes) -> PoseMessage {
-    let world_from_odom = Pose::from(&record.world_from_odom);
-    let odom_from_camera = world_from_odom.inverse() * Pose::from(&record.world_from_camera);
+    let world_from_odom = Pose::from(&record.pose.world_from_odom);
+    let odom_from_camera = world_from_odom.inverse() * Pose::from(&record.pose.world_from_camera);
     PoseMessage {
         index: record.index,
         stamp_nanos: record.stamp_nanos,
@@ -17,11 +17,11 @@ pub(crate) fn pose_message(record: &FrameRecord, times: StepTimes) -> PoseMessag
             State::Lost => 1,
             State::Relocalising => 2,
         },
-        n_correspondences: record.n_correspondences,
+        n_correspondences: record.pose.n_correspondences,
         reason: pack_reason(&record.reason),
         odom_from_camera: seven(&PoseBits::from(&odom_from_camera)),
-        world_from_odom: seven(&record.world_from_odom),
-        covariance: from_upper_triangle(&record.covariance).into(),
+        world_from_odom: seven(&record.pose.world_from_odom),
+        covariance: from_upper_triangle(&record.pose.covariance).into(),
         times,
     }
 }

@@ -81,14 +81,14 @@ pub(crate) fn process_frame(
         ports.pulse.phase(Phase::Computing, computed.saturating_sub(began));
     }
     let steps = ports.pulse.steps();
-    if record.new_keyframe.is_some() {
+    if record.change.new_keyframe.is_some() {
         // Only a frame that stores a surface spends time in this step.
         steps.enter(Step::Store);
         store_keyframe(policy, state, ports, &mut record)?;
         context.kill_points.pass("stored", index);
     }
     let is_asked = record.causes.is_relocalisation_asked;
-    let concerns_optimiser = record.new_keyframe.is_some() || record.request.is_some();
+    let concerns_optimiser = record.change.new_keyframe.is_some() || record.change.request.is_some();
     steps.enter(Step::Journal);
     log_change(state.fold.last_frame.as_ref(), &record);
     state.commit(AlignRecord::Frame(Box::new(record)))?;
@@ -197,12 +197,13 @@ fn store_keyframe(
     ports: &Ports,
     record: &mut FrameRecord,
 ) -> Result<(), StageError> {
-    let Some(keyframe_index) = record.new_keyframe.as_ref().map(|keyframe| keyframe.frame_index) else {
+    let Some(keyframe_index) = record.change.new_keyframe.as_ref().map(|keyframe| keyframe.frame_index)
+    else {
         return Ok(());
     };
     match (ports.inbox.get(keyframe_index), &policy.missing_surface) {
         (Some(surface), _) => state.store_keyframe(record, surface.payload())?,
-        (None, MissingSurface::Postpone) => record.new_keyframe = None,
+        (None, MissingSurface::Postpone) => record.change.new_keyframe = None,
         (None, MissingSurface::Fail) => {
             return Err(StageError::Inconsistent(format!(
                 "frame {} makes a keyframe of frame {keyframe_index}, whose surface is not at hand",

@@ -96,7 +96,7 @@ impl Follow {
                 }
                 AlignRecord::Frame(frame) => {
                     let made = |keyframe: &KeyframeRecord| (keyframe.stamp_nanos, keyframe.velocity);
-                    self.made.extend(frame.new_keyframe.as_ref().map(made));
+                    self.made.extend(frame.change.new_keyframe.as_ref().map(made));
                     (self.submap, self.newest_nanos) = (frame.submap, frame.stamp_nanos);
                 }
                 AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::End { .. } => {}

@@ -27,10 +27,10 @@ pub use map::context::Context;
 pub use map::given_up::GivenUp;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
-    AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, FrameCauses,
-    FrameRecord, JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapRecord,
-    OptimiseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord, SightingRecord, SkippedFrames,
-    SplitRecord, State, StoreSlot,
+    AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, EvidenceRecord,
+    FrameCauses, FrameRecord, JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord,
+    LoopVerdict, MapChange, MapRecord, OptimiseRecord, PoseRecord, RefinedCamera, Refinement, RequestRecord,
+    RetiredRecord, SightingRecord, SkippedFrames, SplitRecord, State, StoreSlot,
 };
 pub use map::state::TrackerState;
 pub use map::submaps::{Origin, Submaps};

@@ -40,9 +40,9 @@ pub(crate) fn step(
     if aligned.state != State::Tracking {
         return FrameRecord { lost_nanos: state.lost_nanos, ..record };
     }
-    let Promoted { aligned, record, is_looked_for } = with_keyframe(input, aligner, aligned, record);
-    let colour = colour_record(input, aligner, &aligned, prediction, record.new_keyframe.is_some());
-    let record = FrameRecord { colour, ..record };
+    let Promoted { aligned, mut record, is_looked_for } = with_keyframe(input, aligner, aligned, record);
+    let colour = colour_record(input, aligner, &aligned, prediction, record.change.new_keyframe.is_some());
+    record.evidence.colour = colour;
     let record = fixed_lag::smoothed(&input.context.mapping.loops, state, &aligned, record);
     if has_more_to_do(input, &record) && !gives_colour_away(&state.colour, &record) {
         posed(&record);
@@ -70,7 +70,7 @@ fn with_map(
 /// What is known of colour behind a frame.
 pub(crate) fn with_frame(before: &ColourState, record: &FrameRecord) -> ColourState {
     let mut after = *before;
-    if let Some(colour) = &record.colour {
+    if let Some(colour) = &record.evidence.colour {
         after.apply_audit(colour);
     }
     after
@@ -83,7 +83,7 @@ pub(crate) fn gives_colour_away(before: &ColourState, record: &FrameRecord) -> b
 
 /// Whether a tracked frame says something of the map that takes its time.
 fn has_more_to_do(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
-    record.new_keyframe.is_some() || is_compared(input) || input.map.state().submaps.n_components() > 1
+    record.change.new_keyframe.is_some() || is_compared(input) || input.map.state().submaps.n_components() > 1
 }
 
 /// The frame's place: tracked from the frame before, or found again in the map.
@@ -114,5 +114,7 @@ fn sparse_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRec
     let velocity = prediction.velocity.to_vector().into();
     let lost_nanos = input.map.state().lost_nanos;
     let causes = FrameCauses { has_too_few_points: true, ..FrameCauses::default() };
-    FrameRecord { velocity, lost_nanos, causes, ..lost_record(input, prediction, reason) }
+    let mut record = lost_record(input, prediction, reason);
+    record.pose.velocity = velocity;
+    FrameRecord { lost_nanos, causes, ..record }
 }

@@ -129,8 +129,12 @@ impl Tracker {
         }
         // Colour that this frame gives away has no part in it.
         let after = with_frame(&before, &record);
-        let alone = self.align_by(&after, frame, recent, keyframes, &mut |_| ());
-        if alone.state == State::Tracking { FrameRecord { colour: record.colour, ..alone } } else { record }
+        let mut alone = self.align_by(&after, frame, recent, keyframes, &mut |_| ());
+        if alone.state != State::Tracking {
+            return record;
+        }
+        alone.evidence.colour = record.evidence.colour;
+        alone
     }
 
     /// Aligns a frame with what is known of colour.
@@ -163,9 +167,9 @@ impl Tracker {
         let at_rest = passing::at_rest(&input, &mut self.aligner.sight, &prediction);
         let input = TrackingInput { samples: at_rest.as_deref().unwrap_or(input.samples), ..input };
         context.steps.enter(Step::Match);
-        let record = step(&input, &mut self.aligner, &prediction, posed);
+        let mut record = step(&input, &mut self.aligner, &prediction, posed);
         context.steps.leave();
-        let record = FrameRecord { repeats_colour: self.aligner.sight.is_repeated, ..record };
+        record.evidence.repeats_colour = self.aligner.sight.is_repeated;
         if is_asked { relocalise::noted(record) } else { record }
     }
 }

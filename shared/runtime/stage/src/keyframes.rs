@@ -312,7 +312,7 @@ impl KeyframeSurfaces for StoredKeyframes {
 /// Keyframes that a record brings, with where their surfaces lie.
 pub fn slots(record: &AlignRecord) -> impl Iterator<Item = (u32, &StoreSlot)> {
     let (one, many) = match record {
-        AlignRecord::Frame(frame) => (frame.new_keyframe.as_ref(), &[][..]),
+        AlignRecord::Frame(frame) => (frame.change.new_keyframe.as_ref(), &[][..]),
         AlignRecord::Map(map) => (None, &map.keyframes[..]),
         AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::End { .. } => (None, &[][..]),
     };

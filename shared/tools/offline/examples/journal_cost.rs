@@ -96,7 +96,7 @@ fn write_down(
     for record in records {
         let started = Instant::now();
         let keyframe = match record {
-            AlignRecord::Frame(frame) => frame.new_keyframe.as_ref(),
+            AlignRecord::Frame(frame) => frame.change.new_keyframe.as_ref(),
             _ => None,
         };
         if let Some(surface) = keyframe.and_then(|k| surfaces.get(k.id as usize)) {

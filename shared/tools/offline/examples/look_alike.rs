@@ -135,7 +135,7 @@ fn run(walk: &WayPart, seed: u64, overrides: &[String]) -> Result<LoopCounts, Bo
 
 fn counted(records: &Records, true_pose: &dyn Fn(u64) -> Pose) -> LoopCounts {
     // The frame of each keyframe, by its id: ids count from 0 in order.
-    let keyframes: Vec<_> = records.frames().filter_map(|frame| frame.new_keyframe.as_ref()).collect();
+    let keyframes: Vec<_> = records.frames().filter_map(|frame| frame.change.new_keyframe.as_ref()).collect();
     let frames: Vec<u64> = keyframes.iter().map(|keyframe| keyframe.frame_index).collect();
     let truly = |newer: u32, older: u32| {
         let [newer, older] = [newer, older].map(|id| true_pose(frames[id as usize]));

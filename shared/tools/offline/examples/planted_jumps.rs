@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let relocalising =
             away.iter().filter(|f| f.state == State::Relocalising && is_here(f.submap)).count();
         let is_right = |k: usize| {
-            let [now, before] = [back[k], known[from + k]].map(|f| Pose::from(&f.world_from_camera));
+            let [now, before] = [back[k], known[from + k]].map(|f| Pose::from(&f.pose.world_from_camera));
             let (metres, radians) = translation_rotation_norms(&(before.inverse() * now));
             metres <= RIGHT.0 && radians.to_degrees() <= RIGHT.1
         };

@@ -282,7 +282,7 @@ fn report_submaps(records: &Records) {
         return;
     }
     println!("    {} submaps in {} components", submaps.n(), submaps.n_components());
-    for frame in records.frames().filter(|f| f.join.is_some() || f.reason.contains("begins")) {
+    for frame in records.frames().filter(|f| f.change.join.is_some() || f.reason.contains("begins")) {
         println!("      frame {}: {}", frame.index, frame.reason);
     }
     for submap in 0..submaps.n() {
@@ -315,7 +315,7 @@ struct Certainty {
 }
 
 fn certainty(records: &Records, truth: &Trajectory) -> Certainty {
-    let tracked: Vec<_> = records.frames().filter(|f| f.covariance.len() == 21).collect();
+    let tracked: Vec<_> = records.frames().filter(|f| f.pose.covariance.len() == 21).collect();
     let (mut n, mut n_within, mut normalised, mut translation) = (0, 0, 0.0, 0.0);
     let (mut error_m, mut sigma_m) = (Vec::new(), Vec::new());
     for (k, first) in tracked.iter().enumerate() {
@@ -323,12 +323,12 @@ fn certainty(records: &Records, truth: &Trajectory) -> Certainty {
         let Some(second) = tracked[k..].iter().find(|f| f.stamp_nanos >= due) else { break };
         let at = |f: &FrameRecord| true_pose(truth, f.stamp_nanos);
         let (Some(first_true), Some(second_true)) = (at(first), at(second)) else { continue };
-        let [from, to] = [first, second].map(|f| Pose::from(&f.world_from_camera));
+        let [from, to] = [first, second].map(|f| Pose::from(&f.pose.world_from_camera));
         let relative = from.inverse() * to;
         let error = log(&(relative.inverse() * first_true.inverse() * second_true)).to_vector();
         let carry = adjoint(&relative.inverse());
-        let covariance = from_upper_triangle(&second.covariance)
-            + carry * from_upper_triangle(&first.covariance) * carry.transpose();
+        let covariance = from_upper_triangle(&second.pose.covariance)
+            + carry * from_upper_triangle(&first.pose.covariance) * carry.transpose();
         let squared: Vec<f64> = (0..6).map(|i| error[i] * error[i] / covariance[(i, i)]).collect();
         n += 1;
         n_within += usize::from(squared.iter().all(|s| *s <= 9.0));

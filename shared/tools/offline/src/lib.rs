@@ -84,8 +84,8 @@ struct PublishedPose(State, u32, [PoseBits; 2], Vec<f64>);
 
 impl PublishedPose {
     fn of(record: &FrameRecord) -> Self {
-        let poses = [record.world_from_camera, record.world_from_odom];
-        Self(record.state, record.n_correspondences, poses, record.covariance.clone())
+        let poses = [record.pose.world_from_camera, record.pose.world_from_odom];
+        Self(record.state, record.pose.n_correspondences, poses, record.pose.covariance.clone())
     }
 }
 
@@ -234,7 +234,7 @@ impl Run {
             posed = Some(PublishedPose::of(record));
         });
         debug_assert!(posed.is_none_or(|posed| posed == PublishedPose::of(&record)), "frame {index}");
-        if let Some(keyframe) = &record.new_keyframe {
+        if let Some(keyframe) = &record.change.new_keyframe {
             let is_current = keyframe.frame_index == index;
             let source = if is_current { Some(&vertices) } else { self.previous.as_ref().map(|p| &p.2) };
             self.keyframes.0.extend(source.map(|vertices| packed::rounded(vertices)));
@@ -247,8 +247,8 @@ impl Run {
             state: record.state,
             is_degenerate: record.is_degenerate(),
             reason: record.reason.clone(),
-            world_from_camera: Pose::from(&record.world_from_camera),
-            covariance: record.covariance.clone(),
+            world_from_camera: Pose::from(&record.pose.world_from_camera),
+            covariance: record.pose.covariance.clone(),
         };
         self.take(AlignRecord::Frame(Box::new(record)));
         self.solve();

@@ -15,7 +15,7 @@ impl Records {
     pub fn online(&self) -> Trajectory {
         let mut trajectory = Trajectory::default();
         for frame in self.frames() {
-            let _ = trajectory.push(frame.stamp_nanos, Pose::from(&frame.world_from_camera));
+            let _ = trajectory.push(frame.stamp_nanos, Pose::from(&frame.pose.world_from_camera));
         }
         trajectory
     }
@@ -86,12 +86,12 @@ impl Records {
 
     /// Keyframes made.
     pub fn n_keyframes(&self) -> usize {
-        self.frames().filter(|f| f.new_keyframe.is_some()).count()
+        self.frames().filter(|f| f.change.new_keyframe.is_some()).count()
     }
 
     /// Keyframes that were culled.
     pub fn n_culled(&self) -> usize {
-        self.frames().filter_map(|f| f.new_keyframe.as_ref()).map(|k| k.retires.len()).sum()
+        self.frames().filter_map(|f| f.change.new_keyframe.as_ref()).map(|k| k.retires.len()).sum()
     }
 
     /// Corrections applied, the final one included.

@@ -36,7 +36,7 @@ fn a_thinned_map_still_knows_where_the_camera_is() {
         poses.apply(record);
         let active: Vec<u32> = state.keyframes.iter().filter(|k| k.is_active()).map(|k| k.id).collect();
         match record {
-            AlignRecord::Frame(frame) if frame.request.is_some() => asked.clone_from(&active),
+            AlignRecord::Frame(frame) if frame.change.request.is_some() => asked.clone_from(&active),
             AlignRecord::Correction(applied) if state.is_ended => {
                 let named = named(&applied.correction);
                 assert!(active.iter().all(|id| named.contains(id)), "the last one names culled ones as well");

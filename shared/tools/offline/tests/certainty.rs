@@ -25,9 +25,9 @@ fn errors(name: SceneName, n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
         .skip(1)
         .map(|(frame, true_pose)| {
             assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
-            let estimate = Pose::from(&frame.world_from_camera);
+            let estimate = Pose::from(&frame.pose.world_from_camera);
             let error = log(&(estimate.inverse() * truth[0].inverse() * true_pose)).to_vector();
-            (error, from_upper_triangle(&frame.covariance), frame.reason.clone())
+            (error, from_upper_triangle(&frame.pose.covariance), frame.reason.clone())
         })
         .collect()
 }
@@ -67,18 +67,20 @@ fn relative_errors(n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
     let source = common::scene(SceneName::Room, &SimulationOptions::default());
     let method = common::surfaces_alone();
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
-    let scales = NoiseState::of_records(records.frames().filter_map(|frame| frame.noise.as_ref())).scales();
+    let scales =
+        NoiseState::of_records(records.frames().filter_map(|frame| frame.evidence.noise.as_ref())).scales();
     let factor = context.matcher().metric_factor() * scales.surfaces;
     let mut keyframes = Vec::new();
     let mut errors = Vec::new();
     for frame in records.frames() {
-        keyframes.extend(frame.new_keyframe.iter().map(|k| k.frame_index as usize));
-        let Some(&at) = keyframes.get(frame.keyframe as usize).filter(|at| **at < frame.index as usize)
+        keyframes.extend(frame.change.new_keyframe.iter().map(|k| k.frame_index as usize));
+        let Some(&at) = keyframes.get(frame.pose.keyframe as usize).filter(|at| **at < frame.index as usize)
         else {
             continue;
         };
-        let estimate = Pose::from(&frame.keyframe_from_camera);
+        let estimate = Pose::from(&frame.pose.keyframe_from_camera);
         let information: Matrix6 = frame
+            .evidence
             .blocks
             .iter()
             .map(|b| b.pair_block().unwrap().linearise(&Pose::from(&b.keyframe_from_camera)).0)

@@ -44,7 +44,7 @@ fn without_rotation() -> Method {
 fn rotation_errors_rad(frames: &[(FrameRecord, Pose)]) -> Vec<f64> {
     frames
         .iter()
-        .map(|(f, truth)| (Pose::from(&f.world_from_camera).inverse() * truth).rotation.angle())
+        .map(|(f, truth)| (Pose::from(&f.pose.world_from_camera).inverse() * truth).rotation.angle())
         .collect()
 }
 
@@ -63,8 +63,8 @@ fn on_a_wall_the_turn_about_its_normal_is_the_gyroscope_s() {
     assert!(with < 0.3 * without, "{with} rad, {without} rad without");
     // The covariance says how well the turn is known now.
     let within = frames.iter().skip(1).filter(|(f, truth)| {
-        let error = log(&(Pose::from(&f.world_from_camera).inverse() * truth)).to_vector();
-        [15, 18, 20].into_iter().zip(3..6).all(|(at, k)| error[k].abs() <= 3.0 * f.covariance[at].sqrt())
+        let error = log(&(Pose::from(&f.pose.world_from_camera).inverse() * truth)).to_vector();
+        [15, 18, 20].into_iter().zip(3..6).all(|(at, k)| error[k].abs() <= 3.0 * f.pose.covariance[at].sqrt())
     });
     assert!(within.count() * 100 >= 95 * 59);
 }
@@ -76,7 +76,7 @@ fn a_camera_that_turns_too_fast_for_its_surfaces_is_kept() {
         method.mapping.window.long_strides = false;
         let frames = online(SceneName::Room, &with_imu(1.0), &method, 28, 12);
         let good = frames.iter().filter(|(f, truth)| {
-            let error = Pose::from(&f.world_from_camera).inverse() * truth;
+            let error = Pose::from(&f.pose.world_from_camera).inverse() * truth;
             let (metres, radians) = translation_rotation_norms(&error);
             f.state == State::Tracking && metres < 0.03 && radians < 0.02
         });
@@ -93,7 +93,7 @@ fn switched_off_it_changes_no_bit() {
     let switched_off = online(SceneName::Room, &with_imu(1.0), &without_rotation(), 12, 1);
     let switched_on = online(SceneName::Room, &with_imu(1.0), &surfaces_alone(), 12, 1);
     let poses = |frames: &[(FrameRecord, Pose)]| -> Vec<_> {
-        frames.iter().map(|(f, _)| (f.world_from_camera, f.covariance.clone())).collect()
+        frames.iter().map(|(f, _)| (f.pose.world_from_camera, f.pose.covariance.clone())).collect()
     };
     assert_eq!(poses(&without_imu), poses(&switched_off));
     assert_ne!(poses(&without_imu), poses(&switched_on));

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use tessera_geometry::{Pose, PoseBits, Twist, exp, translation_rotation_norms};
 use tessera_offline::Method;
 use tessera_slam::{
-    AlignRecord, Context, Ferns, FrameRecord, KeyframeRecord, KeyframeSurfaces, Optimiser, PlaceCode,
-    RequestRecord, State, StoreSlot, similarity,
+    AlignRecord, Context, Ferns, FrameRecord, KeyframeRecord, KeyframeSurfaces, MapChange, Optimiser,
+    PlaceCode, PoseRecord, RequestRecord, StoreSlot, similarity,
 };
 use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{Reconstructor, SurfaceView, Vertex};
@@ -102,48 +102,23 @@ fn most_alike(indices: &[u64], codes: &[PlaceCode], newer: usize) -> Option<u32>
 fn frame(id: u32, index: u64, pose: &Pose, alike: Vec<u32>) -> FrameRecord {
     let world_from_camera = PoseBits::from(pose);
     let stamp_nanos = index as i64 * 33_333_333;
+    let keyframe = KeyframeRecord {
+        id,
+        frame_index: index,
+        stamp_nanos,
+        world_from_camera,
+        velocity: [0.0; 6],
+        slot: StoreSlot::default(),
+        edges: Vec::new(),
+        place: Vec::new(),
+        alike,
+        retires: Vec::new(),
+    };
     FrameRecord {
         index,
         stamp_nanos,
-        workload: tessera_surface::WorkloadLevel::Full,
-        state: State::Tracking,
-        reason: String::new(),
-        submap: 0,
-        lost_nanos: 0,
-        causes: tessera_slam::FrameCauses::default(),
-        evidence_nats: 0.0,
-        world_from_camera,
-        world_from_odom: PoseBits::IDENTITY,
-        keyframe: id,
-        keyframe_from_camera: PoseBits::IDENTITY,
-        covariance: Vec::new(),
-        n_correspondences: 0,
-        velocity: [0.0; 6],
-        rotation: None,
-        entropy_nats: f64::NAN,
-        colour: None,
-        noise: None,
-        repeats_colour: false,
-        colour_pose: None,
-        blocks: Vec::new(),
-        moved: Vec::new(),
-        sighting: None,
-        join: None,
-        refused: None,
-        contradiction: None,
-        split: None,
-        new_keyframe: Some(KeyframeRecord {
-            id,
-            frame_index: index,
-            stamp_nanos,
-            world_from_camera,
-            velocity: [0.0; 6],
-            slot: StoreSlot::default(),
-            edges: Vec::new(),
-            place: Vec::new(),
-            alike,
-            retires: Vec::new(),
-        }),
-        request: None,
+        pose: PoseRecord { world_from_camera, keyframe: id, ..PoseRecord::default() },
+        change: MapChange { new_keyframe: Some(keyframe), ..MapChange::default() },
+        ..FrameRecord::default()
     }
 }

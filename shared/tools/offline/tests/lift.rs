@@ -84,7 +84,7 @@ fn a_ride_is_noticed_and_the_way_back_leads_into_the_first_map() {
     assert!(all_tracked(&records));
     let reasons: Vec<&str> =
         records.frames().map(|f| f.reason.as_str()).filter(|r| r.contains("submap")).collect();
-    let splits: Vec<u64> = records.frames().filter(|f| f.split.is_some()).map(|f| f.index).collect();
+    let splits: Vec<u64> = records.frames().filter(|f| f.change.split.is_some()).map(|f| f.index).collect();
     let since_ride_m = since_ride_m(&source, &indices);
     let n_there = n_there / EVERY;
     let is_noticed = |frames: std::ops::Range<usize>| {

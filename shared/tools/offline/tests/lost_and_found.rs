@@ -42,7 +42,11 @@ fn run(source: &SimulatedSource, steps: &[Step]) -> Vec<(FrameRecord, Option<Pos
 /// not tracking no keyframe and no request is made.
 fn assert_recovers(frames: &[(FrameRecord, Option<Pose>)], from: usize) {
     for (frame, _) in frames.iter().filter(|(f, _)| f.state != State::Tracking) {
-        assert!(frame.new_keyframe.is_none() && frame.request.is_none(), "frame {}", frame.index);
+        assert!(
+            frame.change.new_keyframe.is_none() && frame.change.request.is_none(),
+            "frame {}",
+            frame.index
+        );
         assert!(!frame.reason.is_empty());
     }
     let found = frames[from..].iter().position(|(f, _)| f.state == State::Tracking);
@@ -51,7 +55,8 @@ fn assert_recovers(frames: &[(FrameRecord, Option<Pose>)], from: usize) {
     for (frame, truth) in &frames[found..] {
         assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
         let Some(truth) = truth else { continue };
-        let (m, r) = translation_rotation_norms(&(truth.inverse() * Pose::from(&frame.world_from_camera)));
+        let (m, r) =
+            translation_rotation_norms(&(truth.inverse() * Pose::from(&frame.pose.world_from_camera)));
         assert!(m < 0.02 && r.to_degrees() < 1.0, "frame {}: off by {m} m, {r} rad", frame.index);
     }
 }

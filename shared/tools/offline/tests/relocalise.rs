@@ -41,7 +41,7 @@ fn a_camera_that_knows_its_place_finds_it_anew() {
         assert_eq!(frame.state, expected, "frame {}: {}", frame.index, frame.reason);
         assert_eq!(frame.evidence_nats > 0.0, is_sought, "frame {}: {}", frame.index, frame.reason);
         let may_change = frame.state == State::Tracking;
-        assert!(may_change || (frame.new_keyframe.is_none() && frame.request.is_none()));
+        assert!(may_change || (frame.change.new_keyframe.is_none() && frame.change.request.is_none()));
     }
     assert_eq!(records.submaps().n(), 1);
     let ate = ate_m(&source, &indices, &records.last());
@@ -73,7 +73,7 @@ fn the_last_pose_is_no_candidate_until_a_place_is_found() {
         for frame in found.iter().filter(|frame| frame.index >= 71) {
             assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
             let map_from_camera = truth[0].inverse() * truth[frame.index as usize - 18];
-            let error = map_from_camera.inverse() * Pose::from(&frame.world_from_camera);
+            let error = map_from_camera.inverse() * Pose::from(&frame.pose.world_from_camera);
             assert!(translation_rotation_norms(&error).0 < 0.02, "frame {}", frame.index);
         }
     }

@@ -44,13 +44,16 @@ fn assert_found(records: &Records, source: &SimulatedSource, indices: &[u64]) {
     for (k, frame) in frames.iter().enumerate().skip(found) {
         assert_eq!(frame.state, State::Tracking, "frame {k}: {}", frame.reason);
         let truth = map_from_world * truth[indices[k] as usize];
-        for (what, pose) in [("online", Pose::from(&frame.world_from_camera)), ("final", last.poses[k])] {
+        for (what, pose) in [("online", Pose::from(&frame.pose.world_from_camera)), ("final", last.poses[k])]
+        {
             let (m, r) = translation_rotation_norms(&(truth.inverse() * pose));
             assert!(m < 0.02 && r.to_degrees() < 1.0, "frame {k}, {what}: off by {m} m, {r} rad");
         }
     }
     for frame in frames.iter().filter(|f| f.state != State::Tracking) {
-        assert!(frame.new_keyframe.is_none() && frame.request.is_none() && !frame.reason.is_empty());
+        assert!(
+            frame.change.new_keyframe.is_none() && frame.change.request.is_none() && !frame.reason.is_empty()
+        );
     }
 }
 
@@ -148,6 +151,6 @@ fn a_run_that_only_localises_tracks_in_the_map_and_adds_nothing_to_it() {
     assert_eq!(after.keyframes, before);
     assert_eq!(after.surfaces.len(), before.len());
     assert!(!records.records.iter().any(|record| matches!(record, AlignRecord::Correction(_))));
-    let stated = |frame: &FrameRecord| frame.state != State::Tracking || !frame.covariance.is_empty();
-    assert!(records.frames().all(|frame| frame.request.is_none() && stated(frame)));
+    let stated = |frame: &FrameRecord| frame.state != State::Tracking || !frame.pose.covariance.is_empty();
+    assert!(records.frames().all(|frame| frame.change.request.is_none() && stated(frame)));
 }

@@ -67,7 +67,7 @@ fn assert_odometry_is_smooth(records: &Records) {
     let frames: Vec<&FrameRecord> = records.frames().collect();
     for pair in frames.windows(2) {
         let odom_from_camera = |frame: &FrameRecord| {
-            Pose::from(&frame.world_from_odom).inverse() * Pose::from(&frame.world_from_camera)
+            Pose::from(&frame.pose.world_from_odom).inverse() * Pose::from(&frame.pose.world_from_camera)
         };
         let step = odom_from_camera(pair[0]).inverse() * odom_from_camera(pair[1]);
         let (metres, radians) = translation_rotation_norms(&step);
@@ -91,8 +91,8 @@ fn a_place_never_seen_and_back_into_the_old_map() {
     assert!(states[60..75 + SECOND - 2].iter().all(|state| *state != State::Tracking));
     let submaps = records.submaps();
     assert_eq!((submaps.n(), submaps.n_components()), (2, 1));
-    let join = records.frames().find(|frame| frame.join.is_some()).unwrap();
-    assert!(join.request.is_some(), "both are optimised together: {}", join.reason);
+    let join = records.frames().find(|frame| frame.change.join.is_some()).unwrap();
+    assert!(join.change.request.is_some(), "both are optimised together: {}", join.reason);
     let ate_m = ate_m(&source, &steps, &records, |_| true);
     assert!(ate_m < 0.02, "{ate_m} m");
     assert_odometry_is_smooth(&records);
@@ -106,7 +106,7 @@ fn threads_change_no_byte_of_a_run_with_a_join() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         let records = pool.install(|| run(&source, &steps));
         assert_eq!((records.submaps().n(), records.submaps().n_components()), (2, 1));
-        assert!(records.n_corrections() > 0 && records.frames().any(|frame| frame.join.is_some()));
+        assert!(records.n_corrections() > 0 && records.frames().any(|frame| frame.change.join.is_some()));
         records.records.iter().map(|record| tessera_journal::fingerprint(record).unwrap()).collect()
     };
     assert!(checksums_with(1) == checksums_with(4));
@@ -120,7 +120,7 @@ fn submaps_that_share_nothing_stay_apart() {
     let records = run(&source, &steps);
     let submaps = records.submaps();
     assert_eq!((submaps.n(), submaps.n_components()), (2, 2));
-    assert!(records.frames().all(|frame| frame.join.is_none()));
+    assert!(records.frames().all(|frame| frame.change.join.is_none()));
     for submap in [0, 1] {
         let ate_m = ate_m(&source, &steps, &records, |frame| frame.submap == submap);
         assert!(ate_m < 0.02, "submap {submap}: {ate_m} m");
@@ -193,7 +193,7 @@ fn a_wrong_join_comes_apart_again() {
         if let AlignRecord::Frame(frame) = &mut record
             && frame.index == last_frame
         {
-            frame.join = Some(JoinRecord { kept: 0, moved: 1, kept_from_moved });
+            frame.change.join = Some(JoinRecord { kept: 0, moved: 1, kept_from_moved });
         }
         optimiser.apply(&record);
         state.apply(&record);

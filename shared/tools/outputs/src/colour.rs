@@ -44,7 +44,7 @@ mod tests {
     use super::*;
     use crate::replay::Replay;
     use crate::test_run;
-    use tessera_slam::{ColourModel, ColourPoseRecord, ColourRecord, FrameRecord};
+    use tessera_slam::{ColourModel, ColourPoseRecord, ColourRecord, EvidenceRecord, FrameRecord};
 
     fn summary(stated: ColourModel, frames: &[FrameRecord]) -> Option<ColourSummary> {
         let mut replay = Replay::default();
@@ -60,19 +60,22 @@ mod tests {
         // A lag of 20 ms and a ratio of 0.9, as normal equations.
         let colour = ColourRecord { n_pairs: 100, residual_px: 1.0, disagreement: 0.3 };
         let pose = ColourPoseRecord { information: [1e8, 0.0, 1e7], gradient: [2e6, -1e6] };
-        let frames = vec![FrameRecord { colour: Some(colour), colour_pose: Some(pose), ..frame }; 40];
+        let evidence =
+            EvidenceRecord { colour: Some(colour), colour_pose: Some(pose), ..EvidenceRecord::default() };
+        let frames = vec![FrameRecord { evidence, ..frame }; 40];
         let found = summary(none, &frames).unwrap();
         assert!((found.colour_lag_s[0] - 0.02).abs() < 1e-6 && found.colour_lag_s[1] < 1e-3);
         assert!((found.colour_focal_ratio[0] - 0.9).abs() < 1e-6);
         assert!((found.applied_lag_s - 0.02).abs() < 1e-6);
         assert!((found.applied_focal_ratio - 0.9).abs() < 1e-6);
         assert!(found.is_believed && found.disagreement < 0.35);
-        let foreign =
-            FrameRecord { colour: Some(ColourRecord { disagreement: 1.5, ..colour }), ..frames[0].clone() };
+        let mut foreign = frames[0].clone();
+        foreign.evidence.colour = Some(ColourRecord { disagreement: 1.5, ..colour });
         assert!(!summary(none, &vec![foreign; 10]).unwrap().is_believed);
         // What the camera file states is applied before anything is certain.
         let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95 };
-        let audited = FrameRecord { colour_pose: None, ..frames[0].clone() };
+        let mut audited = frames[0].clone();
+        audited.evidence.colour_pose = None;
         let found = summary(stated, &[audited]).unwrap();
         assert_eq!((found.applied_lag_s, found.applied_focal_ratio), (0.015, 0.95));
     }

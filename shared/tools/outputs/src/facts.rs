@@ -241,7 +241,8 @@ fn extend(spans: &mut Vec<Span>, goes_on: bool, (index, at_s): (u64, f64)) {
 /// Stated standard deviation of a position along the worst of all directions, from above: the root
 /// of the sum of the three variances, metres.
 fn deviation_m(frame: &FrameRecord) -> Option<f64> {
-    let variances: Option<Vec<f64>> = POSITION.iter().map(|at| frame.covariance.get(*at).copied()).collect();
+    let variances: Option<Vec<f64>> =
+        POSITION.iter().map(|at| frame.pose.covariance.get(*at).copied()).collect();
     Some(variances?.iter().sum::<f64>().max(0.0).sqrt())
 }
 
@@ -330,8 +331,8 @@ mod tests {
                 |scale: f64| Pose::translation(scale * (k as f64 * 0.2).sin(), scale * k as f64 / 40.0, 0.0);
             let mut frame = model.clone();
             (frame.index, frame.stamp_nanos) = (100 + k as u64, k * 33_000_000);
-            frame.keyframe_from_camera = (&at(0.2)).into();
-            frame.world_from_camera = (&at(0.2)).into();
+            frame.pose.keyframe_from_camera = (&at(0.2)).into();
+            frame.pose.world_from_camera = (&at(0.2)).into();
             replay.frames.push(frame);
             truth.push(k * 33_000_000, at(1.0)).unwrap();
         }

@@ -62,11 +62,11 @@ impl Replay {
                 if frame.state == State::Tracking {
                     self.first_tracked.get_or_insert(frame.index);
                 }
-                if let Some(keyframe) = frame.new_keyframe.take() {
+                if let Some(keyframe) = frame.change.new_keyframe.take() {
                     self.keyframes.push(keyframe);
                 }
                 // The tracker's own memory is of no use here, and large.
-                frame.blocks = Vec::new();
+                frame.evidence.blocks = Vec::new();
                 self.frames.push(*frame);
             }
             AlignRecord::Skipped(skipped) => self.skipped.push(skipped),
@@ -167,7 +167,7 @@ impl Replay {
     pub(crate) fn colour(&self, stated: ColourModel) -> ColourState {
         ColourState::of_records(
             stated,
-            self.frames.iter().map(|f| (f.colour.as_ref(), f.colour_pose.as_ref())),
+            self.frames.iter().map(|f| (f.evidence.colour.as_ref(), f.evidence.colour_pose.as_ref())),
         )
     }
 

@@ -6,7 +6,7 @@ use crate::replay::Replay;
 use std::io::{self, Write};
 use std::path::Path;
 use tessera_evaluation::format_stamp;
-use tessera_slam::{FrameRecord, SkippedFrames, State};
+use tessera_slam::{FrameRecord, PoseRecord, SkippedFrames, State};
 
 const HEADER: &str = "frame,timestamp,state,reason,keyframe,correspondences,\
                       std_x_m,std_y_m,std_z_m,std_rx_rad,std_ry_rad,std_rz_rad";
@@ -41,10 +41,10 @@ fn write_frame(writer: &mut dyn Write, frame: &FrameRecord) -> io::Result<()> {
         State::Relocalising => "relocalising",
     };
     let (stamp, reason) = (format_stamp(frame.stamp_nanos), quoted(&frame.reason));
-    let FrameRecord { index, keyframe, n_correspondences, .. } = frame;
+    let FrameRecord { index, pose: PoseRecord { keyframe, n_correspondences, .. }, .. } = frame;
     write!(writer, "{index},{stamp},{state},{reason},{keyframe},{n_correspondences}")?;
     for position in DIAGONAL {
-        match frame.covariance.get(position) {
+        match frame.pose.covariance.get(position) {
             Some(variance) => write!(writer, ",{:.6e}", variance.max(0.0).sqrt())?,
             None => write!(writer, ",")?,
         }

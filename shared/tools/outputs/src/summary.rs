@@ -204,8 +204,9 @@ impl Summary {
             of_online: groundtruth
                 .and_then(|truth| accuracy_by_gauge(&online_rows(replay), replay.online_gauges(), truth)),
             colour: ColourSummary::new(&replay.colour(beside.stated_colour)),
-            repeated_colour: replay.frames.iter().filter(|frame| frame.repeats_colour).count() as u64,
-            noise: NoiseSummary::new(replay.frames.iter().filter_map(|frame| frame.noise.as_ref())),
+            repeated_colour: replay.frames.iter().filter(|frame| frame.evidence.repeats_colour).count()
+                as u64,
+            noise: NoiseSummary::new(replay.frames.iter().filter_map(|frame| frame.evidence.noise.as_ref())),
             focal: focal(&facts).map(|found| FocalSummary {
                 stated_px: beside.focal_px,
                 likely_px: found.ratio * beside.focal_px,

@@ -4,7 +4,7 @@ use crate::replay::Replay;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_slam::{
     AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
-    LoopRecord, LoopVerdict, SkippedFrames, State, StoreSlot, Submaps,
+    LoopRecord, LoopVerdict, MapChange, PoseRecord, SkippedFrames, State, StoreSlot, Submaps,
 };
 use tessera_surface::Vertex;
 
@@ -38,35 +38,19 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
     AlignRecord::Frame(Box::new(FrameRecord {
         index,
         stamp_nanos: stamp_nanos(index),
-        workload: tessera_surface::WorkloadLevel::Full,
         state: if index == 4 { State::Lost } else { State::Tracking },
         reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
-        submap: 0,
-        lost_nanos: 0,
-        causes: tessera_slam::FrameCauses::default(),
-        evidence_nats: 0.0,
-        world_from_camera: along_x(x),
-        world_from_odom: PoseBits::IDENTITY,
-        keyframe: anchored_to.0,
-        keyframe_from_camera: along_x(anchored_to.1),
-        covariance: if index == 4 { covariance() } else { Vec::new() },
-        n_correspondences: if index == 4 { 12 } else { 0 },
-        new_keyframe,
-        request: None,
-        velocity: [0.0; 6],
-        rotation: None,
-        entropy_nats: 0.0,
-        colour: None,
-        noise: None,
-        repeats_colour: false,
-        colour_pose: None,
-        blocks: Vec::new(),
-        moved: Vec::new(),
-        sighting: None,
-        join: None,
-        refused: None,
-        contradiction: None,
-        split: None,
+        pose: PoseRecord {
+            world_from_camera: along_x(x),
+            keyframe: anchored_to.0,
+            keyframe_from_camera: along_x(anchored_to.1),
+            covariance: if index == 4 { covariance() } else { Vec::new() },
+            n_correspondences: if index == 4 { 12 } else { 0 },
+            entropy_nats: 0.0,
+            ..PoseRecord::default()
+        },
+        change: MapChange { new_keyframe, ..MapChange::default() },
+        ..FrameRecord::default()
     }))
 }
 

@@ -30,7 +30,7 @@ fn rows_of(replay: &Replay, component: u32) -> Rows {
 
 /// Every processed frame as it was first published.
 pub(crate) fn online_rows(replay: &Replay) -> Rows {
-    replay.frames.iter().map(|frame| (frame.stamp_nanos, Pose::from(&frame.world_from_camera))).collect()
+    replay.frames.iter().map(|frame| (frame.stamp_nanos, Pose::from(&frame.pose.world_from_camera))).collect()
 }
 
 /// Every keyframe of this run in the main component with all corrections; those of earlier runs have

@@ -52,14 +52,17 @@ fn the_work_of_a_frame_is_the_same_early_and_late() {
     let all: Vec<&FrameRecord> = records.frames().collect();
     // The first round makes the map; in the second and the last one the same frames are aligned to it.
     let (early, late) = (&all[ROUND..2 * ROUND], &all[(ROUNDS - 1) * ROUND..]);
-    let counts: [(&str, Count); 2] =
-        [("pairs", |frame| frame.blocks.len()), ("matches", |frame| frame.n_correspondences as usize)];
+    let counts: [(&str, Count); 2] = [
+        ("pairs", |frame| frame.evidence.blocks.len()),
+        ("matches", |frame| frame.pose.n_correspondences as usize),
+    ];
     for (what, of) in counts {
         let (early, late) = (mean(early, of), mean(late, of));
         // The budget of correspondences bounds it; a map that is known better matches a little more.
         assert!(early > 0.0 && late < 1.25 * early, "{what}: {early} a frame early, {late} late");
     }
-    let n_keyframes = |frames: &[&FrameRecord]| frames.iter().filter(|f| f.new_keyframe.is_some()).count();
+    let n_keyframes =
+        |frames: &[&FrameRecord]| frames.iter().filter(|f| f.change.new_keyframe.is_some()).count();
     let (first, last) = (n_keyframes(&all[..ROUND]), n_keyframes(late));
     // The same way asks for the same keyframes again, and not for more.
     assert!(last <= first + first / 10, "{first} keyframes in the first round, {last} in the last");

@@ -13,7 +13,7 @@ use tessera_stage::ALIGN_JOURNAL;
 /// Where a surface lies is the pipeline's own; all else must agree to the bit.
 fn without_slot(mut record: AlignRecord) -> AlignRecord {
     if let AlignRecord::Frame(frame) = &mut record
-        && let Some(keyframe) = &mut frame.new_keyframe
+        && let Some(keyframe) = &mut frame.change.new_keyframe
     {
         keyframe.slot = StoreSlot::default();
     }
@@ -141,7 +141,7 @@ fn four_processes_and_one_write_the_same_trajectory_with_a_budget_of_keyframes()
     let records = assert_same_trajectory(&run);
     assert!(is_ended(&records) && n_corrections(&records) > 1);
     let mut keyframes = records.iter().filter_map(|record| match record {
-        AlignRecord::Frame(frame) => frame.new_keyframe.as_ref(),
+        AlignRecord::Frame(frame) => frame.change.new_keyframe.as_ref(),
         _ => None,
     });
     assert!(keyframes.any(|keyframe| !keyframe.retires.is_empty()));
@@ -182,5 +182,5 @@ fn a_gyroscope_says_the_same_bits_after_the_sensor_s_death() {
         AlignRecord::Frame(frame) => Some(frame),
         _ => None,
     });
-    assert!(frames.into_iter().all(|frame| frame.rotation.is_some()));
+    assert!(frames.into_iter().all(|frame| frame.pose.rotation.is_some()));
 }

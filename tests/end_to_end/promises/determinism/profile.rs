@@ -42,7 +42,7 @@ fn aligned(run: &crate::common::Run) -> String {
     while let Some(mut record) = journal.next().unwrap() {
         let AlignRecord::Frame(frame) = &mut record else { continue };
         // Where a surface lies in the store is the pipeline's own.
-        if let Some(keyframe) = &mut frame.new_keyframe {
+        if let Some(keyframe) = &mut frame.change.new_keyframe {
             keyframe.slot = StoreSlot::default();
         }
         found.push(fingerprint(&record).unwrap());

@@ -7,6 +7,7 @@ pub(crate) mod context;
 pub(crate) mod correction;
 pub(crate) mod culling;
 pub(crate) mod detection;
+pub(crate) mod frame;
 pub(crate) mod given_up;
 pub(crate) mod input_hash;
 pub(crate) mod keyframe;

@@ -27,9 +27,9 @@ impl From<&FrameRecord> for FramePose {
     fn from(frame: &FrameRecord) -> Self {
         Self {
             index: frame.index,
-            keyframe: frame.keyframe,
-            keyframe_from_camera: frame.keyframe_from_camera,
-            world_from_camera: frame.world_from_camera,
+            keyframe: frame.pose.keyframe,
+            keyframe_from_camera: frame.pose.keyframe_from_camera,
+            world_from_camera: frame.pose.world_from_camera,
         }
     }
 }
@@ -57,15 +57,15 @@ impl PoseHistory {
                 self.submaps.clone_from(&map.submaps);
             }
             AlignRecord::Frame(frame) => {
-                apply_poses(&mut self.keyframes, &frame.moved);
+                apply_poses(&mut self.keyframes, &frame.change.moved);
                 self.submaps.extend_to(frame.submap);
-                if let Some(keyframe) = &frame.new_keyframe {
+                if let Some(keyframe) = &frame.change.new_keyframe {
                     self.add_keyframe(keyframe, frame.submap);
                 }
-                if let Some(split) = &frame.split {
+                if let Some(split) = &frame.change.split {
                     apply_split(&mut self.keyframes, split, frame.submap);
                 }
-                if let Some(join) = &frame.join {
+                if let Some(join) = &frame.change.join {
                     apply_join(&mut self.keyframes, &mut self.submaps, join);
                 }
             }
@@ -109,7 +109,7 @@ impl PoseHistory {
 
     /// The component of a frame: that of its reference keyframe, which its final pose follows.
     pub fn component_of_frame(&self, frame: &FrameRecord) -> u32 {
-        let of_keyframe = self.component_of_keyframe(frame.keyframe);
+        let of_keyframe = self.component_of_keyframe(frame.pose.keyframe);
         of_keyframe.unwrap_or_else(|| self.submaps.component(frame.submap))
     }
 

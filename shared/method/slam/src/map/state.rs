@@ -160,7 +160,7 @@ impl TrackerState {
         self.frames_since_keyframe = self.frames_since_keyframe.saturating_add(1);
         self.apply_moved(frame);
         self.enter(frame.submap);
-        if let Some(keyframe) = &frame.new_keyframe {
+        if let Some(keyframe) = &frame.change.new_keyframe {
             let became = self.recent.iter().find(|r| r.index == keyframe.frame_index);
             self.newest_blocks.add(keyframe, became.map_or(&[], |r| &r.blocks));
             self.keyframes.push(KeyframeState {
@@ -183,11 +183,11 @@ impl TrackerState {
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
             self.reference_entropy = None;
         }
-        if self.reference_entropy.is_none() && frame.entropy_nats.is_finite() {
-            self.reference_entropy = Some(frame.entropy_nats);
+        if self.reference_entropy.is_none() && frame.pose.entropy_nats.is_finite() {
+            self.reference_entropy = Some(frame.pose.entropy_nats);
         }
-        self.colour.apply(frame.colour.as_ref(), frame.colour_pose.as_ref());
-        if let Some(noise) = &frame.noise {
+        self.colour.apply(frame.evidence.colour.as_ref(), frame.evidence.colour_pose.as_ref());
+        if let Some(noise) = &frame.evidence.noise {
             self.noise.apply(noise);
         }
         self.follow_motion(frame);
@@ -199,18 +199,18 @@ impl TrackerState {
         self.evidence_nats = frame.evidence_nats;
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);
         self.remember(frame);
-        self.sighting = frame.sighting;
-        self.contradiction = frame.contradiction;
-        if let Some(split) = &frame.split {
+        self.sighting = frame.change.sighting;
+        self.contradiction = frame.change.contradiction;
+        if let Some(split) = &frame.change.split {
             self.apply_split(split, frame.submap);
         }
-        if let Some(refused) = frame.refused {
+        if let Some(refused) = frame.change.refused {
             self.refuse(refused);
         }
-        if let Some(join) = &frame.join {
+        if let Some(join) = &frame.change.join {
             self.apply_join(join);
         }
-        if let Some(request) = &frame.request {
+        if let Some(request) = &frame.change.request {
             self.note_request(request);
         }
     }
@@ -220,10 +220,11 @@ impl TrackerState {
         let Some(last) = self.recent.last() else { return };
         let seconds = frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 * 1e-9;
         let is_measured = frame.state == State::Tracking && last.state != State::Relocalising;
-        match &frame.noise {
+        match &frame.evidence.noise {
             _ if !(seconds > 0.0 && seconds < MOST_COASTED_S) => self.motion.forget(),
             Some(noise) if is_measured => {
-                let [before, after] = [&last.world_from_camera, &frame.world_from_camera].map(Pose::from);
+                let [before, after] =
+                    [&last.world_from_camera, &frame.pose.world_from_camera].map(Pose::from);
                 let step = log(&(before.inverse() * after)).to_vector();
                 self.motion.apply(&step, noise.step_variance.as_ref(), seconds);
             }
@@ -241,12 +242,12 @@ impl TrackerState {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
             state: frame.state,
-            world_from_camera: frame.world_from_camera,
-            velocity: frame.velocity,
-            covariance: frame.covariance.clone(),
-            repeats_colour: frame.repeats_colour,
-            rotation: frame.rotation,
-            blocks: frame.blocks.clone(),
+            world_from_camera: frame.pose.world_from_camera,
+            velocity: frame.pose.velocity,
+            covariance: frame.pose.covariance.clone(),
+            repeats_colour: frame.evidence.repeats_colour,
+            rotation: frame.pose.rotation,
+            blocks: frame.evidence.blocks.clone(),
         });
     }
 
@@ -312,16 +313,16 @@ impl TrackerState {
 
     /// Keyframes that moved with a new one; the frames before this one move along with it.
     fn apply_moved(&mut self, frame: &FrameRecord) {
-        if frame.moved.is_empty() {
+        if frame.change.moved.is_empty() {
             return;
         }
-        apply_poses(&mut self.keyframes, &frame.moved);
+        apply_poses(&mut self.keyframes, &frame.change.moved);
         let before = self.world_from_odom.unwrap_or(PoseBits::IDENTITY);
-        let motion = RigidMotion::between(&before, &frame.world_from_odom);
+        let motion = RigidMotion::between(&before, &frame.pose.world_from_odom);
         for recent in &mut self.recent {
             recent.world_from_camera = motion.of(&recent.world_from_camera);
         }
-        self.world_from_odom = Some(frame.world_from_odom);
+        self.world_from_odom = Some(frame.pose.world_from_odom);
     }
 
     fn note_request(&mut self, request: &RequestRecord) {

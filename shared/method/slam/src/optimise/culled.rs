@@ -83,7 +83,7 @@ impl CulledKeyframes {
                 && submaps.component(target.submap) == component
                 && (target.is_active() || self.ids.binary_search(&target.id).is_ok())
         };
-        let targets = frame.blocks.iter().filter_map(|b| {
+        let targets = frame.evidence.blocks.iter().filter_map(|b| {
             let target = of_run.get(b.keyframe as usize).filter(|target| usable(target))?;
             Some((target, b.pair_block()?, Pose::from(&b.keyframe_from_camera)))
         });

@@ -12,7 +12,7 @@ pub(crate) struct PoseTimeline {
 
 impl PoseTimeline {
     pub(crate) fn add(&mut self, frame: &FrameRecord) {
-        self.frames.push((frame.index, frame.stamp_nanos, frame.state, frame.keyframe));
+        self.frames.push((frame.index, frame.stamp_nanos, frame.state, frame.pose.keyframe));
     }
 
     /// Poses of the lost frames that have a trusted one before and after: at constant velocity

@@ -110,7 +110,7 @@ impl Optimiser {
     pub fn apply(&mut self, record: &AlignRecord) {
         self.state.apply(record);
         let request = match record {
-            AlignRecord::Frame(frame) => frame.request,
+            AlignRecord::Frame(frame) => frame.change.request,
             AlignRecord::End { request, .. } => *request,
             AlignRecord::Skipped(..) | AlignRecord::Correction(_) | AlignRecord::Map(_) => None,
         };

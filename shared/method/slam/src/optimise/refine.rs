@@ -38,11 +38,11 @@ pub(crate) struct FrameBlocks {
 impl FrameBlocks {
     pub(crate) fn of(frame: &FrameRecord) -> Option<Self> {
         let blocks: Vec<_> =
-            frame.blocks.iter().filter_map(|b| Some((b.keyframe, b.pair_block()?))).collect();
+            frame.evidence.blocks.iter().filter_map(|b| Some((b.keyframe, b.pair_block()?))).collect();
         (!blocks.is_empty()).then_some(Self {
             index: frame.index,
-            keyframe: frame.keyframe,
-            keyframe_from_camera: frame.keyframe_from_camera,
+            keyframe: frame.pose.keyframe,
+            keyframe_from_camera: frame.pose.keyframe_from_camera,
             blocks,
         })
     }

@@ -8,7 +8,7 @@
 
 use crate::evidence::same_place;
 use crate::map::detection;
-use crate::map::records::{ContradictionRecord, FrameRecord, SplitRecord};
+use crate::map::records::{ContradictionRecord, FrameRecord, MapChange, SplitRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::map::view_limits::ViewLimits;
@@ -34,24 +34,25 @@ const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to
 pub(crate) fn with_departure(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
-    record: FrameRecord,
+    mut record: FrameRecord,
 ) -> FrameRecord {
     let state = input.map.state();
     let known = state.contradiction;
     let look = state.keyframes.last().filter(|_| is_compared(input)).and_then(|newest| {
-        Some((newest.id, evidence(input, aligner, &Pose::from(&record.world_from_camera))?))
+        Some((newest.id, evidence(input, aligner, &Pose::from(&record.pose.world_from_camera))?))
     });
     let contradiction = match look {
         Some((newest, (seen, nats))) => ContradictionRecord::with(known.as_ref(), newest, (seen, -nats)),
         None => known,
     };
-    let record = FrameRecord { contradiction, ..record };
+    record.change.contradiction = contradiction;
     let is_certain = |known: &ContradictionRecord| known.sum_nats() >= -libm::log(FALSE_DEPARTURES);
     match contradiction.filter(is_certain) {
         // Drift misses what is near by the poses; what it sees is another part of the same map, unless frame after
         // frame is seen in another one.
         Some(_) if !is_sighted_elsewhere(input) && is_recognised(input, aligner) => {
-            FrameRecord { contradiction: None, ..record }
+            record.change.contradiction = None;
+            record
         }
         Some(known) => with_split(input, record, &known),
         None => record,
@@ -130,7 +131,11 @@ fn nearest_old<'a>(input: &TrackingInput<'a>, view: &Pose) -> Option<&'a Keyfram
 /// The record with a submap that begins with the newest keyframe. What was made since the evidence began is of
 /// neither map for sure, and leaves the working map. Where the camera's submap had been joined to older ones, it is the
 /// join that was wrong: all of that submap leaves them.
-fn with_split(input: &TrackingInput<'_>, record: FrameRecord, known: &ContradictionRecord) -> FrameRecord {
+fn with_split(
+    input: &TrackingInput<'_>,
+    mut record: FrameRecord,
+    known: &ContradictionRecord,
+) -> FrameRecord {
     let state = input.map.state();
     let split = match (joined_since(&state.keyframes, &state.submaps), state.keyframes.last()) {
         (None, Some(newest)) if newest.id > known.first => {
@@ -145,7 +150,8 @@ fn with_split(input: &TrackingInput<'_>, record: FrameRecord, known: &Contradict
         known.first,
         known.sum_nats()
     );
-    FrameRecord { submap, contradiction: None, split: Some(split), ..saying(record, &said) }
+    record.change = MapChange { contradiction: None, split: Some(split), ..record.change };
+    FrameRecord { submap, ..saying(record, &said) }
 }
 
 /// The first keyframe of the newest submap, where that was joined to older ones and is the last of a chain of them;

@@ -3,7 +3,7 @@
 
 use crate::evidence::sequential::TestVerdict;
 use crate::map::detection::{self, Urgency};
-use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, SightingRecord};
+use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, MapChange, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
@@ -43,16 +43,16 @@ const REFUSED_FOR: u32 = 200;
 pub(crate) fn with_sighting(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
-    record: FrameRecord,
+    mut record: FrameRecord,
 ) -> FrameRecord {
     let state = input.map.state();
-    if state.submaps.n_components() < 2 || record.split.is_some() {
+    if state.submaps.n_components() < 2 || record.change.split.is_some() {
         return record;
     }
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
     let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
-    let turn = turn(input, TURN_FRAMES, record.new_keyframe.is_some());
+    let turn = turn(input, TURN_FRAMES, record.change.new_keyframe.is_some());
     let sighting = match (known, turn) {
         (Some(known), _) if is_certain(&known) => Some(known),
         (known, None) => known,
@@ -64,7 +64,10 @@ pub(crate) fn with_sighting(
     // A pending correction was computed from the keyframes as they are.
     match sighting.filter(|sighting| is_certain(sighting) && state.pending.is_none()) {
         Some(certain) => joined(input, &certain, record),
-        None => FrameRecord { sighting, ..record },
+        None => {
+            record.change.sighting = sighting;
+            record
+        }
     }
 }
 
@@ -90,7 +93,7 @@ fn found(
     let others: Vec<&KeyframeState> =
         input.map.active_anywhere().filter(|k| !input.map.contains(k)).collect();
     let found = if aligner.sight.n_features() >= ENOUGH_FEATURES && input.context.is_colour_trusted {
-        let world_from_camera = Pose::from(&record.world_from_camera);
+        let world_from_camera = Pose::from(&record.pose.world_from_camera);
         relocalise::glimpse(input, aligner, &others, |there, submap| {
             let other_from_own = there * world_from_camera.inverse();
             !is_known_refused(input.map.state(), &join_by(input, submap, &other_from_own))
@@ -110,8 +113,8 @@ fn confirmed(
     record: &FrameRecord,
     known: &SightingRecord,
 ) -> Option<SightingRecord> {
-    let expected = other_from_own(input, known)? * Pose::from(&record.world_from_camera);
-    let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.velocity));
+    let expected = other_from_own(input, known)? * Pose::from(&record.pose.world_from_camera);
+    let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.pose.velocity));
     match seen_at(input, aligner, known.seen, &expected, velocity) {
         Some(found) if agrees(&found, &expected) => sighting(input, record, &found, known.n_confirmed + 1),
         _ => None,
@@ -159,12 +162,12 @@ fn sighting(
 /// A keyframe of the state and the frame's pose in it: the record's own, or the last one before it where
 /// it makes a new one, as each frame of a fast camera does.
 fn own_from_camera(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<(u32, Pose)> {
-    if record.new_keyframe.is_none() {
-        return Some((record.keyframe, Pose::from(&record.keyframe_from_camera)));
+    if record.change.new_keyframe.is_none() {
+        return Some((record.pose.keyframe, Pose::from(&record.pose.keyframe_from_camera)));
     }
     let last = input.map.last_keyframe()?;
     let own_from_world = Pose::from(&last.world_from_camera).inverse();
-    Some((last.id, own_from_world * Pose::from(&record.world_from_camera)))
+    Some((last.id, own_from_world * Pose::from(&record.pose.world_from_camera)))
 }
 
 /// The keyframe that an alignment has as its first member: the nearest one.
@@ -188,7 +191,7 @@ pub(crate) fn other_from_own(input: &TrackingInput<'_>, sighting: &SightingRecor
 
 /// The record with the join and a request to optimise both submaps together, where the keyframes
 /// themselves agree; without the sighting where they do not.
-fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRecord) -> FrameRecord {
+fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, mut record: FrameRecord) -> FrameRecord {
     let verified = verified(input, sighting).and_then(|tested| Some((tested, join(input, sighting)?)));
     let Some((tested, join)) = verified else { return record };
     if is_known_refused(input.map.state(), &join) {
@@ -199,16 +202,18 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
         TestVerdict::Undecided => {
             // Once more, with the keyframes to come.
             let n_confirmed = sighting.n_confirmed.saturating_sub(1);
-            return FrameRecord { sighting: Some(SightingRecord { n_confirmed, ..*sighting }), ..record };
+            record.change.sighting = Some(SightingRecord { n_confirmed, ..*sighting });
+            return record;
         }
         TestVerdict::Rejected => {
             let said =
                 format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
-            return FrameRecord { refused: Some(join), ..saying(record, &said) };
+            record.change.refused = Some(join);
+            return saying(record, &said);
         }
     }
     let settings = &input.context.mapping.loops;
-    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
+    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.change.new_keyframe.is_some());
     let request =
         detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
     let said = format!(
@@ -219,7 +224,8 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, record: FrameRec
         100.0 * tested.overlap,
         100.0 * tested.in_front
     );
-    FrameRecord { join: Some(join), request, ..saying(record, &said) }
+    record.change = MapChange { join: Some(join), request, ..record.change };
+    saying(record, &said)
 }
 
 /// The record with something more in its reason.
@@ -232,7 +238,7 @@ pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
 /// What the views of both components about the camera say of a join.
 fn verdict(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> TestVerdict {
     let (context, state, keyframes) = (input.context, input.map.state(), input.surfaces.keyframes);
-    let camera = Pose::from(&record.world_from_camera);
+    let camera = Pose::from(&record.pose.world_from_camera);
     let is_moved = state.submaps.component(input.map.submap()) == join.moved;
     let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
     contradiction::verdict(contradiction::join_nats(
@@ -257,7 +263,7 @@ fn fits_elsewhere(
     else {
         return false;
     };
-    let expected = other_from_own * Pose::from(&record.world_from_camera);
+    let expected = other_from_own * Pose::from(&record.pose.world_from_camera);
     let other = input.map.in_submap(seen.submap);
     let apart_m = |pose: &Pose| (expected.translation.vector - pose.translation.vector).norm();
     let is_elsewhere = |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > ELSEWHERE_M;

@@ -6,7 +6,9 @@
 
 use crate::map::detection;
 use crate::map::newest_blocks::N_FREE;
-use crate::map::records::{BlockRecord, FrameRecord, KeyframePose, KeyframeRecord, State};
+use crate::map::records::{
+    BlockRecord, FrameRecord, KeyframePose, KeyframeRecord, MapChange, PoseRecord, State,
+};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::settings::LoopSettings;
 use crate::tracking::window::Member;
@@ -65,7 +67,7 @@ pub(crate) fn smoothed(
     aligned: &WindowAlignment,
     record: FrameRecord,
 ) -> FrameRecord {
-    let Some(made) = &record.new_keyframe else { return record };
+    let Some(made) = &record.change.new_keyframe else { return record };
     if state.pending.is_some() || aligned.state != State::Tracking {
         return record;
     }
@@ -75,7 +77,7 @@ pub(crate) fn smoothed(
     let became = state.recent.iter().find(|r| r.index == made.frame_index);
     let of_made = became.into_iter().flat_map(|r| r.blocks.iter().map(|block| (made.id, block)));
     state.newest_blocks.iter().chain(of_made).for_each(|(newer, block)| vertices.add(newer, block));
-    let (Some(keyframe), Some(reference)) = (vertices.of(made.id), vertices.of(record.keyframe)) else {
+    let (Some(keyframe), Some(reference)) = (vertices.of(made.id), vertices.of(record.pose.keyframe)) else {
         return record;
     };
     let of_frame = aligned.members.iter().zip(&aligned.alignment.blocks);
@@ -93,7 +95,7 @@ pub(crate) fn smoothed(
         graph.is_fixed[oldest] = true;
     }
     let frame = graph.poses.len();
-    graph.poses.push(Pose::from(&record.world_from_camera));
+    graph.poses.push(Pose::from(&record.pose.world_from_camera));
     graph.is_fixed.push(false);
     graph.pairs.extend(of_frame.into_iter().map(|(target, block)| Pair::new(frame, target, block)));
     if graph.optimise(INNER_ITERATIONS, &mut || ()).is_err() {
@@ -108,16 +110,20 @@ pub(crate) fn smoothed(
         return record;
     }
     let world_from_camera = graph.poses[frame];
-    let new_from_old = world_from_camera * Pose::from(&record.world_from_camera).inverse();
+    let new_from_old = world_from_camera * Pose::from(&record.pose.world_from_camera).inverse();
+    let made = KeyframeRecord { world_from_camera: normal(&graph.poses[keyframe]), ..made.clone() };
     FrameRecord {
-        world_from_camera: normal(&world_from_camera),
-        world_from_odom: normal(&(new_from_old * Pose::from(&record.world_from_odom))),
-        keyframe_from_camera: normal(&(graph.poses[reference].inverse() * world_from_camera)),
-        new_keyframe: Some(KeyframeRecord {
-            world_from_camera: normal(&graph.poses[keyframe]),
-            ..made.clone()
-        }),
-        moved: with_anchored(&state.keyframes, moved),
+        pose: PoseRecord {
+            world_from_camera: normal(&world_from_camera),
+            world_from_odom: normal(&(new_from_old * Pose::from(&record.pose.world_from_odom))),
+            keyframe_from_camera: normal(&(graph.poses[reference].inverse() * world_from_camera)),
+            ..record.pose
+        },
+        change: MapChange {
+            new_keyframe: Some(made),
+            moved: with_anchored(&state.keyframes, moved),
+            ..record.change
+        },
         ..record
     }
 }

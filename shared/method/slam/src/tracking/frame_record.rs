@@ -1,6 +1,9 @@
 //! From an alignment to the record of its frame.
 
-use crate::map::records::{BlockRecord, FrameCauses, FrameRecord, KeyframeRecord, State, StoreSlot};
+use crate::map::records::{
+    BlockRecord, EvidenceRecord, FrameCauses, FrameRecord, KeyframeRecord, MapChange, PoseRecord, State,
+    StoreSlot,
+};
 use crate::pairs::noise_evidence::{self, FrameEvidence, PairEvidence};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
@@ -35,20 +38,27 @@ pub(crate) fn frame_record(
     if let (Some(evidence), Some(own), true) = (&mut evidence, own, a.degenerate.is_empty()) {
         evidence.noise.step_variance = Some(std::array::from_fn(|k| own[(k, k)]));
     }
+    let record = record_at(input, &a.world_from_camera);
     FrameRecord {
         state: aligned.state,
         evidence_nats: aligned.evidence_nats,
         reason: reason(aligned),
         causes: FrameCauses { is_degenerate: !a.degenerate.is_empty(), ..FrameCauses::default() },
-        covariance,
-        n_correspondences: a.n_matches(),
-        velocity: a.velocity.to_vector().into(),
-        entropy_nats: entropy(input, aligner, aligned).unwrap_or(f64::NAN),
-        noise: evidence.as_ref().map(|evidence| evidence.noise),
-        colour_pose: evidence.and_then(|evidence| evidence.colour),
-        blocks: blocks(aligned),
-        new_keyframe,
-        ..record_at(input, &a.world_from_camera)
+        pose: PoseRecord {
+            covariance,
+            n_correspondences: a.n_matches(),
+            velocity: a.velocity.to_vector().into(),
+            entropy_nats: entropy(input, aligner, aligned).unwrap_or(f64::NAN),
+            ..record.pose
+        },
+        evidence: EvidenceRecord {
+            noise: evidence.as_ref().map(|evidence| evidence.noise),
+            colour_pose: evidence.and_then(|evidence| evidence.colour),
+            blocks: blocks(aligned),
+            ..EvidenceRecord::default()
+        },
+        change: MapChange { new_keyframe, ..MapChange::default() },
+        ..record
     }
 }
 
@@ -73,14 +83,18 @@ pub(crate) fn first_record(
         alike: Vec::new(),
         retires: Vec::new(),
     };
+    let record = record_at(input, &prediction.world_from_camera);
     FrameRecord {
         state: State::Tracking,
         reason,
-        keyframe: id,
-        keyframe_from_camera: PoseBits::IDENTITY,
-        covariance: upper_triangle(&Matrix6::zeros()),
-        new_keyframe: Some(keyframe),
-        ..record_at(input, &prediction.world_from_camera)
+        pose: PoseRecord {
+            keyframe: id,
+            keyframe_from_camera: PoseBits::IDENTITY,
+            covariance: upper_triangle(&Matrix6::zeros()),
+            ..record.pose
+        },
+        change: MapChange { new_keyframe: Some(keyframe), ..MapChange::default() },
+        ..record
     }
 }
 
@@ -99,33 +113,16 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         stamp_nanos: frame.stamp_nanos,
         workload: frame.workload,
         state: State::Lost,
-        reason: String::new(),
-        causes: FrameCauses::default(),
         submap: input.map.submap(),
-        lost_nanos: 0,
-        evidence_nats: 0.0,
-        world_from_camera: PoseBits::from(world_from_camera),
-        world_from_odom: input.map.state().world_from_odom.unwrap_or(PoseBits::IDENTITY),
-        keyframe: keyframe.map_or(NO_KEYFRAME, |k| k.id),
-        keyframe_from_camera: PoseBits::from(&(world_from_keyframe.inverse() * world_from_camera)),
-        covariance: Vec::new(),
-        n_correspondences: 0,
-        velocity: [0.0; 6],
-        rotation: frame.rotation,
-        entropy_nats: f64::NAN,
-        repeats_colour: false,
-        colour: None,
-        noise: None,
-        colour_pose: None,
-        blocks: Vec::new(),
-        moved: Vec::new(),
-        sighting: None,
-        join: None,
-        refused: None,
-        contradiction: None,
-        split: None,
-        new_keyframe: None,
-        request: None,
+        pose: PoseRecord {
+            world_from_camera: PoseBits::from(world_from_camera),
+            world_from_odom: input.map.state().world_from_odom.unwrap_or(PoseBits::IDENTITY),
+            keyframe: keyframe.map_or(NO_KEYFRAME, |k| k.id),
+            keyframe_from_camera: PoseBits::from(&(world_from_keyframe.inverse() * world_from_camera)),
+            rotation: frame.rotation,
+            ..PoseRecord::default()
+        },
+        ..FrameRecord::default()
     }
 }
 

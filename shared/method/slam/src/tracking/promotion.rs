@@ -54,7 +54,7 @@ pub(crate) fn with_place(
     is_looked_for: bool,
     mut record: FrameRecord,
 ) -> FrameRecord {
-    let Some(keyframe) = &mut record.new_keyframe else { return record };
+    let Some(keyframe) = &mut record.change.new_keyframe else { return record };
     let surface = input.surfaces.recent.iter().find(|s| s.index == keyframe.frame_index);
     if let Some(surface) = surface.filter(|_| is_looked_for) {
         keyframe.alike = alike(input, &mut aligner.sight, surface, &keyframe.place);
@@ -76,8 +76,8 @@ fn new_keyframe(
     let last_keyframe = input.map.last_keyframe()?;
     let previous = state.recent.last()?;
     let distance = Distance {
-        keyframe_from_camera: &Pose::from(&record.keyframe_from_camera),
-        entropy_nats: record.entropy_nats,
+        keyframe_from_camera: &Pose::from(&record.pose.keyframe_from_camera),
+        entropy_nats: record.pose.entropy_nats,
         reference_entropy: state.reference_entropy,
         n_frames: state.frames_since_keyframe,
     };
@@ -95,7 +95,7 @@ fn new_keyframe(
         frame_index: previous.index,
         stamp_nanos: previous.stamp_nanos,
         world_from_camera: previous.world_from_camera,
-        velocity: central_velocity(input, previous, &Pose::from(&record.world_from_camera)),
+        velocity: central_velocity(input, previous, &Pose::from(&record.pose.world_from_camera)),
         slot: StoreSlot::default(),
         edges: Vec::new(),
         place: input.ferns.code(&surface.surface),

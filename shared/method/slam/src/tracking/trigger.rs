@@ -27,17 +27,17 @@ pub(crate) fn with_request(
 ) -> FrameRecord {
     let settings = &input.context.mapping.loops;
     let frame = input.frame;
-    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.new_keyframe.is_some());
+    let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.change.new_keyframe.is_some());
     let request =
         |urgency| detection::request(settings, input.map.state(), frame.index, n_keyframes, urgency);
-    if record.request.is_some() || request(Urgency::Soon).is_none() {
+    if record.change.request.is_some() || request(Urgency::Soon).is_none() {
         return record;
     }
     let sees_loop = old_members(input, aligned).next().is_some();
     // What is seen where it should be is not also elsewhere: that is a place that looks alike.
     let is_in_place = is_in_place(input, aligner, aligned);
-    record.request = if !is_in_place
-        && record.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &record))
+    record.change.request = if !is_in_place
+        && record.change.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &record))
     {
         request(Urgency::Soon)
     } else if sees_loop {
@@ -66,7 +66,7 @@ fn shows_drift(
         }
         let is_similar =
             similarity(&keyframe.place, &older.place) >= input.context.mapping.loops.min_similarity;
-        is_similar && !is_near(older, &Pose::from(&record.world_from_camera))
+        is_similar && !is_near(older, &Pose::from(&record.pose.world_from_camera))
     })
 }
 
@@ -78,7 +78,7 @@ fn is_seen_elsewhere(
     (older, there): (&KeyframeState, &Reference<'_>),
     record: &FrameRecord,
 ) -> bool {
-    let world_from_camera = Pose::from(&record.world_from_camera);
+    let world_from_camera = Pose::from(&record.pose.world_from_camera);
     let Some(pair) = aligner.sight.pair(input.context, there, &world_from_camera, Reach::ANYWHERE) else {
         return false;
     };
@@ -89,7 +89,7 @@ fn is_seen_elsewhere(
     };
     let seen = UncertainPose { pose: at, covariance };
     let known = UncertainPose::read(&older.world_from_camera, &older.covariance)
-        .zip(UncertainPose::read(&record.world_from_camera, &record.covariance));
+        .zip(UncertainPose::read(&record.pose.world_from_camera, &record.pose.covariance));
     known.is_some_and(|(older_pose, pose)| {
         let is_of_track = input.map.is_own(older) && older.submap == input.map.submap();
         let relative = if is_of_track { UncertainPose::along_track } else { UncertainPose::apart };

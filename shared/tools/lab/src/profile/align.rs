@@ -110,7 +110,7 @@ fn pass(inputs: &[Input], context: Context, meter: &mut Meter) -> Result<(), Too
         let recent: Vec<FrameSurface<'_>> = previous.iter().map(|of| of.view(grid)).collect();
         let current = surface.view(grid);
         let record = meter.time(|| tracker.align(&current, &recent, &keyframes));
-        if let Some(keyframe) = &record.new_keyframe {
+        if let Some(keyframe) = &record.change.new_keyframe {
             let is_own = keyframe.frame_index == surface.index;
             let of = if is_own { Some(surface) } else { previous };
             keyframes.0.extend(of.map(|of| (packed::rounded(&of.vertices), of.features.clone())));

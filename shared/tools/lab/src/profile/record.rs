@@ -89,7 +89,7 @@ impl Tap<'_> {
             _ => {
                 for record in records {
                     if let AlignRecord::Frame(of) = record
-                        && let Some(keyframe) = &of.new_keyframe
+                        && let Some(keyframe) = &of.change.new_keyframe
                     {
                         let is_own = keyframe.frame_index == of.index;
                         let surface = if is_own { &vertices } else { &self.previous };

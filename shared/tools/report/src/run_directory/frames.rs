@@ -114,7 +114,7 @@ pub(super) fn state(state: State) -> FrameState {
 
 /// Standard deviation of the position, from the diagonal of the covariance.
 pub(super) fn std_m(record: &FrameRecord) -> Option<f64> {
-    let variances = [0, 6, 11].map(|place| record.covariance.get(place).copied());
+    let variances = [0, 6, 11].map(|place| record.pose.covariance.get(place).copied());
     let [Some(x), Some(y), Some(z)] = variances else { return None };
     Some((x + y + z).max(0.0).sqrt()).filter(|std| std.is_finite())
 }
