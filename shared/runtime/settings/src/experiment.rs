@@ -11,7 +11,7 @@ const GROUP: &str = "experiment";
 pub(crate) const COMMENT: &str = "# Variants of the method, for the preset `paper`, `tessera ablate` and tests: no run needs another value.";
 
 /// Paths of the group's keys, as in the structs.
-pub(crate) const KEYS: [&str; 17] = [
+pub(crate) const KEYS: [&str; 16] = [
     "run.forget_every",
     "surface.cell_sample",
     "surface.edge_rule",
@@ -24,7 +24,6 @@ pub(crate) const KEYS: [&str; 17] = [
     "mapping.window.outer_iterations",
     "mapping.window.min_first_distance_m",
     "mapping.window.max_first_distance_m",
-    "mapping.window.long_strides",
     "mapping.keyframe.entropy_gain_nats",
     "mapping.keyframe.entropy_ratio",
     "mapping.loop.request_interval",

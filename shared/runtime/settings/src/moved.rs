@@ -73,7 +73,7 @@ const WITHIN: &str = "use StartLimitIntervalSec= in its unit of systemd";
 
 /// Keys that are gone, each with what holds now.
 #[rustfmt::skip]
-const REMOVED: [(&str, &str); 98] = [
+const REMOVED: [(&str, &str); 100] = [
     ("simulation.noise", "simulation.sensor = \"exact\" is without"),
     ("simulation.disparity_sigma_px", "it is 0.0625 now"),
     ("simulation.lateral_sigma_px", "it is 0.5 now"),
@@ -121,6 +121,8 @@ const REMOVED: [(&str, &str); 98] = [
     ("mapping.window.correlation", "noise scales are estimated now"),
     ("mapping.features.weight", "noise scales are estimated now"),
     ("mapping.features.keyframe_weight", "noise scales are estimated now"),
+    ("mapping.window.long_strides", "relocalisation finds what fits nowhere about the last pose"),
+    ("experiment.mapping.window.long_strides", "relocalisation finds what fits nowhere about the last pose"),
     ("mapping.window.inertial_rotation", "the gyroscope is used where the source has one"),
     ("mapping.keyframe.min_frames", "it is 3 now"),
     ("mapping.loop.min_seconds", "mapping.loop.min_frames alone decides"),

@@ -132,10 +132,10 @@ fn there_are_few_keys_in_two_groups() {
 #[test]
 fn an_experiment_is_read_and_its_errors_have_its_name() {
     let text =
-        "[experiment.surface]\nedge_rule = \"and\"\n[experiment.mapping.window]\nlong_strides = false\n";
+        "[experiment.surface]\nedge_rule = \"and\"\n[experiment.mapping.window]\nouter_iterations = 8\n";
     let settings = Settings::from_toml(text, "my.toml").unwrap();
     assert_eq!(settings.surface.edge_rule, tessera_surface::EdgeRule::And);
-    assert!(!settings.mapping.window.long_strides);
+    assert_eq!(settings.mapping.window.outer_iterations, 8);
     assert_eq!(Settings::from_toml(&settings.to_toml().unwrap(), "text").unwrap(), settings);
     assert_eq!(
         refusal("[experiment.mapping.window]\nouter_iterations = 1\n"),

@@ -72,8 +72,7 @@ fn on_a_wall_the_turn_about_its_normal_is_the_gyroscope_s() {
 #[test]
 fn a_camera_that_turns_too_fast_for_its_surfaces_is_kept() {
     // 2.5 frames a second: 12 degrees and more from frame to frame, and no look about.
-    let n_good = |mut method: Method| {
-        method.mapping.window.long_strides = false;
+    let n_good = |method: Method| {
         let frames = online(SceneName::Room, &with_imu(1.0), &method, 28, 12);
         let good = frames.iter().filter(|(f, truth)| {
             let error = Pose::from(&f.pose.world_from_camera).inverse() * truth;

@@ -25,8 +25,6 @@ pub struct WindowSettings {
     /// `registration.weight.robust_sigmas` is 0.
     #[serde(skip)]
     pub at_rest_only: bool,
-    /// Whether large-displacement hypotheses are tried where the other attempts fail.
-    pub long_strides: bool,
     /// Least share of queries with a match.
     #[serde(skip)]
     pub min_match_share: f64,
@@ -51,7 +49,6 @@ impl Default for WindowSettings {
             max_first_distance_m: 0.5,
             inertial_rotation: true,
             at_rest_only: true,
-            long_strides: true,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,
             min_matched: 0.3,

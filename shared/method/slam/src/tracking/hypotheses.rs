@@ -1,18 +1,18 @@
 //! Tracking from the frame before: the prediction, and the hypotheses tried where it is in doubt
 //! (method 6).
 //!
-//! A hypothesis is an entry of [`HYPOTHESES`]: when it is tried, its initial guesses with their
-//! search settings, how a guess is aligned, and what a result must show beside the strict tests.
-//! One loop walks the table; of a hypothesis's guesses the best supported one counts.
+//! A hypothesis is an entry of [`HYPOTHESES`]: when it is tried, its initial guess with its search settings, and
+//! what a result must show beside the strict tests. One loop walks the table. What fits nowhere about the last pose is
+//! left to relocalisation.
 
 use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
 use crate::tracking::prediction::Prediction;
+use crate::tracking::rotation_hypothesis;
 use crate::tracking::start::{FeatureStart, OUTER_ITERATIONS, guess_from_features};
-use crate::tracking::window_alignment::{WindowAlignment, align_coarse_to_fine, align_to_window};
-use crate::tracking::{large_displacement, rotation_hypothesis};
+use crate::tracking::window_alignment::{WindowAlignment, align_to_window};
 use tessera_geometry::{Pose, Twist};
 
 /// Outcome of the alignment from the prediction.
@@ -26,15 +26,6 @@ enum Decision {
     Rejected,
 }
 
-/// How a guess is aligned.
-#[derive(Clone, Copy, Debug)]
-enum Search {
-    /// All samples to the local window.
-    Window,
-    /// Some samples to the nearest keyframes, then all.
-    CoarseToFine,
-}
-
 /// What a result must show beside the strict tests.
 #[derive(Clone, Copy, Debug)]
 enum Acceptance {
@@ -42,52 +33,26 @@ enum Acceptance {
     MoreSupport,
     /// No degenerate direction: along one the result is the initial guess, which predicts nothing.
     WellConditioned,
-    /// As [`Self::WellConditioned`], within a large displacement of the last pose.
-    WithinReach,
 }
 
 /// One way in which a frame may have moved.
 struct Hypothesis {
     after: Decision,
-    /// Initial guesses and their search settings.
-    guesses: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Vec<Prediction>,
-    search: Search,
+    /// Initial guess and its search settings.
+    guess: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Option<Prediction>,
     acceptance: Acceptance,
-    /// Name in the frame's reason, for a motion that a user may want to know of.
-    name: Option<&'static str>,
 }
 
 /// In the order in which they are tried; the first that is accepted counts.
-const HYPOTHESES: [Hypothesis; 4] = [
+const HYPOTHESES: [Hypothesis; 3] = [
     // A camera that turned faster than predicted may have come to rest in a local minimum.
-    Hypothesis {
-        after: Decision::Doubtful,
-        guesses: rotated_prediction,
-        search: Search::Window,
-        acceptance: Acceptance::MoreSupport,
-        name: None,
-    },
+    Hypothesis { after: Decision::Doubtful, guess: rotated_prediction, acceptance: Acceptance::MoreSupport },
     Hypothesis {
         after: Decision::Rejected,
-        guesses: rotated_last_pose,
-        search: Search::Window,
+        guess: rotated_last_pose,
         acceptance: Acceptance::WellConditioned,
-        name: None,
     },
-    Hypothesis {
-        after: Decision::Rejected,
-        guesses: last_keyframe,
-        search: Search::Window,
-        acceptance: Acceptance::WellConditioned,
-        name: None,
-    },
-    Hypothesis {
-        after: Decision::Rejected,
-        guesses: large_displacement::guesses,
-        search: Search::CoarseToFine,
-        acceptance: Acceptance::WithinReach,
-        name: Some("a large displacement"),
-    },
+    Hypothesis { after: Decision::Rejected, guess: last_keyframe, acceptance: Acceptance::WellConditioned },
 ];
 
 /// Aligns a frame that follows a tracked one. The error says why the prediction was rejected.
@@ -169,67 +134,35 @@ fn track_from(
         (false, false) => Decision::Rejected,
     };
     for hypothesis in HYPOTHESES.iter().filter(|h| h.after == verdict) {
-        let Some((found, numbers)) = hypothesis.test(input, aligner, prediction, &first) else { continue };
-        let reason = hypothesis.name.map_or(String::new(), |name| {
-            let why = passed.as_ref().err().map_or("the motion is not known", String::as_str);
-            format!("{why}; found by {name}: {numbers}")
-        });
-        return Ok(WindowAlignment { reason, ..found });
+        if let Some(found) = hypothesis.test(input, aligner, prediction, &first) {
+            return Ok(found);
+        }
     }
     if verdict == Decision::Accepted { Ok(first) } else { passed.map(|()| first) }
 }
 
 impl Hypothesis {
-    /// The best supported of the accepted results, with the numbers of the strict tests.
+    /// The result, where it is accepted.
     fn test(
         &self,
         input: &TrackingInput<'_>,
         aligner: &mut Aligner,
         prediction: &Prediction,
         first: &WindowAlignment,
-    ) -> Option<(WindowAlignment, String)> {
-        let mut best: Option<(WindowAlignment, String)> = None;
-        for guess in (self.guesses)(input, aligner, prediction) {
-            let Some((found, numbers)) = self.search.align(input, aligner, &guess) else { continue };
-            let most = best.as_ref().map_or(f64::NEG_INFINITY, |(best, _)| best.alignment.support());
-            if found.alignment.support() > most
-                && self.acceptance.is_met(input, &found.alignment, &first.alignment)
-            {
-                best = Some((found, numbers));
-            }
-        }
-        best
-    }
-}
-
-impl Search {
-    /// An alignment that passes the strict tests, with the numbers of these.
-    fn align(
-        self,
-        input: &TrackingInput<'_>,
-        aligner: &mut Aligner,
-        guess: &Prediction,
-    ) -> Option<(WindowAlignment, String)> {
-        match self {
-            Self::Window => {
-                let found = align_to_window(input, aligner, guess);
-                acceptance::strict(&STRICT, &found.alignment).ok().map(|numbers| (found, numbers))
-            }
-            Self::CoarseToFine => align_coarse_to_fine(input, aligner, guess, &guess.world_from_camera),
-        }
+    ) -> Option<WindowAlignment> {
+        let guess = (self.guess)(input, aligner, prediction)?;
+        let found = align_to_window(input, aligner, &guess);
+        let is_good = acceptance::strict(&STRICT, &found.alignment).is_ok()
+            && self.acceptance.is_met(&found.alignment, &first.alignment);
+        is_good.then_some(found)
     }
 }
 
 impl Acceptance {
-    fn is_met(self, input: &TrackingInput<'_>, found: &Alignment, first: &Alignment) -> bool {
+    fn is_met(self, found: &Alignment, first: &Alignment) -> bool {
         match self {
             Self::MoreSupport => found.support() > first.support(),
             Self::WellConditioned => found.degenerate.is_empty(),
-            Self::WithinReach => {
-                found.degenerate.is_empty()
-                    && found.support() > 0.0
-                    && large_displacement::is_within_reach(input, &found.world_from_camera)
-            }
         }
     }
 }
@@ -239,9 +172,9 @@ fn rotated_prediction(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Vec<Prediction> {
+) -> Option<Prediction> {
     let wide = Prediction { is_known: false, ..widened(input, prediction) };
-    vec![rotation_hypothesis::best_rotation(input, aligner, &wide)]
+    Some(rotation_hypothesis::best_rotation(input, aligner, &wide))
 }
 
 /// The last pose with the rotation that a gyroscope measured, or that has most support.
@@ -249,7 +182,7 @@ fn rotated_last_pose(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Vec<Prediction> {
+) -> Option<Prediction> {
     let mut guess = widened(input, prediction);
     if let Some(last) = input.map.state().recent.last() {
         guess.world_from_camera = Pose::from(&last.world_from_camera);
@@ -258,11 +191,11 @@ fn rotated_last_pose(
             guess.world_from_camera.rotation = prediction.world_from_camera.rotation;
         }
     }
-    vec![rotation_hypothesis::best_rotation(input, aligner, &guess)]
+    Some(rotation_hypothesis::best_rotation(input, aligner, &guess))
 }
 
 /// The pose of the last keyframe that this run made.
-fn last_keyframe(input: &TrackingInput<'_>, _: &mut Aligner, _: &Prediction) -> Vec<Prediction> {
+fn last_keyframe(input: &TrackingInput<'_>, _: &mut Aligner, _: &Prediction) -> Option<Prediction> {
     let keyframe = input.map.last_own_keyframe();
-    keyframe.map(|k| place(input, &Pose::from(&k.world_from_camera))).into_iter().collect()
+    keyframe.map(|k| place(input, &Pose::from(&k.world_from_camera)))
 }

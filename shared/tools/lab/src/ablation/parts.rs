@@ -16,11 +16,10 @@ pub struct Part {
 }
 
 /// All parts, features first.
-pub(super) const PARTS: [Part; 6] = [
+pub(super) const PARTS: [Part; 5] = [
     Part::of_keys("features", &["mapping.features.enabled=false"]),
     Part::of_change("initial guesses from features", |s| s.mapping.features.gives_guess = false),
     Part::of_keys("correction of lag and focal ratio", &["mapping.features.correct=false"]),
-    Part::of_keys("several starts on long strides", &["experiment.mapping.window.long_strides=false"]),
     Part::of_change("leaving out what moves", |s| s.mapping.window.at_rest_only = false),
     Part::of_keys("culling", &["mapping.keyframe.redundant_within_m=0"]),
 ];
