@@ -52,7 +52,9 @@ impl Map {
         self.surfaces.take(record)?;
         let before: Vec<Pose> = match record {
             // It moves nothing, and most records are like it.
-            AlignRecord::Frame(frame) if frame.change.moved.is_empty() && frame.change.new_keyframe.is_none() => {
+            AlignRecord::Frame(frame)
+                if frame.change.moved.is_empty() && frame.change.new_keyframe.is_none() =>
+            {
                 return Ok(());
             }
             _ => self.poses.keyframe_poses().collect(),
