@@ -132,7 +132,7 @@ const REMOVED: [(&str, &str); 100] = [
     ("mapping.loop.extended_window", "the newest keyframes are solved for with each new one"),
     ("mapping.loop.delay_per_keyframe", "it is 0.5 now"),
     ("mapping.relocalise.n_recognised", "it is 3 now"),
-    ("mapping.relocalise.n_turned", "it is 6 now"),
+    ("mapping.relocalise.n_turned", "views turned about the last pose found no place that others did not"),
     ("mapping.relocalise.min_in_view", "it is 0.3 now"),
     ("mapping.relocalise.min_matched", "it is 0.5 now"),
     ("mapping.relocalise.max_in_front", "it is 0.1 now"),

@@ -113,7 +113,6 @@ fn a_start_that_is_said_is_believed_where_it_fits() {
     // Without recognition: nothing else can find it.
     let mut method = Method::default();
     method.mapping.relocalise.n_recognised = 0;
-    method.mapping.relocalise.n_turned = 0;
     let mut run = Run::in_map(source.camera(), &method, map, Some(start)).unwrap();
     let indices: Vec<u64> = (60..75).collect();
     push_all(&mut run, &source, &indices);

@@ -12,14 +12,11 @@ pub struct RelocaliseSettings {
     /// Keyframes that look most like the frame and are tried.
     #[serde(skip)]
     pub n_recognised: u32,
-    /// Turned and shifted views that are tried in each frame.
-    #[serde(skip)]
-    pub n_turned: u32,
 }
 
 impl Default for RelocaliseSettings {
     fn default() -> Self {
-        Self { enabled: true, n_recognised: 3, n_turned: 6 }
+        Self { enabled: true, n_recognised: 3 }
     }
 }
 
@@ -29,7 +26,6 @@ impl RelocaliseSettings {
 
     /// Checks every range, NaN included.
     pub(super) fn check(&self) -> Result<(), SettingError> {
-        check_range("relocalise.n_recognised", self.n_recognised.into(), 0.0, 1e3)?;
-        check_range("relocalise.n_turned", self.n_turned.into(), 0.0, 1e3)
+        check_range("relocalise.n_recognised", self.n_recognised.into(), 0.0, 1e3)
     }
 }

@@ -1,8 +1,8 @@
 //! Relocalisation: the place in the map of a frame that could not be tracked.
 //!
-//! Candidates are the last pose, the keyframes that show most of the frame's features, those whose fern
-//! codes are most similar, and views turned and shifted against both, a few in each frame. A candidate must pass the strict
-//! tests once aligned, and the map changes again only after several frames in a row have passed.
+//! Candidates are the last pose, the keyframes that show most of the frame's features, and those whose fern codes are
+//! most similar. A candidate must pass the strict tests once aligned, and the map changes again only after several
+//! frames in a row have passed.
 //!
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
@@ -21,7 +21,7 @@ use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{
     WindowAlignment, align_coarse_to_fine, align_to, nearby_keyframes, reference,
 };
-use tessera_geometry::{Pose, Twist, exp};
+use tessera_geometry::Pose;
 
 /// Newest keyframes whose features are matched.
 const N_NEWEST: usize = 2;
@@ -33,9 +33,7 @@ const MIN_WORDS: usize = 4;
 /// A pose from which an alignment is tried.
 struct Candidate {
     guess: Pose,
-    /// The view whose neighbours are the references.
-    near: Pose,
-    /// The submap that both poses are in.
+    /// The submap that it is in.
     submap: u32,
     name: String,
     is_last_pose: bool,
@@ -43,7 +41,7 @@ struct Candidate {
 
 impl Candidate {
     fn at(world_from_camera: Pose, submap: u32, name: String) -> Self {
-        Self { guess: world_from_camera, near: world_from_camera, submap, name, is_last_pose: false }
+        Self { guess: world_from_camera, submap, name, is_last_pose: false }
     }
 }
 
@@ -162,7 +160,7 @@ fn first_that_fits(
     for candidate in candidates {
         let guess = place(input, &candidate.guess);
         let there = input.in_submap(candidate.submap);
-        let Some((found, numbers)) = align_coarse_to_fine(&there, aligner, &guess, &candidate.near) else {
+        let Some((found, numbers)) = align_coarse_to_fine(&there, aligner, &guess) else {
             continue;
         };
         // Along a degenerate direction the result is the initial guess: only the last pose is more.
@@ -192,13 +190,8 @@ fn supposed_candidates(
     prediction: &Prediction,
 ) -> Vec<Candidate> {
     let is_dropped = input.map.state().is_pose_dropped || is_asked(input);
-    let last = (!is_dropped).then_some((prediction.world_from_camera, input.map.submap()));
-    let similar = similar_keyframes(input, keyframes);
-    let most_similar = similar.first().map(|candidate| (candidate.guess, candidate.submap));
-    let mut candidates: Vec<Candidate> = last.iter().map(|(last, _)| last_pose(input, *last)).collect();
-    candidates.extend(similar);
-    candidates.extend(turned_views_about(input, last, most_similar));
-    candidates
+    let last = (!is_dropped).then(|| last_pose(input, prediction.world_from_camera));
+    last.into_iter().chain(similar_keyframes(input, keyframes)).collect()
 }
 
 /// Where the features of keyframes say that the camera is, the most inliers first: the keyframes that
@@ -275,37 +268,4 @@ fn similar_keyframes(input: &TrackingInput<'_>, keyframes: &[&KeyframeState]) ->
         .take(input.context.mapping.relocalise.n_recognised as usize)
         .filter_map(candidate)
         .collect()
-}
-
-/// Views about the last pose and about the most similar keyframe in turn, or about the one that there is;
-/// others in each frame.
-fn turned_views_about(
-    input: &TrackingInput<'_>,
-    last: Option<(Pose, u32)>,
-    most_similar: Option<(Pose, u32)>,
-) -> Vec<Candidate> {
-    let views = turned_views();
-    let n = input.context.mapping.relocalise.n_turned as usize;
-    let round = input.map.state().n_lost as usize;
-    let about = if round.is_multiple_of(2) { last.or(most_similar) } else { most_similar.or(last) };
-    let Some((base, submap)) = about else { return Vec::new() };
-    let view = |k: usize| {
-        let base_from_camera = views[(round / 2 * n + k) % views.len()];
-        Candidate { guess: base * base_from_camera, ..Candidate::at(base, submap, "a turned view".into()) }
-    };
-    (0..n).map(view).collect()
-}
-
-/// Turns about the vertical axis of the camera with shifts along the others.
-fn turned_views() -> Vec<Pose> {
-    let mut views = Vec::new();
-    for shift in [[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]] {
-        for yaw_deg in [0.0_f64, 20.0, -20.0, 40.0, -40.0] {
-            let mut twist = Twist::default();
-            twist.phi.y = yaw_deg.to_radians();
-            views.push(Pose::translation(shift[0], 0.0, shift[1]) * exp(&twist));
-        }
-    }
-    views.remove(0);
-    views
 }

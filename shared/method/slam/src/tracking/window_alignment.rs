@@ -66,15 +66,14 @@ pub(crate) fn align_to(
     WindowAlignment { members, alignment, state: State::Tracking, submap, reason, evidence_nats: 0.0 }
 }
 
-/// Aligns some samples to the two keyframes nearest to the view `near`, then all samples to the
-/// keyframes near the result. `None` unless both pass the strict tests; with the numbers of these.
+/// Aligns some samples to the two keyframes nearest to the initial guess, then all samples to the keyframes near the
+/// result. `None` unless both pass the strict tests; with the numbers of these.
 pub(crate) fn align_coarse_to_fine(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     guess: &Prediction,
-    near: &Pose,
 ) -> Option<(WindowAlignment, String)> {
-    let members = nearby_keyframes(input, near, COARSE_REFERENCES);
+    let members = nearby_keyframes(input, &guess.world_from_camera, COARSE_REFERENCES);
     if members.is_empty() {
         return None;
     }
