@@ -40,5 +40,5 @@ pub use depth_units::{
 };
 pub use error::{ImageError, ListError, SourceError};
 pub use imu::Gyroscope;
-pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
+pub use source::{FrameBuffers, FrameInfo, Pairing, Source, TakenColour};
 pub use warp::ColourWarp;

@@ -45,7 +45,7 @@ use tessera_frames::CameraFile;
 use tessera_frames::SourceError;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
-use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
+use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour};
 use tessera_geometry::Camera;
 use topics::Topics;
 pub use topics::{ChosenTopics, choose_topics};
@@ -186,12 +186,12 @@ impl RecordingSource {
     }
 
     /// Reads one image, and puts it where it belongs by `decode`.
-    fn image(
+    fn image<T>(
         &self,
         topic: &str,
         (at, spot): SpotAt<'_>,
-        decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<(), MessageError>,
-    ) -> Result<(), SourceError> {
+        decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<T, MessageError>,
+    ) -> Result<T, SourceError> {
         let wrong = |source| SourceError::Recording { path: self.path.clone(), source: Box::new(source) };
         let data = self.chunks.read(spot).map_err(wrong)?;
         messages::image(spot.kind, &data).and_then(|image| decode(&image)).map_err(|problem| {
@@ -356,6 +356,15 @@ impl Source for RecordingSource {
                 .image(topic, colour, |image| pixels::inspect(image, "colour", None))
                 .map_err(|error| SourceError::Colour(Box::new(error))),
             _ => Ok(()),
+        }
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        match (self.images(index)?.1, &self.topics.colour) {
+            (Some(colour), Some(topic)) => {
+                self.image(topic, colour, |image| self.cameras.colour.as_taken(image))
+            }
+            _ => Ok(None),
         }
     }
 

@@ -1,6 +1,6 @@
 //! Several files of one recording as one source, one behind the other.
 
-use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceError};
+use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceError, TakenColour};
 use tessera_evaluation::Trajectory;
 use tessera_geometry::Camera;
 
@@ -119,6 +119,11 @@ impl Source for JoinedSource {
         let (part, at) = self.known_frame(index)?;
         let info = part.read(at, buffers)?;
         Ok(FrameInfo { stamp_nanos: self.stamp_nanos(index).unwrap_or(info.stamp_nanos), ..info })
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        let (part, at) = self.known_frame(index)?;
+        part.colour_as_taken(at)
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {

@@ -164,7 +164,7 @@ impl Replay {
     }
 
     /// What all frames say of colour against depth, from what the camera file states on.
-    pub(crate) fn colour(&self, stated: ColourModel) -> ColourState {
+    pub fn colour(&self, stated: ColourModel) -> ColourState {
         ColourState::of_records(
             stated,
             self.frames.iter().map(|f| (f.colour.as_ref(), f.colour_pose.as_ref())),

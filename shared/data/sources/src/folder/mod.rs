@@ -20,7 +20,7 @@ use tessera_frames::decode;
 use tessera_frames::imu;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::long_pause;
-use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
+use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour};
 use tessera_geometry::{Camera, InertialRotation};
 
 /// Confidence of a pixel below which its depth is left out: 0 low, 1 medium, 2 high.
@@ -159,12 +159,12 @@ impl FolderSource {
     }
 
     /// Reads an image of frame `index` and names it where that fails.
-    fn image(
+    fn image<T>(
         &self,
         index: u64,
         file: &Path,
-        read: impl FnOnce(&Path) -> Result<(), ImageError>,
-    ) -> Result<(), SourceError> {
+        read: impl FnOnce(&Path) -> Result<T, ImageError>,
+    ) -> Result<T, SourceError> {
         let path = self.folder.join(file);
         read(&path).map_err(|source| SourceError::Image { frame: index, path, source })
     }
@@ -229,6 +229,12 @@ impl Source for FolderSource {
             has_colour: colour.is_some(),
             rotation: self.rotations.get(at).copied(),
         })
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        let (at, _) = self.entry(index)?;
+        let Some(colour) = self.colour_of(at) else { return Ok(None) };
+        self.image(index, &colour.file, |path| self.colour_images.as_taken(&load(path)?, path))
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {
