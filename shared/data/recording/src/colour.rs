@@ -5,11 +5,10 @@ use crate::chunks::{Chunks, FoundMessage, Spot};
 use crate::error::{MessageError, RecordingError};
 use crate::messages::{self, ImageForm, ImageMessage};
 use crate::pixels;
-use crate::rational::Undistortion;
 use crate::topics::Topics;
 use crate::transforms;
 use std::sync::Arc;
-use tessera_frames::{ColourCamera, ColourWarp, TakenColour, decode};
+use tessera_frames::{ColourCamera, ColourWarp, TakenColour, Undistortion, decode};
 use tessera_geometry::{Camera, Pose};
 
 /// Pixels by which two cameras of the same images may differ.

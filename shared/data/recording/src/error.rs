@@ -84,7 +84,7 @@ pub enum RecordingError {
     },
     /// A camera of a model that is not known here.
     #[error(
-        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5 or rational_polynomial with 8 that do not fold the image; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE"
+        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5, rational_polynomial with 8 or equidistant with 4 that do not fold the image; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE"
     )]
     Distortion {
         /// The topic.

@@ -2,6 +2,7 @@
 
 use crate::container::Channel;
 use crate::error::MessageError;
+use crate::gyroscope::ImuMessage;
 use crate::{foxglove, ros, ros1};
 use std::borrow::Cow;
 
@@ -16,6 +17,8 @@ pub(super) enum MessageKind {
     RosCamera(MessageWire),
     /// `tf2_msgs/msg/TFMessage`.
     RosTransforms(MessageWire),
+    /// `sensor_msgs/msg/Imu`.
+    RosImu(MessageWire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
     RosExtrinsics(MessageWire),
     /// `foxglove.RawImage`.
@@ -66,6 +69,7 @@ impl MessageKind {
             "sensor_msgs/Image" => Some(Self::RosImage(wire)),
             "sensor_msgs/CompressedImage" => Some(Self::RosCompressed(wire)),
             "sensor_msgs/CameraInfo" => Some(Self::RosCamera(wire)),
+            "sensor_msgs/Imu" => Some(Self::RosImu(wire)),
             "tf2_msgs/TFMessage" | "tf/tfMessage" => Some(Self::RosTransforms(wire)),
             "realsense2_camera_msgs/Extrinsics" | "realsense2_camera/Extrinsics" => {
                 Some(Self::RosExtrinsics(wire))
@@ -76,9 +80,11 @@ impl MessageKind {
 
     /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
     pub(super) fn stamp_bytes(self) -> Option<u64> {
-        let is_foxglove =
-            matches!(self, Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_));
-        (!is_foxglove).then_some(ros::STAMP_BYTES)
+        match self {
+            Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_) => None,
+            Self::RosImu(_) => Some(ros::IMU_BYTES),
+            _ => Some(ros::STAMP_BYTES),
+        }
     }
 
     pub(super) fn is_camera(self) -> bool {
@@ -86,7 +92,8 @@ impl MessageKind {
     }
 
     pub(super) fn is_image(self) -> bool {
-        !self.is_camera() && !matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_))
+        let is_other = matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_) | Self::RosImu(_));
+        !self.is_camera() && !is_other
     }
 }
 
@@ -168,6 +175,14 @@ pub(super) fn transforms(
     match kind {
         MessageKind::RosTransforms(MessageWire::Ros1) => ros1::transforms(data),
         _ => ros::transforms(data),
+    }
+}
+
+/// Reads the front of an IMU message.
+pub(super) fn imu(kind: MessageKind, data: &[u8]) -> Result<ImuMessage, MessageError> {
+    match kind {
+        MessageKind::RosImu(MessageWire::Ros1) => ros1::imu(data),
+        _ => ros::imu(data),
     }
 }
 

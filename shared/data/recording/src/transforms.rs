@@ -27,7 +27,12 @@ pub(super) fn colour_from_depth(
     {
         return Some(pose);
     }
-    if depth_frame.is_empty() || colour_frame.is_empty() {
+    between_frames(chunks, found, depth_frame, colour_frame)
+}
+
+/// The transform of points from one frame to another by `/tf_static`; `None`: the recording does not say.
+pub(super) fn between_frames(chunks: &Chunks, found: &FoundMessage, from: &str, to: &str) -> Option<Pose> {
+    if from.is_empty() || to.is_empty() {
         return None;
     }
     let mut tree = FrameTree::default();
@@ -37,7 +42,7 @@ pub(super) fn colour_from_depth(
             tree.extend(links);
         }
     }
-    tree.between(depth_frame, colour_frame)
+    tree.between(from, to)
 }
 
 /// Coordinate frames with the poses in their parents, as `/tf_static` has them.

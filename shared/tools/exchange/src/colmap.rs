@@ -23,11 +23,11 @@ pub(crate) enum ModelForm {
     Text,
 }
 
-type Part = (&'static str, fn(&Views, &Mesh, &mut dyn Write) -> io::Result<()>);
+type ModelFile = (&'static str, fn(&Views, &Mesh, &mut dyn Write) -> io::Result<()>);
 
-const BINARY: [Part; 3] =
+const BINARY: [ModelFile; 3] =
     [("cameras.bin", cameras_bin), ("images.bin", images_bin), ("points3D.bin", points_bin)];
-const TEXT: [Part; 3] =
+const TEXT: [ModelFile; 3] =
     [("cameras.txt", cameras_txt), ("images.txt", images_txt), ("points3D.txt", points_txt)];
 
 /// Writes the model beside its images; one of the other form, of an earlier export, is removed: it would be read

@@ -1,6 +1,6 @@
 //! The keyframes of a run, fused along its final trajectory.
 
-use crate::{ExportFiles, Recorded};
+use crate::{ExportFiles, RecordedRun};
 use rayon::prelude::*;
 use tessera_fusion::{FusionSettings, Mesh, VIEWS_AT_ONCE, View, Volume};
 use tessera_geometry::{Camera, Twist, Vector6};
@@ -17,11 +17,11 @@ pub(crate) fn earlier_camera<'a>(run: &'a RunFile, replay: &Replay, keyframe: u3
 /// Fuses all keyframes, those of a map that the run started in among them; tells `progress` how many of
 /// how many are done.
 pub(crate) fn fuse(
-    recorded: &Recorded<'_>,
+    recorded: &RecordedRun<'_>,
     wanted: &ExportFiles,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Mesh, ToolError> {
-    let Recorded { files, replay, settings, run } = recorded;
+    let RecordedRun { files, replay, settings, run } = recorded;
     let mut volume = Volume::new(&FusionSettings {
         voxel_m: 1e-3 * wanted.voxel_mm,
         max_depth_m: wanted.max_depth_m,

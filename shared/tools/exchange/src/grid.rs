@@ -1,7 +1,7 @@
 //! The map as an occupancy grid, which map_server reads.
 
 use crate::fuse::earlier_camera;
-use crate::{ExportFiles, GridFile, Recorded};
+use crate::{ExportFiles, GridFile, RecordedRun};
 use std::path::Path;
 use tessera_geometry::Pose;
 use tessera_occupancy::{
@@ -11,10 +11,14 @@ use tessera_occupancy::{
 use tessera_outputs::{self as outputs, ToolError};
 
 /// A keyframe: `world_from_camera`, and points in its camera's axes.
-type Placed = (Pose, Vec<ColouredPoint>);
+type PlacedPoints = (Pose, Vec<ColouredPoint>);
 
 /// Writes the grid of all keyframes; returns what is to be told of it.
-pub(crate) fn write(path: &Path, recorded: &Recorded<'_>, wanted: &ExportFiles) -> Result<String, ToolError> {
+pub(crate) fn write(
+    path: &Path,
+    recorded: &RecordedRun<'_>,
+    wanted: &ExportFiles,
+) -> Result<String, ToolError> {
     let options = &wanted.grid_options;
     let (keyframes, found) = gather(recorded, options, wanted.max_depth_m)?;
     let floor = match options.camera_height_m {
@@ -60,11 +64,11 @@ fn told(path: &Path, grid: &OccupancyCells, floor: &Floor, options: &GridFile) -
 
 /// The keyframes with their points, and the floor where there is one.
 fn gather(
-    recorded: &Recorded<'_>,
+    recorded: &RecordedRun<'_>,
     options: &GridFile,
     max_depth_m: f64,
-) -> Result<(Vec<Placed>, Option<Floor>), ToolError> {
-    let Recorded { files, replay, settings, run } = recorded;
+) -> Result<(Vec<PlacedPoints>, Option<Floor>), ToolError> {
+    let RecordedRun { files, replay, settings, run } = recorded;
     let (mut keyframes, mut finder) = (Vec::new(), FloorFinder::default());
     let Some(surfaces) = outputs::map_keyframes(files, run, replay, settings)? else {
         return Ok((keyframes, None));

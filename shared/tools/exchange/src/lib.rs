@@ -76,7 +76,7 @@ impl ExportFiles {
 }
 
 /// A run as it was recorded.
-pub(crate) struct Recorded<'a> {
+pub(crate) struct RecordedRun<'a> {
     files: &'a RunFiles,
     replay: &'a Replay,
     settings: &'a Settings,
@@ -112,7 +112,7 @@ pub fn write(
         return Ok(written);
     }
     let (settings, run) = (outputs::read_settings(&files)?, RunFile::read_recorded(&files)?);
-    let recorded = Recorded { files: &files, replay: &replay, settings: &settings, run: &run };
+    let recorded = RecordedRun { files: &files, replay: &replay, settings: &settings, run: &run };
     if let Some(path) = &wanted.grid {
         written.push(grid::write(path, &recorded, wanted)?);
     }
@@ -159,7 +159,7 @@ fn write_poses(replay: &Replay, wanted: &ExportFiles, written: &mut Vec<String>)
 /// The images of each folder that is asked for, and the form of its model: COLMAP's, or that of nerfstudio.
 type WrittenViews<'a> = Vec<(&'a Path, Option<ModelForm>, Views)>;
 
-fn views_of<'a>(recorded: &Recorded<'_>, wanted: &'a ExportFiles) -> Result<WrittenViews<'a>, ToolError> {
+fn views_of<'a>(recorded: &RecordedRun<'_>, wanted: &'a ExportFiles) -> Result<WrittenViews<'a>, ToolError> {
     let run = (recorded.replay, recorded.settings, recorded.run);
     let mut all = Vec::new();
     if let Some(folder) = &wanted.colmap {

@@ -63,8 +63,9 @@ fn choose(replay: &Replay, every: Option<u64>) -> Vec<ChosenFrame> {
 fn pose_at(rows: &[(i64, Pose)], stamp_nanos: i64) -> Option<Pose> {
     let next = rows.partition_point(|(stamp, _)| *stamp < stamp_nanos).clamp(1, rows.len().max(2) - 1);
     let ((before, from), (after, to)) = (rows.get(next - 1)?, rows.get(next).or(rows.last())?);
-    let span = (after - before) as f64;
-    let share = if span > 0.0 { ((stamp_nanos - before) as f64 / span).clamp(0.0, 1.0) } else { 0.0 };
+    let span = after.saturating_sub(*before) as f64;
+    let share =
+        if span > 0.0 { (stamp_nanos.saturating_sub(*before) as f64 / span).clamp(0.0, 1.0) } else { 0.0 };
     Some(from * exp(&log(&(from.inverse() * to)).scaled(share)))
 }
 
@@ -188,7 +189,7 @@ impl ViewMaker<'_> {
     /// Writes the images of a frame.
     fn view(&self, frame: &ChosenFrame, straight: &StraightPair) -> Result<Option<ImageView>, ToolError> {
         let Some(TakenFrame { depth_raw, colour }) = self.take(frame)? else { return Ok(None) };
-        let stamp_nanos = frame.stamp_nanos + (1e9 * self.colour.lag_s) as i64;
+        let stamp_nanos = frame.stamp_nanos.saturating_add((1e9 * self.colour.lag_s) as i64);
         let Some(world_from_depth) = pose_at(self.rows, stamp_nanos) else { return Ok(None) };
         let name = self.write_colour(frame.index, colour, &straight.colour)?;
         let depth_name = match self.wants_depth {

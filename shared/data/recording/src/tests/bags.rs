@@ -153,14 +153,3 @@ fn databases_that_are_no_whole_bags_are_named() {
     let words = open_file(&path).err().unwrap();
     assert!(words.contains("has a write-ahead log beside it") && words.contains("wal_checkpoint"), "{words}");
 }
-
-#[test]
-fn messages_that_are_compressed_one_by_one_are_named() {
-    let mut packed = SQLITE.to_vec();
-    let head = [0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0, b'c'];
-    while let Some(at) = packed.windows(head.len()).position(|window| window == head) {
-        packed[at..at + 4].copy_from_slice(&[0x28, 0xb5, 0x2f, 0xfd]);
-    }
-    let words = refusal(&packed);
-    assert!(words.contains("compressed one by one") && words.contains("ros2 bag convert"), "{words}");
-}

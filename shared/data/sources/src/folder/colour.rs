@@ -3,7 +3,7 @@
 use super::list::ListEntry;
 use crate::ImageError;
 use std::path::Path;
-use tessera_frames::{ColourCamera, ColourWarp, TakenColour, decode};
+use tessera_frames::{ColourCamera, ColourWarp, FrameBuffers, TakenColour, Undistortion, decode};
 use tessera_geometry::Camera;
 
 /// What is done with colour images.
@@ -97,16 +97,19 @@ impl ColourImages {
         Self { is_used: false, words, warning: Some(warning), warp: None }
     }
 
-    /// Decodes a colour image to the pixels of depth, `size` columns and rows.
+    /// Decodes a colour image to the pixels of depth, `size` columns and rows; `lens` was taken out of depth.
     pub(super) fn read(
         &self,
         bytes: &[u8],
         size: (u32, u32),
-        depth_raw: &[u16],
-        rgb: &mut [u8],
+        lens: Option<&Undistortion>,
+        buffers: &mut FrameBuffers<'_>,
     ) -> Result<(), ImageError> {
-        let Some(warp) = &self.warp else { return decode::colour(bytes, size, rgb) };
-        warp.apply(depth_raw, &decoded(bytes, warp.size)?, rgb);
+        match (&self.warp, lens) {
+            (None, None) => decode::colour(bytes, size, buffers.colour)?,
+            (None, Some(lens)) => lens.apply(3, &decoded(bytes, size)?, buffers.colour),
+            (Some(warp), _) => warp.apply(buffers.depth, &decoded(bytes, warp.size)?, buffers.colour),
+        }
         Ok(())
     }
 
