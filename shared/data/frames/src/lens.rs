@@ -44,7 +44,9 @@ impl StatedLens {
             return Some(Self::Plain(five));
         }
         match model.to_lowercase().as_str() {
-            "" | "plumb_bob" | "radtan" | "brown_conrady" if first(5) => {
+            "" | "plumb_bob" | "radtan" | "brown_conrady" | "brown conrady" | "inverse brown conrady"
+                if first(5) =>
+            {
                 taken(&mut five);
                 Some(Self::Plain(five))
             }

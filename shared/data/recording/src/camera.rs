@@ -3,6 +3,7 @@
 use crate::UNITS_OF_METRES;
 use crate::chunks::{Chunks, Spot};
 use crate::error::{MessageError, RecordingError};
+use crate::librealsense;
 use crate::messages::{self, CameraMessage, ImageForm, ImageMessage};
 use crate::topics::Topics;
 use tessera_frames::{OtherLens, StatedLens};
@@ -22,18 +23,23 @@ pub(super) struct RecordedCamera {
     pub(super) frame: String,
 }
 
-/// Reads the camera that belongs to the depth topic.
+/// Reads the camera that belongs to the depth topic; `units_at` says its units, where they are not those of ROS.
 pub(super) fn of_depth(
     chunks: &Chunks,
     topics: &Topics,
-    camera_at: Option<&Spot>,
+    (camera_at, units_at): (Option<&Spot>, Option<&Spot>),
     first_depth: &Spot,
 ) -> Result<RecordedCamera, RecordingError> {
     let missing = || RecordingError::NoCamera { topic: topics.depth.clone() };
     let (spot, topic) = camera_at.zip(topics.camera.as_ref()).ok_or_else(missing)?;
     let data = chunks.read(first_depth)?;
     let image = messages::image(first_depth.kind, &data).map_err(|problem| first(problem, &topics.depth))?;
-    read(chunks, spot, units_per_metre(&image), topics.depth.contains("rect"), topic)
+    let units = match units_at {
+        Some(at) => librealsense::units_per_metre(&chunks.read(at)?)
+            .map_err(|problem| first(problem, topics.units.as_deref().unwrap_or_default()))?,
+        None => units_per_metre(&image),
+    };
+    read(chunks, spot, units, topics.depth.contains("rect"), topic)
 }
 
 /// Units in which the depth of an image is counted.
@@ -68,7 +74,12 @@ fn read(
 ) -> Result<RecordedCamera, RecordingError> {
     let data = chunks.read(spot)?;
     let said = messages::camera(spot.kind, &data).map_err(|problem| first(problem, topic))?;
-    convert(&said, units_per_metre, is_rectified, topic)
+    let recorded = convert(&said, units_per_metre, is_rectified, topic)?;
+    let frame = match recorded.frame.is_empty() {
+        true => librealsense::stream_of(topic).unwrap_or_default(),
+        false => recorded.frame.clone(),
+    };
+    Ok(RecordedCamera { frame, ..recorded })
 }
 
 /// Our camera. The images of a rectified topic have the projection's numbers and no distortion.

@@ -4,6 +4,7 @@ use crate::compression::{ZSTD, whole};
 use crate::container::{Channels, Container, Place, Stored};
 use crate::error::RecordingError;
 use crate::gyroscope::ImuMessage;
+use crate::librealsense;
 use crate::messages::{self, MessageKind};
 use crate::topics::Topics;
 use rayon::prelude::*;
@@ -42,6 +43,10 @@ pub(super) struct FoundMessage {
     pub(super) colour_camera: Option<Spot>,
     /// The first of depth to colour.
     pub(super) extrinsics: Option<Spot>,
+    /// Units of depth: the first.
+    pub(super) units: Option<Spot>,
+    /// Frame of a stream, that of its reference, and where the stream stands.
+    pub(super) streams: Vec<(String, String, Spot)>,
     /// All messages of the gyroscope.
     pub(super) imu: Vec<ImuMessage>,
     /// All transforms that stay.
@@ -59,6 +64,8 @@ enum Role {
     ColourCamera,
     Extrinsics,
     Imu,
+    Units,
+    StreamPlace,
     Transforms,
 }
 
@@ -79,6 +86,8 @@ pub(super) fn find(
             kind if kind.is_camera() && is(&topics.camera) => Role::Camera,
             kind if kind.is_camera() && is(&topics.colour_camera) => Role::ColourCamera,
             MessageKind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
+            MessageKind::DepthUnits if is(&topics.units) => Role::Units,
+            MessageKind::StreamPlace => Role::StreamPlace,
             MessageKind::RosImu(_) if is(&topics.imu) => Role::Imu,
             MessageKind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
@@ -94,6 +103,7 @@ pub(super) fn find(
         .map(|(at, place)| {
             let first_ordinal = (at as u64) << 32;
             let looking = Looking {
+                channels,
                 roles: &roles,
                 topics,
                 next_ordinal: first_ordinal,
@@ -113,6 +123,8 @@ pub(super) fn find(
                 all.colour_camera = all.colour_camera.or(found.colour_camera);
                 all.extrinsics = all.extrinsics.or(found.extrinsics);
                 all.imu.extend(found.imu);
+                all.units = all.units.or(found.units);
+                all.streams.extend(found.streams);
                 all.transforms.extend(found.transforms);
             }
             Err(error @ RecordingError::Damaged { .. }) if at.saturating_add(1) == n && is_cut => {
@@ -167,6 +179,7 @@ pub(super) fn first_images(file: &dyn Container, channels: &Channels) -> BTreeMa
 
 /// Going through the messages of a place.
 struct Looking<'a> {
+    channels: &'a Channels,
     roles: &'a BTreeMap<u32, (Role, MessageKind)>,
     topics: &'a Topics,
     next_ordinal: u64,
@@ -203,10 +216,17 @@ impl Looking<'_> {
         };
         self.next_ordinal = self.next_ordinal.saturating_add(1);
         let (topic, to) = match role {
-            Role::Camera | Role::ColourCamera | Role::Extrinsics => {
+            Role::StreamPlace => {
+                let topic = self.channels.get(&message.channel).map_or("", |channel| channel.topic.as_str());
+                let placed = librealsense::placed_by(topic);
+                self.found.streams.extend(placed.map(|(stream, reference)| (stream, reference, spot)));
+                return Ok(());
+            }
+            Role::Camera | Role::ColourCamera | Role::Extrinsics | Role::Units => {
                 let first = match role {
                     Role::Camera => &mut self.found.camera,
                     Role::ColourCamera => &mut self.found.colour_camera,
+                    Role::Units => &mut self.found.units,
                     _ => &mut self.found.extrinsics,
                 };
                 first.get_or_insert(spot);

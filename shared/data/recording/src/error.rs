@@ -23,14 +23,6 @@ pub enum RecordingError {
         /// First bytes.
         found: String,
     },
-    /// A bag that librealsense's own recorder wrote.
-    #[error(
-        "is a bag of librealsense (topic {topic}), which is not read: convert it: rs-convert -i FILE.bag -p FOLDER/ -d, or record by realsense2_camera"
-    )]
-    Librealsense {
-        /// A topic of it.
-        topic: String,
-    },
     /// A database that is no bag, or one that is not read.
     #[error("{0}")]
     Database(String),

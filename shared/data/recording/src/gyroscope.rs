@@ -1,6 +1,7 @@
 //! The gyroscope of a recording: angular rates of an IMU topic in the axes of the depth camera.
 
 use crate::chunks::{Chunks, FoundMessage};
+use crate::librealsense;
 use crate::transforms;
 use nalgebra::Vector3;
 use tessera_frames::imu::{GyroSample, Gyroscope, rotations};
@@ -41,11 +42,11 @@ impl RecordedGyroscope {
     ) -> Result<Self, String> {
         let left_out = |why: String| format!("{topic} is left out: {why}");
         let Some(first) = found.imu.first() else { return Err(left_out("it has no messages".to_owned())) };
-        let frame = first.frame.trim_start_matches('/');
+        let named = first.frame.trim_start_matches('/').to_owned();
+        let named = if named.is_empty() { librealsense::stream_of(topic).unwrap_or_default() } else { named };
+        let frame = named.as_str();
         let Some(camera_from_imu) = transforms::between_frames(chunks, found, frame, camera_frame) else {
-            return Err(left_out(format!(
-                "no /tf_static says how '{frame}' is turned from '{camera_frame}'"
-            )));
+            return Err(left_out(format!("nothing says how '{frame}' is turned from '{camera_frame}'")));
         };
         let is_rate = |message: &&ImuMessage| {
             message.frame == first.frame

@@ -24,6 +24,7 @@ mod container;
 mod error;
 mod foxglove;
 mod gyroscope;
+mod librealsense;
 mod live;
 mod messages;
 mod pixels;
@@ -242,7 +243,7 @@ impl Cameras {
     ) -> Result<Self, RecordingError> {
         let first =
             found.depth.first().ok_or_else(|| RecordingError::Empty { topic: topics.depth.clone() })?;
-        let recorded = camera::of_depth(chunks, topics, found.camera.as_ref(), first);
+        let recorded = camera::of_depth(chunks, topics, (found.camera.as_ref(), found.units.as_ref()), first);
         let stated = given.as_ref().and_then(|(file, _)| file.colour.clone());
         let (mut depth, from, lens, recorded) = match given {
             Some((file, name)) => {

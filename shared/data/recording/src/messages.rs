@@ -3,7 +3,7 @@
 use crate::container::Channel;
 use crate::error::MessageError;
 use crate::gyroscope::ImuMessage;
-use crate::{foxglove, ros, ros1};
+use crate::{foxglove, librealsense, ros, ros1};
 use std::borrow::Cow;
 
 /// What a channel carries.
@@ -17,6 +17,10 @@ pub(super) enum MessageKind {
     RosCamera(MessageWire),
     /// `tf2_msgs/msg/TFMessage`.
     RosTransforms(MessageWire),
+    /// Units of depth, of librealsense's recorder.
+    DepthUnits,
+    /// `geometry_msgs/Transform` of a stream, of that recorder.
+    StreamPlace,
     /// `sensor_msgs/msg/Imu`.
     RosImu(MessageWire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
@@ -48,6 +52,12 @@ pub(super) enum Form {
 impl MessageKind {
     /// `None` for a channel that has nothing for us.
     pub(super) fn of(channel: &Channel) -> Option<Self> {
+        if librealsense::is_units(&channel.topic) {
+            return Some(Self::DepthUnits);
+        }
+        if channel.schema == "geometry_msgs/Transform" && librealsense::placed_by(&channel.topic).is_some() {
+            return Some(Self::StreamPlace);
+        }
         let form = match channel.encoding.as_str() {
             "cdr" => return Self::of_ros(&channel.schema.replacen("/msg/", "/", 1), MessageWire::Cdr),
             "ros1" => return Self::of_ros(&channel.schema, MessageWire::Ros1),
@@ -83,6 +93,8 @@ impl MessageKind {
         match self {
             Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_) => None,
             Self::RosImu(_) => Some(ros::IMU_BYTES),
+            // Small, and read by themselves.
+            Self::DepthUnits | Self::StreamPlace => Some(0),
             _ => Some(ros::STAMP_BYTES),
         }
     }
@@ -92,8 +104,8 @@ impl MessageKind {
     }
 
     pub(super) fn is_image(self) -> bool {
-        let is_other = matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_) | Self::RosImu(_));
-        !self.is_camera() && !is_other
+        let is_ros = matches!(self, Self::RosImage(_) | Self::RosCompressed(_));
+        is_ros || matches!(self, Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::container::{Channel, Channels};
 use crate::error::RecordingError;
+use crate::librealsense;
 use crate::messages::MessageKind;
 use std::collections::BTreeMap;
 
@@ -25,6 +26,8 @@ pub(super) struct Topics {
     pub(super) extrinsics: Option<String>,
     /// Angular rates.
     pub(super) imu: Option<String>,
+    /// Units of depth, as librealsense's recorder says them.
+    pub(super) units: Option<String>,
 }
 
 /// Topics of a network, chosen as those of a recording are.
@@ -133,6 +136,10 @@ fn choose_by(
         camera,
         extrinsics: extrinsics.map(str::to_owned),
         imu: imu_of(&depth, &of(|kind| matches!(kind, MessageKind::RosImu(_)))),
+        units: of(|kind| kind == MessageKind::DepthUnits)
+            .into_iter()
+            .find(|topic| librealsense::is_units_of(topic, &depth))
+            .map(str::to_owned),
         depth,
     })
 }

@@ -2,6 +2,7 @@
 
 use crate::chunks::{Chunks, FoundMessage};
 use crate::error::MessageError;
+use crate::librealsense;
 use crate::messages;
 use crate::ros;
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
@@ -40,6 +41,12 @@ pub(super) fn between_frames(chunks: &Chunks, found: &FoundMessage, from: &str, 
         let Ok(data) = chunks.read(spot) else { continue };
         if let Ok(links) = messages::transforms(spot.kind, &data) {
             tree.extend(links);
+        }
+    }
+    for (stream, reference, spot) in &found.streams {
+        let Ok(data) = chunks.read(spot) else { continue };
+        if let Some(place) = librealsense::place(&data).ok().and_then(|place| pose(&place)) {
+            tree.parents.insert(stream.clone(), (reference.clone(), place.inverse()));
         }
     }
     tree.between(from, to)

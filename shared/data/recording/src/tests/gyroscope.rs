@@ -106,10 +106,7 @@ fn rates_are_turned_into_the_camera_and_integrated_between_frames() {
 #[test]
 fn rates_that_cannot_be_used_are_named_and_left_out() {
     for (source, expected) in [
-        (
-            bag(1, false, [0.5, 0.0, 0.0]),
-            "no /tf_static says how 'gyro_optical' is turned from 'depth_optical'",
-        ),
+        (bag(1, false, [0.5, 0.0, 0.0]), "nothing says how 'gyro_optical' is turned from 'depth_optical'"),
         (bag(7, true, [0.5, 0.0, 0.0]), "covers the times of 0 of 5 depth images"),
         (bag(1, true, [0.0; 3]), "all its angular rates are 0"),
         (bag(1, true, [f64::NAN, 0.0, 0.0]), "60 of 60 messages have no angular rate"),
