@@ -286,6 +286,15 @@ fn stray_scanner() {
             && warnings.contains("1 depth images have no time"),
         "{warnings}"
     );
+    assert!(warnings.contains("ffmpeg -i rgb.mp4 -start_number 0 rgb/%06d.jpg"), "{warnings}");
+    // Its images, written by that command.
+    (0..2).for_each(|k| folder.colour(&format!("rgb/{k:06}.jpg"), (64, 48), 90 + k));
+    let source = folder.open();
+    assert!(said(&source, "colour").contains("64x48 px, warped to depth by both cameras"));
+    assert_eq!(read(&source, 0), (1800, true, 90));
+    let taken = source.colour_as_taken(1).unwrap().unwrap();
+    assert_eq!((taken.camera.camera.fx, taken.rgb.len()), (48.0, 64 * 48 * 3));
+    assert!(taken.file.unwrap().ends_with("rgb/000001.jpg"));
     folder.write("odometry.csv", format!("{header}1.0, 0, nan, 0, 0, 0, 0, 0, 1\n"));
     assert!(folder.refusal().contains("expected: timestamp, frame, x, y, z"), "{}", folder.refusal());
 }
