@@ -209,6 +209,15 @@ impl Replay {
         self.loops.values().filter(|pair| is_verified(pair) && is_rejected(pair)).count() as u64
     }
 
+    /// Verified loops: newer and older keyframe, and whether the loop was closed, or rejected by the optimiser.
+    pub fn verified_loops(&self) -> Vec<(u32, u32, bool)> {
+        let judged = self.loops.values().filter(|pair| is_verified(pair));
+        let judged = judged.map(|pair| (pair.newer, pair.older, !is_rejected(pair)));
+        let mut all: Vec<_> = judged.chain(self.unjudged_loops().map(|(a, b)| (a, b, true))).collect();
+        all.sort_unstable();
+        all
+    }
+
     /// Loops of the aligner, which verified them, that the optimiser did not judge.
     fn unjudged_loops(&self) -> impl Iterator<Item = (u32, u32)> {
         let edges = self.keyframes.iter().flat_map(|k| k.edges.iter().map(move |edge| (k.id, edge)));
@@ -262,6 +271,9 @@ mod tests {
         let mut replay = Replay::default();
         test_run::records().into_iter().for_each(|record| replay.apply(record));
         assert_eq!((replay.n_loops_found(), replay.n_loops_closed(), replay.n_loops_rejected()), (2, 1, 1));
+        let loops = replay.verified_loops();
+        let n_closed = loops.iter().filter(|(.., is_closed)| *is_closed).count();
+        assert_eq!((loops.len(), n_closed), (2, 1));
         assert_eq!(replay.n_untracked(), 1);
         assert_eq!((replay.skipped.len(), replay.n_skipped()), (1, 1));
         assert_eq!(replay.skipped[0].frames, 6..7);
