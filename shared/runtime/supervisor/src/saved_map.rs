@@ -33,7 +33,7 @@ pub struct LoadedMap {
 /// # Errors
 /// There is no map in that folder, its run is going on, its surfaces have another shape or are damaged.
 pub fn load_map(camera: &Camera, settings: &Settings) -> Result<Option<LoadedMap>, SupervisorError> {
-    let Some(MapOnDisk { files, keyframes, record, cameras }) = MapOnDisk::open(camera, settings)? else {
+    let Some(MapOnDisk { files, mut keyframes, record, cameras }) = MapOnDisk::open(camera, settings)? else {
         return Ok(None);
     };
     let wrong = |e: &dyn std::fmt::Display| directory("read the map of", &files.dir, e);
