@@ -20,7 +20,7 @@ const LEAST_SHARE: f64 = 0.2;
 /// Samples from which on anything is found.
 const LEAST_SAMPLES: usize = 200;
 
-struct Sample {
+struct FloorSample {
     position: [f32; 3],
     normal: [f32; 3],
     /// Area of the surface that the vertex stands for, in units of its pixels.
@@ -30,7 +30,7 @@ struct Sample {
 /// Samples of surfaces that may face up.
 #[derive(Default)]
 pub struct FloorFinder {
-    samples: Vec<Sample>,
+    samples: Vec<FloorSample>,
 }
 
 /// The floor, as a frame with z up.
@@ -55,7 +55,7 @@ impl FloorFinder {
             }
             let position = Vector3::from(vertex.position.map(f64::from));
             let in_world = world_from_camera.rotation * position + world_from_camera.translation.vector;
-            self.samples.push(Sample {
+            self.samples.push(FloorSample {
                 position: in_world.map(|v| v as f32).into(),
                 normal: normal.map(|v| v as f32).into(),
                 area: (depth_m * depth_m) as f32,
@@ -67,8 +67,8 @@ impl FloorFinder {
     pub fn find(&self) -> Option<Floor> {
         let up = self.up()?;
         let levels = || {
-            let faces_up = |sample: &&Sample| normal(sample).dot(&up) >= SAME_COS;
-            let height = |sample: &Sample| Vector3::from(sample.position.map(f64::from)).dot(&up);
+            let faces_up = |sample: &&FloorSample| normal(sample).dot(&up) >= SAME_COS;
+            let height = |sample: &FloorSample| Vector3::from(sample.position.map(f64::from)).dot(&up);
             self.samples.iter().filter(faces_up).map(move |sample| (height(sample), f64::from(sample.area)))
         };
         let mut areas: BTreeMap<i64, f64> = BTreeMap::new();
@@ -131,7 +131,7 @@ impl Floor {
     }
 }
 
-fn normal(sample: &Sample) -> Vector3<f64> {
+fn normal(sample: &FloorSample) -> Vector3<f64> {
     Vector3::from(sample.normal.map(f64::from))
 }
 

@@ -52,7 +52,7 @@ pub(crate) enum ChartForm {
 }
 
 /// Ranges of x and y, and the pixels of a drawing that they have.
-type Drawn = (Range<f64>, Range<f64>, Range<i32>, Range<i32>);
+type DrawnAxes = (Range<f64>, Range<f64>, Range<i32>, Range<i32>);
 
 /// How much of a band's colour is seen; `style.css` says the same of its legend.
 const BAND_OPACITY: f64 = 0.25;
@@ -168,7 +168,7 @@ impl Chart {
     }
 
     /// Draws, and answers the ranges of both axes and the pixels that they have.
-    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, font: u32) -> Result<Drawn, String> {
+    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, font: u32) -> Result<DrawnAxes, String> {
         let label_area = (font as f64 * 1.2 + 20.0 * f64::from(FINE)) as u32;
         let y_area = font * 4 + 2 * FINE;
         let (x, y) = self.ranges(area.dim_in_pixel(), (y_area, label_area));

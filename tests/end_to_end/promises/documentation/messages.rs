@@ -280,7 +280,7 @@ fn of_mcap(told: &mut Told) {
     check(told, &[depth("/left/depth"), depth("/right/depth")], &[]);
     check(told, &[depth("/depth")], &["--depth-topic", "/nothing"]);
     check(told, &[depth("/depth")], &[]);
-    check(told, &[depth("/depth"), info("equidistant", &[0.1; 4])], &[]);
+    check(told, &[depth("/depth"), info("division", &[0.1; 4])], &[]);
     check(told, &[image("/depth", 1, "rgb8"), info("plumb_bob", &[])], &[]);
     let found = |told: &mut Told| {
         let output =
