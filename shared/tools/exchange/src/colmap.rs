@@ -1,6 +1,6 @@
 //! A COLMAP model, which Gaussian splatting begins with: `images`, and in `sparse/0` cameras, poses and points.
 
-use crate::views::{ImageView, Views};
+use crate::views::{ImageView, ImageViews};
 use std::io::{self, Write};
 use std::path::Path;
 use tessera_fusion::Mesh;
@@ -23,7 +23,7 @@ pub(crate) enum ModelForm {
     Text,
 }
 
-type ModelFile = (&'static str, fn(&Views, &Mesh, &mut dyn Write) -> io::Result<()>);
+type ModelFile = (&'static str, fn(&ImageViews, &Mesh, &mut dyn Write) -> io::Result<()>);
 
 const BINARY: [ModelFile; 3] =
     [("cameras.bin", cameras_bin), ("images.bin", images_bin), ("points3D.bin", points_bin)];
@@ -32,7 +32,12 @@ const TEXT: [ModelFile; 3] =
 
 /// Writes the model beside its images; one of the other form, of an earlier export, is removed: it would be read
 /// first.
-pub(crate) fn write(folder: &Path, views: &Views, points: &Mesh, form: ModelForm) -> Result<(), ToolError> {
+pub(crate) fn write(
+    folder: &Path,
+    views: &ImageViews,
+    points: &Mesh,
+    form: ModelForm,
+) -> Result<(), ToolError> {
     let sparse = folder.join("sparse").join("0");
     std::fs::create_dir_all(&sparse).map_err(|error| ToolError::write(&sparse, error))?;
     let (own, other) = if form == ModelForm::Binary { (BINARY, TEXT) } else { (TEXT, BINARY) };
@@ -57,13 +62,13 @@ fn placed(view: &ImageView) -> [f64; 7] {
     [q.w, q.i, q.j, q.k, t.x, t.y, t.z]
 }
 
-fn cameras_txt(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
+fn cameras_txt(views: &ImageViews, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
     let (camera, [fx, fy, cx, cy]) = (&views.camera, params(&views.camera));
     writeln!(writer, "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n# Number of cameras: 1")?;
     writeln!(writer, "{CAMERA_ID} PINHOLE {} {} {fx} {fy} {cx} {cy}", camera.width, camera.height)
 }
 
-fn images_txt(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
+fn images_txt(views: &ImageViews, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
     writeln!(writer, "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[], none")?;
     for (id, view) in (1..).zip(&views.views) {
         let numbers = placed(view).map(|number| number.to_string()).join(" ");
@@ -72,7 +77,7 @@ fn images_txt(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()>
     Ok(())
 }
 
-fn points_txt(_: &Views, points: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
+fn points_txt(_: &ImageViews, points: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
     writeln!(writer, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[], none")?;
     for (id, ([x, y, z], [r, g, b])) in (1..).zip(points.positions.iter().zip(&points.colours)) {
         writeln!(writer, "{id} {x} {y} {z} {r} {g} {b} {NO_ERROR}")?;
@@ -80,7 +85,7 @@ fn points_txt(_: &Views, points: &Mesh, writer: &mut dyn Write) -> io::Result<()
     Ok(())
 }
 
-fn cameras_bin(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
+fn cameras_bin(views: &ImageViews, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
     writer.write_all(&1u64.to_le_bytes())?;
     writer.write_all(&CAMERA_ID.to_le_bytes())?;
     writer.write_all(&PINHOLE.to_le_bytes())?;
@@ -90,7 +95,7 @@ fn cameras_bin(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()
     params(&views.camera).iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
 }
 
-fn images_bin(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
+fn images_bin(views: &ImageViews, _: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
     writer.write_all(&(views.views.len() as u64).to_le_bytes())?;
     for (id, view) in (1u32..).zip(&views.views) {
         writer.write_all(&id.to_le_bytes())?;
@@ -103,7 +108,7 @@ fn images_bin(views: &Views, _: &Mesh, writer: &mut dyn Write) -> io::Result<()>
     Ok(())
 }
 
-fn points_bin(_: &Views, points: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
+fn points_bin(_: &ImageViews, points: &Mesh, writer: &mut dyn Write) -> io::Result<()> {
     writer.write_all(&(points.positions.len() as u64).to_le_bytes())?;
     for (id, (position, rgb)) in (1u64..).zip(points.positions.iter().zip(&points.colours)) {
         writer.write_all(&id.to_le_bytes())?;
@@ -123,7 +128,7 @@ mod tests {
     use crate::test_mesh::triangle;
     use tessera_geometry::Pose;
 
-    fn views() -> Views {
+    fn views() -> ImageViews {
         let view = ImageView {
             stamp_nanos: 0,
             name: "000007.png".to_owned(),
@@ -131,10 +136,10 @@ mod tests {
             world_from_camera: Pose::translation(1.0, 2.0, 3.0),
         };
         let camera = Camera::pinhole((640, 480), [500.0, 501.0, 319.5, 239.5], 1000.0);
-        Views { camera, views: vec![view], n_left_out: 0 }
+        ImageViews { camera, views: vec![view], n_left_out: 0 }
     }
 
-    fn text(part: fn(&Views, &Mesh, &mut dyn Write) -> io::Result<()>) -> String {
+    fn text(part: fn(&ImageViews, &Mesh, &mut dyn Write) -> io::Result<()>) -> String {
         let mut bytes = Vec::new();
         part(&views(), &triangle(), &mut bytes).unwrap();
         String::from_utf8(bytes)
@@ -154,7 +159,7 @@ mod tests {
 
     #[test]
     fn binary_files_have_the_lengths_of_the_format() {
-        let length = |part: fn(&Views, &Mesh, &mut dyn Write) -> io::Result<()>| {
+        let length = |part: fn(&ImageViews, &Mesh, &mut dyn Write) -> io::Result<()>| {
             let mut bytes = Vec::new();
             part(&views(), &triangle(), &mut bytes).unwrap();
             bytes.len()

@@ -21,7 +21,7 @@ use tessera_fusion::Mesh;
 use tessera_outputs::{self as outputs, Replay, ToolError, write_file};
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};
-use views::Views;
+use views::ImageViews;
 
 /// The files that are wanted, and how the map in them is fused.
 #[derive(Clone, Debug)]
@@ -157,7 +157,7 @@ fn write_poses(replay: &Replay, wanted: &ExportFiles, written: &mut Vec<String>)
 }
 
 /// The images of each folder that is asked for, and the form of its model: COLMAP's, or that of nerfstudio.
-type WrittenViews<'a> = Vec<(&'a Path, Option<ModelForm>, Views)>;
+type WrittenViews<'a> = Vec<(&'a Path, Option<ModelForm>, ImageViews)>;
 
 fn views_of<'a>(recorded: &RecordedRun<'_>, wanted: &'a ExportFiles) -> Result<WrittenViews<'a>, ToolError> {
     let run = (recorded.replay, recorded.settings, recorded.run);

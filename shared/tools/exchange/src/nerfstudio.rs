@@ -1,7 +1,7 @@
 //! A dataset of nerfstudio: `transforms.json` with images, depth in millimetres and points.
 
 use crate::ply;
-use crate::views::{DEPTH, IMAGES, ImageView, Views};
+use crate::views::{DEPTH, IMAGES, ImageView, ImageViews};
 use serde_json::{Value, json};
 use std::path::Path;
 use tessera_fusion::Mesh;
@@ -12,7 +12,7 @@ const FILE: &str = "transforms.json";
 const POINTS: &str = "points.ply";
 
 /// Writes `transforms.json` and the points beside the images.
-pub(crate) fn write(folder: &Path, views: &Views, points: &Mesh) -> Result<(), ToolError> {
+pub(crate) fn write(folder: &Path, views: &ImageViews, points: &Mesh) -> Result<(), ToolError> {
     write_file(&folder.join(POINTS), |writer| ply::cloud(points, writer))?;
     write_file(&folder.join(FILE), |writer| {
         serde_json::to_writer_pretty(&mut *writer, &description(views))?;
@@ -20,7 +20,7 @@ pub(crate) fn write(folder: &Path, views: &Views, points: &Mesh) -> Result<(), T
     })
 }
 
-fn description(views: &Views) -> Value {
+fn description(views: &ImageViews) -> Value {
     let camera = &views.camera;
     let mut description = json!({
         "camera_model": "OPENCV",

@@ -16,7 +16,7 @@ pub(crate) const IMAGES: &str = "images";
 pub(crate) const DEPTH: &str = "depth";
 
 /// Images that were written, all of one pinhole.
-pub(crate) struct Views {
+pub(crate) struct ImageViews {
     /// Its middle of the first pixel is at 0.
     pub camera: Camera,
     pub views: Vec<ImageView>,
@@ -89,7 +89,7 @@ pub(crate) fn write(
     (replay, settings, run): (&Replay, &Settings, &RunFile),
     every: Option<u64>,
     wants_depth: bool,
-) -> Result<Views, ToolError> {
+) -> Result<ImageViews, ToolError> {
     let (spec, options) = settings.source();
     if settings.is_external() {
         return Err(ToolError::Input(format!(
@@ -118,7 +118,7 @@ pub(crate) fn write(
         chosen.par_iter().map(|frame| maker.view(frame, &straight)).collect::<Result<_, ToolError>>()?;
     let n_chosen = views.len();
     let views: Vec<ImageView> = views.into_iter().flatten().collect();
-    Ok(Views { camera: straight.colour.camera.clone(), n_left_out: n_chosen - views.len(), views })
+    Ok(ImageViews { camera: straight.colour.camera.clone(), n_left_out: n_chosen - views.len(), views })
 }
 
 /// The ways of colour and of depth to one pinhole.

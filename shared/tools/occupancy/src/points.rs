@@ -23,7 +23,7 @@ impl ColouredPoint {
 }
 
 #[derive(Clone, Copy, Default)]
-struct Sum {
+struct PointSum {
     position: [f64; 3],
     rgb: [u32; 3],
     n: u32,
@@ -33,7 +33,7 @@ struct Sum {
 pub struct PointThinner {
     edge_m: f64,
     index: HashMap<[i32; 3], u32>,
-    sums: Vec<Sum>,
+    sums: Vec<PointSum>,
 }
 
 impl PointThinner {
@@ -52,7 +52,7 @@ impl PointThinner {
         let next = self.sums.len() as u32;
         let slot = *self.index.entry(cell.map(|c| c as i32)).or_insert(next);
         if slot == next {
-            self.sums.push(Sum::default());
+            self.sums.push(PointSum::default());
         }
         let sum = &mut self.sums[slot as usize];
         sum.position.iter_mut().zip(position).for_each(|(total, metres)| *total += metres);
@@ -62,7 +62,7 @@ impl PointThinner {
 
     /// The mean point of each voxel.
     pub fn points(&self) -> Vec<ColouredPoint> {
-        let mean = |sum: &Sum| ColouredPoint {
+        let mean = |sum: &PointSum| ColouredPoint {
             position: sum.position.map(|total| (total / f64::from(sum.n)) as f32),
             rgb: sum.rgb.map(|total| ((total + sum.n / 2) / sum.n) as u8),
         };
