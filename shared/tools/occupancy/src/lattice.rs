@@ -7,7 +7,7 @@ const LAYER_M: f64 = 0.1;
 /// Cells from the origin at most, to each side.
 const MOST_CELLS: f64 = 4096.0;
 
-/// Cells of one edge; layers of equal height that fill a band, and [`N_FLOOR`] more below it.
+/// Cells of one edge; layers of equal height that fill a band, and two more below it.
 #[derive(Clone, Copy, Debug)]
 pub struct CellLattice {
     /// Edge of a cell, metres.
