@@ -4,7 +4,6 @@
 use super::follow::Scene;
 use super::pace::Pace;
 use std::time::{Duration, Instant};
-use tessera_geometry::Pose;
 use tessera_occupancy::{CellLattice, CellVotes, ColouredPoint, GridPart, OccupancyCells, RayScan};
 
 /// Least time between two times that all rays are cast again.
@@ -106,6 +105,7 @@ impl Mapper {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tessera_geometry::Pose;
     use tessera_occupancy::{FREE, OCCUPIED, PointThinner, UNKNOWN};
 
     /// Half of the room's length, width; the height of the box in it, all metres.
