@@ -11,7 +11,10 @@ use tessera_messages::{
 };
 use tessera_settings::Settings;
 use tessera_slam::TrackerState;
-use tessera_sources::{FolderSource, FrameBuffers, RecordingOptions, RecordingSource, Source, load_camera};
+use tessera_sources::{
+    FolderSource, FrameBuffers, RecordingOptions, RecordingSource, Source, SourceOptions, SourceSpec,
+    load_camera,
+};
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 use tessera_surface::{Grid, Vertex, thinned};
 
@@ -135,6 +138,7 @@ pub fn images(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
     in_folder(|folder| match which {
         2..=4 => record3d(folder, *which, bytes),
+        5 => sens(folder, bytes),
         _ => tum_images(folder, which % 2 == 0, bytes),
     });
 }
@@ -176,6 +180,32 @@ fn record3d(folder: &Path, which: u8, bytes: &[u8]) {
     }
     if let Err(error) = source.inspect(0) {
         assert!(error.to_string().contains("frame 0"), "{error}");
+    }
+}
+
+/// ScanNet's `.sens`.
+fn sens(folder: &Path, bytes: &[u8]) {
+    write(folder, "my.sens", bytes);
+    let spec = SourceSpec::parse(&folder.join("my.sens").display().to_string());
+    let options = SourceOptions::default();
+    let source = match tessera_sources::open(&spec, &options) {
+        Ok(source) => source,
+        Err(error) => {
+            assert!(error.to_string().contains("my.sens"), "{error}");
+            return;
+        }
+    };
+    source.camera().check().expect("a camera that was taken holds its rules");
+    let n = source.n_frames().expect("a file has an end");
+    let stamps: Vec<_> = (0..n).map(|index| source.stamp_nanos(index).expect("in range")).collect();
+    assert!(stamps.is_sorted_by(|a, b| a < b), "stamps do not rise");
+    let n_pixels = (source.camera().width * source.camera().height) as usize;
+    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+    for index in 0..n.min(4) {
+        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        if let Err(error) = source.read(index, &mut buffers) {
+            assert!(error.to_string().contains("my.sens"), "{error}");
+        }
     }
 }
 

@@ -1,6 +1,8 @@
-"""Reads exported files with Open3D, trimesh and evo; see check_exports.sh."""
+"""Reads exported files with Open3D, trimesh, evo, pycolmap and Pillow; see check_exports.sh."""
 
 import importlib
+import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -50,6 +52,8 @@ if trimesh:
     again = next(iter(trimesh.load(work / "again.glb", process=False).geometry.values())).visual
     kept = again.kind == "vertex" or "color" in getattr(again, "vertex_attributes", {})
     check(kept, "trimesh: the colours are there after a round trip through GLB")
+    check(len(visual.to_color().vertex_colors) > 0, "trimesh: to_color() of the GLB")
+    check(ply.visual.kind == "vertex" and len({tuple(c) for c in ply.visual.vertex_colors[::97]}) > 10, "trimesh: PLY has vertex colours")
     turned = ply.vertices * [1, -1, -1]
     check(abs(turned - glb.vertices).max() < 1e-4, "trimesh: GLB stands upright, half a turn about x")
 
@@ -65,3 +69,48 @@ if library("evo"):
         check(off < 1e-6, f"evo: {name} poses differ by {off:.1e} from the TUM file")
     off = abs(tum.timestamps - euroc.timestamps).max()
     check(off < 1e-6, f"evo: times differ by {off:.1e} s")
+
+# In a process of its own: pycolmap and Pillow bring libraries that do not bear each other.
+COLMAP = """
+import sys, pycolmap
+models = [pycolmap.Reconstruction(sys.argv[1] + "/" + name + "/sparse/0") for name in ("colmap", "colmap_text")]
+rows = {}
+for line in open(sys.argv[2]):
+    if not line.startswith("#"):
+        rows[len(rows)] = [float(word) for word in line.split()]
+off = 0.0
+for model in models:
+    for image in model.images.values():
+        pose = image.cam_from_world() if callable(image.cam_from_world) else image.cam_from_world
+        centre = pose.inverse().translation
+        off = max(off, max(abs(a - b) for a, b in zip(centre, rows[int(image.name[:6])][1:4])))
+sizes = [(len(m.cameras), len(m.images), len(m.points3D)) for m in models]
+camera = next(iter(models[0].cameras.values()))
+print(sizes[0] == sizes[1], *sizes[0], camera.model_name, off)
+sys.stdout.flush()
+import os
+os._exit(0)
+"""
+if subprocess.run([sys.executable, "-c", "import pycolmap"], capture_output=True).returncode:
+    print("skipped: pycolmap: cannot be imported")
+else:
+    command = [sys.executable, "-c", COLMAP, str(work), str(run / "trajectory.txt")]
+    same, cameras, images, points, model, off = subprocess.check_output(command, text=True).split()
+    check(same == "True" and (cameras, model) == ("1", "PINHOLE"), "pycolmap: binary and text are the same model")
+    check(int(images) > 1 and int(points) > 1000, f"pycolmap: {images} images, {points} points")
+    check(float(off) < 1e-6, f"pycolmap: camera centres differ by {off} m from trajectory.txt")
+
+if library("PIL"):
+    from PIL import Image
+
+    dataset = json.loads((work / "nerf" / "transforms.json").read_text())
+    for frame in dataset["frames"]:
+        colour, depth = (Image.open(work / "nerf" / frame[key]) for key in ("file_path", "depth_file_path"))
+        whole = colour.size == depth.size == (dataset["w"], dataset["h"]) and colour.mode == "RGB"
+        if not whole or depth.getextrema()[1] < 500:
+            check(False, f"Pillow: {frame['file_path']} and its depth are whole")
+    check(dataset["depth_unit_scale_factor"] == 0.001, f"Pillow: {len(dataset['frames'])} images with depth for nerfstudio")
+    # As map_server reads it: 254 free, 205 unknown, 0 occupied.
+    grid = Image.open(work / "map.pgm")
+    counts = {value: n for n, value in grid.getcolors()}
+    check(set(counts) <= {0, 205, 254} and min(counts.get(0, 0), counts.get(254, 0)) > 50, f"Pillow: grid of {grid.size} cells")

@@ -114,6 +114,16 @@ async function wide() {
     slider.dispatchEvent(new Event('input'));
   }));
   assert.notEqual(await words(), said);
+  // The plots mark the same frame, and a click into one over time leads to another.
+  const marks = () => page.$$eval('.now', all => all.map(mark => mark.hidden ? '' : mark.style.left));
+  const marked = await marks(), middle = await words();
+  assert.ok(marked.length >= 4 && marked.every(place => place.endsWith('%')), `marks in the plots: ${marked}`);
+  await page.$$eval('[data-follow=time]', all => {
+    const plot = all.find(plot => plot.getBoundingClientRect().width > 0), box = plot.getBoundingClientRect();
+    plot.dispatchEvent(new MouseEvent('click', { clientX: box.left + 0.9 * box.width, clientY: box.top + 9 }));
+  });
+  assert.notEqual(await words(), middle);
+  assert.notDeepEqual(await marks(), marked);
   for (const colour of ['height', 'uncertainty']) {
     await after(page, `colour by ${colour}`, 0.03, () => page.select('[data-set=colour]', colour));
   }

@@ -34,7 +34,7 @@ impl MeshColumns {
 
 /// Fuses the keyframes; voxels of so many metres, points at most so far from their camera.
 pub(crate) fn mesh<'s>(
-    camera: &Camera,
+    (camera, map_cameras): (&Camera, &[Camera]),
     settings: &Settings,
     replay: &Replay,
     [voxel_m, max_depth_m]: [f64; 2],
@@ -61,7 +61,11 @@ pub(crate) fn mesh<'s>(
         let there = at_once.iter().zip(&loaded).filter(|(_, vertices)| vertices.len() == grid.len());
         let views: Vec<View<'_>> = there
             .map(|((keyframe, world_from_camera), vertices)| View {
-                camera,
+                // Of a map that other cameras made, that of its run.
+                camera: replay
+                    .earlier_run(keyframe.id)
+                    .and_then(|run| map_cameras.get(run))
+                    .unwrap_or(camera),
                 surface: SurfaceView { grid, vertices },
                 world_from_camera: *world_from_camera,
                 velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),

@@ -8,16 +8,17 @@ use std::path::PathBuf;
 use tessera_outputs::{read_journal, read_map, read_settings};
 use tessera_stage::RunFiles;
 
-/// Frames, keyframes and map of the run in `folder`.
+/// Frames, keyframes, map and verified loops of the run in `folder`.
 #[pyfunction]
 pub(crate) fn read_run(py: Python<'_>, folder: PathBuf) -> PyResult<Bound<'_, PyTuple>> {
-    let (frames, keyframes, points) = detached(py, || {
+    let (frames, keyframes, points, loops) = detached(py, || {
         let files = RunFiles::new(&folder);
         let settings = read_settings(&files).map_err(refuse)?;
         let as_mapped = read_journal(&files).map_err(refuse)?;
         let replay = as_mapped.with_refined_camera().unwrap_or(as_mapped);
         let points = read_map(&files, &replay, &settings).map_err(refuse)?;
-        Ok((Trajectory::of_frames(&replay), Trajectory::of_keyframes(&replay), Points::new(&points)))
+        let (frames, keyframes) = (Trajectory::of_frames(&replay), Trajectory::of_keyframes(&replay));
+        Ok((frames, keyframes, Points::new(&points), replay.verified_loops()))
     })?;
-    (frames.into_python(py)?, keyframes.into_python(py)?, points.into_python(py)?).into_pyobject(py)
+    (frames.into_python(py)?, keyframes.into_python(py)?, points.into_python(py)?, loops).into_pyobject(py)
 }

@@ -8,10 +8,12 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::{Mutex, MutexGuard};
-use tessera_geometry::{Camera, InertialRotation};
+use tessera_geometry::{Camera, InertialRotation, Pose};
 use tessera_offline::{Method, RawFrame, Run, SavedMap};
 use tessera_outputs::{Replay, map_points};
 use tessera_settings::Settings;
+use tessera_slam::MapRecord;
+use tessera_supervisor::{LoadedMap, load_map};
 
 /// Seconds of the latest stamp: the difference of two stamps must fit 64 bits of nanoseconds.
 const LATEST_S: i64 = 9_000_000_000;
@@ -24,6 +26,8 @@ type Tracked = (u64, &'static str, String, [f64; 16], Vec<f64>);
 pub(crate) struct PySlam {
     camera: Camera,
     settings: Settings,
+    /// Those of the runs that made the map that this one begins in.
+    map_cameras: Vec<Camera>,
     progress: Mutex<Progress>,
 }
 
@@ -131,7 +135,12 @@ fn checked_rotation(numbers: [f64; 6]) -> PyResult<InertialRotation> {
 #[pymethods]
 impl PySlam {
     #[new]
-    fn new(camera: &PyCamera, config: Option<&str>, overrides: Vec<String>) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        camera: &PyCamera,
+        config: Option<&str>,
+        overrides: Vec<String>,
+    ) -> PyResult<Self> {
         let camera = camera.0.clone();
         let mut settings = Settings::load(config, &overrides).map_err(refuse)?;
         settings.set_isa(settings.run.isa.resolve().map_err(refuse)?);
@@ -140,10 +149,20 @@ impl PySlam {
             registration: settings.registration.clone(),
             mapping: settings.mapping.clone(),
         };
-        let run = Box::new(Run::new(&camera, &method).map_err(refuse)?);
-        let progress =
-            Progress { state: Phase::Going(run), replay: Replay::default(), n_records: 0, last_nanos: None };
-        Ok(Self { camera, settings, progress: Mutex::new(progress) })
+        let map = detached(py, || load_map(&camera, &settings).map_err(refuse))?;
+        let map_cameras = map.as_ref().map_or(Vec::new(), |map| map.cameras.clone());
+        let run = match map {
+            None => Run::new(&camera, &method),
+            Some(LoadedMap { record, surfaces, features, cameras }) => {
+                let start = record.start.as_ref().map(Pose::from);
+                let MapRecord { keyframes, submaps, .. } = record;
+                let map = SavedMap { keyframes, submaps, surfaces, features, cameras };
+                Run::in_map_with_features(&camera, &method, map, start)
+            }
+        };
+        let state = Phase::Going(Box::new(run.map_err(refuse)?));
+        let progress = Progress { state, replay: Replay::default(), n_records: 0, last_nanos: None };
+        Ok(Self { camera, settings, map_cameras, progress: Mutex::new(progress) })
     }
 
     /// Processes the next frame: depth in raw units (16 bits, little-endian), colour as red, green, blue.
@@ -203,7 +222,8 @@ impl PySlam {
                 Phase::Finished(map) => map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice),
                 Phase::Failed => &[],
             };
-            results::mesh(&self.camera, &self.settings, &progress.replay, [voxel_m, max_depth_m], surface)
+            let cameras = (&self.camera, &self.map_cameras[..]);
+            results::mesh(cameras, &self.settings, &progress.replay, [voxel_m, max_depth_m], surface)
         })?;
         mesh.into_python(py)
     }
@@ -224,6 +244,11 @@ impl PySlam {
             progress.follow();
             Ok(results::counts(&progress.replay))
         })
+    }
+
+    /// Verified loops so far: newer and older keyframe, and whether the loop was closed.
+    fn loops(&self, py: Python<'_>) -> PyResult<Vec<(u32, u32, bool)>> {
+        detached(py, || Ok(self.lock()?.follow().verified_loops()))
     }
 
     /// The map so far, with the corrections so far.

@@ -17,11 +17,12 @@ are 4x4 matrices `world_from_camera`, metres; the camera's axes are x right, y d
 from ._recorded import Run, Source, SourceFrame, read_run
 from ._slam import Frame, Slam
 from ._tessera import Camera, __version__
-from ._types import Map, Mesh, Reason, Trajectory, Verdict
+from ._types import Loop, Map, Mesh, Reason, Trajectory, Verdict
 
 __all__ = [
     "Camera",
     "Frame",
+    "Loop",
     "Map",
     "Mesh",
     "Reason",

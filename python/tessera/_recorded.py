@@ -7,7 +7,7 @@ import json
 import os
 import pathlib
 from collections.abc import Iterator, Mapping
-from typing import Any, Optional
+from typing import Any, List, Optional
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from . import _tessera
 from ._slam import overrides
 from ._tessera import Camera
-from ._types import Map, Trajectory, Verdict, cloud, trajectory, verdict
+from ._types import Loop, Map, Trajectory, Verdict, cloud, trajectory, verdict
 
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
@@ -89,6 +89,8 @@ class Run:
     keyframes: Trajectory
     #: The points of `map.ply`.
     map: Map
+    #: The loops that were verified.
+    loops: List[Loop]
 
     @property
     def verdict(self) -> Optional[Verdict]:
@@ -108,7 +110,7 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
 
     Raises ValueError, which names the file and what is wrong with it.
     """
-    frames, keyframes, points = _tessera.read_run(os.fspath(folder))
+    frames, keyframes, points, loops = _tessera.read_run(os.fspath(folder))
     summary = pathlib.Path(folder) / "summary.json"
     words = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else None
-    return Run(words, trajectory(frames), trajectory(keyframes), cloud(points))
+    return Run(words, trajectory(frames), trajectory(keyframes), cloud(points), [Loop(*pair) for pair in loops])

@@ -7,14 +7,14 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Optional, Union
+from typing import Any, List, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _tessera
 from ._tessera import Camera
-from ._types import Floats, Map, Mesh, Trajectory, Verdict, cloud, colour_bytes, depth_bytes, mesh, trajectory, verdict
+from ._types import Floats, Loop, Map, Mesh, Trajectory, Verdict, cloud, colour_bytes, depth_bytes, mesh, trajectory, verdict
 
 #: A camera; the keys of a camera file; or a built-in camera's name or a camera file.
 CameraLike = Union[Camera, Mapping[str, Any], str, "os.PathLike[str]"]
@@ -70,7 +70,8 @@ class Slam:
 
     `camera`: a `Camera`, the keys of a camera file as a dict, a camera file, or the name of a built-in
     camera. `config`: a preset (`fast`, `onboard`, `paper`) or a file. `settings`: single settings, as
-    {"surface.step": 2}; those of processes have no effect here.
+    {"surface.step": 2}; those of processes have no effect here. `map`: the folder of an earlier run, in whose
+    map this one begins, as `tessera run --map`: the folder itself is left as it is.
 
     Any thread may call any method; calls wait for one another and let other threads go on.
     """
@@ -80,8 +81,12 @@ class Slam:
         camera: CameraLike,
         config: Optional[str | os.PathLike[str]] = None,
         settings: Optional[Mapping[str, Any]] = None,
+        *,
+        map: Optional[str | os.PathLike[str]] = None,
     ) -> None:
         self.camera = as_camera(camera)
+        if map is not None:
+            settings = {**(settings or {}), "run.map": os.path.abspath(os.fspath(map))}
         self._slam = _tessera.Slam(self.camera, None if config is None else os.fspath(config), overrides(settings))
         self._n_untimed = 0
 
@@ -167,6 +172,10 @@ class Slam:
         """`loops_closed`, `loops_rejected`, `submaps`, and `apart`: frames of each submap that was never joined."""
         closed, rejected, submaps, apart = self._slam.counts()
         return {"loops_closed": closed, "loops_rejected": rejected, "submaps": submaps, "apart": dict(apart)}
+
+    def loops(self) -> List[Loop]:
+        """The loops so far that were verified."""
+        return [Loop(*pair) for pair in self._slam.loops()]
 
     def __repr__(self) -> str:
         return f"Slam({self.camera!r})"

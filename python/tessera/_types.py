@@ -132,6 +132,17 @@ class Mesh:
 
 
 @dataclasses.dataclass(frozen=True)
+class Loop:
+    """Two keyframes, far apart in time, that see the same place: their numbers as in `Slam.keyframes()`, those of
+    an earlier run's map before them."""
+
+    newer: int
+    older: int
+    #: Whether it was closed; else the optimisation rejected it, for it contradicts the others.
+    is_closed: bool
+
+
+@dataclasses.dataclass(frozen=True)
 class Reason:
     """One thing that a verdict found."""
 

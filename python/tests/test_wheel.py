@@ -175,6 +175,32 @@ def results_are_at_hand_and_print_in_a_line():
     refused(ValueError, "found colour and color", slam.track, frame.depth, frame.colour, color=frame.colour)
 
 
+def a_run_begins_in_the_map_of_another_as_the_command_does():
+    with tempfile.TemporaryDirectory() as folder:
+        first, second = (pathlib.Path(folder) / name for name in ("first", "second"))
+        name = f"wheel-map-{time.time_ns()}"
+        run = [COMMAND, "run", "room", "--quiet", "--frames"]
+        subprocess.run([*run, "40", "--name", name + "a", "--out", first], check=True)
+        subprocess.run([*run, "20", "--name", name + "b", "--map", first, "--out", second], check=True)
+        before = {path.name: path.read_bytes() for path in first.iterdir()}
+        source = tessera.Source("room", {"run.frames": 20})
+        slam = tessera.Slam(source.camera, map=first)
+        for frame in source:
+            slam.track(frame.depth, frame.colour, stamp_nanos=frame.stamp_nanos, rotation=frame.rotation)
+        slam.finish()
+        slam.trajectory().write_tum(second / "again.txt")
+        assert rows_of(second / "again.txt") == rows_of(second / "trajectory.txt")
+        same_map(slam.map(), points_of(second / "map.ply"))
+        loops, counts = slam.loops(), slam.counts()
+        assert sum(loop.is_closed for loop in loops) == counts["loops_closed"] > 0
+        assert all(loop.newer > loop.older >= 0 for loop in loops)
+        assert tessera.read_run(second).loops == loops
+        assert before == {path.name: path.read_bytes() for path in first.iterdir()}
+        refused(ValueError, "is no folder of a run", tessera.Slam, source.camera, map=folder)
+        smaller = tessera.Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+        refused(ValueError, "was made with another kind of camera", tessera.Slam, smaller, map=first)
+
+
 def what_is_wrong_is_named():
     camera = tessera.Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     slam = tessera.Slam(camera, settings={"surface.step": 2})
@@ -250,6 +276,7 @@ def the_client_refuses_what_does_not_fit():
 def main():
     cameras_come_from_files_keys_and_matrices()
     cameras_have_fields_pickle_and_print()
+    a_run_begins_in_the_map_of_another_as_the_command_does()
     results_are_at_hand_and_print_in_a_line()
     what_is_wrong_is_named()
     a_lost_frame_says_so()

@@ -50,6 +50,7 @@ mod promises {
     /// Outputs are functions of the run directory.
     mod outputs {
         mod exports;
+        mod models;
         mod refine_camera;
         mod report;
         mod report_scene;

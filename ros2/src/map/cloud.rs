@@ -1,6 +1,6 @@
 //! Points as `sensor_msgs/msg/PointCloud2`.
 
-use super::points::Point;
+use tessera_occupancy::ColouredPoint;
 use tessera_recording::ros::{Header, PointCloud, PointField};
 
 /// Points as a message has them: x, y, z, and `rgb` packed as 0x00RRGGBB where any has a colour.
@@ -13,10 +13,10 @@ pub(crate) struct Packed {
 
 impl Packed {
     /// Packs points of the frame that the message will name.
-    pub(crate) fn new(points: &[Point]) -> Self {
+    pub(crate) fn new(points: &[ColouredPoint]) -> Self {
         let has_colour = points.iter().any(|point| point.rgb != [0; 3]);
         let mut data = Vec::with_capacity(points.len() * step(has_colour) as usize);
-        for Point { position, rgb: [red, green, blue] } in points {
+        for ColouredPoint { position, rgb: [red, green, blue] } in points {
             position.iter().for_each(|metres| data.extend(metres.to_le_bytes()));
             if has_colour {
                 data.extend([*blue, *green, *red, 0]);
@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn colour_is_packed_where_there_is_any() {
         let header = || Header { stamp: Time::from_nanos(1), frame_id: "map".into() };
-        let mut points = [Point { position: [1.0, 2.0, 3.0], rgb: [0; 3] }; 2];
+        let mut points = [ColouredPoint { position: [1.0, 2.0, 3.0], rgb: [0; 3] }; 2];
         let plain = Packed::new(&points);
         let message = plain.message(header());
         assert_eq!(

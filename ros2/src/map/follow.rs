@@ -1,9 +1,9 @@
 //! Keyframes of a run that goes on, read from its directory: nothing in it is written or locked.
 
 use super::live_verdict::LiveVerdict;
-use super::points::{Point, Seen, thinned_surface};
 use tessera_geometry::{Camera, Pose};
 use tessera_journal::{Follower, JournalError};
+use tessera_occupancy::{ColouredPoint, KeyframeView, thinned_surface};
 use tessera_settings::{Settings, SettingsError};
 use tessera_slam::{AlignRecord, KeyframeRecord, PoseHistory};
 use tessera_stage::{ALIGN_JOURNAL, RunFile, RunFiles, StageError, StoredKeyframes};
@@ -138,10 +138,10 @@ impl Follow {
     ///
     /// # Errors
     /// Where it is unknown, or damaged in the store.
-    pub(crate) fn points(&self, keyframe: u32, edge_m: f64) -> Result<Vec<Point>, FollowError> {
+    pub(crate) fn points(&self, keyframe: u32, edge_m: f64) -> Result<Vec<ColouredPoint>, FollowError> {
         let vertices = self.surfaces.load(keyframe)?;
         let velocity = self.made.get(keyframe as usize).map_or([0.0; 6], |(_, velocity)| *velocity);
-        let seen = Seen { camera: &self.camera, step: self.step, velocity };
+        let seen = KeyframeView { camera: &self.camera, step: self.step, velocity };
         Ok(thinned_surface(&vertices, &seen, self.max_depth_m, edge_m))
     }
 }

@@ -2,14 +2,13 @@
 
 use super::cloud::Packed;
 use super::follow::{Follow, FollowError, Scene};
-use super::lattice::Lattice;
 use super::mapper::Mapper;
 use super::pace::Pace;
-use super::points::{Point, Thinner};
 use super::worker::{End, MapOptions, Update, Worker};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tessera_geometry::Pose;
+use tessera_occupancy::{CellLattice, ColouredPoint, PointThinner};
 
 /// Least time between two clouds of the whole map.
 const CLOUD: Duration = Duration::from_secs(5);
@@ -21,7 +20,7 @@ pub(crate) struct Making<'a> {
     worker: &'a Worker,
     follow: Follow,
     /// Points of keyframes in their cameras' axes, by id; read once something is wanted.
-    held: Vec<Vec<Point>>,
+    held: Vec<Vec<ColouredPoint>>,
     /// Keyframes that are not new any more; `None` before the first look: what is there then is not new.
     n_known: Option<u32>,
     /// The keyframes as the last cloud shows them.
@@ -110,7 +109,7 @@ impl<'a> Making<'a> {
 
     /// The points of these keyframes in `map`, one a voxel.
     fn thinned<'s>(&self, keyframes: impl Iterator<Item = &'s (u32, Pose)>) -> Packed {
-        let mut thinner = Thinner::new(self.worker.options.spacing_m);
+        let mut thinner = PointThinner::new(self.worker.options.spacing_m);
         for (id, map_from_camera) in keyframes {
             let held = self.held.get(*id as usize).into_iter().flatten();
             held.for_each(|point| thinner.add(&point.moved(map_from_camera)));
@@ -138,5 +137,5 @@ impl<'a> Making<'a> {
 }
 
 fn mapper(options: &MapOptions) -> Mapper {
-    Mapper::new(Lattice::new(options.cell_m, options.heights_m))
+    Mapper::new(CellLattice::new(options.cell_m, options.heights_m))
 }

@@ -2,14 +2,9 @@
 //! alone decides when it is shown.
 
 use super::follow::Scene;
-use super::grid::{Grid, Part};
-use super::lattice::Lattice;
 use super::pace::Pace;
-use super::points::Point;
-use super::scan::Scan;
-use super::votes::Votes;
 use std::time::{Duration, Instant};
-use tessera_geometry::Pose;
+use tessera_occupancy::{CellLattice, CellVotes, ColouredPoint, GridPart, OccupancyCells, RayScan};
 
 /// Least time between two times that all rays are cast again.
 const RECAST: Duration = Duration::from_secs(5);
@@ -20,19 +15,19 @@ const WHOLE: Duration = Duration::from_secs(2);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum GridUpdate {
     /// All of it.
-    Whole(Grid),
+    Whole(OccupancyCells),
     /// What changed since the last update.
-    Part(Part),
+    Part(GridPart),
 }
 
-/// Votes of keyframes, and what was published of them.
+/// CellVotes of keyframes, and what was published of them.
 pub(crate) struct Mapper {
-    lattice: Lattice,
-    votes: Votes,
+    lattice: CellLattice,
+    votes: CellVotes,
     /// The keyframes that have voted, where they stood.
     cast: Scene,
     recast: Pace,
-    sent: Option<Grid>,
+    sent: Option<OccupancyCells>,
     /// The last whole grid is not the newest: what comes late would get an old one.
     is_old: bool,
     whole: Pace,
@@ -40,8 +35,8 @@ pub(crate) struct Mapper {
 
 impl Mapper {
     /// No keyframe yet.
-    pub(crate) fn new(lattice: Lattice) -> Self {
-        let votes = Votes::new(&lattice);
+    pub(crate) fn new(lattice: CellLattice) -> Self {
+        let votes = CellVotes::new(&lattice);
         let (recast, whole) = (Pace::new(RECAST), Pace::new(WHOLE));
         Self { lattice, votes, cast: Scene::new(), recast, sent: None, is_old: false, whole }
     }
@@ -51,7 +46,7 @@ impl Mapper {
     pub(crate) fn step(
         &mut self,
         scene: &Scene,
-        held: &[Vec<Point>],
+        held: &[Vec<ColouredPoint>],
         now: Instant,
         is_last: bool,
     ) -> Option<GridUpdate> {
@@ -81,12 +76,12 @@ impl Mapper {
     }
 
     /// Casts rays of what is new, and of all where anything moved; whether there was any.
-    fn take(&mut self, scene: &Scene, held: &[Vec<Point>], now: Instant, is_last: bool) -> bool {
+    fn take(&mut self, scene: &Scene, held: &[Vec<ColouredPoint>], now: Instant, is_last: bool) -> bool {
         if !scene.starts_with(&self.cast) {
             if !is_last && !self.recast.is_open(now) {
                 return false;
             }
-            self.votes = Votes::new(&self.lattice);
+            self.votes = CellVotes::new(&self.lattice);
             self.cast.clear();
             let began = Instant::now();
             self.add(scene, held);
@@ -98,25 +93,20 @@ impl Mapper {
         is_more
     }
 
-    fn add(&mut self, scene: &Scene, held: &[Vec<Point>]) {
+    fn add(&mut self, scene: &Scene, held: &[Vec<ColouredPoint>]) {
         for (id, map_from_camera) in &scene[self.cast.len()..] {
             let points = held.get(*id as usize).into_iter().flatten();
-            self.votes.add(&cast(&self.lattice, map_from_camera, points));
+            self.votes.add(&RayScan::of_keyframe(&self.lattice, map_from_camera, points));
         }
         self.cast.clone_from(scene);
     }
 }
 
-fn cast<'p>(lattice: &Lattice, map_from_camera: &Pose, points: impl Iterator<Item = &'p Point>) -> Scan {
-    let in_map = points.map(|point| point.moved(map_from_camera).position.map(f64::from));
-    Scan::cast(lattice, map_from_camera.translation.vector.into(), in_map)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::grid::{FREE, OCCUPIED, UNKNOWN};
-    use super::super::points::Thinner;
     use super::*;
+    use tessera_geometry::Pose;
+    use tessera_occupancy::{FREE, OCCUPIED, PointThinner, UNKNOWN};
 
     /// Half of the room's length, width; the height of the box in it, all metres.
     const ROOM: [f64; 2] = [2.02, 1.52];
@@ -124,8 +114,8 @@ mod tests {
 
     /// What a camera 0.8 m above the floor sees of a room around the origin, with or without a box of 0.4 m
     /// before its wall at x = 2.02: points in the camera's axes, here those of the room.
-    fn view(camera: [f64; 3], has_box: bool) -> Vec<Point> {
-        let mut thinner = Thinner::new(0.025);
+    fn view(camera: [f64; 3], has_box: bool) -> Vec<ColouredPoint> {
+        let mut thinner = PointThinner::new(0.025);
         for yaw in 0..720 {
             for pitch in -120..80 {
                 let (yaw, pitch) =
@@ -140,27 +130,27 @@ mod tests {
                 let hits = walls.chain([to(2, 0.0), to(2, 2.4)]).chain(sides).flatten();
                 let end = at(hits.fold(f64::INFINITY, f64::min));
                 let position = [0, 1, 2].map(|axis| (end[axis] - camera[axis]) as f32);
-                thinner.add(&Point { position, rgb: [0; 3] });
+                thinner.add(&ColouredPoint { position, rgb: [0; 3] });
             }
         }
         thinner.points()
     }
 
-    fn lattice() -> Lattice {
-        Lattice::new(0.05, (0.1, 1.0))
+    fn lattice() -> CellLattice {
+        CellLattice::new(0.05, (0.1, 1.0))
     }
 
     fn scene(cameras: &[[f64; 3]]) -> Scene {
         cameras.iter().zip(0..).map(|([x, y, z], id)| (id, Pose::translation(*x, *y, *z))).collect()
     }
 
-    fn whole(cameras: &[[f64; 3]], held: &[Vec<Point>]) -> Grid {
+    fn whole(cameras: &[[f64; 3]], held: &[Vec<ColouredPoint>]) -> OccupancyCells {
         let update = Mapper::new(lattice()).step(&scene(cameras), held, Instant::now(), true);
         let Some(GridUpdate::Whole(grid)) = update else { panic!("{update:?}") };
         grid
     }
 
-    fn at(grid: &Grid, x: f64, y: f64) -> u8 {
+    fn at(grid: &OccupancyCells, x: f64, y: f64) -> u8 {
         let [column, row] = [x, y].map(|metres| (metres / 0.05).floor() as i32);
         let place = (row - grid.begin[1]) * grid.width as i32 + column - grid.begin[0];
         grid.cells[usize::try_from(place).unwrap()]
@@ -196,7 +186,7 @@ mod tests {
 
     #[test]
     fn what_was_taken_away_is_free_again_and_what_is_seen_over_stays() {
-        let held: Vec<Vec<Point>> = (0..6).map(|id| view(CAMERAS[0], id < 1)).collect();
+        let held: Vec<Vec<ColouredPoint>> = (0..6).map(|id| view(CAMERAS[0], id < 1)).collect();
         let cameras = [CAMERAS[0]; 6];
         assert_eq!(at(&whole(&cameras[..1], &held), 1.4, 0.01), OCCUPIED);
         assert_eq!(at(&whole(&cameras, &held), 1.4, 0.01), FREE);

@@ -4,16 +4,12 @@
 mod cloud;
 mod follow;
 mod grid;
-mod lattice;
 mod live_verdict;
 mod making;
 mod mapper;
 mod pace;
-mod points;
 mod saved;
-mod scan;
 mod side;
-mod votes;
 mod worker;
 
 pub(crate) use saved::save_grid;

@@ -1,5 +1,6 @@
 //! The map's side of the network: its topics, and what the thread makes for them.
 
+use super::grid::{grid_message, part_message};
 use super::mapper::GridUpdate;
 use super::worker::{MapOptions, Update, Wanted, Worker};
 use crate::base::Base;
@@ -126,10 +127,10 @@ impl MapSide {
             Update::Points(at, packed) => self.points.to.send(&encode(&packed.message(header(*at)))?),
             Update::Cloud(at, packed) => self.cloud.to.send(&encode(&packed.message(header(*at)))?),
             Update::Grid(at, GridUpdate::Whole(grid)) => {
-                self.grid.to.send(&encode(&grid.message(header(*at), self.options.cell_m))?)
+                self.grid.to.send(&encode(&grid_message(grid, header(*at), self.options.cell_m))?)
             }
             Update::Grid(at, GridUpdate::Part(part)) => {
-                self.grid_updates.to.send(&encode(&part.message(header(*at)))?)
+                self.grid_updates.to.send(&encode(&part_message(part, header(*at)))?)
             }
             Update::Verdict(verdict) => {
                 self.verdict = Some(verdict.clone());

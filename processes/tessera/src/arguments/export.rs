@@ -7,14 +7,17 @@ use std::path::PathBuf;
 /// `tessera export`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-With --cloud, --mesh, --kitti, --euroc or --mcap only those files are written, else (or
-with --out) all outputs.
+With any of --cloud to --grid only those files are written, else (or with --out) all
+outputs.
 
 Examples:
   tessera export room-1
   tessera export results/desk --out elsewhere
   tessera export room-1 --cloud room.pcd --mesh room.glb --voxel-mm 5
-  tessera export room-1 --kitti poses.txt --euroc poses.csv")]
+  tessera export room-1 --kitti poses.txt --euroc poses.csv
+  tessera export desk --colmap desk_colmap --every 5
+  tessera export desk --nerfstudio desk_nerf
+  tessera export desk --grid map.yaml --camera-height 0.8")]
 pub(crate) struct ExportArguments {
     /// Name of the run, or its folder
     pub(crate) run: String,
@@ -54,13 +57,58 @@ pub(crate) struct ExportSelection {
     /// Poses, transforms, keyframes and the fused map as messages of ROS 2, for Foxglove too
     #[arg(long, value_name = "FILE")]
     pub(crate) mcap: Option<PathBuf>,
+    /// A COLMAP model for Gaussian splatting: DIR/images and DIR/sparse/0, without distortion
+    #[arg(long, value_name = "DIR")]
+    pub(crate) colmap: Option<PathBuf>,
+    /// The COLMAP model as text [default: binary]
+    #[arg(long, requires = "colmap")]
+    pub(crate) colmap_text: bool,
+    /// A dataset of nerfstudio: DIR/transforms.json with images, depth and points
+    #[arg(long, value_name = "DIR")]
+    pub(crate) nerfstudio: Option<PathBuf>,
+    /// Images of every Nth tracked frame [default: of the keyframes]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) every: Option<u64>,
+    /// An occupancy grid for map_server: FILE.yaml, with FILE.pgm beside it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) grid: Option<PathBuf>,
+    /// Edge of the grid's cells, metres
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    pub(crate) grid_cell: f64,
+    /// Heights of obstacles above the floor, metres
+    #[arg(long, value_name = "LOW,HIGH", default_value = "0.1,1.0", value_parser = heights, allow_hyphen_values = true)]
+    pub(crate) grid_heights: (f64, f64),
+    /// Height of the first camera, held level, above the floor, metres [default: the floor is found]
+    #[arg(long, value_name = "M", value_parser = positive)]
+    pub(crate) camera_height: Option<f64>,
 }
 
 impl From<&ExportSelection> for tessera_exchange::ExportFiles {
     fn from(files: &ExportSelection) -> Self {
-        let ExportSelection { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap } =
+        let ExportSelection { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap, .. } =
             files.clone();
-        Self { cloud, mesh, voxel_mm, max_depth_m, memory_mb, kitti, euroc, mcap }
+        let ExportSelection { colmap, colmap_text, nerfstudio, every, grid, .. } = files.clone();
+        let grid_options = tessera_exchange::GridFile {
+            cell_m: files.grid_cell,
+            heights_m: files.grid_heights,
+            camera_height_m: files.camera_height,
+        };
+        Self {
+            cloud,
+            mesh,
+            voxel_mm,
+            max_depth_m,
+            memory_mb,
+            kitti,
+            euroc,
+            mcap,
+            colmap,
+            colmap_text,
+            nerfstudio,
+            every,
+            grid,
+            grid_options,
+        }
     }
 }
 
@@ -68,4 +116,17 @@ impl From<&ExportSelection> for tessera_exchange::ExportFiles {
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
     if value > 0.0 && value < 1e5 { Ok(value) } else { Err(format!("found {value}, expected more than 0")) }
+}
+
+/// The edge of a grid's cell.
+fn metres(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|metres| (0.005..=1.0).contains(metres));
+    found.ok_or_else(|| "expected 0.005 to 1 m".to_owned())
+}
+
+/// A band of heights.
+fn heights(text: &str) -> Result<(f64, f64), String> {
+    let numbers = text.split_once(',').and_then(|(low, high)| Some((low.parse().ok()?, high.parse().ok()?)));
+    let is_band = |(low, high): &(f64, f64)| low.abs() <= 100.0 && (0.1..=3.0).contains(&(high - low));
+    numbers.filter(is_band).ok_or_else(|| "expected two heights 0.1 to 3 m apart, such as 0.1,1.0".to_owned())
 }

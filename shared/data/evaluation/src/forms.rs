@@ -1,4 +1,4 @@
-//! Trajectory files by their form: TUM, TUM with whole nanoseconds, EuRoC, KITTI.
+//! Trajectory files by their form: TUM, TUM with whole nanoseconds, EuRoC, KITTI, and what else an export writes.
 #![cfg_attr(
     not(test),
     deny(
@@ -10,15 +10,23 @@
 )]
 
 use crate::file::{ReadError, Trajectory, parse_tum};
+use crate::nerf;
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+use std::collections::BTreeMap;
 use std::path::Path;
 use tessera_geometry::Pose;
 
 /// Columns of EuRoC up to the rotation, and of KITTI.
 const EUROC_COLUMNS: usize = 8;
 const KITTI_COLUMNS: usize = 12;
-/// Digits of whole nanoseconds since 1970, and of microseconds.
+/// Digits of whole nanoseconds since 1970.
 const WHOLE_DIGITS: usize = 14;
+/// Whole stamps that differ by this are nanoseconds: as seconds they would be eleven days apart.
+const LEAST_NANOS_APART: i64 = 1_000_000;
+/// Columns of `trajectory_marked.txt`: those of TUM, a state and a submap.
+const MARKED_COLUMNS: usize = 10;
+/// States there.
+const MARKS: [&str; 3] = ["tracked", "degenerate", "predicted"];
 /// How far a rotation of a file may be from one.
 const TOLERANCE: f64 = 0.02;
 
@@ -68,6 +76,9 @@ pub fn read_trajectory(path: &Path) -> Result<TrajectoryFile, ReadError> {
 }
 
 fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError> {
+    if let Some(trajectory) = nerf::parse(text, path)? {
+        return Ok(TrajectoryFile::Timed(trajectory));
+    }
     let is_row = |line: &&str| {
         !line.is_empty()
             && !line.starts_with('#')
@@ -81,9 +92,14 @@ fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError
     };
     let Some((_, first)) = rows().next() else { return parse_tum(text, path).map(TrajectoryFile::Timed) };
     let words = words(first);
-    let is_whole = words
-        .first()
-        .is_some_and(|word| word.len() >= WHOLE_DIGITS && word.bytes().all(|byte| byte.is_ascii_digit()));
+    if let Some(text) = of_largest_submap(rows().map(|(_, line)| line)) {
+        return parse_tum(&text, path).map(TrajectoryFile::Timed);
+    }
+    if words.len() == MARKED_COLUMNS && words.last().is_some_and(|name| name.parse::<f64>().is_err()) {
+        let expected = "rows with times; COLMAP's images have none: give trajectory.txt of the run";
+        return Err(unusable(path, 0, first, expected));
+    }
+    let is_whole = is_in_nanos(text, rows().map(|(_, line)| line));
     if words.len() == KITTI_COLUMNS {
         let pose = |(at, line): (usize, &str)| {
             kitti(line).ok_or_else(|| unusable(path, at, line, "12 numbers of a 3x4 matrix"))
@@ -107,6 +123,37 @@ fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError
         })?;
     }
     Ok(TrajectoryFile::Timed(trajectory))
+}
+
+/// Whether stamps are whole nanoseconds: as the head says, by their digits, or by how far they are apart.
+fn is_in_nanos<'a>(text: &str, rows: impl Iterator<Item = &'a str>) -> bool {
+    let whole = |line: &str| words(line).first()?.parse::<i64>().ok();
+    let Some(stamps) = rows.map(whole).collect::<Option<Vec<i64>>>() else { return false };
+    let head = text.lines().take_while(|line| line.trim_start().starts_with('#'));
+    let has_digits =
+        |stamp: &i64| stamp.unsigned_abs().checked_ilog10().is_some_and(|n| n as usize >= WHOLE_DIGITS - 1);
+    let mut steps: Vec<i64> =
+        stamps.iter().zip(stamps.iter().skip(1)).map(|(a, b)| b.saturating_sub(*a)).collect();
+    steps.sort_unstable();
+    stamps.first().is_some_and(has_digits)
+        || head.into_iter().any(|line| line.contains("[ns]"))
+        || steps.get(steps.len() / 2).is_some_and(|step| *step >= LEAST_NANOS_APART)
+}
+
+/// The rows of `trajectory_marked.txt` in the submap that has most: poses of two submaps have no common frame.
+fn of_largest_submap<'a>(rows: impl Iterator<Item = &'a str>) -> Option<String> {
+    let mut submaps: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for line in rows {
+        let (rest, submap) = line.rsplit_once(' ')?;
+        let (row, mark) = rest.rsplit_once(' ')?;
+        if !MARKS.contains(&mark) {
+            return None;
+        }
+        submaps.entry(submap).or_default().push(row);
+    }
+    // The first of two that have as many.
+    let most = submaps.into_values().rev().max_by_key(Vec::len)?;
+    Some(most.join("\n"))
 }
 
 fn words(line: &str) -> Vec<&str> {
@@ -178,6 +225,23 @@ mod tests {
             two.clone().together(parsed).unwrap_err().contains("no times and 2 rows, the other one 1 poses")
         );
         assert_eq!(two.clone().together(two).unwrap().0.stamps_nanos, [0, 100_000_000]);
+    }
+
+    #[test]
+    fn what_an_export_writes_is_read() {
+        // Of a simulated world time begins at 0.
+        let stamps = |text: &str| match parse(text) {
+            Ok(TrajectoryFile::Timed(found)) => found.stamps_nanos,
+            other => panic!("{other:?}"),
+        };
+        let euroc = "#timestamp [ns],p_RS_R_x [m]\n0,1,2,3,1,0,0,0\n33333333,1,2,3,1,0,0,0\n";
+        assert_eq!(stamps(euroc), [0, 33_333_333]);
+        assert_eq!(stamps("0 1 2 3 0 0 0 1\n33333333 1 2 3 0 0 0 1\n"), [0, 33_333_333]);
+        assert_eq!(stamps("0 1 2 3 0 0 0 1\n33 1 2 3 0 0 0 1\n"), [0, 33_000_000_000]);
+        let marked = "# words\n0.5 1 2 3 0 0 0 1 tracked 0\n0.6 1 2 3 0 0 0 1 predicted 1\n0.7 1 2 3 0 0 0 1 degenerate 1\n";
+        assert_eq!(stamps(marked), [600_000_000, 700_000_000]);
+        let colmap = parse("1 1 0 0 0 1 2 3 1 000000.png\n").unwrap_err();
+        assert!(colmap.contains("COLMAP's images have none: give trajectory.txt"), "{colmap}");
     }
 
     #[test]

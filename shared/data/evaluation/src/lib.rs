@@ -16,6 +16,7 @@ mod evaluate;
 mod file;
 mod forms;
 mod lateral;
+mod nerf;
 mod offset;
 mod rpe;
 mod stamp;

@@ -1,9 +1,9 @@
 //! Camera files, and the cameras that are built in.
 
-use crate::SourceError;
-use crate::camera_forms::read_stated;
+use crate::camera_forms::{check_lens, read_stated};
 use crate::colour_camera::{ColourCamera, ColourTable};
 use crate::large::check_camera;
+use crate::{OtherLens, SourceError};
 use serde::Deserialize;
 use std::path::Path;
 use tessera_geometry::Camera;
@@ -27,6 +27,8 @@ pub struct CameraFile {
     pub camera: Camera,
     /// The colour camera, where the file says that it is another one.
     pub colour: Option<ColourCamera>,
+    /// A lens that is to be taken out of the images (`fisheye = [k1, k2, k3, k4]`).
+    pub lens: Option<OtherLens>,
     /// Whether depth images hold distances along the ray (`depth = "distance"`).
     pub is_distance: bool,
     /// What the file does not state and is assumed, as a sentence.
@@ -84,7 +86,7 @@ impl CameraFile {
         let assumed = stated.units_per_metre.is_none().then(|| {
             format!("{file} states no depth units: {USUAL_UNITS_PER_METRE} a metre are assumed (units_per_metre in a camera.toml)")
         });
-        Ok(Self { camera, colour: None, is_distance: false, assumed })
+        Ok(Self { camera, colour: None, lens: stated.lens, is_distance: false, assumed })
     }
 
     fn parse(text: &str, file: &str) -> Result<Self, SourceError> {
@@ -93,19 +95,26 @@ impl CameraFile {
             message: error.to_string().trim_end().to_owned(),
         };
         let tables: CameraFileTables = toml::from_str(text).map_err(wrong)?;
-        let camera: Camera = match (&tables.colour, &tables.depth) {
-            (None, None) => toml::from_str(text).map_err(wrong)?,
+        let camera: Camera = match (&tables.colour, &tables.depth, &tables.fisheye) {
+            (None, None, None) => toml::from_str(text).map_err(wrong)?,
             _ => {
                 let mut keys: toml::Table = toml::from_str(text).map_err(wrong)?;
                 keys.remove("colour");
                 keys.remove("depth");
+                keys.remove("fisheye");
                 Camera::deserialize(keys).map_err(wrong)?
             }
         };
         check_camera(&camera).map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
+        let lens = tables.fisheye.map(OtherLens::Equidistant);
+        if lens.is_some() && camera.is_distorted() {
+            let message = "distortion and fisheye, expected one lens".to_owned();
+            return Err(SourceError::CameraFile { file: file.to_owned(), message });
+        }
+        check_lens(lens.as_ref(), &camera, file)?;
         let colour = tables.colour.map(|table| table.camera(file)).transpose()?;
         let is_distance = matches!(tables.depth, Some(DepthMeaning::Distance));
-        Ok(Self { camera, colour, is_distance, assumed: None })
+        Ok(Self { camera, colour, lens, is_distance, assumed: None })
     }
 
     /// The same for frames that are taken as they come: not reduced, and with depth along the optical axis.
@@ -114,15 +123,13 @@ impl CameraFile {
     /// The images are too large, or depth is the distance along the ray.
     pub fn as_it_is(self, file: &str) -> Result<Self, SourceError> {
         self.camera.check().map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
-        match self.is_distance {
-            true => Err(SourceError::CameraFile {
-                file: file.to_owned(),
-                message:
-                    "depth is \"distance\", expected \"z\" here: only folders and recordings are converted"
-                        .to_owned(),
-            }),
-            false => Ok(self),
-        }
+        let message = match (self.is_distance, &self.lens) {
+            (true, _) => "depth is \"distance\", expected \"z\" here",
+            (false, Some(_)) => "the lens is one that is taken out of images, expected rectified images here",
+            (false, None) => return Ok(self),
+        };
+        let message = format!("{message}: only folders and recordings are converted");
+        Err(SourceError::CameraFile { file: file.to_owned(), message })
     }
 }
 
@@ -131,6 +138,8 @@ impl CameraFile {
 struct CameraFileTables {
     colour: Option<ColourTable>,
     depth: Option<DepthMeaning>,
+    /// After Kannala and Brandt.
+    fisheye: Option<[f64; 4]>,
 }
 
 /// What the values of depth images are: the key `depth`.
@@ -207,6 +216,18 @@ mod tests {
         let file = parse("depth = \"distance\"\n");
         assert!(file.is_distance && !parse("depth = \"z\"\n").is_distance && !parse("").is_distance);
         assert!(file.as_it_is("a").unwrap_err().to_string().contains("depth is \"distance\""));
+    }
+
+    #[test]
+    fn a_fisheye_is_four_coefficients() {
+        let parse = |line: &str| CameraFile::parse(&format!("{line}{}", TEXTS[2]), "camera.toml");
+        let file = parse("fisheye = [0.1, 0.02, 0.0, 0.0]\n").unwrap();
+        assert_eq!(file.lens, Some(OtherLens::Equidistant([0.1, 0.02, 0.0, 0.0])));
+        assert!(file.as_it_is("a").unwrap_err().to_string().contains("expected rectified images here"));
+        let message = parse("fisheye = [-9.0, 0.0, 0.0, 0.0]\n").unwrap_err().to_string();
+        assert!(message.contains("folds the image"), "{message}");
+        let message = parse("fisheye = [0.1, 0.0, 0.0, 0.0]\ndistortion = [0.1, 0.0, 0.0, 0.0, 0.0]\n");
+        assert!(message.unwrap_err().to_string().contains("distortion and fisheye, expected one lens"));
     }
 
     #[test]

@@ -26,6 +26,7 @@ mod error;
 pub mod imu;
 pub mod judge;
 pub mod large;
+mod lens;
 pub mod pairing;
 mod source;
 pub mod timeline;
@@ -40,5 +41,6 @@ pub use depth_units::{
 };
 pub use error::{ImageError, ListError, SourceError};
 pub use imu::Gyroscope;
-pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
+pub use lens::{OtherLens, StatedLens, Undistortion};
+pub use source::{FrameBuffers, FrameInfo, Pairing, Source, TakenColour};
 pub use warp::ColourWarp;

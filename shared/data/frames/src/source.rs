@@ -1,6 +1,7 @@
 //! The one interface behind which all sources stand.
 
-use crate::SourceError;
+use crate::{ColourCamera, SourceError};
+use std::path::PathBuf;
 use tessera_evaluation::Trajectory;
 use tessera_geometry::{Camera, InertialRotation};
 
@@ -44,6 +45,17 @@ pub struct FrameInfo {
     pub rotation: Option<InertialRotation>,
 }
 
+/// A colour image as it was taken, before it is brought to the pixels of depth.
+#[derive(Clone, Debug)]
+pub struct TakenColour {
+    /// Its camera, and where that is from the depth camera.
+    pub camera: ColourCamera,
+    /// Red, green, blue bytes, row by row, in the size of its camera.
+    pub rgb: Vec<u8>,
+    /// The file that holds it alone, where there is one.
+    pub file: Option<PathBuf>,
+}
+
 /// How depth and colour images were paired.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pairing {
@@ -74,6 +86,15 @@ pub trait Source: Send + Sync {
     /// Names the frame and file, what was found and what was expected; the source stays usable. The
     /// slices then hold anything, but for [`SourceError::Colour`], where depth is whole.
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError>;
+
+    /// The colour image of a frame as its own camera took it; `None` where [`Self::read`] gives it as it was
+    /// taken, or there is none.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    fn colour_as_taken(&self, _index: u64) -> Result<Option<TakenColour>, SourceError> {
+        Ok(None)
+    }
 
     /// True poses `world_from_camera` at the times of the source, where known.
     fn ground_truth(&self) -> Option<&Trajectory>;

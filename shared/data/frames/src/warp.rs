@@ -5,6 +5,7 @@
     reason = "places within an image of the camera's size, and matrices of floating-point numbers"
 )]
 
+use crate::ColourCamera;
 use nalgebra::Vector3;
 use tessera_geometry::{Camera, Pose};
 
@@ -54,6 +55,11 @@ impl ColourWarp {
             metres_per_unit: 1.0 / depth.units_per_metre,
             is_at_one_place: colour_from_depth.translation.vector.norm() < 1e-6,
         })
+    }
+
+    /// The colour camera.
+    pub fn colour_camera(&self) -> ColourCamera {
+        ColourCamera { camera: self.colour.clone(), colour_from_depth: self.colour_from_depth }
     }
 
     /// Colour at each pixel of depth, red, green, blue; black where depth says nothing or the colour

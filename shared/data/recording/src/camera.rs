@@ -3,9 +3,10 @@
 use crate::UNITS_OF_METRES;
 use crate::chunks::{Chunks, Spot};
 use crate::error::{MessageError, RecordingError};
+use crate::librealsense;
 use crate::messages::{self, CameraMessage, ImageForm, ImageMessage};
-use crate::rational::RationalLens;
 use crate::topics::Topics;
+use tessera_frames::{OtherLens, StatedLens};
 use tessera_geometry::Camera;
 
 /// Units of 16-bit depth in ROS: millimetres (REP 118).
@@ -17,23 +18,28 @@ pub(super) struct RecordedCamera {
     /// With the five coefficients that the camera model has, or without any where `lens` has them.
     pub(super) camera: Camera,
     /// A lens that the camera model does not have: images are undistorted as they are read.
-    pub(super) lens: Option<RationalLens>,
+    pub(super) lens: Option<OtherLens>,
     /// Name of its coordinate frame; empty where it is not known.
     pub(super) frame: String,
 }
 
-/// Reads the camera that belongs to the depth topic.
+/// Reads the camera that belongs to the depth topic; `units_at` says its units, where they are not those of ROS.
 pub(super) fn of_depth(
     chunks: &Chunks,
     topics: &Topics,
-    camera_at: Option<&Spot>,
+    (camera_at, units_at): (Option<&Spot>, Option<&Spot>),
     first_depth: &Spot,
 ) -> Result<RecordedCamera, RecordingError> {
     let missing = || RecordingError::NoCamera { topic: topics.depth.clone() };
     let (spot, topic) = camera_at.zip(topics.camera.as_ref()).ok_or_else(missing)?;
     let data = chunks.read(first_depth)?;
     let image = messages::image(first_depth.kind, &data).map_err(|problem| first(problem, &topics.depth))?;
-    read(chunks, spot, units_per_metre(&image), topics.depth.contains("rect"), topic)
+    let units = match units_at {
+        Some(at) => librealsense::units_per_metre(&chunks.read(at)?)
+            .map_err(|problem| first(problem, topics.units.as_deref().unwrap_or_default()))?,
+        None => units_per_metre(&image),
+    };
+    read(chunks, spot, units, topics.depth.contains("rect"), topic)
 }
 
 /// Units in which the depth of an image is counted.
@@ -68,7 +74,12 @@ fn read(
 ) -> Result<RecordedCamera, RecordingError> {
     let data = chunks.read(spot)?;
     let said = messages::camera(spot.kind, &data).map_err(|problem| first(problem, topic))?;
-    convert(&said, units_per_metre, is_rectified, topic)
+    let recorded = convert(&said, units_per_metre, is_rectified, topic)?;
+    let frame = match recorded.frame.is_empty() {
+        true => librealsense::stream_of(topic).unwrap_or_default(),
+        false => recorded.frame.clone(),
+    };
+    Ok(RecordedCamera { frame, ..recorded })
 }
 
 /// Our camera. The images of a rectified topic have the projection's numbers and no distortion.
@@ -88,7 +99,7 @@ pub(super) fn convert(
         (number(k, 0), number(k, 4), number(k, 2), number(k, 5))
     };
     let camera = Camera::pinhole((said.width, said.height), [fx, fy, cx, cy], units_per_metre);
-    let recorded = |camera: Camera, lens: Option<RationalLens>| {
+    let recorded = |camera: Camera, lens: Option<OtherLens>| {
         // Images of a colour camera may be larger than those of depth; they are never stored.
         let small =
             Camera { width: camera.width.min(1920), height: camera.height.min(1080), ..camera.clone() };
@@ -101,25 +112,15 @@ pub(super) fn convert(
     if !is_distorted || (is_rectified && has_projection) {
         return recorded(camera, None);
     }
-    // A rational polynomial whose denominator is 1 is the plain one.
-    let has_more = said.distortion.iter().skip(5).any(|&d| d != 0.0);
-    let is_rational = matches!(said.model.as_str(), "rational_polynomial" | "rational");
-    if !(is_rational || matches!(said.model.as_str(), "plumb_bob" | "")) || has_more {
-        let eight = said.distortion.get(..8).and_then(|eight| <[f64; 8]>::try_from(eight).ok());
-        let is_eight = said.distortion.iter().skip(8).all(|&d| d == 0.0);
-        let lens = eight.filter(|_| is_rational && is_eight).map(RationalLens);
-        let lens = lens.filter(|lens| lens.is_usable(&camera)).ok_or_else(|| RecordingError::Distortion {
+    match StatedLens::of_model(&said.model, &said.distortion) {
+        Some(StatedLens::Plain(distortion)) => recorded(Camera { distortion, ..camera }, None),
+        Some(StatedLens::Other(lens)) if lens.is_usable(&camera) => recorded(camera, Some(lens)),
+        _ => Err(RecordingError::Distortion {
             topic: topic.to_owned(),
             model: said.model.clone(),
             found: said.distortion.clone(),
-        })?;
-        return recorded(camera, Some(lens));
+        }),
     }
-    let mut distortion = [0.0; 5];
-    for (to, from) in distortion.iter_mut().zip(&said.distortion) {
-        *to = *from;
-    }
-    recorded(Camera { distortion, ..camera }, None)
 }
 
 #[cfg(test)]
@@ -161,8 +162,10 @@ mod tests {
         // A lens of an Azure Kinect is used as it is: the camera has none, and images are undistorted.
         let eight = [0.51, -2.65, 0.0, 0.0, 1.52, 0.39, -2.46, 1.45];
         let azure = convert(&said("rational_polynomial", &eight), 1e3, false, "t").unwrap();
-        assert_eq!((azure.camera.is_distorted(), azure.lens), (false, Some(RationalLens(eight))));
+        assert_eq!((azure.camera.is_distorted(), azure.lens), (false, Some(OtherLens::Rational(eight))));
         assert_eq!(azure.frame, "camera");
+        let fisheye = convert(&said("equidistant", &[0.1, 0.01, 0.0, 0.0]), 1e3, false, "t").unwrap();
+        assert_eq!(fisheye.lens, Some(OtherLens::Equidistant([0.1, 0.01, 0.0, 0.0])));
         let folding = [0.0, 0.0, 0.0, 0.0, 0.0, -9.0, 0.0, 0.1];
         let words = convert(&said("rational_polynomial", &folding), 1e3, false, "t").unwrap_err().to_string();
         assert!(words.contains("do not fold the image"), "{words}");

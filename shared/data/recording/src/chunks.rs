@@ -1,7 +1,10 @@
 //! Index of the images in a recording, and reading them again.
 
+use crate::compression::{ZSTD, whole};
 use crate::container::{Channels, Container, Place, Stored};
 use crate::error::RecordingError;
+use crate::gyroscope::ImuMessage;
+use crate::librealsense;
 use crate::messages::{self, MessageKind};
 use crate::topics::Topics;
 use rayon::prelude::*;
@@ -40,6 +43,12 @@ pub(super) struct FoundMessage {
     pub(super) colour_camera: Option<Spot>,
     /// The first of depth to colour.
     pub(super) extrinsics: Option<Spot>,
+    /// Units of depth: the first.
+    pub(super) units: Option<Spot>,
+    /// Frame of a stream, that of its reference, and where the stream stands.
+    pub(super) streams: Vec<(String, String, Spot)>,
+    /// All messages of the gyroscope.
+    pub(super) imu: Vec<ImuMessage>,
     /// All transforms that stay.
     pub(super) transforms: Vec<Spot>,
     /// The last record is damaged: what was said of it.
@@ -54,6 +63,9 @@ enum Role {
     Camera,
     ColourCamera,
     Extrinsics,
+    Imu,
+    Units,
+    StreamPlace,
     Transforms,
 }
 
@@ -74,12 +86,16 @@ pub(super) fn find(
             kind if kind.is_camera() && is(&topics.camera) => Role::Camera,
             kind if kind.is_camera() && is(&topics.colour_camera) => Role::ColourCamera,
             MessageKind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
+            MessageKind::DepthUnits if is(&topics.units) => Role::Units,
+            MessageKind::StreamPlace => Role::StreamPlace,
+            MessageKind::RosImu(_) if is(&topics.imu) => Role::Imu,
             MessageKind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
         };
         roles.insert(id, (role, kind));
     }
     let (places, is_cut) = (file.places(), file.cut().is_some());
+    let is_compressed = places.first().is_some_and(|place| begins_compressed(file, place));
     let n = places.len();
     let read: Vec<Result<FoundMessage, RecordingError>> = places
         .par_iter()
@@ -87,13 +103,14 @@ pub(super) fn find(
         .map(|(at, place)| {
             let first_ordinal = (at as u64) << 32;
             let looking = Looking {
+                channels,
                 roles: &roles,
                 topics,
                 next_ordinal: first_ordinal,
                 found: FoundMessage::default(),
             };
             // Where a file was cut, only checksums tell whether all of its end was written.
-            looking.through(file, place, is_cut && at.saturating_add(1) == n)
+            looking.through(file, place, is_compressed || (is_cut && at.saturating_add(1) == n))
         })
         .collect();
     let mut all = FoundMessage::default();
@@ -105,6 +122,9 @@ pub(super) fn find(
                 all.camera = all.camera.or(found.camera);
                 all.colour_camera = all.colour_camera.or(found.colour_camera);
                 all.extrinsics = all.extrinsics.or(found.extrinsics);
+                all.imu.extend(found.imu);
+                all.units = all.units.or(found.units);
+                all.streams.extend(found.streams);
                 all.transforms.extend(found.transforms);
             }
             Err(error @ RecordingError::Damaged { .. }) if at.saturating_add(1) == n && is_cut => {
@@ -114,6 +134,17 @@ pub(super) fn find(
         }
     }
     Ok(all)
+}
+
+/// Whether the messages of a place are compressed one by one: of their fronts nothing can be read.
+fn begins_compressed(file: &dyn Container, place: &Place) -> bool {
+    let mut is_compressed = false;
+    // What is wrong with the place is told when all of it is read.
+    let _ = file.messages(place, ZSTD.len() as u64, &mut |message| {
+        is_compressed |= message.data.starts_with(&ZSTD);
+        Ok(())
+    });
+    is_compressed
 }
 
 /// The first message of each image topic, by topic; damage ends the search.
@@ -148,6 +179,7 @@ pub(super) fn first_images(file: &dyn Container, channels: &Channels) -> BTreeMa
 
 /// Going through the messages of a place.
 struct Looking<'a> {
+    channels: &'a Channels,
     roles: &'a BTreeMap<u32, (Role, MessageKind)>,
     topics: &'a Topics,
     next_ordinal: u64,
@@ -160,11 +192,11 @@ impl Looking<'_> {
         mut self,
         file: &dyn Container,
         place: &Place,
-        must_check: bool,
+        needs_all: bool,
     ) -> Result<FoundMessage, RecordingError> {
         let stamp_bytes: Option<Vec<u64>> = self.roles.values().map(|(_, kind)| kind.stamp_bytes()).collect();
         let most = match stamp_bytes.and_then(|bytes| bytes.into_iter().max()) {
-            Some(n) if !must_check => n,
+            Some(n) if !needs_all => n,
             _ => u64::MAX,
         };
         file.messages(place, most, &mut |message| self.take(message))?;
@@ -173,6 +205,7 @@ impl Looking<'_> {
 
     fn take(&mut self, message: &Stored<'_>) -> Result<(), RecordingError> {
         let Some(&(role, kind)) = self.roles.get(&message.channel) else { return Ok(()) };
+        let data = whole(message.data)?;
         let mut spot = Spot {
             stamp_nanos: 0,
             kind,
@@ -183,10 +216,17 @@ impl Looking<'_> {
         };
         self.next_ordinal = self.next_ordinal.saturating_add(1);
         let (topic, to) = match role {
-            Role::Camera | Role::ColourCamera | Role::Extrinsics => {
+            Role::StreamPlace => {
+                let topic = self.channels.get(&message.channel).map_or("", |channel| channel.topic.as_str());
+                let placed = librealsense::placed_by(topic);
+                self.found.streams.extend(placed.map(|(stream, reference)| (stream, reference, spot)));
+                return Ok(());
+            }
+            Role::Camera | Role::ColourCamera | Role::Extrinsics | Role::Units => {
                 let first = match role {
                     Role::Camera => &mut self.found.camera,
                     Role::ColourCamera => &mut self.found.colour_camera,
+                    Role::Units => &mut self.found.units,
                     _ => &mut self.found.extrinsics,
                 };
                 first.get_or_insert(spot);
@@ -194,6 +234,11 @@ impl Looking<'_> {
             }
             Role::Transforms => {
                 self.found.transforms.push(spot);
+                return Ok(());
+            }
+            Role::Imu => {
+                // One that cannot be read is one sample less.
+                self.found.imu.extend(messages::imu(kind, &data).ok());
                 return Ok(());
             }
             Role::Depth => (&self.topics.depth, &mut self.found.depth),
@@ -205,7 +250,7 @@ impl Looking<'_> {
             let (topic, number) = (topic.clone(), usize::try_from(message.sequence).unwrap_or(usize::MAX));
             RecordingError::Message { topic, number, problem }
         };
-        spot.stamp_nanos = messages::stamp_nanos(kind, message.data).map_err(wrong)?;
+        spot.stamp_nanos = messages::stamp_nanos(kind, &data).map_err(wrong)?;
         to.push(spot);
         Ok(())
     }
@@ -269,7 +314,7 @@ impl Chunks {
         let mut messages = Messages::default();
         self.file.messages(place, u64::MAX, &mut |message| {
             let at = messages.bytes.len();
-            messages.bytes.extend_from_slice(message.data);
+            messages.bytes.extend_from_slice(&whole(message.data)?);
             messages.ranges.push(at..messages.bytes.len());
             Ok(())
         })?;

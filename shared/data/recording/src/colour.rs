@@ -5,11 +5,10 @@ use crate::chunks::{Chunks, FoundMessage, Spot};
 use crate::error::{MessageError, RecordingError};
 use crate::messages::{self, ImageForm, ImageMessage};
 use crate::pixels;
-use crate::rational::Undistortion;
 use crate::topics::Topics;
 use crate::transforms;
 use std::sync::Arc;
-use tessera_frames::{ColourCamera, ColourWarp, decode};
+use tessera_frames::{ColourCamera, ColourWarp, TakenColour, Undistortion, decode};
 use tessera_geometry::{Camera, Pose};
 
 /// Pixels by which two cameras of the same images may differ.
@@ -185,28 +184,44 @@ impl ColourUse {
         depth_raw: &[u16],
         rgb: &mut [u8],
     ) -> Result<(), MessageError> {
-        let bytes = |(width, height): (u32, u32)| {
-            vec![0; (width as usize).saturating_mul(height as usize).saturating_mul(3)]
-        };
         match (self, depth_lens) {
             (Self::None, _) => rgb.fill(0),
             (Self::Registered, None) => pixels::colour(image, size, rgb)?,
             (Self::Registered, Some(lens)) => {
-                let mut taken = bytes(size);
+                let mut taken = black(size);
                 pixels::colour(image, size, &mut taken)?;
                 lens.apply(3, &taken, rgb);
             }
             (Self::Warped { lens, warp }, _) => {
-                let mut taken = bytes(warp.size);
-                pixels::colour(image, warp.size, &mut taken)?;
-                if let Some(lens) = lens {
-                    let mut straight = bytes(warp.size);
-                    lens.apply(3, &taken, &mut straight);
-                    taken = straight;
-                }
-                warp.apply(depth_raw, &taken, rgb);
+                warp.apply(depth_raw, &taken(image, lens.as_ref(), warp.size)?, rgb);
             }
         }
         Ok(())
     }
+
+    /// A colour image that is to be warped, as it was taken but for its lens; `None` where it has the pixels of
+    /// depth.
+    pub(super) fn as_taken(&self, image: &ImageMessage<'_>) -> Result<Option<TakenColour>, MessageError> {
+        let Self::Warped { lens, warp } = self else { return Ok(None) };
+        let rgb = taken(image, lens.as_ref(), warp.size)?;
+        Ok(Some(TakenColour { camera: warp.colour_camera(), rgb, file: None }))
+    }
+}
+
+fn black((width, height): (u32, u32)) -> Vec<u8> {
+    vec![0; (width as usize).saturating_mul(height as usize).saturating_mul(3)]
+}
+
+/// An image of a colour camera, its own lens taken out.
+fn taken(
+    image: &ImageMessage<'_>,
+    lens: Option<&Undistortion>,
+    size: (u32, u32),
+) -> Result<Vec<u8>, MessageError> {
+    let mut taken = black(size);
+    pixels::colour(image, size, &mut taken)?;
+    let Some(lens) = lens else { return Ok(taken) };
+    let mut straight = black(size);
+    lens.apply(3, &taken, &mut straight);
+    Ok(straight)
 }

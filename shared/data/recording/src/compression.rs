@@ -4,7 +4,30 @@ use bzip2_rs::DecoderReader as Bzip2;
 use lz4_flex::frame::FrameDecoder as Lz4;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
+use std::borrow::Cow;
 use std::io::{self, BufRead, Read};
+
+/// The beginning of a frame of zstd; no message of ROS begins so.
+pub(super) const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+/// Bytes of a message at most.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// A message that the recorder may have compressed by itself (rosbag2's `compression_mode: message`).
+///
+/// # Errors
+/// It is damaged, or larger than any image.
+pub(super) fn whole(data: &[u8]) -> io::Result<Cow<'_, [u8]>> {
+    if !data.starts_with(&ZSTD) {
+        return Ok(Cow::Borrowed(data));
+    }
+    let decoder = Zstd { decoder: FrameDecoder::new(), source: data, is_inside: false };
+    let mut bytes = Vec::new();
+    let n = decoder.take(MOST_BYTES).read_to_end(&mut bytes)?;
+    match n as u64 {
+        MOST_BYTES => Err(io::Error::other("a compressed message of more than 1 GB")),
+        _ => Ok(Cow::Owned(bytes)),
+    }
+}
 
 /// The bytes behind a compression, by the name that a chunk gives it. `None`: an unknown name.
 pub(super) fn decompress<'a>(name: &str, source: impl BufRead + 'a) -> Option<Box<dyn Read + 'a>> {

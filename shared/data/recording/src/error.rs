@@ -23,14 +23,6 @@ pub enum RecordingError {
         /// First bytes.
         found: String,
     },
-    /// A bag that librealsense's own recorder wrote.
-    #[error(
-        "is a bag of librealsense (topic {topic}), which is not read: convert it: rs-convert -i FILE.bag -p FOLDER/ -d, or record by realsense2_camera"
-    )]
-    Librealsense {
-        /// A topic of it.
-        topic: String,
-    },
     /// A database that is no bag, or one that is not read.
     #[error("{0}")]
     Database(String),
@@ -84,7 +76,7 @@ pub enum RecordingError {
     },
     /// A camera of a model that is not known here.
     #[error(
-        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5 or rational_polynomial with 8 that do not fold the image; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE"
+        "{topic}: distortion model '{model}' with coefficients {found:?}, expected plumb_bob with up to 5, rational_polynomial with 8 or equidistant with 4 that do not fold the image; rectify the images first (ROS: image_proc, RectifyNode, and record image_rect), or give --camera FILE"
     )]
     Distortion {
         /// The topic.

@@ -23,10 +23,11 @@ mod compression;
 mod container;
 mod error;
 mod foxglove;
+mod gyroscope;
+mod librealsense;
 mod live;
 mod messages;
 mod pixels;
-mod rational;
 mod raw_forms;
 pub mod ros;
 mod ros1;
@@ -37,16 +38,16 @@ mod transforms;
 use chunks::{Chunks, FoundMessage, Spot};
 use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
+use gyroscope::RecordedGyroscope;
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
-use rational::Undistortion;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
-use tessera_frames::CameraFile;
-use tessera_frames::SourceError;
+use tessera_frames::imu::GyroSample;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
-use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
-use tessera_geometry::Camera;
+use tessera_frames::{CameraFile, SourceError, Undistortion};
+use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour};
+use tessera_geometry::{Camera, InertialRotation};
 use topics::Topics;
 pub use topics::{ChosenTopics, choose_topics};
 pub use transforms::FrameTree;
@@ -83,6 +84,9 @@ pub struct RecordingSource {
     warnings: Vec<String>,
     /// Where depth images hold distances along the ray.
     rays: Option<RayLengths>,
+    gyroscope: Option<RecordedGyroscope>,
+    /// For each depth image, where there is a gyroscope.
+    rotations: Vec<InertialRotation>,
 }
 
 /// How depth and colour are seen.
@@ -96,6 +100,8 @@ struct Cameras {
     colour: ColourUse,
     /// What is done with colour, for people.
     colour_words: String,
+    /// Name of the coordinate frame of depth; empty where it is not known.
+    frame: String,
 }
 
 impl RecordingSource {
@@ -128,6 +134,7 @@ impl RecordingSource {
         let times =
             timelines(&recorded(&found.depth), &recorded(&found.colour), [&topics.depth, &colour_name]);
         warnings.extend(times.sentences.iter().cloned());
+        let is_as_stamped = times.sentences.is_empty();
         found.depth = ordered(&found.depth, &times.depth);
         found.colour = ordered(&found.colour, &times.colour);
         if found.depth.is_empty() {
@@ -142,6 +149,18 @@ impl RecordingSource {
                 .map_err(wrong)?,
         };
         let is_stated = warnings.len() > n_before;
+        let gyroscope = match &topics.imu {
+            Some(_) if !is_as_stamped => {
+                Err("the gyroscope is left out: the times of the images are not as they were stamped"
+                    .to_owned())
+            }
+            Some(topic) => RecordedGyroscope::of(&chunks, &found, topic, &cameras.frame).map(Some),
+            None => Ok(None),
+        };
+        let gyroscope = gyroscope.unwrap_or_else(|why| {
+            warnings.push(why);
+            None
+        });
         let (mut depth, mut colour) = (found.depth, found.colour);
         if matches!(cameras.colour, ColourUse::None) {
             colour.clear();
@@ -160,6 +179,13 @@ impl RecordingSource {
             warnings.extend(uncoloured(&depth_times, &colour_times, &partners, reason));
         }
         let rays = is_distance.then(|| RayLengths::new(&cameras.depth));
+        let topic = topics.imu.as_deref().unwrap_or_default();
+        let rotations =
+            gyroscope.as_ref().map(|gyroscope| gyroscope.rotations(topic, &depth_times)).transpose();
+        let rotations = rotations.unwrap_or_else(|why| {
+            warnings.push(why);
+            None
+        });
         let pairing = summarise(&depth_times, &colour_times, &partners);
         Ok(Self {
             path: path.to_owned(),
@@ -172,10 +198,16 @@ impl RecordingSource {
             pairing,
             warnings,
             rays,
+            gyroscope,
+            rotations: rotations.unwrap_or_default(),
         })
     }
 
-    /// The place of a frame's depth image.
+    /// The angular rates of this file about the camera's axes; empty where there is no gyroscope.
+    pub fn angular_rates(&self) -> &[GyroSample] {
+        self.gyroscope.as_ref().map_or(&[], |gyroscope| &gyroscope.samples)
+    }
+
     /// The images of a frame, each with its place among those of its kind: depth, and colour where it has a partner.
     fn images(&self, index: u64) -> Result<(SpotAt<'_>, Option<SpotAt<'_>>), SourceError> {
         let last = (self.depth.len() as u64).saturating_sub(1);
@@ -186,12 +218,12 @@ impl RecordingSource {
     }
 
     /// Reads one image, and puts it where it belongs by `decode`.
-    fn image(
+    fn image<T>(
         &self,
         topic: &str,
         (at, spot): SpotAt<'_>,
-        decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<(), MessageError>,
-    ) -> Result<(), SourceError> {
+        decode: impl FnOnce(&messages::ImageMessage<'_>) -> Result<T, MessageError>,
+    ) -> Result<T, SourceError> {
         let wrong = |source| SourceError::Recording { path: self.path.clone(), source: Box::new(source) };
         let data = self.chunks.read(spot).map_err(wrong)?;
         messages::image(spot.kind, &data).and_then(|image| decode(&image)).map_err(|problem| {
@@ -211,18 +243,22 @@ impl Cameras {
     ) -> Result<Self, RecordingError> {
         let first =
             found.depth.first().ok_or_else(|| RecordingError::Empty { topic: topics.depth.clone() })?;
-        let recorded = camera::of_depth(chunks, topics, found.camera.as_ref(), first);
+        let recorded = camera::of_depth(chunks, topics, (found.camera.as_ref(), found.units.as_ref()), first);
         let stated = given.as_ref().and_then(|(file, _)| file.colour.clone());
         let (mut depth, from, lens, recorded) = match given {
-            Some((file, name)) => (file.camera, name.to_owned(), None, recorded.ok()),
+            Some((file, name)) => {
+                let lens = file.lens.map(|lens| Undistortion::new(&lens, &file.camera));
+                (file.camera, name.to_owned(), lens, recorded.ok())
+            }
             None => {
                 let recorded = recorded?;
                 let camera = recorded.camera.clone();
-                let lens = recorded.lens.map(|lens| Undistortion::new(&lens, &camera));
                 let mut from = topics.camera.clone().unwrap_or_default();
-                if lens.is_some() {
-                    from.push_str(", rational lens taken out of the images");
+                if let Some(lens) = &recorded.lens {
+                    from.push_str(", ");
+                    from.push_str(lens.words());
                 }
+                let lens = recorded.lens.map(|lens| Undistortion::new(&lens, &camera));
                 (camera, from, lens, Some(recorded))
             }
         };
@@ -232,7 +268,8 @@ impl Cameras {
             colour::Depth { camera: &depth, recorded: recorded.as_ref(), stated_colour: stated.as_ref() };
         let choice = colour::choose(chunks, topics, found, &seen);
         warnings.extend(choice.warning);
-        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words })
+        let frame = recorded.map_or(String::new(), |recorded| recorded.frame);
+        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words, frame })
     }
 }
 
@@ -344,7 +381,8 @@ impl Source for RecordingSource {
                 .map_err(|error| SourceError::Colour(Box::new(error)))?,
             _ => buffers.colour.fill(0),
         }
-        Ok(FrameInfo { stamp_nanos: depth.1.stamp_nanos, has_colour: colour.is_some(), rotation: None })
+        let rotation = self.rotations.get(depth.0).copied();
+        Ok(FrameInfo { stamp_nanos: depth.1.stamp_nanos, has_colour: colour.is_some(), rotation })
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
@@ -356,6 +394,15 @@ impl Source for RecordingSource {
                 .image(topic, colour, |image| pixels::inspect(image, "colour", None))
                 .map_err(|error| SourceError::Colour(Box::new(error))),
             _ => Ok(()),
+        }
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        match (self.images(index)?.1, &self.topics.colour) {
+            (Some(colour), Some(topic)) => {
+                self.image(topic, colour, |image| self.cameras.colour.as_taken(image))
+            }
+            _ => Ok(None),
         }
     }
 
@@ -372,12 +419,15 @@ impl Source for RecordingSource {
     }
 
     fn description(&self) -> Vec<(&'static str, String)> {
-        vec![
+        let mut description = vec![
             ("layout", self.chunks.name().to_owned()),
             ("depth", self.topics.depth.clone()),
             ("colour", self.cameras.colour_words.clone()),
             ("camera", self.cameras.from.clone()),
-        ]
+        ];
+        let used = self.gyroscope.as_ref().filter(|_| !self.rotations.is_empty());
+        description.extend(used.map(|gyroscope| ("gyroscope", gyroscope.words.clone())));
+        description
     }
 }
 

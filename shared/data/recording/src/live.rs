@@ -4,10 +4,10 @@ use crate::camera::{self, RecordedCamera};
 use crate::colour::{self, ColourUse};
 use crate::error::{MessageError, RecordingError};
 use crate::messages::ImageMessage;
-use crate::rational::Undistortion;
 use crate::transforms::FrameTree;
 use crate::{pixels, ros};
 use tessera_frames::CameraFile;
+use tessera_frames::Undistortion;
 use tessera_geometry::Camera;
 
 /// Part of the focal length by which a camera may change and still be the same: autofocus.
@@ -304,7 +304,7 @@ mod tests {
         let words = LiveCamera::new(&none, None, &FrameTree::default(), None).unwrap_err().to_string();
         assert!(words.contains("no camera for /depth"), "{words}");
         let camera = Camera { units_per_metre: 1000.0, ..live.camera().clone() };
-        let given = CameraFile { camera, colour: None, is_distance: false, assumed: None };
+        let given = CameraFile { camera, colour: None, lens: None, is_distance: false, assumed: None };
         let live = LiveCamera::new(&none, None, &FrameTree::default(), Some(&given)).unwrap();
         live.read_depth(&depth, &mut raw).unwrap();
         assert_eq!((raw[0], live.compare(&info("d", SIZE, 25.0)).unwrap()), (1500, Change::None));

@@ -2,7 +2,8 @@
 
 use crate::container::Channel;
 use crate::error::MessageError;
-use crate::{foxglove, ros, ros1};
+use crate::gyroscope::ImuMessage;
+use crate::{foxglove, librealsense, ros, ros1};
 use std::borrow::Cow;
 
 /// What a channel carries.
@@ -16,6 +17,12 @@ pub(super) enum MessageKind {
     RosCamera(MessageWire),
     /// `tf2_msgs/msg/TFMessage`.
     RosTransforms(MessageWire),
+    /// Units of depth, of librealsense's recorder.
+    DepthUnits,
+    /// `geometry_msgs/Transform` of a stream, of that recorder.
+    StreamPlace,
+    /// `sensor_msgs/msg/Imu`.
+    RosImu(MessageWire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
     RosExtrinsics(MessageWire),
     /// `foxglove.RawImage`.
@@ -45,6 +52,12 @@ pub(super) enum Form {
 impl MessageKind {
     /// `None` for a channel that has nothing for us.
     pub(super) fn of(channel: &Channel) -> Option<Self> {
+        if librealsense::is_units(&channel.topic) {
+            return Some(Self::DepthUnits);
+        }
+        if channel.schema == "geometry_msgs/Transform" && librealsense::placed_by(&channel.topic).is_some() {
+            return Some(Self::StreamPlace);
+        }
         let form = match channel.encoding.as_str() {
             "cdr" => return Self::of_ros(&channel.schema.replacen("/msg/", "/", 1), MessageWire::Cdr),
             "ros1" => return Self::of_ros(&channel.schema, MessageWire::Ros1),
@@ -66,6 +79,7 @@ impl MessageKind {
             "sensor_msgs/Image" => Some(Self::RosImage(wire)),
             "sensor_msgs/CompressedImage" => Some(Self::RosCompressed(wire)),
             "sensor_msgs/CameraInfo" => Some(Self::RosCamera(wire)),
+            "sensor_msgs/Imu" => Some(Self::RosImu(wire)),
             "tf2_msgs/TFMessage" | "tf/tfMessage" => Some(Self::RosTransforms(wire)),
             "realsense2_camera_msgs/Extrinsics" | "realsense2_camera/Extrinsics" => {
                 Some(Self::RosExtrinsics(wire))
@@ -76,9 +90,13 @@ impl MessageKind {
 
     /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
     pub(super) fn stamp_bytes(self) -> Option<u64> {
-        let is_foxglove =
-            matches!(self, Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_));
-        (!is_foxglove).then_some(ros::STAMP_BYTES)
+        match self {
+            Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_) => None,
+            Self::RosImu(_) => Some(ros::IMU_BYTES),
+            // Small, and read by themselves.
+            Self::DepthUnits | Self::StreamPlace => Some(0),
+            _ => Some(ros::STAMP_BYTES),
+        }
     }
 
     pub(super) fn is_camera(self) -> bool {
@@ -86,7 +104,8 @@ impl MessageKind {
     }
 
     pub(super) fn is_image(self) -> bool {
-        !self.is_camera() && !matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_))
+        let is_ros = matches!(self, Self::RosImage(_) | Self::RosCompressed(_));
+        is_ros || matches!(self, Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_))
     }
 }
 
@@ -168,6 +187,14 @@ pub(super) fn transforms(
     match kind {
         MessageKind::RosTransforms(MessageWire::Ros1) => ros1::transforms(data),
         _ => ros::transforms(data),
+    }
+}
+
+/// Reads the front of an IMU message.
+pub(super) fn imu(kind: MessageKind, data: &[u8]) -> Result<ImuMessage, MessageError> {
+    match kind {
+        MessageKind::RosImu(MessageWire::Ros1) => ros1::imu(data),
+        _ => ros::imu(data),
     }
 }
 

@@ -3,6 +3,7 @@
 //! Source: wiki.ros.org/msg and the message definitions of ROS Noetic.
 
 use crate::error::MessageError;
+use crate::gyroscope::ImuMessage;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage, nanos};
 use crate::ros::{Extrinsics, RosPose};
 use std::borrow::Cow;
@@ -131,6 +132,13 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
     let _rectification = fields.reals(9)?;
     let projection = fields.reals(12)?;
     Ok(CameraMessage { frame, width, height, model, distortion, intrinsics, projection })
+}
+
+pub(crate) fn imu(data: &[u8]) -> Result<ImuMessage, MessageError> {
+    let mut fields = Fields::of("sensor_msgs/Imu", data);
+    let ConnectionHeader { stamp_nanos, frame } = fields.header()?;
+    let (_orientation, _covariance) = (fields.array::<4>()?, fields.array::<9>()?);
+    Ok(ImuMessage { stamp_nanos, frame: frame.into_owned(), rate_rad_per_s: fields.array()? })
 }
 
 /// Parent, child and `parent_from_child` of each transform of a message.

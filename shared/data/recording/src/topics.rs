@@ -2,6 +2,7 @@
 
 use crate::container::{Channel, Channels};
 use crate::error::RecordingError;
+use crate::librealsense;
 use crate::messages::MessageKind;
 use std::collections::BTreeMap;
 
@@ -23,6 +24,10 @@ pub(super) struct Topics {
     pub(super) colour_camera: Option<String>,
     /// Where the colour camera stands, as a RealSense says it.
     pub(super) extrinsics: Option<String>,
+    /// Angular rates.
+    pub(super) imu: Option<String>,
+    /// Units of depth, as librealsense's recorder says them.
+    pub(super) units: Option<String>,
 }
 
 /// Topics of a network, chosen as those of a recording are.
@@ -130,6 +135,11 @@ fn choose_by(
         colour_camera: colour_camera.filter(|topic| camera.as_ref() != Some(topic)),
         camera,
         extrinsics: extrinsics.map(str::to_owned),
+        imu: imu_of(&depth, &of(|kind| matches!(kind, MessageKind::RosImu(_)))),
+        units: of(|kind| kind == MessageKind::DepthUnits)
+            .into_iter()
+            .find(|topic| librealsense::is_units_of(topic, &depth))
+            .map(str::to_owned),
         depth,
     })
 }
@@ -140,6 +150,17 @@ fn camera_of(images: &str, cameras: &[&str]) -> Option<String> {
     let common = |topic: &str| topic.bytes().zip(images.bytes()).take_while(|(a, b)| a == b).count();
     let near = |topic: &&&str| (is_depth(topic) == is_depth(images), common(topic));
     cameras.iter().rev().max_by_key(near).map(|topic| (*topic).to_owned())
+}
+
+/// The IMU of the nearest name: that of the camera before that of a robot. A topic of accelerations alone has no
+/// angular rates.
+fn imu_of(images: &str, topics: &[&str]) -> Option<String> {
+    let common = |topic: &str| topic.bytes().zip(images.bytes()).take_while(|(a, b)| a == b).count();
+    let name = |topic: &str| topic.to_lowercase();
+    let with_rates = topics.iter().rev().filter(|topic| !name(topic).contains("accel"));
+    with_rates
+        .max_by_key(|topic| (common(topic), name(topic).contains("gyro")))
+        .map(|topic| (*topic).to_owned())
 }
 
 /// A topic without the part that names its transport: each image topic has them all.
@@ -217,6 +238,20 @@ mod tests {
         assert_eq!(topics.camera.as_deref(), Some("/camera/aligned_depth_to_color/camera_info"));
         let given = choose(&realsense, Some("/camera/depth/image_rect_raw"), None).unwrap();
         assert_eq!(given.camera.as_deref(), Some("/camera/depth/camera_info"));
+    }
+
+    #[test]
+    fn the_imu_is_that_of_the_camera_with_rates() {
+        let imu = "sensor_msgs/msg/Imu";
+        let of = |topics: &[&str]| {
+            let all: Vec<(&str, &str)> =
+                topics.iter().map(|topic| (*topic, imu)).chain([("/camera/depth/image", IMAGE)]).collect();
+            choose(&channels(&all), None, None).unwrap().imu
+        };
+        let realsense = ["/imu/data", "/camera/accel/sample", "/camera/gyro/sample"];
+        assert_eq!(of(&realsense).as_deref(), Some("/camera/gyro/sample"));
+        assert_eq!(of(&["/mavros/imu/data", "/camera/imu"]).as_deref(), Some("/camera/imu"));
+        assert_eq!((of(&[]), of(&["/camera/accel/sample"])), (None, None));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::chunks::{Chunks, FoundMessage};
 use crate::error::MessageError;
+use crate::librealsense;
 use crate::messages;
 use crate::ros;
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
@@ -27,7 +28,12 @@ pub(super) fn colour_from_depth(
     {
         return Some(pose);
     }
-    if depth_frame.is_empty() || colour_frame.is_empty() {
+    between_frames(chunks, found, depth_frame, colour_frame)
+}
+
+/// The transform of points from one frame to another by `/tf_static`; `None`: the recording does not say.
+pub(super) fn between_frames(chunks: &Chunks, found: &FoundMessage, from: &str, to: &str) -> Option<Pose> {
+    if from.is_empty() || to.is_empty() {
         return None;
     }
     let mut tree = FrameTree::default();
@@ -37,7 +43,13 @@ pub(super) fn colour_from_depth(
             tree.extend(links);
         }
     }
-    tree.between(depth_frame, colour_frame)
+    for (stream, reference, spot) in &found.streams {
+        let Ok(data) = chunks.read(spot) else { continue };
+        if let Some(place) = librealsense::place(&data).ok().and_then(|place| pose(&place)) {
+            tree.parents.insert(stream.clone(), (reference.clone(), place.inverse()));
+        }
+    }
+    tree.between(from, to)
 }
 
 /// Coordinate frames with the poses in their parents, as `/tf_static` has them.

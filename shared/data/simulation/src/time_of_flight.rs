@@ -6,7 +6,7 @@ use crate::sensor::{inverse_depth, to_raw};
 use tessera_geometry::{Camera, RayTable};
 
 /// Standard deviation of a pixel at depth z: `a + b z^2`, metres; 4 mm at 1 m and 17 mm at 3 m, as of the
-/// SwissRanger SR4000 in docs/laboratory.md.
+/// SwissRanger SR4000 in lab/notes.md.
 const SIGMA_M: [f32; 2] = [0.003, 0.0016];
 /// The error that all pixels of a depth share: its size and its period over depth, metres.
 const COMMON_M: f32 = 0.004;

@@ -40,7 +40,7 @@ pub(super) const STRUCTURED_LIGHT: Triangulation = Triangulation {
     missing: 0.0,
     range_m: 0.45..=9.5,
 };
-/// A RealSense D435: 6 mm at 2 m, where 5 mm were measured about planes (docs/laboratory.md).
+/// A RealSense D435: 6 mm at 2 m, where 5 mm were measured about planes (lab/notes.md).
 pub(super) const ACTIVE_STEREO: Triangulation = Triangulation {
     baseline_m: 0.05,
     steps_per_pixel: 32.0,

@@ -18,6 +18,7 @@ mod bag;
 mod folder;
 mod joined;
 mod reduced;
+mod sens;
 mod skipped;
 mod spec;
 mod unread;

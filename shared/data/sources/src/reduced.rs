@@ -1,6 +1,6 @@
 //! A source whose images are larger than those that are processed: blocks of pixels become one.
 
-use crate::{FrameBuffers, FrameInfo, Pairing, Source, SourceError};
+use crate::{FrameBuffers, FrameInfo, Pairing, Source, SourceError, TakenColour};
 use tessera_evaluation::Trajectory;
 use tessera_frames::large::{reduce_colour, reduce_depth, reduced_camera};
 use tessera_geometry::Camera;
@@ -54,6 +54,10 @@ impl Source for ReducedSource {
         let info = info?;
         reduce_colour(&colour, width, self.step, buffers.colour, to_width);
         Ok(info)
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        self.source.colour_as_taken(index)
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {

@@ -1,6 +1,6 @@
 //! A source without its first frames: what was its frame `n` is frame 0.
 
-use crate::{FrameBuffers, FrameInfo, Pairing, Source, SourceError};
+use crate::{FrameBuffers, FrameInfo, Pairing, Source, SourceError, TakenColour};
 use tessera_evaluation::Trajectory;
 use tessera_geometry::Camera;
 
@@ -42,6 +42,10 @@ impl Source for SkippedSource {
 
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         self.source.read(self.inner(index), buffers)
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        self.source.colour_as_taken(self.inner(index))
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {

@@ -1,6 +1,7 @@
 //! Naming a source in one word, and opening it.
 
 use crate::reduced::ReducedSource;
+use crate::sens::{self, SensSource};
 use crate::skipped::SkippedSource;
 use crate::{FolderSource, RecordingOptions, RecordingSource, Source, SourceError};
 use crate::{bag, unread};
@@ -100,6 +101,10 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
         SourceSpec::Folder(path) if path.is_file() => open_file(path, options, frames)?,
         SourceSpec::Folder(folder) => match bag::files(folder)? {
             Some(files) => bag::open(folder, &files, &recording_options(options), frames)?,
+            None if sens::inside(folder).is_some_and(|_| !crate::folder::is_known(folder)) => {
+                let file = sens::inside(folder).unwrap_or_else(|| folder.clone());
+                Box::new(SensSource::open(&file, options, frames)?)
+            }
             None => {
                 let options = SourceOptions { frames, ..options.clone() };
                 Box::new(FolderSource::open_with(folder, &options)?)
@@ -122,6 +127,9 @@ fn open_file(
     options: &SourceOptions,
     frames: Option<u64>,
 ) -> Result<Box<dyn Source>, SourceError> {
+    if sens::is(path) {
+        return Ok(Box::new(SensSource::open(path, options, frames)?));
+    }
     match unread::file(path) {
         Some(error) => Err(error),
         None => Ok(Box::new(RecordingSource::open(path, &recording_options(options), frames)?)),

@@ -18,7 +18,7 @@ struct UnreadKind {
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [UnreadKind; 10] = [
+const KINDS: [UnreadKind; 9] = [
     UnreadKind {
         begins: b"PK\x03\x04",
         ends: ".r3d",
@@ -43,13 +43,6 @@ const KINDS: [UnreadKind; 10] = [
         what: "a Matroska video, as of Azure Kinect",
         remedy: "convert it to images: python azure_kinect_mkv_reader.py --input {in} --output {stem} (of Open3D's examples), \
                  then run the folder {stem}",
-    },
-    UnreadKind {
-        begins: b"",
-        ends: ".sens",
-        what: "a recording of ScanNet",
-        remedy: "export it: python reader.py --filename {in} --output_path {stem} --export_depth_images \
-                 --export_color_images --export_poses --export_intrinsics (of ScanNet's SensReader), then run the folder {stem}",
     },
     UnreadKind {
         begins: b"",
@@ -103,12 +96,11 @@ mod tests {
     #[test]
     fn each_kind_is_named_with_its_command() {
         let folder = tempfile::tempdir().unwrap();
-        let table: [(&str, &[u8], &str, &str); 9] = [
+        let table: [(&str, &[u8], &str, &str); 8] = [
             ("a.r3d", b"PK\x03\x04", "Record3D", "unzip"),
             ("a.zip", b"PK\x03\x04", "a zip file", "unzip"),
             ("a.tgz", b"\x1f\x8b\x08", "a compressed archive", "tar -xzf"),
             ("a.mkv", b"\x1a\x45\xdf\xa3", "Azure Kinect", "azure_kinect_mkv_reader.py"),
-            ("a.sens", b"\x04\0\0\0", "ScanNet", "reader.py --filename"),
             ("a.oni", b"NI10", "OpenNI", "PNG"),
             ("a.klg", b"\x90\x01\0\0", "ElasticFusion", "PNG"),
             ("a.svo", b"SVO", "ZED", "svo_export.py"),

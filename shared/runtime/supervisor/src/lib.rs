@@ -23,7 +23,7 @@ pub use failure::SupervisorError;
 pub use hold::hold;
 pub use outcome::{MapCounts, Progress, RunOutcome, Supervised};
 pub use plan::Plan;
-pub use saved_map::update_map;
+pub use saved_map::{LoadedMap, load_map, update_map};
 pub use stage_process::LIFELINE_VARIABLE;
 pub use tally::Counters;
 pub use watch::supervise;

@@ -7,12 +7,43 @@ use crate::plan::directory;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use std::path::Path;
 use std::time::Duration;
+use tessera_features::Feature;
 use tessera_geometry::Camera;
 use tessera_journal::{Follower, Journal, Store, fingerprint, lock_file};
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, MapRecord, TrackerState};
+use tessera_slam::{AlignRecord, KeyframeSurfaces, MapRecord, TrackerState};
 use tessera_stage::{ALIGN_JOURNAL, MapIdentity, RunFile, RunFiles, StoredKeyframes, store_slot};
+use tessera_surface::Vertex;
 use tessera_transport::registered_runs;
+
+/// The map of an earlier run in memory, for a run in the calling process.
+pub struct LoadedMap {
+    /// Its keyframes and submaps, and where the run starts in it, where that is known.
+    pub record: MapRecord,
+    /// Surface of each keyframe.
+    pub surfaces: Vec<Vec<Vertex>>,
+    /// Features of each keyframe.
+    pub features: Vec<Vec<Feature>>,
+    /// The cameras that saw it, by session, where one is another than that of the run that starts in it.
+    pub cameras: Vec<Camera>,
+}
+
+/// Reads the map that `settings` name into memory; `None` where they name none.
+///
+/// # Errors
+/// There is no map in that folder, its run is going on, its surfaces have another shape or are damaged.
+pub fn load_map(camera: &Camera, settings: &Settings) -> Result<Option<LoadedMap>, SupervisorError> {
+    let Some(MapOnDisk { files, mut keyframes, record, cameras }) = MapOnDisk::open(camera, settings)? else {
+        return Ok(None);
+    };
+    let wrong = |e: &dyn std::fmt::Display| directory("read the map of", &files.dir, e);
+    let ids = || record.keyframes.iter().map(|keyframe| keyframe.id);
+    let surfaces =
+        ids().map(|id| keyframes.load(id)).collect::<Result<Vec<_>, _>>().map_err(|e| wrong(&e))?;
+    let features = ids().map(|id| keyframes.features(id).to_vec()).collect();
+    keyframes.check().map_err(|e| wrong(&e))?;
+    Ok(Some(LoadedMap { record, surfaces, features, cameras }))
+}
 
 /// An earlier run whose map can be used by a run with this camera and these settings.
 pub(crate) struct MapOnDisk {

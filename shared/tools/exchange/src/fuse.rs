@@ -1,40 +1,38 @@
 //! The keyframes of a run, fused along its final trajectory.
 
-use crate::ExportFiles;
+use crate::{ExportFiles, RecordedRun};
 use rayon::prelude::*;
 use tessera_fusion::{FusionSettings, Mesh, VIEWS_AT_ONCE, View, Volume};
 use tessera_geometry::{Camera, Twist, Vector6};
 use tessera_outputs::ToolError;
 use tessera_outputs::{self as outputs, Replay};
-use tessera_stage::{RunFile, RunFiles};
+use tessera_stage::RunFile;
 use tessera_surface::{SurfaceView, Vertex};
 
 /// The camera of an earlier run whose keyframe that is, where it was another one.
-fn earlier_camera<'a>(run: &'a RunFile, replay: &Replay, keyframe: u32) -> Option<&'a Camera> {
+pub(crate) fn earlier_camera<'a>(run: &'a RunFile, replay: &Replay, keyframe: u32) -> Option<&'a Camera> {
     run.map_cameras.get(replay.earlier_run(keyframe)?)
 }
 
 /// Fuses all keyframes, those of a map that the run started in among them; tells `progress` how many of
 /// how many are done.
 pub(crate) fn fuse(
-    files: &RunFiles,
-    replay: &Replay,
+    recorded: &RecordedRun<'_>,
     wanted: &ExportFiles,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Mesh, ToolError> {
-    let settings = outputs::read_settings(files)?;
-    let run = RunFile::read_recorded(files)?;
+    let RecordedRun { files, replay, settings, run } = recorded;
     let mut volume = Volume::new(&FusionSettings {
         voxel_m: 1e-3 * wanted.voxel_mm,
         max_depth_m: wanted.max_depth_m,
         max_bytes: wanted.memory_mb as usize * 1_000_000,
         ..FusionSettings::default()
     });
-    let Some(surfaces) = outputs::map_keyframes(files, &run, replay, &settings)? else {
+    let Some(surfaces) = outputs::map_keyframes(files, run, replay, settings)? else {
         return Ok(Mesh::default());
     };
-    let grid = run.layout(&settings).grid;
-    let warp = outputs::refined_warp(&run.camera, replay, &settings);
+    let grid = run.layout(settings).grid;
+    let warp = outputs::refined_warp(&run.camera, replay, settings);
     let camera = replay.refined().map_or(&run.camera, |refined| &refined.camera);
     let keyframes: Vec<_> = replay.main_keyframes().collect();
     for (part, keyframes_at_once) in keyframes.chunks(VIEWS_AT_ONCE).enumerate() {
@@ -52,7 +50,7 @@ pub(crate) fn fuse(
             .zip(&loaded)
             .map(|((keyframe, world_from_camera), vertices)| View {
                 // Of a map that other cameras made, that of its run.
-                camera: earlier_camera(&run, replay, keyframe.id).unwrap_or(camera),
+                camera: earlier_camera(run, replay, keyframe.id).unwrap_or(camera),
                 surface: SurfaceView { grid, vertices },
                 world_from_camera: *world_from_camera,
                 velocity: Twist::from_vector(&Vector6::from(keyframe.velocity)),

@@ -66,7 +66,8 @@ fn description(mesh: &Mesh, lengths: [usize; 4]) -> serde_json::Value {
             "attributes": { "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 }, "indices": 3, "material": 0
         }] }],
         "materials": [{
-            "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 }, "doubleSided": true
+            // White is the default, and what trimesh asks for.
+            "pbrMetallicRoughness": { "baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0 }, "doubleSided": true
         }],
         "accessors": [
             { "bufferView": 0, "componentType": TYPES[0], "count": n, "type": "VEC3", "min": low, "max": high },

@@ -1,19 +1,27 @@
 //! Export for other programs: the fused map as a cloud or a mesh, the trajectory in their formats.
 #![forbid(unsafe_code)]
 
+mod colmap;
 mod fuse;
 mod glb;
+mod grid;
 mod mcap;
+mod nerfstudio;
 mod pcd;
 mod ply;
 mod poses;
+mod seen_from_colour;
+mod straight;
+mod views;
 
+use colmap::ModelForm;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tessera_fusion::Mesh;
-use tessera_outputs::ToolError;
-use tessera_outputs::{self as outputs, write_file};
-use tessera_stage::RunFiles;
+use tessera_outputs::{self as outputs, Replay, ToolError, write_file};
+use tessera_settings::Settings;
+use tessera_stage::{RunFile, RunFiles};
+use views::ImageViews;
 
 /// The files that are wanted, and how the map in them is fused.
 #[derive(Clone, Debug)]
@@ -34,11 +42,50 @@ pub struct ExportFiles {
     pub euroc: Option<PathBuf>,
     /// Poses, keyframes and the fused map as messages of ROS 2.
     pub mcap: Option<PathBuf>,
+    /// Folder of a COLMAP model: images, poses and points.
+    pub colmap: Option<PathBuf>,
+    /// Whether that model is text.
+    pub colmap_text: bool,
+    /// Folder of a dataset of nerfstudio.
+    pub nerfstudio: Option<PathBuf>,
+    /// Of tracked frames each so many has its images in them; keyframes where it is absent.
+    pub every: Option<u64>,
+    /// An occupancy grid for map_server, `.yaml`, with its image beside it.
+    pub grid: Option<PathBuf>,
+    /// How the grid is made.
+    pub grid_options: GridFile,
+}
+
+/// How an occupancy grid is made.
+#[derive(Clone, Copy, Debug)]
+pub struct GridFile {
+    /// Edge of its cells, metres.
+    pub cell_m: f64,
+    /// Heights of what is an obstacle, metres above the floor.
+    pub heights_m: (f64, f64),
+    /// Height of the first camera, held level, above the floor, metres; where it is absent the floor is found.
+    pub camera_height_m: Option<f64>,
+}
+
+impl ExportFiles {
+    fn needs_mesh(&self) -> bool {
+        [&self.cloud, &self.mesh, &self.mcap, &self.colmap, &self.nerfstudio]
+            .iter()
+            .any(|path| path.is_some())
+    }
+}
+
+/// A run as it was recorded.
+pub(crate) struct RecordedRun<'a> {
+    files: &'a RunFiles,
+    replay: &'a Replay,
+    settings: &'a Settings,
+    run: &'a RunFile,
 }
 
 type Writer = fn(&Mesh, &mut dyn Write) -> io::Result<()>;
 
-/// Writes the files that were asked for; says a line for each. `progress` is told how many keyframes of how
+/// Writes the files that were asked for; returns a line for each. `progress` is told how many keyframes of how
 /// many are fused.
 ///
 /// # Errors
@@ -52,44 +99,85 @@ pub fn write(
     let cloud = wanted.cloud.as_deref().map(|path| cloud_form(path).map(|form| (path, form))).transpose()?;
     let mesh_file =
         wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
-    let trajectories = [(&wanted.kitti, poses::kitti as poses::PoseForm), (&wanted.euroc, poses::euroc)];
+    wanted.grid.as_deref().map_or(Ok(()), check_grid)?;
     let mut written = Vec::new();
-    let maps = [&wanted.cloud, &wanted.mesh, &wanted.mcap];
-    if maps.iter().all(|path| path.is_none()) && wanted.kitti.is_none() && wanted.euroc.is_none() {
+    let is_asked = wanted.needs_mesh() || wanted.grid.is_some();
+    if !is_asked && wanted.kitti.is_none() && wanted.euroc.is_none() {
         return Ok(written);
     }
     let files = RunFiles::new(run_folder);
     let replay = outputs::read_journal(&files)?;
-    let rows = outputs::final_rows(&replay);
-    for (path, form) in trajectories {
+    write_poses(&replay, wanted, &mut written)?;
+    if !is_asked {
+        return Ok(written);
+    }
+    let (settings, run) = (outputs::read_settings(&files)?, RunFile::read_recorded(&files)?);
+    let recorded = RecordedRun { files: &files, replay: &replay, settings: &settings, run: &run };
+    if let Some(path) = &wanted.grid {
+        written.push(grid::write(path, &recorded, wanted)?);
+    }
+    // What needs the recording first: it may not be there.
+    let views = views_of(&recorded, wanted)?;
+    if !wanted.needs_mesh() {
+        return Ok(written);
+    }
+    let mesh = fuse::fuse(&recorded, wanted, progress)?;
+    for (path, form) in cloud.iter().chain(&mesh_file) {
+        write_file(path, |writer| form(&mesh, writer))?;
+    }
+    let shown = |path: &Path, what: String| format!("{}: {what}", path.display());
+    written.extend(cloud.map(|(path, _)| shown(path, format!("{} points", mesh.positions.len()))));
+    written.extend(mesh_file.map(|(path, _)| shown(path, format!("{} triangles", mesh.triangles.len()))));
+    if let Some(path) = &wanted.mcap {
+        written.push(write_mcap(path, &replay, &mesh)?);
+    }
+    for (folder, form, views) in views {
+        match form {
+            Some(form) => colmap::write(folder, &views, &mesh, form)?,
+            None => nerfstudio::write(folder, &views, &mesh)?,
+        }
+        let (n, points) = (views.views.len(), mesh.positions.len());
+        let left_out = match views.n_left_out {
+            0 => String::new(),
+            n => format!("; {n} frames without a whole colour image are left out"),
+        };
+        written.push(shown(folder, format!("{n} images, {points} points{left_out}")));
+    }
+    Ok(written)
+}
+
+fn write_poses(replay: &Replay, wanted: &ExportFiles, written: &mut Vec<String>) -> Result<(), ToolError> {
+    let rows = outputs::final_rows(replay);
+    for (path, form) in [(&wanted.kitti, poses::kitti as poses::PoseForm), (&wanted.euroc, poses::euroc)] {
         let Some(path) = path else { continue };
         write_file(path, |writer| form(&rows, writer))?;
         written.push(format!("{}: {} poses", path.display(), rows.len()));
     }
-    if maps.iter().any(|path| path.is_some()) {
-        let mesh = fuse::fuse(&files, &replay, wanted, progress)?;
-        for (path, form) in cloud.iter().chain(&mesh_file) {
-            write_file(path, |writer| form(&mesh, writer))?;
-        }
-        if let Some((path, _)) = cloud {
-            written.push(format!("{}: {} points", path.display(), mesh.positions.len()));
-        }
-        if let Some((path, _)) = mesh_file {
-            written.push(format!("{}: {} triangles", path.display(), mesh.triangles.len()));
-        }
-        if let Some(path) = &wanted.mcap {
-            let keyframes = outputs::keyframe_rows(&replay);
-            let contents = mcap::Contents { frames: &rows, keyframes: &keyframes, map: &mesh };
-            write_file(path, |writer| mcap::write(&contents, writer))?;
-            let (n, points) = (rows.len(), mesh.positions.len());
-            written.push(format!(
-                "{}: {n} poses, {} keyframes, {points} points",
-                path.display(),
-                keyframes.len()
-            ));
-        }
+    Ok(())
+}
+
+/// The images of each folder that is asked for, and the form of its model: COLMAP's, or that of nerfstudio.
+type WrittenViews<'a> = Vec<(&'a Path, Option<ModelForm>, ImageViews)>;
+
+fn views_of<'a>(recorded: &RecordedRun<'_>, wanted: &'a ExportFiles) -> Result<WrittenViews<'a>, ToolError> {
+    let run = (recorded.replay, recorded.settings, recorded.run);
+    let mut all = Vec::new();
+    if let Some(folder) = &wanted.colmap {
+        let form = if wanted.colmap_text { ModelForm::Text } else { ModelForm::Binary };
+        all.push((folder.as_path(), Some(form), views::write(folder, run, wanted.every, false)?));
     }
-    Ok(written)
+    if let Some(folder) = &wanted.nerfstudio {
+        all.push((folder.as_path(), None, views::write(folder, run, wanted.every, true)?));
+    }
+    Ok(all)
+}
+
+fn write_mcap(path: &Path, replay: &Replay, map: &Mesh) -> Result<String, ToolError> {
+    let (rows, keyframes) = (outputs::final_rows(replay), outputs::keyframe_rows(replay));
+    let contents = mcap::Contents { frames: &rows, keyframes: &keyframes, map };
+    write_file(path, |writer| mcap::write(&contents, writer))?;
+    let (n, points) = (rows.len(), map.positions.len());
+    Ok(format!("{}: {n} poses, {} keyframes, {points} points", path.display(), keyframes.len()))
 }
 
 fn extension(path: &Path) -> String {
@@ -109,6 +197,13 @@ fn mesh_form(path: &Path) -> Result<Writer, ToolError> {
         "ply" => Ok(ply::mesh),
         "glb" => Ok(glb::mesh),
         _ => Err(unknown("--mesh", path, ".ply or .glb")),
+    }
+}
+
+fn check_grid(path: &Path) -> Result<(), ToolError> {
+    match extension(path).as_str() {
+        "yaml" | "yml" => Ok(()),
+        _ => Err(unknown("--grid", path, ".yaml")),
     }
 }
 
@@ -140,5 +235,7 @@ mod tests {
         assert!(cloud_form(Path::new("a.PCD")).is_ok() && mesh_form(Path::new("b.glb")).is_ok());
         let error = mesh_form(Path::new("b.obj")).err().unwrap().to_string();
         assert_eq!(error, "--mesh is b.obj, expected a name that ends in .ply or .glb");
+        let error = check_grid(Path::new("map.png")).unwrap_err().to_string();
+        assert_eq!(error, "--grid is map.png, expected a name that ends in .yaml");
     }
 }

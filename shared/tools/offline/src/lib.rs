@@ -180,12 +180,26 @@ impl Run {
         map: SavedMap,
         start: Option<Pose>,
     ) -> Result<Self, SettingError> {
+        let features = vec![Vec::new(); map.keyframes.len()];
+        Self::in_map_with_features(camera, method, SavedMap { features, ..map }, start)
+    }
+
+    /// As [`Self::in_map`], with the features of the map's keyframes, as the processes of a run have them.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn in_map_with_features(
+        camera: &Camera,
+        method: &Method,
+        map: SavedMap,
+        start: Option<Pose>,
+    ) -> Result<Self, SettingError> {
         let mut run = Self::new(camera, method)?;
         let context = Context::new(camera, &method.surface, &method.registration, &method.mapping)
             .in_map_of(&map.cameras);
         (run.tracker, run.optimiser) = (Tracker::new(context.clone()), Optimiser::new(context));
         run.cameras = map.cameras;
-        run.keyframes = RunKeyframes(map.surfaces, vec![Vec::new(); map.keyframes.len()]);
+        run.keyframes = RunKeyframes(map.surfaces, map.features);
         let start = start.as_ref().map(PoseBits::from);
         let record = MapRecord { keyframes: map.keyframes, submaps: map.submaps, start };
         run.take(AlignRecord::Map(Box::new(record)));

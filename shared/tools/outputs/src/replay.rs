@@ -164,7 +164,7 @@ impl Replay {
     }
 
     /// What all frames say of colour against depth, from what the camera file states on.
-    pub(crate) fn colour(&self, stated: ColourModel) -> ColourState {
+    pub fn colour(&self, stated: ColourModel) -> ColourState {
         ColourState::of_records(
             stated,
             self.frames.iter().map(|f| (f.evidence.colour.as_ref(), f.evidence.colour_pose.as_ref())),
@@ -207,6 +207,15 @@ impl Replay {
     /// Loops that were verified and then rejected by the optimiser, for they contradict the others.
     pub fn n_loops_rejected(&self) -> u64 {
         self.loops.values().filter(|pair| is_verified(pair) && is_rejected(pair)).count() as u64
+    }
+
+    /// Verified loops: newer and older keyframe, and whether the loop was closed, or rejected by the optimiser.
+    pub fn verified_loops(&self) -> Vec<(u32, u32, bool)> {
+        let judged = self.loops.values().filter(|pair| is_verified(pair));
+        let judged = judged.map(|pair| (pair.newer, pair.older, !is_rejected(pair)));
+        let mut all: Vec<_> = judged.chain(self.unjudged_loops().map(|(a, b)| (a, b, true))).collect();
+        all.sort_unstable();
+        all
     }
 
     /// Loops of the aligner, which verified them, that the optimiser did not judge.
@@ -262,6 +271,9 @@ mod tests {
         let mut replay = Replay::default();
         test_run::records().into_iter().for_each(|record| replay.apply(record));
         assert_eq!((replay.n_loops_found(), replay.n_loops_closed(), replay.n_loops_rejected()), (2, 1, 1));
+        let loops = replay.verified_loops();
+        let n_closed = loops.iter().filter(|(.., is_closed)| *is_closed).count();
+        assert_eq!((loops.len(), n_closed), (2, 1));
         assert_eq!(replay.n_untracked(), 1);
         assert_eq!((replay.skipped.len(), replay.n_skipped()), (1, 1));
         assert_eq!(replay.skipped[0].frames, 6..7);

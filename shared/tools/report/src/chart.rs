@@ -51,6 +51,9 @@ pub(crate) enum ChartForm {
     Segments,
 }
 
+/// Ranges of x and y, and the pixels of a drawing that they have.
+type DrawnAxes = (Range<f64>, Range<f64>, Range<i32>, Range<i32>);
+
 /// How much of a band's colour is seen; `style.css` says the same of its legend.
 const BAND_OPACITY: f64 = 0.25;
 
@@ -64,6 +67,18 @@ pub(crate) struct Band {
 pub(crate) struct ChartMark {
     pub(crate) at: (f64, f64),
     pub(crate) letter: String,
+}
+
+/// What of a plot follows the frame that the view in 3D is at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum ChartFollow {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// A line at its time in the recording: x is that time.
+    Time,
+    /// A dot at its position: which axes of the page x and y are.
+    Position([usize; 2]),
 }
 
 /// A plot.
@@ -85,6 +100,7 @@ pub(crate) struct Chart {
     pub(crate) from_zero: bool,
     /// Further lines of the legend, for bands.
     pub(crate) also: Vec<(String, RGBColor)>,
+    pub(crate) follow: ChartFollow,
 }
 
 impl Chart {
@@ -95,9 +111,24 @@ impl Chart {
         let what = escaped(&self.what);
         let legend = self.legend();
         Ok(format!(
-            "<figure><div class=\"wide\" role=\"img\" aria-label=\"{what}\">{wide}</div>\
-             <div class=\"narrow\" role=\"img\" aria-label=\"{what}\">{narrow}</div>{legend}</figure>"
+            "<figure><div class=\"wide\" role=\"img\" aria-label=\"{what}\"{}>{}</div>\
+             <div class=\"narrow\" role=\"img\" aria-label=\"{what}\"{}>{}</div>{legend}</figure>",
+            self.followed(&wide.1),
+            wide.0,
+            self.followed(&narrow.1),
+            narrow.0
         ))
+    }
+
+    /// What the script needs to follow a frame: what is followed, and the frame of the axes.
+    fn followed(&self, frame: &[f64; 8]) -> String {
+        let what = match self.follow {
+            ChartFollow::Nothing => return String::new(),
+            ChartFollow::Time => "time".to_owned(),
+            ChartFollow::Position([x, y]) => format!("{x} {y}"),
+        };
+        let frame = frame.map(|number| format!("{number:.4}")).join(" ");
+        format!(" data-follow=\"{what}\" data-frame=\"{frame}\"")
     }
 
     fn legend(&self) -> String {
@@ -114,20 +145,30 @@ impl Chart {
         if entries.is_empty() { entries } else { format!("<figcaption>{entries}</figcaption>") }
     }
 
-    fn svg(&self, width: u32, height: u32, font: u32) -> Result<String, ReportError> {
+    /// The drawing, and the frame of its axes: both ends of x and of y, then where they are, left, right, bottom and
+    /// top, as shares of the drawing.
+    fn svg(&self, width: u32, height: u32, font: u32) -> Result<(String, [f64; 8]), ReportError> {
         let mut text = String::new();
         let size = (width * FINE, height * FINE);
         let drawn = {
             let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-            self.draw(&area, font * FINE).and_then(|()| area.present().map_err(|error| error.to_string()))
+            self.draw(&area, font * FINE)
+                .and_then(|f| area.present().map(|()| f).map_err(|error| error.to_string()))
         };
-        drawn.map_err(|reason| ReportError { what: self.what.clone(), reason })?;
+        let (x, y, columns, rows) =
+            drawn.map_err(|reason| ReportError { what: self.what.clone(), reason })?;
         // As wide as its place: the view box keeps the proportions.
         let fixed = format!("<svg width=\"{}\" height=\"{}\"", size.0, size.1);
-        Ok(text.replacen(&fixed, "<svg", 1).replace('\n', ""))
+        let across = |px: i32| f64::from(px) / f64::from(size.0);
+        let down = |px: i32| f64::from(px) / f64::from(size.1);
+        let places = [across(columns.start), across(columns.end), down(rows.end), down(rows.start)];
+        let [left, right, bottom, top] = places;
+        let frame = [x.start, x.end, y.start, y.end, left, right, bottom, top];
+        Ok((text.replacen(&fixed, "<svg", 1).replace('\n', ""), frame))
     }
 
-    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, font: u32) -> Result<(), String> {
+    /// Draws, and answers the ranges of both axes and the pixels that they have.
+    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, font: u32) -> Result<DrawnAxes, String> {
         let label_area = (font as f64 * 1.2 + 20.0 * f64::from(FINE)) as u32;
         let y_area = font * 4 + 2 * FINE;
         let (x, y) = self.ranges(area.dim_in_pixel(), (y_area, label_area));
@@ -187,7 +228,8 @@ impl Chart {
                 + Text::new(mark.letter.clone(), (0, 0), style);
             chart.draw_series([at]).map_err(|error| error.to_string())?;
         }
-        Ok(())
+        let (columns, rows) = chart.plotting_area().get_pixel_range();
+        Ok((x, y, columns, rows))
     }
 
     /// Ranges that hold all points, in equal scale for a map.
@@ -290,6 +332,26 @@ mod tests {
         assert_eq!(html.matches("<svg").count(), 2);
         assert!(html.contains("a &lt;test&gt;") && html.contains("</i>line</span>"), "{html}");
         assert!(!html.contains("NaN") && !html.contains("<svg width"), "{html}");
+    }
+
+    #[test]
+    fn what_follows_the_frames_has_the_frame_of_its_axes() {
+        assert!(!chart().html().unwrap().contains("data-follow"));
+        let html = Chart { follow: ChartFollow::Time, ..chart() }.html().unwrap();
+        let (_, rest) = html.split_once("data-follow=\"time\" data-frame=\"").unwrap();
+        let frame =
+            rest.split('"').next().unwrap().split(' ').map(|n| n.parse().unwrap()).collect::<Vec<f64>>();
+        let [x0, x1, y0, y1, left, right, bottom, top] = frame[..] else { panic!("{frame:?}") };
+        // A twentieth of the height is left above the highest point.
+        assert_eq!((x0, x1, y0, y1), (0.0, 2.0, 0.0, 1.06));
+        assert!(0.0 < left && left < 0.15 && 0.95 < right && right < 1.0, "{frame:?}");
+        assert!(0.0 < top && top < 0.1 && 0.7 < bottom && bottom < 1.0, "{frame:?}");
+        // The first point of the line is drawn at the left end of both axes.
+        let [x, y] = [left * 760.0 * f64::from(FINE), bottom * 270.0 * f64::from(FINE)].map(f64::round);
+        let drawn = format!("points=\"{x},{y} ");
+        assert!(html.contains(&drawn), "{drawn} is not in {html}");
+        let map = Chart { follow: ChartFollow::Position([0, 2]), is_map: true, ..chart() }.html().unwrap();
+        assert_eq!(map.matches("data-follow=\"0 2\"").count(), 2);
     }
 
     #[test]

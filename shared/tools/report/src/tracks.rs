@@ -1,7 +1,9 @@
 //! Trajectory of the camera, and its error.
 
 use crate::ReportError;
-use crate::chart::{BLUE, Band, Chart, ChartForm, ChartMark, GREY, ORANGE, SKY, Series, VERMILION};
+use crate::chart::{
+    BLUE, Band, Chart, ChartFollow, ChartForm, ChartMark, GREY, ORANGE, SKY, Series, VERMILION,
+};
 use crate::run::{Frame, FrameState, ReportedRun};
 use crate::worst::letter;
 
@@ -44,6 +46,7 @@ pub(crate) fn trajectory(run: &ReportedRun) -> Result<String, ReportError> {
             series,
             marks,
             is_map: true,
+            follow: ChartFollow::Position(axes),
             ..Chart::default()
         };
         out.push_str(&format!("<div><h4>{view}</h4>{}</div>", chart.html()?));
@@ -86,6 +89,7 @@ pub(crate) fn error(run: &ReportedRun) -> Result<String, ReportError> {
         marks: marks(run, |frame| if run.has_truth() { value(frame) } else { None }),
         from_zero: true,
         also: band_names(run),
+        follow: ChartFollow::Time,
         ..Chart::default()
     }
     .html()

@@ -24,7 +24,8 @@ fn pages() -> Vec<PathBuf> {
 
 /// The manual and the pages at its side.
 fn texts() -> Vec<PathBuf> {
-    let beside = ["README.md", "ARCHITECTURE.md", "scripts/systemd/README.md"].map(|name| root().join(name));
+    let beside = ["README.md", "ARCHITECTURE.md", "lab/notes.md", "scripts/systemd/README.md"]
+        .map(|name| root().join(name));
     pages().into_iter().chain(beside).collect()
 }
 

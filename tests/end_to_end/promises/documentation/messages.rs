@@ -8,10 +8,15 @@ use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 /// Tests of bags that are damaged or odd.
 const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
 
+/// Tests of exports for reconstruction from images and for planners.
+const MODELS: &str = "promises/outputs/models.rs";
+
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 20] = [
+const ELSEWHERE: [(&str, &str, &str); 22] = [
+    ("no floor was seen", MODELS, "no floor was seen"),
+    ("own program sent its frames", MODELS, "own program sent its frames"),
+    ("frames has a colour image", MODELS, "frames has a colour image"),
     ("expected '#ROSBAG V2.0", BAGS, r#"contains("expected '#ROSBAG V2.0"#),
-    ("is a bag of librealsense", BAGS, r#"contains("a bag of librealsense (topic /device_0/im)")"#),
     ("expected a bag of ROS 2", BAGS, r#"contains("expected a bag of ROS 2")"#),
     ("is an SQLite database that was cut", BAGS, r#"contains("an SQLite database that was cut")"#),
     ("has a write-ahead log", BAGS, r#"contains("has a write-ahead log beside it")"#),
@@ -275,7 +280,7 @@ fn of_mcap(told: &mut Told) {
     check(told, &[depth("/left/depth"), depth("/right/depth")], &[]);
     check(told, &[depth("/depth")], &["--depth-topic", "/nothing"]);
     check(told, &[depth("/depth")], &[]);
-    check(told, &[depth("/depth"), info("equidistant", &[0.1; 4])], &[]);
+    check(told, &[depth("/depth"), info("division", &[0.1; 4])], &[]);
     check(told, &[image("/depth", 1, "rgb8"), info("plumb_bob", &[])], &[]);
     let found = |told: &mut Told| {
         let output =

@@ -1,6 +1,7 @@
 //! JSON: Open3D, Replica's `cam_params.json`, nerfstudio's `transforms.json`, and plain `fx fy cx cy`.
 
 use super::{StatedCamera, units_of_scale};
+use crate::OtherLens;
 use serde_json::{Map, Value};
 
 /// Names of a value in different programs, in small letters.
@@ -17,6 +18,8 @@ const SCALE: &[&str] =
     &["depth_scale", "units_per_metre", "png_depth_scale", "depth_unit_scale_factor", "integer_depth_scale"];
 /// A key that is only named `scale` is one of depth from here on.
 const LEAST_PLAIN_SCALE: f64 = 100.0;
+/// Model of the lens, of nerfstudio.
+const MODEL: &[&str] = &["camera_model"];
 const FPS: &[&str] = &["fps", "frame_rate"];
 /// Tables that hold a camera.
 const INSIDE: &[&str] = &["camera", "intrinsics", "intrinsic", "depth", "depth_intrinsics", "camera_params"];
@@ -33,12 +36,19 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
         // There the middle of the first pixel is at 0.5.
         let half = if is_nerf { 0.5 } else { 0.0 };
         let side = |names| number(names).and_then(super::side);
-        let distortion = ["k1", "k2", "p1", "p2", "k3"].map(|name| number(&[name]).unwrap_or(0.0));
+        let value = |name: &str| number(&[name]).unwrap_or(0.0);
+        let is_fisheye =
+            get(&all, MODEL).and_then(Value::as_str).is_some_and(|model| model.contains("FISHEYE"));
+        let (distortion, lens) = match is_fisheye {
+            true => ([0.0; 5], Some(OtherLens::Equidistant(["k1", "k2", "k3", "k4"].map(value)))),
+            false => (["k1", "k2", "p1", "p2", "k3"].map(value), None),
+        };
         return Ok(Some(StatedCamera {
             form: if is_nerf { "nerfstudio" } else { "JSON" },
             size: side(WIDTH).zip(side(HEIGHT)),
             intrinsics: [fx, fy, cx - half, cy - half],
             distortion,
+            lens,
             units_per_metre: scale(table, &all)?,
             fps: number(FPS).filter(|fps| *fps > 0.0),
         }));

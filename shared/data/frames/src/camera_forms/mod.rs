@@ -6,7 +6,7 @@ mod json;
 mod text;
 mod yaml;
 
-use crate::SourceError;
+use crate::{OtherLens, SourceError};
 use std::path::Path;
 use tessera_geometry::Camera;
 
@@ -21,6 +21,8 @@ pub struct StatedCamera {
     pub intrinsics: [f64; 4],
     /// `k1 k2 p1 p2 k3`.
     pub distortion: [f64; 5],
+    /// A lens that these do not describe.
+    pub lens: Option<OtherLens>,
     /// Raw depth of a metre.
     pub units_per_metre: Option<f64>,
     /// Frames a second.
@@ -38,6 +40,7 @@ impl StatedCamera {
         let camera = Camera { distortion: self.distortion, ..camera };
         crate::large::check_camera(&camera)
             .map_err(|source| SourceError::CameraValue { file: file.to_owned(), source })?;
+        check_lens(self.lens.as_ref(), &camera, file)?;
         Ok(camera)
     }
 
@@ -53,6 +56,19 @@ impl StatedCamera {
         // The middle of the first pixel is at 0, so its edge is at -0.5.
         let intrinsics = [fx * sx, fy * sy, (cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5];
         Some(Self { size: Some(size), intrinsics, ..self.clone() })
+    }
+}
+
+/// Refuses a lens that folds the image.
+pub(crate) fn check_lens(lens: Option<&OtherLens>, camera: &Camera, file: &str) -> Result<(), SourceError> {
+    match lens.filter(|lens| !lens.is_usable(camera)) {
+        None => Ok(()),
+        Some(lens) => Err(SourceError::CameraFile {
+            file: file.to_owned(),
+            message: format!(
+                "the lens {lens:?} folds the image, expected a radius that grows up to its corners"
+            ),
+        }),
     }
 }
 

@@ -43,6 +43,13 @@ fn ros_orb_slam_and_kalibr() {
     assert!(
         refusal("camera.yaml", &text.replace("plumb_bob", "equidistant")).contains("model 'equidistant'")
     );
+    let fisheye = text
+        .replace("plumb_bob", "equidistant")
+        .replace("cols: 5", "cols: 4")
+        .replace("0, 0, 0.3]", "0.01, 0.02]");
+    let found = stated("camera.yaml", &fisheye);
+    assert_eq!(found.lens, Some(OtherLens::Equidistant([0.1, -0.2, 0.01, 0.02])));
+    assert_eq!(found.distortion, [0.0; 5]);
     let items =
         "camera_matrix:\n  data:\n  - 615\n  - 0\n  - 321\n  - 0\n  - 616\n  - 244\n  - 0\n  - 0\n  - 1\n";
     assert_eq!(stated("camera.yml", items).intrinsics, FOUR);
@@ -50,11 +57,16 @@ fn ros_orb_slam_and_kalibr() {
         Camera.k1: 0.1\nCamera.width: 640\nCamera.height: 480\nCamera.fps: 30\nDepthMapFactor: 5000.0 # units\n";
     let found = stated("tum1.yaml", text);
     assert_eq!((found.intrinsics, found.units_per_metre, found.fps), (FOUR, Some(5000.0), Some(30.0)));
+    let fisheye = text.replace("PinHole", "KannalaBrandt8").replace("Camera.k1", "Camera.k4");
+    assert_eq!(stated("tum1.yaml", &fisheye).lens, Some(OtherLens::Equidistant([0.0, 0.0, 0.0, 0.1])));
     let newer = text.replace("Camera.fx", "Camera1.fx").replace("DepthMapFactor", "RGBD.DepthMapFactor");
     assert_eq!(stated("tum1.yaml", &newer).units_per_metre, Some(5000.0));
     let text = "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, 0, 0, 0]\n  distortion_model: radtan\n  intrinsics: [615, 616, 321, 244]\n  resolution: [640, 480]\n";
     let found = stated("camchain.yaml", text);
     assert_eq!((found.intrinsics, found.size, found.distortion[0]), (FOUR, Some((640, 480)), 0.1));
+    let fisheye = stated("camchain.yaml", &text.replace("radtan", "equidistant"));
+    assert_eq!(fisheye.lens, Some(OtherLens::Equidistant([0.1, 0.0, 0.0, 0.0])));
+    assert!(refusal("camchain.yaml", &text.replace("pinhole", "omni")).contains("camera model 'omni'"));
     assert_eq!(parse_stated("a: 1\n", "a.yaml"), Ok(None));
 }
 
@@ -63,6 +75,10 @@ fn plain_text() {
     let text = "# CAMERA_ID, MODEL\n1 PINHOLE 640 480 615 616 321.5 244.5\n";
     let found = stated("cameras.txt", text);
     assert_eq!((found.intrinsics, found.size), (FOUR, Some((640, 480))));
+    let found = stated("cameras.txt", "1 OPENCV_FISHEYE 640 480 615 616 321.5 244.5 0.1 0.2 0.3 0.4\n");
+    assert_eq!((found.intrinsics, found.lens), (FOUR, Some(OtherLens::Equidistant([0.1, 0.2, 0.3, 0.4]))));
+    let full = stated("cameras.txt", "1 FULL_OPENCV 640 480 615 616 321.5 244.5 1 2 3 4 5 6 7 8\n");
+    assert_eq!(full.lens, Some(OtherLens::Rational([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0])));
     assert!(refusal("cameras.txt", "1 FISHEYE 640 480 1 2 3\n").contains("camera model FISHEYE with 3"));
     assert!(
         refusal("cameras.txt", "1 PINHOLE 64 48 6 6 3 2\n2 PINHOLE 64 48 6 6 3 2\n").contains("2 cameras")

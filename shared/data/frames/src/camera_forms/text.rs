@@ -2,6 +2,7 @@
 //! `fx fy cx cy` as of ETH3D.
 
 use super::{StatedCamera, side};
+use crate::OtherLens;
 
 pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
     let lines: Vec<&str> =
@@ -55,20 +56,28 @@ fn colmap(lines: &[&str]) -> Result<Option<StatedCamera>, String> {
         return Ok(None);
     }
     let params: Vec<f64> = params.iter().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
-    let (f, rest) = match (*model, params.as_slice()) {
-        ("SIMPLE_PINHOLE", [f, cx, cy]) => ([*f, *f, *cx, *cy], [0.0; 4]),
-        ("PINHOLE", [fx, fy, cx, cy]) => ([*fx, *fy, *cx, *cy], [0.0; 4]),
-        ("SIMPLE_RADIAL", [f, cx, cy, k]) => ([*f, *f, *cx, *cy], [*k, 0.0, 0.0, 0.0]),
-        ("RADIAL", [f, cx, cy, k1, k2]) => ([*f, *f, *cx, *cy], [*k1, *k2, 0.0, 0.0]),
-        ("OPENCV", [fx, fy, cx, cy, k1, k2, p1, p2]) => ([*fx, *fy, *cx, *cy], [*k1, *k2, *p1, *p2]),
+    let plain = |f: [f64; 4], [k1, k2, p1, p2]: [f64; 4]| (f, [k1, k2, p1, p2, 0.0], None);
+    let fisheye = |f: [f64; 4], k: [f64; 4]| (f, [0.0; 5], Some(OtherLens::Equidistant(k)));
+    let ([fx, fy, cx, cy], distortion, lens) = match (*model, params.as_slice()) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => plain([f, f, cx, cy], [0.0; 4]),
+        ("PINHOLE", &[fx, fy, cx, cy]) => plain([fx, fy, cx, cy], [0.0; 4]),
+        ("SIMPLE_RADIAL", &[f, cx, cy, k]) => plain([f, f, cx, cy], [k, 0.0, 0.0, 0.0]),
+        ("RADIAL", &[f, cx, cy, k1, k2]) => plain([f, f, cx, cy], [k1, k2, 0.0, 0.0]),
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => plain([fx, fy, cx, cy], [k1, k2, p1, p2]),
+        ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+            let lens = OtherLens::Rational([k1, k2, p1, p2, k3, k4, k5, k6]);
+            ([fx, fy, cx, cy], [0.0; 5], Some(lens))
+        }
+        ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k]) => fisheye([f, f, cx, cy], [k, 0.0, 0.0, 0.0]),
+        ("RADIAL_FISHEYE", &[f, cx, cy, k1, k2]) => fisheye([f, f, cx, cy], [k1, k2, 0.0, 0.0]),
+        ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => fisheye([fx, fy, cx, cy], [k1, k2, k3, k4]),
         _ => {
             return Err(format!(
-                "camera model {model} with {} parameters, expected SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV",
+                "camera model {model} with {} parameters, expected a pinhole, radial, OpenCV or fisheye model of COLMAP",
                 params.len()
             ));
         }
     };
-    let ([fx, fy, cx, cy], [k1, k2, p1, p2]) = (f, rest);
     if lines.len() > 1 {
         return Err(format!("{} cameras, expected one", lines.len()));
     }
@@ -76,7 +85,8 @@ fn colmap(lines: &[&str]) -> Result<Option<StatedCamera>, String> {
         form: "COLMAP cameras.txt",
         size: Some((width, height)),
         intrinsics: [fx, fy, cx - 0.5, cy - 0.5],
-        distortion: [k1, k2, p1, p2, 0.0],
+        distortion,
+        lens,
         ..StatedCamera::default()
     }))
 }

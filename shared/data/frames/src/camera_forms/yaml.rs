@@ -3,6 +3,7 @@
 //! Of YAML it takes `key: value` and lists of numbers, wherever they stand; that is all these files use.
 
 use super::{StatedCamera, side, units_of_scale};
+use crate::{OtherLens, StatedLens};
 
 /// `key: value` of a text, with the lists of numbers that follow a key.
 struct Keys<'a>(Vec<(&'a str, String)>);
@@ -78,7 +79,7 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
 /// `camera_matrix`, `image_width`; of a rectified image the projection says the same in its file.
 fn ros(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
     let [fx, _, cx, _, fy, cy, 0.0, 0.0, 1.0] = keys.data("camera_matrix")[..] else { return Ok(None) };
-    let distortion = distortion(
+    let (distortion, lens) = distortion(
         keys.text("distortion_model").unwrap_or("plumb_bob"),
         &keys.data("distortion_coefficients"),
     )?;
@@ -87,6 +88,7 @@ fn ros(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
         size: size(keys.number("image_width"), keys.number("image_height")),
         intrinsics: [fx, fy, cx, cy],
         distortion,
+        lens,
         units_per_metre: None,
         fps: None,
     }))
@@ -98,19 +100,21 @@ fn orb_slam(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
         keys.number(&format!("Camera.{name}")).or_else(|| keys.number(&format!("Camera1.{name}")))
     };
     let Some([fx, fy, cx, cy]) = four(["fx", "fy", "cx", "cy"].map(value)) else { return Ok(None) };
-    let model = keys.text("Camera.type").unwrap_or("PinHole");
-    let coefficients: Vec<f64> =
-        ["k1", "k2", "p1", "p2", "k3"].iter().map(|name| value(name).unwrap_or(0.0)).collect();
-    let distortion = distortion(
-        if model.eq_ignore_ascii_case("KannalaBrandt8") { "equidistant" } else { "plumb_bob" },
-        &coefficients,
-    )?;
+    let is_fisheye =
+        keys.text("Camera.type").is_some_and(|model| model.eq_ignore_ascii_case("KannalaBrandt8"));
+    let (model, names) = match is_fisheye {
+        true => ("equidistant", &["k1", "k2", "k3", "k4"][..]),
+        false => ("plumb_bob", &["k1", "k2", "p1", "p2", "k3"][..]),
+    };
+    let coefficients: Vec<f64> = names.iter().map(|name| value(name).unwrap_or(0.0)).collect();
+    let (distortion, lens) = distortion(model, &coefficients)?;
     let factor = keys.number("DepthMapFactor").or_else(|| keys.number("RGBD.DepthMapFactor"));
     Ok(Some(StatedCamera {
         form: "ORB-SLAM settings",
         size: size(keys.number("Camera.width"), keys.number("Camera.height")),
         intrinsics: [fx, fy, cx, cy],
         distortion,
+        lens,
         units_per_metre: factor.map_or(Ok(None), units_of_scale)?,
         fps: keys.number("Camera.fps").filter(|fps| *fps > 0.0),
     }))
@@ -123,13 +127,17 @@ fn kalibr(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
         [width, height] => size(Some(width), Some(height)),
         _ => None,
     };
+    if let Some(other) = keys.text("camera_model").filter(|model| *model != "pinhole") {
+        return Err(format!("camera model '{other}', expected pinhole (with radtan or equidistant)"));
+    }
     let model = keys.text("distortion_model").unwrap_or("radtan");
-    let distortion = distortion(model, &keys.numbers("distortion_coeffs"))?;
+    let (distortion, lens) = distortion(model, &keys.numbers("distortion_coeffs"))?;
     Ok(Some(StatedCamera {
         form: "Kalibr camchain",
         size,
         intrinsics: [fx, fy, cx, cy],
         distortion,
+        lens,
         ..StatedCamera::default()
     }))
 }
@@ -143,23 +151,16 @@ fn size(width: Option<f64>, height: Option<f64>) -> Option<(u32, u32)> {
     Some((side(width?)?, side(height?)?))
 }
 
-/// Five coefficients of Brown and Conrady.
+/// Five coefficients of Brown and Conrady, and a lens that these do not describe.
 ///
 /// # Errors
 /// Another model that distorts.
-fn distortion(model: &str, coefficients: &[f64]) -> Result<[f64; 5], String> {
-    let mut five = [0.0; 5];
-    if coefficients.iter().all(|k| *k == 0.0) {
-        return Ok(five);
+fn distortion(model: &str, coefficients: &[f64]) -> Result<([f64; 5], Option<OtherLens>), String> {
+    match StatedLens::of_model(model, coefficients) {
+        Some(StatedLens::Plain(five)) => Ok((five, None)),
+        Some(StatedLens::Other(lens)) => Ok(([0.0; 5], Some(lens))),
+        None => Err(format!(
+            "distortion model '{model}' with coefficients {coefficients:?}, expected plumb_bob with up to 5, rational_polynomial with 8 or equidistant with 4: rectify the images first"
+        )),
     }
-    let is_plain = ["plumb_bob", "rational_polynomial", "radtan"].contains(&model.to_lowercase().as_str());
-    if !is_plain || coefficients.iter().skip(5).any(|k| *k != 0.0) {
-        return Err(format!(
-            "distortion model '{model}' with coefficients {coefficients:?}, expected plumb_bob with up to 5: rectify the images first"
-        ));
-    }
-    for (to, from) in five.iter_mut().zip(coefficients) {
-        *to = *from;
-    }
-    Ok(five)
 }

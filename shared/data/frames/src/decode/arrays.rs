@@ -53,7 +53,6 @@ pub(super) fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
 }
 
 /// Decodes raw depth; metres are counted in `units_per_metre`.
-#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
 pub(super) fn depth(
     bytes: &[u8],
     size: (u32, u32),
@@ -71,9 +70,7 @@ pub(super) fn depth(
                 (None, _) => 0,
             },
             ArrayKind::Metres { is_big_endian, .. } => {
-                let units = (metres(bytes, is_big_endian) * units_per_metre).round();
-                // No measurement: not finite, behind the camera, or beyond what a raw value holds.
-                if units >= 1.0 && units < f64::from(u16::MAX) { units as u16 } else { 0 }
+                super::raw_of_metres(metres(bytes, is_big_endian), units_per_metre)
             }
         };
     }

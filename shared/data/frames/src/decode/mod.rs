@@ -1,7 +1,8 @@
-//! Images into the caller's memory: PNG for depth, PNG, JPEG, WebP or BMP for colour.
+//! Images into the caller's memory: PNG, TIFF, PGM or NPY for depth, PNG, JPEG, WebP or BMP for colour.
 
 mod arrays;
 mod bmp;
+mod tif;
 mod webp;
 
 use crate::ImageError;
@@ -16,22 +17,38 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Memory that a PNG's own chunks may take, bytes.
 const MOST_BYTES: usize = 512 << 20;
+/// The beginning of an OpenEXR image.
+const EXR: &[u8] = b"\x76\x2f\x31\x01";
 const JPEG: &[u8] = &[0xff, 0xd8];
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 /// Bytes at the end of a file that hold its end marker.
 const TAIL_BYTES: u64 = 1024;
 
-/// Decodes depth of any form that is read: PNG, PGM or NPY; metres are counted in `units_per_metre`.
+/// Decodes depth of any form that is read: PNG, TIFF, PGM or NPY; metres are counted in `units_per_metre`.
 pub fn depth_in(
     bytes: &[u8],
     size: (u32, u32),
     units_per_metre: f64,
     depth_raw: &mut [u16],
 ) -> Result<(), ImageError> {
-    match arrays::is(bytes) {
-        true => arrays::depth(bytes, size, units_per_metre, depth_raw),
-        false => depth(bytes, size, depth_raw),
+    if arrays::is(bytes) {
+        return arrays::depth(bytes, size, units_per_metre, depth_raw);
     }
+    if tif::is(bytes) {
+        return tif::depth(bytes, size, units_per_metre, depth_raw);
+    }
+    if bytes.starts_with(EXR) {
+        return Err(ImageError::Exr);
+    }
+    depth(bytes, size, depth_raw)
+}
+
+/// Metres in units; 0 where it is no measurement: not finite, behind the camera, or beyond what a raw value
+/// holds.
+#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
+fn raw_of_metres(metres: f64, units_per_metre: f64) -> u16 {
+    let units = (metres * units_per_metre).round();
+    if units >= 1.0 && units < f64::from(u16::MAX) { units as u16 } else { 0 }
 }
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
@@ -68,6 +85,12 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     }
     if arrays::is(bytes) {
         return arrays::size(bytes);
+    }
+    if tif::is(bytes) {
+        return tif::size(bytes);
+    }
+    if bytes.starts_with(EXR) {
+        return Err(ImageError::Exr);
     }
     if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
@@ -113,7 +136,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         ("JPEG", JPEG_END)
     } else if webp::is(head) {
         return webp::check_length(head, n_bytes);
-    } else if bmp::is(head) || arrays::is(head) {
+    } else if bmp::is(head) || arrays::is(head) || tif::is(head) {
         // These have no end marker; its length is checked as it is read.
         return Ok(());
     } else {

@@ -23,9 +23,6 @@ const CONNECTION: u8 = 0x07;
 const MOST_HEADER: u32 = 1 << 20;
 /// Longest description of a connection.
 const MOST_CONNECTION: u64 = 64 << 20;
-/// What topics of librealsense's own recorder begin with.
-const LIBREALSENSE: &str = "/device_0/";
-
 /// A bag whose records have been found.
 pub(super) struct Ros1Bag {
     file: File,
@@ -86,9 +83,6 @@ impl Ros1Bag {
         bag.scan()?;
         if bag.channels.is_empty() {
             bag.search_chunks();
-        }
-        if let Some(channel) = bag.channels.values().find(|channel| channel.topic.starts_with(LIBREALSENSE)) {
-            return Err(RecordingError::Librealsense { topic: channel.topic.clone() });
         }
         Ok(bag)
     }

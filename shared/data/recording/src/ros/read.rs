@@ -1,7 +1,8 @@
 //! Images, cameras and times read from CDR.
 
-use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, RosPose, Time, Transforms};
+use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, ImuFront, RosPose, Time, Transforms};
 use crate::error::MessageError;
+use crate::gyroscope::ImuMessage;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage};
 use re_cdr::{BigEndian, LittleEndian, from_bytes};
 use serde::Deserialize;
@@ -10,8 +11,8 @@ use std::borrow::Cow;
 /// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
 pub(crate) const STAMP_BYTES: u64 = 12;
 
-/// What stands there where the recorder compressed each message.
-const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+/// Bytes of an IMU message up to its angular velocity, with a name of a frame of 800 letters at most.
+pub(crate) const IMU_BYTES: u64 = 1024;
 
 /// The four bytes before a message say in which order its bytes are.
 fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
@@ -19,11 +20,6 @@ fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<
     let (head, body) = data
         .split_first_chunk::<4>()
         .ok_or_else(|| wrong(format!("{} bytes, expected at least 4", data.len())))?;
-    if *head == ZSTD {
-        let remedy = "its messages are compressed one by one (compression_mode: message); convert the bag without \
-                      compression: ros2 bag convert";
-        return Err(wrong(remedy.to_owned()));
-    }
     let [_, encapsulation, ..] = *head;
     let decoded = match encapsulation {
         0 => from_bytes::<T, BigEndian>(body),
@@ -72,6 +68,15 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
         distortion: info.d,
         intrinsics: info.k.to_vec(),
         projection: info.p.to_vec(),
+    })
+}
+
+pub(crate) fn imu(data: &[u8]) -> Result<ImuMessage, MessageError> {
+    let imu: ImuFront<'_> = decode("sensor_msgs/msg/Imu", data)?;
+    Ok(ImuMessage {
+        stamp_nanos: imu.header.stamp.nanos(),
+        frame: imu.header.frame_id.into_owned(),
+        rate_rad_per_s: imu.angular_velocity,
     })
 }
 

@@ -76,6 +76,17 @@ pub struct CompressedImage<'a> {
     pub data: &'a [u8],
 }
 
+/// `sensor_msgs/msg/Imu` up to the angular velocity; its covariance and the acceleration follow.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ImuFront<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    pub(crate) orientation: [f64; 4],
+    pub(crate) orientation_covariance: [f64; 9],
+    /// Radians per second.
+    pub(crate) angular_velocity: [f64; 3],
+}
+
 /// `sensor_msgs/msg/CameraInfo` up to the projection; binning and region follow and are not read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraInfo<'a> {

@@ -5,6 +5,7 @@ mod bags;
 mod cameras;
 #[path = "../../tests/common/mod.rs"]
 mod common;
+mod gyroscope;
 mod misread;
 
 use super::*;
@@ -77,6 +78,24 @@ fn recording_of(n: i32, depth_of: impl Fn(i32) -> Vec<u8>) -> Vec<u8> {
     writer.finish().unwrap();
     drop(writer);
     bytes.into_inner()
+}
+
+#[test]
+fn messages_that_are_compressed_one_by_one_are_read() {
+    use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+    let pack = |at: i32| compress_to_vec(&image(at, "16UC1", 2, at as u8)[..], CompressionLevel::Fastest);
+    let source = open(&recording_of(9, pack)).unwrap();
+    assert_eq!((source.n_frames(), source.pairing().n_pairs), (Some(9), 9));
+    let (depth, _, info) = read(&source, 7);
+    assert!(depth.iter().all(|raw| *raw == 0x0707) && info.stamp_nanos == 7_000_000_000);
+    let cut = |at: i32| {
+        let mut data = pack(at);
+        let n = data.len();
+        data.truncate(if at == 5 { n / 2 } else { n });
+        data
+    };
+    let words = open(&recording_of(9, cut)).err().unwrap();
+    assert!(words.contains("a.mcap"), "{words}");
 }
 
 fn compressed(n: i32, name: &str) -> Vec<u8> {

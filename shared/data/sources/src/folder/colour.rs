@@ -3,7 +3,7 @@
 use super::list::ListEntry;
 use crate::ImageError;
 use std::path::Path;
-use tessera_frames::{ColourCamera, ColourWarp, decode};
+use tessera_frames::{ColourCamera, ColourWarp, FrameBuffers, TakenColour, Undistortion, decode};
 use tessera_geometry::Camera;
 
 /// What is done with colour images.
@@ -97,21 +97,36 @@ impl ColourImages {
         Self { is_used: false, words, warning: Some(warning), warp: None }
     }
 
-    /// Decodes a colour image to the pixels of depth, `size` columns and rows.
+    /// Decodes a colour image to the pixels of depth, `size` columns and rows; `lens` was taken out of depth.
     pub(super) fn read(
         &self,
         bytes: &[u8],
         size: (u32, u32),
-        depth_raw: &[u16],
-        rgb: &mut [u8],
+        lens: Option<&Undistortion>,
+        buffers: &mut FrameBuffers<'_>,
     ) -> Result<(), ImageError> {
-        let Some(warp) = &self.warp else { return decode::colour(bytes, size, rgb) };
-        let n_pixels = (warp.size.0 as usize).saturating_mul(warp.size.1 as usize);
-        let mut own = vec![0; n_pixels.saturating_mul(3)];
-        decode::colour(bytes, warp.size, &mut own)?;
-        warp.apply(depth_raw, &own, rgb);
+        match (&self.warp, lens) {
+            (None, None) => decode::colour(bytes, size, buffers.colour)?,
+            (None, Some(lens)) => lens.apply(3, &decoded(bytes, size)?, buffers.colour),
+            (Some(warp), _) => warp.apply(buffers.depth, &decoded(bytes, warp.size)?, buffers.colour),
+        }
         Ok(())
     }
+
+    /// Decodes a colour image that is to be warped, as it was taken; `None` where it has the pixels of depth.
+    pub(super) fn as_taken(&self, bytes: &[u8], file: &Path) -> Result<Option<TakenColour>, ImageError> {
+        let Some(warp) = &self.warp else { return Ok(None) };
+        let rgb = decoded(bytes, warp.size)?;
+        Ok(Some(TakenColour { camera: warp.colour_camera(), rgb, file: Some(file.to_owned()) }))
+    }
+}
+
+/// An image of these columns and rows.
+fn decoded(bytes: &[u8], size: (u32, u32)) -> Result<Vec<u8>, ImageError> {
+    let n_pixels = (size.0 as usize).saturating_mul(size.1 as usize);
+    let mut rgb = vec![0; n_pixels.saturating_mul(3)];
+    decode::colour(bytes, size, &mut rgb)?;
+    Ok(rgb)
 }
 
 /// Colour images whose size is asked for before giving up.

@@ -11,16 +11,17 @@ mod pairs;
 use crate::{ImageError, SourceError, SourceOptions};
 use codec::DepthCodec;
 use colour::ColourImages;
-pub(crate) use layouts::is_known;
 use layouts::{Asked, FoundLayout};
+pub(crate) use layouts::{is_known, pose_of_matrix};
 use list::ListEntry;
+pub(crate) use names::nanos_of;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::decode;
 use tessera_frames::imu;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::long_pause;
-use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
+use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour, Undistortion};
 use tessera_geometry::{Camera, InertialRotation};
 
 /// Confidence of a pixel below which its depth is left out: 0 low, 1 medium, 2 high.
@@ -40,6 +41,8 @@ pub struct FolderSource {
     codec: DepthCodec,
     /// For each depth image the confidence of its pixels, where the layout has it.
     confidence: Vec<Option<PathBuf>>,
+    /// A lens that is taken out of depth, and of colour that is registered to it.
+    lens: Option<Undistortion>,
     /// Where depth images hold distances along the ray.
     rays: Option<RayLengths>,
     ground_truth: Option<Trajectory>,
@@ -84,7 +87,7 @@ impl FolderSource {
         asked: &Asked,
         frames: Option<u64>,
     ) -> Result<Self, SourceError> {
-        let FoundLayout { layout, mut camera, camera_from, mut depth, colour, colour_camera, .. } = found;
+        let FoundLayout { layout, mut camera, mut camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
         let file = asked.camera_file(folder)?.map(|(file, _)| file);
         let is_distance = file.as_ref().is_some_and(|file| file.is_distance);
@@ -120,6 +123,10 @@ impl FolderSource {
             warnings.extend(uncoloured(&stamps, &colour_stamps, &partners, reason.as_deref()));
         }
         let confidence = pairs::confidence(folder, found.confidence, depth.len(), &mut warnings);
+        if let Some(lens) = &found.lens {
+            camera_from = format!("{camera_from}, {}", lens.words());
+        }
+        let lens = found.lens.map(|lens| Undistortion::new(&lens, &camera));
         let rays = is_distance.then(|| RayLengths::new(&camera));
         let rotations = imu::load(folder)?
             .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
@@ -138,6 +145,7 @@ impl FolderSource {
             colour_images,
             codec: found.codec,
             confidence,
+            lens,
             rays,
             ground_truth: found.ground_truth,
             rotations,
@@ -159,12 +167,12 @@ impl FolderSource {
     }
 
     /// Reads an image of frame `index` and names it where that fails.
-    fn image(
+    fn image<T>(
         &self,
         index: u64,
         file: &Path,
-        read: impl FnOnce(&Path) -> Result<(), ImageError>,
-    ) -> Result<(), SourceError> {
+        read: impl FnOnce(&Path) -> Result<T, ImageError>,
+    ) -> Result<T, SourceError> {
         let path = self.folder.join(file);
         read(&path).map_err(|source| SourceError::Image { frame: index, path, source })
     }
@@ -212,6 +220,10 @@ impl Source for FolderSource {
         let size = (self.camera.width, self.camera.height);
         self.image(index, &depth.file, |path| self.codec.depth(&load(path)?, &self.camera, buffers.depth))?;
         self.leave_out_doubtful(index, at, buffers.depth, buffers.colour)?;
+        if let Some(lens) = &self.lens {
+            let taken = buffers.depth.to_vec();
+            lens.apply(1, &taken, buffers.depth);
+        }
         if let Some(rays) = &self.rays {
             rays.to_depth(buffers.depth);
         }
@@ -219,7 +231,8 @@ impl Source for FolderSource {
         match colour {
             Some(colour) => self
                 .image(index, &colour.file, |path| {
-                    self.colour_images.read(&load(path)?, size, buffers.depth, buffers.colour)
+                    let bytes = load(path)?;
+                    self.colour_images.read(&bytes, size, self.lens.as_ref(), buffers)
                 })
                 .map_err(|error| SourceError::Colour(Box::new(error)))?,
             None => buffers.colour.fill(0),
@@ -229,6 +242,12 @@ impl Source for FolderSource {
             has_colour: colour.is_some(),
             rotation: self.rotations.get(at).copied(),
         })
+    }
+
+    fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
+        let (at, _) = self.entry(index)?;
+        let Some(colour) = self.colour_of(at) else { return Ok(None) };
+        self.image(index, &colour.file, |path| self.colour_images.as_taken(&load(path)?, path))
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {

@@ -24,7 +24,7 @@ impl GlobalSettings {
     pub const NEIGHBOURS: usize = 12;
     /// Queries of a pair: few, as a keyframe has many pairs.
     pub const QUERIES_PER_PAIR: usize = 150;
-    /// Outer iterations of a request: more change nothing (docs/laboratory.md).
+    /// Outer iterations of a request: more change nothing (lab/notes.md).
     pub const OUTER_ITERATIONS: u32 = 2;
     /// First distance limit, metres: the drift that a pair may have.
     pub const FIRST_DISTANCE_M: f64 = 0.15;

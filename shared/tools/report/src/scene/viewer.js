@@ -5,7 +5,7 @@
 
 const POINT_SHADER = `#version 300 es
 in vec3 position; in vec2 folded; in vec3 rgb;
-uniform mat4 clip_from_page; uniform vec3 low, size, eye; uniform float dot_px_m, least_px; uniform bool backs;
+uniform mat4 clip_from_page; uniform vec3 low, size, eye; uniform float dot_px_m, least_px; uniform bool backs, lit;
 out vec3 shade;
 void main() {
   vec3 at = low + size * position;
@@ -15,7 +15,8 @@ void main() {
   // A surface seen from behind hides what is in front of it: the ceiling, the near wall.
   if (!backs && dot(n, eye - at) < 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   gl_PointSize = clamp(dot_px_m / gl_Position.w, least_px, 24.0);
-  shade = rgb;
+  // As by a lamp at the eye: without it surfaces of one colour are silhouettes.
+  shade = lit ? rgb * (0.5 + 0.5 * abs(dot(normalize(n), normalize(eye - at)))) : rgb;
 }`;
 // A line is a ribbon of four corners; a line of no length is a square dot.
 const LINE_SHADER = `#version 300 es
@@ -130,6 +131,7 @@ function read(text) {
     loops: { ends: decoded(Float32Array, loops.ends), verdict: decoded(Uint8Array, loops.verdict) },
     truth: decoded(Float32Array, data.truth),
   };
+  scene.has_colour = scene.rgb.some((v, k) => v !== scene.rgb[k % 3]);
   const heights = [];
   for (let k = 0; k < scene.n_points; k += 1 + Math.floor(scene.n_points / 5000)) heights.push(coordinate(scene, k, 2));
   scene.heights = [quantile(heights, 0.02), quantile(heights, 0.98)];
@@ -147,7 +149,7 @@ function of_std(scene, std_m) {
 }
 
 function point_colours(scene, mode) {
-  if (mode === 'image') return scene.rgb;
+  if (mode === 'image') return scene.has_colour ? scene.rgb : scene.rgb.map(() => 200);
   const colours = new Uint8Array(3 * scene.n_points);
   const [low, high] = scene.heights, stds = Array.from(scene.keyframes.std_m, v => of_std(scene, v));
   for (let k = 0; k < scene.n_points; k++) {
@@ -209,7 +211,10 @@ function view(box, place) {
 
   const scene = read(find('script').textContent), n_frames = scene.frames.index.length;
   const shown = {};
-  let mode = 'image', eye = {}, is_through = false, is_awaited = false, timer = 0;
+  let mode = scene.has_colour ? 'image' : 'height', eye = {}, is_through = false, is_awaited = false, timer = 0;
+
+  if (!scene.has_colour) find('[data-set=colour] [value=image]').textContent = 'grey';
+  find('[data-set=colour]').value = mode;
 
   // Buffers.
   const points = program(gl, POINT_SHADER, ['position', 'folded', 'rgb']);
@@ -297,6 +302,7 @@ function view(box, place) {
     gl.uniform1f(points.at('dot_px_m'), 1.3 * scene.voxel_m * 0.5 * height / Math.tan(HALF_FOV));
     gl.uniform1f(points.at('least_px'), 1.5 * ratio);
     gl.uniform1i(points.at('backs'), shown.backs ? 1 : 0);
+    gl.uniform1i(points.at('lit'), mode === 'image' && scene.has_colour ? 0 : 1);
     gl.drawArrays(gl.POINTS, 0, scene.n_points);
   };
   const draw_lines = (clip_from_page, width, height, ratio) => {
@@ -332,6 +338,36 @@ function view(box, place) {
     label.style.top = `${50 - 50 * y / w}%`;
   });
 
+  // Plots follow the walk, and a click into one over time leads there. Of several runs on a page none does.
+  const is_alone = document.querySelectorAll('.scene').length === 1;
+  const plots = [...document.querySelectorAll('[data-follow]')].filter(() => is_alone).map(plot => {
+    const [x0, x1, y0, y1, left, right, bottom, top] = plot.dataset.frame.split(' ').map(Number);
+    const is_time = plot.dataset.follow === 'time', chosen = plot.dataset.follow.split(' ').map(Number);
+    const now = document.createElement('i');
+    now.className = is_time ? 'now line' : 'now dot';
+    plot.append(now);
+    if (is_time) now.style.cssText = `top:${100 * top}%;height:${100 * (bottom - top)}%`;
+    const across = x => 100 * (left + (right - left) * (x - x0) / (x1 - x0));
+    const up = y => 100 * (bottom + (top - bottom) * (y - y0) / (y1 - y0));
+    if (is_time) plot.addEventListener('click', event => {
+      const box = plot.getBoundingClientRect();
+      const time = x0 + (x1 - x0) * ((event.clientX - box.left) / box.width - left) / (right - left);
+      const { time_s } = scene.frames;
+      let nearest = 0;
+      time_s.forEach((t, k) => { if (Math.abs(t - time) < Math.abs(time_s[nearest] - time)) nearest = k; });
+      slider.value = nearest;
+      stop();
+      walk();
+    });
+    const mark = (time, position) => {
+      const [x, y] = is_time ? [time, y0] : chosen.map(axis => position[axis]);
+      now.hidden = x < x0 || x > x1 || y < y0 || y > y1;
+      now.style.left = `${across(x)}%`;
+      if (!is_time) now.style.top = `${up(y)}%`;
+    };
+    return { mark };
+  });
+
   // The walk along the frames.
   const walk = () => {
     const k = Number(slider.value), { frames } = scene;
@@ -339,6 +375,7 @@ function view(box, place) {
     put('marker', is_through ? [] : marker(scene, k, 0.08 * radius));
     const std_m = frames.std_m[k], part = scene.parts.length > 1 ? `, ${scene.parts[frames.part[k]].name}` : '';
     const known = std_m >= 0 ? `, σ ${(1000 * std_m).toFixed(1)} mm` : '';
+    plots.forEach(plot => plot.mark(frames.time_s[k], three(frames.position, k)));
     output.textContent = `frame ${frames.index[k]}, ${frames.time_s[k].toFixed(2)} s, ${STATES[frames.state[k]]}${known}${part}`;
     redraw();
   };

@@ -5,7 +5,7 @@ use super::guess;
 use crate::folder::list::ListEntry;
 use crate::{COLOUR_NONE, SourceError, SourceOptions};
 use std::path::Path;
-use tessera_frames::CameraFile;
+use tessera_frames::{CameraFile, OtherLens};
 use tessera_geometry::Camera;
 
 /// Frames a second where neither the files nor `--fps` say.
@@ -30,6 +30,8 @@ pub(super) struct ChosenCamera {
     pub(super) camera: Camera,
     /// Where it is from, for people.
     pub(super) from: String,
+    /// A lens that is to be taken out of the images.
+    pub(super) lens: Option<OtherLens>,
     /// Frames a second that its file states.
     pub(super) fps: Option<f64>,
     /// What is assumed of it, in sentences.
@@ -41,7 +43,7 @@ pub(super) struct ChosenCamera {
 impl ChosenCamera {
     /// One that a file of the recording states.
     pub(super) fn stated(camera: Camera, from: impl Into<String>) -> Self {
-        Self { camera, from: from.into(), fps: None, assumed: Vec::new(), doubts: Vec::new() }
+        Self { camera, from: from.into(), lens: None, fps: None, assumed: Vec::new(), doubts: Vec::new() }
     }
 
     /// A built-in one that the recording's name or form speaks for.
@@ -113,7 +115,7 @@ impl Asked {
     fn stated(&self, folder: &Path) -> Result<Option<ChosenCamera>, SourceError> {
         let Some((file, from)) = self.camera_file(folder)? else { return Ok(None) };
         let assumed = file.assumed.into_iter().collect();
-        Ok(Some(ChosenCamera { assumed, ..ChosenCamera::stated(file.camera, from) }))
+        Ok(Some(ChosenCamera { assumed, lens: file.lens, ..ChosenCamera::stated(file.camera, from) }))
     }
 
     /// The camera file given, else `camera.toml`, with where it is from.

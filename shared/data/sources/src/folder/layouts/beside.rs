@@ -93,7 +93,7 @@ pub(super) fn camera_beside(
             size.0, size.1
         ));
     }
-    Ok(Some(ChosenCamera { fps: camera.fps, assumed, doubts, ..chosen }))
+    Ok(Some(ChosenCamera { lens: camera.lens, fps: camera.fps, assumed, doubts, ..chosen }))
 }
 
 /// Whether a camera may be that of images of a size.

@@ -2,7 +2,7 @@
 
 use super::super::list::ListEntry;
 use super::super::names::nanos_of;
-use crate::SourceError;
+use crate::{ImageError, SourceError};
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use tessera_frames::{decode, large};
@@ -75,11 +75,19 @@ pub(super) fn wrong(path: &Path, reason: impl Into<String>) -> SourceError {
 
 /// Columns and rows of the first of some images that can be read.
 pub(super) fn size_of(folder: &Path, images: &[ListEntry]) -> Result<(u32, u32), SourceError> {
-    let read = |entry: &ListEntry| {
-        std::fs::read(folder.join(&entry.file)).ok().and_then(|bytes| decode::size(&bytes).ok())
-    };
-    let size = images.iter().take(5).find_map(read);
-    size.ok_or_else(|| wrong(folder, "none of the first depth images can be read, expected PNG"))
+    let mut first = None;
+    for entry in images.iter().take(5) {
+        let bytes = std::fs::read(folder.join(&entry.file)).map_err(ImageError::Io);
+        match bytes.and_then(|bytes| decode::size(&bytes)) {
+            Ok(size) => return Ok(size),
+            Err(error) => first = first.or(Some(format!(" ({}: {error})", entry.file.display()))),
+        }
+    }
+    let why = first.unwrap_or_default();
+    Err(wrong(
+        folder,
+        format!("none of the first depth images can be read, expected PNG, TIFF, PGM or NPY{why}"),
+    ))
 }
 
 /// A pinhole without distortion.

@@ -25,9 +25,10 @@ use super::list::ListEntry;
 use crate::SourceError;
 pub(super) use asked::Asked;
 use asked::ChosenCamera;
+pub(crate) use pose::from_matrix as pose_of_matrix;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
-use tessera_frames::ColourCamera;
+use tessera_frames::{ColourCamera, OtherLens};
 use tessera_geometry::Camera;
 
 /// Entries of a folder that a message names.
@@ -40,6 +41,8 @@ pub(super) struct FoundLayout {
     pub(super) camera: Camera,
     /// Where the camera is from, for people.
     pub(super) camera_from: String,
+    /// A lens that is to be taken out of the images.
+    pub(super) lens: Option<OtherLens>,
     pub(super) depth: Vec<ListEntry>,
     pub(super) colour: Vec<ListEntry>,
     /// Why there is no colour, where that is known.
@@ -69,6 +72,7 @@ impl FoundLayout {
             layout,
             camera: chosen.camera,
             camera_from: chosen.from,
+            lens: chosen.lens,
             depth,
             colour,
             no_colour: None,

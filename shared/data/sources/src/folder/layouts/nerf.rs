@@ -94,13 +94,16 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         };
         let camera = scaled.camera(size, UNITS_PER_METRE, &path.display().to_string())?;
         let mut chosen = ChosenCamera::stated(camera, "transforms.json, scaled to depth");
+        chosen.lens = scaled.lens;
         if stated.units_per_metre.is_none() {
             chosen.assumed.push(format!("{FILE} states no depth units: {UNITS_PER_METRE} a metre are assumed (units_per_metre in a camera.toml)"));
         }
         Ok(chosen)
     })?;
     let mut found = FoundLayout::new(NAME, chosen, depth, colour);
-    if let Some(size) = stated.as_ref().and_then(|camera| camera.size) {
+    // Of a fisheye only images of the size of depth are straightened, with it.
+    if let Some(size) = stated.as_ref().filter(|camera| camera.lens.is_none()).and_then(|camera| camera.size)
+    {
         let camera = stated.map(|camera| camera.camera(size, UNITS_PER_METRE, FILE)).transpose()?;
         // Depth of such exports is rendered or registered to colour: one camera at two sizes.
         found.colour_camera =

@@ -15,7 +15,7 @@ const MOST_SKEW: f64 = 0.01;
 ///
 /// # Errors
 /// Not 16 numbers, or no rotation.
-pub(super) fn from_matrix(m: &[f64], path: &Path) -> Result<Option<Pose>, SourceError> {
+pub(crate) fn from_matrix(m: &[f64], path: &Path) -> Result<Option<Pose>, SourceError> {
     let &[a, b, c, x, d, e, f, y, g, h, i, z, ..] = matrix(m, path)?;
     if m.iter().any(|value| !value.is_finite()) {
         return Ok(None);

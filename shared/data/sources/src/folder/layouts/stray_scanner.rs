@@ -1,5 +1,6 @@
 //! Stray Scanner (iPhone): `depth/000000.png` in millimetres, `confidence/000000.png` (0, 1, 2),
-//! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`.
+//! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`, whose
+//! images are read where they were written to `rgb/000000.jpg`.
 
 use super::super::list::ListEntry;
 use super::super::names::nanos_of;
@@ -11,12 +12,15 @@ use crate::SourceError;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use tessera_frames::ColourCamera;
 use tessera_geometry::{Camera, Pose};
 
 pub(super) const NAME: &str = "Stray Scanner (depth/, camera_matrix.csv, odometry.csv)";
 
 /// Columns and rows of the video, which the camera matrix is of.
 const VIDEO: (f64, f64) = (1920.0, 1440.0);
+/// Folder of the video's images, where they were written.
+const VIDEO_IMAGES: &str = "rgb";
 const UNITS_PER_METRE: f64 = 1000.0;
 
 pub(super) fn is(folder: &Path) -> bool {
@@ -40,10 +44,24 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let n_without = images.len().saturating_sub(depth.len());
     let depth = some_depth(depth, folder, "depth/NUMBER.png with rows in odometry.csv")?;
     let camera = asked.camera(folder, || {
-        let camera = camera(&folder.join("camera_matrix.csv"), size_of(folder, &depth)?)?;
+        let camera = camera_of(&folder.join("camera_matrix.csv"), size_of(folder, &depth)?)?;
         Ok(ChosenCamera::stated(camera, "camera_matrix.csv, scaled to depth"))
     })?;
-    let mut found = FoundLayout::new(NAME, camera, depth, Vec::new());
+    let of_video = |image: &files::Numbered| {
+        let (stamp_nanos, _) = odometry.get(&image.number).copied()?;
+        Some(ListEntry { stamp_nanos, file: image.file.clone() })
+    };
+    let mut colour: Vec<ListEntry> =
+        numbered(folder, VIDEO_IMAGES, "", &[".jpg", ".png"]).iter().filter_map(of_video).collect();
+    colour.sort_by_key(|entry| entry.stamp_nanos);
+    let colour_camera = match colour.is_empty() {
+        true => None,
+        false => Some(camera_of(&folder.join("camera_matrix.csv"), size_of(folder, &colour)?)?),
+    };
+    let mut found = FoundLayout::new(NAME, camera, depth, colour);
+    // ARKit registers depth to colour: one camera at two sizes.
+    found.colour_camera =
+        colour_camera.map(|camera| ColourCamera { camera, colour_from_depth: Pose::identity() });
     if folder.join("confidence").is_dir() {
         found.confidence = confidence;
         found.notes.push(("confidence", "pixels of low confidence are left out".to_owned()));
@@ -52,7 +70,8 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     found.notes.push(("ground truth of", "ARKit (odometry.csv): an estimate too".to_owned()));
     if folder.join("rgb.mp4").is_file() {
         found.no_colour = Some(
-            "it is a video (rgb.mp4), which is not read: ffmpeg -i rgb.mp4 writes its images".to_owned(),
+            "it is a video (rgb.mp4), which is not read: in the folder mkdir rgb && ffmpeg -i rgb.mp4 -start_number 0 rgb/%06d.jpg"
+                .to_owned(),
         );
     }
     if n_without > 0 {
@@ -84,8 +103,8 @@ fn odometry(path: &Path) -> Result<BTreeMap<u64, (i64, Pose)>, SourceError> {
     Ok(rows)
 }
 
-/// The camera of the video at the size of depth.
-fn camera(path: &Path, size: (u32, u32)) -> Result<Camera, SourceError> {
+/// The camera of the video at the size of other images of it.
+fn camera_of(path: &Path, size: (u32, u32)) -> Result<Camera, SourceError> {
     let k = numbers(&text(path)?, path)?;
     let [fx, _, cx, _, fy, cy, _, _, _] = k[..] else {
         return Err(wrong(path, format!("{} numbers, expected the 9 of a 3x3 matrix", k.len())));

@@ -15,6 +15,15 @@ pub(super) fn folder(folder: &Path) -> Option<SourceError> {
             remedy: "export the recording as .r3d instead, unzip it and run the folder".to_owned(),
         });
     }
+    if names(&folder.join("depth")).iter().any(is_exr) {
+        return Some(SourceError::NotRead {
+            path: folder.join("depth"),
+            what: "depth as OpenEXR",
+            remedy: "write it as TIFF of floats in metres beside: in Python cv2.imwrite(\"0.tif\", cv2.imread(\"0.exr\", -1)) \
+                     with OPENCV_IO_ENABLE_OPENEXR=1, then run the folder"
+                .to_owned(),
+        });
+    }
     let inside = names(folder).into_iter().map(|name| folder.join(name)).filter(|path| path.is_file());
     inside.filter_map(|path| unread::file(&path)).next()
 }

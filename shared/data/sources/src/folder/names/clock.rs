@@ -91,7 +91,7 @@ impl NameClock {
 
 /// Seconds as nanoseconds; beyond what these hold the largest or smallest.
 #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
-pub(in crate::folder) fn nanos_of(seconds: f64) -> i64 {
+pub(crate) fn nanos_of(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
 }
 

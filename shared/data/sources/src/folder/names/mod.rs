@@ -11,7 +11,8 @@
 
 mod clock;
 
-pub(super) use clock::{NameClock, nanos_of};
+pub(super) use clock::NameClock;
+pub(crate) use clock::nanos_of;
 use clock::{SECOND, regularity};
 
 /// Share of regular steps from which on a reading is believed.

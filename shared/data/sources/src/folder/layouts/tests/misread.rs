@@ -396,6 +396,44 @@ fn depth_may_be_an_array_of_numpy_or_a_pgm() {
 }
 
 #[test]
+fn a_fisheye_is_taken_out_of_depth_and_of_the_colour_that_is_registered_to_it() {
+    let folder = Folder::new();
+    // Each pixel tells its column.
+    let depth: Vec<u16> = (0..768).map(|pixel| 1000 + pixel % 32).collect();
+    let rgb: Vec<u8> = (0..768).flat_map(|pixel| [(pixel % 32) as u8; 3]).collect();
+    let (mut deep, mut colour) = (Vec::new(), Vec::new());
+    let bytes = bytemuck::cast_slice(&depth);
+    PngEncoder::new(&mut deep).write_image(bytes, SIZE.0, SIZE.1, ExtendedColorType::L16).unwrap();
+    PngEncoder::new(&mut colour).write_image(&rgb, SIZE.0, SIZE.1, ExtendedColorType::Rgb8).unwrap();
+    folder.write("depth/0.png", &deep);
+    folder.write("color/0.png", &colour);
+    folder.write(
+        "camchain.yaml",
+        "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, 0, 0, 0]\n  distortion_model: equidistant\n  \
+         intrinsics: [15, 15, 15.5, 11.5]\n  resolution: [32, 24]\n",
+    );
+    let source = folder.open();
+    assert!(
+        said(&source, "camera").ends_with("fisheye lens taken out of the images"),
+        "{}",
+        said(&source, "camera")
+    );
+    assert!(!source.camera().is_distorted());
+    let (mut depth, mut colour) = (vec![0; 768], vec![0; 3 * 768]);
+    source.read(0, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
+    for column in [1, 9, 20, 30] {
+        let at = 32 * 12 + column;
+        // The column whose ray is as far from the axis, by the lens.
+        let (x, y) = ((column as f64 - 15.5) / 15.0, 0.5 / 15.0);
+        let radius = f64::hypot(x, y);
+        let angle = libm::atan(radius);
+        let expected = 15.5 + 15.0 * x / radius * (angle + 0.1 * angle.powi(3));
+        let found = (f64::from(depth[at]) - 1000.0, f64::from(colour[3 * at]));
+        assert!((found.0 - expected).abs() <= 0.51 && found.0 == found.1, "{column}: {found:?} {expected}");
+    }
+}
+
+#[test]
 fn eth3d_has_its_camera_in_calibration_txt() {
     let folder = Folder::new();
     folder.depth("depth/0.5.png", 5000);

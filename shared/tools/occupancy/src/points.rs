@@ -7,43 +7,43 @@ use tessera_surface::Vertex;
 
 /// A coloured point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Point {
+pub struct ColouredPoint {
     /// Metres.
-    pub(crate) position: [f32; 3],
+    pub position: [f32; 3],
     /// Red, green, blue; all zero without colour.
-    pub(crate) rgb: [u8; 3],
+    pub rgb: [u8; 3],
 }
 
-impl Point {
+impl ColouredPoint {
     /// The point as another frame has it.
-    pub(crate) fn moved(&self, to_from_own: &Pose) -> Self {
+    pub fn moved(&self, to_from_own: &Pose) -> Self {
         let moved = to_from_own * Point3::from(self.position.map(f64::from));
         Self { position: moved.coords.map(|metres| metres as f32).into(), rgb: self.rgb }
     }
 }
 
 #[derive(Clone, Copy, Default)]
-struct Sum {
+struct PointSum {
     position: [f64; 3],
     rgb: [u32; 3],
     n: u32,
 }
 
 /// The mean of the points in each voxel, voxels in the order of their first point.
-pub(crate) struct Thinner {
+pub struct PointThinner {
     edge_m: f64,
     index: HashMap<[i32; 3], u32>,
-    sums: Vec<Sum>,
+    sums: Vec<PointSum>,
 }
 
-impl Thinner {
+impl PointThinner {
     /// Nothing yet, in voxels of that edge, metres.
-    pub(crate) fn new(edge_m: f64) -> Self {
+    pub fn new(edge_m: f64) -> Self {
         Self { edge_m, index: HashMap::new(), sums: Vec::new() }
     }
 
     /// Adds a point; one that is not finite or farther than 2^31 voxels away is left out.
-    pub(crate) fn add(&mut self, point: &Point) {
+    pub fn add(&mut self, point: &ColouredPoint) {
         let position = point.position.map(f64::from);
         let cell = position.map(|metres| (metres / self.edge_m).floor());
         if !cell.iter().all(|c| c.abs() < f64::from(i32::MAX)) {
@@ -52,7 +52,7 @@ impl Thinner {
         let next = self.sums.len() as u32;
         let slot = *self.index.entry(cell.map(|c| c as i32)).or_insert(next);
         if slot == next {
-            self.sums.push(Sum::default());
+            self.sums.push(PointSum::default());
         }
         let sum = &mut self.sums[slot as usize];
         sum.position.iter_mut().zip(position).for_each(|(total, metres)| *total += metres);
@@ -61,8 +61,8 @@ impl Thinner {
     }
 
     /// The mean point of each voxel.
-    pub(crate) fn points(&self) -> Vec<Point> {
-        let mean = |sum: &Sum| Point {
+    pub fn points(&self) -> Vec<ColouredPoint> {
+        let mean = |sum: &PointSum| ColouredPoint {
             position: sum.position.map(|total| (total / f64::from(sum.n)) as f32),
             rgb: sum.rgb.map(|total| ((total + sum.n / 2) / sum.n) as u8),
         };
@@ -71,27 +71,27 @@ impl Thinner {
 }
 
 /// How the surface of a keyframe was seen.
-pub(crate) struct Seen<'a> {
+pub struct KeyframeView<'a> {
     /// The camera of the depth images.
-    pub(crate) camera: &'a Camera,
+    pub camera: &'a Camera,
     /// Pixels between neighbouring vertices.
-    pub(crate) step: usize,
+    pub step: usize,
     /// The keyframe's own motion per second in its camera frame, `rho phi`.
-    pub(crate) velocity: [f64; 6],
+    pub velocity: [f64; 6],
 }
 
 /// The usable points of a surface, in its camera's axes at its stamp, one a voxel of `edge_m`; points
 /// farther than `max_depth_m` are left out.
-pub(crate) fn thinned_surface(
+pub fn thinned_surface(
     vertices: &[Vertex],
-    seen: &Seen<'_>,
+    seen: &KeyframeView<'_>,
     max_depth_m: f64,
     edge_m: f64,
-) -> Vec<Point> {
+) -> Vec<ColouredPoint> {
     let velocity = Twist::from_vector(&Vector6::from(seen.velocity));
     let shutter = RollingShutter::new(seen.camera, &velocity, seen.step);
     let width = (seen.camera.width as usize).div_ceil(seen.step);
-    let mut thinner = Thinner::new(edge_m);
+    let mut thinner = PointThinner::new(edge_m);
     for (row, line) in vertices.chunks(width).enumerate() {
         let usable = |vertex: &&Vertex| vertex.is_valid() && f64::from(vertex.position[2]) <= max_depth_m;
         for vertex in line.iter().filter(usable) {
@@ -99,7 +99,10 @@ pub(crate) fn thinned_surface(
             let stamp_from_row = shutter.stamp_from_row(image_row);
             let exposed = Vector3::from(vertex.position.map(f64::from));
             let position = stamp_from_row.rotation * exposed + stamp_from_row.translation.vector;
-            thinner.add(&Point { position: position.map(|metres| metres as f32).into(), rgb: vertex.rgb() });
+            thinner.add(&ColouredPoint {
+                position: position.map(|metres| metres as f32).into(),
+                rgb: vertex.rgb(),
+            });
         }
     }
     thinner.points()
@@ -111,9 +114,9 @@ mod tests {
 
     #[test]
     fn points_of_a_voxel_become_their_mean_in_order_of_appearance() {
-        let mut thinner = Thinner::new(0.1);
+        let mut thinner = PointThinner::new(0.1);
         for (x, grey) in [(0.51, 10), (-0.01, 0), (0.53, 20), (f32::NAN, 0), (f32::MAX, 0)] {
-            thinner.add(&Point { position: [x, 0.0, 0.0], rgb: [grey; 3] });
+            thinner.add(&ColouredPoint { position: [x, 0.0, 0.0], rgb: [grey; 3] });
         }
         let points = thinner.points();
         assert_eq!(points.len(), 2);
@@ -125,7 +128,7 @@ mod tests {
     fn a_surface_gives_its_usable_points_without_the_rolling_shutter() {
         let camera =
             Camera { readout_s: 0.03, ..Camera::pinhole((8, 480), [500.0, 500.0, 4.0, 240.0], 1000.0) };
-        let seen = Seen { camera: &camera, step: 4, velocity: [0.0, 1.0, 0.0, 0.0, 0.0, 0.0] };
+        let seen = KeyframeView { camera: &camera, step: 4, velocity: [0.0, 1.0, 0.0, 0.0, 0.0, 0.0] };
         let mut vertices = vec![Vertex::default(); 2 * 120];
         let at = |z| Vertex {
             position: [0.0, 0.0, z],
@@ -144,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_point_moves_with_its_frame() {
-        let point = Point { position: [1.0, 2.0, 3.0], rgb: [9; 3] };
+        let point = ColouredPoint { position: [1.0, 2.0, 3.0], rgb: [9; 3] };
         assert_eq!(point.moved(&Pose::translation(0.5, 0.0, -1.0)).position, [1.5, 2.0, 2.0]);
     }
 }

@@ -7,20 +7,20 @@ const LAYER_M: f64 = 0.1;
 /// Cells from the origin at most, to each side.
 const MOST_CELLS: f64 = 4096.0;
 
-/// Cells of one edge; layers of equal height that fill a band, and [`N_FLOOR`] more below it.
+/// Cells of one edge; layers of equal height that fill a band, and two more below it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lattice {
+pub struct CellLattice {
     /// Edge of a cell, metres.
-    pub(crate) cell_m: f64,
+    pub cell_m: f64,
     layer_m: f64,
     bottom_m: f64,
     /// Number of layers, those of the floor included.
-    pub(crate) n_layers: usize,
+    pub n_layers: usize,
 }
 
-impl Lattice {
+impl CellLattice {
     /// Cells of that edge; obstacles have heights from `low_m` up to `high_m`.
-    pub(crate) fn new(cell_m: f64, (low_m, high_m): (f64, f64)) -> Self {
+    pub fn new(cell_m: f64, (low_m, high_m): (f64, f64)) -> Self {
         let n_band = ((high_m - low_m) / LAYER_M).round().max(1.0);
         let layer_m = (high_m - low_m) / n_band;
         let bottom_m = low_m - N_FLOOR as f64 * layer_m;
@@ -28,13 +28,13 @@ impl Lattice {
     }
 
     /// A point in units of cells and layers; `None` where it is too far away.
-    pub(crate) fn place(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
+    pub fn place(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
         let place = [x / self.cell_m, y / self.cell_m, (z - self.bottom_m) / self.layer_m];
         place.iter().all(|units| units.abs() < MOST_CELLS).then_some(place)
     }
 
     /// The layer of a height in units; `None` above and below all.
-    pub(crate) fn layer(&self, height: i32) -> Option<usize> {
+    pub fn layer(&self, height: i32) -> Option<usize> {
         usize::try_from(height).ok().filter(|layer| *layer < self.n_layers)
     }
 }
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn layers_fill_the_band_and_lie_below_it() {
-        let lattice = Lattice::new(0.05, (0.1, 1.0));
+        let lattice = CellLattice::new(0.05, (0.1, 1.0));
         assert_eq!(lattice.n_layers, 9 + N_FLOOR);
         let layer = |z| lattice.layer(lattice.place([0.0, 0.0, z]).unwrap()[2].floor() as i32);
         assert_eq!((layer(-0.11), layer(-0.05), layer(0.05)), (None, Some(0), Some(1)));

@@ -1,7 +1,9 @@
 //! What one keyframe says of the boxes of a lattice: seen through, or with something in them.
 
-use super::lattice::{Lattice, N_FLOOR, traverse};
+use crate::lattice::{CellLattice, N_FLOOR, traverse};
+use crate::points::ColouredPoint;
 use std::collections::HashSet;
+use tessera_geometry::Pose;
 
 /// Points farther than this from the camera say nothing, metres.
 const MOST_RANGE_M: f64 = 10.0;
@@ -11,7 +13,7 @@ const SPARED_CELLS: f64 = 1.5;
 
 /// A keyframe's word on a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Word {
+pub enum CellEvidence {
     /// Nothing.
     None,
     /// It was seen through, or it is floor.
@@ -21,16 +23,16 @@ pub(crate) enum Word {
 }
 
 /// The words of one keyframe, in a rectangle of cells.
-pub(crate) struct Scan {
+pub struct RayScan {
     begin: [i32; 2],
     width: usize,
     n_layers: usize,
-    words: Vec<Word>,
+    words: Vec<CellEvidence>,
 }
 
-impl Scan {
+impl RayScan {
     /// Casts a ray from the camera to each point, metres in the frame of the lattice.
-    pub(crate) fn cast(lattice: &Lattice, camera: [f64; 3], points: impl Iterator<Item = [f64; 3]>) -> Self {
+    pub fn cast(lattice: &CellLattice, camera: [f64; 3], points: impl Iterator<Item = [f64; 3]>) -> Self {
         let Some(from) = lattice.place(camera) else { return Self::new(lattice, [0.0; 3], &[]) };
         let range_m = |p: &[f64; 3]| (0..3).map(|axis| (p[axis] - camera[axis]).powi(2)).sum::<f64>().sqrt();
         let near =
@@ -46,20 +48,30 @@ impl Scan {
                 continue;
             }
             if end[2] < N_FLOOR as i32 {
-                traverse(from, to, |at| scan.say(lattice, at, Word::Free));
-                scan.say(lattice, end, Word::Free);
+                traverse(from, to, |at| scan.mark(lattice, at, CellEvidence::Free));
+                scan.mark(lattice, end, CellEvidence::Free);
                 continue;
             }
             let share = (1.0 - SPARED_CELLS * lattice.cell_m / range_m).max(0.0);
             let before = [0, 1, 2].map(|axis| from[axis] + share * (to[axis] - from[axis]));
-            traverse(from, before, |at| scan.say(lattice, at, Word::Free));
-            scan.say(lattice, end, Word::Hit);
+            traverse(from, before, |at| scan.mark(lattice, at, CellEvidence::Free));
+            scan.mark(lattice, end, CellEvidence::Hit);
         }
         scan
     }
 
+    /// As [`Self::cast`], of a keyframe's points in its camera's axes.
+    pub fn of_keyframe<'p>(
+        lattice: &CellLattice,
+        map_from_camera: &Pose,
+        points: impl Iterator<Item = &'p ColouredPoint>,
+    ) -> Self {
+        let in_map = points.map(|point| point.moved(map_from_camera).position.map(f64::from));
+        Self::cast(lattice, map_from_camera.translation.vector.into(), in_map)
+    }
+
     /// Nothing said, with room for rays from one place to these.
-    fn new(lattice: &Lattice, from: [f64; 3], ends: &[(f64, [f64; 3])]) -> Self {
+    fn new(lattice: &CellLattice, from: [f64; 3], ends: &[(f64, [f64; 3])]) -> Self {
         let range = |axis: usize| {
             let own = from[axis].floor() as i32;
             let cells = || ends.iter().map(|(_, place)| place[axis].floor() as i32);
@@ -67,24 +79,24 @@ impl Scan {
         };
         let ((left, right), (near, far)) = (range(0), range(1));
         let (width, height) = ((right - left + 1) as usize, (far - near + 1) as usize);
-        let words = vec![Word::None; width * height * lattice.n_layers];
+        let words = vec![CellEvidence::None; width * height * lattice.n_layers];
         Self { begin: [left, near], width, n_layers: lattice.n_layers, words }
     }
 
     /// Something in a box counts more than a ray through another part of it.
-    fn say(&mut self, lattice: &Lattice, [x, y, height]: [i32; 3], word: Word) {
+    fn mark(&mut self, lattice: &CellLattice, [x, y, height]: [i32; 3], word: CellEvidence) {
         let Some(layer) = lattice.layer(height) else { return };
         let cell = (y - self.begin[1]) as usize * self.width + (x - self.begin[0]) as usize;
         let place = &mut self.words[cell * self.n_layers + layer];
-        if *place != Word::Hit {
+        if *place != CellEvidence::Hit {
             *place = word;
         }
     }
 
     /// Cells with the words on their layers, from the floor up; those without any word are left out.
-    pub(crate) fn cells(&self) -> impl Iterator<Item = ([i32; 2], &[Word])> {
+    pub fn cells(&self) -> impl Iterator<Item = ([i32; 2], &[CellEvidence])> {
         let said = self.words.chunks(self.n_layers).enumerate();
-        let said = said.filter(|(_, words)| words.iter().any(|word| *word != Word::None));
+        let said = said.filter(|(_, words)| words.iter().any(|word| *word != CellEvidence::None));
         said.map(|(cell, words)| {
             let (x, y) = (cell % self.width, cell / self.width);
             ([self.begin[0] + x as i32, self.begin[1] + y as i32], words)
@@ -98,12 +110,12 @@ mod tests {
 
     /// The camera is 0.75 m above the floor; the band is 0.1 to 1 m.
     fn words(points: &[[f64; 3]]) -> Vec<([i32; 2], String)> {
-        let lattice = Lattice::new(0.5, (0.1, 1.0));
-        let scan = Scan::cast(&lattice, [0.25, 0.25, 0.75], points.iter().copied());
-        let letter = |word: &Word| match word {
-            Word::None => '.',
-            Word::Free => 'f',
-            Word::Hit => 'H',
+        let lattice = CellLattice::new(0.5, (0.1, 1.0));
+        let scan = RayScan::cast(&lattice, [0.25, 0.25, 0.75], points.iter().copied());
+        let letter = |word: &CellEvidence| match word {
+            CellEvidence::None => '.',
+            CellEvidence::Free => 'f',
+            CellEvidence::Hit => 'H',
         };
         scan.cells().map(|(cell, words)| (cell, words.iter().map(letter).collect())).collect()
     }
@@ -134,8 +146,8 @@ mod tests {
     #[test]
     fn what_is_too_far_away_says_nothing() {
         assert_eq!(words(&[[11.0, 0.25, 0.75], [f64::NAN, 0.0, 0.0]]), []);
-        let lattice = Lattice::new(0.05, (0.1, 1.0));
-        let scan = Scan::cast(&lattice, [1e6, 0.0, 0.5], std::iter::once([1e6, 0.0, 0.0]));
+        let lattice = CellLattice::new(0.05, (0.1, 1.0));
+        let scan = RayScan::cast(&lattice, [1e6, 0.0, 0.5], std::iter::once([1e6, 0.0, 0.0]));
         assert_eq!(scan.cells().count(), 0);
     }
 }

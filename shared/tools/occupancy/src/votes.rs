@@ -1,8 +1,8 @@
 //! The words of all keyframes: sums of votes, and thus the same in whatever order they came.
 
-use super::grid::{FREE, Grid, OCCUPIED, UNKNOWN};
-use super::lattice::{Lattice, N_FLOOR};
-use super::scan::{Scan, Word};
+use crate::grid::{FREE, OCCUPIED, OccupancyCells, UNKNOWN};
+use crate::lattice::{CellLattice, N_FLOOR};
+use crate::scan::{CellEvidence, RayScan};
 use std::collections::BTreeMap;
 
 /// Cells of a tile's edge. Grids begin and end with a tile, so that their size changes seldom.
@@ -22,20 +22,20 @@ impl Count {
     }
 }
 
-/// Votes by tile, where there are any: each a count for each cell, row by row, and each of its layers.
-pub(crate) struct Votes {
+/// CellVotes by tile, where there are any: each a count for each cell, row by row, and each of its layers.
+pub struct CellVotes {
     n_layers: usize,
     tiles: BTreeMap<[i32; 2], Vec<Count>>,
 }
 
-impl Votes {
+impl CellVotes {
     /// None yet.
-    pub(crate) fn new(lattice: &Lattice) -> Self {
+    pub fn new(lattice: &CellLattice) -> Self {
         Self { n_layers: lattice.n_layers, tiles: BTreeMap::new() }
     }
 
     /// Takes in what a keyframe says.
-    pub(crate) fn add(&mut self, scan: &Scan) {
+    pub fn add(&mut self, scan: &RayScan) {
         let n_layers = self.n_layers;
         for (cell, words) in scan.cells() {
             let tile = self.tiles.entry(cell.map(|c| c.div_euclid(TILE)));
@@ -44,9 +44,9 @@ impl Votes {
             let begin = (y * TILE + x) as usize * n_layers;
             for (count, word) in tile[begin..begin + n_layers].iter_mut().zip(words) {
                 match word {
-                    Word::None => {}
-                    Word::Free => count.passes = count.passes.saturating_add(1),
-                    Word::Hit => count.hits = count.hits.saturating_add(1),
+                    CellEvidence::None => {}
+                    CellEvidence::Free => count.passes = count.passes.saturating_add(1),
+                    CellEvidence::Hit => count.hits = count.hits.saturating_add(1),
                 }
             }
         }
@@ -54,7 +54,7 @@ impl Votes {
 
     /// The grid: occupied where any layer of the band is, else free where any layer was seen through;
     /// `None` while there is no vote.
-    pub(crate) fn grid(&self) -> Option<Grid> {
+    pub fn grid(&self) -> Option<OccupancyCells> {
         let ends = |axis: usize| {
             let tiles = || self.tiles.keys().map(|tile| tile[axis]);
             Some((tiles().min()?, tiles().max()?))
@@ -71,7 +71,7 @@ impl Votes {
             }
         }
         let (width, height) = (width as u32, height as u32);
-        Some(Grid { begin: [left * TILE, near * TILE], width, height, cells })
+        Some(OccupancyCells { begin: [left * TILE, near * TILE], width, height, cells })
     }
 }
 
