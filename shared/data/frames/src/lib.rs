@@ -39,6 +39,6 @@ pub use depth_units::{
     DepthSummary, DepthUnitsError, doubt_units, refuse_impossible_depth, summarise_depth, summarise_image,
 };
 pub use error::{ImageError, ListError, SourceError};
-pub use imu::Gyroscope;
+pub use imu::ImuModel;
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source};
 pub use warp::ColourWarp;

@@ -2,6 +2,7 @@
 
 use crate::container::{Channels, Container, Place, Stored};
 use crate::error::RecordingError;
+use crate::imu::ImuMessage;
 use crate::messages::{self, MessageKind};
 use crate::topics::Topics;
 use rayon::prelude::*;
@@ -42,6 +43,10 @@ pub(super) struct FoundMessage {
     pub(super) extrinsics: Option<Spot>,
     /// All transforms that stay.
     pub(super) transforms: Vec<Spot>,
+    /// All messages of the IMU, each with the number of its topic.
+    pub(super) imu: Vec<(usize, ImuMessage)>,
+    /// What is wrong with those that cannot be used.
+    pub(super) malformed_imu: Vec<String>,
     /// The last record is damaged: what was said of it.
     pub(super) torn: Option<RecordingError>,
 }
@@ -55,6 +60,8 @@ enum Role {
     ColourCamera,
     Extrinsics,
     Transforms,
+    /// With the number of its topic.
+    Imu(usize),
 }
 
 /// Looks through the file for the times of its images. A damaged last record of a file that was cut
@@ -74,6 +81,10 @@ pub(super) fn find(
             kind if kind.is_camera() && is(&topics.camera) => Role::Camera,
             kind if kind.is_camera() && is(&topics.colour_camera) => Role::ColourCamera,
             MessageKind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
+            MessageKind::RosImu(_) => match topics.imu.iter().position(|topic| *topic == channel.topic) {
+                Some(topic) => Role::Imu(topic),
+                None => continue,
+            },
             MessageKind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
         };
@@ -106,6 +117,8 @@ pub(super) fn find(
                 all.colour_camera = all.colour_camera.or(found.colour_camera);
                 all.extrinsics = all.extrinsics.or(found.extrinsics);
                 all.transforms.extend(found.transforms);
+                all.imu.extend(found.imu);
+                all.malformed_imu.extend(found.malformed_imu);
             }
             Err(error @ RecordingError::Damaged { .. }) if at.saturating_add(1) == n && is_cut => {
                 all.torn = Some(error);
@@ -194,6 +207,14 @@ impl Looking<'_> {
             }
             Role::Transforms => {
                 self.found.transforms.push(spot);
+                return Ok(());
+            }
+            Role::Imu(topic) => {
+                let MessageKind::RosImu(wire) = kind else { return Ok(()) };
+                match ImuMessage::of(wire, message.data) {
+                    Ok(imu) => self.found.imu.push((topic, imu)),
+                    Err(problem) => self.found.malformed_imu.push(problem.to_string()),
+                }
                 return Ok(());
             }
             Role::Depth => (&self.topics.depth, &mut self.found.depth),

@@ -23,6 +23,7 @@ mod compression;
 mod container;
 mod error;
 mod foxglove;
+mod imu;
 mod live;
 mod messages;
 mod pixels;
@@ -37,16 +38,19 @@ mod transforms;
 use chunks::{Chunks, FoundMessage, Spot};
 use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
+pub use imu::ImuMessage;
+use imu::Instruments;
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use rational::Undistortion;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::CameraFile;
 use tessera_frames::SourceError;
+use tessera_frames::imu::ImuRecording;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source};
-use tessera_geometry::Camera;
+use tessera_geometry::{Camera, InertialRotation};
 use topics::Topics;
 pub use topics::{ChosenTopics, choose_topics};
 pub use transforms::FrameTree;
@@ -83,6 +87,9 @@ pub struct RecordingSource {
     warnings: Vec<String>,
     /// Where depth images hold distances along the ray.
     rays: Option<RayLengths>,
+    imu: ImuRecording,
+    /// For each depth image, where a gyroscope measured it.
+    rotations: Vec<InertialRotation>,
 }
 
 /// How depth and colour are seen.
@@ -96,6 +103,7 @@ struct Cameras {
     colour: ColourUse,
     /// What is done with colour, for people.
     colour_words: String,
+    instruments: Instruments,
 }
 
 impl RecordingSource {
@@ -142,6 +150,10 @@ impl RecordingSource {
                 .map_err(wrong)?,
         };
         let is_stated = warnings.len() > n_before;
+        let imu = cameras.instruments.recording(&topics, &found, times.sentences.is_empty());
+        if options.first.is_none() {
+            warnings.extend(cameras.instruments.left_out(&found));
+        }
         let (mut depth, mut colour) = (found.depth, found.colour);
         if matches!(cameras.colour, ColourUse::None) {
             colour.clear();
@@ -160,6 +172,7 @@ impl RecordingSource {
             warnings.extend(uncoloured(&depth_times, &colour_times, &partners, reason));
         }
         let rays = is_distance.then(|| RayLengths::new(&cameras.depth));
+        let rotations = imu.rotations(&depth_times);
         let pairing = summarise(&depth_times, &colour_times, &partners);
         Ok(Self {
             path: path.to_owned(),
@@ -172,10 +185,16 @@ impl RecordingSource {
             pairing,
             warnings,
             rays,
+            imu,
+            rotations,
         })
     }
 
-    /// The place of a frame's depth image.
+    /// Variance of the rotation by the gyroscope from the first frame to the last one, radians^2.
+    pub fn last_variance_rad2(&self) -> f64 {
+        self.rotations.last().map_or(0.0, |rotation| rotation.variance_rad2)
+    }
+
     /// The images of a frame, each with its place among those of its kind: depth, and colour where it has a partner.
     fn images(&self, index: u64) -> Result<(SpotAt<'_>, Option<SpotAt<'_>>), SourceError> {
         let last = (self.depth.len() as u64).saturating_sub(1);
@@ -232,7 +251,9 @@ impl Cameras {
             colour::Depth { camera: &depth, recorded: recorded.as_ref(), stated_colour: stated.as_ref() };
         let choice = colour::choose(chunks, topics, found, &seen);
         warnings.extend(choice.warning);
-        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words })
+        let frame = recorded.map_or(String::new(), |recorded| recorded.frame);
+        let instruments = Instruments::find(chunks, found, &frame);
+        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words, instruments })
     }
 }
 
@@ -344,7 +365,10 @@ impl Source for RecordingSource {
                 .map_err(|error| SourceError::Colour(Box::new(error)))?,
             _ => buffers.colour.fill(0),
         }
-        Ok(FrameInfo { stamp_nanos: depth.1.stamp_nanos, has_colour: colour.is_some(), rotation: None })
+        let ((at, spot), has_colour) = (depth, colour.is_some());
+        let rotation = self.rotations.get(at).copied();
+        let up = self.imu.up_at(spot.stamp_nanos);
+        Ok(FrameInfo { stamp_nanos: spot.stamp_nanos, has_colour, rotation, up })
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
@@ -372,12 +396,15 @@ impl Source for RecordingSource {
     }
 
     fn description(&self) -> Vec<(&'static str, String)> {
-        vec![
+        let mut description = vec![
             ("layout", self.chunks.name().to_owned()),
             ("depth", self.topics.depth.clone()),
             ("colour", self.cameras.colour_words.clone()),
             ("camera", self.cameras.from.clone()),
-        ]
+        ];
+        let imu = self.imu.words().map(|words| ("imu", format!("{words} of {}", self.topics.imu.join(", "))));
+        description.extend(imu);
+        description
     }
 }
 

@@ -5,6 +5,9 @@ use crate::error::MessageError;
 use crate::{foxglove, ros, ros1};
 use std::borrow::Cow;
 
+/// Bytes of an Imu message at most: 37 numbers of 8 bytes behind a header.
+const IMU_BYTES: u64 = 1024;
+
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MessageKind {
@@ -18,6 +21,8 @@ pub(super) enum MessageKind {
     RosTransforms(MessageWire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
     RosExtrinsics(MessageWire),
+    /// `sensor_msgs/msg/Imu`.
+    RosImu(MessageWire),
     /// `foxglove.RawImage`.
     FoxgloveImage(Form),
     /// `foxglove.CompressedImage`.
@@ -66,6 +71,7 @@ impl MessageKind {
             "sensor_msgs/Image" => Some(Self::RosImage(wire)),
             "sensor_msgs/CompressedImage" => Some(Self::RosCompressed(wire)),
             "sensor_msgs/CameraInfo" => Some(Self::RosCamera(wire)),
+            "sensor_msgs/Imu" => Some(Self::RosImu(wire)),
             "tf2_msgs/TFMessage" | "tf/tfMessage" => Some(Self::RosTransforms(wire)),
             "realsense2_camera_msgs/Extrinsics" | "realsense2_camera/Extrinsics" => {
                 Some(Self::RosExtrinsics(wire))
@@ -74,8 +80,11 @@ impl MessageKind {
         }
     }
 
-    /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
+    /// Bytes at the front of a message that hold its time, or all that is read of it; `None`: it may stand anywhere.
     pub(super) fn stamp_bytes(self) -> Option<u64> {
+        if matches!(self, Self::RosImu(_)) {
+            return Some(IMU_BYTES);
+        }
         let is_foxglove =
             matches!(self, Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_));
         (!is_foxglove).then_some(ros::STAMP_BYTES)
@@ -86,7 +95,8 @@ impl MessageKind {
     }
 
     pub(super) fn is_image(self) -> bool {
-        !self.is_camera() && !matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_))
+        !self.is_camera()
+            && !matches!(self, Self::RosTransforms(_) | Self::RosExtrinsics(_) | Self::RosImu(_))
     }
 }
 
@@ -168,6 +178,19 @@ pub(super) fn transforms(
     match kind {
         MessageKind::RosTransforms(MessageWire::Ros1) => ros1::transforms(data),
         _ => ros::transforms(data),
+    }
+}
+
+/// Reads a message by how it is written.
+pub(super) fn of_wire<'a, T>(
+    wire: MessageWire,
+    data: &'a [u8],
+    cdr: impl FnOnce(&'a [u8]) -> Result<T, MessageError>,
+    ros1: impl FnOnce(&'a [u8]) -> Result<T, MessageError>,
+) -> Result<T, MessageError> {
+    match wire {
+        MessageWire::Cdr => cdr(data),
+        MessageWire::Ros1 => ros1(data),
     }
 }
 

@@ -3,6 +3,7 @@
 //! Source: wiki.ros.org/msg and the message definitions of ROS Noetic.
 
 use crate::error::MessageError;
+use crate::imu::ImuFields;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage, nanos};
 use crate::ros::{Extrinsics, RosPose};
 use std::borrow::Cow;
@@ -151,6 +152,17 @@ pub(crate) fn extrinsics(data: &[u8]) -> Result<Extrinsics, MessageError> {
     let mut fields = Fields::of("realsense2_camera/Extrinsics", data);
     fields.header()?;
     Ok(Extrinsics { rotation: fields.array()?, translation: fields.array()? })
+}
+
+pub(crate) fn imu(data: &[u8]) -> Result<ImuFields, MessageError> {
+    let mut fields = Fields::of("sensor_msgs/Imu", data);
+    let ConnectionHeader { stamp_nanos, frame } = fields.header()?;
+    let (_orientation, _covariance) = (fields.array::<4>()?, fields.array::<9>()?);
+    let mut vector = || -> Result<([f64; 3], f64), MessageError> {
+        let (values, [variance, ..]) = (fields.array()?, fields.array::<9>()?);
+        Ok((values, variance))
+    };
+    Ok(ImuFields { stamp_nanos, frame: frame.into_owned(), rate: vector()?, force: vector()? })
 }
 
 #[cfg(test)]

@@ -23,6 +23,8 @@ pub(super) struct Topics {
     pub(super) colour_camera: Option<String>,
     /// Where the colour camera stands, as a RealSense says it.
     pub(super) extrinsics: Option<String>,
+    /// The gyroscope and the accelerometer of the camera, which may have a topic each.
+    pub(super) imu: Vec<String>,
 }
 
 /// Topics of a network, chosen as those of a recording are.
@@ -130,6 +132,7 @@ fn choose_by(
         colour_camera: colour_camera.filter(|topic| camera.as_ref() != Some(topic)),
         camera,
         extrinsics: extrinsics.map(str::to_owned),
+        imu: imu_of(&depth, &of(|kind| matches!(kind, MessageKind::RosImu(_)))),
         depth,
     })
 }
@@ -140,6 +143,17 @@ fn camera_of(images: &str, cameras: &[&str]) -> Option<String> {
     let common = |topic: &str| topic.bytes().zip(images.bytes()).take_while(|(a, b)| a == b).count();
     let near = |topic: &&&str| (is_depth(topic) == is_depth(images), common(topic));
     cameras.iter().rev().max_by_key(near).map(|topic| (*topic).to_owned())
+}
+
+/// The IMU topics of the camera: those that share most of the name with its images.
+fn imu_of(images: &str, topics: &[&str]) -> Vec<String> {
+    let common = |topic: &str| {
+        let parts = topic.split('/').zip(images.split('/'));
+        parts.take_while(|(a, b)| a == b).count()
+    };
+    let most = topics.iter().map(|topic| common(topic)).max();
+    let nearest = topics.iter().filter(|topic| Some(common(topic)) == most);
+    nearest.map(|topic| (*topic).to_owned()).collect()
 }
 
 /// A topic without the part that names its transport: each image topic has them all.

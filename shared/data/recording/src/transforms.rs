@@ -30,6 +30,11 @@ pub(super) fn colour_from_depth(
     if depth_frame.is_empty() || colour_frame.is_empty() {
         return None;
     }
+    static_frames(chunks, found).between(depth_frame, colour_frame)
+}
+
+/// All frames of the recording whose transforms stay.
+pub(super) fn static_frames(chunks: &Chunks, found: &FoundMessage) -> FrameTree {
     let mut tree = FrameTree::default();
     for spot in &found.transforms {
         let Ok(data) = chunks.read(spot) else { continue };
@@ -37,7 +42,7 @@ pub(super) fn colour_from_depth(
             tree.extend(links);
         }
     }
-    tree.between(depth_frame, colour_frame)
+    tree
 }
 
 /// Coordinate frames with the poses in their parents, as `/tf_static` has them.

@@ -2,10 +2,13 @@
 
 use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceError};
 use tessera_evaluation::Trajectory;
-use tessera_geometry::Camera;
+use tessera_geometry::{Camera, InertialRotation};
 
 /// Interval to a file of one frame, nanoseconds.
 const USUAL_INTERVAL_NANOS: i64 = 33_333_333;
+
+/// Variance of a rotation of which nothing is known, radians^2.
+const UNKNOWN_RAD2: f64 = 10.0;
 
 /// Messages at the begin of a file that may be those at the end of the one before.
 const MOST_AGAIN: usize = 2;
@@ -90,6 +93,15 @@ impl JoinedSource {
         self.frames.truncate(most);
     }
 
+    /// A rotation since the first frame of its file: from one file to the next nothing is known of it.
+    #[expect(clippy::arithmetic_side_effects, reason = "floating-point numbers")]
+    fn in_order(&self, index: u64, rotation: InertialRotation) -> InertialRotation {
+        let part = usize::try_from(index).ok().and_then(|at| Some(self.frames.get(at)?.0));
+        let before = self.parts.iter().take(part.unwrap_or(0) as usize);
+        let unknown: f64 = before.map(|part| UNKNOWN_RAD2 + part.last_variance_rad2()).sum();
+        InertialRotation { variance_rad2: rotation.variance_rad2 + unknown, ..rotation }
+    }
+
     /// The part of a frame, and its index there.
     fn known_frame(&self, index: u64) -> Result<(&RecordingSource, u64), SourceError> {
         let last = (self.frames.len() as u64).saturating_sub(1);
@@ -118,7 +130,8 @@ impl Source for JoinedSource {
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         let (part, at) = self.known_frame(index)?;
         let info = part.read(at, buffers)?;
-        Ok(FrameInfo { stamp_nanos: self.stamp_nanos(index).unwrap_or(info.stamp_nanos), ..info })
+        let stamp_nanos = self.stamp_nanos(index).unwrap_or(info.stamp_nanos);
+        Ok(FrameInfo { stamp_nanos, rotation: info.rotation.map(|turn| self.in_order(index, turn)), ..info })
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {

@@ -1,7 +1,8 @@
 //! Images, cameras and times read from CDR.
 
-use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, RosPose, Time, Transforms};
+use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, Imu, RosPose, Time, Transforms};
 use crate::error::MessageError;
+use crate::imu::ImuFields;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage};
 use re_cdr::{BigEndian, LittleEndian, from_bytes};
 use serde::Deserialize;
@@ -83,6 +84,17 @@ pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, RosPose)>, 
         (name(&t.header.frame_id), name(&t.child_frame_id), t.transform)
     };
     Ok(message.transforms.iter().map(one).collect())
+}
+
+pub(crate) fn imu(data: &[u8]) -> Result<ImuFields, MessageError> {
+    let imu: Imu<'_> = decode("sensor_msgs/msg/Imu", data)?;
+    let variance = |[variance, ..]: [f64; 9]| variance;
+    Ok(ImuFields {
+        stamp_nanos: imu.header.stamp.nanos(),
+        frame: imu.header.frame_id.into_owned(),
+        rate: (imu.angular_velocity, variance(imu.angular_velocity_covariance)),
+        force: (imu.linear_acceleration, variance(imu.linear_acceleration_covariance)),
+    })
 }
 
 /// Rotation by columns and translation of a RealSense's `depth_to_color`.

@@ -99,6 +99,26 @@ pub struct CameraInfo<'a> {
     pub p: [f64; 12],
 }
 
+/// `sensor_msgs/msg/Imu`. Of a quantity that was not measured the first variance is -1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Imu<'a> {
+    /// Time and frame.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Orientation, `x y z w`.
+    pub orientation: [f64; 4],
+    /// Its covariance, by rows.
+    pub orientation_covariance: [f64; 9],
+    /// Angular rate, radians per second.
+    pub angular_velocity: [f64; 3],
+    /// Its covariance, by rows.
+    pub angular_velocity_covariance: [f64; 9],
+    /// Specific force, metres per second squared.
+    pub linear_acceleration: [f64; 3],
+    /// Its covariance, by rows.
+    pub linear_acceleration_covariance: [f64; 9],
+}
+
 /// `realsense2_camera_msgs/msg/Extrinsics`: from points of one camera to another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extrinsics {

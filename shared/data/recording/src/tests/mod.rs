@@ -5,6 +5,7 @@ mod bags;
 mod cameras;
 #[path = "../../tests/common/mod.rs"]
 mod common;
+mod imu;
 mod misread;
 
 use super::*;
