@@ -11,6 +11,7 @@ use tessera_recording::ros::{
     Covariance, DiagnosticArray, DiagnosticStatus, Header, KeyValue, Odometry, Path, PoseStamped,
     PoseWithCovariance, Time, TransformStamped, Transforms, TwistWithCovariance, encode,
 };
+use tessera_slam::WorldUp;
 
 const MAP: &str = "map";
 const ODOM: &str = "odom";
@@ -90,11 +91,12 @@ impl Output {
     pub(crate) fn publish_pose(
         &mut self,
         message: &PoseMessage,
-        base: &Base,
+        (base, world_up): (&Base, WorldUp),
         stamp_nanos: i64,
     ) -> Result<(), Ros2Error> {
-        let odom_from_base = base.of_base(&pose(&message.odom_from_camera));
-        self.map_from_odom = base.of_base(&pose(&message.world_from_odom));
+        let map_from_world = base.map_from_world(world_up);
+        let odom_from_base = base.pose_in(&map_from_world, &pose(&message.odom_from_camera));
+        self.map_from_odom = map_from_world * pose(&message.world_from_odom) * map_from_world.inverse();
         self.newest_nanos = stamp_nanos;
         (self.state, self.reason) = (message.state, message.reason_text());
         self.n_poses += 1;

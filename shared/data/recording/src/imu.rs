@@ -128,9 +128,7 @@ impl Instruments {
             let rate = message.rate_rad_per_s.filter(|_| has_rates.get(*topic) == Some(&true));
             recording.rates.extend(rate.map(|rate| GyroSample { stamp_nanos, rate_rad_per_s: turned(rate) }));
             let force = message.force_m_per_s2.map(turned);
-            recording
-                .forces
-                .extend(force.map(|force_m_per_s2| ForceSample { stamp_nanos, force_m_per_s2 }));
+            recording.forces.extend(force.map(|force_m_per_s2| ForceSample { stamp_nanos, force_m_per_s2 }));
         }
         recording.rates.sort_by_key(|sample| sample.stamp_nanos);
         recording.rates.dedup_by_key(|sample| sample.stamp_nanos);

@@ -240,6 +240,11 @@ impl Source for SimulatedSource {
         let n = self.n_frames as usize;
         Pairing { n_depth: n, n_colour: n, n_pairs: n, largest_difference_nanos: 0 }
     }
+
+    fn description(&self) -> Vec<(&'static str, String)> {
+        let words = self.inertial().and_then(|(recording, _)| recording.words());
+        words.map(|words| ("imu", words.to_owned())).into_iter().collect()
+    }
 }
 
 #[cfg(test)]

@@ -44,8 +44,7 @@ mod tests {
 
     #[test]
     fn a_levelled_world_has_y_down_and_the_camera_s_heading() {
-        let cases =
-            [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.3, -0.8, -0.5]];
+        let cases = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.3, -0.8, -0.5]];
         for vector in cases.map(Vector3::from) {
             let up = UpDirection::of(&vector, 0.01).unwrap();
             for before in [UnitQuaternion::identity(), rotation_exp(&Vector3::new(0.3, -1.2, 0.5))] {

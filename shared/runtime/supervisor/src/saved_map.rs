@@ -10,7 +10,7 @@ use std::time::Duration;
 use tessera_geometry::Camera;
 use tessera_journal::{Follower, Journal, Store, fingerprint, lock_file};
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, MapRecord, TrackerState};
+use tessera_slam::{AlignRecord, MapRecord, TrackerState, WorldUp};
 use tessera_stage::{ALIGN_JOURNAL, MapIdentity, RunFile, RunFiles, StoredKeyframes, store_slot};
 use tessera_transport::registered_runs;
 
@@ -20,6 +20,7 @@ pub(crate) struct MapOnDisk {
     keyframes: StoredKeyframes,
     record: MapRecord,
     cameras: Vec<Camera>,
+    world_up: WorldUp,
 }
 
 impl MapOnDisk {
@@ -71,12 +72,17 @@ impl MapOnDisk {
         let cameras = cameras(&run, &state, camera);
         let start = settings.run.start().map_err(&refuse)?;
         let record = MapRecord { keyframes: state.keyframes, submaps: state.submaps, start };
-        Ok(Some(Self { files, keyframes, record, cameras }))
+        Ok(Some(Self { files, keyframes, record, cameras, world_up: old.mapping.world_up }))
     }
 
     /// The cameras that saw the map, by session, where one is another than that of the run that starts in it.
     pub(crate) fn cameras(&self) -> &[Camera] {
         &self.cameras
+    }
+
+    /// Axes of the map's world, in which the run goes on whatever its own settings say.
+    pub(crate) fn world_up(&self) -> WorldUp {
+        self.world_up
     }
 
     /// Copies the surfaces into an empty store and makes the map the first record of a journal.

@@ -110,10 +110,7 @@ fn parse_line(
     }
     let force_m_per_s2 = (!force.is_empty()).then(|| vector(force));
     if let Some(force) = force_m_per_s2.filter(|force| !(force.amax() <= MOST_M_PER_S2)) {
-        return Err(ListError::ImuForce {
-            found: force.amax().to_string(),
-            most: MOST_M_PER_S2.to_string(),
-        });
+        return Err(ListError::ImuForce { found: force.amax().to_string(), most: MOST_M_PER_S2.to_string() });
     }
     // Zero is what a recorder writes without the instrument: in free fall nobody maps.
     let force_m_per_s2 = force_m_per_s2.filter(|force| *force != Vector3::zeros());

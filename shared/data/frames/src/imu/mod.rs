@@ -6,7 +6,7 @@ mod up;
 
 pub use file::load;
 pub use integrate::rotations;
-pub use up::{Reach, up_at};
+pub use up::{ImuReach, up_at};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -88,7 +88,7 @@ impl ImuRecording {
 
     /// Up at a time.
     pub fn up_at(&self, stamp_nanos: i64) -> Option<UpDirection> {
-        up_at(&self.model, &self.rates, &self.forces, stamp_nanos, Reach::Around)
+        up_at(&self.model, &self.rates, &self.forces, stamp_nanos, ImuReach::Around)
     }
 
     /// Which instruments there are, for people; `None` where nothing was measured.

@@ -27,7 +27,7 @@ const LEAST_SAMPLES: usize = 10;
 
 /// Which measurements there are around a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reach {
+pub enum ImuReach {
     /// Those before and after it: a recording.
     Around,
     /// Those before it: a live camera.
@@ -40,7 +40,7 @@ pub fn up_at(
     rates: &[GyroSample],
     forces: &[ForceSample],
     stamp_nanos: i64,
-    reach: Reach,
+    reach: ImuReach,
 ) -> Option<UpDirection> {
     let turned = turned(model, rates, forces, stamp_nanos, reach);
     let ups = WINDOWS_S.iter().filter_map(|length_s| mean_up(model, &turned, *length_s));
@@ -62,14 +62,14 @@ fn turned(
     rates: &[GyroSample],
     forces: &[ForceSample],
     stamp_nanos: i64,
-    reach: Reach,
+    reach: ImuReach,
 ) -> Vec<TurnedForce> {
     let longest_nanos = WINDOWS_S.iter().fold(0.0, |most: f64, s| most.max(*s)) * 1e9;
     let since = |nanos: i64| nanos.saturating_sub(stamp_nanos) as f64;
     let from = forces.partition_point(|force| since(force.stamp_nanos) < -longest_nanos);
     let to = forces.partition_point(|force| match reach {
-        Reach::Around => since(force.stamp_nanos) <= longest_nanos,
-        Reach::Before => force.stamp_nanos <= stamp_nanos,
+        ImuReach::Around => since(force.stamp_nanos) <= longest_nanos,
+        ImuReach::Before => force.stamp_nanos <= stamp_nanos,
     });
     let near = forces.get(from..to).unwrap_or_default();
     let at = near.partition_point(|force| force.stamp_nanos <= stamp_nanos);
@@ -81,7 +81,8 @@ fn turned(
     }
     let gaps = gaps(&stamps, &attitudes);
     let begin = gaps.iter().take(at).rposition(|is_gap| *is_gap).map_or(0, |gap| gap.saturating_add(1));
-    let end = gaps.iter().skip(at).position(|is_gap| *is_gap).map_or(near.len(), |gap| at.saturating_add(gap));
+    let end =
+        gaps.iter().skip(at).position(|is_gap| *is_gap).map_or(near.len(), |gap| at.saturating_add(gap));
     let now = attitudes.remove(at);
     let turn = |[x, y, z, w]: [f64; 4]| UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
     let camera_from_start = turn(now.start_from_camera_xyzw).inverse();
@@ -167,7 +168,7 @@ mod tests {
     #[test]
     fn a_turning_camera_that_does_not_accelerate_has_gravity_alone() {
         let (rates, forces) = samples(|_| Vector3::zeros());
-        for (stamp, reach) in [(0, Reach::Around), (5000, Reach::Around), (5000, Reach::Before)] {
+        for (stamp, reach) in [(0, ImuReach::Around), (5000, ImuReach::Around), (5000, ImuReach::Before)] {
             let up = up_at(&ImuModel::default(), &rates, &forces, stamp * MS, reach).unwrap();
             assert!(error_rad(&up, stamp * MS) < 1e-3, "{stamp}: {}", error_rad(&up, stamp * MS));
             // The bias of a cheap accelerometer is what is left.
@@ -185,8 +186,7 @@ mod tests {
         for (at, motion) in motions.into_iter().enumerate() {
             let (rates, forces) = samples(motion);
             for stamp in [0, 1000, 5000] {
-                let Some(up) =
-                    up_at(&ImuModel::default(), &rates, &forces, stamp * MS, Reach::Around)
+                let Some(up) = up_at(&ImuModel::default(), &rates, &forces, stamp * MS, ImuReach::Around)
                 else {
                     continue;
                 };
@@ -202,13 +202,13 @@ mod tests {
         let up = |rates: &[GyroSample], forces: &[ForceSample], stamp, reach| {
             up_at(&ImuModel::default(), rates, forces, stamp, reach)
         };
-        assert_eq!(up(&rates, &[], 0, Reach::Around), None);
-        assert_eq!(up(&[], &forces, 0, Reach::Around), None);
-        assert_eq!(up(&rates, &forces, 0, Reach::Before), None);
-        assert_eq!(up(&rates, &forces[..5], 0, Reach::Around), None);
+        assert_eq!(up(&rates, &[], 0, ImuReach::Around), None);
+        assert_eq!(up(&[], &forces, 0, ImuReach::Around), None);
+        assert_eq!(up(&rates, &forces, 0, ImuReach::Before), None);
+        assert_eq!(up(&rates, &forces[..5], 0, ImuReach::Around), None);
         // No rates around the frame: what turned meanwhile is unknown.
-        assert_eq!(up(&rates[1000..], &forces[..500], 0, Reach::Around), None);
+        assert_eq!(up(&rates[1000..], &forces[..500], 0, ImuReach::Around), None);
         // A minute behind the last measurement.
-        assert_eq!(up(&rates, &forces, 70_000 * MS, Reach::Before), None);
+        assert_eq!(up(&rates, &forces, 70_000 * MS, ImuReach::Before), None);
     }
 }

@@ -12,3 +12,10 @@ pub enum WorldUp {
     /// With y along gravity, by an accelerometer; where there is none, by the floor that the first image shows.
     Gravity,
 }
+
+impl WorldUp {
+    /// Whether the world is levelled.
+    pub fn is_gravity(self) -> bool {
+        self == Self::Gravity
+    }
+}

@@ -3,20 +3,8 @@
 use crate::settings::WorldUp;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
-use nalgebra::Vector3;
-use tessera_geometry::{Pose, UpDirection};
-use tessera_surface::Vertex;
-
-/// Largest angle between the floor's normal and the image's own up: beyond it a wall may be as near.
-const MOST_TILT_DEG: f64 = 40.0;
-/// Normals of one plane differ by less: three standard deviations of a normal at 3 m (method 3.3).
-const SAME_PLANE_DEG: f64 = 8.0;
-/// Least share of the vertices that a floor, a table and a ceiling have together.
-const LEAST_SHARE: f64 = 0.05;
-/// Normals that are tried.
-const N_TRIED: usize = 200;
-/// Standard deviation of a floor's tilt, radians: by bent depth and by the floor itself.
-const FLOOR_SIGMA_RAD: f64 = 0.02;
+use tessera_geometry::Pose;
+use tessera_surface::floor_up;
 
 /// The first pose of a map, and how it was levelled in words; as predicted with [`WorldUp::Camera`].
 pub(crate) fn levelled(input: &TrackingInput<'_>, prediction: &Prediction) -> (Prediction, Option<String>) {
@@ -25,7 +13,7 @@ pub(crate) fn levelled(input: &TrackingInput<'_>, prediction: &Prediction) -> (P
     }
     let vertices = input.frame.surface.vertices;
     let known = input.frame.up.map(|up| (up, "an accelerometer"));
-    let Some((up, by)) = known.or_else(|| Some((floor(vertices)?, "the floor"))) else {
+    let Some((up, by)) = known.or_else(|| Some((floor_up(vertices)?, "the floor"))) else {
         let words = "not levelled: no accelerometer measured it, and no floor is seen";
         return (*prediction, Some(words.to_owned()));
     };
@@ -34,54 +22,4 @@ pub(crate) fn levelled(input: &TrackingInput<'_>, prediction: &Prediction) -> (P
     let world_from_camera = Pose::from_parts(predicted.translation, rotation);
     let words = format!("levelled by {by}, within {:.1} deg", up.sigma_rad.to_degrees());
     (Prediction { world_from_camera, ..*prediction }, Some(words))
-}
-
-/// Up by horizontal surfaces, which are the floor, tables and the ceiling; `None` where too few are seen.
-fn floor(vertices: &[Vertex]) -> Option<UpDirection> {
-    let least = libm::cos(MOST_TILT_DEG.to_radians());
-    let valid = || vertices.iter().filter(|vertex| vertex.is_valid());
-    let normals: Vec<Vector3<f64>> = valid()
-        .map(|vertex| Vector3::from(vertex.normal.map(f64::from)))
-        // A ceiling's points down.
-        .map(|normal| if normal.y > 0.0 { -normal } else { normal })
-        .filter(|normal| -normal.y >= least)
-        .collect();
-    let of_plane = libm::cos(SAME_PLANE_DEG.to_radians());
-    let with = |up: &Vector3<f64>| {
-        let near = normals.iter().filter(|normal| normal.dot(up) >= of_plane);
-        near.fold((0_usize, Vector3::zeros()), |(n, sum), normal| (n + 1, sum + normal))
-    };
-    let tried = normals.iter().step_by(normals.len().div_ceil(N_TRIED).max(1));
-    let (_, sum) = tried.map(with).max_by_key(|(n, _)| *n)?;
-    let (n, sum) = with(&sum.normalize());
-    let is_seen = n as f64 >= LEAST_SHARE * valid().count() as f64;
-    is_seen.then(|| UpDirection::of(&sum, FLOOR_SIGMA_RAD)).flatten()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::UnitQuaternion;
-
-    fn plane(normal: Vector3<f64>, n: usize) -> Vec<Vertex> {
-        let normal = normal.normalize().map(|v| v as f32).into();
-        vec![Vertex { normal, flags_rgb: Vertex::VALID, ..Vertex::default() }; n]
-    }
-
-    #[test]
-    fn the_floor_is_told_from_walls_and_slopes() {
-        let tilt = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -0.4);
-        let camera_from_world = tilt.inverse();
-        let of = |normal: Vector3<f64>, n| plane(camera_from_world * normal, n);
-        let up = -Vector3::y();
-        let wall = of(-Vector3::z(), 700);
-        let slope = of(Vector3::new(0.5, -1.0, 0.0), 60);
-        let mut seen = [wall, slope, of(up, 80), of(-up, 60)].concat();
-        let found = floor(&seen).unwrap();
-        assert!(Vector3::from(found.in_camera).angle(&(camera_from_world * up)) < 1e-6);
-        // A wall alone, and nothing at all.
-        seen.truncate(700);
-        assert_eq!(floor(&seen), None);
-        assert_eq!(floor(&[]), None);
-    }
 }
