@@ -16,7 +16,7 @@ Examples:
   tessera export room-1 --cloud room.pcd --mesh room.glb --voxel-mm 5
   tessera export room-1 --kitti poses.txt --euroc poses.csv")]
 pub(crate) struct ExportArguments {
-    /// Name of the run, or its folder
+    /// Name of the run, or its folder; or that of a base, for the map of its robots
     pub(crate) run: String,
     /// Folder for the outputs [default: the run's own]
     #[arg(long, value_name = "DIR")]

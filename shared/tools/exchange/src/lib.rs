@@ -1,6 +1,7 @@
 //! Export for other programs: the fused map as a cloud or a mesh, the trajectory in their formats.
 #![forbid(unsafe_code)]
 
+mod base;
 mod fuse;
 mod glb;
 mod mcap;
@@ -8,6 +9,8 @@ mod pcd;
 mod ply;
 mod poses;
 
+pub use base::write_base;
+use poses::{euroc, kitti};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tessera_fusion::Mesh;
@@ -52,7 +55,7 @@ pub fn write(
     let cloud = wanted.cloud.as_deref().map(|path| cloud_form(path).map(|form| (path, form))).transpose()?;
     let mesh_file =
         wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
-    let trajectories = [(&wanted.kitti, poses::kitti as poses::PoseForm), (&wanted.euroc, poses::euroc)];
+    let trajectories = [(&wanted.kitti, kitti as poses::PoseForm), (&wanted.euroc, euroc)];
     let mut written = Vec::new();
     let maps = [&wanted.cloud, &wanted.mesh, &wanted.mcap];
     if maps.iter().all(|path| path.is_none()) && wanted.kitti.is_none() && wanted.euroc.is_none() {

@@ -12,7 +12,7 @@ pub use definitions::{CLOUD, Definition, PATH, POSE, TRANSFORMS};
 pub(crate) use read::{STAMP_BYTES, camera, compressed, extrinsics, image, imu, stamp_nanos, transforms};
 pub use results::{
     Covariance, DiagnosticArray, DiagnosticStatus, KeyValue, Odometry, PoseWithCovariance,
-    TwistWithCovariance,
+    PoseWithCovarianceStamped, TwistWithCovariance,
 };
 pub use structs::{
     CameraInfo, CompressedImage, Extrinsics, Header, Image, Imu, Path, PointCloud, PointField, PoseStamped,
