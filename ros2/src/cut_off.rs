@@ -27,10 +27,11 @@ mod tests {
         let out = dir.path().join("out").display().to_string();
         let arguments = vec!["--live".to_owned(), "--out".to_owned(), out.clone()];
         let make = |folder: &str, ended: Option<Ended>| {
+            let folder = std::path::Path::new(folder);
             std::fs::create_dir_all(folder).unwrap();
             std::fs::write(RunFiles::new(folder).run_file(), "{}").unwrap();
             let statistics = ended.map(|ended| RunStatistics { ended, ..RunStatistics::default() });
-            statistics.map(|statistics| write_statistics(folder.as_ref(), &statistics).unwrap());
+            statistics.map(|statistics| write_statistics(folder, &statistics).unwrap());
         };
         assert_eq!(cut_off("desk", &arguments), None);
         make(&out, None);

@@ -12,13 +12,15 @@ use crate::report::{Event, Report};
 use crate::sender::{Image, Outcome, Sender};
 use crate::topics::{Images, Topics};
 use nalgebra::{UnitQuaternion, Vector3};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tessera_geometry::{InertialRotation, UpDirection};
 use tessera_recording::{Change, FrameTree, ImuMessage, LiveCamera, LiveImage};
 use tessera_transport::Guest;
 
 /// Bytes of a message up to the end of its time.
 const STAMP_BYTES: usize = 12;
+/// The first image waits at most so long for an IMU: gravity is known a second after its first message.
+const MOST_TO_LEVEL: Duration = Duration::from_secs(3);
 
 /// What is needed for each image, once the camera is known.
 pub(crate) struct Going {
@@ -33,6 +35,8 @@ pub(crate) struct Going {
     gyro: Gyro,
     /// Frame of the IMU's vectors, and how it stands to the camera, once both are known.
     camera_from_imu: Option<(String, UnitQuaternion<f64>)>,
+    /// With an IMU: the first image waits so long for the direction of gravity.
+    awaits_up_until: Option<Instant>,
 }
 
 /// What is told of an image beside its pixels.
@@ -45,11 +49,13 @@ struct Told {
 }
 
 impl Going {
-    pub(crate) fn new(camera: LiveCamera, base: Base) -> Self {
+    /// For that camera; `has_imu`: an IMU is listened to.
+    pub(crate) fn new(camera: LiveCamera, base: Base, has_imu: bool) -> Self {
         let sender = Sender::new(camera.camera());
         Self {
             gyro: Gyro::new(sender.session()),
             camera_from_imu: None,
+            awaits_up_until: has_imu.then(|| Instant::now() + MOST_TO_LEVEL),
             sender,
             base,
             pairing: Pairing::default(),
@@ -184,12 +190,26 @@ impl Going {
                 report.count(Event::WithoutColour);
             }
             // By a robot that is taken to stand level, where nothing measures it.
-            let up = self.gyro.up(depth.stamp_nanos).or_else(|| self.base.up());
+            let measured = self.gyro.up(depth.stamp_nanos);
+            if self.awaits_up(measured.is_some()) {
+                report.count(Event::Before);
+                continue;
+            }
+            let up = measured.or_else(|| self.base.up());
             let rotation = self.gyro.rotation(depth.stamp_nanos);
             let told = Told { stamp_nanos, rotation, up };
             self.send_one(topics, guest, (&depth, colour.as_ref()), told, report)?;
         }
         Ok(())
+    }
+
+    /// Whether the first image is to wait for an IMU that has not yet told where up is.
+    fn awaits_up(&mut self, is_known: bool) -> bool {
+        let tells_nothing = self.gyro.is_without_force();
+        let until =
+            self.awaits_up_until.filter(|until| !is_known && !tells_nothing && Instant::now() < *until);
+        self.awaits_up_until = until;
+        until.is_some()
     }
 
     fn send_one(

@@ -65,6 +65,11 @@ impl Gyro {
         }
     }
 
+    /// Whether there are rates and no forces: a gyroscope alone.
+    pub(crate) fn is_without_force(&self) -> bool {
+        !self.recent.0.is_empty() && self.recent.1.is_empty()
+    }
+
     /// Up at the time of the next image; `None` where too little was measured before it.
     pub(crate) fn up(&mut self, stamp_nanos: i64) -> Option<UpDirection> {
         let (rates, forces) = &mut self.recent;

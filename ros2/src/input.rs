@@ -155,7 +155,7 @@ impl Input {
                         "the camera is known: {} depth images that came before are not in the run",
                         self.n_depth
                     ));
-                    let mut going = Going::new(camera, base);
+                    let mut going = Going::new(camera, base, self.imu.is_some());
                     for message in self.early_imu.drain(..) {
                         going.take_imu(&message, &self.frames, report);
                     }

@@ -1,7 +1,9 @@
 //! Poses of the run into the network: odometry, transforms, the way so far, diagnostics.
 
 use crate::base::{Base, pose, velocity};
-use crate::carrier::{Carrier, CarrierError, DIAGNOSTICS, INITIAL_POSE, ODOMETRY, PATH, Publication, Quality, TRANSFORMS};
+use crate::carrier::{
+    Carrier, CarrierError, DIAGNOSTICS, INITIAL_POSE, ODOMETRY, PATH, Publication, Quality, TRANSFORMS,
+};
 use crate::error::Ros2Error;
 use crate::path::Way;
 use std::borrow::Cow;
@@ -9,7 +11,8 @@ use tessera_geometry::Pose;
 use tessera_messages::PoseMessage;
 use tessera_recording::ros::{
     Covariance, DiagnosticArray, DiagnosticStatus, Header, KeyValue, Odometry, Path, PoseStamped,
-    PoseWithCovariance, PoseWithCovarianceStamped, Time, TransformStamped, Transforms, TwistWithCovariance, encode,
+    PoseWithCovariance, PoseWithCovarianceStamped, Time, TransformStamped, Transforms, TwistWithCovariance,
+    encode,
 };
 use tessera_slam::WorldUp;
 

@@ -12,9 +12,9 @@ pub(crate) fn levelled(input: &TrackingInput<'_>, prediction: &Prediction) -> (P
         return (*prediction, None);
     }
     let vertices = input.frame.surface.vertices;
-    let known = input.frame.up.map(|up| (up, "an accelerometer"));
+    let known = input.frame.up.map(|up| (up, "gravity"));
     let Some((up, by)) = known.or_else(|| Some((floor_up(vertices)?, "the floor"))) else {
-        let words = "not levelled: no accelerometer measured it, and no floor is seen";
+        let words = "not levelled: gravity was not measured, and no floor is seen";
         return (*prediction, Some(words.to_owned()));
     };
     let predicted = &prediction.world_from_camera;
