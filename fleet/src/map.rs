@@ -169,7 +169,7 @@ fn joint(
     for (run, (number, past)) in pasts.iter().enumerate() {
         places.insert(*number, write_run(folder, &labels[*number], &map, run, &components, past)?);
         let place = |submap| map.component(run, submap).and_then(|of| components.place(of));
-        scene.add_run(&arrivals[*number].robot, &past.replay, place);
+        scene.add_run(&arrivals[*number], &past.replay, place);
     }
     let run_of =
         |keyframe: u32| map.run_of(keyframe).map_or_else(String::new, |run| labels[pasts[run].0].clone());

@@ -1,6 +1,6 @@
 //! `map/scene.html`: the map in 3D with the way of each robot in its colour, for the page of a base.
 
-use crate::arrivals::Arrival;
+use crate::arrivals::{Arrival, DISK};
 use crate::error::FleetError;
 use crate::picture::rgb;
 use crate::summary::JoinSummary;
@@ -16,6 +16,11 @@ pub const SCENE_FILE: &str = "scene.html";
 pub(crate) const MOST_POINTS: usize = 60_000;
 /// Frames of a run in it: more cannot be seen.
 const MOST_FRAMES: usize = 4000;
+
+/// The robot of a run; of runs that were added from disk each stands for itself.
+fn name_of(arrival: &Arrival) -> &str {
+    if arrival.robot == DISK { &arrival.run } else { &arrival.robot }
+}
 
 /// The scene as it is gathered, component by component.
 pub(crate) struct Scene {
@@ -38,16 +43,22 @@ impl Scene {
         });
         let mut robots: Vec<String> = Vec::new();
         for arrival in arrivals {
-            if !robots.contains(&arrival.robot) {
-                robots.push(arrival.robot.clone());
+            let name = name_of(arrival);
+            if !robots.iter().any(|known| known == name) {
+                robots.push(name.to_owned());
             }
         }
         Self { components: components.collect(), voxel_m, robots }
     }
 
-    /// Adds the frames of a run of a robot; `place` tells the component of each.
-    pub(crate) fn add_run(&mut self, robot: &str, replay: &Replay, place: impl Fn(u32) -> Option<usize>) {
-        let robot = self.robots.iter().position(|known| known == robot).unwrap_or(0);
+    /// Adds the frames of a run; `place` tells the component of each.
+    pub(crate) fn add_run(
+        &mut self,
+        arrival: &Arrival,
+        replay: &Replay,
+        place: impl Fn(u32) -> Option<usize>,
+    ) {
+        let robot = self.robots.iter().position(|known| known == name_of(arrival)).unwrap_or(0);
         let begin = replay.frames.first().map_or(0, |frame| frame.stamp_nanos);
         let step = replay.frames.len().div_ceil(MOST_FRAMES).max(1);
         for record in replay.frames.iter().step_by(step) {
