@@ -79,6 +79,7 @@ mod tests {
             }
         }
         let ratio = ratios / f64::from(n);
+        println!("mean square of error over deviation: {ratio:.2} of {n} frames");
         assert!((0.3..1.5).contains(&ratio), "mean square of error over deviation: {ratio}");
     }
 }

@@ -168,7 +168,14 @@ impl ReportScene {
     fn controls(&self) -> String {
         let is_known = self.frames.iter().any(|frame| frame.std_m.is_some());
         let uncertainty = if is_known { "<option value=\"uncertainty\">uncertainty</option>" } else { "" };
-        CONTROLS.replace(UNCERTAINTY, uncertainty)
+        let check = |layer: &str, words: &str, is_there: bool| {
+            let check = format!("<input type=\"checkbox\" data-show=\"{layer}\" checked>");
+            if is_there { format!("<label>{check} {words}</label>") } else { String::new() }
+        };
+        CONTROLS
+            .replace(UNCERTAINTY, uncertainty)
+            .replace(TRUTH, &check("truth", "ground truth", !self.truth_m.is_empty()))
+            .replace(KEYFRAMES, &check("keyframes", "keyframes", !self.keyframes.is_empty()))
     }
 
     /// Robots and their colours.
@@ -192,15 +199,16 @@ impl ReportScene {
     }
 }
 
-/// Where the controls have a colour that is not known of each scene.
+/// Where the controls have what not each scene has.
 const UNCERTAINTY: &str = "{uncertainty}";
+const TRUTH: &str = "{truth}";
+const KEYFRAMES: &str = "{keyframes}";
 /// What is shown, in which colours and from where.
 const CONTROLS: &str = "<div class=\"controls\">\
     <label>colour <select data-set=\"colour\"><option value=\"image\">image</option>\
     <option value=\"height\">height</option>{uncertainty}</select></label>\
     <label><input type=\"checkbox\" data-show=\"trajectory\" checked> trajectory</label>\
-    <label><input type=\"checkbox\" data-show=\"truth\" checked> ground truth</label>\
-    <label><input type=\"checkbox\" data-show=\"keyframes\" checked> keyframes</label>\
+    {truth}{keyframes}\
     <label><input type=\"checkbox\" data-show=\"loops\" checked> loops closed</label>\
     <label><input type=\"checkbox\" data-show=\"refused\"> loops not closed</label>\
     <label><input type=\"checkbox\" data-show=\"backs\"> walls from behind</label>\
