@@ -94,7 +94,6 @@ impl JoinedSource {
     }
 
     /// A rotation since the first frame of its file: from one file to the next nothing is known of it.
-    #[expect(clippy::arithmetic_side_effects, reason = "floating-point numbers")]
     fn in_order(&self, index: u64, rotation: InertialRotation) -> InertialRotation {
         let part = usize::try_from(index).ok().and_then(|at| Some(self.frames.get(at)?.0));
         let before = self.parts.iter().take(part.unwrap_or(0) as usize);

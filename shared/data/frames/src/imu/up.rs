@@ -96,7 +96,6 @@ fn turned(
 }
 
 /// Whether nothing is known of the rotation from each time to the next one.
-#[expect(clippy::arithmetic_side_effects, reason = "floating-point numbers")]
 fn gaps(stamps_nanos: &[i64], attitudes: &[InertialRotation]) -> Vec<bool> {
     let pairs = stamps_nanos.windows(2).zip(attitudes.windows(2));
     pairs
