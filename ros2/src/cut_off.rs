@@ -30,8 +30,10 @@ mod tests {
             let folder = std::path::Path::new(folder);
             std::fs::create_dir_all(folder).unwrap();
             std::fs::write(RunFiles::new(folder).run_file(), "{}").unwrap();
-            let statistics = ended.map(|ended| RunStatistics { ended, ..RunStatistics::default() });
-            statistics.map(|statistics| write_statistics(folder, &statistics).unwrap());
+            if let Some(ended) = ended {
+                let statistics = RunStatistics { ended, ..RunStatistics::default() };
+                write_statistics(folder, &statistics).unwrap();
+            }
         };
         assert_eq!(cut_off("desk", &arguments), None);
         make(&out, None);
