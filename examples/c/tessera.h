@@ -21,7 +21,18 @@ static_assert(offsetof(tessera_RotationBits, start_from_camera_xyzw) == 0, "the 
 static_assert(offsetof(tessera_RotationBits, variance_rad2) == 32, "the layout of RotationBits");
 static_assert(offsetof(tessera_RotationBits, bias_sigma_rad_per_s) == 40, "the layout of RotationBits");
 
-#define TESSERA_CAMERA_FRAME "tessera.CameraFrame.v1"
+// An [`UpDirection`]; all zero where the source has no accelerometer.
+typedef struct tessera_UpBits {
+    // Unit vector against gravity, in the camera's axes.
+    double in_camera[3];
+    // Standard deviation of its tilt about each horizontal axis, radians.
+    double sigma_rad;
+} tessera_UpBits;
+static_assert(sizeof(tessera_UpBits) == 32, "the layout of UpBits");
+static_assert(offsetof(tessera_UpBits, in_camera) == 0, "the layout of UpBits");
+static_assert(offsetof(tessera_UpBits, sigma_rad) == 24, "the layout of UpBits");
+
+#define TESSERA_CAMERA_FRAME "tessera.CameraFrame.v2"
 // Header of an image on the service `camera`; the payload is depth and, packed behind it, colour
 // (see [`FrameShape`]), in units of 16 bits.
 typedef struct tessera_CameraFrame {
@@ -62,8 +73,10 @@ typedef struct tessera_CameraFrame {
     double depth_offset_m;
     // The rotation that a gyroscope measured; all zero without one.
     tessera_RotationBits rotation;
+    // The direction against gravity; all zero where it is not known.
+    tessera_UpBits up;
 } tessera_CameraFrame;
-static_assert(sizeof(tessera_CameraFrame) == 192, "the layout of CameraFrame");
+static_assert(sizeof(tessera_CameraFrame) == 224, "the layout of CameraFrame");
 static_assert(offsetof(tessera_CameraFrame, session) == 0, "the layout of CameraFrame");
 static_assert(offsetof(tessera_CameraFrame, index) == 8, "the layout of CameraFrame");
 static_assert(offsetof(tessera_CameraFrame, stamp_nanos) == 16, "the layout of CameraFrame");
@@ -82,6 +95,7 @@ static_assert(offsetof(tessera_CameraFrame, distortion) == 88, "the layout of Ca
 static_assert(offsetof(tessera_CameraFrame, readout_s) == 128, "the layout of CameraFrame");
 static_assert(offsetof(tessera_CameraFrame, depth_offset_m) == 136, "the layout of CameraFrame");
 static_assert(offsetof(tessera_CameraFrame, rotation) == 144, "the layout of CameraFrame");
+static_assert(offsetof(tessera_CameraFrame, up) == 192, "the layout of CameraFrame");
 
 #define TESSERA_CAMERA_FLOW "tessera.CameraFlow.v1"
 // What the publisher is told on the service `camera_flow`. A live publisher need not read it.

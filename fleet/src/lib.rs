@@ -33,6 +33,7 @@ pub mod piece;
 mod received;
 pub mod replica;
 pub mod report;
+mod scene;
 pub mod served;
 pub mod session;
 mod shared;

@@ -4,6 +4,7 @@ use crate::arrivals::{Arrival, Mapped};
 use crate::error::FleetError;
 use crate::joint_surfaces::JointSurfaces;
 use crate::past::Past;
+use crate::scene::{MOST_POINTS, Scene};
 use crate::summary::{ComponentSummary, JoinSummary, JoinVerdict, RunSummary, Summary};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tessera_evaluation::write_tum;
 use tessera_geometry::Pose;
-use tessera_outputs::{write_file, write_joint_map};
+use tessera_outputs::{JointCloud, joint_preview, write_file, write_joint_map};
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, AppliedCorrection, Context, FrameHistory, JointCache, JointMap, Meeting};
 use tessera_stage::RunFile;
@@ -152,7 +153,10 @@ fn joint(
     cost.optimise_s = begun.elapsed().as_secs_f64() - cost.join_s;
     let components = components(&map);
     let seen: Vec<&Past> = pasts.iter().map(|(_, past)| &**past).collect();
-    write_clouds(folder, &map, &components, &seen, &surfaces)?;
+    let clouds = write_clouds(folder, &map, &components, &seen, &surfaces)?;
+    let output = seen.first().map(|first| first.settings.output.clone()).unwrap_or_default();
+    let names = (0..components.0.len()).map(|place| component_file("map", place, "ply"));
+    let mut scene = Scene::new(names, joint_preview(clouds, &output, MOST_POINTS), arrivals);
     drop(surfaces);
     if correction.is_some() {
         for (run, (_, past)) in pasts.iter_mut().enumerate() {
@@ -164,10 +168,14 @@ fn joint(
     let mut places = BTreeMap::new();
     for (run, (number, past)) in pasts.iter().enumerate() {
         places.insert(*number, write_run(folder, &labels[*number], &map, run, &components, past)?);
+        let place = |submap| map.component(run, submap).and_then(|of| components.place(of));
+        scene.add_run(&arrivals[*number], &past.replay, place);
     }
     let run_of =
         |keyframe: u32| map.run_of(keyframe).map_or_else(String::new, |run| labels[pasts[run].0].clone());
-    let joins = meetings.iter().map(|meeting| join_summary(&map, meeting, &run_of)).collect();
+    let joins: Vec<JoinSummary> =
+        meetings.iter().map(|meeting| join_summary(&map, meeting, &run_of)).collect();
+    scene.write(folder, &joins, &components.places())?;
     let loops = correction.map_or(Vec::new(), |correction| correction.loops);
     let between = loops.iter().filter(|l| map.run_of(l.newer) != map.run_of(l.older)).copied().collect();
     let components = components.iter().enumerate().map(|(place, (component, keyframes))| ComponentSummary {
@@ -202,19 +210,20 @@ fn write_clouds(
     components: &Components,
     pasts: &[&Past],
     surfaces: &JointSurfaces<'_>,
-) -> Result<(), FleetError> {
-    let Some(first) = pasts.first() else { return Ok(()) };
+) -> Result<Vec<JointCloud>, FleetError> {
+    let Some(first) = pasts.first() else { return Ok(Vec::new()) };
     let seen_by = |k| {
         let past = map.run_of(k).map_or(*first, |run| pasts[run]);
         (&past.run.camera, past.settings.surface.step as usize)
     };
+    let mut clouds = Vec::new();
     for (place, component) in components.keys().enumerate() {
         let name = component_file("map", place, "ply");
         let is_in = |k: &&tessera_slam::KeyframeState| map.submaps().component(k.submap) == *component;
         let keyframes = map.keyframes().iter().filter(is_in).map(|k| (k, seen_by(k.id)));
-        write_joint_map((folder, &name), &first.settings.output, keyframes, surfaces)?;
+        clouds.push(write_joint_map((folder, &name), &first.settings.output, keyframes, surfaces)?);
     }
-    Ok(())
+    Ok(clouds)
 }
 
 /// Keyframes of each component, the largest component first.
@@ -227,6 +236,11 @@ impl Components {
 
     fn iter(&self) -> impl Iterator<Item = &(u32, u64)> {
         self.0.iter()
+    }
+
+    /// Place of each component.
+    fn places(&self) -> BTreeMap<u32, usize> {
+        self.keys().copied().zip(0..).collect()
     }
 
     fn place(&self, component: u32) -> Option<usize> {

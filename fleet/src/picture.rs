@@ -18,6 +18,20 @@ pub(crate) fn colour(place: usize) -> &'static str {
     CYCLE[place % CYCLE.len()]
 }
 
+/// The same as red, green, blue, for a dark ground.
+pub(crate) fn rgb(place: usize) -> [u8; 3] {
+    const BRIGHT: [[u8; 3]; 7] = [
+        [86, 156, 255],
+        [255, 120, 50],
+        [60, 200, 150],
+        [230, 140, 190],
+        [240, 180, 40],
+        [150, 215, 255],
+        [235, 235, 235],
+    ];
+    BRIGHT[place % BRIGHT.len()]
+}
+
 /// A line through points.
 pub(crate) struct Line {
     pub(crate) name: String,
@@ -69,8 +83,16 @@ impl Axes {
     }
 
     /// Lines of the grid with their labels.
-    fn grid(&self) -> String {
-        let mut out = String::new();
+    /// Lines with their values, and what they are of.
+    fn grid(&self, [along_x, along_y]: [&str; 2]) -> String {
+        let mut out = format!(
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{along_x}</text>\
+             <text x=\"{:.1}\" y=\"{:.1}\">{along_y}</text>",
+            WIDTH - EDGE,
+            HEIGHT - BELOW - 6.0,
+            LEFT + 6.0,
+            EDGE + 14.0
+        );
         for k in 0..=5 {
             let share = f64::from(k) / 5.0;
             let value = |(low, high): (f64, f64)| low + share * (high - low);
@@ -135,7 +157,7 @@ fn names(lines: &[Line]) -> Vec<(String, &str)> {
 /// Ways from above, and joins between two places, all in metres to the right and forward.
 pub(crate) fn top_view(what: &str, lines: &[Line], joins: &[[[f64; 2]; 2]]) -> String {
     let axes = Axes::of(lines.iter().flat_map(|line| &line.points)).equal();
-    let mut drawn = axes.grid();
+    let mut drawn = axes.grid(["right, m", "forward, m"]);
     lines.iter().for_each(|line| drawn.push_str(&polyline(&axes, line)));
     for [a, b] in joins {
         let (Some(a), Some(b)) = (axes.at((a[0], a[1])), axes.at((b[0], b[1]))) else { continue };
@@ -155,10 +177,10 @@ pub(crate) fn top_view(what: &str, lines: &[Line], joins: &[[[f64; 2]; 2]]) -> S
 }
 
 /// Lines over time, from nothing upwards.
-pub(crate) fn chart(what: &str, lines: &[Line]) -> String {
+pub(crate) fn chart(what: &str, titles: [&str; 2], lines: &[Line]) -> String {
     let mut axes = Axes::of(lines.iter().flat_map(|line| &line.points));
     axes.y = (0.0, axes.y.1.max(1e-3));
-    let mut drawn = axes.grid();
+    let mut drawn = axes.grid(titles);
     lines.iter().for_each(|line| drawn.push_str(&polyline(&axes, line)));
     figure(what, HEIGHT, &drawn, &names(lines))
 }
@@ -181,7 +203,19 @@ pub(crate) fn bars(what: &str, rows: &[BarRow], end: f64) -> String {
             );
         }
     }
-    figure(what, ROW * rows.len().max(1) as f64, &drawn, &[])
+    let bottom = ROW * rows.len().max(1) as f64;
+    for k in 0..=4 {
+        let at = end * f64::from(k) / 4.0;
+        let anchor = if k == 4 { "end" } else { "middle" };
+        let _ = write!(
+            drawn,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{} s</text>",
+            across(at),
+            bottom + 14.0,
+            label(at, (0.0, end))
+        );
+    }
+    figure(what, bottom + ROW, &drawn, &[])
 }
 
 #[cfg(test)]
@@ -202,7 +236,7 @@ mod tests {
     fn nothing_and_one_point_can_be_drawn() {
         for points in [vec![], vec![(3.0, 3.0)]] {
             let line = || Line { name: "<a>".into(), colour: colour(0), points: points.clone() };
-            for drawn in [top_view("x", &[line()], &[]), chart("x", &[line()])] {
+            for drawn in [top_view("x", &[line()], &[]), chart("x", ["s", "kB/s"], &[line()])] {
                 assert!(
                     drawn.contains("&lt;a&gt;") && !drawn.contains("NaN") && !drawn.contains("inf"),
                     "{drawn}"

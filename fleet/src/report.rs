@@ -3,6 +3,7 @@
 use crate::error::FleetError;
 use crate::map::{component_file, map_folder};
 use crate::picture::{BarRow, Line, bars, chart, colour, top_view};
+use crate::scene::SCENE_FILE;
 use crate::status::Status;
 use crate::summary::{JoinVerdict, Summary};
 use crate::traffic::Traffic;
@@ -10,12 +11,16 @@ use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_journal::{Durability, write_atomically};
 use tessera_outputs::html::{self, escaped};
-use tessera_report::STYLE;
+use tessera_report::{STYLE, VIEWER};
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
 /// Points of a way that are drawn: more cannot be seen.
 const MOST_POINTS: usize = 1000;
+
+/// Below the lines over time.
+const SINCE: &str = "since the base started, s";
+const TRAFFIC_HEAD: [&str; 4] = ["robot", "MB received", "kB/s while in contact", "in contact"];
 
 /// The way of a run in one of the maps, seen from above in the axes of the map's first camera.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,7 +47,9 @@ pub fn write_report(base: &Path, status: &Status, traffic: &Traffic) -> Result<(
 /// The page of a base, with the ways that stand in its folder.
 pub fn page_of(base: &Path, status: &Status, traffic: &Traffic) -> String {
     let ways = status.map.as_ref().map_or(Vec::new(), |map| ways(&map_folder(base), map));
-    page(status, traffic, &ways)
+    // A base of another version has none.
+    let scene = std::fs::read_to_string(map_folder(base).join(SCENE_FILE)).unwrap_or_default();
+    page(status, traffic, &ways, &scene)
 }
 
 /// The ways of all runs in a map's folder.
@@ -65,7 +72,7 @@ fn ways(folder: &Path, map: &Summary) -> Vec<RunWay> {
 }
 
 /// The page: a pure function of what it shows.
-pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay]) -> String {
+pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay], scene: &str) -> String {
     let empty = Summary::default();
     let map = status.map.as_ref().unwrap_or(&empty);
     let robots = robots(status);
@@ -84,7 +91,8 @@ pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay]) -> String {
     let facts = facts.concat();
     let sections = [
         ("facts", "Summary", format!("<dl>{facts}</dl>")),
-        ("maps", "Maps", maps(map, &robots, ways)),
+        ("scene", "Map and robots in 3D", scene.to_owned()),
+        ("maps", "Maps from above", maps(map, &robots, ways)),
         ("joins", "Joins", joins(map)),
         ("runs", "Runs", runs(status, map)),
         ("traffic", "Traffic", traffic_section(&robots, traffic)),
@@ -95,13 +103,17 @@ pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay]) -> String {
         .filter(|(_, _, body)| !body.is_empty())
         .map(|(id, title, body)| format!("<section id=\"{id}\"><h3>{title}</h3>{body}</section>"))
         .collect();
+    let script = match scene.contains("<canvas") {
+        true => format!("<script>\n{VIEWER}</script>"),
+        false => String::new(),
+    };
     let title = format!("{n_robots} robot(s), {n_runs} run(s)");
     // No address of an icon, so that a browser does not go and look for one.
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
          <link rel=\"icon\" href=\"data:,\"><title>{title} · Tessera</title><style>{STYLE}</style></head>\n\
-         <body><main><header><h1>{title}</h1></header>{sections}</main></body></html>\n"
+         <body><main><header><h1>{title}</h1></header>{sections}</main>{script}</body></html>\n"
     )
 }
 
@@ -187,13 +199,24 @@ fn traffic_section(robots: &[&str], traffic: &Traffic) -> String {
             Line { name, colour, points }
         })
         .collect();
+    let of_robots =
+        table("numbers", &TRAFFIC_HEAD, robots.iter().map(|robot| totals(robot, traffic)).collect());
     let rows: Vec<BarRow> =
         named().map(|(colour, name)| BarRow { spans: traffic.spans(&name), name, colour }).collect();
     format!(
-        "<h4>Received, kB/s over seconds since the base started</h4>{}<h4>In contact</h4>{}",
-        chart("kilobytes a second from each robot", &lines),
+        "{of_robots}<h4>Received</h4>{}<h4>In contact</h4>{}",
+        chart("kilobytes a second from each robot", [SINCE, "kB/s"], &lines),
         bars("when each robot was in contact", &rows, traffic.last_s())
     )
+}
+
+/// All that came from a robot.
+fn totals(robot: &str, traffic: &Traffic) -> Vec<String> {
+    let contact_s: f64 = traffic.spans(robot).iter().map(|(from, to)| to - from).sum();
+    let bytes = traffic.received_bytes(robot) as f64;
+    let mean = if contact_s > 0.0 { format!("{:.1}", bytes / contact_s / 1e3) } else { "-".into() };
+    let share = 100.0 * contact_s / traffic.last_s();
+    vec![robot.to_owned(), format!("{:.2}", bytes / 1e6), mean, format!("{share:.0} %")]
 }
 
 fn refused(status: &Status) -> String {
@@ -269,7 +292,7 @@ mod tests {
         for second in 0..4 {
             traffic.note(f64::from(second), &status.runs);
         }
-        let page = page(&status, &traffic, &[way("a_one"), way("b_one")]);
+        let page = page(&status, &traffic, &[way("a_one"), way("b_one")], "");
         for id in ["facts", "maps", "joins", "runs", "traffic"] {
             assert_eq!(page.matches(&format!("<section id=\"{id}\">")).count(), 1, "{id}");
         }
@@ -280,12 +303,15 @@ mod tests {
         assert!(page.contains("&lt;script&gt;") && !page.contains("<script"));
         assert!(!page.contains("http") && !page.contains("url(") && !page.contains("NaN"));
         // Every robot has a colour of its own.
+        for words in ["right, m", "forward, m", "kB/s", "since the base started, s", "while in contact"] {
+            assert!(page.contains(words), "{words}");
+        }
         assert!(page.contains(colour(0)) && page.contains(colour(1)) && colour(0) != colour(1));
     }
 
     #[test]
     fn a_base_without_a_run_has_a_page() {
-        let page = page(&Status::default(), &Traffic::default(), &[]);
+        let page = page(&Status::default(), &Traffic::default(), &[], "");
         assert!(page.contains("0 robot(s)") && page.contains("None yet.") && page.ends_with("</html>\n"));
     }
 }

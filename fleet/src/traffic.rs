@@ -81,6 +81,12 @@ impl Traffic {
         text.ok().and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
     }
 
+    /// Bytes that came from a robot since the base started.
+    pub fn received_bytes(&self, robot: &str) -> u64 {
+        let mut looks = self.looks.iter().filter_map(|(_, robots)| robots.get(robot));
+        looks.next_back().map_or(0, |look| look.received_bytes)
+    }
+
     /// Seconds of the last look.
     pub fn last_s(&self) -> f64 {
         self.looks.last().map_or(0.0, |(at_s, _)| *at_s)
@@ -133,6 +139,7 @@ mod tests {
         assert_eq!(traffic.rates("a"), [(1.0, 150.0), (3.0, 0.0), (4.5, 0.0)]);
         assert_eq!(traffic.spans("a"), [(0.0, 4.0), (5.0, 5.0)]);
         assert_eq!(traffic.spans("b"), [(4.0, 5.0)]);
+        assert_eq!([traffic.received_bytes("a"), traffic.received_bytes("c")], [300, 0]);
         assert!(traffic.rates("c").is_empty() && traffic.spans("c").is_empty());
     }
 

@@ -7,7 +7,7 @@
 //! Journals and store are bytes here: what they mean is for the files' own formats. A piece is believed
 //! only where it continues what the base has; the next request is the acknowledgement of the last.
 //! Surfaces of single keyframes are asked for by where they lie in the store
-//! ([`WantedSurfaces`](crate::surface_wire::WantedSurfaces)).
+//! ([`WantedSurfaces`]).
 #![cfg_attr(
     not(test),
     deny(

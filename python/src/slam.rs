@@ -8,7 +8,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::{Mutex, MutexGuard};
-use tessera_geometry::{Camera, InertialRotation, Pose};
+use tessera_geometry::{Camera, InertialRotation, Pose, UpDirection};
 use tessera_offline::{Method, RawFrame, Run, SavedMap};
 use tessera_outputs::{Replay, map_points};
 use tessera_settings::Settings;
@@ -130,6 +130,17 @@ fn checked_rotation(numbers: [f64; 6]) -> PyResult<InertialRotation> {
     Ok(rotation)
 }
 
+/// The direction against gravity: unit vector in the camera's axes and standard deviation of [`UpDirection`].
+fn checked_up(numbers: [f64; 4]) -> PyResult<UpDirection> {
+    let [x, y, z, sigma_rad] = numbers;
+    let up = UpDirection { in_camera: [x, y, z], sigma_rad };
+    if !up.is_valid() {
+        let expected = "a unit vector in the camera's axes, then a positive standard deviation in radians";
+        return Err(refuse(format!("up is {numbers:?}, expected {expected}")));
+    }
+    Ok(up)
+}
+
 // The lock of `progress` is taken only where the interpreter's is not held: a thread that waits for it
 // with the other one in hand would stop the thread that has it.
 #[pymethods]
@@ -144,16 +155,19 @@ impl PySlam {
         let camera = camera.0.clone();
         let mut settings = Settings::load(config, &overrides).map_err(refuse)?;
         settings.set_isa(settings.run.isa.resolve().map_err(refuse)?);
+        let map = detached(py, || load_map(&camera, &settings).map_err(refuse))?;
+        let map_cameras = map.as_ref().map_or(Vec::new(), |map| map.cameras.clone());
+        if let Some(map) = &map {
+            settings.mapping.world_up = map.world_up;
+        }
         let method = Method {
             surface: settings.surface.clone(),
             registration: settings.registration.clone(),
             mapping: settings.mapping.clone(),
         };
-        let map = detached(py, || load_map(&camera, &settings).map_err(refuse))?;
-        let map_cameras = map.as_ref().map_or(Vec::new(), |map| map.cameras.clone());
         let run = match map {
             None => Run::new(&camera, &method),
-            Some(LoadedMap { record, surfaces, features, cameras }) => {
+            Some(LoadedMap { record, surfaces, features, cameras, .. }) => {
                 let start = record.start.as_ref().map(Pose::from);
                 let MapRecord { keyframes, submaps, .. } = record;
                 let map = SavedMap { keyframes, submaps, surfaces, features, cameras };
@@ -173,12 +187,15 @@ impl PySlam {
         colour: Option<&[u8]>,
         stamp_nanos: i64,
         rotation: Option<[f64; 6]>,
+        up: Option<[f64; 4]>,
     ) -> PyResult<Tracked> {
         self.check_size(depth, colour)?;
         let rotation = rotation.map(checked_rotation).transpose()?;
+        let up = up.map(checked_up).transpose()?;
         detached(py, || {
             let depth = depth.chunks_exact(2).map(|raw| u16::from_le_bytes([raw[0], raw[1]])).collect();
-            let frame = RawFrame { stamp_nanos, rotation, depth, colour: colour.map(<[u8]>::to_vec) };
+            let colour = colour.map(<[u8]>::to_vec);
+            let frame = RawFrame { stamp_nanos, rotation, up, depth, colour };
             self.lock()?.track(&frame)
         })
     }

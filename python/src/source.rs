@@ -5,7 +5,7 @@ use crate::detached::{detached, refuse};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
-use tessera_geometry::InertialRotation;
+use tessera_geometry::{InertialRotation, UpDirection};
 use tessera_settings::Settings;
 use tessera_sources::{FrameBuffers, Source};
 
@@ -34,7 +34,7 @@ impl PySource {
         self.0.n_frames().ok_or_else(|| refuse("the source has no end, expected run.frames to be set"))
     }
 
-    /// A frame: stamp in nanoseconds, depth (16 bits, little-endian), colour, the gyroscope's rotation, and
+    /// A frame: stamp in nanoseconds, depth (16 bits, little-endian), colour, the gyroscope's rotation, up, and
     /// what is wrong with an image of it: depth is then empty, or colour left out, as in the pipeline.
     fn read<'py>(&self, py: Python<'py>, index: u64) -> PyResult<Bound<'py, PyTuple>> {
         if self.0.n_frames().is_some_and(|n_frames| index >= n_frames) {
@@ -54,6 +54,7 @@ impl PySource {
             let InertialRotation { start_from_camera_xyzw: [x, y, z, w], .. } = rotation;
             [x, y, z, w, rotation.variance_rad2, rotation.bias_sigma_rad_per_s]
         });
-        (info.stamp_nanos, PyBytes::new(py, &depth), colour, rotation, error).into_pyobject(py)
+        let up = info.up.map(|UpDirection { in_camera: [x, y, z], sigma_rad }| [x, y, z, sigma_rad]);
+        (info.stamp_nanos, PyBytes::new(py, &depth), colour, rotation, up, error).into_pyobject(py)
     }
 }

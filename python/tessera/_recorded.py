@@ -31,6 +31,9 @@ class SourceFrame:
     #: Of the gyroscope, since the first frame, where there is one: quaternion x y z w, then the variance
     #: about each axis (rad^2) and the standard deviation of the constant error of the rate (rad/s).
     rotation: Optional[list[float]]
+    #: Against gravity by the accelerometer, where there is one: unit vector x y z in the camera's axes, then
+    #: its standard deviation (rad).
+    up: Optional[list[float]]
     #: What is wrong with an image of this frame: without depth `depth` is 0, without colour it is `None`.
     problem: Optional[str]
 
@@ -67,11 +70,11 @@ class Source:
         wanted = index + len(self) if index < 0 else index
         if not 0 <= wanted < len(self):
             raise IndexError(f"frame {index} is not there, expected {-len(self)} to {len(self) - 1}")
-        stamp_nanos, depth, colour, rotation, problem = self._source.read(wanted)
+        stamp_nanos, depth, colour, rotation, up, problem = self._source.read(wanted)
         height, width = self.camera.height, self.camera.width
         raw = np.frombuffer(depth, "<u2").reshape(height, width).astype(np.uint16)
         rgb = None if colour is None else np.frombuffer(colour, np.uint8).reshape(height, width, 3).copy()
-        return SourceFrame(stamp_nanos, raw, rgb, rotation, problem)
+        return SourceFrame(stamp_nanos, raw, rgb, rotation, up, problem)
 
     def __iter__(self) -> Iterator[SourceFrame]:
         return (self[index] for index in range(len(self)))

@@ -99,6 +99,7 @@ class Slam:
         color: Optional[npt.ArrayLike] = None,
         stamp_nanos: Optional[int] = None,
         rotation: Optional[Sequence[float]] = None,
+        up: Optional[Sequence[float]] = None,
     ) -> Frame:
         """Processes the next frame.
 
@@ -106,7 +107,8 @@ class Slam:
         rounded to these units; 0, NaN and infinity are no measurement. `colour`: height x width x 3, uint8,
         red, green, blue, registered to depth; `color` is the same. `t`: seconds, rising, or `stamp_nanos`, which is exact for
         times since 1970; without either 30 frames a second are assumed. `rotation`: a gyroscope's, as
-        `SourceFrame.rotation`.
+        `SourceFrame.rotation`. `up`: against gravity, as `SourceFrame.up`; that of the first frame levels the
+        world where the setting `mapping.world_up` is `gravity`.
 
         Raises ValueError or TypeError, which say what was found and what was expected; the run then stands
         where it stood.
@@ -118,7 +120,8 @@ class Slam:
         rgb = None if colour is None else colour_bytes(colour, self.camera)
         nanos = self._nanos(t, stamp_nanos)
         turned = None if rotation is None else [float(value) for value in rotation]
-        index, state, reason, pose, upper = self._slam.track(raw, rgb, nanos, turned)
+        upward = None if up is None else [float(value) for value in up]
+        index, state, reason, pose, upper = self._slam.track(raw, rgb, nanos, turned, upward)
         self._n_untimed += t is None and stamp_nanos is None
         return Frame(index, nanos, state, reason, np.array(pose).reshape(4, 4), _covariance(upper))
 

@@ -29,11 +29,12 @@ class CameraFrame(ctypes.Structure):
         ("fx", f64), ("fy", f64), ("cx", f64), ("cy", f64), ("units_per_metre", f64),
         ("distortion", f64 * 5), ("readout_s", f64), ("depth_offset_m", f64),
         ("start_from_camera_xyzw", f64 * 4), ("variance_rad2", f64), ("bias_sigma_rad_per_s", f64),
+        ("up_in_camera", f64 * 3), ("up_sigma_rad", f64),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "tessera.CameraFrame.v1"
+        return "tessera.CameraFrame.v2"
 
 
 class CameraFlow(ctypes.Structure):

@@ -53,7 +53,9 @@ def the_module_gives_what_the_command_writes(name, out):
     source = tessera.Source(name, {"run.frames": N_FRAMES})
     slam = tessera.Slam(source.camera)
     frames = [
-        slam.track(frame.depth, frame.colour, stamp_nanos=frame.stamp_nanos, rotation=frame.rotation)
+        slam.track(
+            frame.depth, frame.colour, stamp_nanos=frame.stamp_nanos, rotation=frame.rotation, up=frame.up
+        )
         for frame in source
     ]
     tracked = [frame for frame in frames if frame.is_tracked]

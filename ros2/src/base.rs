@@ -1,16 +1,21 @@
 //! Frames of ROS, REP 103 and REP 105: `map -> odom -> base`, with x forward, y left and z up where
 //! the camera has x right, y down and z forward.
 
-use nalgebra::{Quaternion, Translation3, UnitQuaternion};
-use tessera_geometry::{Matrix6, Pose, adjoint};
+use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use tessera_geometry::{Matrix6, Pose, UpDirection, adjoint};
 use tessera_recording::FrameTree;
 use tessera_recording::ros::Covariance;
+use tessera_slam::WorldUp;
+
+/// Standard deviation of a robot's tilt where nothing measures it, radians: it stands on a floor.
+const STANDING_SIGMA_RAD: f64 = 0.05;
 
 /// The base of the robot as seen from its camera.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Base {
     /// Maps points of the camera's optical frame to the base.
     base_from_camera: Pose,
+    is_known: bool,
     /// Name of the base's frame.
     pub(crate) frame: String,
     /// Where it is from, for people.
@@ -30,19 +35,32 @@ impl Base {
                 "/tf_static has no way from {camera_frame:?} to {base_frame}: the camera is taken as at {base_frame}, looking along its x"
             ),
         };
+        let is_known = known.is_some();
         let base_from_camera = known.unwrap_or_else(looking_along_x);
-        Self { base_from_camera, frame: base_frame.to_owned(), words }
+        Self { base_from_camera, is_known, frame: base_frame.to_owned(), words }
     }
 
-    /// Maps points of the camera's optical frame to the base.
-    pub(crate) fn base_from_camera(&self) -> Pose {
-        self.base_from_camera
+    /// Up in the camera where the robot stands level; `None` where the base is not known.
+    pub(crate) fn up(&self) -> Option<UpDirection> {
+        let up = self.base_from_camera.rotation.inverse() * Vector3::z();
+        UpDirection::of(&up, STANDING_SIGMA_RAD).filter(|_| self.is_known)
     }
 
-    /// `a_from_b` of two places of the camera as `a_from_b` of the base: what both saw as their own
-    /// frame is each the frame of the base.
-    pub(crate) fn of_base(&self, a_from_b: &Pose) -> Pose {
-        self.base_from_camera * a_from_b * self.base_from_camera.inverse()
+    /// From the world of the run to the frames `map` and `odom`, which begin where the base is at the start: at the
+    /// base itself or, where the world is levelled, level and with its heading.
+    pub(crate) fn map_from_world(&self, world_up: WorldUp) -> Pose {
+        match (world_up, self.up()) {
+            (WorldUp::Gravity, Some(up)) => {
+                let camera_from_world = up.levelled(&UnitQuaternion::identity()).inverse();
+                self.base_from_camera * Pose::from_parts(Translation3::identity(), camera_from_world)
+            }
+            _ => self.base_from_camera,
+        }
+    }
+
+    /// The pose of the base in `map` or `odom`, from that of the camera in the world of the run.
+    pub(crate) fn pose_in(&self, map_from_world: &Pose, world_from_camera: &Pose) -> Pose {
+        map_from_world * world_from_camera * self.base_from_camera.inverse()
     }
 
     /// Covariance of the base's velocity over `seconds` between two poses, in its own frame, from those of
@@ -121,6 +139,36 @@ mod tests {
         tree
     }
 
+    fn of_base(base: &Base, world_from_camera: &Pose) -> Pose {
+        base.pose_in(&base.map_from_world(WorldUp::Camera), world_from_camera)
+    }
+
+    #[test]
+    fn a_levelled_world_is_a_level_map_whatever_the_camera_s_mount() {
+        // The camera looks down by 0.3 rad, 0.2 m before the base and 1 m above it.
+        let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.3);
+        let optical = UnitQuaternion::new_normalize(Quaternion::new(0.5, -0.5, 0.5, -0.5));
+        let q = tilt * optical;
+        let transform = RosPose { position: [0.2, 0.0, 1.0], orientation_xyzw: [q.i, q.j, q.k, q.w] };
+        let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
+        let mount = base.up().unwrap();
+        let map_from_world = base.map_from_world(WorldUp::Gravity);
+        assert!((map_from_world.rotation * -Vector3::y() - Vector3::z()).norm() < 1e-12);
+        // The robot stands level: the base is at the origin of the map, and has its axes.
+        let level = mount.levelled(&UnitQuaternion::identity());
+        let first = Pose::from_parts(Translation3::identity(), level);
+        let map_from_base = base.pose_in(&map_from_world, &first);
+        assert!(log(&map_from_base).to_vector().norm() < 1e-12);
+        // It stands on a ramp of 0.1 rad: the map is level all the same, and the base is not.
+        let ramp = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -0.1);
+        let up = base.base_from_camera.rotation.inverse() * (ramp.inverse() * Vector3::z());
+        let level = UpDirection::of(&up, 0.01).unwrap().levelled(&UnitQuaternion::identity());
+        let first = Pose::from_parts(Translation3::identity(), level);
+        let map_from_base = base.pose_in(&map_from_world, &first);
+        assert!((map_from_base.rotation * ramp.inverse() * Vector3::z() - Vector3::z()).norm() < 1e-12);
+        assert_eq!(Base::find(&FrameTree::default(), "optical", "base_link").up(), None);
+    }
+
     #[test]
     fn without_tf_the_camera_looks_along_x() {
         let base = Base::find(&FrameTree::default(), "optical", "base_link");
@@ -129,7 +177,7 @@ mod tests {
         assert!((at(1.0, 0.0, 0.0) - Point3::new(0.0, -1.0, 0.0)).norm() < 1e-12);
         assert!((at(0.0, 1.0, 0.0) - Point3::new(0.0, 0.0, -1.0)).norm() < 1e-12);
         // The camera moves forward by 2 m and 0.5 m down.
-        let moved = base.of_base(&Pose::translation(0.0, 0.5, 2.0));
+        let moved = of_base(&base, &Pose::translation(0.0, 0.5, 2.0));
         assert!((moved.translation.vector - Vector3::new(2.0, 0.0, -0.5)).norm() < 1e-12);
     }
 
@@ -142,7 +190,7 @@ mod tests {
         // The camera turns left by a quarter turn: about its y by minus that.
         let turned =
             exp(&Twist { rho: Vector3::zeros(), phi: Vector3::new(0.0, -std::f64::consts::FRAC_PI_2, 0.0) });
-        let odom_from_base = base.of_base(&turned);
+        let odom_from_base = of_base(&base, &turned);
         // The base turns left about its z, and moves on a circle about the camera.
         assert!((odom_from_base.rotation.scaled_axis().z - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
         assert!((odom_from_base.translation.vector - Vector3::new(0.2, -0.2, 0.0)).norm() < 1e-12);
@@ -153,7 +201,7 @@ mod tests {
         let transform = RosPose { position: [0.2, -0.1, 1.0], orientation_xyzw: [-0.5, 0.5, -0.5, 0.5] };
         let base = Base::find(&tree("base_link", "optical", transform), "optical", "base_link");
         let camera = exp(&Twist { rho: Vector3::new(1.0, 2.0, 3.0), phi: Vector3::new(0.3, -0.7, 0.2) });
-        let odom_from_base = base.of_base(&camera);
+        let odom_from_base = of_base(&base, &camera);
         for axis in 0..6 {
             let mut local = [[0.0; 6]; 6];
             local[axis][axis] = 1.0;
@@ -164,7 +212,7 @@ mod tests {
                 rho: Vector3::new(delta[0], delta[1], delta[2]),
                 phi: Vector3::new(delta[3], delta[4], delta[5]),
             };
-            let perturbed = base.of_base(&(camera * exp(&twist)));
+            let perturbed = of_base(&base, &(camera * exp(&twist)));
             let moved = (perturbed.translation.vector - odom_from_base.translation.vector) / 1e-6;
             let turned = (perturbed.rotation * odom_from_base.rotation.inverse()).scaled_axis() / 1e-6;
             let expected = [moved.x, moved.y, moved.z, turned.x, turned.y, turned.z];
@@ -186,7 +234,7 @@ mod tests {
             |v: [f64; 6]| Twist { rho: Vector3::new(v[0], v[1], v[2]), phi: Vector3::new(v[3], v[4], v[5]) };
         let before = exp(&twist([1.0, 2.0, 3.0, 0.3, -0.7, 0.2]));
         let now = before * exp(&twist([0.01, -0.02, 0.03, 0.002, 0.03, -0.01]));
-        let between = |before: &Pose, now: &Pose| base.of_base(before).inverse() * base.of_base(now);
+        let between = |before: &Pose, now: &Pose| of_base(&base, before).inverse() * of_base(&base, now);
         let (seconds, known) = (0.1, between(&before, &now));
         let tiny = 1e-30;
         let mut nearly_exact = [[0.0; 6]; 6];

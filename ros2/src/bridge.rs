@@ -58,6 +58,12 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
     if started.as_ref().is_some_and(Started::is_taken) {
         bridge.report.say(&format!("the run {name} goes on: it is taken over"));
     }
+    if let Some(folder) = started.as_ref().and_then(Started::resumed) {
+        let folder = folder.display();
+        bridge
+            .report
+            .say(&format!("the run {name} in {folder} was cut off: it goes on, by its own settings"));
+    }
     // What a reset came to, once the run after it is there.
     let mut begun = Response { success: true, message: String::new() };
     loop {

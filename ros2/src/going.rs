@@ -6,20 +6,21 @@ use crate::clock::{Clock, Tick};
 use crate::error::Ros2Error;
 use crate::first::{large_change, small_change};
 use crate::gyro::Gyro;
-use crate::imu;
 use crate::input::take;
 use crate::pairing::{Pairing, Stamped};
 use crate::report::{Event, Report};
 use crate::sender::{Image, Outcome, Sender};
 use crate::topics::{Images, Topics};
 use nalgebra::{UnitQuaternion, Vector3};
-use std::time::Instant;
-use tessera_geometry::InertialRotation;
-use tessera_recording::{Change, FrameTree, LiveCamera, LiveImage};
+use std::time::{Duration, Instant};
+use tessera_geometry::{InertialRotation, UpDirection};
+use tessera_recording::{Change, FrameTree, ImuMessage, LiveCamera, LiveImage};
 use tessera_transport::Guest;
 
 /// Bytes of a message up to the end of its time.
 const STAMP_BYTES: usize = 12;
+/// The first image waits at most so long for an IMU: gravity is known a second after its first message.
+const MOST_TO_LEVEL: Duration = Duration::from_secs(3);
 
 /// What is needed for each image, once the camera is known.
 pub(crate) struct Going {
@@ -32,16 +33,29 @@ pub(crate) struct Going {
     is_other_camera: bool,
     n_colour: u64,
     gyro: Gyro,
-    /// Frame of the gyroscope's rates, and how it stands to the camera, once both are known.
+    /// Frame of the IMU's vectors, and how it stands to the camera, once both are known.
     camera_from_imu: Option<(String, UnitQuaternion<f64>)>,
+    /// With an IMU: the first image waits so long for the direction of gravity.
+    awaits_up_until: Option<Instant>,
+}
+
+/// What is told of an image beside its pixels.
+#[derive(Clone, Copy)]
+struct Told {
+    /// Time in the run.
+    stamp_nanos: i64,
+    rotation: Option<InertialRotation>,
+    up: Option<UpDirection>,
 }
 
 impl Going {
-    pub(crate) fn new(camera: LiveCamera, base: Base) -> Self {
+    /// For that camera; `has_imu`: an IMU is listened to.
+    pub(crate) fn new(camera: LiveCamera, base: Base, has_imu: bool) -> Self {
         let sender = Sender::new(camera.camera());
         Self {
             gyro: Gyro::new(sender.session()),
             camera_from_imu: None,
+            awaits_up_until: has_imu.then(|| Instant::now() + MOST_TO_LEVEL),
             sender,
             base,
             pairing: Pairing::default(),
@@ -52,30 +66,29 @@ impl Going {
         }
     }
 
-    /// Takes a message of the gyroscope.
+    /// Takes a message of the IMU.
     pub(crate) fn take_imu(&mut self, message: &[u8], frames: &FrameTree, report: &mut Report) {
-        let rate = match imu::read(message) {
-            Ok(rate) => rate,
-            Err(words) => return report.note(Event::Malformed, || words),
+        let imu = match ImuMessage::read(message) {
+            Ok(imu) => imu,
+            Err(error) => return report.note(Event::Malformed, || error.to_string()),
         };
-        if self.camera_from_imu.as_ref().is_none_or(|(frame, _)| *frame != rate.frame) {
+        if self.camera_from_imu.as_ref().is_none_or(|(frame, _)| *frame != imu.frame) {
             let camera = self.camera.frame();
-            let known = match camera == rate.frame {
+            let known = match camera == imu.frame {
                 true => Some(UnitQuaternion::identity()),
-                false => frames.between(&rate.frame, camera).map(|pose| pose.rotation),
+                false => frames.between(&imu.frame, camera).map(|pose| pose.rotation),
             };
             let Some(camera_from_imu) = known else {
                 return report.note(Event::Imu, || {
-                    format!(
-                        "/tf_static has no way from {:?} to {camera:?}: the gyroscope is left out",
-                        rate.frame
-                    )
+                    format!("/tf_static has no way from {:?} to {camera:?}: the IMU is left out", imu.frame)
                 });
             };
-            self.camera_from_imu = Some((rate.frame, camera_from_imu));
+            self.camera_from_imu = Some((imu.frame.clone(), camera_from_imu));
         }
         if let Some((_, camera_from_imu)) = &self.camera_from_imu {
-            self.gyro.add(rate.stamp_nanos, camera_from_imu * Vector3::from(rate.rate_rad_per_s));
+            let turned = |vector| camera_from_imu * Vector3::from(vector);
+            let (rate, force) = (imu.rate_rad_per_s.map(turned), imu.force_m_per_s2.map(turned));
+            self.gyro.add(imu.stamp_nanos, rate, force);
         }
     }
 
@@ -176,10 +189,27 @@ impl Going {
             if has_colour && colour.is_none() {
                 report.count(Event::WithoutColour);
             }
+            // By a robot that is taken to stand level, where nothing measures it.
+            let measured = self.gyro.up(depth.stamp_nanos);
+            if self.awaits_up(measured.is_some()) {
+                report.count(Event::Before);
+                continue;
+            }
+            let up = measured.or_else(|| self.base.up());
             let rotation = self.gyro.rotation(depth.stamp_nanos);
-            self.send_one(topics, guest, (&depth, colour.as_ref()), (stamp_nanos, rotation), report)?;
+            let told = Told { stamp_nanos, rotation, up };
+            self.send_one(topics, guest, (&depth, colour.as_ref()), told, report)?;
         }
         Ok(())
+    }
+
+    /// Whether the first image is to wait for an IMU that has not yet told where up is.
+    fn awaits_up(&mut self, is_known: bool) -> bool {
+        let tells_nothing = self.gyro.is_without_force();
+        let until =
+            self.awaits_up_until.filter(|until| !is_known && !tells_nothing && Instant::now() < *until);
+        self.awaits_up_until = until;
+        until.is_some()
     }
 
     fn send_one(
@@ -187,7 +217,7 @@ impl Going {
         topics: &Topics,
         guest: &Guest,
         (depth, colour): (&Stamped, Option<&Stamped>),
-        (stamp_nanos, rotation): (i64, Option<InertialRotation>),
+        Told { stamp_nanos, rotation, up }: Told,
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
         let camera = &self.camera;
@@ -210,6 +240,7 @@ impl Going {
             index: depth.index,
             stamp_nanos,
             rotation,
+            up,
             has_colour: colour.is_some(),
             received_at: Instant::now(),
         };

@@ -1,13 +1,16 @@
-//! Rotation of the camera by a gyroscope, as images come: from image to image, added up.
+//! Rotation of the camera by a gyroscope, as images come: from image to image, added up; and up, by an
+//! accelerometer.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
-use tessera_frames::Gyroscope;
-use tessera_frames::imu::{GyroSample, rotations};
-use tessera_geometry::InertialRotation;
+use tessera_frames::ImuModel;
+use tessera_frames::imu::{ForceSample, GyroSample, ImuReach, rotations, up_at};
+use tessera_geometry::{InertialRotation, UpDirection};
 
 /// Samples that are kept at most.
 const MOST_SAMPLES: usize = 4096;
+/// Time for which samples are kept for the direction of gravity, nanoseconds.
+const KEPT_NANOS: i64 = 4_200_000_000;
 /// Variance that is added where nothing is known of the rotation, radians².
 const UNKNOWN_RAD2: f64 = 10.0;
 /// Variance by which a second more of age sets sessions apart, radians²: more than a session adds.
@@ -17,8 +20,10 @@ const LONG_AGO_S: u64 = 1_767_225_600;
 
 /// Rates since the last image, and the rotation up to it.
 pub(crate) struct Gyro {
-    instrument: Gyroscope,
+    model: ImuModel,
     samples: VecDeque<GyroSample>,
+    /// The same for longer, with the forces.
+    recent: (VecDeque<GyroSample>, VecDeque<ForceSample>),
     start_from_camera: UnitQuaternion<f64>,
     variance_rad2: f64,
     /// Time of the last image.
@@ -31,29 +36,56 @@ impl Gyro {
     pub(crate) fn new(session_nanos: u64) -> Self {
         let age_s = (session_nanos / 1_000_000_000).saturating_sub(LONG_AGO_S);
         Self {
-            instrument: Gyroscope::default(),
+            model: ImuModel::default(),
             samples: VecDeque::new(),
+            recent: (VecDeque::new(), VecDeque::new()),
             start_from_camera: UnitQuaternion::identity(),
             variance_rad2: AGE_RAD2 * age_s as f64,
             at_nanos: None,
         }
     }
 
-    /// Takes a rate about the camera's axes, radians per second; one that is not later than the one before
-    /// is left out.
-    pub(crate) fn add(&mut self, stamp_nanos: i64, rate_rad_per_s: Vector3<f64>) {
-        if self.samples.back().is_some_and(|last| stamp_nanos <= last.stamp_nanos) {
-            return;
+    /// Takes a rate and a specific force along the camera's axes, radians per second and metres per second squared;
+    /// what is not later than the one before is left out.
+    pub(crate) fn add(
+        &mut self,
+        stamp_nanos: i64,
+        rate_rad_per_s: Option<Vector3<f64>>,
+        force_m_per_s2: Option<Vector3<f64>>,
+    ) {
+        if let Some(rate_rad_per_s) = rate_rad_per_s {
+            let sample = GyroSample { stamp_nanos, rate_rad_per_s };
+            push(&mut self.samples, sample, |sample| sample.stamp_nanos);
+            push(&mut self.recent.0, sample, |sample| sample.stamp_nanos);
         }
-        if self.samples.len() == MOST_SAMPLES {
-            self.samples.pop_front();
+        if let Some(force_m_per_s2) = force_m_per_s2 {
+            push(&mut self.recent.1, ForceSample { stamp_nanos, force_m_per_s2 }, |sample| {
+                sample.stamp_nanos
+            });
         }
-        self.samples.push_back(GyroSample { stamp_nanos, rate_rad_per_s });
+    }
+
+    /// Whether there are rates and no forces: a gyroscope alone.
+    pub(crate) fn is_without_force(&self) -> bool {
+        !self.recent.0.is_empty() && self.recent.1.is_empty()
+    }
+
+    /// Up at the time of the next image; `None` where too little was measured before it.
+    pub(crate) fn up(&mut self, stamp_nanos: i64) -> Option<UpDirection> {
+        let (rates, forces) = &mut self.recent;
+        let from = stamp_nanos.saturating_sub(KEPT_NANOS);
+        let n_old = rates.partition_point(|sample| sample.stamp_nanos < from);
+        rates.drain(..n_old);
+        let n_old = forces.partition_point(|sample| sample.stamp_nanos < from);
+        forces.drain(..n_old);
+        let (rates, forces) = (rates.make_contiguous(), forces.make_contiguous());
+        up_at(&self.model, rates, forces, stamp_nanos, ImuReach::Before)
     }
 
     /// The clock jumped: what was measured before says nothing any more.
     pub(crate) fn forget(&mut self) {
         self.samples.clear();
+        self.recent = (VecDeque::new(), VecDeque::new());
         self.at_nanos = None;
         self.variance_rad2 += UNKNOWN_RAD2;
     }
@@ -76,13 +108,13 @@ impl Gyro {
         Some(InertialRotation {
             start_from_camera_xyzw: [q.i, q.j, q.k, q.w],
             variance_rad2: self.variance_rad2,
-            bias_sigma_rad_per_s: self.instrument.bias_sigma_rad_per_s,
+            bias_sigma_rad_per_s: self.model.bias_sigma_rad_per_s,
         })
     }
 
     fn turn(&mut self, from_nanos: i64, to_nanos: i64) {
         let samples = self.samples.make_contiguous();
-        let turned = rotations(&self.instrument, samples, &[from_nanos, to_nanos]);
+        let turned = rotations(&self.model, samples, &[from_nanos, to_nanos]);
         let Some(InertialRotation { start_from_camera_xyzw: [x, y, z, w], variance_rad2, .. }) =
             turned.last()
         else {
@@ -95,6 +127,17 @@ impl Gyro {
     }
 }
 
+/// Adds a sample that is later than the last one, and drops the first where there are too many.
+fn push<T>(samples: &mut VecDeque<T>, sample: T, stamp_nanos: impl Fn(&T) -> i64) {
+    if samples.back().is_some_and(|last| stamp_nanos(&sample) <= stamp_nanos(last)) {
+        return;
+    }
+    if samples.len() == MOST_SAMPLES {
+        samples.pop_front();
+    }
+    samples.push_back(sample);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,7 +148,7 @@ mod tests {
     /// Rates that change with time, at 200 Hz.
     fn feed(gyro: &mut Gyro, from_ms: i64, to_ms: i64) {
         for ms in (from_ms..to_ms).step_by(5) {
-            gyro.add(ms * MS, Vector3::new(1e-3 * ms as f64, 0.5, -0.2));
+            gyro.add(ms * MS, Some(Vector3::new(1e-3 * ms as f64, 0.5, -0.2)), None);
         }
     }
 
@@ -122,7 +165,7 @@ mod tests {
             all.push(GyroSample { stamp_nanos: ms * MS, rate_rad_per_s });
         }
         let stamps: Vec<i64> = (0..20).map(|image| (30 + 35 * image) * MS).collect();
-        let expected = rotations(&Gyroscope::default(), &all, &stamps);
+        let expected = rotations(&ImuModel::default(), &all, &stamps);
         for k in 1..20 {
             let seconds = 0.035 * k as f64;
             let (ours, theirs) =
@@ -136,6 +179,22 @@ mod tests {
             );
         }
         assert!(gyro.samples.len() < 10);
+    }
+
+    #[test]
+    fn up_is_known_a_second_after_the_first_force() {
+        let mut gyro = Gyro::new(NOW);
+        for ms in (0..6000).step_by(5) {
+            gyro.add(ms * MS, Some(Vector3::zeros()), Some(Vector3::new(0.0, -9.8, 0.1)));
+            if ms == 500 {
+                assert_eq!(gyro.up(ms * MS), None);
+            }
+        }
+        let up = gyro.up(6000 * MS).unwrap();
+        assert!(up.in_camera[1] < -0.999 && up.sigma_rad < 0.03, "{up:?}");
+        assert!(gyro.recent.1.len() < 900, "{}", gyro.recent.1.len());
+        gyro.forget();
+        assert_eq!(gyro.up(6000 * MS), None);
     }
 
     #[test]

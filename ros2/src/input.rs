@@ -12,12 +12,16 @@ use crate::report::{Event, Report};
 use crate::run::Run;
 use crate::sender::Sender;
 use crate::topics::{Chooser, Topics};
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use tessera_frames::CameraFile;
 use tessera_recording::FrameTree;
 
 /// Time between two looks for topics.
 const LOOK: Duration = Duration::from_millis(200);
+
+/// Messages of an IMU that are kept before the camera is known: four seconds at 400 Hz.
+const MOST_EARLY: usize = 1600;
 
 /// The network's side of the camera.
 pub(crate) struct Input {
@@ -27,6 +31,8 @@ pub(crate) struct Input {
     base_frame: String,
     tf_static: Box<dyn Subscription>,
     imu: Option<Box<dyn Subscription>>,
+    /// Messages of the IMU from before the camera was known.
+    early_imu: VecDeque<Vec<u8>>,
     frames: FrameTree,
     topics: Option<Topics>,
     first: First,
@@ -57,6 +63,7 @@ impl Input {
                 .as_ref()
                 .map(|topic| carrier.subscribe(topic, IMU, Quality { depth: 200, ..Quality::SENSOR }))
                 .transpose()?,
+            early_imu: VecDeque::new(),
             frames: FrameTree::default(),
             topics: None,
             first: First::default(),
@@ -120,6 +127,17 @@ impl Input {
                 report.say(&words_of(topics));
             }
         }
+        while let Some(message) = self.imu.as_mut().and_then(|imu| take(&mut **imu, report)) {
+            match &mut self.going {
+                Some(going) => going.take_imu(&message, &self.frames, report),
+                None => {
+                    if self.early_imu.len() == MOST_EARLY {
+                        self.early_imu.pop_front();
+                    }
+                    self.early_imu.push_back(message);
+                }
+            }
+        }
         let Some(topics) = &mut self.topics else { return Ok(()) };
         match &mut self.going {
             None => {
@@ -137,16 +155,17 @@ impl Input {
                         "the camera is known: {} depth images that came before are not in the run",
                         self.n_depth
                     ));
-                    Going::new(camera, base)
+                    let mut going = Going::new(camera, base, self.imu.is_some());
+                    for message in self.early_imu.drain(..) {
+                        going.take_imu(&message, &self.frames, report);
+                    }
+                    going
                 });
                 if self.going.is_some() {
                     report.add(Event::Before, self.n_depth);
                 }
             }
             Some(going) => {
-                while let Some(message) = self.imu.as_mut().and_then(|imu| take(&mut **imu, report)) {
-                    going.take_imu(&message, &self.frames, report);
-                }
                 going.take_infos(topics, report);
                 going.take_colours(topics, report);
                 while let Some(message) = take(&mut *topics.depth.messages, report) {

@@ -8,6 +8,7 @@ use crate::ros_time::RosTime;
 use crate::run::Run;
 use std::time::Duration;
 use tessera_messages::PoseMessage;
+use tessera_slam::WorldUp;
 use tessera_transport::Subscriber;
 
 /// A run with its poses.
@@ -16,6 +17,8 @@ pub(crate) struct Joined {
     /// Frames that the run left out, as the gaps between its poses tell.
     pub(crate) n_dropped: u64,
     last_index: Option<u64>,
+    /// Axes of the run's world, once it has a pose.
+    world_up: Option<WorldUp>,
     /// From an image handed to the run to its pose, of the newest one.
     pub(crate) latency: Option<Duration>,
     /// From an image's time to the pose, milliseconds, where both are of one clock.
@@ -26,7 +29,7 @@ pub(crate) struct Joined {
 
 impl Joined {
     pub(crate) fn new(run: Run) -> Self {
-        Self { poses: None, n_dropped: 0, last_index: None, latency: None, age_ms: None, run }
+        Self { poses: None, n_dropped: 0, last_index: None, world_up: None, latency: None, age_ms: None, run }
     }
 
     /// Opens the poses once the run has made them.
@@ -73,7 +76,12 @@ impl Joined {
             let Some(base) = input.base() else { continue };
             let stamp_nanos = input.clock.camera_nanos(pose.stamp_nanos);
             self.age_ms = time.age_ms(stamp_nanos);
-            match output.publish_pose(&pose, base, stamp_nanos) {
+            let world_up = match self.world_up {
+                Some(world_up) => world_up,
+                // It has a pose, so it has written what it is.
+                None => *self.world_up.insert(self.run.world_up()?.unwrap_or_default()),
+            };
+            match output.publish_pose(&pose, (base, world_up), stamp_nanos) {
                 Err(Ros2Error::Carrier(error)) => report.note(Event::Carrier, || error.to_string()),
                 other => other?,
             }

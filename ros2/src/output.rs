@@ -1,7 +1,9 @@
 //! Poses of the run into the network: odometry, transforms, the way so far, diagnostics.
 
 use crate::base::{Base, pose, velocity};
-use crate::carrier::{Carrier, CarrierError, DIAGNOSTICS, ODOMETRY, PATH, Publication, Quality, TRANSFORMS};
+use crate::carrier::{
+    Carrier, CarrierError, DIAGNOSTICS, INITIAL_POSE, ODOMETRY, PATH, Publication, Quality, TRANSFORMS,
+};
 use crate::error::Ros2Error;
 use crate::path::Way;
 use std::borrow::Cow;
@@ -9,8 +11,10 @@ use tessera_geometry::Pose;
 use tessera_messages::PoseMessage;
 use tessera_recording::ros::{
     Covariance, DiagnosticArray, DiagnosticStatus, Header, KeyValue, Odometry, Path, PoseStamped,
-    PoseWithCovariance, Time, TransformStamped, Transforms, TwistWithCovariance, encode,
+    PoseWithCovariance, PoseWithCovarianceStamped, Time, TransformStamped, Transforms, TwistWithCovariance,
+    encode,
 };
+use tessera_slam::WorldUp;
 
 const MAP: &str = "map";
 const ODOM: &str = "odom";
@@ -25,6 +29,8 @@ const MOST_SECONDS: f64 = 0.5;
 /// What is published.
 pub(crate) struct Output {
     odometry: Box<dyn Publication>,
+    /// In `map`.
+    pose: Box<dyn Publication>,
     path: Box<dyn Publication>,
     diagnostics: Box<dyn Publication>,
     transforms: Option<Box<dyn Publication>>,
@@ -59,6 +65,7 @@ impl Output {
             has_transforms.then(|| carrier.publish("/tf", TRANSFORMS, Quality::TRANSFORMS)).transpose()?;
         Ok(Self {
             odometry: carrier.publish(&format!("{namespace}/odom"), ODOMETRY, Quality::DEFAULT)?,
+            pose: carrier.publish(&format!("{namespace}/pose"), INITIAL_POSE, Quality::DEFAULT)?,
             path: carrier.publish(
                 &format!("{namespace}/path"),
                 PATH,
@@ -90,11 +97,12 @@ impl Output {
     pub(crate) fn publish_pose(
         &mut self,
         message: &PoseMessage,
-        base: &Base,
+        (base, world_up): (&Base, WorldUp),
         stamp_nanos: i64,
     ) -> Result<(), Ros2Error> {
-        let odom_from_base = base.of_base(&pose(&message.odom_from_camera));
-        self.map_from_odom = base.of_base(&pose(&message.world_from_odom));
+        let map_from_world = base.map_from_world(world_up);
+        let odom_from_base = base.pose_in(&map_from_world, &pose(&message.odom_from_camera));
+        self.map_from_odom = map_from_world * pose(&message.world_from_odom) * map_from_world.inverse();
         self.newest_nanos = stamp_nanos;
         (self.state, self.reason) = (message.state, message.reason_text());
         self.n_poses += 1;
@@ -105,6 +113,13 @@ impl Output {
         let odometry = self.odometry(&now, covariance, base);
         self.odometry.send(&encode(&odometry)?)?;
         self.before = Some(now);
+        let map_from_base = self.map_from_odom * odom_from_base;
+        let covariance = base.covariance(&message.covariance, &map_from_base).filter(|_| !is_lost);
+        let pose = PoseWithCovariance {
+            pose: (&map_from_base).into(),
+            covariance: covariance.unwrap_or_else(unknown),
+        };
+        self.pose.send(&encode(&PoseWithCovarianceStamped { header: header(stamp_nanos, MAP), pose })?)?;
         if is_lost {
             return Ok(());
         }

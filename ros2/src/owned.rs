@@ -1,12 +1,15 @@
 //! The run that this program itself began: it is ended in order, and taken over by the successor of a
 //! program that died.
 
+use crate::cut_off::cut_off;
 use crate::error::Ros2Error;
 use crate::run::{GUEST, is_alive, tessera};
 use rustix::process::{Pid, Signal};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ExitStatus};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
+use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{RunEntry, check_name, living_nodes, registered_runs};
 
 /// Variable by which a run's supervisor says which program began it.
@@ -33,13 +36,14 @@ enum RunProcess {
 pub(crate) struct Started {
     supervisor: RunProcess,
     pub(crate) name: String,
+    resumed: Option<PathBuf>,
     /// When its camera ended.
     ended_at: Option<Instant>,
 }
 
 impl Started {
-    /// Takes over the run that a program of this name began, or a reset of it made, before it died; else
-    /// starts it.
+    /// Takes over the run that a program of this name began, or a reset of it made, before it died; goes on
+    /// with the one that was cut off with this machine; else starts it.
     ///
     /// # Errors
     /// Where another program carries it, or it cannot be started.
@@ -48,7 +52,10 @@ impl Started {
         let living = registered_runs()?.into_iter().filter(|run| run.is_alive).map(|run| run.entry);
         let own = living.filter(|entry| is_of(entry.pid, name));
         let Some(entry) = own.max_by_key(|entry| number_of(&entry.name)) else {
-            return Self::start(name, arguments, name);
+            return match cut_off(name, arguments) {
+                Some(folder) => Self::resume(&folder, name),
+                None => Self::start(name, arguments, name),
+            };
         };
         let began = Instant::now();
         while let Some(other) = living_nodes(&entry.identity)?.iter().find(|node| node.name == GUEST) {
@@ -60,7 +67,8 @@ impl Started {
             }
             std::thread::sleep(END_POLL);
         }
-        Ok(Self { name: entry.name.clone(), supervisor: RunProcess::Taken(entry), ended_at: None })
+        let name = entry.name.clone();
+        Ok(Self { name, supervisor: RunProcess::Taken(entry), resumed: None, ended_at: None })
     }
 
     /// Starts it for the program of the name `of`.
@@ -69,13 +77,23 @@ impl Started {
     /// Where it cannot be started.
     pub(crate) fn start(name: &str, arguments: &[String], of: &str) -> Result<Self, Ros2Error> {
         let mut command = tessera();
-        // A group of its own: Ctrl-C reaches this program alone, which ends the run in order.
-        command.args(["run", "external", "--name", name]).args(PATIENT).args(arguments).process_group(0);
-        command.env(OWNER, of);
-        let started = command.spawn();
-        let program = command.get_program().display();
-        let child = started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))?;
-        Ok(Self { supervisor: RunProcess::Child(child), name: name.to_owned(), ended_at: None })
+        command.args(["run", "external", "--name", name]).args(PATIENT).args(arguments);
+        let supervisor = RunProcess::Child(spawn(command, of)?);
+        Ok(Self { supervisor, name: name.to_owned(), resumed: None, ended_at: None })
+    }
+
+    /// Goes on with the run of a folder, by its own settings.
+    fn resume(folder: &Path, of: &str) -> Result<Self, Ros2Error> {
+        let run = RunFile::read(&RunFiles::new(folder)).map_err(|error| Ros2Error::Run(error.to_string()))?;
+        let mut command = tessera();
+        command.arg("resume").arg(folder);
+        let supervisor = RunProcess::Child(spawn(command, of)?);
+        Ok(Self { supervisor, name: run.name, resumed: Some(folder.to_owned()), ended_at: None })
+    }
+
+    /// The folder of the run, where it was cut off and goes on.
+    pub(crate) fn resumed(&self) -> Option<&Path> {
+        self.resumed.as_deref()
     }
 
     /// Whether it went on already.
@@ -153,6 +171,15 @@ impl Drop for Started {
     }
 }
 
+/// Starts a supervisor for the program of the name `of`.
+fn spawn(mut command: Command, of: &str) -> Result<Child, Ros2Error> {
+    // A group of its own: Ctrl-C reaches this program alone, which ends the run in order.
+    command.process_group(0).env(OWNER, of);
+    let started = command.spawn();
+    let program = command.get_program().display();
+    started.map_err(|error| Ros2Error::Run(format!("cannot start {program}: {error}")))
+}
+
 fn judge(status: ExitStatus) -> Result<bool, Ros2Error> {
     // 130: interrupted, with its outputs written.
     if status.success() || status.code() == Some(130) {
@@ -177,7 +204,6 @@ fn number_of(name: &str) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::process::Command;
 
     #[test]
     fn a_run_belongs_to_the_name_that_its_supervisor_was_started_for() {

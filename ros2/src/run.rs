@@ -6,11 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tessera_geometry::Camera;
 use tessera_settings::Settings;
+use tessera_slam::WorldUp;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Guest, RunEntry, check_name, registered_runs};
 
 /// Under this name the program joins a run.
 pub(crate) const GUEST: &str = "ros2";
+
+/// Where `tessera run` makes the folders of its runs.
+const RUNS: &str = "runs";
 
 /// A run that goes on.
 pub(crate) struct Run {
@@ -41,6 +45,20 @@ impl Run {
     /// # Errors
     /// Where its files cannot be read.
     pub(crate) fn camera(&self) -> Result<Option<Camera>, Ros2Error> {
+        let known = self.known()?;
+        Ok(known.and_then(|(run, settings)| settings.run.camera.is_empty().then_some(run.camera)))
+    }
+
+    /// Axes of its world; `None` where it has had no image yet.
+    ///
+    /// # Errors
+    /// Where its files cannot be read.
+    pub(crate) fn world_up(&self) -> Result<Option<WorldUp>, Ros2Error> {
+        Ok(self.known()?.map(|(_, settings)| settings.mapping.world_up))
+    }
+
+    /// What it wrote of itself; `None` where it has had no image yet.
+    fn known(&self) -> Result<Option<(RunFile, Settings)>, Ros2Error> {
         let files = RunFiles::new(&self.entry.run_dir);
         if !files.run_file().is_file() {
             return Ok(None);
@@ -55,7 +73,7 @@ impl Run {
         let text = std::fs::read_to_string(&path)
             .map_err(|error| Ros2Error::Run(format!("cannot read {path}: {error}")))?;
         let settings = Settings::from_toml(&text, &path).map_err(|error| wrong(&error))?;
-        Ok(settings.run.camera.is_empty().then_some(run.camera))
+        Ok(Some((run, settings)))
     }
 }
 
@@ -90,6 +108,15 @@ pub(crate) fn next_run(name: &str, run_dir: &Path, arguments: &[String]) -> (Str
         };
     }
     (format!("{name}-{number}"), arguments)
+}
+
+/// The folder of a run of that name, or of the one that a reset gave that number.
+pub(crate) fn folder_of(name: &str, arguments: &[String], number: Option<u64>) -> PathBuf {
+    let folder = match out_of(arguments) {
+        Some((_, out)) => out.trim_end_matches('/').to_owned(),
+        None => format!("{RUNS}/{name}"),
+    };
+    PathBuf::from(number.map_or(folder.clone(), |number| format!("{folder}-{number}")))
 }
 
 /// Where `--out` is among the arguments, and what it says.

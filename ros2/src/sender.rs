@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use tessera_geometry::{Camera, InertialRotation};
+use tessera_geometry::{Camera, InertialRotation, UpDirection};
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind};
 use tessera_transport::{Guest, Notifier, SlicePublisher, Subscriber, TransportError};
 
@@ -144,6 +144,7 @@ impl Sender {
             index: image.index,
             stamp_nanos: image.stamp_nanos,
             rotation: image.rotation.into(),
+            up: image.up.into(),
             has_colour: u32::from(image.has_colour),
             kind: if self.asks_relocalisation { CameraFrame::RELOCALISE } else { Kind::Frame.to_wire() },
             ..self.header
@@ -171,6 +172,8 @@ pub(crate) struct Image {
     pub(crate) stamp_nanos: i64,
     /// By a gyroscope.
     pub(crate) rotation: Option<InertialRotation>,
+    /// By an accelerometer, or by where the camera is on a robot that stands level.
+    pub(crate) up: Option<UpDirection>,
     pub(crate) has_colour: bool,
     pub(crate) received_at: Instant,
 }

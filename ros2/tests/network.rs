@@ -119,7 +119,7 @@ fn exchange(network: &Network) -> String {
         odometry.insert(micros(&line["stamp"]), pose(&numbers(&line["pose"])));
     }
     assert!(n_moving >= 8, "{n_moving} poses have a velocity with a covariance");
-    let mut n_compared = 0;
+    let (mut n_compared, mut in_map) = (0, BTreeMap::new());
     for line in of("/tf") {
         let [map, odom] = &line["transforms"].as_array().unwrap()[..] else { panic!("{line}") };
         assert_eq!((&map["parent"], &map["child"]), (&"map".into(), &"odom".into()));
@@ -129,8 +129,21 @@ fn exchange(network: &Network) -> String {
             assert!(difference(odometry, &pose(&numbers(&odom["pose"]))) < 1e-12);
         }
         assert!(is_of_run(line, &written), "{line} is no pose of {:?}", written.keys());
+        let [map, odom] = [map, odom].map(|link| (micros(&link["stamp"]), pose(&numbers(&link["pose"]))));
+        in_map.insert(odom.0, map.1 * odom.1);
         n_compared += 1;
     }
+    let mut n_in_map = 0;
+    for line in of("/tessera/pose") {
+        assert_eq!(line["frame"], "map");
+        let covariance = numbers(&line["covariance"]);
+        assert!(covariance.len() == 36 && (0..6).all(|k| covariance[7 * k] > 0.0), "{line}");
+        if let Some(map_from_base) = in_map.get(&micros(&line["stamp"])) {
+            assert!(difference(map_from_base, &pose(&numbers(&line["pose"]))) < 1e-12, "{line}");
+            n_in_map += 1;
+        }
+    }
+    assert!(n_in_map >= 10, "{n_in_map} poses in the map");
     assert!(n_compared >= 10 && odometry.len() >= 10, "{n_compared} {}", odometry.len());
     let path = of("/tessera/path").pop().expect("a path");
     assert!(path["frame"] == "map" && path["poses"].as_array().unwrap().len() >= 2, "{path}");

@@ -26,6 +26,7 @@ mod promises {
         mod saved_map;
         mod submaps;
         mod systemd;
+        mod turned_off;
         mod versions;
     }
     /// A fault stays where it is: in one stage, one frame, one viewer, one foreign program.

@@ -179,6 +179,24 @@ fn three_robots_that_start_apart_end_in_one_map_as_good_as_one_run_over_all() {
     }
     let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
     assert_eq!(report.matches("class=\"join\"").count(), 2, "both joins are drawn");
+    // In 3D, each with its colour; two joins that hold.
+    let scene = std::fs::read_to_string(folder.join("map/scene.html")).unwrap();
+    assert!(report.contains(&scene) && report.contains("Map and robots in 3D"));
+    for run in &summary.runs {
+        assert!(scene.contains(&format!("</i>{}</span>", run.run)), "{}", run.run);
+    }
+    let n_points = scene.split(" points, one for each").next().unwrap().rsplit('>').next().unwrap();
+    let n_points: usize = n_points.trim().rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((1000..=60_000).contains(&n_points), "{n_points}");
+    let (cloud, poses) = (dir.path().join("map.pcd"), dir.path().join("poses.txt"));
+    let mut export = Command::new(&tessera);
+    export.args(["export", "--quiet"]).arg(&folder).arg("--cloud").arg(&cloud).arg("--kitti").arg(&poses);
+    assert!(export.status().unwrap().success());
+    assert!(std::fs::metadata(&cloud).unwrap().len() > 27 * n_points as u64 / 2);
+    for run in &summary.runs {
+        let rows = std::fs::read_to_string(dir.path().join(format!("poses_{}.txt", run.label))).unwrap();
+        assert_eq!(rows.lines().count() as u64, run.frames, "{}", run.label);
+    }
 }
 
 #[test]

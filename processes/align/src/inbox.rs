@@ -37,6 +37,7 @@ impl ReceivedSurface {
             stamp_nanos: self.header.stamp_nanos,
             // Checked when it came, in a private copy.
             rotation: self.header.rotation.read(self.header.index).unwrap_or(None),
+            up: self.header.up.read(self.header.index).unwrap_or(None),
             surface: SurfaceView { grid, vertices: self.vertices() },
             features: &self.features,
             workload: self.header.workload(),

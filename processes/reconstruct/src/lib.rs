@@ -147,6 +147,7 @@ fn surface_header(
         kind: frame.kind,
         workload: workload.level() as u32,
         rotation: frame.rotation,
+        up: frame.up,
         times,
         ..SurfaceHeader::default()
     }

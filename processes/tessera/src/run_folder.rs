@@ -26,7 +26,7 @@ pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
     let names = names();
     if base(name_or_folder).is_some() {
         return Err(CommandError::arguments(format!(
-            "{name_or_folder:?} is the folder of a base: its map's clouds and trajectories are in {name_or_folder}/map, its runs beside that; tessera view shows it"
+            "{name_or_folder:?} is the folder of a base: its map's clouds and trajectories are in {name_or_folder}/map, its runs beside that; tessera view shows it, tessera export writes it"
         )));
     }
     let there_are = if names.is_empty() { "none".to_owned() } else { names.join(", ") };

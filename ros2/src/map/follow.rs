@@ -5,6 +5,7 @@ use tessera_geometry::{Camera, Pose};
 use tessera_journal::{Follower, JournalError};
 use tessera_occupancy::{ColouredPoint, KeyframeView, thinned_surface};
 use tessera_settings::{Settings, SettingsError};
+use tessera_slam::WorldUp;
 use tessera_slam::{AlignRecord, KeyframeRecord, PoseHistory};
 use tessera_stage::{ALIGN_JOURNAL, RunFile, RunFiles, StageError, StoredKeyframes};
 use tessera_transport::RunEntry;
@@ -37,6 +38,7 @@ pub(crate) struct Follow {
     step: usize,
     max_depth_m: f64,
     poses: PoseHistory,
+    world_up: WorldUp,
     /// Stamp and velocity of each keyframe.
     made: Vec<(i64, [f64; 6])>,
     /// Submap of the newest frame.
@@ -74,11 +76,17 @@ impl Follow {
             camera: run.camera,
             step: settings.surface.step as usize,
             max_depth_m: settings.output.map_max_depth_m,
+            world_up: settings.mapping.world_up,
             poses: PoseHistory::default(),
             made: Vec::new(),
             submap: 0,
             newest_nanos: 0,
         }))
+    }
+
+    /// Axes of the run's world.
+    pub(crate) fn world_up(&self) -> WorldUp {
+        self.world_up
     }
 
     /// Takes in what was written since; a record that is not whole yet is read later.

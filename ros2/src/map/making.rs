@@ -102,8 +102,8 @@ impl<'a> Making<'a> {
 
     /// The keyframes, each with the pose that takes its points to the frame `map`.
     fn scene(&self) -> Scene {
-        let base_from_camera = self.worker.base_from_camera;
-        let placed = |(id, world_from_camera)| (id, base_from_camera * world_from_camera);
+        let map_from_world = self.worker.base.map_from_world(self.follow.world_up());
+        let placed = |(id, world_from_camera)| (id, map_from_world * world_from_camera);
         self.follow.scene().into_iter().map(placed).collect()
     }
 

@@ -25,8 +25,7 @@ pub(crate) fn save_grid(
     let wanted = Arc::<Wanted>::default();
     wanted.grid.store(true, Ordering::Relaxed);
     wanted.is_over.store(true, Ordering::Release);
-    let base_from_camera = base.base_from_camera();
-    let worker = Worker { entry: entry.clone(), options, base_from_camera, wanted, to };
+    let worker = Worker { entry: entry.clone(), options, base: base.clone(), wanted, to };
     let dir = entry.run_dir.clone();
     std::thread::spawn(move || {
         let made = std::thread::spawn(move || worker.work());

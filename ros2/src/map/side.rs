@@ -76,7 +76,7 @@ impl MapSide {
             let worker = Worker {
                 entry: entry.clone(),
                 options: self.options,
-                base_from_camera: base.base_from_camera(),
+                base: base.clone(),
                 wanted: Arc::clone(&self.wanted),
                 to,
             };

@@ -5,10 +5,10 @@ use super::cloud::Packed;
 use super::follow::{Follow, FollowError};
 use super::making::Making;
 use super::mapper::GridUpdate;
+use crate::base::Base;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SendError, SyncSender};
 use std::time::Duration;
-use tessera_geometry::Pose;
 use tessera_transport::RunEntry;
 
 /// Time between two looks into the journal.
@@ -54,8 +54,8 @@ pub(crate) struct MapOptions {
 pub(crate) struct Worker {
     pub(crate) entry: RunEntry,
     pub(crate) options: MapOptions,
-    /// The base of the robot as seen from its camera: the frame `map` is that of the base at the start.
-    pub(crate) base_from_camera: Pose,
+    /// The base of the robot as seen from its camera.
+    pub(crate) base: Base,
     pub(crate) wanted: std::sync::Arc<Wanted>,
     pub(crate) to: SyncSender<Update>,
 }

@@ -294,8 +294,13 @@ impl Setup {
     }
 
     pub(crate) fn start(&self) -> Program {
+        self.start_with(&[])
+    }
+
+    /// The run with further arguments.
+    pub(crate) fn start_with(&self, arguments: &[&str]) -> Program {
         let mut command = Command::new(tessera().unwrap());
-        command.args(["run", "external", "--name", &self.name]).args(self.run_arguments());
+        command.args(["run", "external", "--name", &self.name]).args(self.run_arguments()).args(arguments);
         Program::start(command, false)
     }
 

@@ -1,4 +1,5 @@
-//! A program that began a run and dies: it is started again, and the run is still its own.
+//! A program that began a run and dies, or a whole robot that does: it is started again, and the run is still its
+//! own.
 
 use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
 use crate::program::signal;
@@ -52,5 +53,49 @@ fn a_program_that_dies_is_started_again_and_takes_its_run_over() {
     ros2.terminate();
     let words = ros2.finish();
     assert!(ended(&next).starts_with("\"finished\""), "{} {words}", ended(&next));
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
+
+/// Everything of a run in one blow, as when the robot is turned off.
+fn turn_off(keeper: u32, out: &std::path::Path) {
+    let words = out.display().to_string();
+    let of_run = std::fs::read_dir("/proc").unwrap().flatten().filter_map(|process| {
+        let pid: u32 = process.file_name().to_str()?.parse().ok()?;
+        let line = std::fs::read(process.path().join("cmdline")).ok()?;
+        String::from_utf8_lossy(&line).contains(&words).then_some(pid)
+    });
+    let pids: Vec<u32> = [keeper, kept_by(keeper)].into_iter().chain(of_run).collect();
+    let mut command = std::process::Command::new("kill");
+    command.arg("-KILL").args(pids.iter().map(u32::to_string)).status().unwrap();
+    let is_there = |pid: &u32| {
+        let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+        !status.is_empty() && !status.contains("State:\tZ")
+    };
+    wait_for("the end of all processes", || !pids.iter().any(is_there));
+}
+
+#[test]
+fn a_robot_that_is_turned_off_goes_on_with_its_run_by_the_same_command() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    for time in 0..3 {
+        let ros2 = network.join_and_run(&setup);
+        if time > 0 {
+            ros2.await_words("was cut off: it goes on, by its own settings");
+        }
+        setup.wait_for_growth("frames of this day");
+        turn_off(ros2.id(), &setup.out());
+        drop(ros2);
+    }
+    let ros2 = network.join_and_run(&setup);
+    setup.wait_for_growth("frames of the last day");
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(ended(&setup.out()).starts_with("\"finished\""), "{} {words}", ended(&setup.out()));
+    // It came to its end: the same command does not overwrite it.
+    let (status, words) = network.join_and_run(&setup).wait();
+    assert!(!status.success() && words.contains("holds a run already"), "{status} {words}");
     assert_eq!(setup.leftovers(), Vec::<String>::new());
 }

@@ -1,6 +1,6 @@
 """A camera's driver in a ROS 2 network: plays raw frames to and fro until it is ended.
 
-    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--clock] [--initial] [--jump] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
+    python camera.py FOLDER DOMAIN [--compressed] [--faults] [--imu] [--still] [--clock] [--initial] [--jump] [--focal F] [--start N] [--rate HZ] [--router ENDPOINT]
 
 It is one of DDS, and with a router one of Zenoh. FOLDER has camera.json (width, height, fx, fy, cx, cy, n, stamps) and dK.raw, cK.raw.
 """
@@ -27,6 +27,8 @@ FRAME = "camera_optical"
 # A rate that does not change, radians per second about the axes of the frame imu.
 IMU_RATE = (0.2, -0.1, 0.4)
 IMU_PERIOD = 5_000_000
+# Of a robot that stands on a ramp, along the same axes, m/s^2.
+IMU_FORCE = (1.0, 0.0, 9.76)
 
 
 def make(name, *fields):
@@ -78,13 +80,13 @@ def transforms(links):
     return STORE.serialize_cdr(make("tf2_msgs/msg/TFMessage", made), "tf2_msgs/msg/TFMessage")
 
 
-def imu(nanos):
+def imu(nanos, is_still):
     vector, covariance = lambda *xyz: make("geometry_msgs/msg/Vector3", *xyz), numpy.zeros(9)
     orientation = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
     unknown = numpy.array([-1.0] + 8 * [0.0])
     message = make(
-        "sensor_msgs/msg/Imu", header(nanos, "imu"), orientation, unknown, vector(*IMU_RATE), covariance,
-        vector(0.0, 0.0, 9.81), covariance,
+        "sensor_msgs/msg/Imu", header(nanos, "imu"), orientation, unknown, vector(*((0.0, 0.0, 0.0) if is_still else IMU_RATE)), covariance,
+        vector(*IMU_FORCE), covariance,
     )
     return STORE.serialize_cdr(message, "sensor_msgs/msg/Imu")
 
@@ -124,6 +126,7 @@ def main():
     parser.add_argument("--compressed", action="store_true")
     parser.add_argument("--faults", action="store_true")
     parser.add_argument("--imu", action="store_true")
+    parser.add_argument("--still", action="store_true", help="the IMU does not turn")
     parser.add_argument("--clock", action="store_true", help="/clock is the time of the images")
     parser.add_argument("--jump", action="store_true", help="times are earlier once FOLDER has a file of that name")
     parser.add_argument("--initial", action="store_true", help="every 20 images a pose on /initialpose")
@@ -191,7 +194,7 @@ def main():
         if 10 <= fault < 13:
             depth = image(nanos, width // 2, height, "16UC1", bytes(width * height))
         while imus is not None and imu_nanos <= nanos + 2 * IMU_PERIOD:
-            imus.write(messages.of(more_messages.Imu, imu(imu_nanos)))
+            imus.write(messages.of(more_messages.Imu, imu(imu_nanos, arguments.still)))
             imu_nanos += IMU_PERIOD
         if clocks is not None:
             clock = make("rosgraph_msgs/msg/Clock", stamp_of(nanos))

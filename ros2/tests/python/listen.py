@@ -41,6 +41,13 @@ def odometry(m):
     }
 
 
+def pose(m):
+    return {
+        "stamp": nanos(m.header), "frame": m.header.frame_id,
+        "pose": numbers(m.pose.pose.position, m.pose.pose.orientation), "covariance": list(m.pose.covariance),
+    }
+
+
 def transforms(m):
     one = lambda t: {
         "stamp": nanos(t.header), "parent": t.header.frame_id, "child": t.child_frame_id,
@@ -84,6 +91,7 @@ def update(m):
 
 TOPICS = [
     ("/tessera/odom", messages.Odometry, "nav_msgs/msg/Odometry", odometry),
+    ("/tessera/pose", more_messages.InitialPose, "geometry_msgs/msg/PoseWithCovarianceStamped", pose),
     ("/tf", messages.TFMessage, "tf2_msgs/msg/TFMessage", transforms),
     ("/tessera/path", messages.Path, "nav_msgs/msg/Path", path),
     ("/diagnostics", messages.DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray", diagnostics),

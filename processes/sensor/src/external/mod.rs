@@ -46,6 +46,7 @@ fn copy(
     header.stamp_nanos = image.header.stamp_nanos;
     header.has_colour = image.header.has_colour;
     header.rotation = image.header.rotation;
+    header.up = image.header.up;
     let from = image.received.payload();
     let to = frame.loan.payload_mut();
     let len = from.len().min(to.len());

@@ -87,6 +87,7 @@ impl<'a> Frames<'a> {
                     header.stamp_nanos = info.stamp_nanos;
                     header.has_colour = info.has_colour.into();
                     header.rotation = info.rotation.into();
+                    header.up = info.up.into();
                 }
                 Err(problem) => {
                     error = Some((frame.index, problem));

@@ -19,7 +19,7 @@ Examples:
   tessera export desk --nerfstudio desk_nerf
   tessera export desk --grid map.yaml --camera-height 0.8")]
 pub(crate) struct ExportArguments {
-    /// Name of the run, or its folder
+    /// Name of the run, or its folder; or that of a base, for the map of its robots
     pub(crate) run: String,
     /// Folder for the outputs [default: the run's own]
     #[arg(long, value_name = "DIR")]

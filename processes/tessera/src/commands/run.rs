@@ -39,7 +39,9 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     let (spec, mut options) = settings.source();
     options.fps = arguments.topics.fps;
     let source = tessera_sources::open(&spec, &options)?;
-    for warning in source.warnings() {
+    let mut warnings = source.warnings().to_vec();
+    warnings.extend(doubt_up(&settings, &*source));
+    for warning in &warnings {
         say_error(&format!("warning: {spec}: {warning}"));
     }
     let depth = summarise_depth(&*source, FRAMES_LOOKED_AT)?;
@@ -57,7 +59,18 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     for doubt in &doubts {
         say_error(&format!("warning: {spec}: {doubt}"));
     }
-    under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, &doubts, name))
+    let told = (doubts.as_slice(), warnings.as_slice());
+    under_a_name(arguments, &settings, |name| start(arguments, &settings, &*source, told, name))
+}
+
+/// Words where the world is to be levelled by gravity, and nothing measured it.
+fn doubt_up(settings: &Settings, source: &dyn Source) -> Option<String> {
+    let is_asked = settings.mapping.world_up.is_gravity() && settings.run.map.is_empty();
+    let imu = source.description().into_iter().find(|(name, _)| *name == "imu");
+    let is_measured = imu.is_some_and(|(_, words)| words.contains("accelerometer"));
+    (is_asked && !is_measured).then(|| {
+        "mapping.world_up is gravity, and no accelerometer was recorded: the floor that the first image shows levels the world, or nothing does".to_owned()
+    })
 }
 
 /// Starts under the name asked for, or under the first fresh one after the source; with a recording
@@ -177,12 +190,12 @@ fn start(
     arguments: &RunArguments,
     settings: &Settings,
     source: &dyn Source,
-    doubts: &[String],
+    (doubts, warnings): (&[String], &[String]),
     name: &str,
 ) -> Result<Exit, LaunchError> {
     let mut plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
     plan.doubts = doubts.to_vec();
-    plan.warnings = source.warnings().to_vec();
+    plan.warnings = warnings.to_vec();
     let exit = with_company(&plan, arguments, |when_seen| {
         launch(&plan, None, source.ground_truth(), arguments.speech, when_seen)
     })?;

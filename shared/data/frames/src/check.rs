@@ -233,7 +233,7 @@ pub(crate) mod tests {
             buffers.depth[0] = 0;
             buffers.depth[1] = u16::MAX;
             let stamp_nanos = self.stamp_nanos(index).unwrap_or(0);
-            Ok(FrameInfo { stamp_nanos, has_colour: false, rotation: None })
+            Ok(FrameInfo { stamp_nanos, has_colour: false, rotation: None, up: None })
         }
         fn ground_truth(&self) -> Option<&Trajectory> {
             None

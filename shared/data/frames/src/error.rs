@@ -233,6 +233,14 @@ pub enum ListError {
         /// The largest that is believed, as text.
         most: String,
     },
+    /// No camera is shaken that hard.
+    #[error("a specific force is {found} m/s^2, expected at most {most} m/s^2")]
+    ImuForce {
+        /// The force, as text.
+        found: String,
+        /// The largest that is believed, as text.
+        most: String,
+    },
     /// A file name leads out of the folder.
     #[error("filename is '{found}', expected a path inside the folder")]
     Outside {

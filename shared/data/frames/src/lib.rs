@@ -40,7 +40,7 @@ pub use depth_units::{
     DepthSummary, DepthUnitsError, doubt_units, refuse_impossible_depth, summarise_depth, summarise_image,
 };
 pub use error::{ImageError, ListError, SourceError};
-pub use imu::Gyroscope;
+pub use imu::ImuModel;
 pub use lens::{OtherLens, StatedLens, Undistortion};
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source, TakenColour};
 pub use warp::ColourWarp;

@@ -3,7 +3,7 @@
 use crate::{ColourCamera, SourceError};
 use std::path::PathBuf;
 use tessera_evaluation::Trajectory;
-use tessera_geometry::{Camera, InertialRotation};
+use tessera_geometry::{Camera, InertialRotation, UpDirection};
 
 /// Where a frame is decoded to: slices of the caller, for instance in shared memory.
 #[derive(Debug)]
@@ -43,6 +43,8 @@ pub struct FrameInfo {
     pub has_colour: bool,
     /// The camera's rotation since the first frame, where a gyroscope measured it.
     pub rotation: Option<InertialRotation>,
+    /// The direction against gravity, where an accelerometer measured it.
+    pub up: Option<UpDirection>,
 }
 
 /// A colour image as it was taken, before it is brought to the pixels of depth.
@@ -122,7 +124,7 @@ pub trait Source: Send + Sync {
             buffers.depth.fill(0);
         }
         buffers.colour.fill(0);
-        Ok((FrameInfo { stamp_nanos, has_colour: false, rotation: None }, Some(error)))
+        Ok((FrameInfo { stamp_nanos, has_colour: false, rotation: None, up: None }, Some(error)))
     }
 
     /// Looks whether the images of a frame are there and whole, without decoding them.

@@ -3,7 +3,7 @@
 use crate::compression::{ZSTD, whole};
 use crate::container::{Channels, Container, Place, Stored};
 use crate::error::RecordingError;
-use crate::gyroscope::ImuMessage;
+use crate::imu::ImuMessage;
 use crate::librealsense;
 use crate::messages::{self, MessageKind};
 use crate::topics::Topics;
@@ -47,10 +47,12 @@ pub(super) struct FoundMessage {
     pub(super) units: Option<Spot>,
     /// Frame of a stream, that of its reference, and where the stream stands.
     pub(super) streams: Vec<(String, String, Spot)>,
-    /// All messages of the gyroscope.
-    pub(super) imu: Vec<ImuMessage>,
     /// All transforms that stay.
     pub(super) transforms: Vec<Spot>,
+    /// All messages of the IMU, each with the number of its topic.
+    pub(super) imu: Vec<(usize, ImuMessage)>,
+    /// What is wrong with those that cannot be used.
+    pub(super) malformed_imu: Vec<String>,
     /// The last record is damaged: what was said of it.
     pub(super) torn: Option<RecordingError>,
 }
@@ -63,10 +65,11 @@ enum Role {
     Camera,
     ColourCamera,
     Extrinsics,
-    Imu,
     Units,
     StreamPlace,
     Transforms,
+    /// With the number of its topic.
+    Imu(usize),
 }
 
 /// Looks through the file for the times of its images. A damaged last record of a file that was cut
@@ -88,7 +91,10 @@ pub(super) fn find(
             MessageKind::RosExtrinsics(_) if is(&topics.extrinsics) => Role::Extrinsics,
             MessageKind::DepthUnits if is(&topics.units) => Role::Units,
             MessageKind::StreamPlace => Role::StreamPlace,
-            MessageKind::RosImu(_) if is(&topics.imu) => Role::Imu,
+            MessageKind::RosImu(_) => match topics.imu.iter().position(|topic| *topic == channel.topic) {
+                Some(topic) => Role::Imu(topic),
+                None => continue,
+            },
             MessageKind::RosTransforms(_) if channel.topic == STATIC_TRANSFORMS => Role::Transforms,
             _ => continue,
         };
@@ -122,10 +128,11 @@ pub(super) fn find(
                 all.camera = all.camera.or(found.camera);
                 all.colour_camera = all.colour_camera.or(found.colour_camera);
                 all.extrinsics = all.extrinsics.or(found.extrinsics);
-                all.imu.extend(found.imu);
                 all.units = all.units.or(found.units);
                 all.streams.extend(found.streams);
                 all.transforms.extend(found.transforms);
+                all.imu.extend(found.imu);
+                all.malformed_imu.extend(found.malformed_imu);
             }
             Err(error @ RecordingError::Damaged { .. }) if at.saturating_add(1) == n && is_cut => {
                 all.torn = Some(error);
@@ -203,6 +210,15 @@ impl Looking<'_> {
         Ok(self.found)
     }
 
+    /// A message of librealsense names no frame: it is that of its stream.
+    fn in_frame(&self, topic: usize, mut imu: ImuMessage) -> ImuMessage {
+        if imu.frame.is_empty() {
+            let stream = self.topics.imu.get(topic).and_then(|topic| librealsense::stream_of(topic));
+            imu.frame = stream.unwrap_or_default();
+        }
+        imu
+    }
+
     fn take(&mut self, message: &Stored<'_>) -> Result<(), RecordingError> {
         let Some(&(role, kind)) = self.roles.get(&message.channel) else { return Ok(()) };
         let data = whole(message.data)?;
@@ -236,9 +252,12 @@ impl Looking<'_> {
                 self.found.transforms.push(spot);
                 return Ok(());
             }
-            Role::Imu => {
-                // One that cannot be read is one sample less.
-                self.found.imu.extend(messages::imu(kind, &data).ok());
+            Role::Imu(topic) => {
+                let MessageKind::RosImu(wire) = kind else { return Ok(()) };
+                match ImuMessage::of(wire, &data) {
+                    Ok(imu) => self.found.imu.push((topic, self.in_frame(topic, imu))),
+                    Err(problem) => self.found.malformed_imu.push(problem.to_string()),
+                }
                 return Ok(());
             }
             Role::Depth => (&self.topics.depth, &mut self.found.depth),

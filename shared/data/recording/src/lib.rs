@@ -23,7 +23,7 @@ mod compression;
 mod container;
 mod error;
 mod foxglove;
-mod gyroscope;
+mod imu;
 mod librealsense;
 mod live;
 mod messages;
@@ -38,11 +38,12 @@ mod transforms;
 use chunks::{Chunks, FoundMessage, Spot};
 use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
-use gyroscope::RecordedGyroscope;
+pub use imu::ImuMessage;
+use imu::Instruments;
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
-use tessera_frames::imu::GyroSample;
+use tessera_frames::imu::ImuRecording;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 use tessera_frames::{CameraFile, SourceError, Undistortion};
@@ -84,8 +85,8 @@ pub struct RecordingSource {
     warnings: Vec<String>,
     /// Where depth images hold distances along the ray.
     rays: Option<RayLengths>,
-    gyroscope: Option<RecordedGyroscope>,
-    /// For each depth image, where there is a gyroscope.
+    imu: ImuRecording,
+    /// For each depth image, where a gyroscope measured it.
     rotations: Vec<InertialRotation>,
 }
 
@@ -100,8 +101,7 @@ struct Cameras {
     colour: ColourUse,
     /// What is done with colour, for people.
     colour_words: String,
-    /// Name of the coordinate frame of depth; empty where it is not known.
-    frame: String,
+    instruments: Instruments,
 }
 
 impl RecordingSource {
@@ -149,18 +149,10 @@ impl RecordingSource {
                 .map_err(wrong)?,
         };
         let is_stated = warnings.len() > n_before;
-        let gyroscope = match &topics.imu {
-            Some(_) if !is_as_stamped => {
-                Err("the gyroscope is left out: the times of the images are not as they were stamped"
-                    .to_owned())
-            }
-            Some(topic) => RecordedGyroscope::of(&chunks, &found, topic, &cameras.frame).map(Some),
-            None => Ok(None),
-        };
-        let gyroscope = gyroscope.unwrap_or_else(|why| {
-            warnings.push(why);
-            None
-        });
+        let imu = cameras.instruments.recording(&topics, &found, is_as_stamped);
+        if options.first.is_none() {
+            warnings.extend(cameras.instruments.left_out(&found));
+        }
         let (mut depth, mut colour) = (found.depth, found.colour);
         if matches!(cameras.colour, ColourUse::None) {
             colour.clear();
@@ -179,13 +171,7 @@ impl RecordingSource {
             warnings.extend(uncoloured(&depth_times, &colour_times, &partners, reason));
         }
         let rays = is_distance.then(|| RayLengths::new(&cameras.depth));
-        let topic = topics.imu.as_deref().unwrap_or_default();
-        let rotations =
-            gyroscope.as_ref().map(|gyroscope| gyroscope.rotations(topic, &depth_times)).transpose();
-        let rotations = rotations.unwrap_or_else(|why| {
-            warnings.push(why);
-            None
-        });
+        let rotations = imu.rotations(&depth_times);
         let pairing = summarise(&depth_times, &colour_times, &partners);
         Ok(Self {
             path: path.to_owned(),
@@ -198,14 +184,14 @@ impl RecordingSource {
             pairing,
             warnings,
             rays,
-            gyroscope,
-            rotations: rotations.unwrap_or_default(),
+            imu,
+            rotations,
         })
     }
 
-    /// The angular rates of this file about the camera's axes; empty where there is no gyroscope.
-    pub fn angular_rates(&self) -> &[GyroSample] {
-        self.gyroscope.as_ref().map_or(&[], |gyroscope| &gyroscope.samples)
+    /// Variance of the rotation by the gyroscope from the first frame to the last one, radians^2.
+    pub fn last_variance_rad2(&self) -> f64 {
+        self.rotations.last().map_or(0.0, |rotation| rotation.variance_rad2)
     }
 
     /// The images of a frame, each with its place among those of its kind: depth, and colour where it has a partner.
@@ -269,7 +255,8 @@ impl Cameras {
         let choice = colour::choose(chunks, topics, found, &seen);
         warnings.extend(choice.warning);
         let frame = recorded.map_or(String::new(), |recorded| recorded.frame);
-        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words, frame })
+        let instruments = Instruments::find(chunks, found, &frame);
+        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words, instruments })
     }
 }
 
@@ -381,8 +368,10 @@ impl Source for RecordingSource {
                 .map_err(|error| SourceError::Colour(Box::new(error)))?,
             _ => buffers.colour.fill(0),
         }
-        let rotation = self.rotations.get(depth.0).copied();
-        Ok(FrameInfo { stamp_nanos: depth.1.stamp_nanos, has_colour: colour.is_some(), rotation })
+        let ((at, spot), has_colour) = (depth, colour.is_some());
+        let rotation = self.rotations.get(at).copied();
+        let up = self.imu.up_at(spot.stamp_nanos);
+        Ok(FrameInfo { stamp_nanos: spot.stamp_nanos, has_colour, rotation, up })
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
@@ -425,8 +414,8 @@ impl Source for RecordingSource {
             ("colour", self.cameras.colour_words.clone()),
             ("camera", self.cameras.from.clone()),
         ];
-        let used = self.gyroscope.as_ref().filter(|_| !self.rotations.is_empty());
-        description.extend(used.map(|gyroscope| ("gyroscope", gyroscope.words.clone())));
+        let imu = self.imu.words().map(|words| ("imu", format!("{words} of {}", self.topics.imu.join(", "))));
+        description.extend(imu);
         description
     }
 }

@@ -2,9 +2,11 @@
 
 use crate::container::Channel;
 use crate::error::MessageError;
-use crate::gyroscope::ImuMessage;
 use crate::{foxglove, librealsense, ros, ros1};
 use std::borrow::Cow;
+
+/// Bytes of an Imu message at most: 37 numbers of 8 bytes behind a header.
+const IMU_BYTES: u64 = 1024;
 
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,10 +23,10 @@ pub(super) enum MessageKind {
     DepthUnits,
     /// `geometry_msgs/Transform` of a stream, of that recorder.
     StreamPlace,
-    /// `sensor_msgs/msg/Imu`.
-    RosImu(MessageWire),
     /// `realsense2_camera_msgs/msg/Extrinsics`.
     RosExtrinsics(MessageWire),
+    /// `sensor_msgs/msg/Imu`.
+    RosImu(MessageWire),
     /// `foxglove.RawImage`.
     FoxgloveImage(Form),
     /// `foxglove.CompressedImage`.
@@ -88,11 +90,11 @@ impl MessageKind {
         }
     }
 
-    /// Bytes at the front of a message that hold its time; `None`: it may stand anywhere.
+    /// Bytes at the front of a message that hold its time, or all that is read of it; `None`: it may stand anywhere.
     pub(super) fn stamp_bytes(self) -> Option<u64> {
         match self {
             Self::FoxgloveImage(_) | Self::FoxgloveCompressed(_) | Self::FoxgloveCamera(_) => None,
-            Self::RosImu(_) => Some(ros::IMU_BYTES),
+            Self::RosImu(_) => Some(IMU_BYTES),
             // Small, and read by themselves.
             Self::DepthUnits | Self::StreamPlace => Some(0),
             _ => Some(ros::STAMP_BYTES),
@@ -190,11 +192,16 @@ pub(super) fn transforms(
     }
 }
 
-/// Reads the front of an IMU message.
-pub(super) fn imu(kind: MessageKind, data: &[u8]) -> Result<ImuMessage, MessageError> {
-    match kind {
-        MessageKind::RosImu(MessageWire::Ros1) => ros1::imu(data),
-        _ => ros::imu(data),
+/// Reads a message by how it is written.
+pub(super) fn of_wire<'a, T>(
+    wire: MessageWire,
+    data: &'a [u8],
+    cdr: impl FnOnce(&'a [u8]) -> Result<T, MessageError>,
+    ros1: impl FnOnce(&'a [u8]) -> Result<T, MessageError>,
+) -> Result<T, MessageError> {
+    match wire {
+        MessageWire::Cdr => cdr(data),
+        MessageWire::Ros1 => ros1(data),
     }
 }
 

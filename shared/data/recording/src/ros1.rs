@@ -3,7 +3,7 @@
 //! Source: wiki.ros.org/msg and the message definitions of ROS Noetic.
 
 use crate::error::MessageError;
-use crate::gyroscope::ImuMessage;
+use crate::imu::ImuFields;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage, nanos};
 use crate::ros::{Extrinsics, RosPose};
 use std::borrow::Cow;
@@ -134,13 +134,6 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
     Ok(CameraMessage { frame, width, height, model, distortion, intrinsics, projection })
 }
 
-pub(crate) fn imu(data: &[u8]) -> Result<ImuMessage, MessageError> {
-    let mut fields = Fields::of("sensor_msgs/Imu", data);
-    let ConnectionHeader { stamp_nanos, frame } = fields.header()?;
-    let (_orientation, _covariance) = (fields.array::<4>()?, fields.array::<9>()?);
-    Ok(ImuMessage { stamp_nanos, frame: frame.into_owned(), rate_rad_per_s: fields.array()? })
-}
-
 /// Parent, child and `parent_from_child` of each transform of a message.
 pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, RosPose)>, MessageError> {
     let mut fields = Fields::of("tf2_msgs/TFMessage", data);
@@ -159,6 +152,17 @@ pub(crate) fn extrinsics(data: &[u8]) -> Result<Extrinsics, MessageError> {
     let mut fields = Fields::of("realsense2_camera/Extrinsics", data);
     fields.header()?;
     Ok(Extrinsics { rotation: fields.array()?, translation: fields.array()? })
+}
+
+pub(crate) fn imu(data: &[u8]) -> Result<ImuFields, MessageError> {
+    let mut fields = Fields::of("sensor_msgs/Imu", data);
+    let ConnectionHeader { stamp_nanos, frame } = fields.header()?;
+    let (_orientation, _covariance) = (fields.array::<4>()?, fields.array::<9>()?);
+    let mut vector = || -> Result<([f64; 3], f64), MessageError> {
+        let (values, [variance, ..]) = (fields.array()?, fields.array::<9>()?);
+        Ok((values, variance))
+    };
+    Ok(ImuFields { stamp_nanos, frame: frame.into_owned(), rate: vector()?, force: vector()? })
 }
 
 #[cfg(test)]

@@ -24,8 +24,8 @@ pub(super) struct Topics {
     pub(super) colour_camera: Option<String>,
     /// Where the colour camera stands, as a RealSense says it.
     pub(super) extrinsics: Option<String>,
-    /// Angular rates.
-    pub(super) imu: Option<String>,
+    /// The gyroscope and the accelerometer of the camera, which may have a topic each.
+    pub(super) imu: Vec<String>,
     /// Units of depth, as librealsense's recorder says them.
     pub(super) units: Option<String>,
 }
@@ -152,15 +152,15 @@ fn camera_of(images: &str, cameras: &[&str]) -> Option<String> {
     cameras.iter().rev().max_by_key(near).map(|topic| (*topic).to_owned())
 }
 
-/// The IMU of the nearest name: that of the camera before that of a robot. A topic of accelerations alone has no
-/// angular rates.
-fn imu_of(images: &str, topics: &[&str]) -> Option<String> {
-    let common = |topic: &str| topic.bytes().zip(images.bytes()).take_while(|(a, b)| a == b).count();
-    let name = |topic: &str| topic.to_lowercase();
-    let with_rates = topics.iter().rev().filter(|topic| !name(topic).contains("accel"));
-    with_rates
-        .max_by_key(|topic| (common(topic), name(topic).contains("gyro")))
-        .map(|topic| (*topic).to_owned())
+/// The IMU topics of the camera: those that share most of the name with its images.
+fn imu_of(images: &str, topics: &[&str]) -> Vec<String> {
+    let common = |topic: &str| {
+        let parts = topic.split('/').zip(images.split('/'));
+        parts.take_while(|(a, b)| a == b).count()
+    };
+    let most = topics.iter().map(|topic| common(topic)).max();
+    let nearest = topics.iter().filter(|topic| Some(common(topic)) == most);
+    nearest.map(|topic| (*topic).to_owned()).collect()
 }
 
 /// A topic without the part that names its transport: each image topic has them all.
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn the_imu_is_that_of_the_camera_with_rates() {
+    fn the_imu_is_that_of_the_camera() {
         let imu = "sensor_msgs/msg/Imu";
         let of = |topics: &[&str]| {
             let all: Vec<(&str, &str)> =
@@ -249,9 +249,9 @@ mod tests {
             choose(&channels(&all), None, None).unwrap().imu
         };
         let realsense = ["/imu/data", "/camera/accel/sample", "/camera/gyro/sample"];
-        assert_eq!(of(&realsense).as_deref(), Some("/camera/gyro/sample"));
-        assert_eq!(of(&["/mavros/imu/data", "/camera/imu"]).as_deref(), Some("/camera/imu"));
-        assert_eq!((of(&[]), of(&["/camera/accel/sample"])), (None, None));
+        assert_eq!(of(&realsense), ["/camera/accel/sample", "/camera/gyro/sample"].map(str::to_owned));
+        assert_eq!(of(&["/mavros/imu/data", "/camera/imu"]), ["/camera/imu".to_owned()]);
+        assert_eq!(of(&[]), Vec::<String>::new());
     }
 
     #[test]

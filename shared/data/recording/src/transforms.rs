@@ -36,6 +36,11 @@ pub(super) fn between_frames(chunks: &Chunks, found: &FoundMessage, from: &str, 
     if from.is_empty() || to.is_empty() {
         return None;
     }
+    static_frames(chunks, found).between(from, to)
+}
+
+/// All frames of the recording whose transforms stay.
+pub(super) fn static_frames(chunks: &Chunks, found: &FoundMessage) -> FrameTree {
     let mut tree = FrameTree::default();
     for spot in &found.transforms {
         let Ok(data) = chunks.read(spot) else { continue };
@@ -49,7 +54,7 @@ pub(super) fn between_frames(chunks: &Chunks, found: &FoundMessage, from: &str, 
             tree.parents.insert(stream.clone(), (reference.clone(), place.inverse()));
         }
     }
-    tree.between(from, to)
+    tree
 }
 
 /// Coordinate frames with the poses in their parents, as `/tf_static` has them.

@@ -8,7 +8,7 @@
 mod building;
 mod fields;
 mod furniture;
-mod gyroscope;
+mod imu;
 mod material;
 mod options;
 mod path;
@@ -34,9 +34,9 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use tessera_evaluation::Trajectory;
 use tessera_frames::SourceError;
 use tessera_frames::cameras::named_camera;
-use tessera_frames::imu::rotations;
+use tessera_frames::imu::ImuRecording;
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, Source};
-use tessera_geometry::{Camera, InertialRotation, RayTable};
+use tessera_geometry::{Camera, InertialRotation, RayTable, UpDirection};
 
 /// Frames per second.
 pub(crate) const RATE_HZ: f64 = 30.0;
@@ -100,8 +100,8 @@ pub struct SimulatedSource {
     n_frames: u64,
     /// Made when it is asked for: a restarted sensor has no use for it.
     ground_truth: OnceLock<Trajectory>,
-    /// For each frame, with a gyroscope; made with the first frame that is read.
-    rotations: OnceLock<Vec<InertialRotation>>,
+    /// With an IMU: what it measured, and the rotation of each frame; made with the first frame that is read.
+    inertial: OnceLock<(ImuRecording, Vec<InertialRotation>)>,
     /// Buffers of earlier frames: as many as frames were ever rendered at once.
     scratch: Mutex<Vec<Scratch>>,
 }
@@ -134,7 +134,7 @@ impl SimulatedSource {
         }
         let walk = Walk::new(name, options.seed).at_speed(options.speed);
         Ok(Self {
-            rotations: OnceLock::new(),
+            inertial: OnceLock::new(),
             rays: RayTable::new(&camera, 1),
             camera,
             scene: Scene::new(name, options.seed, options.person),
@@ -153,16 +153,26 @@ impl SimulatedSource {
         Trajectory { stamps_nanos, poses }
     }
 
-    /// What the gyroscope makes of the camera's rotation up to a frame, where there is one.
-    fn rotation(&self, index: u64) -> Option<InertialRotation> {
-        let gyroscope = self.options.gyroscope()?;
-        let made = self.rotations.get_or_init(|| {
+    /// What the IMU measured, and the camera's rotation at each frame by it, where there is one.
+    fn inertial(&self) -> Option<&(ImuRecording, Vec<InertialRotation>)> {
+        let model = self.options.imu_model()?;
+        Some(self.inertial.get_or_init(|| {
             let stamps: Vec<i64> = (0..self.n_frames).map(stamp_nanos).collect();
             let last = stamps.last().copied().unwrap_or(0);
-            let samples = gyroscope::measure(&self.walk, &gyroscope, self.options.seed, last);
-            rotations(&gyroscope, &samples, &stamps)
-        });
-        made.get(usize::try_from(index).ok()?).copied()
+            let recording = imu::measure(&self.walk, &model, self.options.seed, last);
+            let rotations = recording.rotations(&stamps);
+            (recording, rotations)
+        }))
+    }
+
+    /// The camera's rotation up to a frame.
+    fn rotation(&self, index: u64) -> Option<InertialRotation> {
+        self.inertial()?.1.get(usize::try_from(index).ok()?).copied()
+    }
+
+    /// Up at a frame.
+    fn up(&self, index: u64) -> Option<UpDirection> {
+        self.inertial()?.0.up_at(stamp_nanos(index))
     }
 
     fn take_scratch(&self) -> Scratch {
@@ -219,7 +229,7 @@ impl Source for SimulatedSource {
         }
         sensor::measure(self.options.sensor, (&self.camera, &self.rays), key, &mut scratch, buffers.depth);
         self.give_back(scratch);
-        Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotation(index) })
+        Ok(FrameInfo { stamp_nanos, has_colour: true, rotation: self.rotation(index), up: self.up(index) })
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {
@@ -229,6 +239,11 @@ impl Source for SimulatedSource {
     fn pairing(&self) -> Pairing {
         let n = self.n_frames as usize;
         Pairing { n_depth: n, n_colour: n, n_pairs: n, largest_difference_nanos: 0 }
+    }
+
+    fn description(&self) -> Vec<(&'static str, String)> {
+        let words = self.inertial().and_then(|(recording, _)| recording.words());
+        words.map(|words| ("imu", words.to_owned())).into_iter().collect()
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::sensor::DepthSensor;
 use serde::{Deserialize, Serialize};
 use tessera_frames::SourceError;
-use tessera_frames::imu::Gyroscope;
+use tessera_frames::imu::ImuModel;
 use tessera_geometry::Camera;
 
 /// Options of a simulated scene; everything follows from them and the frame's index.
@@ -27,7 +27,7 @@ pub struct SimulationOptions {
     pub person: bool,
     /// Speed of the camera along its path, times the default.
     pub speed: f64,
-    /// Whether the camera carries a gyroscope.
+    /// Whether the camera carries a gyroscope and an accelerometer.
     pub imu: bool,
     /// White noise of the gyroscope, radians per second per root hertz.
     #[serde(skip)]
@@ -35,6 +35,9 @@ pub struct SimulationOptions {
     /// Standard deviation of the gyroscope's constant error, radians per second.
     #[serde(skip)]
     pub imu_bias_sigma_rad_per_s: f64,
+    /// Standard deviation of the accelerometer's constant error, metres per second squared.
+    #[serde(skip)]
+    pub imu_bias_sigma_m_per_s2: f64,
 }
 
 impl Default for SimulationOptions {
@@ -48,8 +51,9 @@ impl Default for SimulationOptions {
             person: false,
             speed: 1.0,
             imu: false,
-            imu_noise_rad_per_s_sqrt_hz: Gyroscope::default().noise_rad_per_s_sqrt_hz,
-            imu_bias_sigma_rad_per_s: Gyroscope::default().bias_sigma_rad_per_s,
+            imu_noise_rad_per_s_sqrt_hz: ImuModel::default().noise_rad_per_s_sqrt_hz,
+            imu_bias_sigma_rad_per_s: ImuModel::default().bias_sigma_rad_per_s,
+            imu_bias_sigma_m_per_s2: ImuModel::default().bias_sigma_m_per_s2,
         }
     }
 }
@@ -64,6 +68,7 @@ impl SimulationOptions {
             ("speed", self.speed, 0.01..=20.0, "0.01 to 20"),
             ("imu_noise_rad_per_s_sqrt_hz", self.imu_noise_rad_per_s_sqrt_hz, 0.0..=1.0, "0 to 1"),
             ("imu_bias_sigma_rad_per_s", self.imu_bias_sigma_rad_per_s, 0.0..=10.0, "0 to 10 rad/s"),
+            ("imu_bias_sigma_m_per_s2", self.imu_bias_sigma_m_per_s2, 0.0..=10.0, "0 to 10 m/s^2"),
             ("colour_lag_s", self.colour_lag_s, -0.2..=0.2, "-0.2 to 0.2 s"),
         ];
         for (name, value, range, rule) in rules {
@@ -74,12 +79,13 @@ impl SimulationOptions {
         Ok(())
     }
 
-    /// The gyroscope, if there is one.
-    pub(super) fn gyroscope(&self) -> Option<Gyroscope> {
-        self.imu.then(|| Gyroscope {
+    /// The instruments, if there are any.
+    pub(super) fn imu_model(&self) -> Option<ImuModel> {
+        self.imu.then(|| ImuModel {
             noise_rad_per_s_sqrt_hz: self.imu_noise_rad_per_s_sqrt_hz,
             bias_sigma_rad_per_s: self.imu_bias_sigma_rad_per_s,
-            ..Gyroscope::default()
+            bias_sigma_m_per_s2: self.imu_bias_sigma_m_per_s2,
+            ..ImuModel::default()
         })
     }
 

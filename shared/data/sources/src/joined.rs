@@ -2,11 +2,13 @@
 
 use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceError, TakenColour};
 use tessera_evaluation::Trajectory;
-use tessera_frames::imu::{self, GyroSample, Gyroscope};
 use tessera_geometry::{Camera, InertialRotation};
 
 /// Interval to a file of one frame, nanoseconds.
 const USUAL_INTERVAL_NANOS: i64 = 33_333_333;
+
+/// Variance of a rotation of which nothing is known, radians^2.
+const UNKNOWN_RAD2: f64 = 10.0;
 
 /// Messages at the begin of a file that may be those at the end of the one before.
 const MOST_AGAIN: usize = 2;
@@ -20,23 +22,13 @@ pub(crate) struct JoinedSource {
     frames: Vec<(u32, u64, i64)>,
     pairing: Pairing,
     warnings: Vec<String>,
-    /// For each frame, where there is a gyroscope: since the first frame of all files.
-    rotations: Vec<InertialRotation>,
-    /// A file's stamps are not as they were recorded.
-    is_shifted: bool,
 }
 
 impl JoinedSource {
     /// Begins with the first file.
     pub(crate) fn new(first: RecordingSource) -> Self {
-        let mut joined = Self {
-            parts: Vec::new(),
-            frames: Vec::new(),
-            pairing: Pairing::default(),
-            warnings: Vec::new(),
-            rotations: Vec::new(),
-            is_shifted: false,
-        };
+        let mut joined =
+            Self { parts: Vec::new(), frames: Vec::new(), pairing: Pairing::default(), warnings: Vec::new() };
         joined.add(first);
         joined
     }
@@ -70,7 +62,6 @@ impl JoinedSource {
                 [first, second, ..] => second.saturating_sub(first),
                 _ => USUAL_INTERVAL_NANOS,
             };
-            self.is_shifted = true;
             shift = last.saturating_add(interval).saturating_sub(*first);
             self.warnings.push(format!(
                 "file {} begins {:.3} s before the end of the one before it: its stamps are counted on as a new stretch of time",
@@ -100,24 +91,14 @@ impl JoinedSource {
     pub(crate) fn limit(&mut self, frames: Option<u64>) {
         let most = frames.and_then(|n| usize::try_from(n).ok()).unwrap_or(usize::MAX);
         self.frames.truncate(most);
-        self.integrate();
     }
 
-    /// Rotations of each file begin with it: here they are since the first frame of all.
-    fn integrate(&mut self) {
-        let mut samples: Vec<GyroSample> =
-            self.parts.iter().flat_map(RecordingSource::angular_rates).copied().collect();
-        if samples.is_empty() {
-            return;
-        }
-        if self.is_shifted {
-            self.warnings.push("the gyroscope is left out: the files' times are counted on".to_owned());
-            return;
-        }
-        samples.sort_by_key(|sample| sample.stamp_nanos);
-        samples.dedup_by_key(|sample| sample.stamp_nanos);
-        let stamps: Vec<i64> = self.frames.iter().map(|(_, _, stamp)| *stamp).collect();
-        self.rotations = imu::rotations(&Gyroscope::default(), &samples, &stamps);
+    /// A rotation since the first frame of its file: from one file to the next nothing is known of it.
+    fn in_order(&self, index: u64, rotation: InertialRotation) -> InertialRotation {
+        let part = usize::try_from(index).ok().and_then(|at| Some(self.frames.get(at)?.0));
+        let before = self.parts.iter().take(part.unwrap_or(0) as usize);
+        let unknown: f64 = before.map(|part| UNKNOWN_RAD2 + part.last_variance_rad2()).sum();
+        InertialRotation { variance_rad2: rotation.variance_rad2 + unknown, ..rotation }
     }
 
     /// The part of a frame, and its index there.
@@ -148,8 +129,8 @@ impl Source for JoinedSource {
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
         let (part, at) = self.known_frame(index)?;
         let info = part.read(at, buffers)?;
-        let rotation = usize::try_from(index).ok().and_then(|at| self.rotations.get(at)).copied();
-        Ok(FrameInfo { stamp_nanos: self.stamp_nanos(index).unwrap_or(info.stamp_nanos), rotation, ..info })
+        let stamp_nanos = self.stamp_nanos(index).unwrap_or(info.stamp_nanos);
+        Ok(FrameInfo { stamp_nanos, rotation: info.rotation.map(|turn| self.in_order(index, turn)), ..info })
     }
 
     fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {

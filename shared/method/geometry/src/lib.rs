@@ -19,6 +19,7 @@ mod pose;
 mod rays;
 mod shutter;
 mod symmetric;
+mod up;
 
 pub use camera::{Camera, CameraError};
 pub use inertial::{InertialRotation, RelativeRotation};
@@ -30,3 +31,4 @@ pub use pose::{
 pub use rays::RayTable;
 pub use shutter::RollingShutter;
 pub use symmetric::{from_upper_triangle, upper_triangle};
+pub use up::UpDirection;

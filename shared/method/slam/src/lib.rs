@@ -44,7 +44,7 @@ pub use pairs::covisibility::pairs as neighbour_pairs;
 pub use pairs::seen_focal::{FocalView, seen_focal_ratio};
 pub use settings::{
     FeatureUse, GlobalSettings, KeyframeSettings, LoopSettings, MappingSettings, RelocaliseSettings,
-    SubmapSettings, WindowSettings,
+    SubmapSettings, WindowSettings, WorldUp,
 };
 pub use tracker::Tracker;
 pub use tracking::input::FrameSurface;

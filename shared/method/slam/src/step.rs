@@ -13,7 +13,7 @@ use crate::tracking::prediction::Prediction;
 use crate::tracking::promotion::{Promoted, with_keyframe, with_place};
 use crate::tracking::trigger::with_request;
 use crate::tracking::window_alignment::WindowAlignment;
-use crate::tracking::{fixed_lag, hypotheses, relocalise};
+use crate::tracking::{fixed_lag, hypotheses, relocalise, upright};
 use tessera_numerics::Step;
 
 /// The record of a frame. `posed` gets it as soon as the pose is known, where much is left to do for the map.
@@ -28,7 +28,9 @@ pub(crate) fn step(
     }
     let state = input.map.state();
     if state.keyframes.is_empty() {
-        return first_record(input, prediction, "the first frame".into());
+        let (prediction, levelled) = upright::levelled(input, prediction);
+        let reason = levelled.map_or("the first frame".to_owned(), |how| format!("the first frame; {how}"));
+        return first_record(input, &prediction, reason);
     }
     let aligned = match locate(input, aligner, prediction) {
         Err(reason) => return submap::lost_or_new(input, prediction, reason),

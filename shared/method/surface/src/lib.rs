@@ -13,6 +13,7 @@ mod cloud;
 mod colour;
 mod columns;
 mod filter;
+mod floor;
 mod mesh;
 mod normals;
 mod octahedron;
@@ -25,6 +26,7 @@ pub mod thinned;
 mod vertex;
 mod workload_level;
 
+pub use floor::floor_up;
 pub use reconstruct::{Reconstructor, SurfaceStats};
 pub use settings::{BoundaryRule, CellSample, EdgeRule, NormalsAfterFilter, SurfaceSettings};
 pub use vertex::{Grid, SurfaceView, Vertex};

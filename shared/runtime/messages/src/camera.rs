@@ -3,7 +3,7 @@
 
 use crate::frame::{FrameShape, Kind};
 use crate::message::{Message, Refusal};
-use crate::rotation::RotationBits;
+use crate::rotation::{RotationBits, UpBits};
 use bytemuck::{Pod, Zeroable};
 use tessera_geometry::{Camera, CameraError};
 
@@ -49,10 +49,12 @@ pub struct CameraFrame {
     pub depth_offset_m: f64,
     /// The rotation that a gyroscope measured; all zero without one.
     pub rotation: RotationBits,
+    /// The direction against gravity; all zero where it is not known.
+    pub up: UpBits,
 }
 
 impl Message for CameraFrame {
-    const NAME: &'static str = "tessera.CameraFrame.v1";
+    const NAME: &'static str = "tessera.CameraFrame.v2";
 }
 
 /// What the publisher is told on the service `camera_flow`. A live publisher need not read it.
@@ -144,6 +146,7 @@ impl CameraFrame {
             return Err(value("has_colour", self.has_colour.into(), "0 or 1"));
         }
         self.rotation.read(index)?;
+        self.up.read(index)?;
         Ok(kind)
     }
 
@@ -188,6 +191,8 @@ mod tests {
         }
         let rotation = RotationBits { variance_rad2: f64::NAN, ..Default::default() };
         assert!(refused(CameraFrame { rotation, ..frame() }).contains("the rotation"));
+        let up = UpBits { in_camera: [1.0, 1.0, 0.0], sigma_rad: 0.1 };
+        assert!(refused(CameraFrame { up, ..frame() }).contains("up is"));
     }
 
     #[test]

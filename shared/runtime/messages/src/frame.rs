@@ -1,7 +1,7 @@
 //! A depth image with optional colour on its way from the sensor to the reconstruction.
 
 use crate::message::{Message, Refusal, StepTimes};
-use crate::rotation::RotationBits;
+use crate::rotation::{RotationBits, UpBits};
 use bytemuck::{Pod, Zeroable};
 
 /// What a frame or surface message stands for.
@@ -59,14 +59,16 @@ pub struct FrameHeader {
     pub kind: u32,
     /// 1: the payload holds colour.
     pub has_colour: u32,
-    /// What a gyroscope says.
+    /// What a gyroscope measured.
     pub rotation: RotationBits,
+    /// What an accelerometer measured.
+    pub up: UpBits,
     /// When each step happened.
     pub times: StepTimes,
 }
 
 impl Message for FrameHeader {
-    const NAME: &'static str = "tessera.FrameHeader.v3";
+    const NAME: &'static str = "tessera.FrameHeader.v4";
 }
 
 /// The image size that the run's camera has.
@@ -129,6 +131,7 @@ impl FrameHeader {
         Refusal::unless_equal(index, "width", self.width.into(), shape.width.into())?;
         Refusal::unless_equal(index, "height", self.height.into(), shape.height.into())?;
         self.rotation.read(index)?;
+        self.up.read(index)?;
         Refusal::unless_reached(index, self.relocalise_from)?;
         match limit {
             Some(limit) if index >= limit => Err(Refusal::Future { index, limit }),

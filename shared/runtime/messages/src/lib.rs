@@ -34,7 +34,7 @@ pub use flow::Flow;
 pub use frame::{FrameHeader, FramePayload, FrameShape, Kind, MOST_LEFT_OUT};
 pub use message::{Element, Message, Refusal, StepTimes};
 pub use pose::{POSE_STATES, PoseMessage, pack_reason};
-pub use rotation::RotationBits;
+pub use rotation::{RotationBits, UpBits};
 pub use stage::Stage;
 pub use stage_times::{Phase, StageTimes, TIME_ROWS, TimeRow};
 pub use stored_surface::{

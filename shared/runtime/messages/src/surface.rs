@@ -2,7 +2,7 @@
 
 use crate::frame::Kind;
 use crate::message::{Message, Refusal, StepTimes};
-use crate::rotation::RotationBits;
+use crate::rotation::{RotationBits, UpBits};
 use crate::surface_payload::{MAX_FEATURES, check_features, read_features, vertices_of_features};
 use bytemuck::{Pod, Zeroable};
 use tessera_surface::{Grid, Vertex, WorkloadLevel};
@@ -38,14 +38,16 @@ pub struct SurfaceHeader {
     pub n_features: u32,
     /// Zero.
     pub reserved: u32,
-    /// What a gyroscope says.
+    /// What a gyroscope measured.
     pub rotation: RotationBits,
+    /// What an accelerometer measured.
+    pub up: UpBits,
     /// When each step happened.
     pub times: StepTimes,
 }
 
 impl Message for SurfaceHeader {
-    const NAME: &'static str = "tessera.SurfaceHeader.v5";
+    const NAME: &'static str = "tessera.SurfaceHeader.v6";
 }
 
 /// What the run's configuration says of every surface.
@@ -81,6 +83,7 @@ impl SurfaceHeader {
         let expected_len = grid.len().saturating_add(vertices_of_features(n_features));
         Refusal::unless_equal(index, "number of vertices", vertices.len() as u64, expected_len as u64)?;
         self.rotation.read(index)?;
+        self.up.read(index)?;
         Refusal::unless_reached(index, self.relocalise_from)?;
         let highest = if expected.limit.is_some() { WorkloadLevel::Full } else { WorkloadLevel::Least };
         if self.workload as usize > highest.level() {

@@ -116,7 +116,11 @@ impl Plan {
             // Another run has come and gone since the look above.
             return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
         }
-        let config = self.settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
+        let mut settings = self.settings.clone();
+        if let Some(map) = &map {
+            settings.mapping.world_up = map.world_up();
+        }
+        let config = settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
         if std::fs::read(files.config()).ok().as_deref() != Some(config.as_bytes()) {
             // Half a configuration would be a configuration too, of defaults.
             write_atomically(&files.config(), Durability::RunState, |writer| {

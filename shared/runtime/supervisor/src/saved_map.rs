@@ -11,7 +11,7 @@ use tessera_features::Feature;
 use tessera_geometry::Camera;
 use tessera_journal::{Follower, Journal, Store, fingerprint, lock_file};
 use tessera_settings::Settings;
-use tessera_slam::{AlignRecord, KeyframeSurfaces, MapRecord, TrackerState};
+use tessera_slam::{AlignRecord, KeyframeSurfaces, MapRecord, TrackerState, WorldUp};
 use tessera_stage::{ALIGN_JOURNAL, MapIdentity, RunFile, RunFiles, StoredKeyframes, store_slot};
 use tessera_surface::Vertex;
 use tessera_transport::registered_runs;
@@ -26,6 +26,8 @@ pub struct LoadedMap {
     pub features: Vec<Vec<Feature>>,
     /// The cameras that saw it, by session, where one is another than that of the run that starts in it.
     pub cameras: Vec<Camera>,
+    /// Which way is up in it: for the settings of the run that starts in it.
+    pub world_up: WorldUp,
 }
 
 /// Reads the map that `settings` name into memory; `None` where they name none.
@@ -33,7 +35,9 @@ pub struct LoadedMap {
 /// # Errors
 /// There is no map in that folder, its run is going on, its surfaces have another shape or are damaged.
 pub fn load_map(camera: &Camera, settings: &Settings) -> Result<Option<LoadedMap>, SupervisorError> {
-    let Some(MapOnDisk { files, mut keyframes, record, cameras }) = MapOnDisk::open(camera, settings)? else {
+    let Some(MapOnDisk { files, mut keyframes, record, cameras, world_up }) =
+        MapOnDisk::open(camera, settings)?
+    else {
         return Ok(None);
     };
     let wrong = |e: &dyn std::fmt::Display| directory("read the map of", &files.dir, e);
@@ -42,7 +46,7 @@ pub fn load_map(camera: &Camera, settings: &Settings) -> Result<Option<LoadedMap
         ids().map(|id| keyframes.load(id)).collect::<Result<Vec<_>, _>>().map_err(|e| wrong(&e))?;
     let features = ids().map(|id| keyframes.features(id).to_vec()).collect();
     keyframes.check().map_err(|e| wrong(&e))?;
-    Ok(Some(LoadedMap { record, surfaces, features, cameras }))
+    Ok(Some(LoadedMap { record, surfaces, features, cameras, world_up }))
 }
 
 /// An earlier run whose map can be used by a run with this camera and these settings.
@@ -51,6 +55,7 @@ pub(crate) struct MapOnDisk {
     keyframes: StoredKeyframes,
     record: MapRecord,
     cameras: Vec<Camera>,
+    world_up: WorldUp,
 }
 
 impl MapOnDisk {
@@ -102,12 +107,17 @@ impl MapOnDisk {
         let cameras = cameras(&run, &state, camera);
         let start = settings.run.start().map_err(&refuse)?;
         let record = MapRecord { keyframes: state.keyframes, submaps: state.submaps, start };
-        Ok(Some(Self { files, keyframes, record, cameras }))
+        Ok(Some(Self { files, keyframes, record, cameras, world_up: old.mapping.world_up }))
     }
 
     /// The cameras that saw the map, by session, where one is another than that of the run that starts in it.
     pub(crate) fn cameras(&self) -> &[Camera] {
         &self.cameras
+    }
+
+    /// Axes of the map's world, in which the run goes on whatever its own settings say.
+    pub(crate) fn world_up(&self) -> WorldUp {
+        self.world_up
     }
 
     /// Copies the surfaces into an empty store and makes the map the first record of a journal.

@@ -1,6 +1,7 @@
 //! Export for other programs: the fused map as a cloud or a mesh, the trajectory in their formats.
 #![forbid(unsafe_code)]
 
+mod base;
 mod colmap;
 mod fuse;
 mod glb;
@@ -14,7 +15,9 @@ mod seen_from_colour;
 mod straight;
 mod views;
 
+pub use base::write_base;
 use colmap::ModelForm;
+use poses::{euroc, kitti};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tessera_fusion::Mesh;
@@ -100,6 +103,7 @@ pub fn write(
     let mesh_file =
         wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
     wanted.grid.as_deref().map_or(Ok(()), check_grid)?;
+    let trajectories = [(&wanted.kitti, kitti as poses::PoseForm), (&wanted.euroc, euroc)];
     let mut written = Vec::new();
     let is_asked = wanted.needs_mesh() || wanted.grid.is_some();
     if !is_asked && wanted.kitti.is_none() && wanted.euroc.is_none() {

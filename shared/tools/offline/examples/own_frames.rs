@@ -15,7 +15,7 @@ fn main() -> Result<(), SettingError> {
             2500 - 10 * k - 2 * column.abs() - row.abs()
         };
         let depth: Vec<u16> = (0..320 * 240).map(|pixel| wall(pixel) as u16).collect();
-        let frame = RawFrame { stamp_nanos: k * 33_333_333, rotation: None, depth, colour: None };
+        let frame = RawFrame { stamp_nanos: k * 33_333_333, rotation: None, up: None, depth, colour: None };
         let tracked = run.push(&frame);
         println!("{:?} {:?}", tracked.state, tracked.world_from_camera.translation.vector);
     }

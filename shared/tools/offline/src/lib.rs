@@ -19,7 +19,7 @@ pub use tessera_evaluation::Trajectory;
 use tessera_features::Extractor;
 pub use tessera_features::Feature;
 use tessera_geometry::PoseBits;
-pub use tessera_geometry::{Camera, InertialRotation, Pose};
+pub use tessera_geometry::{Camera, InertialRotation, Pose, UpDirection};
 pub use tessera_numerics::SettingError;
 pub use tessera_registration::RegistrationSettings;
 pub use tessera_slam::{
@@ -29,7 +29,7 @@ pub use tessera_slam::{
 use tessera_slam::{
     Context, FrameSurface, KeyframeSurfaces, MapRecord, OptimiseRecord, Optimiser, Tracker, TrackerState,
 };
-use tessera_sources::FrameBuffers;
+use tessera_sources::{FrameBuffers, FrameInfo};
 pub use tessera_sources::{Source, SourceError};
 pub use tessera_surface::{Grid, SurfaceSettings, Vertex};
 use tessera_surface::{Reconstructor, SurfaceView, WorkloadLevel, packed};
@@ -41,6 +41,8 @@ pub struct RawFrame {
     pub stamp_nanos: i64,
     /// The camera's rotation since the first frame, where a gyroscope measured it.
     pub rotation: Option<InertialRotation>,
+    /// The direction against gravity, where an accelerometer measured it.
+    pub up: Option<UpDirection>,
     /// Raw depth, row by row.
     pub depth: Vec<u16>,
     /// Red, green, blue, registered to depth.
@@ -57,7 +59,8 @@ impl RawFrame {
         let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
         let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
         let colour = info.has_colour.then_some(colour);
-        Ok(Self { stamp_nanos: info.stamp_nanos, rotation: info.rotation, depth, colour })
+        let FrameInfo { stamp_nanos, rotation, up, .. } = info;
+        Ok(Self { stamp_nanos, rotation, up, depth, colour })
     }
 }
 
@@ -227,12 +230,14 @@ impl Run {
             index,
             stamp_nanos,
             rotation: None,
+            up: None,
             surface: SurfaceView { grid, vertices },
             workload: WorkloadLevel::Full,
             relocalise_from: 0,
         };
         let current = FrameSurface {
             rotation: frame.rotation,
+            up: frame.up,
             relocalise_from: self.relocalise_from,
             ..view(index, frame.stamp_nanos, vertices.as_slice(), features.as_slice())
         };

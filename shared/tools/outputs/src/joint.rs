@@ -2,7 +2,8 @@
 
 use crate::ToolError;
 use crate::map::{self, MapInput};
-use crate::voxels::VoxelCloud;
+use crate::preview::few;
+use crate::voxels::{MapPoint, VoxelCloud};
 use std::path::Path;
 use tessera_geometry::{Camera, Pose, RollingShutter, Twist, Vector6};
 use tessera_settings::OutputSettings;
@@ -18,7 +19,7 @@ pub fn write_joint_map<'k>(
     settings: &OutputSettings,
     keyframes: impl Iterator<Item = (&'k KeyframeState, (&'k Camera, usize))>,
     surfaces: &dyn KeyframeSurfaces,
-) -> Result<(), ToolError> {
+) -> Result<JointCloud, ToolError> {
     let mut cloud = VoxelCloud::new(settings.map_voxel_m);
     for (keyframe, (camera, step)) in keyframes {
         let input = MapInput { camera, step, settings, warp: None };
@@ -28,7 +29,22 @@ pub fn write_joint_map<'k>(
         let seen = (keyframe.id, surfaces.vertices(keyframe.id));
         map::add_keyframe(&mut cloud, &input, seen, &world_from_camera, &shutter);
     }
-    map::write_as(&cloud, folder, name)
+    map::write_as(&cloud, folder, name)?;
+    Ok(JointCloud(cloud))
+}
+
+/// A cloud that was written, for [`joint_preview`].
+pub struct JointCloud(VoxelCloud);
+
+/// Clouds in at most `most` points: the edge of the voxels that these are means of, and the points of each.
+pub fn joint_preview(
+    clouds: Vec<JointCloud>,
+    settings: &OutputSettings,
+    most: usize,
+) -> (f64, Vec<Vec<MapPoint>>) {
+    let clouds = clouds.into_iter().map(|cloud| cloud.0).collect();
+    let (voxel_m, clouds) = few(clouds, settings.map_voxel_m, most);
+    (voxel_m, clouds.iter().map(|cloud| cloud.points().collect()).collect())
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub use export::{
     refined_warp, write_groundtruth,
 };
 pub use files::write_file;
-pub use joint::write_joint_map;
+pub use joint::{JointCloud, joint_preview, write_joint_map};
 pub use machine::Machine;
 pub use noise::NoiseSummary;
 pub use ply::{PlyVertex, write_ply};

@@ -39,7 +39,7 @@ pub fn preview(
 }
 
 /// The clouds in voxels of one edge, so large that there are at most `most` points.
-fn few(clouds: Vec<VoxelCloud>, edge_m: f64, most: usize) -> (f64, Vec<VoxelCloud>) {
+pub(crate) fn few(clouds: Vec<VoxelCloud>, edge_m: f64, most: usize) -> (f64, Vec<VoxelCloud>) {
     let n_points = |clouds: &[VoxelCloud]| clouds.iter().map(VoxelCloud::len).sum::<usize>();
     let mut n = n_points(&clouds);
     if n <= most {

@@ -9,6 +9,7 @@ mod compare;
 mod exposition;
 mod graph;
 mod http;
+mod joint_scene;
 mod page;
 mod picture;
 mod run;
@@ -22,6 +23,7 @@ mod worst;
 
 pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
+pub use joint_scene::{JointComponent, JointFrame, joint_scene};
 pub use page::{STYLE, page};
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
@@ -29,7 +31,9 @@ pub use run::{
     StageFigures, StageSample, WorstFrame,
 };
 pub use run_directory::{REPORT_FILE, write, write_read};
-pub use scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
+pub use scene::{
+    ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint, SceneRobot, VIEWER,
+};
 pub use serve::{LivePage, PageServer, RunPage};
 
 /// Why a page could not be drawn.

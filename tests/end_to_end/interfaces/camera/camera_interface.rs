@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::mem::{align_of, offset_of, size_of};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use tessera_messages::{CameraFlow, CameraFrame, Message, PoseMessage, RotationBits, StepTimes};
+use tessera_messages::{CameraFlow, CameraFrame, Message, PoseMessage, RotationBits, StepTimes, UpBits};
 
 const HEADER: &str = "examples/c/tessera.h";
 
@@ -38,7 +38,7 @@ macro_rules! described {
     };
 }
 
-fn types() -> [Type; 5] {
+fn types() -> [Type; 6] {
     [
         described!(
             RotationBits,
@@ -46,6 +46,7 @@ fn types() -> [Type; 5] {
             None,
             [start_from_camera_xyzw, variance_rad2, bias_sigma_rad_per_s]
         ),
+        described!(UpBits, "rotation.rs", None, [in_camera, sigma_rad]),
         described!(
             CameraFrame,
             "camera.rs",
@@ -68,7 +69,8 @@ fn types() -> [Type; 5] {
                 distortion,
                 readout_s,
                 depth_offset_m,
-                rotation
+                rotation,
+                up
             ]
         ),
         described!(CameraFlow, "camera.rs", Some(CameraFlow::NAME), [epoch, send_from, send_below, finished]),

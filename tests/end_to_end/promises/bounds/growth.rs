@@ -21,7 +21,7 @@ fn round(camera: &str) -> (SimulatedSource, Vec<RawFrame>) {
             let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
             let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
             let info = source.read(index, &mut buffers).unwrap();
-            RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour), rotation: None }
+            RawFrame { stamp_nanos: info.stamp_nanos, depth, colour: Some(colour), rotation: None, up: None }
         })
         .collect();
     (source, frames)

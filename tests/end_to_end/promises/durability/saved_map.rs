@@ -72,6 +72,21 @@ fn refused(run: &Run, code: i32) -> String {
 }
 
 #[test]
+fn a_run_in_a_levelled_map_is_level_as_the_map_is() {
+    let levelled = room().with(&["--set", "mapping.world_up=gravity"]);
+    let output = levelled.command().output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && words.contains("no accelerometer was recorded"), "{words}");
+    let states = String::from_utf8(levelled.output("states.csv")).unwrap();
+    assert!(states.contains("levelled by the floor"), "{states}");
+    let next = room().with(&["--map", &levelled.out().display().to_string()]);
+    let output = next.command().output().unwrap();
+    assert!(output.status.success(), "{}", next.log());
+    let config = String::from_utf8(next.output("config.toml")).unwrap();
+    assert!(config.contains("world_up = \"gravity\""), "{config}");
+}
+
+#[test]
 fn a_start_in_the_middle_is_found_and_the_map_grows() {
     let run = undisturbed();
     let summary = summary(run);

@@ -1,6 +1,6 @@
 //! From angular rates to rotations at the times of the frames.
 
-use super::{GyroSample, Gyroscope};
+use super::{GyroSample, ImuModel};
 use nalgebra::UnitQuaternion;
 use tessera_geometry::{InertialRotation, rotation_exp};
 
@@ -13,11 +13,7 @@ const UNKNOWN_RATE_RAD_PER_S: f64 = 3.0;
 /// evenly; before the first, after the last and in gaps the nearest one holds, and the variance
 /// says that this is a guess. Both lists increase.
 #[expect(clippy::arithmetic_side_effects, reason = "rotations of floating-point numbers")]
-pub fn rotations(
-    gyroscope: &Gyroscope,
-    samples: &[GyroSample],
-    stamps_nanos: &[i64],
-) -> Vec<InertialRotation> {
+pub fn rotations(model: &ImuModel, samples: &[GyroSample], stamps_nanos: &[i64]) -> Vec<InertialRotation> {
     let mut rotation = UnitQuaternion::identity();
     let mut variance_rad2 = 0.0;
     // Samples up to this one lie at or before `now`.
@@ -36,7 +32,7 @@ pub fn rotations(
                 rotation =
                     UnitQuaternion::new_normalize(*(rotation * rotation_exp(&(rate * seconds))).quaternion());
                 variance_rad2 += if is_known {
-                    gyroscope.noise_rad_per_s_sqrt_hz * gyroscope.noise_rad_per_s_sqrt_hz * seconds
+                    model.noise_rad_per_s_sqrt_hz * model.noise_rad_per_s_sqrt_hz * seconds
                 } else {
                     // Steady and unknown: the standard deviation grows in proportion to time.
                     (UNKNOWN_RATE_RAD_PER_S * seconds) * (UNKNOWN_RATE_RAD_PER_S * seconds)
@@ -47,7 +43,7 @@ pub fn rotations(
             InertialRotation {
                 start_from_camera_xyzw: [rotation.i, rotation.j, rotation.k, rotation.w],
                 variance_rad2,
-                bias_sigma_rad_per_s: gyroscope.bias_sigma_rad_per_s,
+                bias_sigma_rad_per_s: model.bias_sigma_rad_per_s,
             }
         })
         .collect()
@@ -96,7 +92,7 @@ mod tests {
     #[test]
     fn a_growing_rate_about_one_axis_is_integrated_exactly() {
         let found = rotations(
-            &Gyroscope::default(),
+            &ImuModel::default(),
             &samples(5, 1000, |t| Vector3::new(0.0, 2.0 * t, 0.0)),
             &[100 * MS, 133 * MS, 167 * MS, 900 * MS],
         );
@@ -114,7 +110,7 @@ mod tests {
         let mut list = samples(5, 1000, |_| Vector3::x());
         list.retain(|s| !(300 * MS..500 * MS).contains(&s.stamp_nanos));
         let stamps = [200, 233, 400, 433, 600, 633, 1500].map(|ms| ms * MS);
-        let found = rotations(&Gyroscope::default(), &list, &stamps);
+        let found = rotations(&ImuModel::default(), &list, &stamps);
         let sigma = |k: usize| found[k].until(&found[k + 1], 0.033).sigma_rad;
         assert!(sigma(0) < 1e-3 && sigma(4) < 1e-3, "{} {}", sigma(0), sigma(4));
         assert!(sigma(1) > 0.2 && sigma(2) > 0.09 && sigma(5) > 1.0, "{found:?}");
@@ -124,11 +120,11 @@ mod tests {
     fn the_rotation_between_two_frames_does_not_depend_on_those_before() {
         let list = samples(7, 2000, |t| Vector3::new(t, 1.0 - t, 0.3));
         let stamps: Vec<i64> = (0..30).map(|k| k * 33 * MS).collect();
-        let all = rotations(&Gyroscope::default(), &list, &stamps);
-        let later = rotations(&Gyroscope::default(), &list, &stamps[10..]);
+        let all = rotations(&ImuModel::default(), &list, &stamps);
+        let later = rotations(&ImuModel::default(), &list, &stamps[10..]);
         let a = all[10].until(&all[29], 0.6).earlier_from_later;
         let b = later[0].until(&later[19], 0.6).earlier_from_later;
         assert!((a.inverse() * b).angle() < 1e-12);
-        assert!(rotations(&Gyroscope::default(), &[], &stamps).is_empty());
+        assert!(rotations(&ImuModel::default(), &[], &stamps).is_empty());
     }
 }

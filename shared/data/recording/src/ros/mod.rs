@@ -9,17 +9,13 @@ mod structs;
 mod write;
 
 pub use definitions::{CLOUD, Definition, PATH, POSE, TRANSFORMS};
-pub(crate) use read::{
-    IMU_BYTES, STAMP_BYTES, camera, compressed, extrinsics, image, imu, stamp_nanos, transforms,
-};
+pub(crate) use read::{STAMP_BYTES, camera, compressed, extrinsics, image, imu, stamp_nanos, transforms};
 pub use results::{
     Covariance, DiagnosticArray, DiagnosticStatus, KeyValue, Odometry, PoseWithCovariance,
-    TwistWithCovariance,
+    PoseWithCovarianceStamped, TwistWithCovariance,
 };
-#[cfg(test)]
-pub(crate) use structs::ImuFront;
 pub use structs::{
-    CameraInfo, CompressedImage, Extrinsics, Header, Image, Path, PointCloud, PointField, PoseStamped,
+    CameraInfo, CompressedImage, Extrinsics, Header, Image, Imu, Path, PointCloud, PointField, PoseStamped,
     RosPose, Time, TransformStamped, Transforms,
 };
 pub use write::encode;

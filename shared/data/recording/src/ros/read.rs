@@ -1,8 +1,8 @@
 //! Images, cameras and times read from CDR.
 
-use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, ImuFront, RosPose, Time, Transforms};
+use super::structs::{CameraInfo, CompressedImage, Extrinsics, Image, Imu, RosPose, Time, Transforms};
 use crate::error::MessageError;
-use crate::gyroscope::ImuMessage;
+use crate::imu::ImuFields;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage};
 use re_cdr::{BigEndian, LittleEndian, from_bytes};
 use serde::Deserialize;
@@ -10,9 +10,6 @@ use std::borrow::Cow;
 
 /// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
 pub(crate) const STAMP_BYTES: u64 = 12;
-
-/// Bytes of an IMU message up to its angular velocity, with a name of a frame of 800 letters at most.
-pub(crate) const IMU_BYTES: u64 = 1024;
 
 /// The four bytes before a message say in which order its bytes are.
 fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
@@ -71,15 +68,6 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
     })
 }
 
-pub(crate) fn imu(data: &[u8]) -> Result<ImuMessage, MessageError> {
-    let imu: ImuFront<'_> = decode("sensor_msgs/msg/Imu", data)?;
-    Ok(ImuMessage {
-        stamp_nanos: imu.header.stamp.nanos(),
-        frame: imu.header.frame_id.into_owned(),
-        rate_rad_per_s: imu.angular_velocity,
-    })
-}
-
 /// Parent, child and `parent_from_child` of each transform of a message.
 pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, RosPose)>, MessageError> {
     let message: Transforms<'_> = decode("tf2_msgs/msg/TFMessage", data)?;
@@ -88,6 +76,17 @@ pub(crate) fn transforms(data: &[u8]) -> Result<Vec<(String, String, RosPose)>, 
         (name(&t.header.frame_id), name(&t.child_frame_id), t.transform)
     };
     Ok(message.transforms.iter().map(one).collect())
+}
+
+pub(crate) fn imu(data: &[u8]) -> Result<ImuFields, MessageError> {
+    let imu: Imu<'_> = decode("sensor_msgs/msg/Imu", data)?;
+    let variance = |[variance, ..]: [f64; 9]| variance;
+    Ok(ImuFields {
+        stamp_nanos: imu.header.stamp.nanos(),
+        frame: imu.header.frame_id.into_owned(),
+        rate: (imu.angular_velocity, variance(imu.angular_velocity_covariance)),
+        force: (imu.linear_acceleration, variance(imu.linear_acceleration_covariance)),
+    })
 }
 
 /// Rotation by columns and translation of a RealSense's `depth_to_color`.

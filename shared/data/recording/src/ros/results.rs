@@ -17,6 +17,16 @@ pub struct PoseWithCovariance {
     pub covariance: Covariance,
 }
 
+/// `geometry_msgs/msg/PoseWithCovarianceStamped`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PoseWithCovarianceStamped<'a> {
+    /// Time and frame.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// The pose in the header's frame.
+    pub pose: PoseWithCovariance,
+}
+
 /// `geometry_msgs/msg/TwistWithCovariance`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwistWithCovariance {

@@ -76,17 +76,6 @@ pub struct CompressedImage<'a> {
     pub data: &'a [u8],
 }
 
-/// `sensor_msgs/msg/Imu` up to the angular velocity; its covariance and the acceleration follow.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ImuFront<'a> {
-    #[serde(borrow)]
-    pub(crate) header: Header<'a>,
-    pub(crate) orientation: [f64; 4],
-    pub(crate) orientation_covariance: [f64; 9],
-    /// Radians per second.
-    pub(crate) angular_velocity: [f64; 3],
-}
-
 /// `sensor_msgs/msg/CameraInfo` up to the projection; binning and region follow and are not read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraInfo<'a> {
@@ -108,6 +97,26 @@ pub struct CameraInfo<'a> {
     pub r: [f64; 9],
     /// Projection matrix of the rectified images, by rows.
     pub p: [f64; 12],
+}
+
+/// `sensor_msgs/msg/Imu`. Of a quantity that was not measured the first variance is -1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Imu<'a> {
+    /// Time and frame.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Orientation, `x y z w`.
+    pub orientation: [f64; 4],
+    /// Its covariance, by rows.
+    pub orientation_covariance: [f64; 9],
+    /// Angular rate, radians per second.
+    pub angular_velocity: [f64; 3],
+    /// Its covariance, by rows.
+    pub angular_velocity_covariance: [f64; 9],
+    /// Specific force, metres per second squared.
+    pub linear_acceleration: [f64; 3],
+    /// Its covariance, by rows.
+    pub linear_acceleration_covariance: [f64; 9],
 }
 
 /// `realsense2_camera_msgs/msg/Extrinsics`: from points of one camera to another.

@@ -11,17 +11,18 @@ const INFO: &str = "sensor_msgs/msg/CameraInfo";
 /// The colour image is twice as large.
 const LARGE: (u32, u32) = (40, 32);
 
-struct Topic {
-    topic: &'static str,
-    schema: &'static str,
-    data: Vec<u8>,
+#[derive(Clone)]
+pub(super) struct Topic {
+    pub(super) topic: &'static str,
+    pub(super) schema: &'static str,
+    pub(super) data: Vec<u8>,
 }
 
-fn encoded(message: &impl Serialize) -> Vec<u8> {
+pub(super) fn encoded(message: &impl Serialize) -> Vec<u8> {
     crate::ros::encode(message).unwrap()
 }
 
-fn header(frame: &str) -> Header<'_> {
+pub(super) fn header(frame: &str) -> Header<'_> {
     Header { stamp: Time { sec: 1, nanosec: 0 }, frame_id: frame.into() }
 }
 
@@ -72,7 +73,7 @@ fn extrinsics() -> Topic {
 }
 
 /// Depth of 1 m everywhere, and colour whose red is its column.
-fn two_cameras(further: Vec<Topic>) -> Vec<Topic> {
+pub(super) fn two_cameras(further: Vec<Topic>) -> Vec<Topic> {
     let depth: Vec<u8> = (0..SIZE.0 * SIZE.1).flat_map(|_| 1000_u16.to_le_bytes()).collect();
     let colour: Vec<u8> =
         (0..LARGE.1).flat_map(|_| (0..LARGE.0).flat_map(|column| [column as u8, 7, 7])).collect();
@@ -86,7 +87,7 @@ fn two_cameras(further: Vec<Topic>) -> Vec<Topic> {
     topics
 }
 
-fn open(topics: &[Topic], options: &RecordingOptions<'_>) -> Result<RecordingSource, String> {
+pub(super) fn open(topics: &[Topic], options: &RecordingOptions<'_>) -> Result<RecordingSource, String> {
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = mcap::WriteOptions::new().compression(None).create(&mut bytes).unwrap();
     for (at, message) in topics.iter().enumerate() {

@@ -5,7 +5,7 @@ mod bags;
 mod cameras;
 #[path = "../../tests/common/mod.rs"]
 mod common;
-mod gyroscope;
+mod imu;
 mod misread;
 
 use super::*;

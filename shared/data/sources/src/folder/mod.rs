@@ -18,7 +18,7 @@ pub(crate) use names::nanos_of;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::decode;
-use tessera_frames::imu;
+use tessera_frames::imu::{self, ImuRecording};
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::long_pause;
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour, Undistortion};
@@ -48,6 +48,7 @@ pub struct FolderSource {
     ground_truth: Option<Trajectory>,
     /// For each depth image, where there is an `imu.txt`.
     rotations: Vec<InertialRotation>,
+    imu: ImuRecording,
     pairing: Pairing,
     description: Vec<(&'static str, String)>,
     warnings: Vec<String>,
@@ -128,14 +129,15 @@ impl FolderSource {
         }
         let lens = found.lens.map(|lens| Undistortion::new(&lens, &camera));
         let rays = is_distance.then(|| RayLengths::new(&camera));
-        let rotations = imu::load(folder)?
-            .map_or(Vec::new(), |(gyroscope, samples)| imu::rotations(&gyroscope, &samples, &stamps));
+        let imu = imu::load(folder)?.unwrap_or_default();
+        let rotations = imu.rotations(&stamps);
         let colour = partners.iter().map(|partner| colour.get((*partner)?).cloned()).collect();
         let mut description = vec![("layout", layout.to_owned()), ("camera", camera_from)];
         description.push(("colour", colour_images.words.clone()));
         if is_distance {
             description.push(("depth", "distances along the ray, as the camera file says".to_owned()));
         }
+        description.extend(imu.words().map(|words| ("imu", words.to_owned())));
         description.extend(found.notes);
         Ok(Self {
             folder: folder.to_owned(),
@@ -149,6 +151,7 @@ impl FolderSource {
             rays,
             ground_truth: found.ground_truth,
             rotations,
+            imu,
             pairing,
             description,
             warnings,
@@ -241,6 +244,7 @@ impl Source for FolderSource {
             stamp_nanos: depth.stamp_nanos,
             has_colour: colour.is_some(),
             rotation: self.rotations.get(at).copied(),
+            up: self.imu.up_at(depth.stamp_nanos),
         })
     }
 

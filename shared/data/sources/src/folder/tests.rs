@@ -72,11 +72,11 @@ fn a_gyroscope_beside_the_images_turns_the_frames() {
 fn frames_are_those_of_depth_with_colour_where_it_is_near() {
     let folder = folder();
     let (info, depth, colour) = read(folder.path(), 0).unwrap();
-    assert_eq!(info, FrameInfo { stamp_nanos: 0, has_colour: true, rotation: None });
+    assert_eq!(info, FrameInfo { stamp_nanos: 0, has_colour: true, rotation: None, up: None });
     assert_eq!((depth[0], depth[N_PIXELS - 1]), (0, N_PIXELS as u16 - 1));
     assert!(colour.iter().all(|&c| c.abs_diff(100) <= 2));
     let (info, depth, colour) = read(folder.path(), 1).unwrap();
-    assert_eq!(info, FrameInfo { stamp_nanos: 100_000_000, has_colour: false, rotation: None });
+    assert_eq!(info, FrameInfo { stamp_nanos: 100_000_000, has_colour: false, rotation: None, up: None });
     assert!(depth[0] == 1000 && colour.iter().all(|&c| c == 0));
     let (_, _, colour) = read(folder.path(), 2).unwrap();
     assert!(colour.iter().all(|&c| c == 7));

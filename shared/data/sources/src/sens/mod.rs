@@ -266,7 +266,7 @@ impl Source for SensSource {
             None => buffers.colour.fill(0),
         }
         let stamp_nanos = self.stamps.get(at).copied().unwrap_or_default();
-        Ok(FrameInfo { stamp_nanos, has_colour: self.warp.is_some(), rotation: None })
+        Ok(FrameInfo { stamp_nanos, has_colour: self.warp.is_some(), rotation: None, up: None })
     }
 
     fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {

@@ -7,6 +7,7 @@ mod loops;
 mod relocalise;
 mod submaps;
 mod window;
+mod world_up;
 
 pub use features::FeatureUse;
 pub use global::GlobalSettings;
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 pub use submaps::SubmapSettings;
 use tessera_numerics::SettingError;
 pub use window::WindowSettings;
+pub use world_up::WorldUp;
 
 /// All settings of mapping.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -25,6 +27,8 @@ pub struct MappingSettings {
     /// Frames are tracked in the map of an earlier run, and nothing is added to it: no keyframe, no loop, no
     /// submap.
     pub only_localise: bool,
+    /// Axes of the world: those of the first image, or levelled, with y down, by an accelerometer or by the floor.
+    pub world_up: WorldUp,
     /// The local window.
     pub window: WindowSettings,
     /// Keyframes.

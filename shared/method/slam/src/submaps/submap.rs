@@ -4,6 +4,7 @@ use crate::map::records::FrameRecord;
 use crate::tracking::frame_record::{first_record, lost_record};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
+use crate::tracking::upright;
 
 /// Longest time between two frames that counts as time lost, nanoseconds: a gap in a recording says
 /// nothing of the places that were looked for.
@@ -20,8 +21,10 @@ pub(crate) fn lost_or_new(input: &TrackingInput<'_>, prediction: &Prediction, re
         return FrameRecord { lost_nanos, ..lost_record(input, prediction, reason) };
     }
     let submap = input.map.state().submaps.n();
-    let reason = format!("{reason}; submap {submap} begins");
-    first_record(&input.in_submap(submap), prediction, reason)
+    let (prediction, levelled) = upright::levelled(input, prediction);
+    let levelled = levelled.map_or(String::new(), |how| format!(", {how}"));
+    let reason = format!("{reason}; submap {submap} begins{levelled}");
+    first_record(&input.in_submap(submap), &prediction, reason)
 }
 
 /// Time lost with this frame, nanoseconds; it stands still while there is little to see.

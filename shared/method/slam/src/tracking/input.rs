@@ -5,7 +5,7 @@ use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::surfaces::KeyframeSurfaces;
 use tessera_features::Feature;
-use tessera_geometry::InertialRotation;
+use tessera_geometry::{InertialRotation, UpDirection};
 use tessera_registration::Sample;
 use tessera_surface::{SurfaceView, WorkloadLevel};
 
@@ -21,6 +21,8 @@ pub struct FrameSurface<'a> {
     pub stamp_nanos: i64,
     /// The camera's rotation since the source's first frame, where a gyroscope measured it.
     pub rotation: Option<InertialRotation>,
+    /// The direction against gravity, where an accelerometer measured it.
+    pub up: Option<UpDirection>,
     /// The surface, read in place.
     pub surface: SurfaceView<'a>,
     /// How much work it gets; the same in each replay.
@@ -36,7 +38,16 @@ impl<'a> FrameSurface<'a> {
     /// A frame at full workload of which only the surface was measured.
     pub fn new(index: u64, stamp_nanos: i64, surface: SurfaceView<'a>) -> Self {
         let workload = WorkloadLevel::Full;
-        Self { index, stamp_nanos, rotation: None, surface, workload, relocalise_from: 0, features: &[] }
+        Self {
+            index,
+            stamp_nanos,
+            rotation: None,
+            up: None,
+            surface,
+            workload,
+            relocalise_from: 0,
+            features: &[],
+        }
     }
 }
 

@@ -27,6 +27,7 @@ pub(crate) mod start;
 pub(crate) mod trees;
 pub(crate) mod trigger;
 pub(crate) mod turn;
+pub(crate) mod upright;
 pub(crate) mod window;
 pub(crate) mod window_alignment;
 pub(crate) mod window_association;

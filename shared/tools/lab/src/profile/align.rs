@@ -4,7 +4,7 @@ use super::measure::{Meter, Options};
 use super::recording::{Entry, Recorded, from_bytes};
 use super::report::ProfileReport;
 use tessera_features::Feature;
-use tessera_geometry::InertialRotation;
+use tessera_geometry::{InertialRotation, UpDirection};
 use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
@@ -35,6 +35,7 @@ struct RecordedSurface {
     index: u64,
     stamp_nanos: i64,
     rotation: Option<InertialRotation>,
+    up: Option<UpDirection>,
     vertices: Vec<Vertex>,
     features: Vec<Feature>,
     expected: u32,
@@ -46,6 +47,7 @@ impl RecordedSurface {
             index: self.index,
             stamp_nanos: self.stamp_nanos,
             rotation: self.rotation,
+            up: self.up,
             surface: SurfaceView { grid, vertices: &self.vertices },
             workload: WorkloadLevel::Full,
             relocalise_from: 0,
@@ -69,11 +71,12 @@ pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileR
     let mut inputs = Vec::new();
     for entry in &recorded.entries {
         match entry {
-            Entry::Surface { index, stamp_nanos, rotation, vertices, expected } => {
+            Entry::Surface { index, stamp_nanos, rotation, up, vertices, expected } => {
                 let (vertices, features) = from_bytes(vertices, grid.len())?;
-                let (index, stamp_nanos, rotation) = (*index, *stamp_nanos, *rotation);
-                let expected = *expected;
-                let surface = RecordedSurface { index, stamp_nanos, rotation, vertices, features, expected };
+                let (index, stamp_nanos, expected) = (*index, *stamp_nanos, *expected);
+                let (rotation, up) = (*rotation, *up);
+                let surface =
+                    RecordedSurface { index, stamp_nanos, rotation, up, vertices, features, expected };
                 inputs.push(Input::Surface(surface));
             }
             Entry::Correction(applied) => inputs.push(Input::Correction((**applied).clone())),

@@ -78,6 +78,7 @@ impl Tap<'_> {
                             index: of.index,
                             stamp_nanos: frame.stamp_nanos,
                             rotation: frame.rotation,
+                            up: frame.up,
                             vertices: vertices.clone(),
                             expected: fingerprint(record)?,
                         })?,

@@ -5,7 +5,7 @@ use serde_bytes::ByteBuf;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_features::{Extractor, Feature};
-use tessera_geometry::{Camera, InertialRotation};
+use tessera_geometry::{Camera, InertialRotation, UpDirection};
 use tessera_journal::{Follower, Journal, JournalError, RecordKind, sync_folder_of};
 use tessera_messages::{Stage, read_features, vertices_of_features, write_features};
 use tessera_offline::Method;
@@ -15,7 +15,7 @@ use tessera_slam::{AlignRecord, AppliedCorrection};
 use tessera_surface::Vertex;
 
 /// Its records.
-const KIND: RecordKind<Entry> = RecordKind::only("stage input", 16);
+const KIND: RecordKind<Entry> = RecordKind::only("stage input", 17);
 
 /// Stages whose input can be recorded, by name.
 pub struct Stages;
@@ -70,6 +70,8 @@ pub enum Entry {
         stamp_nanos: i64,
         /// Since the source's first frame, where a gyroscope measured it.
         rotation: Option<InertialRotation>,
+        /// The direction against gravity, where an accelerometer measured it.
+        up: Option<UpDirection>,
         /// One [`Vertex`] per grid node.
         vertices: ByteBuf,
         /// Of the frame's record, without the place of its surface in a store.

@@ -46,6 +46,7 @@ pub(crate) fn step_frame(source: &SimulatedSource, k: usize, step: Step) -> RawF
     RawFrame {
         stamp_nanos: 1_000_000_000 + k as i64 * 33_333_333,
         rotation: None,
+        up: None,
         depth,
         colour: Some(colour),
     }
@@ -61,7 +62,7 @@ pub(crate) fn frames(source: &SimulatedSource, indices: &[u64]) -> Vec<RawFrame>
             let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
             let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
             source.read(index, &mut buffers).unwrap();
-            RawFrame { stamp_nanos: stamp_nanos(k), rotation: None, depth, colour: Some(colour) }
+            RawFrame { stamp_nanos: stamp_nanos(k), rotation: None, up: None, depth, colour: Some(colour) }
         })
         .collect()
 }

@@ -21,11 +21,11 @@ pub(super) struct Placed {
 
 /// Which axes of the world are right, forward and up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FrameView([(usize, f64); 3]);
+pub(crate) struct FrameView([(usize, f64); 3]);
 
 impl FrameView {
     /// Takes for up the axis of the world that the tops of the images point along on average.
-    pub(super) fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
+    pub(crate) fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
         let sum: Vector3<f64> = world_from_cameras.map(|pose| pose.rotation * -Vector3::y()).sum();
         let up = sum.iamax();
         let sign = if sum[up] < 0.0 { -1.0 } else { 1.0 };
@@ -42,7 +42,7 @@ impl FrameView {
     }
 
     /// The same as a rotation.
-    pub(super) fn pose(&self) -> Pose {
+    pub(crate) fn pose(&self) -> Pose {
         let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| Vector3::from(self.of(&axis)));
         let matrix = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns));
         Pose::from_parts(Translation3::identity(), UnitQuaternion::from_rotation_matrix(&matrix))
@@ -104,7 +104,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
     Placed { frames, truth_m, view_from_world: truth_from_world, view }
 }
 
-pub(super) fn state(state: State) -> FrameState {
+pub(crate) fn state(state: State) -> FrameState {
     match state {
         State::Tracking => FrameState::Tracking,
         State::Lost => FrameState::Lost,

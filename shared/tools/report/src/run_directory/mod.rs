@@ -3,11 +3,11 @@
 
 mod events;
 mod facts;
-mod frames;
+pub(crate) mod frames;
 mod loops;
 mod pictures;
 mod processes;
-mod scene;
+pub(crate) mod scene;
 mod settings;
 mod worst;
 

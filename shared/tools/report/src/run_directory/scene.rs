@@ -76,7 +76,7 @@ fn upright(replay: &Replay, placed: &Placed, component: u32, is_main: bool) -> P
 
 /// Box around a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Bounds {
+pub(crate) struct Bounds {
     low: Vector3<f64>,
     high: Vector3<f64>,
 }
@@ -91,40 +91,40 @@ impl Bounds {
         Self::around(own.map(|f| (page_from_world * replay.final_pose(f)).translation.vector))
     }
 
-    fn around(positions: impl Iterator<Item = Vector3<f64>>) -> Self {
+    pub(crate) fn around(positions: impl Iterator<Item = Vector3<f64>>) -> Self {
         let all = positions.map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.inf(&at), high.sup(&at)));
         let (low, high) = all.unwrap_or_default();
         Self { low, high }
     }
 
-    fn moved(&self, by: &Vector3<f64>) -> Self {
+    pub(crate) fn moved(&self, by: &Vector3<f64>) -> Self {
         Self { low: self.low + by, high: self.high + by }
     }
 
     /// What moves this box to the right of `last`, on the ground and in the middle of `first`.
-    fn beside(&self, first: &Self, last: &Self) -> Vector3<f64> {
+    pub(crate) fn beside(&self, first: &Self, last: &Self) -> Vector3<f64> {
         let gap = GAP_M + GAP_SHARE * (last.high.x - last.low.x);
         let middle = 0.5 * (first.low.y + first.high.y - self.low.y - self.high.y);
         Vector3::new(last.high.x + gap - self.low.x, middle, first.low.z - self.low.z)
     }
 
     /// Above the middle.
-    fn top(&self) -> [f64; 3] {
+    pub(crate) fn top(&self) -> [f64; 3] {
         let middle = 0.5 * (self.low + self.high);
         [middle.x, middle.y, self.high.z]
     }
 }
 
-fn moved(page_from_world: &Pose, position: &Vector3<f64>) -> Vector3<f64> {
+pub(crate) fn moved(page_from_world: &Pose, position: &Vector3<f64>) -> Vector3<f64> {
     page_from_world.rotation * position + page_from_world.translation.vector
 }
 
-fn rows(pose: &Pose) -> [[f64; 4]; 3] {
+pub(crate) fn rows(pose: &Pose) -> [[f64; 4]; 3] {
     let matrix = pose.to_homogeneous();
     [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| matrix[(row, column)]))
 }
 
-fn placed_point(page_from_world: &Pose, point: &MapPoint) -> ScenePoint {
+pub(crate) fn placed_point(page_from_world: &Pose, point: &MapPoint) -> ScenePoint {
     ScenePoint {
         position_m: moved(page_from_world, &point.position).into(),
         normal: (page_from_world.rotation * point.normal).into(),
@@ -146,6 +146,7 @@ fn frames(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneFrame> {
             time_s: record.stamp_nanos.saturating_sub(begin) as f64 * 1e-9,
             state: state(record.state),
             part: *part,
+            robot: 0,
             position_m: pose.translation.vector.into(),
             rotation: pose.rotation.coords.into(),
             std_m: std_m(record),

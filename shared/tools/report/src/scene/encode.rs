@@ -1,6 +1,6 @@
 //! A scene as text: numbers in columns, each in base64, little-endian.
 
-use super::{MOST_FRAMES, MOST_KEYFRAMES, MOST_LOOPS, MOST_TRUTH, ReportScene, ScenePart};
+use super::{MOST_FRAMES, MOST_KEYFRAMES, MOST_LOOPS, MOST_TRUTH, ReportScene, ScenePart, SceneRobot};
 use crate::run::{FrameState, ReportedVerdict};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -23,8 +23,9 @@ pub(super) fn json(scene: &ReportScene) -> String {
     let (low, size) = bounds(scene);
     let parts: Vec<String> = scene.parts.iter().map(part).collect();
     format!(
-        "{{\"parts\":[{}],\"voxel_m\":{},\"low\":{},\"size\":{},\"points\":{},\"frames\":{},\"keyframes\":{},\"loops\":{},\"truth\":\"{}\"}}",
+        "{{\"parts\":[{}],\"robots\":[{}],\"voxel_m\":{},\"low\":{},\"size\":{},\"points\":{},\"frames\":{},\"keyframes\":{},\"loops\":{},\"truth\":\"{}\"}}",
         parts.join(","),
+        robots(scene),
         number(scene.voxel_m),
         numbers(&low),
         numbers(&size),
@@ -65,6 +66,15 @@ fn part(part: &ScenePart) -> String {
     )
 }
 
+fn robots(scene: &ReportScene) -> String {
+    // Of names that others gave, nothing that could end the element or the word.
+    let word = |name: &str| escaped(name).replace(['\\', '\n', '\r'], " ");
+    let robot = |robot: &SceneRobot| {
+        format!("{{\"name\":\"{}\",\"rgb\":{}}}", word(&robot.name), numbers(&robot.rgb.map(f64::from)))
+    };
+    scene.robots.iter().map(robot).collect::<Vec<_>>().join(",")
+}
+
 fn points(scene: &ReportScene, low: &[f64; 3], size: &[f64; 3]) -> String {
     let points = || scene.points.iter();
     let step = |k: usize, v: f64| if size[k] > 0.0 { (STEPS * (v - low[k]) / size[k]).round() } else { 0.0 };
@@ -97,11 +107,12 @@ fn octahedral(normal: &[f64; 3]) -> [i8; 2] {
 fn frames(scene: &ReportScene) -> String {
     let frames = || thin(&scene.frames, MOST_FRAMES);
     format!(
-        "{{\"index\":\"{}\",\"time_s\":\"{}\",\"state\":\"{}\",\"part\":\"{}\",\"position\":\"{}\",\"rotation\":\"{}\",\"std_m\":\"{}\"}}",
+        "{{\"index\":\"{}\",\"time_s\":\"{}\",\"state\":\"{}\",\"part\":\"{}\",\"robot\":\"{}\",\"position\":\"{}\",\"rotation\":\"{}\",\"std_m\":\"{}\"}}",
         base64(frames().flat_map(|f| (f.index as u32).to_le_bytes())),
         floats(frames().map(|f| f.time_s)),
         base64(frames().map(|f| state(f.state))),
         base64(frames().map(|f| f.part.min(255) as u8)),
+        base64(frames().map(|f| f.robot.min(255) as u8)),
         floats(frames().flat_map(|f| f.position_m)),
         base64(
             frames()
@@ -211,12 +222,13 @@ mod tests {
 
     #[test]
     fn the_script_reads_each_column_that_is_written() {
-        let text = json(&ReportScene { parts: vec![ScenePart::default()], ..ReportScene::default() });
+        let robots = vec![SceneRobot { name: "</script>\"\\".into(), rgb: [1, 2, 3] }];
+        let text = json(&ReportScene { parts: vec![ScenePart::default()], robots, ..ReportScene::default() });
         let keys = text
             .split('"')
             .filter(|word| !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || c == '_'));
         // For programs that compare the page with the files of the run.
-        for key in keys.filter(|key| !["n_points", "page_from_world"].contains(key)) {
+        for key in keys.filter(|key| !["n_points", "page_from_world", "lt", "script"].contains(key)) {
             assert!(VIEWER.contains(key), "{key}: {text}");
         }
         assert!(!text.contains('<'));

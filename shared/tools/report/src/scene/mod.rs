@@ -6,7 +6,7 @@ use crate::run::{FrameState, ReportedVerdict};
 use tessera_outputs::html::escaped;
 
 /// The script that draws; a page has it once.
-pub(crate) const VIEWER: &str = include_str!("viewer.js");
+pub const VIEWER: &str = include_str!("viewer.js");
 
 /// Most points of the map in a page.
 pub(crate) const MOST_POINTS: usize = 60_000;
@@ -45,6 +45,8 @@ pub struct SceneFrame {
     pub state: FrameState,
     /// Place of its part in the list of parts.
     pub part: usize,
+    /// Place of its robot in the list of robots, where there is one.
+    pub robot: usize,
     /// Position of the camera.
     pub position_m: [f64; 3],
     /// From the camera's axes (right, down, forward) to those of the page: x, y, z, w of a quaternion.
@@ -86,6 +88,15 @@ pub struct ScenePart {
     pub n_points: usize,
 }
 
+/// A robot of several in one scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneRobot {
+    /// What it is called.
+    pub name: String,
+    /// Colour of its way: red, green, blue.
+    pub rgb: [u8; 3],
+}
+
 /// All that is drawn; parts stand beside each other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReportScene {
@@ -103,6 +114,8 @@ pub struct ReportScene {
     pub loops: Vec<SceneLoop>,
     /// True positions beside the main map.
     pub truth_m: Vec<[f64; 3]>,
+    /// Robots whose frames these are, each with a colour of its own; none where it is one run's.
+    pub robots: Vec<SceneRobot>,
     /// Why there is no map, where there is none.
     pub no_map: Option<String>,
 }
@@ -113,8 +126,8 @@ impl ReportScene {
         self.points.is_empty() && self.frames.is_empty()
     }
 
-    /// The section's inside: a canvas with its controls, or why there is none.
-    pub(crate) fn html(&self) -> String {
+    /// The section's inside: a canvas with its controls, or why there is none. The page needs [`VIEWER`] once.
+    pub fn html(&self) -> String {
         let note = |words: &str| format!("<p class=\"note\">{}</p>", escaped(words));
         let missing = match &self.no_map {
             Some(reason) => note(&format!("No map: {reason}")),
@@ -141,12 +154,41 @@ impl ReportScene {
              <p class=\"fault\" hidden></p></div>\
              <div class=\"walk\"><button type=\"button\" data-do=\"play\">play</button>\
              <input type=\"range\" min=\"0\" max=\"{last}\" value=\"0\" aria-label=\"frame\"><output></output></div>\
-             {CONTROLS}<p class=\"note\">Drag to turn, scroll or pinch to zoom, shift-drag or two fingers to move. \
+             {}{}<p class=\"note\">Drag to turn, scroll or pinch to zoom, shift-drag or two fingers to move. \
              {}</p><script type=\"application/json\">{}</script></div>\
              <noscript><p class=\"note\">The view in 3D needs scripts; the plots below do not.</p></noscript>",
+            self.controls(),
+            self.legend(),
             self.words_of_thinning(),
             encode::json(self)
         )
+    }
+
+    /// What can be shown of this scene.
+    fn controls(&self) -> String {
+        let is_known = self.frames.iter().any(|frame| frame.std_m.is_some());
+        let uncertainty = if is_known { "<option value=\"uncertainty\">uncertainty</option>" } else { "" };
+        let check = |layer: &str, words: &str, is_there: bool| {
+            let check = format!("<input type=\"checkbox\" data-show=\"{layer}\" checked>");
+            if is_there { format!("<label>{check} {words}</label>") } else { String::new() }
+        };
+        CONTROLS
+            .replace(UNCERTAINTY, uncertainty)
+            .replace(TRUTH, &check("truth", "ground truth", !self.truth_m.is_empty()))
+            .replace(KEYFRAMES, &check("keyframes", "keyframes", !self.keyframes.is_empty()))
+    }
+
+    /// Robots and their colours.
+    fn legend(&self) -> String {
+        let entry = |robot: &SceneRobot| {
+            let [red, green, blue] = robot.rgb;
+            let name = escaped(&robot.name);
+            format!(
+                "<span><i class=\"line\" style=\"background:rgb({red},{green},{blue})\"></i>{name}</span>"
+            )
+        };
+        let entries: String = self.robots.iter().map(entry).collect();
+        if entries.is_empty() { entries } else { format!("<p class=\"robots\">{entries}</p>") }
     }
 
     fn words_of_thinning(&self) -> String {
@@ -157,13 +199,16 @@ impl ReportScene {
     }
 }
 
+/// Where the controls have what not each scene has.
+const UNCERTAINTY: &str = "{uncertainty}";
+const TRUTH: &str = "{truth}";
+const KEYFRAMES: &str = "{keyframes}";
 /// What is shown, in which colours and from where.
 const CONTROLS: &str = "<div class=\"controls\">\
     <label>colour <select data-set=\"colour\"><option value=\"image\">image</option>\
-    <option value=\"height\">height</option><option value=\"uncertainty\">uncertainty</option></select></label>\
+    <option value=\"height\">height</option>{uncertainty}</select></label>\
     <label><input type=\"checkbox\" data-show=\"trajectory\" checked> trajectory</label>\
-    <label><input type=\"checkbox\" data-show=\"truth\" checked> ground truth</label>\
-    <label><input type=\"checkbox\" data-show=\"keyframes\" checked> keyframes</label>\
+    {truth}{keyframes}\
     <label><input type=\"checkbox\" data-show=\"loops\" checked> loops closed</label>\
     <label><input type=\"checkbox\" data-show=\"refused\"> loops not closed</label>\
     <label><input type=\"checkbox\" data-show=\"backs\"> walls from behind</label>\

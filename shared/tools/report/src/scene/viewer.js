@@ -48,6 +48,11 @@ const STATES = ['tracked', 'lost', 'relocalising', 'dropped'];
 const STATE_COLOURS = [[0.35, 0.72, 1.0], [1.0, 0.35, 0.15], [1.0, 0.70, 0.10], [0.6, 0.6, 0.6]];
 // Closed, closed by the aligner alone, not verified, rejected.
 const LOOP_COLOURS = [[0.25, 0.90, 0.60], [0.85, 0.55, 0.95], [1.0, 0.75, 0.25], [1.0, 0.35, 0.15]];
+// Of several robots each has its own.
+const of_state = (scene, k) => {
+  const { frames, robots } = scene;
+  return robots.length && frames.state[k] === 0 ? robots[frames.robot[k]].rgb.map(v => v / 255) : STATE_COLOURS[frames.state[k]];
+};
 const UNKNOWN = [0.45, 0.45, 0.45];
 // From dark violet over blue and green to yellow: it gets lighter all the way.
 const RAMP = [[0.35, 0.15, 0.50], [0.26, 0.40, 0.70], [0.15, 0.62, 0.60], [0.40, 0.80, 0.40], [0.99, 0.91, 0.20]];
@@ -121,6 +126,7 @@ function read(text) {
     frames: {
       index: decoded(Uint32Array, frames.index), time_s: decoded(Float32Array, frames.time_s),
       state: decoded(Uint8Array, frames.state), part: decoded(Uint8Array, frames.part),
+      robot: decoded(Uint8Array, frames.robot),
       position: decoded(Float32Array, frames.position), std_m: decoded(Float32Array, frames.std_m),
       rotation: Array.from(decoded(Int16Array, frames.rotation), v => v / 32767),
     },
@@ -168,9 +174,10 @@ function layers(scene, mode) {
   const out = { truth: [], keyframes: [], trajectory: [], loops: [], refused: [] };
   for (let k = 1; k < truth.length / 3; k++) out.truth.push(line(three(truth, k - 1), three(truth, k), [0.7, 0.73, 0.76], 1.5));
   for (let k = 1; k < frames.index.length; k++) {
-    if (frames.part[k] !== frames.part[k - 1]) continue;
+    // Another map, another robot, or another run of it.
+    if (frames.part[k] !== frames.part[k - 1] || frames.robot[k] !== frames.robot[k - 1] || frames.index[k] < frames.index[k - 1]) continue;
     const is_tracked = frames.state[k] === 0;
-    const colour = mode === 'uncertainty' && is_tracked ? of_std(scene, frames.std_m[k]) : STATE_COLOURS[frames.state[k]];
+    const colour = mode === 'uncertainty' && is_tracked ? of_std(scene, frames.std_m[k]) : of_state(scene, k);
     out.trajectory.push(line(three(frames.position, k - 1), three(frames.position, k), colour, is_tracked ? 2 : 3));
   }
   for (let k = 0; k < keyframes.of_map.length; k++) {
@@ -190,7 +197,7 @@ function marker(scene, k, size) {
   const [right, down, forward] = axes(frames.rotation.slice(4 * k, 4 * k + 4));
   const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([x, y]) =>
     add(add(add(at, forward, size), right, 0.66 * x * size), down, 0.5 * y * size));
-  const colour = STATE_COLOURS[frames.state[k]].map(v => 0.4 + 0.6 * v);
+  const colour = of_state(scene, k).map(v => 0.4 + 0.6 * v);
   return corners.flatMap((corner, i) => [
     [...at, ...corner, ...colour, 2.5], [...corner, ...corners[(i + 1) % 4], ...colour, 2.5],
   ]);
@@ -376,7 +383,8 @@ function view(box, place) {
     const std_m = frames.std_m[k], part = scene.parts.length > 1 ? `, ${scene.parts[frames.part[k]].name}` : '';
     const known = std_m >= 0 ? `, σ ${(1000 * std_m).toFixed(1)} mm` : '';
     plots.forEach(plot => plot.mark(frames.time_s[k], three(frames.position, k)));
-    output.textContent = `frame ${frames.index[k]}, ${frames.time_s[k].toFixed(2)} s, ${STATES[frames.state[k]]}${known}${part}`;
+    const robot = scene.robots.length ? `${scene.robots[frames.robot[k]].name}: ` : '';
+    output.textContent = `${robot}frame ${frames.index[k]}, ${frames.time_s[k].toFixed(2)} s, ${STATES[frames.state[k]]}${known}${part}`;
     redraw();
   };
   const stop = () => { clearInterval(timer); timer = 0; find('[data-do=play]').textContent = 'play'; };
