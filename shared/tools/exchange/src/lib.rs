@@ -103,7 +103,6 @@ pub fn write(
     let mesh_file =
         wanted.mesh.as_deref().map(|path| mesh_form(path).map(|form| (path, form))).transpose()?;
     wanted.grid.as_deref().map_or(Ok(()), check_grid)?;
-    let trajectories = [(&wanted.kitti, kitti as poses::PoseForm), (&wanted.euroc, euroc)];
     let mut written = Vec::new();
     let is_asked = wanted.needs_mesh() || wanted.grid.is_some();
     if !is_asked && wanted.kitti.is_none() && wanted.euroc.is_none() {
