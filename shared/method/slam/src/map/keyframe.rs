@@ -88,7 +88,7 @@ pub struct KeyframeState {
     pub slot: StoreSlot,
     /// Keyframes it was aligned to.
     pub edges: Vec<EdgeRecord>,
-    /// Covariance of its pose when it was made, as in `FrameRecord::covariance`.
+    /// Covariance of its pose when it was made, as in `PoseRecord::covariance`.
     pub covariance: Vec<f64>,
     /// What the place looks like.
     pub place: PlaceCode,

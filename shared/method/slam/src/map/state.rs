@@ -36,13 +36,13 @@ pub struct RecentFrame {
     pub world_from_camera: PoseBits,
     /// Its own motion per second, `rho phi`.
     pub velocity: [f64; 6],
-    /// Covariance of its pose, as in [`FrameRecord::covariance`].
+    /// Covariance of its pose, as in [`PoseRecord::covariance`](crate::PoseRecord::covariance).
     pub covariance: Vec<f64>,
     /// As in [`FrameRecord::repeats_colour`].
     pub repeats_colour: bool,
-    /// As in [`FrameRecord::rotation`].
+    /// As in [`PoseRecord::rotation`](crate::PoseRecord::rotation).
     pub rotation: Option<InertialRotation>,
-    /// As in [`FrameRecord::blocks`].
+    /// As in [`EvidenceRecord::blocks`](crate::EvidenceRecord::blocks).
     pub blocks: Vec<BlockRecord>,
 }
 
@@ -71,7 +71,7 @@ pub struct TrackerState {
     pub sighting: Option<SightingRecord>,
     /// Joins that were refused, and the number of keyframes then; the newest last.
     pub refused: Vec<(JoinRecord, u32)>,
-    /// As in [`FrameRecord::contradiction`].
+    /// As in [`MapChange::contradiction`](crate::MapChange::contradiction).
     pub contradiction: Option<ContradictionRecord>,
     /// Corrections that refuted a join.
     pub n_refuted: u32,
