@@ -38,7 +38,7 @@ fn a_robot_on_a_ramp_has_a_level_map() {
     // Of `camera.py`: along the axes of the instrument.
     let up = base_from_camera().rotation.inverse()
         * (pose(&BASE_FROM_IMU).rotation * Vector3::new(1.0, 0.0, 9.76).normalize());
-    let world_from_camera = tessera_geometry::Pose::from(&first.world_from_camera).rotation;
+    let world_from_camera = tessera_geometry::Pose::from(&first.pose.world_from_camera).rotation;
     let up_in_world = world_from_camera * up;
     assert!((up_in_world + Vector3::y()).norm() < 1e-6, "{up_in_world}\n{words}");
     assert!(world_from_camera.angle_to(&UnitQuaternion::identity()) > 0.09);
@@ -61,7 +61,7 @@ fn each_frame_has_the_rotation_that_the_gyroscope_measured() {
     let rate = camera_from_imu * Vector3::from(RATE);
     let mut n_compared = 0;
     for pair in frames.windows(2) {
-        let (Some(earlier), Some(later)) = (pair[0].rotation, pair[1].rotation) else { continue };
+        let (Some(earlier), Some(later)) = (pair[0].pose.rotation, pair[1].pose.rotation) else { continue };
         let seconds = (pair[1].stamp_nanos - pair[0].stamp_nanos) as f64 * 1e-9;
         let measured = earlier.until(&later, seconds);
         // Between the images of before and after a gap nothing is known.
