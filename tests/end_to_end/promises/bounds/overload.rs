@@ -33,14 +33,14 @@ impl Drop for Burners {
 /// Different images of the recording; its frames show them in turn.
 const N_IMAGES: u64 = 20;
 
-/// A recording that comes at 500 frames a second, which nothing here can work, and then at 8.
+/// A recording that comes at 1,000 frames a second, which nothing here can work, and then at 8.
 fn rushed_recording(run: &Run, n_rushed: u64, n_calm: u64) {
     let folder = run.dir.path().join("recording");
     write_images(&folder, &run.dir.path().join("camera.toml"), N_IMAGES);
     let mut seconds = 0.0;
     let row = |index| {
         let row = (format!("{seconds:.6}"), index % N_IMAGES);
-        seconds += if index < n_rushed { 0.002 } else { 0.125 };
+        seconds += if index < n_rushed { 0.001 } else { 0.125 };
         row
     };
     write_lists(&folder, (0..n_rushed + n_calm).map(row));
@@ -61,7 +61,7 @@ fn workloads(run: &Run) -> Vec<WorkloadLevel> {
 #[test]
 fn workload_goes_down_under_overload_and_comes_back_by_itself() {
     // More calm frames than a slow machine takes to come back; the run is ended when it has.
-    let (n_rushed, n_calm) = (10_000, 4000);
+    let (n_rushed, n_calm) = (20_000, 4000);
     let run = room();
     rushed_recording(&run, n_rushed, n_calm);
     let folder = run.dir.path().join("recording");
