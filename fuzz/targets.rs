@@ -75,6 +75,22 @@ pub fn lists(bytes: &[u8]) {
     }
 }
 
+/// The times and the first frames of a source that was opened; errors name its file.
+fn read_all(source: &dyn Source, name: &str) {
+    source.camera().check().expect("a camera that was taken holds its rules");
+    let n = source.n_frames().expect("a file has an end");
+    let stamps: Vec<_> = (0..n).map(|index| source.stamp_nanos(index).expect("in range")).collect();
+    assert!(stamps.is_sorted_by(|a, b| a < b), "stamps do not rise");
+    let n_pixels = (source.camera().width * source.camera().height) as usize;
+    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
+    for index in 0..n.min(4) {
+        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        if let Err(error) = source.read(index, &mut buffers) {
+            assert!(error.to_string().contains(name), "{error}");
+        }
+    }
+}
+
 /// MCAP files, bags of ROS 1 and bags of ROS 2 in SQLite.
 pub fn recording(bytes: &[u8]) {
     in_folder(|folder| {
@@ -83,24 +99,9 @@ pub fn recording(bytes: &[u8]) {
         let given = folder.join("mcap-camera.toml").display().to_string();
         for camera in [None, Some(given.as_str())] {
             let options = RecordingOptions { camera, ..RecordingOptions::default() };
-            let source = match RecordingSource::open(&folder.join("my.mcap"), &options, None) {
-                Ok(source) => source,
-                Err(error) => {
-                    assert!(error.to_string().contains("my.mcap"), "{error}");
-                    continue;
-                }
-            };
-            source.camera().check().expect("a camera that was taken holds its rules");
-            let n = source.n_frames().expect("a file has an end");
-            let stamps: Vec<_> = (0..n).map(|index| source.stamp_nanos(index).expect("in range")).collect();
-            assert!(stamps.is_sorted_by(|a, b| a < b), "stamps do not rise");
-            let n_pixels = (source.camera().width * source.camera().height) as usize;
-            let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-            for index in 0..n.min(4) {
-                let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-                if let Err(error) = source.read(index, &mut buffers) {
-                    assert!(error.to_string().contains("my.mcap"), "{error}");
-                }
+            match RecordingSource::open(&folder.join("my.mcap"), &options, None) {
+                Ok(source) => read_all(&source, "my.mcap"),
+                Err(error) => assert!(error.to_string().contains("my.mcap"), "{error}"),
             }
         }
     });
@@ -188,24 +189,9 @@ fn sens(folder: &Path, bytes: &[u8]) {
     write(folder, "my.sens", bytes);
     let spec = SourceSpec::parse(&folder.join("my.sens").display().to_string());
     let options = SourceOptions::default();
-    let source = match tessera_sources::open(&spec, &options) {
-        Ok(source) => source,
-        Err(error) => {
-            assert!(error.to_string().contains("my.sens"), "{error}");
-            return;
-        }
-    };
-    source.camera().check().expect("a camera that was taken holds its rules");
-    let n = source.n_frames().expect("a file has an end");
-    let stamps: Vec<_> = (0..n).map(|index| source.stamp_nanos(index).expect("in range")).collect();
-    assert!(stamps.is_sorted_by(|a, b| a < b), "stamps do not rise");
-    let n_pixels = (source.camera().width * source.camera().height) as usize;
-    let (mut depth, mut colour) = (vec![0; n_pixels], vec![0; 3 * n_pixels]);
-    for index in 0..n.min(4) {
-        let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-        if let Err(error) = source.read(index, &mut buffers) {
-            assert!(error.to_string().contains("my.sens"), "{error}");
-        }
+    match tessera_sources::open(&spec, &options) {
+        Ok(source) => read_all(&*source, "my.sens"),
+        Err(error) => assert!(error.to_string().contains("my.sens"), "{error}"),
     }
 }
 

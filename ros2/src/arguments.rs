@@ -5,6 +5,7 @@ use crate::network::{Reach, parse_reach};
 use crate::open::CarrierKind;
 use crate::remap::{Remap, is_name, parse_remap};
 use clap::Parser;
+use tessera_occupancy::{parse_cell_m, parse_heights_m};
 
 /// Join a run to a ROS 2 network: images of its camera in, odometry and transforms out
 #[derive(Debug, Parser)]
@@ -60,20 +61,20 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FROM:=TO", value_parser = parse_remap)]
     pub(crate) remap: Vec<Remap>,
     /// Distance of neighbouring points of the map, metres
-    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = parse_cell_m)]
     pub(crate) map_spacing: f64,
     /// Topic of the occupancy grid [default: NAMESPACE/grid]
     #[arg(long, value_name = "TOPIC", value_parser = namespace)]
     pub(crate) grid_topic: Option<String>,
     /// Edge of the grid's cells, metres
-    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = parse_cell_m)]
     pub(crate) grid_cell: f64,
     /// Heights of obstacles above the origin of map, metres
     #[arg(
         long,
         value_name = "LOW,HIGH",
         default_value = "0.1,1.0",
-        value_parser = heights,
+        value_parser = parse_heights_m,
         allow_hyphen_values = true
     )]
     pub(crate) grid_heights: (f64, f64),
@@ -99,17 +100,6 @@ fn namespace(text: &str) -> Result<String, String> {
         true => Ok(text.to_owned()),
         false => Err("expected a name such as /tessera".to_owned()),
     }
-}
-
-fn metres(text: &str) -> Result<f64, String> {
-    let found = text.parse().ok().filter(|metres| (0.005..=1.0).contains(metres));
-    found.ok_or_else(|| "expected 0.005 to 1 m".to_owned())
-}
-
-fn heights(text: &str) -> Result<(f64, f64), String> {
-    let numbers = text.split_once(',').and_then(|(low, high)| Some((low.parse().ok()?, high.parse().ok()?)));
-    let is_band = |(low, high): &(f64, f64)| low.abs() <= 100.0 && (0.1..=3.0).contains(&(high - low));
-    numbers.filter(is_band).ok_or_else(|| "expected two heights 0.1 to 3 m apart, such as 0.1,1.0".to_owned())
 }
 
 impl Arguments {

@@ -3,6 +3,7 @@
 use super::Speech;
 use clap::Args;
 use std::path::PathBuf;
+use tessera_exchange::{parse_cell_m, parse_heights_m};
 
 /// `tessera export`.
 #[derive(Clone, Debug, Args)]
@@ -73,10 +74,10 @@ pub(crate) struct ExportSelection {
     #[arg(long, value_name = "FILE")]
     pub(crate) grid: Option<PathBuf>,
     /// Edge of the grid's cells, metres
-    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = metres)]
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = parse_cell_m)]
     pub(crate) grid_cell: f64,
     /// Heights of obstacles above the floor, metres
-    #[arg(long, value_name = "LOW,HIGH", default_value = "0.1,1.0", value_parser = heights, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", default_value = "0.1,1.0", value_parser = parse_heights_m, allow_hyphen_values = true)]
     pub(crate) grid_heights: (f64, f64),
     /// Height of the first camera, held level, above the floor, metres [default: the floor is found]
     #[arg(long, value_name = "M", value_parser = positive)]
@@ -116,17 +117,4 @@ impl From<&ExportSelection> for tessera_exchange::ExportFiles {
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
     if value > 0.0 && value < 1e5 { Ok(value) } else { Err(format!("found {value}, expected more than 0")) }
-}
-
-/// The edge of a grid's cell.
-fn metres(text: &str) -> Result<f64, String> {
-    let found = text.parse().ok().filter(|metres| (0.005..=1.0).contains(metres));
-    found.ok_or_else(|| "expected 0.005 to 1 m".to_owned())
-}
-
-/// A band of heights.
-fn heights(text: &str) -> Result<(f64, f64), String> {
-    let numbers = text.split_once(',').and_then(|(low, high)| Some((low.parse().ok()?, high.parse().ok()?)));
-    let is_band = |(low, high): &(f64, f64)| low.abs() <= 100.0 && (0.1..=3.0).contains(&(high - low));
-    numbers.filter(is_band).ok_or_else(|| "expected two heights 0.1 to 3 m apart, such as 0.1,1.0".to_owned())
 }

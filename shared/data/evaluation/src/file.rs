@@ -10,13 +10,13 @@
 )]
 
 use crate::stamp::{StampError, format_stamp, parse_stamp};
-use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tessera_geometry::Pose;
 
-/// A quaternion in a file may be this far from unit length: files with four digits are.
-const QUATERNION_TOLERANCE: f64 = 0.02;
+/// A rotation in a file may be this far from one: files with four digits are.
+pub(crate) const ROTATION_TOLERANCE: f64 = 0.02;
 
 /// Poses over time, stamps strictly increasing.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -253,7 +253,7 @@ fn parse_row(line: &str) -> Result<(i64, Pose), TrajectoryError> {
     let [tx, ty, tz, qx, qy, qz, qw] = values;
     let quaternion = Quaternion::new(qw, qx, qy, qz);
     let norm = quaternion.norm();
-    if !((norm - 1.0).abs() <= QUATERNION_TOLERANCE) {
+    if !((norm - 1.0).abs() <= ROTATION_TOLERANCE) {
         return Err(TrajectoryError::Quaternion { norm });
     }
     let rotation = UnitQuaternion::new_normalize(quaternion);
@@ -289,6 +289,17 @@ pub fn write_tum_row(writer: &mut dyn Write, stamp_nanos: i64, world_from_camera
     let [tx, ty, tz, qx, qy, qz, qw] = [t.x, t.y, t.z, q.i, q.j, q.k, q.w].map(|v| v + 0.0);
     let stamp = format_stamp(stamp_nanos);
     writeln!(writer, "{stamp} {tx:.9} {ty:.9} {tz:.9} {qx:.9} {qy:.9} {qz:.9} {qw:.9}")
+}
+
+/// A pose by its rotation as a matrix and its translation, metres; `None`: the matrix is no rotation.
+#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
+pub(crate) fn of_matrix(rotation: Matrix3<f64>, [x, y, z]: [f64; 3]) -> Option<Pose> {
+    let is_rotation = (rotation * rotation.transpose() - Matrix3::identity()).amax() <= ROTATION_TOLERANCE
+        && rotation.determinant() > 0.0;
+    is_rotation.then(|| {
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+        Pose::from_parts(Translation3::new(x, y, z), rotation)
+    })
 }
 
 #[cfg(test)]

@@ -9,9 +9,9 @@
     )
 )]
 
-use crate::file::{ReadError, Trajectory, parse_tum};
+use crate::file::{ROTATION_TOLERANCE, ReadError, Trajectory, of_matrix, parse_tum};
 use crate::nerf;
-use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::Path;
 use tessera_geometry::Pose;
@@ -27,8 +27,6 @@ const LEAST_NANOS_APART: i64 = 1_000_000;
 const MARKED_COLUMNS: usize = 10;
 /// States there.
 const MARKS: [&str; 3] = ["tracked", "degenerate", "predicted"];
-/// How far a rotation of a file may be from one.
-const TOLERANCE: f64 = 0.02;
 
 /// A trajectory as a file has it.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,22 +174,15 @@ fn nanos_row(line: &str, is_w_first: bool) -> Option<(i64, Pose)> {
     let stamp: i64 = stamp.parse().ok()?;
     let [x, y, z, a, b, c, d] = numbers(columns)?[..] else { return None };
     let quaternion = if is_w_first { Quaternion::new(a, b, c, d) } else { Quaternion::new(d, a, b, c) };
-    let is_unit = (quaternion.norm() - 1.0).abs() <= TOLERANCE;
+    let is_unit = (quaternion.norm() - 1.0).abs() <= ROTATION_TOLERANCE;
     is_unit.then(|| {
         (stamp, Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_normalize(quaternion)))
     })
 }
 
-#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
 fn kitti(line: &str) -> Option<Pose> {
     let [a, b, c, x, d, e, f, y, g, h, i, z] = numbers(&words(line))?[..] else { return None };
-    let rotation = Matrix3::new(a, b, c, d, e, f, g, h, i);
-    let is_rotation = (rotation * rotation.transpose() - Matrix3::identity()).amax() <= TOLERANCE
-        && rotation.determinant() > 0.0;
-    is_rotation.then(|| {
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-        Pose::from_parts(Translation3::new(x, y, z), rotation)
-    })
+    of_matrix(Matrix3::new(a, b, c, d, e, f, g, h, i), [x, y, z])
 }
 
 #[cfg(test)]

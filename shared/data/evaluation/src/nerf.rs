@@ -9,16 +9,14 @@
     )
 )]
 
-use crate::file::{ReadError, Trajectory};
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use crate::file::{ReadError, Trajectory, of_matrix};
+use nalgebra::Matrix3;
 use serde::Deserialize;
 use std::path::Path;
 use tessera_geometry::Pose;
 
 /// Seconds that fit nanoseconds in 64 bits.
 const MOST_SECONDS: f64 = 9e9;
-/// How far a rotation may be from one.
-const TOLERANCE: f64 = 0.02;
 
 #[derive(Deserialize)]
 struct TimedTransforms {
@@ -70,16 +68,9 @@ fn nanos(seconds: f64) -> i64 {
 }
 
 /// `world_from_camera` with y down and z forward, of a matrix with y up and z backward.
-#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
 fn pose(&[a, b, c, _]: &[[f64; 4]; 4]) -> Option<Pose> {
     let ([a, d, g, x], [b, e, h, y], [c, f, i, z]) = (a, b, c);
-    let rotation = Matrix3::new(a, -d, -g, b, -e, -h, c, -f, -i);
-    let is_rotation = (rotation * rotation.transpose() - Matrix3::identity()).amax() <= TOLERANCE
-        && rotation.determinant() > 0.0;
-    is_rotation.then(|| {
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-        Pose::from_parts(Translation3::new(x, y, z), rotation)
-    })
+    of_matrix(Matrix3::new(a, -d, -g, b, -e, -h, c, -f, -i), [x, y, z])
 }
 
 #[cfg(test)]
@@ -99,7 +90,7 @@ mod tests {
         let found = read(&text).unwrap().unwrap();
         assert_eq!(found.stamps_nanos, [250_000_000, 1_500_000_000]);
         assert!(found.poses[1].rotation.angle() < 1e-12);
-        assert_eq!(found.poses[1].translation, Translation3::new(7.0, 2.0, 3.0));
+        assert_eq!(found.poses[1].translation.vector, nalgebra::Vector3::new(7.0, 2.0, 3.0));
         let message = read(&file(&[frame("", 0.0)])).unwrap_err();
         assert!(message.contains("expected a timestamp in seconds for each frame"), "{message}");
         assert_eq!(read("{\"a\": 1}"), Ok(None));

@@ -17,6 +17,7 @@
 )]
 
 mod camera;
+mod cameras;
 mod chunks;
 mod colour;
 mod compression;
@@ -35,18 +36,18 @@ mod rvl;
 mod topics;
 mod transforms;
 
+use cameras::Cameras;
 use chunks::{Chunks, FoundMessage, Spot};
 use colour::ColourUse;
 pub use error::{MessageError, RecordingError};
 pub use imu::ImuMessage;
-use imu::Instruments;
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::imu::ImuRecording;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
-use tessera_frames::{CameraFile, SourceError, Undistortion};
+use tessera_frames::{CameraFile, SourceError};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour};
 use tessera_geometry::{Camera, InertialRotation};
 use topics::Topics;
@@ -88,20 +89,6 @@ pub struct RecordingSource {
     imu: ImuRecording,
     /// For each depth image, where a gyroscope measured it.
     rotations: Vec<InertialRotation>,
-}
-
-/// How depth and colour are seen.
-#[derive(Clone)]
-struct Cameras {
-    depth: Camera,
-    /// Where the camera is from, for people.
-    from: String,
-    /// A lens that is taken out of depth.
-    lens: Option<Undistortion>,
-    colour: ColourUse,
-    /// What is done with colour, for people.
-    colour_words: String,
-    instruments: Instruments,
 }
 
 impl RecordingSource {
@@ -215,48 +202,6 @@ impl RecordingSource {
         messages::image(spot.kind, &data).and_then(|image| decode(&image)).map_err(|problem| {
             wrong(RecordingError::Message { topic: topic.to_owned(), number: at.saturating_add(1), problem })
         })
-    }
-}
-
-impl Cameras {
-    /// The cameras of a recording, or the one given for depth.
-    fn read(
-        chunks: &Chunks,
-        topics: &Topics,
-        found: &FoundMessage,
-        given: Option<(CameraFile, &str)>,
-        warnings: &mut Vec<String>,
-    ) -> Result<Self, RecordingError> {
-        let first =
-            found.depth.first().ok_or_else(|| RecordingError::Empty { topic: topics.depth.clone() })?;
-        let recorded = camera::of_depth(chunks, topics, (found.camera.as_ref(), found.units.as_ref()), first);
-        let stated = given.as_ref().and_then(|(file, _)| file.colour.clone());
-        let (mut depth, from, lens, recorded) = match given {
-            Some((file, name)) => {
-                let lens = file.lens.map(|lens| Undistortion::new(&lens, &file.camera));
-                (file.camera, name.to_owned(), lens, recorded.ok())
-            }
-            None => {
-                let recorded = recorded?;
-                let camera = recorded.camera.clone();
-                let mut from = topics.camera.clone().unwrap_or_default();
-                if let Some(lens) = &recorded.lens {
-                    from.push_str(", ");
-                    from.push_str(lens.words());
-                }
-                let lens = recorded.lens.map(|lens| Undistortion::new(&lens, &camera));
-                (camera, from, lens, Some(recorded))
-            }
-        };
-        // Once it is warped.
-        depth.colour_registered |= stated.is_some();
-        let seen =
-            colour::Depth { camera: &depth, recorded: recorded.as_ref(), stated_colour: stated.as_ref() };
-        let choice = colour::choose(chunks, topics, found, &seen);
-        warnings.extend(choice.warning);
-        let frame = recorded.map_or(String::new(), |recorded| recorded.frame);
-        let instruments = Instruments::find(chunks, found, &frame);
-        Ok(Self { depth, from, lens, colour: choice.colour, colour_words: choice.words, instruments })
     }
 }
 

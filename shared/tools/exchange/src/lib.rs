@@ -21,6 +21,7 @@ use poses::{euroc, kitti};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tessera_fusion::Mesh;
+pub use tessera_occupancy::{parse_cell_m, parse_heights_m};
 use tessera_outputs::{self as outputs, Replay, ToolError, write_file};
 use tessera_settings::Settings;
 use tessera_stage::{RunFile, RunFiles};

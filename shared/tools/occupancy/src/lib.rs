@@ -2,6 +2,7 @@
 //! vote of all keyframes. A function of keyframes and poses, whatever order they come in.
 #![forbid(unsafe_code)]
 
+mod arguments;
 mod floor;
 mod grid;
 mod lattice;
@@ -10,6 +11,7 @@ mod points;
 mod scan;
 mod votes;
 
+pub use arguments::{parse_cell_m, parse_heights_m};
 pub use floor::{Floor, FloorFinder};
 pub use grid::{FREE, GridPart, OCCUPIED, OccupancyCells, UNKNOWN};
 pub use lattice::CellLattice;

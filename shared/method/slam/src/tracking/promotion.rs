@@ -1,5 +1,4 @@
-//! The previous frame becomes a keyframe, and the alignment is repeated with it in the window
-//! (III-H, method 9).
+//! The previous frame becomes a keyframe, relative to which the alignment counts from there on (III-H, method 9).
 
 use crate::map::culling;
 use crate::map::detection;
@@ -20,7 +19,7 @@ const LOOKED_FOR_IN_PLACE: u32 = 4;
 
 /// A frame behind the keyframe test.
 pub(crate) struct Promoted {
-    /// Its alignment, repeated where it makes a keyframe.
+    /// Its alignment, with the new keyframe in the place of the previous frame where it makes one.
     pub(crate) aligned: WindowAlignment,
     /// Its record, a new keyframe without what it means for others.
     pub(crate) record: FrameRecord,
@@ -28,8 +27,7 @@ pub(crate) struct Promoted {
     pub(crate) is_looked_for: bool,
 }
 
-/// Makes the previous frame a keyframe where the keyframe test asks for it, and repeats the
-/// alignment; at most once per frame.
+/// Makes the previous frame a keyframe where the keyframe test asks for it.
 pub(crate) fn with_keyframe(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,

@@ -5,6 +5,7 @@ use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::
 use std::fs;
 use std::path::Path;
 
+mod images;
 mod misread;
 mod mutations;
 mod record3d;
