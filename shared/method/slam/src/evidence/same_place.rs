@@ -104,13 +104,23 @@ impl PlaceEvidence {
         [n_agreeing, agreeing, missing, overlap, matched, in_front, residual_sigmas, shape]
     }
 
-    /// As [`Self::llr_nats`], or against another place whose surfaces are the same, as those of the storeys of a
-    /// building, by features alone: whichever is less. `None` of views that show too little of the same to tell.
+    /// As [`Self::against_twins_nats`]; `None` of views that show too little of the same to tell.
     pub(crate) fn least_nats(&self) -> Option<f64> {
-        let agrees = self.n_agreeing.is_some_and(|n| n as usize >= LEAST_OF_POSE);
-        let alike = if agrees || self.missing > 0.0 { self.weigh(&ALIKE) } else { f64::INFINITY };
-        (agrees || self.overlap >= LEAST_OVERLAP || self.in_front >= MOST_IN_FRONT)
-            .then(|| self.llr_nats().min(alike))
+        let is_telling =
+            self.makes_a_pose() || self.overlap >= LEAST_OVERLAP || self.in_front >= MOST_IN_FRONT;
+        is_telling.then(|| self.against_twins_nats())
+    }
+
+    /// As [`Self::llr_nats`], or against another place whose surfaces are the same, as those of the storeys of a
+    /// building, by features alone: whichever is less.
+    pub(crate) fn against_twins_nats(&self) -> f64 {
+        let is_by_features = self.makes_a_pose() || self.missing > 0.0;
+        let twins = if is_by_features { self.weigh(&ALIKE) } else { f64::INFINITY };
+        self.llr_nats().min(twins)
+    }
+
+    fn makes_a_pose(&self) -> bool {
+        self.n_agreeing.is_some_and(|n| n as usize >= LEAST_OF_POSE)
     }
 
     /// Log-likelihood ratio of "the same place, aligned as it is" against any other, nats.

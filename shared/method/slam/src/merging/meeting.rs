@@ -5,7 +5,8 @@
 //! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
 //! nothing, and what else both saw there must not contradict the join.
 
-use crate::evidence::sequential::TestVerdict;
+use crate::evidence::pose_agreement::UncertainPose;
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::Ferns;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
@@ -14,12 +15,14 @@ use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
-use crate::settings::RelocaliseSettings;
 use crate::submaps::contradiction::{self, APART_M, APART_RAD};
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;
+use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::{FrameSurface, MIN_SAMPLES, Surfaces, TrackingInput};
 use crate::tracking::relocalise;
+use crate::tracking::window::Member;
+use crate::tracking::window_alignment::reference;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
 use tessera_registration::{Sample, Sampler};
@@ -245,28 +248,10 @@ impl Looker {
         state: &TrackerState,
         surfaces: &dyn KeyframeSurfaces,
         own: &KeyframeState,
-        mut sighting: SightingRecord,
+        sighting: SightingRecord,
     ) -> Option<(Meeting, JoinRecord)> {
-        let n_needed = RelocaliseSettings::CONFIRM_FRAMES;
-        for neighbour in neighbours(state, own) {
-            if sighting.n_confirmed >= n_needed {
-                break;
-            }
-            let agrees = self.look(state, surfaces, neighbour, |input, aligner| {
-                let expected =
-                    join::other_from_own(input, &sighting)? * Pose::from(&neighbour.world_from_camera);
-                let velocity = Twist::from_vector(&Vector6::from_column_slice(&neighbour.velocity));
-                let found = join::seen_at(input, aligner, sighting.seen, &expected, velocity)?;
-                Some(join::agrees(&found, &expected))
-            });
-            match agrees.flatten() {
-                Some(true) => sighting.n_confirmed += 1,
-                Some(false) => return None,
-                // It looks elsewhere, which says nothing.
-                None => {}
-            }
-        }
-        if sighting.n_confirmed < n_needed {
+        let (n_confirmed, test) = self.gathered(state, surfaces, own, &sighting)?;
+        if test.verdict() != TestVerdict::Accepted {
             return None;
         }
         let found = self.look(state, surfaces, own, |input, _| {
@@ -278,7 +263,7 @@ impl Looker {
                 moved: joined.moved,
                 own: sighting.own,
                 seen: sighting.seen,
-                n_confirmed: sighting.n_confirmed,
+                n_confirmed,
                 overlap: tested.overlap,
                 in_front: tested.in_front,
             };
@@ -292,6 +277,42 @@ impl Looker {
         let is_ambiguous = self.fits_elsewhere(state, surfaces, own, (component(seen), &own_in_other))
             || self.fits_elsewhere(state, surfaces, seen, (component(own), &seen_in_own));
         (!is_ambiguous).then_some((meeting, joined))
+    }
+
+    /// The evidence of a keyframe and of its neighbours for what it sees, and how many of them tell; `None` where one
+    /// has another place there.
+    fn gathered(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        own: &KeyframeState,
+        sighting: &SightingRecord,
+    ) -> Option<(u32, SequentialTest)> {
+        let mut test = SequentialTest { sum_nats: sighting.evidence_nats() };
+        let mut counted = vec![own.id];
+        for neighbour in neighbours(state, own) {
+            if test.verdict() != TestVerdict::Undecided {
+                break;
+            }
+            let shown = self.look(state, surfaces, neighbour, |input, aligner| {
+                looked_again(input, aligner, neighbour, sighting, &counted)
+            });
+            match shown.flatten() {
+                Some(LookedAgain::Shows { nats, novelty }) => {
+                    let apart = |id: &u32| {
+                        let stamp_nanos = state.keyframes.get(*id as usize).map_or(0, |k| k.stamp_nanos);
+                        neighbour.stamp_nanos.saturating_sub(stamp_nanos).saturating_abs()
+                    };
+                    let step_nanos = counted.iter().map(apart).min().unwrap_or(0);
+                    test = found_place::with_view(test, nats, novelty, step_nanos);
+                    counted.push(neighbour.id);
+                }
+                Some(LookedAgain::ElsewhereThere) => return None,
+                // It looks at something else, which tells nothing.
+                None => {}
+            }
+        }
+        Some((counted.len() as u32, test))
     }
 
     /// Has a keyframe looked at as a frame of its own submap; `None` with too little to look at.
@@ -338,7 +359,44 @@ fn recognised(
     let seen = join::nearest_of(input, &found)?;
     let seen_from_own = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
-    Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, n_confirmed: 1 })
+    let evidence_millinats = join::millinats(found.evidence_nats);
+    Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, evidence_millinats })
+}
+
+/// What a neighbour shows of a sighting.
+enum LookedAgain {
+    /// The same, by so much evidence, of which a share is new.
+    Shows { nats: f64, novelty: f64 },
+    /// It is at another place of the same component.
+    ElsewhereThere,
+}
+
+/// What a neighbour shows of a sighting, beside the keyframes that were counted; `None` where it does not see the place.
+fn looked_again(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    neighbour: &KeyframeState,
+    sighting: &SightingRecord,
+    counted: &[u32],
+) -> Option<LookedAgain> {
+    let pose = Pose::from(&neighbour.world_from_camera);
+    let expected = join::other_from_own(input, sighting)? * pose;
+    let velocity = Twist::from_vector(&Vector6::from_column_slice(&neighbour.velocity));
+    let found = join::seen_at(input, aligner, sighting.seen, &expected, velocity)?;
+    let uncertain = UncertainPose::read(&neighbour.world_from_camera, &neighbour.covariance)?;
+    if !join::agrees(input, aligner, &found, (sighting, &expected), &uncertain) {
+        return Some(LookedAgain::ElsewhereThere);
+    }
+    let shown = found_place::shown(&input.in_submap(found.submap), aligner, &found)?;
+    let novelty = match shown {
+        Shown::SurfacesAlone => 1.0,
+        Shown::Evidence(_) => counted
+            .iter()
+            .filter_map(|&id| reference(input, Member::Keyframe(id)))
+            .map(|before| found_place::novelty_beside(input, aligner, &before, &pose))
+            .fold(1.0, f64::min),
+    };
+    Some(LookedAgain::Shows { nats: shown.against_twins_nats(), novelty })
 }
 
 /// Keyframes of the same component, the nearest in the order of their making first.

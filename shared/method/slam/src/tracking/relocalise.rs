@@ -112,7 +112,7 @@ pub(crate) fn relocalise(
     let found = first_that_fits(input, aligner, candidates);
     let FoundPlace { found, how, shown } =
         found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
-    let test = found_place::first(shown);
+    let test = SequentialTest::default().with(shown.llr_nats(), 1.0);
     Ok(as_far_as_certain(found, test, &format!("{why_lost}; found by {how}; ")))
 }
 
@@ -168,7 +168,7 @@ fn first_that_fits(
             continue;
         }
         let Some(shown) = found_place::shown(&there, aligner, &found) else { continue };
-        if matches!(shown, Shown::Evidence(nats) if nats <= found_place::least_nats(input)) {
+        if matches!(shown, Shown::Evidence(_)) && shown.llr_nats() <= found_place::least_nats(input) {
             continue;
         }
         // Of the submaps that are joined there, that of the nearest keyframe.
@@ -178,7 +178,8 @@ fn first_that_fits(
         });
         let submap = nearest.map_or(candidate.submap, |k| k.submap);
         let how = format!("{}: {numbers}", candidate.name);
-        return Some(FoundPlace { found: WindowAlignment { submap, ..found }, how, shown });
+        let evidence_nats = shown.against_twins_nats();
+        return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
     }
     None
 }
