@@ -34,7 +34,7 @@ impl MatchLimits {
         Self { pose_sigma_m, ..Self::new(first_distance_m, tightness) }
     }
 
-    /// What they say for one grid (method 5.1): distances from `tau_0` to `2 eps_d(z)`, reach and
+    /// The limits for one grid (method 5.1): distances from `tau_0` to `2 eps_d(z)`, reach and
     /// cosine from their first to their last value.
     pub(crate) fn at(&self, grid_step: usize) -> IterationLimits {
         let blend = |[first, last]: [f32; 2]| first + (last - first) * self.tightness;

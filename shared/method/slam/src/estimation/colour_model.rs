@@ -54,7 +54,7 @@ impl ColourModel {
     }
 }
 
-/// What one frame's matches say of colour, as journaled.
+/// Audit of colour by one frame's matches, as journaled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColourRecord {
     /// Matches that took part.
@@ -113,7 +113,7 @@ const CERTAIN_SIGMAS: f64 = 4.9;
 /// Standard deviations below which it may well be zero: one in 100.
 const DOUBTED_SIGMAS: f64 = 2.6;
 
-/// What all frames so far say of colour.
+/// Colour model and its trust, estimated from all frames so far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColourState {
     /// Frames with enough matches.

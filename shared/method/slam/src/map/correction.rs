@@ -58,7 +58,7 @@ pub struct Correction {
     /// Frames solved again against the optimised keyframes (final optimisation only).
     pub frames: Vec<(u64, PoseBits)>,
     /// Loop pairs with what their tests found and the weight that the optimiser left them: those of which
-    /// earlier corrections said something else, and in the final one all.
+    /// earlier corrections had another verdict, and in the final one all.
     pub loops: Vec<LoopRecord>,
     /// The submaps of the request, apart where the optimiser refuted what had joined them.
     pub submaps: Submaps,

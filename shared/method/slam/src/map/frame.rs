@@ -121,7 +121,7 @@ impl Default for PoseRecord {
 pub struct EvidenceRecord {
     /// Its colour image is that of the frame before: no measurement.
     pub repeats_colour: bool,
-    /// What its features say of colour; nothing where too few match.
+    /// Audit of colour by its features; none where too few match.
     pub colour: Option<ColourRecord>,
     /// What its alignment tells of the noise scales; nothing where it was not aligned.
     pub noise: Option<NoiseRecord>,

@@ -48,7 +48,7 @@ pub struct SightingRecord {
     pub own: u32,
     /// Where the other one sees it.
     pub seen_from_own: PoseBits,
-    /// Frames that say so, each by the strict tests.
+    /// Frames that confirm it, each by the strict tests.
     pub n_confirmed: u32,
 }
 

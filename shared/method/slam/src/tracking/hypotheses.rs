@@ -55,7 +55,7 @@ const HYPOTHESES: [Hypothesis; 3] = [
     Hypothesis { after: Decision::Rejected, guess: last_keyframe, acceptance: Acceptance::WellConditioned },
 ];
 
-/// Aligns a frame that follows a tracked one. The error says why the prediction was rejected.
+/// Aligns a frame that follows a tracked one. The error is why the prediction was rejected.
 pub(crate) fn track(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,

@@ -31,7 +31,7 @@ pub(crate) struct Prediction {
     pub(crate) previous: Option<(Pose, f64)>,
     /// Whether a motion is known that leads here: without one it is the last pose, and a guess.
     pub(crate) is_known: bool,
-    /// Velocity until an alignment says better.
+    /// Velocity until an alignment gives a better one.
     pub(crate) velocity: Twist,
     /// Standard deviation of the rotation about each axis where a gyroscope measured it, radians.
     pub(crate) rotation_sigma_rad: Option<f64>,

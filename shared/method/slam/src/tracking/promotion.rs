@@ -19,7 +19,7 @@ const LOOKED_FOR_IN_PLACE: u32 = 4;
 
 /// A frame behind the keyframe test.
 pub(crate) struct Promoted {
-    /// Its alignment, with the new keyframe in the place of the previous frame where it makes one.
+    /// Its alignment; a new keyframe replaces the previous frame in it.
     pub(crate) aligned: WindowAlignment,
     /// Its record, a new keyframe without what it means for others.
     pub(crate) record: FrameRecord,

@@ -20,7 +20,7 @@ use tessera_graph::{BlockSums, PairBlock};
 use tessera_numerics::Step;
 use tessera_surface::SurfaceView;
 
-/// Features of a view from which on what they do not share with another one says something.
+/// Least number of features of a view for which missing matches with another view are evidence.
 pub(crate) const ENOUGH_FEATURES: usize = 100;
 
 /// Names a surface: as [`Reference::key`].
@@ -86,10 +86,9 @@ impl Sight {
         }
     }
 
-    /// Takes a frame's features in. Those of a repeated image are left out: no camera measures the same
-    /// image twice, bit by bit (in the dark some deliver each image twice), and its matches would hold the camera
-    /// still. `before` is the frame that
-    /// the state names as its last, so that an answer never hangs on what else is still at hand.
+    /// Takes a frame's features in. Those of a repeated image are left out (in the dark some cameras deliver each
+    /// image twice): its matches would hold the camera still. `before` is the frame that the state names as its
+    /// last, so that the answer does not depend on which frames are still at hand.
     pub(crate) fn begin(
         &mut self,
         context: &Context,
