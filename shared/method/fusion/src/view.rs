@@ -12,13 +12,13 @@ pub struct View<'a> {
     pub camera: &'a Camera,
     /// The surface, in the camera's frame.
     pub surface: SurfaceView<'a>,
-    /// Where the camera stood at the frame's stamp.
+    /// Pose of the camera at the frame's stamp.
     pub world_from_camera: Pose,
     /// Its motion per second in its own frame, for the rolling shutter.
     pub velocity: Twist,
 }
 
-/// What a view knows of eight points.
+/// Measurements of eight points by a view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SeenLine {
     /// Whether a point was measured, and is not too far behind the surface; else nothing below counts.

@@ -69,7 +69,7 @@ fn with_map(
     with_request(input, aligner, aligned, record)
 }
 
-/// What is known of colour behind a frame.
+/// The colour state behind a frame.
 pub(crate) fn with_frame(before: &ColourState, record: &FrameRecord) -> ColourState {
     let mut after = *before;
     if let Some(colour) = &record.evidence.colour {

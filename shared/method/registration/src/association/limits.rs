@@ -70,6 +70,6 @@ pub(crate) struct Limits {
     pub(crate) distance_m: f32,
     pub(crate) distance_sigmas: f32,
     pub(crate) cosine: f32,
-    /// What the error of the pose adds to the variance of a residual, square metres.
+    /// Variance that the error of the pose adds to a residual, square metres.
     pub(crate) pose_variance: f32,
 }

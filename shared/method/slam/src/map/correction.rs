@@ -5,7 +5,7 @@ use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, PoseBits};
 
-/// What became of a loop pair.
+/// Verdict of a loop pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LoopVerdict {
@@ -70,7 +70,7 @@ pub struct Correction {
     pub refinement: Option<Refinement>,
 }
 
-/// What became of the camera when it was solved for.
+/// Result of solving for the camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refinement {
     /// Another camera fits the frames better.
@@ -106,6 +106,6 @@ pub struct RefinedCamera {
 pub struct AppliedCorrection {
     /// First frame index aligned after it.
     pub before_frame: u64,
-    /// What was applied.
+    /// The correction as applied.
     pub correction: Correction,
 }

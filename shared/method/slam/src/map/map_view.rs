@@ -40,7 +40,7 @@ impl<'a> MapView<'a> {
         submaps.component(keyframe.submap) == submaps.component(self.submap)
     }
 
-    /// What is no keyframe: recent frames, counters, the pending request.
+    /// All but keyframes: recent frames, counters, the pending request.
     pub(crate) fn state(&self) -> &'a TrackerState {
         self.state
     }

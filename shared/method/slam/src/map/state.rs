@@ -61,7 +61,7 @@ pub struct TrackerState {
     pub is_placed: bool,
     /// All keyframes, by id.
     pub keyframes: Vec<KeyframeState>,
-    /// What the newest keyframes measured of older ones.
+    /// Pair blocks of the newest keyframes with older ones.
     pub newest_blocks: NewestBlocks,
     /// The submap in which the camera is.
     pub submap: u32,
@@ -77,7 +77,7 @@ pub struct TrackerState {
     pub n_refuted: u32,
     /// The last two frames, newest last.
     pub recent: Vec<RecentFrame>,
-    /// What corrections have moved so far; identity before the first.
+    /// Motion by all corrections so far; identity before the first.
     pub world_from_odom: Option<PoseBits>,
     /// Entropy of the first frame aligned to the last keyframe, nats.
     pub reference_entropy: Option<f64>,
@@ -105,7 +105,7 @@ pub struct TrackerState {
     pub motion: MotionState,
     /// The source is exhausted.
     pub is_ended: bool,
-    /// Where the active keyframes stand.
+    /// Ids of the active keyframes.
     #[serde(skip)]
     pub(crate) active_ids: ActiveIds,
 }

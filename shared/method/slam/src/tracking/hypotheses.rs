@@ -26,7 +26,7 @@ enum Decision {
     Rejected,
 }
 
-/// What a result must show beside the strict tests.
+/// Condition on a result beside the strict tests.
 #[derive(Clone, Copy, Debug)]
 enum Acceptance {
     /// More inliers, less free-space violations, than the alignment from the prediction has.

@@ -14,7 +14,7 @@ use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Pose, log};
 
-/// Where the camera is where the map has it, one keyframe of so many is looked for among all others.
+/// While features confirm the camera's pose in the map, one keyframe in so many is searched among all others.
 const LOOKED_FOR_IN_PLACE: u32 = 4;
 
 /// A frame behind the keyframe test.

@@ -1,4 +1,4 @@
-//! What the tracker sees by features: the frame's own, the references', and the pairs between them.
+//! Feature matching of the tracker: the frame's features, the references', and the pairs between them.
 
 use crate::estimation::colour_model::ColourModel;
 use crate::evidence::same_place::{self, AGREES_SQ};

@@ -7,7 +7,7 @@ use crate::packed::predict_row;
 use crate::vertex::Vertex;
 use tessera_numerics::{BitCoder, BitModel, NumberModel};
 
-/// What was learnt of the numbers of vertices, by how well those around were predicted.
+/// Adaptive models of the numbers of vertices, by the prediction errors around.
 pub(super) struct Models {
     numbers: Vec<[NumberModel; SURPRISES * OTHERS]>,
     /// Whether the flags are those to the left; or else those above.
