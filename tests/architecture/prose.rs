@@ -1,6 +1,6 @@
 //! The prose of the pages: short sentences, and no words that carry nothing.
 
-use crate::root;
+use crate::{files, root};
 use std::fs;
 use std::path::PathBuf;
 
@@ -188,4 +188,22 @@ fn pages_have_short_sentences_and_no_empty_words() {
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Comments of the method, those of the SLAM crate apart for now.
+#[test]
+fn comments_of_the_method_have_no_empty_words() {
+    let mut faults = Vec::new();
+    for (path, text) in files("shared/method") {
+        if path.starts_with("shared/method/slam") {
+            continue;
+        }
+        for (number, line) in (1..).zip(text.lines()) {
+            let comment = line.trim_start();
+            let is_comment = comment.starts_with("//");
+            let words = if is_comment { empty_words(comment) } else { Vec::new() };
+            faults.extend(words.iter().map(|(_, phrase)| format!("{}:{number}: `{phrase}`", path.display())));
+        }
+    }
+    assert!(faults.is_empty(), "words that carry nothing: {}", faults.join("\n"));
 }

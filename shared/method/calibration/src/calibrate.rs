@@ -1,5 +1,5 @@
 //! The outer loop of calibration: data association, one step of poses and camera at once, the
-//! surfaces made again, and so on.
+//! surfaces made again, repeatedly.
 //!
 //! It is not a `MultiEdge` of `tessera_graph`: the camera borders the system of the poses, each
 //! iteration is a single linear step, and its end is judged by what is known of the camera. The

@@ -16,7 +16,7 @@ pub struct MatchLimits {
     /// to twice the local edge tolerance, radii and normals from their first to their last value.
     pub tightness: f32,
     /// Standard deviation that the error of the pose itself gives to a residual, metres; 0 where the
-    /// pose is known as well as the surfaces are. While it is not, what stands apart from most
+    /// pose is known as well as the surfaces are. While it is not, a match far from most
     /// matches is not an outlier: it may be the one thing that shows the error.
     pub pose_sigma_m: f32,
 }

@@ -107,7 +107,7 @@ impl<'a> SeenThrough<'a> {
         views
     }
 
-    /// Whether a point of the frame, metres in its camera, stands where a keyframe saw farther.
+    /// Whether a point of the frame, metres in its camera, is in space that a keyframe saw through.
     fn has_moved(&self, point: &[f32; 3]) -> bool {
         self.is_before(point, |_| true)
     }

@@ -283,7 +283,7 @@ impl Sight {
     }
 
     /// Features of the frame that would agree with a reference at a pose, were it the same place: of those that it
-    /// would have to see, the share that agrees with `before`, a view just before.
+    /// would have to see, the share that agrees with `before`, the preceding view.
     pub(crate) fn n_expected(
         &mut self,
         context: &Context,
@@ -294,7 +294,7 @@ impl Sight {
         n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
     }
 
-    /// Share of the comparable features that agree with a view just before, on whatever pose they agree.
+    /// Share of the comparable features that agree with the preceding view, on whatever pose they agree.
     fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
         let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
         pair.map_or(0.0, |pair| {
