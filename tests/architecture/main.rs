@@ -5,6 +5,7 @@
 mod constants;
 mod layers;
 mod names;
+mod prose;
 mod shapes;
 mod stamps;
 

@@ -7,7 +7,7 @@ mod common;
 #[path = "../requirements.rs"]
 mod requirements;
 
-/// What is promised whatever happens: the table of invariants in ARCHITECTURE.md, test by test.
+/// What is promised whatever happens: the table of invariants in docs/internals.md, test by test.
 mod promises {
     /// A result is a function of input and settings, never of time, threads or machine.
     mod determinism {

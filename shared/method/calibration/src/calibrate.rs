@@ -1,5 +1,5 @@
 //! The outer loop of calibration: data association, one step of poses and camera at once, the
-//! surfaces made again, and so on.
+//! surfaces made again, repeatedly.
 //!
 //! It is not a `MultiEdge` of `tessera_graph`: the camera borders the system of the poses, each
 //! iteration is a single linear step, and its end is judged by what is known of the camera. The
@@ -23,7 +23,7 @@ const MAX_ITERATIONS: u32 = 20;
 const CONVERGED_SHARE: f64 = 0.1;
 /// or one below this, pixels.
 const CONVERGED_PX: f64 = 0.02;
-/// A step is at most this long, pixels: beyond it the linearisation says little.
+/// A step is at most this long, pixels: beyond it the linearisation does not hold.
 const LARGEST_STEP_PX: f64 = 15.0;
 /// Parameters that are solved for from this iteration on, and which.
 const FIRST_LATE: u32 = 5;

@@ -10,14 +10,14 @@ use nalgebra::SymmetricEigen;
 pub(crate) struct Direction {
     /// Unit vector over the steps.
     pub(crate) vector: Parameters,
-    /// Its information; 0 where the motion says nothing.
+    /// Its information; 0 where the motion does not determine it.
     information: f64,
     /// Its standard deviation by the frames alone, widths; infinite without information.
     pub(crate) std: f64,
 }
 
 impl Direction {
-    /// Share of what the frames say that is taken; the rest is the start's.
+    /// Share of the frames' estimate that is taken; the rest is the start's.
     pub(crate) fn share(&self) -> f64 {
         1.0 / (1.0 + self.std * self.std)
     }
@@ -59,8 +59,8 @@ impl Directions {
         Self { gradient: to.transpose() * reduced.gradient, variance, all, widths }
     }
 
-    /// The step from `present` to the most probable camera: along each direction what the frames
-    /// say and the start, each by its weight.
+    /// The step from `present` to the most probable camera: along each direction the frames'
+    /// estimate and the start, each by its weight.
     pub(crate) fn step(&self, start: &Parameters, present: &Parameters) -> Parameters {
         let moved = self.widths.from_parameters * (present - start);
         let mut wanted = Parameters::zeros();

@@ -4,9 +4,9 @@
 //! lens, readout time or depth offset deforms each frame in its own axes, so two frames that are
 //! turned against each other disagree, and no poses make them agree. [`calibrate`] therefore solves
 //! for all keyframe poses and the camera at once: the camera is a dense border of the pose graph's
-//! sparse system, and what remains of it once the poses are eliminated (the Schur complement) says
+//! sparse system, and what remains of it once the poses are eliminated (the Schur complement) shows
 //! which combinations of parameters this motion determines. The others stay at their start: each
-//! takes what the frames say by the share that its standard deviation leaves.
+//! moves to the frames' estimate by the share that its standard deviation leaves.
 //!
 //! A global scale of depth is not among the unknowns: depth and all translations times a constant
 //! fit the same frames equally well.

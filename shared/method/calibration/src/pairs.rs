@@ -2,7 +2,7 @@
 
 use tessera_geometry::{Pose, log};
 
-/// Pairs nearer than this share of the limits say little: what a sensor does wrong in the same
+/// Pairs nearer than this share of the limits are weak evidence: what a sensor does wrong in the same
 /// pixels of both frames, it does twice, and it pulls the two poses together as a larger focal
 /// length would.
 const LEAST_SHARE: f64 = 0.3;

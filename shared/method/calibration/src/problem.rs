@@ -18,7 +18,7 @@ pub struct CalibrationKeyframe<'a> {
     pub vertices: &'a [Vertex],
 }
 
-/// What is to be solved.
+/// The calibration problem.
 #[derive(Clone, Debug)]
 pub struct Problem<'a> {
     /// The camera with which the surfaces and poses were made: where the iteration begins.

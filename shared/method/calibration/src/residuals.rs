@@ -30,7 +30,7 @@ pub(crate) struct Sides {
     pub(crate) target: (usize, Twist),
 }
 
-/// What a residual is worth.
+/// Weight of a residual.
 pub(crate) struct Rule {
     pub(crate) noise: DepthNoise,
     /// Variance along the normal over the variance across it (eq. 9).

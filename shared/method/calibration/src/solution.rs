@@ -17,11 +17,11 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard deviation by the frames and the start together.
     pub std: f64,
-    /// Share of it that the start says rather than the frames, 0 to 1.
+    /// Share of it that is the start's rather than the frames', 0 to 1.
     pub held: f64,
 }
 
-/// A combination of parameters that stays nearer to its start than to what the frames say.
+/// A combination of parameters that stays nearer to its start than to the frames' estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldDirection {
     /// Weight of each parameter, pixels of image motion, in the order of [`Parameter::ALL`].
@@ -83,7 +83,7 @@ pub(crate) fn std_px(covariance: &CameraMatrix, sizes: &Parameters) -> f64 {
     sizes::in_pixels(&covariance.diagonal().map(|variance| variance.max(0.0).sqrt()), sizes).norm()
 }
 
-/// Directions that stay nearer to the start than to what the frames say.
+/// Directions that stay nearer to the start than to the frames' estimate.
 pub(crate) fn held_directions(directions: &Directions, sizes: &Parameters) -> Vec<HeldDirection> {
     let in_pixels = |vector| sizes::in_pixels(&directions.in_parameters(vector), sizes);
     directions

@@ -76,7 +76,7 @@ impl Reduced {
         Twist::from_vector(&-(own + by_camera * step))
     }
 
-    /// What a pair says of the camera with the poses following: its information, and its gradient
+    /// A pair's part in the camera's equations with the poses following: its information, and its gradient
     /// once the camera has taken `step`.
     pub(crate) fn share_of(&self, pair: &PairSums, step: &Parameters) -> (CameraMatrix, Parameters) {
         let ad = adjoint(&pair.target_from_query.inverse());

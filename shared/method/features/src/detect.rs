@@ -75,7 +75,7 @@ impl CellGrid {
     }
 }
 
-/// Where corners can be.
+/// Region where corners can be.
 #[derive(Clone, Debug)]
 struct ImagePart {
     rows: Range<usize>,

@@ -1,4 +1,4 @@
-//! Where a descriptor samples its patch, for every orientation.
+//! Sampling pattern of the descriptor, for every orientation.
 
 use crate::patch::{CENTRE, RADIUS, SIDE};
 use tessera_numerics::SplitMix64;

@@ -100,7 +100,7 @@ impl PlaceIndex {
     }
 
     /// The places that show most of these features, the best first, equals by number; at most `n`, and
-    /// each with at least `min_words`. `is_admitted` says which places count.
+    /// each with at least `min_words`. `is_admitted` selects the places that count.
     pub fn find(
         &self,
         features: &[Feature],

@@ -6,7 +6,7 @@
 use crate::mesh::{Mesh, root};
 use rayon::prelude::*;
 
-/// One side of a triangle, as it stands in an undirected edge.
+/// One side of a triangle, as part of an undirected edge.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct HalfEdge {
     /// The vertices of the edge, the lower one first.

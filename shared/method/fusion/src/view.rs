@@ -12,13 +12,13 @@ pub struct View<'a> {
     pub camera: &'a Camera,
     /// The surface, in the camera's frame.
     pub surface: SurfaceView<'a>,
-    /// Where the camera stood at the frame's stamp.
+    /// Pose of the camera at the frame's stamp.
     pub world_from_camera: Pose,
     /// Its motion per second in its own frame, for the rolling shutter.
     pub velocity: Twist,
 }
 
-/// What a view knows of eight points.
+/// Measurements of eight points by a view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SeenLine {
     /// Whether a point was measured, and is not too far behind the surface; else nothing below counts.
@@ -129,13 +129,13 @@ impl<'a> PreparedView<'a> {
         self.measure(point, (row, column), least_distance_m)
     }
 
-    /// What the quads say that eight points of the camera's frame, projected to `row` and `column`, lie in.
+    /// Measurement by the quads around eight points of the camera's frame, projected to `row` and `column`.
     #[inline(always)]
     fn measure(&self, point: [Lanes; 3], (row, column): (Lanes, Lanes), least_distance_m: f32) -> SeenLine {
         let grid = &self.view.surface.grid;
         let (last_row, last_column) = (grid.height as f32 - 1.0, grid.width as f32 - 1.0);
         let (mut is_inside, mut quad, mut weights) = ([false; LANES], [0; LANES], [[0.0; 4]; LANES]);
-        // What each point's quad says, all of it at once: in memory, lest the compiler take it apart.
+        // Corners of each point's quad, all at once in memory, lest the compiler take them apart.
         let mut said: [QuadCorner; LANES] = [[0.0; LANES]; LANES];
         for k in 0..LANES {
             let (at_row, at_column) = (row.0[k], column.0[k]);

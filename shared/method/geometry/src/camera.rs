@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// What is wrong with a camera description.
+/// Error of a camera description.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// An image side is out of range.
@@ -69,8 +69,8 @@ pub struct Camera {
     /// Whether colour is registered to depth, pixel by pixel.
     #[serde(default = "yes")]
     pub colour_registered: bool,
-    /// Seconds by which colour is newer than the depth of the same stamp. A start: what the frames say
-    /// goes on from it (method 14.4), and so below.
+    /// Seconds by which colour is newer than the depth of the same stamp. A start: the estimate
+    /// from the frames begins there (method 14.4), and so below.
     #[serde(default)]
     pub colour_lag_s: f64,
     /// Focal length of the colour images over that of depth.

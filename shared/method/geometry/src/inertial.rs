@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// A camera's rotation since the start of its source, integrated from angular rates.
 ///
-/// Of two of them follows the rotation between any two frames, also where frames between were left
-/// out, and a restarted sensor says the same bits.
+/// Two of them give the rotation between any two frames, also where frames between were left
+/// out, and a restarted sensor gives the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InertialRotation {
     /// Unit quaternion `x y z w`, from the camera now to the camera at the start.

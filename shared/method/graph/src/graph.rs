@@ -31,12 +31,12 @@ impl Pair {
     }
 }
 
-/// What is known of a pose beside the surfaces: `e = log(predicted^-1 pose)`.
+/// Prior of a pose beside the surfaces: `e = log(predicted^-1 pose)`.
 #[derive(Clone, Debug)]
 pub struct Prior {
     /// Vertex.
     pub vertex: usize,
-    /// Where it should be.
+    /// The predicted pose.
     pub predicted: Pose,
     /// Inverse covariance, translation first, in the units of the pair blocks' information.
     pub information: Matrix6,
@@ -53,7 +53,7 @@ pub struct Graph {
     pub pairs: Vec<Pair>,
     /// Priors.
     pub priors: Vec<Prior>,
-    /// What the factorisations may use.
+    /// Vector instructions of the factorisations.
     pub isa: Isa,
 }
 

@@ -106,7 +106,7 @@ impl Graph {
     }
 }
 
-/// `d^T (lambda d - g)`: what the quadratic model says a step gains.
+/// `d^T (lambda d - g)`: a step's gain by the quadratic model.
 fn predicted_decrease(system: &BlockSystem, lambda: f64, steps: &[Vector6]) -> f64 {
     steps.iter().zip(&system.gradient).map(|(d, g)| d.dot(&(d * lambda - g))).sum()
 }

@@ -4,7 +4,7 @@ use crate::graph::{Graph, MIN_SHARED_PAIRS, Pair};
 use rayon::prelude::*;
 use tessera_geometry::{Matrix6, Pose, Vector6, adjoint};
 
-/// What a pair adds to the normal equations, its weight included.
+/// A pair's terms of the normal equations, its weight included.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Linearised {
     /// The pair's weight; 0 where it takes no part.

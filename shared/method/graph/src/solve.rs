@@ -3,7 +3,7 @@
 use tessera_geometry::{Matrix6, Vector6};
 use tessera_numerics::{BlockCholesky, Isa, NotPositiveDefinite};
 
-/// Where each block of the lower triangle goes, worked out once per graph.
+/// Places of the lower triangle's blocks, worked out once per graph.
 pub(crate) struct BlockSystem {
     n: usize,
     /// Off-diagonal blocks as (row, column) with row > column, sorted by column, then row.

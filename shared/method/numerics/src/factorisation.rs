@@ -137,7 +137,7 @@ impl Factorisation<'_> {
     }
 
     /// Takes what earlier panels give to some rows of a panel; `before` has their blocks, the last of them
-    /// just before the panel's own.
+    /// directly before the panel's own.
     #[inline(always)]
     fn take(&self, rows: PanelRows<'_>, before: &[Block6], place_of_row: &[u32]) {
         let panels = &self.of.panels;

@@ -10,7 +10,7 @@ const MOST_COLUMNS: usize = 8;
 /// Block products of a subtree that one thread does by itself: a millisecond.
 const PRODUCTS_OF_A_SUBTREE: usize = 1 << 16;
 
-/// Where the blocks of a factor lie.
+/// Places of the blocks of a factor.
 pub(crate) struct Panels {
     /// Panel `p` has the columns `columns[p]..columns[p + 1]`.
     columns: Vec<usize>,
@@ -21,7 +21,7 @@ pub(crate) struct Panels {
     block_starts: Vec<usize>,
     /// The panel of each column.
     panel_of: Vec<u32>,
-    /// What goes into panel `p` from earlier ones: `updates[update_starts[p]..update_starts[p + 1]]`.
+    /// Updates of panel `p` by earlier ones: `updates[update_starts[p]..update_starts[p + 1]]`.
     update_starts: Vec<usize>,
     updates: Vec<Update>,
     /// Products of blocks that each panel takes.
@@ -134,7 +134,7 @@ impl Panels {
         self.block_starts[panels.start]..self.block_starts[panels.end]
     }
 
-    /// What goes into a panel, in the order of elimination.
+    /// Updates of a panel, in the order of elimination.
     pub(crate) fn updates(&self, panel: usize) -> &[Update] {
         &self.updates[self.update_starts[panel]..self.update_starts[panel + 1]]
     }

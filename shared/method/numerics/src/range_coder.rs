@@ -70,7 +70,7 @@ pub trait BitCoder {
     /// A value at the cost of its part of all.
     fn part(&mut self, parts: &impl Parts, value: u32) -> u32;
 
-    /// A bit at the cost that its model says, which learns from it.
+    /// A bit at the cost of its model, which learns from it.
     #[inline]
     fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
         let bit = self.split(model.one, bit);
@@ -139,7 +139,7 @@ fn narrowed(low: u64, high: u64, [from, to]: [u32; 2]) -> (u64, u64) {
     (low + step * u64::from(from), if to < ONE { low + step * u64::from(to) - 1 } else { high })
 }
 
-/// The fewest highest bytes that say which range it is, zeros behind them, and how many.
+/// The fewest highest bytes that identify the range, zeros behind them, and their number.
 fn last_bytes(low: u64, high: u64) -> (u64, usize) {
     let cut = |n: usize| high & (u64::MAX << (64 - 8 * n));
     (1..8).map(|n| (cut(n), n)).find(|(last, _)| *last >= low).unwrap_or((high, 8))
@@ -171,7 +171,7 @@ fn shifted(low: u64, high: u64) -> (u64, u64) {
     (low << OUT_BITS, high << OUT_BITS | u64::from(u32::MAX))
 }
 
-/// Bits from bytes. Any bytes are bits of something; whether they were written so, [`Self::ends`] says.
+/// Bits from bytes. Any bytes are bits of something; [`Self::ends`] checks whether they were written so.
 #[derive(Debug)]
 pub struct RangeReader<'a> {
     low: u64,

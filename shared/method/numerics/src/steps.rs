@@ -1,6 +1,6 @@
 //! Profiling hooks: the named steps of the work on one frame or request, and an optional observer.
 //!
-//! The method says which step it is in and knows no clock: an observer that a stage gives it may
+//! The method announces its step and knows no clock: an observer that a stage gives it may
 //! look at one. No result depends on an observer, and without one an announcement is one branch.
 
 use std::sync::Arc;

@@ -53,7 +53,7 @@ pub(crate) fn step(
     with_map(input, aligner, (&aligned, is_looked_for), record)
 }
 
-/// The record with what the frame says of the map.
+/// The record with what the frame changes in the map.
 fn with_map(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -69,7 +69,7 @@ fn with_map(
     with_request(input, aligner, aligned, record)
 }
 
-/// What is known of colour behind a frame.
+/// The colour state behind a frame.
 pub(crate) fn with_frame(before: &ColourState, record: &FrameRecord) -> ColourState {
     let mut after = *before;
     if let Some(colour) = &record.evidence.colour {
@@ -83,7 +83,7 @@ pub(crate) fn gives_colour_away(before: &ColourState, record: &FrameRecord) -> b
     before.is_trusted() && !with_frame(before, record).is_trusted()
 }
 
-/// Whether a tracked frame says something of the map that takes its time.
+/// Whether a tracked frame may change the map, which takes its time.
 fn has_more_to_do(input: &TrackingInput<'_>, record: &FrameRecord) -> bool {
     record.change.new_keyframe.is_some() || is_compared(input) || input.map.state().submaps.n_components() > 1
 }

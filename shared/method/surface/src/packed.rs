@@ -102,7 +102,7 @@ pub fn unpack_first(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<FirstV
 /// Few enough to stay in the nearest cache.
 const ROUNDED_AT_A_TIME: usize = 160;
 
-/// What [`unpack`] makes of what [`pack`] makes of the vertices: a surface as a keyframe keeps it.
+/// The vertices after [`pack`] and [`unpack`]: a surface as a keyframe keeps it.
 pub fn rounded(vertices: &[Vertex]) -> Vec<Vertex> {
     let mut rounded = Vec::with_capacity(vertices.len());
     let mut run = Rounded::new(ROUNDED_AT_A_TIME);

@@ -11,7 +11,7 @@ use crate::vertex::{Grid, Vertex};
 use tessera_geometry::Camera;
 use tessera_numerics::{SettingError, Step, Steps};
 
-/// What came out of one frame, in numbers.
+/// Counts of one reconstruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceStats {
     /// Cells with a measurement.

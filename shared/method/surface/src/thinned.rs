@@ -1,8 +1,8 @@
 //! Surfaces for a narrow link: each n-th vertex of each n-th row, rounded to a fraction of the sensor's
 //! noise and predicted from those above and to the left; the vertices between are interpolated by the reader.
 //!
-//! Each vertex is slid along its tangent plane to the ray of its place in the grid, so that its depth says where it
-//! is. Depth is rounded as its inverse, in which the noise of a depth camera is about the same at all distances,
+//! Each vertex is slid along its tangent plane to the ray of its place in the grid, so that its depth gives its
+//! position. Depth is rounded as its inverse, in which the noise of a depth camera is about the same at all distances,
 //! by steps that the bytes tell ([`Thinning`]), normals likewise, colours to an eighth of their range. Residuals go
 //! through a range coder whose probabilities follow the residuals around. Vertices at places that the caller names
 //! are kept too. What [`unpack`] returns is a function of the bytes and these places alone.
@@ -106,8 +106,8 @@ struct ThinnedSurface {
 }
 
 impl ThinnedSurface {
-    /// Writes the kept vertices `own`, or reads them; what a reader has, row by row in the place of what was
-    /// written. `None` where a vertex has no depth.
+    /// Writes the kept vertices `own`, or reads them; returns them row by row as a reader has them. `None` where a
+    /// vertex has no depth.
     fn code_kept(&mut self, coder: &mut impl BitCoder, own: Option<KeptVertices>) -> Option<KeptVertices> {
         let Self { grid, rays, thinning } = *self;
         let step = thinning.step();

@@ -1,4 +1,4 @@
-//! What is known of a matched feature.
+//! Observations of a matched feature.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 

@@ -114,7 +114,7 @@ fn split(conic: &Matrix3<f64>) -> Option<[Vector3<f64>; 2]> {
     Some([c.row(row).transpose(), c.column(column).into_owned()])
 }
 
-/// Where a line meets a conic.
+/// Intersection of a line with a conic.
 fn meet(line: &Vector3<f64>, conic: &Matrix3<f64>) -> [Option<Vector3<f64>>; 2] {
     let axis = Vector3::ith(line.iamin(), 1.0);
     let u = line.cross(&axis).normalize();

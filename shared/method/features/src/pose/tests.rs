@@ -8,7 +8,7 @@ use tessera_numerics::SplitMix64;
 
 const FOCAL_PX: f64 = 525.0;
 
-/// What a simulated view holds.
+/// Contents of a simulated view.
 #[derive(Clone, Copy)]
 struct View {
     n: usize,

@@ -9,7 +9,7 @@ use super::PairBlock;
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use tessera_geometry::{Matrix6, Pose, Vector6, from_upper_triangle, upper_triangle};
 
-/// What a pair's cost is about a transform, to second order.
+/// A pair's cost about a transform, to second order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quadratic {
     h: Matrix6,

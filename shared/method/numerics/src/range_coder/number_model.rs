@@ -56,7 +56,7 @@ fn bucket(value: u32) -> usize {
     (EXACT + 2 * (n_below - 1) + (value >> n_below & 1)) as usize
 }
 
-/// The least magnitude of a bucket, and how many bits say which of it.
+/// The least magnitude of a bucket, and the number of bits that select within it.
 fn bucket_bounds(bucket: usize) -> (u32, u32) {
     let above = (bucket as u32).wrapping_sub(EXACT);
     if bucket < EXACT as usize {

@@ -16,7 +16,7 @@ pub struct MatchLimits {
     /// to twice the local edge tolerance, radii and normals from their first to their last value.
     pub tightness: f32,
     /// Standard deviation that the error of the pose itself gives to a residual, metres; 0 where the
-    /// pose is known as well as the surfaces are. While it is not, what stands apart from most
+    /// pose is known as well as the surfaces are. While it is not, a match far from most
     /// matches is not an outlier: it may be the one thing that shows the error.
     pub pose_sigma_m: f32,
 }
@@ -34,7 +34,7 @@ impl MatchLimits {
         Self { pose_sigma_m, ..Self::new(first_distance_m, tightness) }
     }
 
-    /// What they say for one grid (method 5.1): distances from `tau_0` to `2 eps_d(z)`, reach and
+    /// The limits for one grid (method 5.1): distances from `tau_0` to `2 eps_d(z)`, reach and
     /// cosine from their first to their last value.
     pub(crate) fn at(&self, grid_step: usize) -> IterationLimits {
         let blend = |[first, last]: [f32; 2]| first + (last - first) * self.tightness;
@@ -70,6 +70,6 @@ pub(crate) struct Limits {
     pub(crate) distance_m: f32,
     pub(crate) distance_sigmas: f32,
     pub(crate) cosine: f32,
-    /// What the error of the pose adds to the variance of a residual, square metres.
+    /// Variance that the error of the pose adds to a residual, square metres.
     pub(crate) pose_variance: f32,
 }

@@ -14,7 +14,7 @@ use tessera_geometry::{DepthNoise, Pose};
 use tessera_graph::BlockSums;
 use tessera_numerics::{Step, Steps};
 
-/// What a search found, in numbers.
+/// Counts of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PairReport {
     /// Queries tried.

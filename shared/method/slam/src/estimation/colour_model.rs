@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
 
-/// What is applied to the pixels of features.
+/// Lag and focal ratio as applied to the pixels of features.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColourModel {
     /// Seconds by which colour is newer than the depth of the same stamp.
@@ -25,7 +25,7 @@ impl Default for ColourModel {
 }
 
 impl ColourModel {
-    /// What a camera file states.
+    /// The model of a camera file.
     pub fn of_camera(camera: &Camera) -> Self {
         Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
     }
@@ -54,14 +54,14 @@ impl ColourModel {
     }
 }
 
-/// What one frame's matches say of colour, as journaled.
+/// Audit of colour by one frame's matches, as journaled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColourRecord {
     /// Matches that took part.
     pub n_pairs: u32,
     /// Median residual of a pair against its surfaces, mean over the pairs, pixels.
     pub residual_px: f64,
-    /// What of it no lag and no ratio explains, in units of what is allowed at this motion.
+    /// Residual that lag and ratio do not explain, in units of what is allowed at this motion.
     pub disagreement: f64,
 }
 
@@ -113,7 +113,7 @@ const CERTAIN_SIGMAS: f64 = 4.9;
 /// Standard deviations below which it may well be zero: one in 100.
 const DOUBTED_SIGMAS: f64 = 2.6;
 
-/// What all frames so far say of colour.
+/// Colour model and its trust, estimated from all frames so far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColourState {
     /// Frames with enough matches.
@@ -125,7 +125,7 @@ pub struct ColourState {
     pub residual_px: f64,
     /// Running disagreement.
     pub disagreement: f64,
-    /// What is applied.
+    /// The model as applied.
     pub model: ColourModel,
 }
 
@@ -233,7 +233,7 @@ impl ColourState {
     }
 }
 
-/// What is applied of a parameter: it moves when it must, not with each keyframe.
+/// Value of a parameter to apply: it changes when it must, not with each keyframe.
 fn chosen([value, sigma]: [f64; 2], applied: f64) -> f64 {
     let certain = if applied == 0.0 { CERTAIN_SIGMAS } else { DOUBTED_SIGMAS };
     match value.abs() > certain * sigma {

@@ -1,4 +1,4 @@
-//! What is estimated while a run goes on: scales of the noise, the camera's motion, and how colour lies against depth.
+//! Estimates while a run goes on: noise scales, the camera's motion, and the colour model.
 
 pub(crate) mod colour_model;
 pub(crate) mod colour_pose;

@@ -33,7 +33,7 @@ const START_DENSITY: [f64; 2] = [4.0 / 30.0, 100.0 / 30.0];
 /// Standard deviation of a velocity that no alignment determines, m/s and rad/s: of a hand or a robot indoors.
 const START_VELOCITY: [f64; 2] = [1.5, 1.5];
 /// Standard deviation of a rotation between two frames that no gyroscope falls below, radians: its axes and the camera's
-/// are not quite the same.
+/// differ a little.
 const INERTIAL_FLOOR_RAD: f64 = 0.2_f64.to_radians();
 /// An alignment that tells nothing along an axis leaves this share of the variance predicted for it.
 const NOTHING: f64 = 0.999;

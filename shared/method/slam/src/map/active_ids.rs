@@ -13,7 +13,7 @@ pub(crate) struct ActiveIds {
 }
 
 impl PartialEq for ActiveIds {
-    /// It says nothing that the keyframes do not say.
+    /// Always equal: it follows from the keyframes.
     fn eq(&self, _: &Self) -> bool {
         true
     }

@@ -106,7 +106,7 @@ impl Context {
         context
     }
 
-    /// The same with colour that lies against depth as this model says.
+    /// The same with colour registered to depth by this model.
     #[must_use]
     pub fn with_colour_model(self, colour: ColourModel) -> Self {
         Self { colour, own_colour: colour, ..self }

@@ -5,7 +5,7 @@ use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, PoseBits};
 
-/// What became of a loop pair.
+/// Verdict of a loop pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LoopVerdict {
@@ -58,7 +58,7 @@ pub struct Correction {
     /// Frames solved again against the optimised keyframes (final optimisation only).
     pub frames: Vec<(u64, PoseBits)>,
     /// Loop pairs with what their tests found and the weight that the optimiser left them: those of which
-    /// earlier corrections said something else, and in the final one all.
+    /// earlier corrections had another verdict, and in the final one all.
     pub loops: Vec<LoopRecord>,
     /// The submaps of the request, apart where the optimiser refuted what had joined them.
     pub submaps: Submaps,
@@ -70,7 +70,7 @@ pub struct Correction {
     pub refinement: Option<Refinement>,
 }
 
-/// What became of the camera when it was solved for.
+/// Result of solving for the camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refinement {
     /// Another camera fits the frames better.
@@ -106,6 +106,6 @@ pub struct RefinedCamera {
 pub struct AppliedCorrection {
     /// First frame index aligned after it.
     pub before_frame: u64,
-    /// What was applied.
+    /// The correction as applied.
     pub correction: Correction,
 }

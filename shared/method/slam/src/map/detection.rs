@@ -119,7 +119,7 @@ mod tests {
         let sparse = LoopSettings { min_frames: 60, ..settings.clone() };
         assert!(!closes_loop(&sparse, &newest, &older));
         assert!(closes_loop(&settings, &newest, &TrackPoint::of_keyframe(&keyframe(6, 0, 0.0))));
-        // A frame stands where the last keyframe does in the graph.
+        // In the graph a frame counts as the last keyframe.
         let state = TrackerState { keyframes: keyframes.clone(), session: 1, ..TrackerState::default() };
         assert!(is_loop(&settings, &state, &keyframes[1], 75));
         assert!(!is_loop(&settings, &state, &keyframes[2], 75));

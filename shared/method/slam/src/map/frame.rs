@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, PoseBits};
 use tessera_surface::WorkloadLevel;
 
-/// What is so of a frame, as far as anything is decided by it: its reason has the words.
+/// Causes of a frame's outcome by which anything is decided; its reason has them in words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameCauses {
     /// Its surfaces leave a direction undetermined; along it the pose is the prediction.
@@ -56,11 +56,11 @@ pub struct FrameRecord {
     pub lost_nanos: i64,
     /// Sum of the evidence for a place that was found and is not yet certain, nats; 0 otherwise (method 12.7).
     pub evidence_nats: f64,
-    /// Where the camera is, and how it moves.
+    /// Pose and motion of the camera.
     pub pose: PoseRecord,
-    /// What the frame measured.
+    /// Measurements of the frame.
     pub evidence: EvidenceRecord,
-    /// What changes in the map.
+    /// Changes of the map.
     pub change: MapChange,
 }
 
@@ -72,7 +72,7 @@ impl FrameRecord {
     }
 }
 
-/// Where the camera is at a frame, and how it moves.
+/// Pose and motion of the camera at a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseRecord {
     /// Pose as first published, in the map's frame.
@@ -116,22 +116,22 @@ impl Default for PoseRecord {
     }
 }
 
-/// What a frame measured: of its pose, of the noise, and of colour.
+/// A frame's measurements: of its pose, of the noise, and of colour.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EvidenceRecord {
     /// Its colour image is that of the frame before: no measurement.
     pub repeats_colour: bool,
-    /// What its features say of colour; nothing where too few match.
+    /// Audit of colour by its features; none where too few match.
     pub colour: Option<ColourRecord>,
-    /// What its alignment tells of the noise scales; nothing where it was not aligned.
+    /// Evidence of the noise scales; none where it was not aligned.
     pub noise: Option<NoiseRecord>,
-    /// What it tells of how colour lies against depth, where it makes a keyframe.
+    /// Evidence of the colour model, where it makes a keyframe.
     pub colour_pose: Option<ColourPoseRecord>,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
 }
 
-/// What changes in the map with a frame, and the tests under way that may change it.
+/// Changes of the map with a frame, and the tests under way that may change it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MapChange {
     /// The newest keyframes, which were solved for together with the one that this frame makes (method 7).

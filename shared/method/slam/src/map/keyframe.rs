@@ -32,7 +32,7 @@ pub struct KeyframeRecord {
     pub slot: StoreSlot,
     /// Keyframes it shares an edge with (ids below its own), loops among them.
     pub edges: Vec<EdgeRecord>,
-    /// What the place looks like, to recognise it.
+    /// Appearance code of the place, for recognition.
     pub place: PlaceCode,
     /// Keyframes of long before that look like it, the most alike first: with them it may close a loop.
     pub alike: Vec<u32>,
@@ -90,7 +90,7 @@ pub struct KeyframeState {
     pub edges: Vec<EdgeRecord>,
     /// Covariance of its pose when it was made, as in `PoseRecord::covariance`.
     pub covariance: Vec<f64>,
-    /// What the place looks like.
+    /// Appearance code of the place.
     pub place: PlaceCode,
     /// Keyframes that look like it, as journaled.
     pub alike: Vec<u32>,

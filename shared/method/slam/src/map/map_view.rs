@@ -3,7 +3,7 @@
 use crate::map::state::{KeyframeState, TrackerState};
 
 /// The tracker's state, and in front of it a keyframe that this step would make, as far as it has one
-/// gauge with a submap: that of the camera, where nothing else is said. The state itself changes only
+/// gauge with a submap: that of the camera by default. The state itself changes only
 /// by records.
 #[derive(Clone, Copy)]
 pub(crate) struct MapView<'a> {
@@ -40,7 +40,7 @@ impl<'a> MapView<'a> {
         submaps.component(keyframe.submap) == submaps.component(self.submap)
     }
 
-    /// What is no keyframe: recent frames, counters, the pending request.
+    /// All but keyframes: recent frames, counters, the pending request.
     pub(crate) fn state(&self) -> &'a TrackerState {
         self.state
     }

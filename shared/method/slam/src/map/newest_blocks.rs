@@ -1,4 +1,4 @@
-//! What the newest keyframes measured of older ones: kept so that they can be solved for together (method 7).
+//! Pair blocks of the newest keyframes with older ones, kept for the extended window (method 7).
 
 use crate::map::records::{BlockRecord, KeyframeRecord};
 use serde::{Deserialize, Serialize};

@@ -14,7 +14,7 @@ use crate::map::submaps::Submaps;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
 
-/// Where a keyframe stands.
+/// Pose, submap and anchor of a keyframe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
     /// The submap that it was made in.
@@ -26,7 +26,7 @@ pub(crate) struct Placement {
     pub(crate) anchored_to: Option<u32>,
 }
 
-/// What stands somewhere. Keyframes are in slices, indexed by id.
+/// Anything with a placement. Keyframes are in slices, indexed by id.
 pub(crate) trait HasPlacement {
     fn placement(&self) -> Placement;
 
@@ -202,7 +202,7 @@ mod tests {
         KeyframePose { id, world_from_camera: along_x(x_m) }
     }
 
-    /// Where keyframes stand once others have the poses that were solved for.
+    /// Placements of keyframes once others have the poses that were solved for.
     fn after(keyframes: &[Placement], named: &[KeyframePose]) -> Vec<f64> {
         let poses = corrected(keyframes, named).map_or(Vec::new(), |(poses, _)| poses);
         poses.iter().map(|pose| pose.translation_m[0]).collect()

@@ -10,7 +10,7 @@ use crate::map::submaps::Submaps;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits};
 
-/// Where a frame's pose comes from: the part of its record that its final pose needs.
+/// Origin of a frame's pose: the part of its record that its final pose needs.
 #[derive(Clone, Copy, Debug)]
 pub struct FramePose {
     /// Frame index.

@@ -55,13 +55,13 @@ pub struct TrackerState {
     pub session: u32,
     /// Keyframes of earlier runs.
     pub n_map_keyframes: u32,
-    /// Where the camera stands in the map of earlier runs at the first frame, if that was said.
+    /// Pose of the camera in the map of earlier runs at the first frame, if it was given.
     pub start: Option<PoseBits>,
     /// A frame of this run has been tracked: before, its place in the map is unknown.
     pub is_placed: bool,
     /// All keyframes, by id.
     pub keyframes: Vec<KeyframeState>,
-    /// What the newest keyframes measured of older ones.
+    /// Pair blocks of the newest keyframes with older ones.
     pub newest_blocks: NewestBlocks,
     /// The submap in which the camera is.
     pub submap: u32,
@@ -77,7 +77,7 @@ pub struct TrackerState {
     pub n_refuted: u32,
     /// The last two frames, newest last.
     pub recent: Vec<RecentFrame>,
-    /// What corrections have moved so far; identity before the first.
+    /// Motion by all corrections so far; identity before the first.
     pub world_from_odom: Option<PoseBits>,
     /// Entropy of the first frame aligned to the last keyframe, nats.
     pub reference_entropy: Option<f64>,
@@ -97,7 +97,7 @@ pub struct TrackerState {
     pub is_pose_dropped: bool,
     /// As in [`FrameRecord::evidence_nats`].
     pub evidence_nats: f64,
-    /// What all frames say of colour.
+    /// Colour model estimated from all frames.
     pub colour: ColourState,
     /// Noise scales of surfaces and features.
     pub noise: NoiseState,
@@ -105,7 +105,7 @@ pub struct TrackerState {
     pub motion: MotionState,
     /// The source is exhausted.
     pub is_ended: bool,
-    /// Where the active keyframes stand.
+    /// Ids of the active keyframes.
     #[serde(skip)]
     pub(crate) active_ids: ActiveIds,
 }
@@ -331,7 +331,7 @@ impl TrackerState {
         self.n_keyframes_at_request = request.n_keyframes;
     }
 
-    /// Keyframes move as [`apply_correction`] says, and `world_from_odom` with what came after them, so that
+    /// Keyframes move by [`apply_correction`], and `world_from_odom` with what came after them, so that
     /// `odom_from_camera` does not jump.
     fn apply_correction(&mut self, applied: &AppliedCorrection) {
         self.pending = None;

@@ -66,7 +66,7 @@ impl Submaps {
         self.components.iter_mut().filter(|c| **c == a || **c == b).for_each(|c| *c = joined);
     }
 
-    /// Takes over what an optimisation says of the submaps that it knew.
+    /// Takes over an optimisation's answer about the submaps that it knew.
     pub(crate) fn judge(&mut self, judged: &Self) {
         for (own, judged) in self.components.iter_mut().zip(&judged.components) {
             *own = *judged;

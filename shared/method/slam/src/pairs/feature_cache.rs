@@ -1,4 +1,4 @@
-//! What features say of pairs of keyframes, from one optimisation to the next.
+//! Feature matches of pairs of keyframes, kept from one optimisation to the next.
 //!
 //! All of it is a function of two keyframes, of the colour model and of a rounded initial guess, so that
 //! it makes no difference what is kept and what is found anew.

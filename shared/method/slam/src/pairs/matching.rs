@@ -23,7 +23,7 @@ pub(crate) struct Seen<'a> {
     pub(crate) session: Option<u32>,
 }
 
-/// Where matches are looked for, and how hard.
+/// Search region of matches, and RANSAC effort.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
     /// About the predicted pixel; anywhere without a prediction.

@@ -1,4 +1,4 @@
-//! What a frame's alignment tells of the noise scales and of how colour lies against depth (method 9.5, 14.4).
+//! A frame's evidence of the noise scales and of the colour model (method 9.5, 14.4).
 
 use crate::estimation::colour_model::{ColourModel, ColourPoseRecord};
 use crate::estimation::colour_pose::ParameterSums;
@@ -21,7 +21,7 @@ pub(crate) struct PairEvidence<'a> {
     pub(crate) features: Option<&'a WeightedPair>,
 }
 
-/// What a frame's alignment tells of the noise, and of colour where that is asked for.
+/// A frame's evidence of the noise scales, and of the colour model where requested.
 pub(crate) struct FrameEvidence {
     pub(crate) noise: NoiseRecord,
     pub(crate) colour: Option<ColourPoseRecord>,

@@ -17,7 +17,7 @@ pub(crate) const N_QUERIES: usize = 200;
 pub(crate) const FORWARD: [f32; 3] = [0.0, 1.0, 1.0];
 const BACKWARD: [f32; 1] = [1.0];
 
-/// What the tests of a loop pair found.
+/// Results of a loop pair's tests.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Tested {
     /// Smaller share of queries with a match, of both directions.
@@ -71,11 +71,11 @@ pub(crate) fn test(
 pub(crate) struct InFront {
     /// At the pair's own optimum, which is looked for as in [`test`].
     pub(crate) at_optimum: f64,
-    /// Where the pair is put.
+    /// At the given pose.
     pub(crate) as_placed: f64,
 }
 
-/// What of the query floats in front of what the target saw.
+/// Free-space violations of the query against the target.
 pub(crate) fn in_front(
     matcher: &mut Matcher,
     query: &Matchable<'_>,

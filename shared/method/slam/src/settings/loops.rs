@@ -14,7 +14,7 @@ pub struct LoopSettings {
     pub min_similarity: f64,
     /// Keyframes between two requests, at least.
     pub request_interval: u32,
-    /// Frames between a request and its effect, beside half a frame for each keyframe.
+    /// Frames between a request and its effect, beside 0.05 frames for each active keyframe.
     pub delay_frames: u32,
 }
 

@@ -21,8 +21,7 @@ pub struct WindowSettings {
     /// Whether the rotation of the prediction is the gyroscope's where the source has one.
     #[serde(skip)]
     pub inertial_rotation: bool,
-    /// Whether a frame is aligned without what stands where a moment ago nothing stood; not where
-    /// `registration.weight.robust_sigmas` is 0.
+    /// Whether dynamic points are excluded; never where `registration.weight.robust_sigmas` is 0.
     #[serde(skip)]
     pub at_rest_only: bool,
     /// Least share of queries with a match.

@@ -1,11 +1,11 @@
 //! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
+use crate::evidence::pose_agreement::UncertainPose;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, MapChange, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
-use crate::evidence::pose_agreement::UncertainPose;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
 use crate::settings::GlobalSettings;

@@ -162,7 +162,7 @@ impl Aligner {
         }
     }
 
-    /// What a search from one pose finds, with middling limits and without solving.
+    /// Matches at one pose, with middling limits and without solving.
     pub(crate) fn try_pose(
         &mut self,
         context: &Context,

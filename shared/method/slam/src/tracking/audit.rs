@@ -1,4 +1,4 @@
-//! The audit of colour: what the surfaces alone say of a frame that features took part in.
+//! The audit of colour: a frame's feature matches against its alignment by surfaces alone.
 //!
 //! A pose that follows wrong colour takes the data association of the surfaces along, which then
 //! agrees. So some frames are aligned once more without features, and their matches are judged there.
@@ -21,7 +21,7 @@ use crate::tracking::window_alignment::{WindowAlignment, reference};
 const ALL_UNTIL: u32 = 40;
 const EVERY: u64 = 8;
 
-/// What a frame's features say of colour; `None` where it is not audited, too few match, or the surfaces cannot tell.
+/// Audit of a frame's colour; `None` where it is not due, too few features match, or the surfaces are degenerate.
 pub(crate) fn colour_record(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use tessera_geometry::{Matrix6, Vector6, hat};
 use tessera_graph::BlockSums;
 
-/// What moves freely.
+/// Kind of a degenerate motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     Translation,

@@ -15,7 +15,7 @@ use tessera_graph::PairBlock;
 /// moves are others by then. A choice; it bounds the time to find a place from a view that tells half of what is asked.
 const SEEN_AGAIN_NANOS: f64 = 2e9;
 
-/// What a frame shows of its place.
+/// Evidence of a frame for its place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shown {
     /// Features and surfaces.
@@ -45,7 +45,7 @@ impl Shown {
     }
 }
 
-/// What an alignment shows; `None` without a member whose surface is at hand.
+/// Evidence of an alignment; `None` without a member whose surface is at hand.
 pub(crate) fn shown(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,

@@ -26,7 +26,7 @@ enum Decision {
     Rejected,
 }
 
-/// What a result must show beside the strict tests.
+/// Condition on a result beside the strict tests.
 #[derive(Clone, Copy, Debug)]
 enum Acceptance {
     /// More inliers, less free-space violations, than the alignment from the prediction has.
@@ -55,7 +55,7 @@ const HYPOTHESES: [Hypothesis; 3] = [
     Hypothesis { after: Decision::Rejected, guess: last_keyframe, acceptance: Acceptance::WellConditioned },
 ];
 
-/// Aligns a frame that follows a tracked one. The error says why the prediction was rejected.
+/// Aligns a frame that follows a tracked one. The error is why the prediction was rejected.
 pub(crate) fn track(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,

@@ -1,4 +1,4 @@
-//! What one frame's matches say of colour, where the surfaces give the relative poses.
+//! Residuals of one frame's feature matches at the relative poses of its surfaces, by which colour is audited.
 
 use crate::estimation::colour_model::{ColourModel, ColourRecord, ColourState, MIN_PAIRS, PRIOR_SIGMAS};
 use crate::map::context::Context;
@@ -116,7 +116,7 @@ impl<'a> Observed<'a> {
     }
 
     /// Residual that this frame's own best lag and ratio leave, in units of what is allowed. Implausible
-    /// ones count as well: colour of another scene may move as these say for a moment.
+    /// ones count as well: colour of another scene may fit them for a moment.
     fn disagreement(&self) -> f64 {
         let [lag_prior, ratio_prior] = PRIOR_SIGMAS.map(|sigma| sigma.powi(-2));
         let prior = Matrix2::new(lag_prior, 0.0, 0.0, ratio_prior);

@@ -1,8 +1,7 @@
-//! What moves before the camera (method 6): a frame is aligned to what was not seen to be empty a moment ago.
+//! Removal of dynamic points (method 6): samples that lie in space a recent keyframe saw through are excluded.
 //!
 //! A person who walks close by is half of the view, and the nearest and so the most precise half: the frame would
-//! follow. But a keyframe of a second ago saw through where the person is now. A surface that stands there has
-//! moved, however the camera did; of the world at rest only what the map has in a wrong place would.
+//! follow. But a keyframe of a second ago saw through where the person is now.
 
 use crate::map::context::Context;
 use crate::map::culling::LOOKED_BACK_NANOS;
@@ -49,13 +48,13 @@ pub(crate) fn at_rest(
     Some(at_rest)
 }
 
-/// What a keyframe saw.
+/// Surface of a recent keyframe, and its pose relative to the frame.
 struct PastView<'a> {
     surface: SurfaceView<'a>,
     view_from_camera: Pose,
 }
 
-/// What keyframes of a moment ago saw, from where a frame is thought to be.
+/// Free space of recent keyframes, from the predicted pose of a frame.
 struct SeenThrough<'a> {
     context: &'a Context,
     views: Vec<PastView<'a>>,
@@ -108,7 +107,7 @@ impl<'a> SeenThrough<'a> {
         views
     }
 
-    /// Whether a point of the frame, metres in its camera, stands where a keyframe saw farther.
+    /// Whether a point of the frame, metres in its camera, is in space that a keyframe saw through.
     fn has_moved(&self, point: &[f32; 3]) -> bool {
         self.is_before(point, |_| true)
     }

@@ -1,4 +1,4 @@
-//! What an alignment starts from: the predicted pose of a frame, and the surfaces it is aligned to.
+//! Start of an alignment: the predicted pose of a frame, and the surfaces it is aligned to.
 
 use crate::estimation::motion_filter::MotionPrior;
 use crate::pairs::weighted_pair::WeightedPair;
@@ -31,11 +31,11 @@ pub(crate) struct Prediction {
     pub(crate) previous: Option<(Pose, f64)>,
     /// Whether a motion is known that leads here: without one it is the last pose, and a guess.
     pub(crate) is_known: bool,
-    /// Velocity until an alignment says better.
+    /// Velocity until an alignment gives a better one.
     pub(crate) velocity: Twist,
     /// Standard deviation of the rotation about each axis where a gyroscope measured it, radians.
     pub(crate) rotation_sigma_rad: Option<f64>,
-    /// Where the motion so far leads, and how far that errs: a measurement beside the surfaces.
+    /// Predicted pose by the motion so far, with its variance: a measurement beside the surfaces.
     pub(crate) motion: Option<MotionPrior>,
     /// First distance limit, metres.
     pub(crate) first_distance_m: f64,

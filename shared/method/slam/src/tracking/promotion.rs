@@ -14,12 +14,12 @@ use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Pose, log};
 
-/// Where the camera is where the map has it, one keyframe of so many is looked for among all others.
+/// While features confirm the camera's pose in the map, one keyframe in so many is searched among all others.
 const LOOKED_FOR_IN_PLACE: u32 = 4;
 
 /// A frame behind the keyframe test.
 pub(crate) struct Promoted {
-    /// Its alignment, with the new keyframe in the place of the previous frame where it makes one.
+    /// Its alignment; a new keyframe replaces the previous frame in it.
     pub(crate) aligned: WindowAlignment,
     /// Its record, a new keyframe without what it means for others.
     pub(crate) record: FrameRecord,

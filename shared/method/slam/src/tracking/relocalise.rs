@@ -55,7 +55,7 @@ pub(crate) fn is_asked(input: &TrackingInput<'_>) -> bool {
     asked_from <= index && last.is_some_and(|last| last.index < asked_from)
 }
 
-/// The record of such a frame: its reason says so, whatever became of it.
+/// The record of such a frame, with the request in its reason whatever the outcome.
 pub(crate) fn noted(record: FrameRecord) -> FrameRecord {
     let reason = match record.reason.as_str() {
         "" => ASKED.to_owned(),
@@ -95,7 +95,7 @@ fn as_far_as_certain(found: WindowAlignment, test: SequentialTest, why: &str) ->
     WindowAlignment { state, reason, evidence_nats, ..found }
 }
 
-/// The first candidate that passes. The error says why the frame was lost, and that none did.
+/// The first candidate that passes. The error has why the frame was lost, and that none did.
 pub(crate) fn relocalise(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -195,7 +195,7 @@ fn supposed_candidates(
     last.into_iter().chain(similar_keyframes(input, keyframes)).collect()
 }
 
-/// Where the features of keyframes say that the camera is, the most inliers first: the keyframes that
+/// Poses of the camera by the features of keyframes, the most inliers first: the keyframes that
 /// show most of them, the newest, and others in turn.
 fn seen_candidates(
     input: &TrackingInput<'_>,
@@ -218,7 +218,7 @@ fn seen_candidates(
     candidates_by_features(input, aligner, &ids, 0)
 }
 
-/// Where the features of these keyframes say that the camera is, the most inliers first.
+/// Poses of the camera by the features of these keyframes, the most inliers first.
 fn candidates_by_features(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,

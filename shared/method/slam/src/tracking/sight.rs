@@ -1,4 +1,4 @@
-//! What the tracker sees by features: the frame's own, the references', and the pairs between them.
+//! Feature matching of the tracker: the frame's features, the references', and the pairs between them.
 
 use crate::estimation::colour_model::ColourModel;
 use crate::evidence::same_place::{self, AGREES_SQ};
@@ -20,7 +20,7 @@ use tessera_graph::{BlockSums, PairBlock};
 use tessera_numerics::Step;
 use tessera_surface::SurfaceView;
 
-/// Features of a view from which on what they do not share with another one says something.
+/// Least number of features of a view for which missing matches with another view are evidence.
 pub(crate) const ENOUGH_FEATURES: usize = 100;
 
 /// Names a surface: as [`Reference::key`].
@@ -86,10 +86,9 @@ impl Sight {
         }
     }
 
-    /// Takes a frame's features in. Those of a repeated image are left out: no camera measures the same
-    /// image twice, bit by bit (in the dark some deliver each image twice), and its matches would hold the camera
-    /// still. `before` is the frame that
-    /// the state names as its last, so that an answer never hangs on what else is still at hand.
+    /// Takes a frame's features in. Those of a repeated image are left out (in the dark some cameras deliver each
+    /// image twice): its matches would hold the camera still. `before` is the frame that the state names as its
+    /// last, so that the answer does not depend on which frames are still at hand.
     pub(crate) fn begin(
         &mut self,
         context: &Context,
@@ -284,7 +283,7 @@ impl Sight {
     }
 
     /// Features of the frame that would agree with a reference at a pose, were it the same place: of those that it
-    /// would have to see, the share that agrees with `before`, a view just before.
+    /// would have to see, the share that agrees with `before`, the preceding view.
     pub(crate) fn n_expected(
         &mut self,
         context: &Context,
@@ -295,7 +294,7 @@ impl Sight {
         n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
     }
 
-    /// Share of the comparable features that agree with a view just before, on whatever pose they agree.
+    /// Share of the comparable features that agree with the preceding view, on whatever pose they agree.
     fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
         let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
         pair.map_or(0.0, |pair| {

@@ -21,7 +21,7 @@ pub(crate) const OUTER_ITERATIONS: u32 = 3;
 /// Part of the last change of velocity that is expected to go on.
 const AHEAD: f64 = 0.5;
 
-/// What features say of where a frame is.
+/// A frame's pose by its features, as an initial guess.
 pub(crate) enum FeatureStart {
     /// Here the alignment starts.
     Better(Prediction),

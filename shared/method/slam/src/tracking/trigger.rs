@@ -48,8 +48,8 @@ pub(crate) fn with_request(
     record
 }
 
-/// Whether a new keyframe looks like one with which it could close a loop, and the camera stands elsewhere than
-/// that says. The optimiser verifies it.
+/// Whether a new keyframe looks like one with which it could close a loop, at another pose than the camera's. The
+/// optimiser verifies it.
 fn shows_drift(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -60,7 +60,7 @@ fn shows_drift(
         let Some(older) = input.map.keyframe(*id) else { return false };
         let Some(there) = reference(input, Member::Keyframe(*id)) else { return false };
         let has_features = |n: usize| n >= ENOUGH_FEATURES && input.context.is_colour_trusted;
-        // Where both have features to tell by, looks alone say nothing: of bare walls all views are alike.
+        // Where both have features, appearance alone is no evidence: all views of bare walls are similar.
         if has_features(aligner.sight.n_features()) && has_features(there.features.len()) {
             return is_seen_elsewhere(input, aligner, (older, &there), record);
         }

@@ -1,4 +1,4 @@
-//! Whose turn it is: work that one frame in several does is spread, so that no frame takes long.
+//! Scheduling of periodic work over frames, so that no frame takes long.
 //!
 //! A frame that makes a keyframe is aligned twice, and the one behind it looks for what contradicts the map
 //! (`tracking/departure.rs`). Other work is left to the others where there are any.

@@ -59,7 +59,7 @@ fn the_first_vertices_are_read_without_the_others() {
     };
     let n_first = (0..GRID.len()).filter(|place| is_first(*place)).count();
     assert_eq!(n_first, 14 * 10 + 3);
-    // A fifth of the bytes says all of them.
+    // A fifth of the bytes holds all of them.
     let beginning = &packed[..packed.len() / 5];
     assert!(unpack(GRID, beginning, &BESIDE).is_err());
     let first = unpack_first(GRID, beginning, &BESIDE).unwrap();

@@ -9,7 +9,7 @@ use tessera_numerics::{BitCoder, BitModel, NumberModel};
 
 /// Depth and normal: colours are those of what is taken instead.
 const TOLD: usize = 3;
-/// What is taken instead: a vertex between the kept ones, the nearest kept one, the one told last, or none.
+/// The substitute: a vertex between the kept ones, the nearest kept one, the one told last, or none.
 const KINDS: usize = 4;
 
 /// Writes vertices beside the kept ones, or reads them.

@@ -1,4 +1,4 @@
-//! The rays to which vertices are slid, so that their depth says where they are.
+//! The rays to which vertices are slid, so that their depth gives their position.
 
 use super::kept::KeptVertices;
 use crate::vertex::Vertex;
@@ -34,7 +34,7 @@ impl Rays {
         let (head, rest) = bytes.split_first_chunk::<16>()?;
         let number = |at: usize| f32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
         let numbers = [0, 4, 8, 12].map(number);
-        // Beyond, no camera looks; a number that is none is beyond too.
+        // Beyond the view of any camera; a number that is none is beyond too.
         numbers.iter().all(|number| number.abs() < 1e3).then_some((Self(numbers), rest))
     }
 
@@ -71,7 +71,7 @@ impl LineFit {
         self.xy += x * y;
     }
 
-    /// Slope and height at zero; level where the points do not say.
+    /// Slope and height at zero; level where the points do not determine them.
     fn line(&self) -> [f32; 2] {
         let n = self.n.max(1.0);
         let spread = self.xx - self.x * self.x / n;

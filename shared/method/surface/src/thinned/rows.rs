@@ -7,7 +7,7 @@ use crate::packed::predict_row;
 use crate::vertex::Vertex;
 use tessera_numerics::{BitCoder, BitModel, NumberModel};
 
-/// What was learnt of the numbers of vertices, by how well those around were predicted.
+/// Adaptive models of the numbers of vertices, by the prediction errors around.
 pub(super) struct Models {
     numbers: Vec<[NumberModel; SURPRISES * OTHERS]>,
     /// Whether the flags are those to the left; or else those above.
@@ -108,7 +108,7 @@ impl ThinnedRows {
     }
 
     fn code_number(&mut self, coder: &mut impl BitCoder, models: &mut Models, number: usize) {
-        // Which number of the same vertex says how hard this one is to predict.
+        // The number of the same vertex by which this one's error is expected.
         let (before, this) = self.missed.split_at_mut(number);
         let (missed, above) = (&mut this[0], &self.missed_above[number]);
         let other = |column: usize| match number {
