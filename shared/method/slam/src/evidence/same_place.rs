@@ -9,11 +9,12 @@ use crate::evidence::same_place_table::{ALIKE, SHAPE, WITH_FEATURES};
 use crate::map::context::Context;
 use crate::map::keyframe::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::residuals;
-use crate::pairs::verification::{FORWARD, N_QUERIES};
+use crate::pairs::verification::FORWARD;
 use crate::settings::GlobalSettings;
 use nalgebra::SymmetricEigen;
 use tessera_features::{Correspondence, Observation};
@@ -32,8 +33,6 @@ const LEAST_OVERLAP: f64 = 0.4;
 const MOST_IN_FRONT: f64 = 0.5;
 /// Features that make a pose, as in [`PairFinder`].
 pub(crate) const LEAST_OF_POSE: usize = 12;
-/// Features of either view, at least, to count those that agree: a dozen of two fifths of them.
-const LEAST_SEEN: usize = 30;
 
 /// What one aligned pair of views shows, each a share or a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,7 +81,7 @@ impl PlaceEvidence {
     /// `n_expected`: those that would agree, were it the same place.
     pub(crate) fn with_features(self, n_seen: [usize; 2], n_agreeing: usize, n_expected: f64) -> Self {
         let fewer = n_seen[0].min(n_seen[1]);
-        if fewer < LEAST_SEEN {
+        if fewer < MIN_FEATURES as usize {
             return self;
         }
         // Where a view just before tells nothing, all in the overlap could.
@@ -158,7 +157,8 @@ pub(crate) fn measure(
     target_from_query: &Pose,
 ) -> (Pose, PlaceEvidence) {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
-    let alignment = PairAlignment { query, target, n_queries: N_QUERIES, limits: &limits };
+    let alignment =
+        PairAlignment { query, target, n_queries: GlobalSettings::QUERIES_PER_PAIR, limits: &limits };
     let pair = alignment.solve(matcher, target_from_query, &FORWARD);
     let information = pair.block.linearise(&pair.target_from_query).0;
     (pair.target_from_query, PlaceEvidence::of_surfaces(&pair.report, &information))

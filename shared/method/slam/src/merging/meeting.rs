@@ -15,7 +15,9 @@ use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
-use crate::submaps::contradiction::{self, APART_M, APART_RAD};
+use crate::settings::GlobalSettings;
+use crate::submaps::brought_together::{FAR_M, apart_m};
+use crate::submaps::contradiction;
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};
@@ -173,7 +175,7 @@ impl Looker {
         own: &KeyframeState,
         sighting: SightingRecord,
     ) -> LookOutcome {
-        let Some((meeting, joined)) = self.confirmed(state, surfaces, own, sighting) else {
+        let Some((meeting, joined, place_nats)) = self.confirmed(state, surfaces, own, sighting) else {
             return LookOutcome::Nothing;
         };
         // Neighbours say the same: one test is enough for them.
@@ -185,13 +187,8 @@ impl Looker {
                 let is_moved = state.submaps.component(own.submap) == joined.moved;
                 let there = if is_moved { Pose::from(&joined.kept_from_moved) * pose } else { pose };
                 let place = there.translation.vector;
-                contradiction::verdict(contradiction::join_nats(
-                    &self.context,
-                    state,
-                    surfaces,
-                    &joined,
-                    &place,
-                ))
+                let nats = contradiction::join_nats(&self.context, state, surfaces, &joined, &place);
+                contradiction::verdict(place_nats, nats)
             }
         };
         match verdict {
@@ -222,7 +219,9 @@ impl Looker {
     ) -> bool {
         let is_elsewhere = |k: &&KeyframeState| {
             let apart = translation_rotation_norms(&(expected.inverse() * Pose::from(&k.world_from_camera)));
-            k.is_active() && state.submaps.component(k.submap) == component && apart.0 > join::ELSEWHERE_M
+            k.is_active()
+                && state.submaps.component(k.submap) == component
+                && apart.0 > GlobalSettings::RADIUS_M
         };
         let elsewhere: Vec<&KeyframeState> = state.keyframes.iter().filter(is_elsewhere).collect();
         if elsewhere.is_empty() {
@@ -233,9 +232,7 @@ impl Looker {
         let fits = self.look(state, surfaces, keyframe, |input, aligner| {
             let sighting = recognised(input, aligner, keyframe, &elsewhere)?;
             let found = join::other_from_own(input, &sighting)? * Pose::from(&keyframe.world_from_camera);
-            let apart = translation_rotation_norms(&(expected.inverse() * found));
-            let is_apart = apart.0 > APART_M || apart.1 > APART_RAD;
-            Some(is_apart && join::verified(input, &sighting).is_some())
+            Some(apart_m(expected, &found) > FAR_M && join::verified(input, &sighting).is_some())
         });
         self.aligner.sight.places_used = 0;
         fits.flatten() == Some(true)
@@ -249,9 +246,10 @@ impl Looker {
         surfaces: &dyn KeyframeSurfaces,
         own: &KeyframeState,
         sighting: SightingRecord,
-    ) -> Option<(Meeting, JoinRecord)> {
+    ) -> Option<(Meeting, JoinRecord, f64)> {
         let (n_confirmed, test) = self.gathered(state, surfaces, own, &sighting)?;
-        if test.verdict() != TestVerdict::Accepted {
+        // What surrounds the place is asked once the views tell half of what is needed.
+        if 2.0 * test.sum_nats < SequentialTest::accepted_nats() {
             return None;
         }
         let found = self.look(state, surfaces, own, |input, _| {
@@ -276,7 +274,7 @@ impl Looker {
         let seen_in_own = other_from_own.inverse() * Pose::from(&seen.world_from_camera);
         let is_ambiguous = self.fits_elsewhere(state, surfaces, own, (component(seen), &own_in_other))
             || self.fits_elsewhere(state, surfaces, seen, (component(own), &seen_in_own));
-        (!is_ambiguous).then_some((meeting, joined))
+        (!is_ambiguous).then_some((meeting, joined, test.sum_nats))
     }
 
     /// The evidence of a keyframe and of its neighbours for what it sees, and how many of them tell; `None` where one
@@ -396,7 +394,7 @@ fn looked_again(
             .map(|before| found_place::novelty_beside(input, aligner, &before, &pose))
             .fold(1.0, f64::min),
     };
-    Some(LookedAgain::Shows { nats: shown.against_twins_nats(), novelty })
+    Some(LookedAgain::Shows { nats: shown.llr_nats(), novelty })
 }
 
 /// Keyframes of the same component, the nearest in the order of their making first.

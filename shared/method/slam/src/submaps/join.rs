@@ -33,8 +33,6 @@ const TURN_FRAMES: u64 = 3;
 const LOOK_FRAMES: u64 = 2 * TURN_FRAMES;
 /// Turns from one search by shape alone to the next, which tries many alignments.
 const TURNS_BY_SHAPE: u64 = 6;
-/// Keyframes farther than this from a place show another place, metres.
-pub(crate) const ELSEWHERE_M: f64 = 2.0;
 
 /// The record of a tracked frame with what it sees of other submaps, and with the join and its
 /// optimisation once the evidence for it reaches its bound.
@@ -123,7 +121,7 @@ fn confirmed(
     let shown = found_place::shown(&input.in_submap(found.submap), aligner, &found)?;
     let test = SequentialTest { sum_nats: known.evidence_nats() };
     let test = match shown {
-        Shown::SurfacesAlone => test.with(shown.against_twins_nats(), 1.0),
+        Shown::SurfacesAlone => test.with(shown.llr_nats(), 1.0),
         Shown::Evidence(_) => {
             // A view is a new one from keyframe to keyframe, and a look again where time alone has passed.
             let (own, _) = own_from_camera(input, record)?;
@@ -132,7 +130,7 @@ fn confirmed(
                 before.map_or(0.0, |before| found_place::novelty_beside(input, aligner, &before, &pose));
             let last = input.map.state().recent.last().map_or(input.frame.stamp_nanos, |l| l.stamp_nanos);
             let step_nanos = input.frame.stamp_nanos.saturating_sub(last).saturating_mul(LOOK_FRAMES as i64);
-            found_place::with_view(test, shown.against_twins_nats(), novelty, step_nanos)
+            found_place::with_view(test, shown.llr_nats(), novelty, step_nanos)
         }
     };
     (test.sum_nats > 0.0).then(|| sighting(input, record, &found, test.sum_nats))?
@@ -242,7 +240,7 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, mut record: Fram
     if is_known_refused(input.map.state(), &join) {
         return record;
     }
-    match verdict(input, &record, &join) {
+    match verdict(input, &record, sighting, &join) {
         TestVerdict::Accepted => {}
         TestVerdict::Undecided => {
             // Half of it anew, with the keyframes to come.
@@ -281,18 +279,18 @@ pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
 }
 
 /// What the views of both components about the camera say of a join.
-fn verdict(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> TestVerdict {
+fn verdict(
+    input: &TrackingInput<'_>,
+    record: &FrameRecord,
+    sighting: &SightingRecord,
+    join: &JoinRecord,
+) -> TestVerdict {
     let (context, state, keyframes) = (input.context, input.map.state(), input.surfaces.keyframes);
     let camera = Pose::from(&record.pose.world_from_camera);
     let is_moved = state.submaps.component(input.map.submap()) == join.moved;
     let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
-    contradiction::verdict(contradiction::join_nats(
-        context,
-        state,
-        keyframes,
-        join,
-        &there.translation.vector,
-    ))
+    let nats = contradiction::join_nats(context, state, keyframes, join, &there.translation.vector);
+    contradiction::verdict(sighting.evidence_nats(), nats)
 }
 
 /// Whether the frame has its place elsewhere in the other component just as well: of rooms that look alike none
@@ -311,9 +309,11 @@ fn fits_elsewhere(
     let expected = other_from_own * Pose::from(&record.pose.world_from_camera);
     let other = input.map.in_submap(seen.submap);
     let apart_m = |pose: &Pose| (expected.translation.vector - pose.translation.vector).norm();
-    let is_elsewhere = |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > ELSEWHERE_M;
+    let is_elsewhere =
+        |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > GlobalSettings::RADIUS_M;
     let elsewhere: Vec<&KeyframeState> = other.active().filter(is_elsewhere).collect();
-    relocalise::glimpse(input, aligner, &elsewhere, |there, _| apart_m(there) > ELSEWHERE_M).is_some()
+    relocalise::glimpse(input, aligner, &elsewhere, |there, _| apart_m(there) > GlobalSettings::RADIUS_M)
+        .is_some()
 }
 
 /// Whether the same join was refused, and there are not yet twice as many keyframes to tell.

@@ -75,8 +75,7 @@ pub(crate) fn systematic(colour: &ColourState, camera: &Camera, a: &Alignment) -
     if colour.n_frames == 0 || !colour.is_trusted() {
         return Matrix6::zeros();
     }
-    let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs());
-    let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / focal_px;
+    let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / camera.focal_px();
     let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
     let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
     let late = a.velocity.to_vector() * colour.model.lag_s;

@@ -35,14 +35,6 @@ impl Shown {
             }
         }
     }
-
-    /// The same against places that look alike, too.
-    pub(crate) fn against_twins_nats(&self) -> f64 {
-        match self {
-            Self::Evidence(evidence) => evidence.against_twins_nats(),
-            Self::SurfacesAlone => self.llr_nats(),
-        }
-    }
 }
 
 /// Evidence of an alignment; `None` without a member whose surface is at hand.

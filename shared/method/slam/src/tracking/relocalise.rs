@@ -25,8 +25,6 @@ use tessera_geometry::Pose;
 
 /// Newest keyframes whose features are matched.
 const N_NEWEST: usize = 2;
-/// Keyframes that a glimpse matches.
-const N_GLIMPSED: usize = 2;
 /// Words of a frame that a keyframe shows at least to be tried.
 const MIN_WORDS: usize = 4;
 
@@ -138,7 +136,8 @@ pub(crate) fn glimpse(
     is_worth_while: impl Fn(&Pose, u32) -> bool,
 ) -> Option<WindowAlignment> {
     let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
-    let ids = aligner.sight.recognise_frame(input, [N_GLIMPSED, MIN_WORDS], is_asked);
+    let n = input.context.mapping.relocalise.n_recognised as usize;
+    let ids = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
     let seen = candidates_by_features(input, aligner, &ids, AGREEING as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
     first_that_fits(input, aligner, vec![best]).map(|place| place.found)
@@ -178,7 +177,7 @@ fn first_that_fits(
         });
         let submap = nearest.map_or(candidate.submap, |k| k.submap);
         let how = format!("{}: {numbers}", candidate.name);
-        let evidence_nats = shown.against_twins_nats();
+        let evidence_nats = shown.llr_nats();
         return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
     }
     None
