@@ -63,6 +63,8 @@ impl WindowSettings {
     pub const ANGLE_DEG: f64 = 30.0;
     /// Share of the correspondences sought in all but the last outer iteration.
     pub const EARLY_SHARE: f64 = 0.3;
+    /// Outer iterations of the second attempt, after a failure.
+    pub const RETRY_ITERATIONS: u32 = 10;
     /// Outer iterations from a start that is at a solution, or not far from one.
     pub const REFINING_ITERATIONS: u32 = 3;
     /// Pose change below which the schedule skips to its last, tightest step, metres (and radians).

@@ -17,9 +17,10 @@ use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_registration::{FreeSpaceView, GridCamera, Sample, mark_free_space};
 use tessera_surface::SurfaceView;
 
-/// Keyframes that are asked, no older than [`LOOKED_BACK_NANOS`], and the time between them, nanoseconds.
+/// Keyframes that are asked, no older than [`LOOKED_BACK_NANOS`], and the time between them and before the frame,
+/// nanoseconds: in less, little has moved.
 const MOST_ASKED: usize = 3;
-const APART_NANOS: i64 = 600_000_000;
+const APART_NANOS: i64 = 400_000_000;
 /// Motion since the last frame up to which a prediction is precise, metres and radians.
 const MOST_MOVED_M: f64 = 0.06;
 const MOST_TURNED_RAD: f64 = 4.0_f64.to_radians();
@@ -164,7 +165,7 @@ fn asked(map: &MapView<'_>, now: i64) -> Vec<u32> {
     let own = map.state().keyframes.iter().rev().take_while(|k| map.is_own(k));
     let mut asked: Vec<&KeyframeState> = Vec::new();
     for keyframe in own.take_while(|k| age(k) <= LOOKED_BACK_NANOS) {
-        let is_apart = asked.last().is_none_or(|last| age(keyframe) - age(last) >= APART_NANOS);
+        let is_apart = age(keyframe) - asked.last().map_or(0, |last| age(last)) >= APART_NANOS;
         if is_apart && map.contains(keyframe) && asked.len() < MOST_ASKED {
             asked.push(keyframe);
         }
@@ -211,7 +212,7 @@ mod tests {
         let mut state =
             TrackerState { session: 1, keyframes: keyframes.collect(), ..TrackerState::default() };
         let ids = |state: &TrackerState| asked(&MapView::from(state), 10_000_000_000);
-        assert_eq!(ids(&state), [7, 6, 5]);
+        assert_eq!(ids(&state), [6, 5, 4]);
         state.keyframes[5].anchored_to = Some(4);
         assert_eq!(ids(&state), [6, 5, 4], "a culled one saw what it saw");
         state.keyframes[5].session = 0;

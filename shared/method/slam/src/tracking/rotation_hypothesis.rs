@@ -4,6 +4,7 @@
 //! Alignment converges from a few degrees away and no more. Rotations on a coarse grid are compared
 //! by their support alone, without solving for anything.
 
+use crate::estimation::noise_scales::SURFACE_CORRELATION;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
@@ -28,7 +29,9 @@ pub(crate) fn best_rotation(
     let start = guess.world_from_camera;
     let Some(reference) = newest_reference(input, &start) else { return *guess };
     let some = every_nth(input.samples, COARSE_SAMPLES);
-    let mut best = (support(input, aligner, &some, &reference, &start), start);
+    // Evidence for a rotation must exceed that any of the grid has it by chance.
+    let chance = SURFACE_CORRELATION * libm::log(rotations().count() as f64);
+    let mut best = (support(input, aligner, &some, &reference, &start) + chance, start);
     for rotation in rotations() {
         let pose = start * rotation;
         let found = support(input, aligner, &some, &reference, &pose);
