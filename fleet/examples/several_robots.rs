@@ -20,7 +20,7 @@ use std::error::Error;
 use std::ops::Range;
 use tessera_evaluation::align_rigid;
 use tessera_features::Feature;
-use tessera_fleet::surface_wire::{THINNING, from_wire, pack_surface};
+use tessera_fleet::wire::surfaces::{THINNING, from_wire, pack_surface};
 use tessera_geometry::{Camera, Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;

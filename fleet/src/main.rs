@@ -10,15 +10,16 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tessera_fleet::arguments::{Arguments, BaseArguments, Command, FleetChaosArguments, UplinkArguments};
-use tessera_fleet::arrivals::{CopyForm, DISK};
-use tessera_fleet::base::{BaseOptions, Network, base};
+use tessera_fleet::base::base;
+use tessera_fleet::base::network::ZenohNetwork;
+use tessera_fleet::base::options::{BaseOptions, Network};
+use tessera_fleet::base::status::Status;
 use tessera_fleet::chaos::{FleetCampaign, FleetFault, end_with_parent, fleet_campaign};
+use tessera_fleet::copies::arrivals::{CopyForm, DISK};
 use tessera_fleet::error::FleetError;
 use tessera_fleet::looking::look;
-use tessera_fleet::network::ZenohNetwork;
-use tessera_fleet::session::{End, configuration, locators};
-use tessera_fleet::status::Status;
-use tessera_fleet::uplink::{UplinkOptions, uplink};
+use tessera_fleet::robot::uplink::{UplinkOptions, uplink};
+use tessera_fleet::wire::session::{End, configuration, locators};
 
 fn main() -> ExitCode {
     end_with_parent();

@@ -3,7 +3,7 @@
 use super::relay::Carried;
 use super::schedule::{FleetFault, FleetStrike};
 use crate::error::FleetError;
-use crate::wire::Refusal;
+use crate::wire::request::Refusal;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,7 +1,7 @@
 //! The status of a base as Prometheus reads it.
 
-use crate::status::{RunState, RunStatus, Status};
-use crate::summary::JoinVerdict;
+use crate::base::status::{RunState, RunStatus, Status};
+use crate::map::summary::JoinVerdict;
 use tessera_report::Exposition;
 
 /// Reads one figure of a run.
@@ -89,9 +89,9 @@ fn map_figures(figures: &mut Exposition, status: &Status) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::RefusedStatus;
-    use crate::summary::{ComponentSummary, Summary};
-    use crate::wire::Refusal;
+    use crate::base::status::RefusedStatus;
+    use crate::map::summary::{ComponentSummary, Summary};
+    use crate::wire::request::Refusal;
 
     #[test]
     fn every_run_and_the_map_have_their_figures() {

@@ -1,6 +1,6 @@
 //! `tessera base DIR top` on a terminal: the runs of a base as they come.
 
-use crate::status::{RunState, RunStatus, Status, bytes};
+use crate::base::status::{RunState, RunStatus, Status, bytes};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout};
 use ratatui::style::{Modifier, Style};

@@ -3,8 +3,8 @@
 use super::table::draw;
 use super::{cannot, say};
 use crate::arguments::LookArguments;
+use crate::base::status::{Status, is_running};
 use crate::error::FleetError;
-use crate::status::{Status, is_running};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use std::io::IsTerminal;
 use std::path::Path;

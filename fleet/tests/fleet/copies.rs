@@ -6,12 +6,13 @@ use std::collections::BTreeSet;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
-use tessera_fleet::arrivals::{Arrival, CopyForm, Mapped};
-use tessera_fleet::carrier::Carrier;
-use tessera_fleet::map::{KnownMap, make_map};
-use tessera_fleet::replica::{Pulled, Replica, ask_offer};
-use tessera_fleet::served::Served;
-use tessera_fleet::wire::{Kind, Piece, Refusal, Request};
+use tessera_fleet::copies::arrivals::{Arrival, CopyForm, Mapped};
+use tessera_fleet::copies::replica::{Pulled, Replica, ask_offer};
+use tessera_fleet::map::joint::{KnownMap, make_map};
+use tessera_fleet::robot::served::Served;
+use tessera_fleet::wire::carrier::Carrier;
+use tessera_fleet::wire::piece::{Kind, Piece};
+use tessera_fleet::wire::request::{Refusal, Request};
 use tessera_numerics::SplitMix64;
 use tessera_slam::StoreSlot;
 
@@ -92,7 +93,7 @@ fn visit(carrier: &mut Faulty, replica: &mut Replica) -> Pulled {
 }
 
 fn identity(folder: &Path) -> u64 {
-    tessera_fleet::served::identity_of(&std::fs::read(folder.join("run.json")).unwrap())
+    tessera_fleet::robot::served::identity_of(&std::fs::read(folder.join("run.json")).unwrap())
 }
 
 #[test]
@@ -328,7 +329,7 @@ fn a_request_that_is_nonsense_is_refused_in_words() {
     let mut run = GrowingRun::begin(dir.path(), "run", 1);
     (0..10).for_each(|_| run.grow());
     let mut served = Served::open(dir.path()).unwrap();
-    let file = tessera_fleet::wire::Growing::Align;
+    let file = tessera_fleet::wire::request::Growing::Align;
     let identity = identity(dir.path());
     let mut answer = |request: Request| {
         let mut pieces = Vec::new();

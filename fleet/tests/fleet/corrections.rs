@@ -12,9 +12,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tessera_evaluation::{EvaluationOptions, evaluate, read_tum};
 use tessera_fleet::chaos::Process;
-use tessera_fleet::network::run_key;
-use tessera_fleet::session::{End, configuration};
-use tessera_fleet::wire::{Kind, Piece, Request};
+use tessera_fleet::wire::keys::run_key;
+use tessera_fleet::wire::piece::{Kind, Piece};
+use tessera_fleet::wire::request::Request;
+use tessera_fleet::wire::session::{End, configuration};
 use tessera_stage::BaseAnswer;
 use zenoh::{Session, Wait};
 

@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tessera_evaluation::{EvaluationOptions, align_rigid, evaluate, read_tum};
-use tessera_fleet::summary::{JoinVerdict, Summary};
+use tessera_fleet::map::summary::{JoinVerdict, Summary};
 
 /// A run of a simulated scene or of a recording, in a folder.
 fn run_of(tessera: &Path, folder: &Path, source: &str, (skip, frames): (u64, u64)) -> PathBuf {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
+use tessera_fleet::base::status::Status;
 use tessera_fleet::chaos::{self, Patience, Process, Starter};
-use tessera_fleet::status::Status;
 
 fn starter() -> Starter {
     Starter { program: env!("CARGO_BIN_EXE_tessera-fleet").into(), log: None, is_whole: false }

@@ -8,9 +8,10 @@ use crate::run::{GrowingRun, assert_same};
 use std::path::Path;
 use std::process::Command;
 use tessera_fleet::chaos::Process;
-use tessera_fleet::network::{alive_key, run_key};
-use tessera_fleet::session::{End, configuration};
-use tessera_fleet::wire::{Piece, Refusal};
+use tessera_fleet::wire::keys::{alive_key, run_key};
+use tessera_fleet::wire::piece::Piece;
+use tessera_fleet::wire::request::Refusal;
+use tessera_fleet::wire::session::{End, configuration};
 use zenoh::{Config, Session, Wait};
 
 fn session(port: u16) -> Session {
@@ -54,9 +55,9 @@ fn strangers_are_counted_and_harm_no_robot() {
     });
     // A robot that offers the run of another.
     let _thief_token = token(alive_key("thief"));
-    let mut served = tessera_fleet::served::Served::open(&run).unwrap();
+    let mut served = tessera_fleet::robot::served::Served::open(&run).unwrap();
     let mut offer = None;
-    served.answer(&tessera_fleet::wire::Request::Offer, &mut |piece| {
+    served.answer(&tessera_fleet::wire::request::Request::Offer, &mut |piece| {
         offer.get_or_insert(piece);
         true
     });

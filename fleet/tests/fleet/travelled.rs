@@ -5,7 +5,7 @@ use crate::requirements::data;
 
 use std::ops::Range;
 use tessera_features::Feature;
-use tessera_fleet::surface_wire::{THINNING, from_wire, pack_surface};
+use tessera_fleet::wire::surfaces::{THINNING, from_wire, pack_surface};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_slam::{AlignRecord, Context, JointMap, KeyframeSurfaces, Meeting, TrackerState};
 use tessera_sources::{FolderSource, SceneName, SimulatedSource, SimulationOptions, Source};
