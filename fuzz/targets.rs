@@ -19,10 +19,10 @@ use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 use tessera_surface::{Grid, Vertex, thinned};
 
 /// Takes any bytes, and panics where a promise is broken.
-pub type Target = fn(&[u8]);
+pub type FuzzTarget = fn(&[u8]);
 
 /// All targets by the names of their corpora.
-pub const TARGETS: [(&str, Target); 7] = [
+pub const TARGETS: [(&str, FuzzTarget); 7] = [
     ("lists", lists),
     ("camera", camera),
     ("configuration", configuration),

@@ -19,10 +19,22 @@
 
 pub mod arguments;
 pub mod base;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "faults on purpose: what is read is of its own processes"
+)]
 pub mod chaos;
 pub mod copies;
 pub mod error;
 pub mod looking;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "of records that `copies` has checked; numbers of runs and keyframes are the map's own"
+)]
 pub mod map;
 pub mod robot;
 pub mod wire;

@@ -58,15 +58,34 @@ const WITH_UNSAFE: [&str; 3] = [
     "shared/runtime/transport/src/wire.rs",
 ];
 
+/// Crates outside the workspace, each with a lock file of its own.
+const APART: [&str; 5] = ["fleet", "fuzz", "python", "ros2", "view"];
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// The workspace's crates.
 fn crates() -> Vec<String> {
     let wings = WINGS.map(|(wing, _)| wing);
     let mut crates: Vec<String> = wings.iter().flat_map(|wing| crates_in(wing)).collect();
     crates.sort();
     crates
+}
+
+/// Every crate of the repository but the root's, which has tests alone.
+fn all_crates() -> Vec<String> {
+    let mut all = crates();
+    all.extend(APART.map(str::to_owned));
+    all
+}
+
+/// Whether a file is there for developers alone: tests, benchmarks and examples.
+fn is_for_developers(path: &Path) -> bool {
+    let is_named = |part: &str| {
+        ["tests", "tests.rs", "benches", "examples"].contains(&part) || part.starts_with("test_")
+    };
+    path.iter().filter_map(|part| part.to_str()).any(is_named)
 }
 
 /// Crates of a wing, as paths from the root.
@@ -202,7 +221,9 @@ fn each_reference_to_the_method_s_document_is_found_in_it() {
     let sections = sections_of_the_method();
     assert!(sections.contains("5.3") && sections.contains("T4"), "{sections:?}");
     let mut n_references = 0;
-    for folder in ["shared", "processes", "tests", "benches", "view/src", "ros2/src", "fleet/src"] {
+    let apart = APART.map(|name| format!("{name}/src"));
+    let here = ["shared", "processes", "tests", "benches"].map(str::to_owned);
+    for folder in here.iter().chain(&apart) {
         for (path, text) in files(folder) {
             for (at, _) in text.match_indices("method ") {
                 let word =
@@ -225,7 +246,7 @@ fn each_reference_to_the_method_s_document_is_found_in_it() {
 
 #[test]
 fn only_transport_knows_the_middleware() {
-    for name in crates() {
+    for name in all_crates() {
         let knows = dependencies(&name).iter().any(|dependency| dependency.starts_with("iceoryx2"));
         assert_eq!(knows, name == "shared/runtime/transport", "{name}");
     }
@@ -286,7 +307,7 @@ fn results_do_not_depend_on_the_machine_s_c_library() {
 
 #[test]
 fn unsafe_code_stands_where_it_may_and_nowhere_else() {
-    for name in crates() {
+    for name in all_crates() {
         let forbids = !WITH_UNSAFE.iter().any(|file| file.starts_with(&format!("{name}/")));
         let level = if forbids { "#![forbid(unsafe_code)]" } else { "#![deny(unsafe_code)]" };
         for (path, text) in code(&name) {
@@ -318,11 +339,12 @@ fn every_crate_and_every_dependency_is_explained() {
 
 #[test]
 fn a_crate_depends_on_what_its_code_names() {
-    let apart = ["fleet", "python", "ros2", "view"].map(str::to_owned);
-    for name in crates().into_iter().chain(apart) {
+    for name in all_crates() {
         let manifest = fs::read_to_string(root().join(&name).join("Cargo.toml")).unwrap();
         let manifest: toml::Table = manifest.parse().unwrap();
-        let code: String = files(&format!("{name}/src")).into_values().collect();
+        // Those of the fuzzer are no sources of a library.
+        let sources = if name == "fuzz" { name.clone() } else { format!("{name}/src") };
+        let code: String = files(&sources).into_values().collect();
         let words: BTreeSet<&str> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
         for dependency in manifest.get("dependencies").and_then(|of| of.as_table()).unwrap().keys() {
             let word = dependency.replace('-', "_");

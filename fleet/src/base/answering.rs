@@ -4,10 +4,10 @@
 use crate::copies::arrivals::{Arrival, Extent};
 use crate::copies::replica::Pulled;
 use crate::error::FleetError;
-use crate::map::answer::{Answer, answer};
-use crate::wire::carrier::Carrier;
-use crate::wire::piece::Kind;
-use crate::wire::request::{Refusal, Request};
+use crate::map::answer::{MadeAnswer, answer};
+use crate::wire::carrier::RobotCarrier;
+use crate::wire::piece::PieceKind;
+use crate::wire::request::{PieceRefusal, Request};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::thread::JoinHandle;
@@ -22,7 +22,7 @@ pub struct AnswerStatus {
 }
 
 /// What an answer is made of: the base, all runs, and how much of each is here.
-pub(crate) struct Known {
+pub(crate) struct KnownAnswer {
     pub(crate) base: PathBuf,
     pub(crate) arrivals: Vec<Arrival>,
     pub(crate) extents: Vec<Extent>,
@@ -33,16 +33,16 @@ pub(crate) struct Known {
 pub(crate) struct Answering {
     /// The request that was taken up last.
     taken_up: Option<u64>,
-    running: Option<JoinHandle<Result<Option<Answer>, FleetError>>>,
+    running: Option<JoinHandle<Result<Option<MadeAnswer>, FleetError>>>,
     /// Computed and not delivered.
-    ready: Option<Answer>,
+    ready: Option<MadeAnswer>,
     pub(crate) last: Option<AnswerStatus>,
     pub(crate) problem: Option<String>,
 }
 
 impl Answering {
     /// Takes up the open request of run `number`, where that is a new one, and takes in what was computed.
-    pub(crate) fn step(&mut self, number: usize, open: Option<u64>, known: impl FnOnce() -> Known) {
+    pub(crate) fn step(&mut self, number: usize, open: Option<u64>, known: impl FnOnce() -> KnownAnswer) {
         if let Some(thread) = self.running.take_if(|thread| thread.is_finished()) {
             match thread.join() {
                 Ok(Ok(answer)) => (self.ready, self.problem) = (answer, None),
@@ -64,25 +64,25 @@ impl Answering {
     }
 
     /// The answer that waits to be delivered.
-    pub(crate) fn take_ready(&mut self) -> Option<Answer> {
+    pub(crate) fn take_ready(&mut self) -> Option<MadeAnswer> {
         self.ready.take()
     }
 
     /// What became of an answer; one that was cut off is delivered again.
-    pub(crate) fn delivered(&mut self, answer: Answer, delivery: Delivery) {
+    pub(crate) fn delivered(&mut self, answer: MadeAnswer, delivery: AnswerDelivery) {
         match delivery {
-            Delivery::Taken => {
+            AnswerDelivery::Taken => {
                 self.last = Some(AnswerStatus { request: answer.request, runs: answer.n_sharing as u64 });
             }
-            Delivery::Refused => {}
-            Delivery::Cut => self.ready = self.ready.take().or(Some(answer)),
+            AnswerDelivery::Refused => {}
+            AnswerDelivery::Cut => self.ready = self.ready.take().or(Some(answer)),
         }
     }
 }
 
 /// What became of an answer on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Delivery {
+pub(crate) enum AnswerDelivery {
     /// The robot has it on disk.
     Taken,
     /// The robot does not take it.
@@ -93,28 +93,28 @@ pub(crate) enum Delivery {
 
 /// Delivers an answer to a robot's run.
 pub(crate) fn deliver(
-    carrier: &mut dyn Carrier,
+    carrier: &mut dyn RobotCarrier,
     robot: &str,
     identity: u64,
-    answer: &Answer,
+    answer: &MadeAnswer,
     pulled: &mut Pulled,
-) -> Delivery {
+) -> AnswerDelivery {
     let request = Request::Answer { identity, bytes: answer.bytes.clone() };
-    let mut delivery = Delivery::Cut;
+    let mut delivery = AnswerDelivery::Cut;
     carrier.ask(robot, &request, &mut |piece| {
         match piece {
-            Ok(piece) if piece.kind == Kind::Refused => {
+            Ok(piece) if piece.kind == PieceKind::Refused => {
                 let words = String::from_utf8_lossy(&piece.bytes).chars().take(200).collect::<String>();
-                pulled.refused.push((Refusal::Answer, words));
-                delivery = Delivery::Refused;
+                pulled.refused.push((PieceRefusal::Answer, words));
+                delivery = AnswerDelivery::Refused;
             }
-            Ok(piece) if piece.kind == Kind::End && piece.identity == identity => {
-                delivery = Delivery::Taken;
+            Ok(piece) if piece.kind == PieceKind::End && piece.identity == identity => {
+                delivery = AnswerDelivery::Taken;
             }
-            Ok(_) => pulled.refused.push((Refusal::OtherPlace, "no word on an answer".into())),
+            Ok(_) => pulled.refused.push((PieceRefusal::OtherPlace, "no word on an answer".into())),
             Err(refusal) => pulled.refused.push((refusal, String::new())),
         }
-        delivery == Delivery::Cut
+        delivery == AnswerDelivery::Cut
     });
     delivery
 }

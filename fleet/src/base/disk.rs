@@ -42,7 +42,8 @@ pub(crate) fn add_from_disk(
             return Err(FleetError::Input(format!("{}: {words}", folder.display())));
         };
         let mut shared = lock(shared);
-        let known = shared.arrivals.find(offer.identity).map(|n| shared.arrivals.runs[n].robot.clone());
+        let known = shared.arrivals.find(offer.identity).and_then(|n| shared.arrivals.runs.get(n));
+        let known = known.map(|run| run.robot.clone());
         match (known, shared.find(DISK, &offer, Some(folder))) {
             (_, Ok(_)) => {}
             // It came over the network before: there is nothing to add.
@@ -73,8 +74,8 @@ fn copy_from_disk(folder: &Path, shared: &SharedRef, stop: &AtomicBool) -> Resul
             Visit::Whole => {
                 let mut shared = lock(shared);
                 let place = shared.arrivals.runs.iter().position(|run| run.origin.as_deref() == Some(folder));
-                if let Some(number) = place {
-                    shared.runs[number].status.is_ended = true;
+                if let Some(run) = place.and_then(|number| shared.runs.get_mut(number)) {
+                    run.status.is_ended = true;
                 }
                 return Ok(());
             }

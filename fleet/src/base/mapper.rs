@@ -5,13 +5,13 @@ use crate::base::shared::{Shared, SharedRef, lock};
 use crate::copies::arrivals::{Extent, Mapped};
 use crate::error::FleetError;
 use crate::map::joint::{KnownMap, MadeMap, MapCost, make_map, map_folder, map_number};
-use crate::map::summary::Summary;
+use crate::map::summary::JointSummary;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Makes maps, one at a time, beside the copying.
 #[derive(Default)]
-pub(crate) struct Mapper {
+pub(crate) struct BaseMapper {
     pub(crate) running: Option<(u64, JoinHandle<Result<MadeMap, FleetError>>)>,
     /// What the map in its place is made of.
     pub(crate) made_of: Option<Vec<Extent>>,
@@ -19,7 +19,7 @@ pub(crate) struct Mapper {
     pub(crate) n_ended: usize,
     pub(crate) problem: Option<String>,
     pub(crate) number: u64,
-    pub(crate) summary: Option<Summary>,
+    pub(crate) summary: Option<JointSummary>,
     pub(crate) cost: Option<MapCost>,
     known: KnownMap,
     /// Since when there is nothing to be done but to wait for last words.
@@ -30,7 +30,7 @@ pub(crate) struct Mapper {
 /// behind the end of its journals never says it.
 const LAST_WORD_WITHIN: Duration = Duration::from_secs(30);
 
-impl Mapper {
+impl BaseMapper {
     pub(crate) fn step(&mut self, options: &BaseOptions, shared: &SharedRef) -> Result<(), FleetError> {
         if let Some((number, thread)) = self.running.take_if(|(_, thread)| thread.is_finished()) {
             match thread.join() {
@@ -48,7 +48,7 @@ impl Mapper {
         let mut shared = lock(shared);
         if self.made_of.is_none() {
             self.number = map_number(&options.folder);
-            self.summary = Summary::read(&map_folder(&options.folder));
+            self.summary = JointSummary::read(&map_folder(&options.folder));
             let last = shared.arrivals.mapped.clone();
             self.made_of = Some(last.extents.clone());
             if last.number > self.number {

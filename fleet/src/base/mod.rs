@@ -13,15 +13,15 @@ pub mod traffic;
 mod visit;
 
 use crate::base::disk::add_from_disk;
-use crate::base::mapper::Mapper;
-use crate::base::options::{BaseOptions, MAX_ROBOTS, Network};
+use crate::base::mapper::BaseMapper;
+use crate::base::options::{BaseOptions, MAX_ROBOTS, RobotNetwork};
 use crate::base::shared::{Shared, SharedRef, lock};
-use crate::base::shown::Shown;
-use crate::base::status::{RunStatus, Status};
+use crate::base::shown::ShownFiles;
+use crate::base::status::{CopyStatus, Status};
 use crate::base::visit::{Visit, visit};
 use crate::error::FleetError;
-use crate::wire::carrier::Carrier;
-use crate::wire::request::Refusal;
+use crate::wire::carrier::RobotCarrier;
+use crate::wire::request::PieceRefusal;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -41,15 +41,15 @@ const SHORT_PAUSE: Duration = Duration::from_millis(100);
 /// Where its folder cannot be used, or a copy or a map cannot be written.
 pub fn base(
     options: &BaseOptions,
-    mut network: Option<&mut dyn Network>,
+    mut network: Option<&mut dyn RobotNetwork>,
     stop: &Arc<AtomicBool>,
 ) -> Result<(), FleetError> {
     std::fs::create_dir_all(&options.folder).map_err(FleetError::io("make", &options.folder))?;
     let shared = Arc::new(Mutex::new(Shared::open(&options.folder, options.form)?));
     let mut workers: BTreeMap<String, JoinHandle<()>> = BTreeMap::new();
     add_from_disk(options, &shared, &mut workers, stop)?;
-    let mut mapper = Mapper::default();
-    let mut shown = Shown::default();
+    let mut mapper = BaseMapper::default();
+    let mut shown = ShownFiles::default();
     loop {
         let present = match &mut network {
             Some(network) => start_workers(*network, &shared, &mut workers, stop),
@@ -80,27 +80,27 @@ fn is_adding(workers: &BTreeMap<String, JoinHandle<()>>) -> bool {
 
 /// Starts a worker for each robot that has none; answers who is there.
 fn start_workers(
-    network: &mut dyn Network,
+    network: &mut dyn RobotNetwork,
     shared: &SharedRef,
     workers: &mut BTreeMap<String, JoinHandle<()>>,
     stop: &Arc<AtomicBool>,
 ) -> BTreeSet<String> {
     let (robots, refused) = network.robots();
     for name in refused {
-        lock(shared).refused.count(&name, Refusal::Name, "");
+        lock(shared).refused.count(&name, PieceRefusal::Name, "");
     }
     for robot in &robots {
         if workers.contains_key(robot) {
             continue;
         }
         if workers.len() >= MAX_ROBOTS {
-            lock(shared).refused.count(robot, Refusal::TooMany, "");
+            lock(shared).refused.count(robot, PieceRefusal::TooMany, "");
             continue;
         }
         let (mut carrier, shared, stop) = (network.carrier(), Arc::clone(shared), Arc::clone(stop));
         let name = robot.clone();
         let work = move || {
-            let is_gone = |carrier: &mut dyn Carrier| !carrier.robots().contains(&name);
+            let is_gone = |carrier: &mut dyn RobotCarrier| !carrier.robots().contains(&name);
             while !stop.load(Ordering::Relaxed) && !is_gone(&mut *carrier) {
                 match visit(&mut *carrier, &shared, &name, None, &stop) {
                     Ok(Visit::Took { is_all: false }) => {}
@@ -118,12 +118,17 @@ fn start_workers(
     robots.into_iter().collect()
 }
 
-fn status(options: &BaseOptions, shared: &SharedRef, mapper: &Mapper, present: &BTreeSet<String>) -> Status {
+fn status(
+    options: &BaseOptions,
+    shared: &SharedRef,
+    mapper: &BaseMapper,
+    present: &BTreeSet<String>,
+) -> Status {
     let shared = lock(shared);
     let runs = shared
         .runs
         .iter()
-        .map(|run| RunStatus { is_connected: present.contains(&run.status.robot), ..run.status.clone() });
+        .map(|run| CopyStatus { is_connected: present.contains(&run.status.robot), ..run.status.clone() });
     Status {
         pid: std::process::id(),
         listens: options.listens.clone(),

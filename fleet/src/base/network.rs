@@ -3,13 +3,13 @@
 //! A robot is there while its token `fleet/ROBOT/alive` is; it answers at `fleet/ROBOT/run`. Nothing that
 //! a robot sends unasked is listened to but the token.
 
-use crate::base::options::{MAX_ROBOTS, Network};
+use crate::base::options::{MAX_ROBOTS, RobotNetwork};
 use crate::copies::arrivals::DISK;
 use crate::error::FleetError;
-use crate::wire::carrier::Carrier;
+use crate::wire::carrier::RobotCarrier;
 use crate::wire::keys::{alive_key, run_key};
 use crate::wire::piece::Piece;
-use crate::wire::request::{Refusal, Request};
+use crate::wire::request::{PieceRefusal, Request};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -78,13 +78,13 @@ fn note(present: &mut Present, key: &str, is_there: bool) {
     }
 }
 
-impl Network for ZenohNetwork {
+impl RobotNetwork for ZenohNetwork {
     fn robots(&mut self) -> (Vec<String>, Vec<String>) {
         let mut present = lock(&self.present);
         (present.robots.iter().cloned().collect(), std::mem::take(&mut present.refused))
     }
 
-    fn carrier(&self) -> Box<dyn Carrier + Send> {
+    fn carrier(&self) -> Box<dyn RobotCarrier + Send> {
         Box::new(ZenohCarrier {
             session: self.session.clone(),
             present: Arc::clone(&self.present),
@@ -101,12 +101,17 @@ struct ZenohCarrier {
     patience: BTreeMap<String, Duration>,
 }
 
-impl Carrier for ZenohCarrier {
+impl RobotCarrier for ZenohCarrier {
     fn robots(&mut self) -> Vec<String> {
         lock(&self.present).robots.iter().cloned().collect()
     }
 
-    fn ask(&mut self, robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
+    fn ask(
+        &mut self,
+        robot: &str,
+        request: &Request,
+        take: &mut dyn FnMut(Result<Piece, PieceRefusal>) -> bool,
+    ) {
         let patience = self.patience.get(robot).copied().unwrap_or(PATIENCE);
         let begun = Instant::now();
         let asking = self

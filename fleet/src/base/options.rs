@@ -1,7 +1,7 @@
 //! What a base is asked to do, and what it needs of a network.
 
 use crate::copies::arrivals::CopyForm;
-use crate::wire::carrier::Carrier;
+use crate::wire::carrier::RobotCarrier;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -25,9 +25,9 @@ pub struct BaseOptions {
 }
 
 /// Carriers for workers: each has its own.
-pub trait Network {
+pub trait RobotNetwork {
     /// Names of the robots that can be asked now, and names that were refused since the last call.
     fn robots(&mut self) -> (Vec<String>, Vec<String>);
     /// A carrier for one worker.
-    fn carrier(&self) -> Box<dyn Carrier + Send>;
+    fn carrier(&self) -> Box<dyn RobotCarrier + Send>;
 }

@@ -6,7 +6,7 @@ use crate::error::FleetError;
 use crate::map::joint::{component_file, map_folder};
 use crate::map::picture::{BarRow, Line, bars, chart, colour, top_view};
 use crate::map::scene::SCENE_FILE;
-use crate::map::summary::{JoinVerdict, Summary};
+use crate::map::summary::{JoinVerdict, JointSummary};
 use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_journal::{Durability, write_atomically};
@@ -53,7 +53,7 @@ pub fn page_of(base: &Path, status: &Status, traffic: &Traffic) -> String {
 }
 
 /// The ways of all runs in a map's folder.
-fn ways(folder: &Path, map: &Summary) -> Vec<RunWay> {
+fn ways(folder: &Path, map: &JointSummary) -> Vec<RunWay> {
     let mut ways = Vec::new();
     for run in &map.runs {
         for component in run.frames_by_component.keys() {
@@ -73,7 +73,7 @@ fn ways(folder: &Path, map: &Summary) -> Vec<RunWay> {
 
 /// The page: a pure function of what it shows.
 pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay], scene: &str) -> String {
-    let empty = Summary::default();
+    let empty = JointSummary::default();
     let map = status.map.as_ref().unwrap_or(&empty);
     let robots = robots(status);
     let (n_robots, n_runs) = (robots.len(), status.runs.len());
@@ -82,7 +82,7 @@ pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay], scene: &str) ->
         ("Map", status.mapped.to_string()),
         ("Maps apart", map.components.len().to_string()),
         ("Keyframes", map.components.iter().map(|c| c.keyframes).sum::<u64>().to_string()),
-        ("Joins that hold, refuted", format!("{}, {n_refuted}", map.joins.len() - n_refuted)),
+        ("Joins that hold, refuted", format!("{}, {n_refuted}", map.joins.len().saturating_sub(n_refuted))),
         ("Loops between runs that hold", {
             format!("{} of {}", map.loops_between_runs_closed, map.loops_between_runs)
         }),
@@ -128,7 +128,7 @@ fn robots(status: &Status) -> Vec<&str> {
     robots
 }
 
-fn maps(map: &Summary, robots: &[&str], ways: &[RunWay]) -> String {
+fn maps(map: &JointSummary, robots: &[&str], ways: &[RunWay]) -> String {
     let robot_of = |label: &str| map.runs.iter().find(|run| run.label == label).map(|run| run.robot.as_str());
     let colour_of = |label: &str| {
         colour(robot_of(label).and_then(|robot| robots.iter().position(|known| *known == robot)).unwrap_or(0))
@@ -152,7 +152,7 @@ fn maps(map: &Summary, robots: &[&str], ways: &[RunWay]) -> String {
     if out.is_empty() { "<p class=\"note\">None yet.</p>".into() } else { out }
 }
 
-fn joins(map: &Summary) -> String {
+fn joins(map: &JointSummary) -> String {
     let row = |join: &crate::map::summary::JoinSummary| {
         vec![
             format!("{} to {}", join.run, join.with),
@@ -169,8 +169,8 @@ fn joins(map: &Summary) -> String {
     table("numbers second", &head, map.joins.iter().map(row).collect())
 }
 
-fn runs(status: &Status, map: &Summary) -> String {
-    let row = |run: &crate::base::status::RunStatus| {
+fn runs(status: &Status, map: &JointSummary) -> String {
+    let row = |run: &crate::base::status::CopyStatus| {
         let in_map = map.runs.iter().find(|known| known.robot == run.robot && known.run == run.run);
         let state = run.state(true).words();
         let left_out = in_map.and_then(|run| run.left_out.clone()).map(|why| format!("left out: {why}"));
@@ -238,15 +238,15 @@ fn table(class: &str, head: &[&str], rows: Vec<Vec<String>>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::status::RunStatus;
+    use crate::base::status::CopyStatus;
     use crate::map::summary::{ComponentSummary, JoinSummary, RunSummary};
 
     fn status() -> Status {
-        let run = |robot: &str| RunStatus {
+        let run = |robot: &str| CopyStatus {
             robot: robot.into(),
             run: "one".into(),
             problem: Some("<script>alert(1)</script>".into()),
-            ..RunStatus::default()
+            ..CopyStatus::default()
         };
         let in_map = |robot: &str| RunSummary {
             robot: robot.into(),
@@ -271,11 +271,11 @@ mod tests {
         };
         let refuted =
             JoinSummary { component: None, at_m: None, verdict: JoinVerdict::Refuted, ..join.clone() };
-        let map = Summary {
+        let map = JointSummary {
             runs: vec![in_map("a"), in_map("b")],
             components: vec![component],
             joins: vec![join, refuted],
-            ..Summary::default()
+            ..JointSummary::default()
         };
         Status { runs: vec![run("a"), run("b")], map: Some(map), mapped: 3, ..Status::default() }
     }

@@ -1,12 +1,12 @@
 //! What the threads of a base share: which runs there are, and how far each has come.
 
-use crate::base::answering::{Answering, Known};
-use crate::base::status::{Refused, RunStatus};
+use crate::base::answering::{Answering, KnownAnswer};
+use crate::base::status::{CopyStatus, RefusedCounts};
 use crate::copies::arrivals::{Arrival, Arrivals, CopyForm, Extent, MAX_RUNS};
 use crate::copies::replica::{Pulled, Replica};
 use crate::error::FleetError;
-use crate::map::answer::Answer;
-use crate::wire::request::{Offer, Refusal};
+use crate::map::answer::MadeAnswer;
+use crate::wire::request::{Offer, PieceRefusal};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -15,8 +15,8 @@ use std::time::Instant;
 pub(crate) struct Shared {
     pub(crate) base: PathBuf,
     pub(crate) arrivals: Arrivals,
-    pub(crate) runs: Vec<RunState>,
-    pub(crate) refused: Refused,
+    pub(crate) runs: Vec<SharedRun>,
+    pub(crate) refused: RefusedCounts,
     pub(crate) failure: Option<FleetError>,
     /// How much is copied of runs that come over the network from now on.
     form: CopyForm,
@@ -24,8 +24,8 @@ pub(crate) struct Shared {
 
 /// A run as its worker last left it.
 #[derive(Default)]
-pub(crate) struct RunState {
-    pub(crate) status: RunStatus,
+pub(crate) struct SharedRun {
+    pub(crate) status: CopyStatus,
     /// The copy, while no worker has it.
     pub(crate) replica: Option<Replica>,
     /// What a map can be made of: of a whole copy, the bytes of the aligner's journal of which every surface
@@ -57,13 +57,14 @@ pub(crate) fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+#[expect(clippy::indexing_slicing, reason = "runs are numbered by the base, and stay")]
 impl Shared {
     pub(crate) fn open(base: &Path, form: CopyForm) -> Result<Self, FleetError> {
         let arrivals = Arrivals::open(base)?;
         let mut shared = Self {
             base: base.into(),
             runs: Vec::new(),
-            refused: Refused::default(),
+            refused: RefusedCounts::default(),
             failure: None,
             form,
             arrivals,
@@ -79,7 +80,7 @@ impl Shared {
         let arrival = self.arrivals.runs[number].clone();
         let folder = arrival.folder(&self.base);
         let replica = Replica::open(&folder, &arrival.robot, arrival.identity, arrival.form)?;
-        let mut state = RunState::default();
+        let mut state = SharedRun::default();
         (state.status.robot, state.status.run) = (arrival.robot, arrival.run);
         self.runs.push(state);
         self.note(number, &replica, 0);
@@ -98,18 +99,19 @@ impl Shared {
         offer: &Offer,
         origin: Option<&Path>,
     ) -> Result<usize, NotTaken> {
-        let refuse = |refusal: Refusal, words: String| NotTaken::Robot(refusal, words);
+        let refuse = |refusal: PieceRefusal, words: String| NotTaken::Robot(refusal, words);
         if let Some(number) = self.arrivals.find(offer.identity) {
             let known = &self.arrivals.runs[number];
             return match known.robot == robot {
                 true => Ok(number),
-                false => {
-                    Err(refuse(Refusal::Name, format!("its run {} is that of {}", offer.run, known.robot)))
-                }
+                false => Err(refuse(
+                    PieceRefusal::Name,
+                    format!("its run {} is that of {}", offer.run, known.robot),
+                )),
             };
         }
         if self.arrivals.runs.len() >= MAX_RUNS {
-            return Err(refuse(Refusal::TooMany, format!("{MAX_RUNS} runs are here")));
+            return Err(refuse(PieceRefusal::TooMany, format!("{MAX_RUNS} runs are here")));
         }
         let arrival = Arrival {
             robot: robot.into(),
@@ -140,8 +142,8 @@ impl Shared {
         // A run on disk is as it is.
         let is_from_disk = self.arrivals.runs[number].origin.is_some();
         run.is_closing = run.status.is_ended && !is_from_disk && !replica.has_last_word();
-        run.status.received_bytes += received;
-        run.rate.received += received;
+        run.status.received_bytes = run.status.received_bytes.saturating_add(received);
+        run.rate.received = run.rate.received.saturating_add(received);
         let seconds = run.rate.since.elapsed().as_secs_f64();
         if seconds >= 2.0 {
             run.status.bytes_per_s = run.rate.received as f64 / seconds;
@@ -155,9 +157,9 @@ impl Shared {
     }
 
     /// Takes up the open request of a run, if there is one; the answer that waits to be brought to it.
-    pub(crate) fn next_answer(&mut self, number: usize, replica: &Replica) -> Option<Answer> {
+    pub(crate) fn next_answer(&mut self, number: usize, replica: &Replica) -> Option<MadeAnswer> {
         let mut answering = std::mem::take(&mut self.runs[number].answering);
-        answering.step(number, replica.open_request(), || Known {
+        answering.step(number, replica.open_request(), || KnownAnswer {
             base: self.base.clone(),
             arrivals: self.arrivals.runs.clone(),
             extents: self.extents(),
@@ -183,6 +185,6 @@ impl Shared {
 
 /// Why a run is not taken: the robot's doing, or the base's.
 pub(crate) enum NotTaken {
-    Robot(Refusal, String),
+    Robot(PieceRefusal, String),
     Base(FleetError),
 }

@@ -13,7 +13,7 @@ const STATUS_EVERY: Duration = Duration::from_millis(500);
 const TRAFFIC_EVERY: Duration = Duration::from_secs(5);
 
 /// What was written last, and when.
-pub(crate) struct Shown {
+pub(crate) struct ShownFiles {
     begun: Instant,
     status_at: Option<Instant>,
     traffic: Traffic,
@@ -22,14 +22,14 @@ pub(crate) struct Shown {
     reported: u64,
 }
 
-impl Default for Shown {
+impl Default for ShownFiles {
     fn default() -> Self {
         let traffic = Traffic::default();
         Self { begun: Instant::now(), status_at: None, traffic, traffic_at: None, reported: 0 }
     }
 }
 
-impl Shown {
+impl ShownFiles {
     /// Whether the status is so old that it should be written anew.
     pub(crate) fn is_due(&self) -> bool {
         self.status_at.is_none_or(|at| at.elapsed() >= STATUS_EVERY)

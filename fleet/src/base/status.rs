@@ -4,8 +4,8 @@ pub use crate::base::answering::AnswerStatus;
 use crate::copies::arrivals::FLEET_JOURNAL;
 use crate::error::FleetError;
 use crate::map::joint::MapCost;
-use crate::map::summary::{JoinVerdict, Summary};
-use crate::wire::request::Refusal;
+use crate::map::summary::{JoinVerdict, JointSummary};
+use crate::wire::request::PieceRefusal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -30,7 +30,7 @@ pub struct Status {
     /// Where it listens; nothing where it only takes runs from disk.
     pub listens: Option<String>,
     /// Runs in the order in which they came.
-    pub runs: Vec<RunStatus>,
+    pub runs: Vec<CopyStatus>,
     /// What was refused, by robot and by what it was.
     pub refused: Vec<RefusedStatus>,
     /// The map that is made now, if one is.
@@ -40,7 +40,7 @@ pub struct Status {
     /// Why no map could be made, where that is so.
     pub map_problem: Option<String>,
     /// What that map is.
-    pub map: Option<Summary>,
+    pub map: Option<JointSummary>,
     /// What it cost, where this base made it.
     #[serde(default)]
     pub map_cost: Option<MapCost>,
@@ -48,7 +48,7 @@ pub struct Status {
 
 /// One run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RunStatus {
+pub struct CopyStatus {
     /// Its robot.
     pub robot: String,
     /// Its name there.
@@ -94,7 +94,7 @@ pub struct RefusedStatus {
     /// The robot, as it calls itself.
     pub robot: String,
     /// What it was.
-    pub what: Refusal,
+    pub what: PieceRefusal,
     /// How often.
     pub n: u64,
     /// What was last said of it.
@@ -103,18 +103,18 @@ pub struct RefusedStatus {
 
 /// Counts of refusals.
 #[derive(Clone, Debug, Default)]
-pub struct Refused(BTreeMap<(String, Refusal), (u64, String)>);
+pub struct RefusedCounts(BTreeMap<(String, PieceRefusal), (u64, String)>);
 
 /// Robots whose refusals are counted apart, at most.
 const MOST_NAMES: usize = 200;
 
-impl Refused {
+impl RefusedCounts {
     /// Counts one.
-    pub fn count(&mut self, robot: &str, refusal: Refusal, words: &str) {
+    pub fn count(&mut self, robot: &str, refusal: PieceRefusal, words: &str) {
         let key = |name: &str| (name.to_owned(), refusal);
         let is_room = self.0.len() < MOST_NAMES || self.0.contains_key(&key(robot));
         let entry = self.0.entry(key(if is_room { robot } else { "others" })).or_default();
-        entry.0 += 1;
+        entry.0 = entry.0.saturating_add(1);
         if !words.is_empty() {
             entry.1 = words.chars().filter(|c| !c.is_control()).take(200).collect();
         }
@@ -122,7 +122,7 @@ impl Refused {
 
     /// All of them, by robot.
     pub fn list(&self) -> Vec<RefusedStatus> {
-        let entry = |((robot, what), (n, last)): (&(String, Refusal), &(u64, String))| RefusedStatus {
+        let entry = |((robot, what), (n, last)): (&(String, PieceRefusal), &(u64, String))| RefusedStatus {
             robot: robot.clone(),
             what: *what,
             n: *n,
@@ -224,7 +224,7 @@ impl RunState {
     }
 }
 
-impl RunStatus {
+impl CopyStatus {
     /// What it is doing, where a base looks at it or no longer does.
     pub fn state(&self, is_running: bool) -> RunState {
         match (self.is_ended, self.is_connected && is_running) {
@@ -238,7 +238,7 @@ impl RunStatus {
         let state = match self.state(is_running) {
             RunState::Ended => "ended".into(),
             RunState::GoesOn => {
-                format!("{} behind, {}/s", bytes(self.lag_bytes), bytes(self.bytes_per_s as u64))
+                format!("{} behind, {}/s", bytes(self.lag_bytes), bytes(rounded(self.bytes_per_s)))
             }
             RunState::Away => format!("away, {} behind", bytes(self.lag_bytes)),
         };
@@ -267,7 +267,7 @@ impl RunStatus {
     }
 }
 
-fn map_text(map: &Summary, number: u64) -> String {
+fn map_text(map: &JointSummary, number: u64) -> String {
     let mut text = format!("map {number}: {} component(s)\n", map.components.len());
     for component in &map.components {
         let (runs, n) = (component.runs.join(", "), component.keyframes);
@@ -298,6 +298,12 @@ fn map_text(map: &Summary, number: u64) -> String {
         let _ = writeln!(text, "  loops between runs: {closed} of {found} hold");
     }
     text
+}
+
+/// Whole bytes of a rate.
+#[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
+pub(crate) fn rounded(bytes_per_s: f64) -> u64 {
+    bytes_per_s as u64
 }
 
 /// Bytes as people read them.

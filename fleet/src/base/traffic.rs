@@ -1,6 +1,6 @@
 //! Which robots were there and what came from them, since the base started.
 
-use crate::base::status::RunStatus;
+use crate::base::status::CopyStatus;
 use crate::error::FleetError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -42,7 +42,7 @@ impl Default for Traffic {
 
 impl Traffic {
     /// Takes a look down, so many seconds after the base started, where it is time for one.
-    pub fn note(&mut self, at_s: f64, runs: &[RunStatus]) {
+    pub fn note(&mut self, at_s: f64, runs: &[CopyStatus]) {
         if self.looks.last().is_some_and(|(last, _)| at_s < last + self.every_s) {
             return;
         }
@@ -50,15 +50,15 @@ impl Traffic {
         for run in runs {
             let robot = robots.entry(run.robot.clone()).or_default();
             robot.is_connected |= run.is_connected;
-            robot.received_bytes += run.received_bytes;
-            robot.lag_bytes += run.lag_bytes;
+            robot.received_bytes = robot.received_bytes.saturating_add(run.received_bytes);
+            robot.lag_bytes = robot.lag_bytes.saturating_add(run.lag_bytes);
         }
         self.looks.push((at_s, robots));
         if self.looks.len() > MOST_LOOKS {
-            let mut place = 0;
+            let mut is_kept = false;
             self.looks.retain(|_| {
-                place += 1;
-                place % 2 == 1
+                is_kept = !is_kept;
+                is_kept
             });
             self.every_s *= 2.0;
         }
@@ -124,8 +124,8 @@ impl Traffic {
 mod tests {
     use super::*;
 
-    fn run(robot: &str, is_connected: bool, received_bytes: u64) -> RunStatus {
-        RunStatus { robot: robot.into(), is_connected, received_bytes, ..RunStatus::default() }
+    fn run(robot: &str, is_connected: bool, received_bytes: u64) -> CopyStatus {
+        CopyStatus { robot: robot.into(), is_connected, received_bytes, ..CopyStatus::default() }
     }
 
     #[test]

@@ -4,8 +4,8 @@ use crate::base::answering::deliver;
 use crate::base::shared::{NotTaken, SharedRef, lock};
 use crate::copies::replica::{Pulled, ask_offer};
 use crate::error::FleetError;
-use crate::map::answer::Answer;
-use crate::wire::carrier::Carrier;
+use crate::map::answer::MadeAnswer;
+use crate::wire::carrier::RobotCarrier;
 use crate::wire::request::Offer;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,8 +22,9 @@ pub(crate) enum Visit {
 }
 
 /// Asks a robot once for all that it has and the base has not.
+#[expect(clippy::indexing_slicing, reason = "runs are numbered by the base, and stay")]
 pub(crate) fn visit(
-    carrier: &mut dyn Carrier,
+    carrier: &mut dyn RobotCarrier,
     shared_runs: &SharedRef,
     robot: &str,
     origin: Option<&Path>,
@@ -51,7 +52,7 @@ pub(crate) fn visit(
     let mut shared = lock(shared_runs);
     let outcome = match pulled {
         Ok(pulled) => {
-            shared.note(number, &replica, asked.received_bytes + pulled.received_bytes);
+            shared.note(number, &replica, asked.received_bytes.saturating_add(pulled.received_bytes));
             shared.count(robot, &pulled);
             let run = &mut shared.runs[number].status;
             run.lag_bytes = replica.lag_bytes(&offer);
@@ -76,12 +77,13 @@ pub(crate) fn visit(
 }
 
 /// Brings an answer to a robot; one that was cut off is brought again at the next visit.
+#[expect(clippy::indexing_slicing, reason = "runs are numbered by the base, and stay")]
 fn bring(
-    carrier: &mut dyn Carrier,
+    carrier: &mut dyn RobotCarrier,
     shared: &SharedRef,
     (robot, number): (&str, usize),
     offer: &Offer,
-    answer: Answer,
+    answer: MadeAnswer,
 ) {
     let mut pulled = Pulled::default();
     let delivery = deliver(carrier, robot, offer.identity, &answer, &mut pulled);

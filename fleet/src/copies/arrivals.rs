@@ -64,7 +64,7 @@ pub struct Extent {
 impl Arrival {
     /// Its folder at the base.
     pub fn folder(&self, base: &Path) -> PathBuf {
-        let name = format!("{}-{:08x}", self.run, self.identity as u32);
+        let name = format!("{}-{:08x}", self.run, self.identity & u64::from(u32::MAX));
         base.join("robots").join(&self.robot).join(name)
     }
 }
@@ -116,8 +116,9 @@ impl Arrivals {
     /// Where it cannot be written.
     pub fn arrive(&mut self, arrival: Arrival) -> Result<usize, FleetError> {
         self.journal.append(&FleetRecord::Arrived(arrival.clone()), true)?;
+        let number = self.runs.len();
         self.runs.push(arrival);
-        Ok(self.runs.len() - 1)
+        Ok(number)
     }
 
     /// Writes down what the next map is made of.
@@ -125,7 +126,7 @@ impl Arrivals {
     /// # Errors
     /// Where it cannot be written.
     pub fn begin_map(&mut self, extents: Vec<Extent>) -> Result<Mapped, FleetError> {
-        let mapped = Mapped { number: self.mapped.number + 1, extents };
+        let mapped = Mapped { number: self.mapped.number.saturating_add(1), extents };
         self.journal.append(&FleetRecord::Mapped(mapped.clone()), true)?;
         self.mapped = mapped.clone();
         Ok(mapped)

@@ -1,7 +1,7 @@
 //! A journal at the base: the robot's bytes, appended where they continue it and nowhere else.
 
 use crate::error::FleetError;
-use crate::wire::request::{Growing, Refusal};
+use crate::wire::request::{Growing, PieceRefusal};
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -89,7 +89,7 @@ impl JournalCopy {
         &mut self,
         bytes: &[u8],
         take: impl FnMut(u32, &[u8]) -> Result<(), String>,
-    ) -> Result<(usize, Option<(Refusal, String)>), FleetError> {
+    ) -> Result<(usize, Option<(PieceRefusal, String)>), FleetError> {
         let before = self.chain;
         let (used, problem) = self.walk(bytes, take);
         if used > 0 {
@@ -104,7 +104,7 @@ impl JournalCopy {
                 return Err(FleetError::io("append to", &self.path)(error));
             }
         }
-        Ok((used, problem.map(|problem| (Refusal::Nonsense, problem))))
+        Ok((used, problem.map(|problem| (PieceRefusal::Nonsense, problem))))
     }
 
     /// Goes through whole parts as far as they are good.

@@ -3,9 +3,9 @@
 use crate::copies::arrivals::DISK;
 use crate::error::FleetError;
 use crate::robot::served::Served;
-use crate::wire::carrier::Carrier;
+use crate::wire::carrier::RobotCarrier;
 use crate::wire::piece::Piece;
-use crate::wire::request::{Refusal, Request};
+use crate::wire::request::{PieceRefusal, Request};
 use std::path::Path;
 
 /// The way to a folder.
@@ -21,12 +21,17 @@ impl LocalCarrier {
     }
 }
 
-impl Carrier for LocalCarrier {
+impl RobotCarrier for LocalCarrier {
     fn robots(&mut self) -> Vec<String> {
         vec![DISK.into()]
     }
 
-    fn ask(&mut self, _robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
+    fn ask(
+        &mut self,
+        _robot: &str,
+        request: &Request,
+        take: &mut dyn FnMut(Result<Piece, PieceRefusal>) -> bool,
+    ) {
         self.0.answer(request, &mut |piece| take(Ok(piece)));
     }
 }

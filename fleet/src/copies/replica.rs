@@ -10,8 +10,8 @@ use crate::copies::store::StoreCopy;
 use crate::copies::surfaces::{SurfaceCopy, TravelledSurface, check_surface};
 use crate::error::FleetError;
 use crate::robot::served::{grid_of, identity_of};
-use crate::wire::carrier::Carrier;
-use crate::wire::request::{Growing, MAX_SMALL_BYTES, Offer, Refusal, Request, SMALL_FILES};
+use crate::wire::carrier::RobotCarrier;
+use crate::wire::request::{Growing, MAX_SMALL_BYTES, Offer, PieceRefusal, Request, SMALL_FILES};
 use crate::wire::surfaces::{Framed, MOST_WANTED, WantedSurfaces, frames};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -93,7 +93,7 @@ impl Replica {
             CopiedSurfaces::Whole(store) => store.len_bytes(),
             CopiedSurfaces::Kept(copy) => copy.len_bytes(),
         };
-        self.align.len_bytes() + self.optimise.len_bytes() + surfaces
+        self.align.len_bytes().saturating_add(self.optimise.len_bytes()).saturating_add(surfaces)
     }
 
     /// Surfaces that are here, and those that the map lacks.
@@ -103,7 +103,7 @@ impl Replica {
             CopiedSurfaces::Kept(copy) => copy.n_records(),
         };
         let n_missing = match &self.surfaces {
-            CopiedSurfaces::Whole(_) => self.facts.slots.len() as u64 - n_here,
+            CopiedSurfaces::Whole(_) => (self.facts.slots.len() as u64).saturating_sub(n_here),
             CopiedSurfaces::Kept(copy) => {
                 let is_active = (0..).zip(&self.facts.is_active);
                 is_active.filter(|(id, is_active)| **is_active && !copy.has(*id)).count() as u64
@@ -158,16 +158,16 @@ impl Replica {
     /// Bytes that the robot has and the base wants and has not; of surfaces that were not packed yet, as many
     /// as of others.
     pub fn lag_bytes(&self, offer: &Offer) -> u64 {
-        let journals = offer.align_bytes.saturating_sub(self.align.len_bytes())
-            + offer.optimise_bytes.saturating_sub(self.optimise.len_bytes());
+        let align = offer.align_bytes.saturating_sub(self.align.len_bytes());
+        let optimise = offer.optimise_bytes.saturating_sub(self.optimise.len_bytes());
         let surfaces = match &self.surfaces {
             CopiedSurfaces::Whole(store) => self.facts.store_bytes().saturating_sub(store.len_bytes()),
             CopiedSurfaces::Kept(copy) => match copy.mean_bytes() {
-                0 => self.missing(copy).len() as u64 * GUESSED_SURFACE_BYTES,
-                mean => self.missing(copy).len() as u64 * mean,
+                0 => GUESSED_SURFACE_BYTES.saturating_mul(self.missing(copy).len() as u64),
+                mean => mean.saturating_mul(self.missing(copy).len() as u64),
             },
         };
-        journals + surfaces
+        align.saturating_add(optimise).saturating_add(surfaces)
     }
 
     /// Asks for everything that the offer has and the base has not, until it is here or an answer
@@ -177,7 +177,7 @@ impl Replica {
     /// Where the copy cannot be written; what the robot does wrong is in the answer.
     pub fn pull(
         &mut self,
-        carrier: &mut dyn Carrier,
+        carrier: &mut dyn RobotCarrier,
         offer: &Offer,
         stop: &dyn Fn() -> bool,
     ) -> Result<Pulled, FleetError> {
@@ -186,7 +186,7 @@ impl Replica {
         for (copy, bytes) in journals {
             if bytes < copy.len_bytes() {
                 let words = format!("a journal has {bytes} bytes, {} were copied", copy.len_bytes());
-                pulled.refuse(Refusal::Replaced, words);
+                pulled.refuse(PieceRefusal::Replaced, words);
                 return Ok(pulled);
             }
         }
@@ -229,7 +229,7 @@ impl Replica {
 
     fn pull_small(
         &mut self,
-        carrier: &mut dyn Carrier,
+        carrier: &mut dyn RobotCarrier,
         offer: &Offer,
         pulled: &mut Pulled,
     ) -> Result<(), FleetError> {
@@ -246,26 +246,26 @@ impl Replica {
                 continue;
             }
             if name == "run.json" && identity_of(&bytes) != self.identity {
-                pulled.refuse(Refusal::OtherRun, "run.json is of another run");
+                pulled.refuse(PieceRefusal::OtherRun, "run.json is of another run");
                 continue;
             }
             write_atomically(&path, Durability::RunState, |writer| writer.write_all(&bytes))
                 .map_err(FleetError::io("write", &path))?;
-            pulled.taken_bytes += bytes.len() as u64;
+            pulled.took(bytes.len());
         }
         Ok(())
     }
 
     fn pull_journal(
         &mut self,
-        carrier: &mut dyn Carrier,
+        carrier: &mut dyn RobotCarrier,
         file: Growing,
         pulled: &mut Pulled,
     ) -> Result<(), FleetError> {
         let copy = if file == Growing::Align { &self.align } else { &self.optimise };
         let (from, checksum) = (copy.len_bytes(), copy.checksum());
         let request = Request::Bytes { file, identity: self.identity, from, checksum, max: self.window };
-        let most = self.window as usize + MAX_FRAMED_BYTES;
+        let most = whole(self.window).saturating_add(MAX_FRAMED_BYTES);
         let Some(bytes) = self.ask(carrier, &request, from, most, pulled) else { return Ok(()) };
         let (used, problem) = match file {
             Growing::Align => {
@@ -277,28 +277,28 @@ impl Replica {
                 self.optimise.append(&bytes, |version, payload| answers.take(version, payload))?
             }
         };
-        pulled.taken_bytes += used as u64;
+        pulled.took(used);
         if let Some((refusal, words)) = problem {
             pulled.refuse(refusal, words);
         }
         Ok(())
     }
 
-    fn pull_store(&mut self, carrier: &mut dyn Carrier, pulled: &mut Pulled) -> Result<(), FleetError> {
+    fn pull_store(&mut self, carrier: &mut dyn RobotCarrier, pulled: &mut Pulled) -> Result<(), FleetError> {
         let CopiedSurfaces::Whole(store) = &self.surfaces else { return Ok(()) };
         let from = store.len_bytes();
-        let max = self.window.min(self.facts.store_bytes() - from);
+        let max = self.window.min(self.facts.store_bytes().saturating_sub(from));
         let request =
             Request::Bytes { file: Growing::Store, identity: self.identity, from, checksum: 0, max };
-        let Some(bytes) = self.ask(carrier, &request, from, max as usize, pulled) else { return Ok(()) };
+        let Some(bytes) = self.ask(carrier, &request, from, whole(max), pulled) else { return Ok(()) };
         let CopiedSurfaces::Whole(store) = &mut self.surfaces else { return Ok(()) };
         if bytes.is_empty() {
             return Ok(());
         }
         if store.append(&bytes, &self.facts.slots)? {
-            pulled.taken_bytes += bytes.len() as u64;
+            pulled.took(bytes.len());
         } else {
-            pulled.refuse(Refusal::Checksum, "a surface is not what its record says");
+            pulled.refuse(PieceRefusal::Checksum, "a surface is not what its record says");
         }
         Ok(())
     }
@@ -306,7 +306,7 @@ impl Replica {
     /// Asks for surfaces of kept keyframes, the newest first; those in `refused` came to nothing before.
     fn pull_surfaces(
         &mut self,
-        carrier: &mut dyn Carrier,
+        carrier: &mut dyn RobotCarrier,
         refused: &mut BTreeSet<u32>,
         pulled: &mut Pulled,
     ) -> Result<(), FleetError> {
@@ -320,20 +320,21 @@ impl Replica {
         let grid = match grid_of(&self.folder) {
             Ok(grid) => grid,
             Err(words) => {
-                pulled.refuse(Refusal::Nonsense, words);
+                pulled.refuse(PieceRefusal::Nonsense, words);
                 return Ok(());
             }
         };
-        let slots = wanted.iter().map(|id| self.facts.slots[*id as usize]).collect();
+        let slot = |id: u32| Some((id, *self.facts.slots.get(id as usize)?));
+        let (wanted, slots): (Vec<u32>, Vec<_>) = wanted.into_iter().filter_map(slot).unzip();
         let (identity, max) = (self.identity, self.window);
         let request = Request::Surfaces { identity, max, wanted: WantedSurfaces::new(slots) };
-        let most = max as usize + max_stored_bytes(grid);
+        let most = whole(max).saturating_add(max_stored_bytes(grid));
         let Some(stream) = self.ask(carrier, &request, 0, most, pulled) else { return Ok(()) };
         let surfaces = surfaces_in(&stream, grid, &wanted, refused, pulled);
         if let CopiedSurfaces::Kept(copy) = &mut self.surfaces {
             copy.append(&surfaces)?;
         }
-        pulled.taken_bytes += surfaces.iter().map(|surface| surface.bytes.len() as u64).sum::<u64>();
+        pulled.took(surfaces.iter().map(|surface| surface.bytes.len()).sum());
         Ok(())
     }
 
@@ -341,7 +342,7 @@ impl Replica {
     /// nothing of use came.
     fn ask(
         &mut self,
-        carrier: &mut dyn Carrier,
+        carrier: &mut dyn RobotCarrier,
         request: &Request,
         at: u64,
         most: usize,
@@ -352,13 +353,17 @@ impl Replica {
         carrier.ask(&self.robot, request, &mut |piece| answer.take(piece, pulled));
         self.window = match begun.elapsed() {
             took if took > LONG || !answer.is_whole => (self.window / 2).max(LEAST_WINDOW),
-            took if took < SHORT => (self.window * 2).min(MOST_WINDOW),
+            took if took < SHORT => self.window.saturating_mul(2).min(MOST_WINDOW),
             _ => self.window,
         };
         // Of a small file a part is of no use.
         let is_of_use = answer.is_whole || !matches!(request, Request::Small { .. });
         is_of_use.then_some(answer.bytes)
     }
+}
+
+fn whole(n: u64) -> usize {
+    usize::try_from(n).unwrap_or(usize::MAX)
 }
 
 /// The surfaces of a stream that can be used, of these keyframes; the others are refused.
@@ -377,10 +382,10 @@ fn surfaces_in(
                     found.push(TravelledSurface { keyframe, bytes: bytes.to_vec() });
                     continue;
                 }
-                Err(words) => (Refusal::Nonsense, words),
+                Err(words) => (PieceRefusal::Nonsense, words),
             },
-            Framed::Spoilt => (Refusal::Checksum, "not the bytes that were sent".into()),
-            Framed::Gone => (Refusal::Gone, "damaged or given up at the robot".into()),
+            Framed::Spoilt => (PieceRefusal::Checksum, "not the bytes that were sent".into()),
+            Framed::Gone => (PieceRefusal::Gone, "damaged or given up at the robot".into()),
         };
         pulled.refuse(problem.0, format!("the surface of keyframe {keyframe}: {}", problem.1));
         refused.insert(keyframe);

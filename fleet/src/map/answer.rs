@@ -15,7 +15,7 @@ use tessera_stage::{BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles};
 
 /// An answer, computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Answer {
+pub struct MadeAnswer {
     /// The request.
     pub request: u64,
     /// The answer as it travels.
@@ -44,7 +44,7 @@ pub fn answer(
     arrivals: &[Arrival],
     number: usize,
     extents: &[Extent],
-) -> Result<Option<Answer>, FleetError> {
+) -> Result<Option<MadeAnswer>, FleetError> {
     let identity = arrivals[number].identity;
     let Some(asking) = Asking::read(base, &arrivals[number], extents[number])? else {
         return Ok(None);
@@ -76,7 +76,7 @@ pub fn answer(
     }
     let Some(correction) = correction else { return Ok(None) };
     let bytes = BaseAnswer { identity, correction }.to_bytes()?;
-    Ok(Some(Answer { request: request.request, bytes, n_sharing: map.n_sharing() }))
+    Ok(Some(MadeAnswer { request: request.request, bytes, n_sharing: map.n_sharing() }))
 }
 
 impl Asking {

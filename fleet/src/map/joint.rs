@@ -3,8 +3,8 @@
 use crate::copies::arrivals::{Arrival, Mapped};
 use crate::error::FleetError;
 use crate::map::past::Past;
-use crate::map::scene::{MOST_POINTS, Scene};
-use crate::map::summary::{ComponentSummary, JoinSummary, JoinVerdict, RunSummary, Summary};
+use crate::map::scene::{JointScene, MOST_POINTS};
+use crate::map::summary::{ComponentSummary, JoinSummary, JoinVerdict, JointSummary, RunSummary};
 use crate::map::surfaces::JointSurfaces;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ pub const MAP_NUMBER: &str = "map.number";
 /// A map that was made.
 pub struct MadeMap {
     /// What it is.
-    pub summary: Summary,
+    pub summary: JointSummary,
     /// What it cost.
     pub cost: MapCost,
     /// What the next map need not find out again.
@@ -59,7 +59,7 @@ pub struct MapCost {
 }
 
 /// A run that is in the map, or why it is not.
-enum Part {
+enum RunPart {
     In(Box<Past>),
     Out(String),
 }
@@ -82,8 +82,8 @@ pub fn make_map(
     let mut parts = read_parts(base, arrivals, mapped);
     cost.read_s = begun.elapsed().as_secs_f64();
     let first = arrivals.iter().zip(&parts).find_map(|(arrival, part)| match part {
-        Part::In(past) => Some((arrival.identity, context_of(&past.run, &past.settings))),
-        Part::Out(_) => None,
+        RunPart::In(past) => Some((arrival.identity, context_of(&past.run, &past.settings))),
+        RunPart::Out(_) => None,
     });
     let mut cache = if known.first == first.as_ref().map(|(identity, _)| *identity) {
         known.cache
@@ -97,7 +97,7 @@ pub fn make_map(
             let map = JointMap::knowing(context, std::mem::take(&mut cache));
             joint(&folder, map, (arrivals, &labels, &mut parts), (&mut cost, &mut cache))?
         }
-        None => Summary::empty(run_summaries(arrivals, &labels, &parts, &BTreeMap::new())),
+        None => JointSummary::empty(run_summaries(arrivals, &labels, &parts, &BTreeMap::new())),
     };
     summary.write(&folder)?;
     replace(base, &folder, mapped.number)?;
@@ -111,13 +111,13 @@ pub(crate) fn context_of(run: &RunFile, settings: &Settings) -> Context {
         .in_map_of(&run.map_cameras)
 }
 
-fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
-    let mut parts: Vec<Part> = Vec::new();
+fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<RunPart> {
+    let mut parts: Vec<RunPart> = Vec::new();
     for (arrival, extent) in arrivals.iter().zip(&mapped.extents) {
         let part = match Past::read(base, arrival, *extent) {
             // Where the base is says nothing of the map.
-            Err(error) => Part::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
-            Ok(past) => Part::In(Box::new(past)),
+            Err(error) => RunPart::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
+            Ok(past) => RunPart::In(Box::new(past)),
         };
         parts.push(part);
     }
@@ -128,14 +128,14 @@ fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<Part> {
 fn joint(
     folder: &Path,
     mut map: JointMap,
-    (arrivals, labels, parts): (&[Arrival], &[String], &mut [Part]),
+    (arrivals, labels, parts): (&[Arrival], &[String], &mut [RunPart]),
     (cost, cache): (&mut MapCost, &mut JointCache),
-) -> Result<Summary, FleetError> {
+) -> Result<JointSummary, FleetError> {
     let mut surfaces = JointSurfaces::default();
     // Runs in the map by their number among those that are in it.
     let mut pasts: Vec<(usize, &mut Past)> = Vec::new();
     for (number, part) in parts.iter_mut().enumerate() {
-        if let Part::In(past) = part {
+        if let RunPart::In(past) = part {
             map.add_seen_by(&past.state, &context_of(&past.run, &past.settings).session_cameras());
             pasts.push((number, past));
         }
@@ -156,7 +156,7 @@ fn joint(
     let clouds = write_clouds(folder, &map, &components, &seen, &surfaces)?;
     let output = seen.first().map(|first| first.settings.output.clone()).unwrap_or_default();
     let names = (0..components.0.len()).map(|place| component_file("map", place, "ply"));
-    let mut scene = Scene::new(names, joint_preview(clouds, &output, MOST_POINTS), arrivals);
+    let mut scene = JointScene::new(names, joint_preview(clouds, &output, MOST_POINTS), arrivals);
     drop(surfaces);
     if correction.is_some() {
         for (run, (_, past)) in pasts.iter_mut().enumerate() {
@@ -178,36 +178,46 @@ fn joint(
     scene.write(folder, &joins, &components.places())?;
     let loops = correction.map_or(Vec::new(), |correction| correction.loops);
     let between = loops.iter().filter(|l| map.run_of(l.newer) != map.run_of(l.older)).copied().collect();
-    let components = components.iter().enumerate().map(|(place, (component, keyframes))| ComponentSummary {
-        component: *component,
-        keyframes: *keyframes,
-        map: component_file("map", place, "ply"),
-        runs: (places.iter().filter(|(_, place)| place.contains_key(component)))
-            .map(|(number, _)| labels[*number].clone())
-            .collect(),
-    });
-    let components = components.collect();
+    let components = component_summaries(&components, &places, labels);
     drop(pasts);
     *cache = map.into_cache();
     let (looks, looks_known) = cache.looks();
     (cost.looks, cost.looks_known) = (looks as u64, looks_known as u64);
     for part in parts.iter_mut() {
         let damage = match part {
-            Part::In(past) => past.surfaces.check().err(),
-            Part::Out(_) => None,
+            RunPart::In(past) => past.surfaces.check().err(),
+            RunPart::Out(_) => None,
         };
         // What was computed from it is no map.
         damage.map_or(Ok(()), Err)?;
     }
     let runs = run_summaries(arrivals, labels, parts, &places);
-    Ok(Summary::new(runs, components, joins, between))
+    Ok(JointSummary::new(runs, components, joins, between))
+}
+
+fn component_summaries(
+    components: &MapComponents,
+    places: &BTreeMap<usize, BTreeMap<u32, u64>>,
+    labels: &[String],
+) -> Vec<ComponentSummary> {
+    let runs_in = |component: u32| {
+        let runs = places.iter().filter(move |(_, place)| place.contains_key(&component));
+        runs.filter_map(|(number, _)| labels.get(*number).cloned()).collect()
+    };
+    let summary = |(place, (component, keyframes)): (usize, &(u32, u64))| ComponentSummary {
+        component: *component,
+        keyframes: *keyframes,
+        map: component_file("map", place, "ply"),
+        runs: runs_in(*component),
+    };
+    components.iter().enumerate().map(summary).collect()
 }
 
 /// Writes the cloud of each component, with the settings of the first run.
 fn write_clouds(
     folder: &Path,
     map: &JointMap,
-    components: &Components,
+    components: &MapComponents,
     pasts: &[&Past],
     surfaces: &JointSurfaces<'_>,
 ) -> Result<Vec<JointCloud>, FleetError> {
@@ -227,9 +237,9 @@ fn write_clouds(
 }
 
 /// Keyframes of each component, the largest component first.
-struct Components(Vec<(u32, u64)>);
+struct MapComponents(Vec<(u32, u64)>);
 
-impl Components {
+impl MapComponents {
     fn keys(&self) -> impl Iterator<Item = &u32> {
         self.0.iter().map(|(component, _)| component)
     }
@@ -248,14 +258,14 @@ impl Components {
     }
 }
 
-fn components(map: &JointMap) -> Components {
+fn components(map: &JointMap) -> MapComponents {
     let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
     for keyframe in map.keyframes() {
         *counts.entry(map.submaps().component(keyframe.submap)).or_default() += 1;
     }
     let mut counts: Vec<(u32, u64)> = counts.into_iter().collect();
     counts.sort_by_key(|(component, n)| (std::cmp::Reverse(*n), *component));
-    Components(counts)
+    MapComponents(counts)
 }
 
 /// `NAME.EXT` of the largest component, `NAME_component_K.EXT` of the next ones.
@@ -273,7 +283,7 @@ fn write_run(
     label: &str,
     map: &JointMap,
     run: usize,
-    components: &Components,
+    components: &MapComponents,
     past: &Past,
 ) -> Result<BTreeMap<u32, u64>, FleetError> {
     let mut rows: BTreeMap<u32, Vec<(i64, Pose)>> = BTreeMap::new();
@@ -318,10 +328,10 @@ fn join_summary(map: &JointMap, meeting: &Meeting, run_of: &dyn Fn(u32) -> Strin
 fn run_summaries(
     arrivals: &[Arrival],
     labels: &[String],
-    parts: &[Part],
+    parts: &[RunPart],
     places: &BTreeMap<usize, BTreeMap<u32, u64>>,
 ) -> Vec<RunSummary> {
-    let summary = |(number, part): (usize, &Part)| {
+    let summary = |(number, part): (usize, &RunPart)| {
         let Arrival { robot, run, .. } = &arrivals[number];
         let mut summary = RunSummary {
             robot: robot.clone(),
@@ -330,8 +340,8 @@ fn run_summaries(
             ..RunSummary::default()
         };
         match part {
-            Part::Out(reason) => summary.left_out = Some(reason.clone()),
-            Part::In(past) => {
+            RunPart::Out(reason) => summary.left_out = Some(reason.clone()),
+            RunPart::In(past) => {
                 summary.keyframes = past.state.keyframes.len() as u64;
                 summary.frames = past.replay.frames.len() as u64;
                 summary.frames_untracked = past.replay.n_untracked();

@@ -23,13 +23,13 @@ fn name_of(arrival: &Arrival) -> &str {
 }
 
 /// The scene as it is gathered, component by component.
-pub(crate) struct Scene {
+pub(crate) struct JointScene {
     components: Vec<JointComponent>,
     voxel_m: f64,
     robots: Vec<String>,
 }
 
-impl Scene {
+impl JointScene {
     /// Of components with these names and clouds; robots in the order in which they came.
     pub(crate) fn new(
         names: impl Iterator<Item = String>,

@@ -13,7 +13,7 @@ pub const SUMMARY_FILE: &str = "summary.json";
 
 /// What the map is. Field names are an interface: scripts read them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Summary {
+pub struct JointSummary {
     /// Version of the program that wrote it.
     pub version: String,
     /// Runs in the order in which they came.
@@ -104,7 +104,7 @@ pub enum JoinVerdict {
     Refuted,
 }
 
-impl Summary {
+impl JointSummary {
     pub(crate) fn new(
         runs: Vec<RunSummary>,
         components: Vec<ComponentSummary>,

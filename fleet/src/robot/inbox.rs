@@ -9,7 +9,7 @@ use tessera_stage::{BaseAnswer, BaseContactWriter, RunFiles};
 
 /// The run that answers are for.
 #[derive(Default)]
-pub struct Inbox {
+pub struct AnswerInbox {
     run: Option<AskingRun>,
     contact: BaseContactWriter,
 }
@@ -21,7 +21,7 @@ struct AskingRun {
     is_asking: bool,
 }
 
-impl Inbox {
+impl AnswerInbox {
     /// Notes that the base asked for something, where the run leaves its optimisations to it.
     pub fn heard(&mut self, served: &mut Served) {
         let Some(run) = self.run(served).filter(|run| run.is_asking) else { return };

@@ -27,22 +27,23 @@ const LOOK_BYTES: usize = 1 << 20;
 pub struct Served {
     folder: PathBuf,
     identity: u64,
-    journals: BTreeMap<Growing, Whole>,
+    align: WholeRecords,
+    optimise: WholeRecords,
     /// Of this run.
     grid: Option<Grid>,
     /// Checksums of small files as they were when they were read last.
-    small: BTreeMap<&'static str, (Version, u32)>,
+    small: BTreeMap<&'static str, (FileVersion, u32)>,
 }
 
 /// A state of a small file: each is written whole, as a new file.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Version {
+struct FileVersion {
     inode: u64,
     n_bytes: u64,
     changed: (i64, i64),
 }
 
-impl Version {
+impl FileVersion {
     fn of(path: &Path) -> io::Result<Self> {
         let found = std::fs::metadata(path)?;
         Ok(Self { inode: found.ino(), n_bytes: found.len(), changed: (found.ctime(), found.ctime_nsec()) })
@@ -50,13 +51,13 @@ impl Version {
 }
 
 /// How far a journal is whole.
-struct Whole {
+struct WholeRecords {
     chain: Chain,
     /// Where each record ends, with its checksum; the header first.
     ends: Vec<(u64, u32)>,
 }
 
-impl Whole {
+impl WholeRecords {
     fn new(file: Growing) -> Self {
         Self { chain: Chain::new(file.kind()), ends: Vec::new() }
     }
@@ -76,8 +77,8 @@ impl Whole {
     /// that is being written, or damage: neither travels.
     fn take(&mut self, bytes: &[u8], path: &Path) -> usize {
         let mut used = 0;
-        while let Ok(Some(part)) = self.chain.step(&bytes[used..], path) {
-            used += part.len;
+        while let Ok(Some(part)) = self.chain.step(bytes.get(used..).unwrap_or_default(), path) {
+            used = used.saturating_add(part.len);
             self.ends.push((self.chain.len_bytes(), self.chain.checksum()));
         }
         used
@@ -90,16 +91,16 @@ impl Served {
     /// # Errors
     /// Where it has no `run.json` yet.
     pub fn open(folder: &Path) -> io::Result<Self> {
-        let (folder, journals, small) = (folder.to_owned(), BTreeMap::new(), BTreeMap::new());
-        let mut served = Self { folder, identity: 0, journals, grid: None, small };
-        served.begin(identity_of(&small_file(&served.folder, "run.json")?));
-        Ok(served)
+        let identity = identity_of(&small_file(folder, "run.json")?);
+        let [align, optimise] = [Growing::Align, Growing::Optimise].map(WholeRecords::new);
+        let (folder, small) = (folder.to_owned(), BTreeMap::new());
+        Ok(Self { folder, identity, align, optimise, grid: None, small })
     }
 
     fn begin(&mut self, identity: u64) {
         self.identity = identity;
         self.grid = None;
-        self.journals = [Growing::Align, Growing::Optimise].map(|file| (file, Whole::new(file))).into();
+        [self.align, self.optimise] = [Growing::Align, Growing::Optimise].map(WholeRecords::new);
     }
 
     /// The run directory.
@@ -167,8 +168,8 @@ impl Served {
             version: text("version"),
             run: text("name"),
             identity: self.identity,
-            align_bytes: self.journals[&Growing::Align].chain.len_bytes(),
-            optimise_bytes: self.journals[&Growing::Optimise].chain.len_bytes(),
+            align_bytes: self.align.chain.len_bytes(),
+            optimise_bytes: self.optimise.chain.len_bytes(),
             store_bytes: len(&self.folder.join(Growing::Store.file()))?,
             small,
         };
@@ -177,7 +178,7 @@ impl Served {
 
     /// CRC-32 of a small file, read anew where it is another one than before.
     fn checksum_of_small(&mut self, name: &'static str) -> io::Result<u32> {
-        let version = Version::of(&self.folder.join(name))?;
+        let version = FileVersion::of(&self.folder.join(name))?;
         if let Some((_, checksum)) = self.small.get(name).filter(|(known, _)| *known == version) {
             return Ok(*checksum);
         }
@@ -190,15 +191,15 @@ impl Served {
     /// is resumed after a power loss, is gone through again.
     fn look(&mut self, file: Growing) -> io::Result<()> {
         let path = self.folder.join(file.file());
-        let whole = self.journals.get_mut(&file).expect("both journals are there");
+        let whole = if file == Growing::Align { &mut self.align } else { &mut self.optimise };
         let end = len(&path)?;
         if end == 0 {
-            *whole = Whole::new(file);
+            *whole = WholeRecords::new(file);
             return Ok(());
         }
         let open = File::open(&path)?;
         if !whole.fits(&open, end)? {
-            *whole = Whole::new(file);
+            *whole = WholeRecords::new(file);
         }
         let mut n_look = LOOK_BYTES;
         loop {
@@ -206,10 +207,10 @@ impl Served {
             let n = usize::try_from(end.saturating_sub(from)).unwrap_or(n_look).min(n_look);
             let mut bytes = vec![0; n];
             open.read_exact_at(&mut bytes, from)?;
-            let is_all = from + n as u64 == end;
+            let is_all = from.saturating_add(n as u64) == end;
             match whole.take(&bytes, &path) {
                 // A record larger than what was looked at.
-                0 if !is_all && n_look <= MAX_FRAMED_BYTES => n_look *= 4,
+                0 if !is_all && n_look <= MAX_FRAMED_BYTES => n_look = n_look.saturating_mul(4),
                 // Of another version, or no journal: nothing of it will ever travel.
                 0 if from == 0 => {
                     let found = whole.chain.step(&bytes, &path);
@@ -249,7 +250,7 @@ impl Served {
             if !give(Piece::packed(self.identity, at, bytes.to_vec())) {
                 return Ok(());
             }
-            at += bytes.len() as u64;
+            at = u64::saturating_add(at, bytes.len() as u64);
         }
         give(Piece::end(self.identity, at));
         Ok(())
@@ -263,17 +264,20 @@ impl Served {
         give: &mut dyn FnMut(Piece) -> bool,
     ) -> io::Result<()> {
         self.look(file)?;
-        let ends = &self.journals[&file].ends;
-        let first = match ends.binary_search_by_key(&from, |end| end.0) {
-            Ok(place) if ends[place].1 == checksum => place + 1,
-            Err(0) if from == 0 => 0,
+        let ends = if file == Growing::Align { &self.align.ends } else { &self.optimise.ends };
+        let behind = match ends.binary_search_by_key(&from, |end| end.0) {
+            Ok(place) if ends.get(place).is_some_and(|end| end.1 == checksum) => {
+                ends.get(place.saturating_add(1)..)
+            }
+            Err(0) if from == 0 => Some(&ends[..]),
             _ => return Err(io::Error::other(format!("{REPLACED}: {} at {from}", file.file()))),
         };
+        let behind = behind.unwrap_or_default();
         let limit = from.saturating_add(max.min(MOST_BYTES));
-        let place = ends[first..].partition_point(|end| end.0 <= limit);
+        let n_within = behind.partition_point(|end| end.0 <= limit);
         // One record at least, however large.
-        let place = place.max(usize::from(first < ends.len()));
-        let to = if place == 0 { from } else { ends[first + place - 1].0 };
+        let last = behind.get(n_within.saturating_sub(1));
+        let to = last.map_or(from, |end| end.0);
         self.give_range(file, from..to, give)
     }
 
@@ -293,13 +297,14 @@ impl Served {
         if at < range.end {
             let open = File::open(self.folder.join(file.file()))?;
             while at < range.end {
-                let n = usize::try_from(range.end - at).unwrap_or(usize::MAX).min(MAX_PIECE_BYTES);
+                let n =
+                    usize::try_from(range.end.saturating_sub(at)).unwrap_or(usize::MAX).min(MAX_PIECE_BYTES);
                 let mut bytes = vec![0; n];
                 open.read_exact_at(&mut bytes, at)?;
                 if !give(Piece::data(self.identity, at, bytes)) {
                     return Ok(());
                 }
-                at += n as u64;
+                at = at.saturating_add(n as u64);
             }
         }
         give(Piece::end(self.identity, at));

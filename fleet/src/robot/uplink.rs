@@ -2,7 +2,7 @@
 //! base it writes nothing, of one that does the answers alone.
 
 use crate::error::FleetError;
-use crate::robot::inbox::Inbox;
+use crate::robot::inbox::AnswerInbox;
 use crate::robot::served::Served;
 use crate::wire::keys::{alive_key, run_key};
 use crate::wire::piece::Deflater;
@@ -53,8 +53,8 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
         .map_err(network)?;
     let _alive = session.liveliness().declare_token(alive_key(&options.robot)).wait().map_err(network)?;
     say(&format!("answers as robot {}", options.robot));
-    let mut way = Way { pace: Pace::new(options.max_bytes_per_s), deflater: Deflater::default() };
-    let mut inbox = Inbox::default();
+    let mut way = UplinkWay { pace: UplinkPace::new(options.max_bytes_per_s), deflater: Deflater::default() };
+    let mut inbox = AnswerInbox::default();
     while !stop.load(Ordering::Relaxed) {
         match queries.recv_timeout(TICK) {
             Ok(Some(query)) => answer((&mut served, &mut inbox), &query, &mut way, stop),
@@ -66,12 +66,17 @@ pub fn uplink(options: &UplinkOptions, config: Config, stop: &AtomicBool) -> Res
 }
 
 /// How pieces go out.
-struct Way {
-    pace: Pace,
+struct UplinkWay {
+    pace: UplinkPace,
     deflater: Deflater,
 }
 
-fn answer((served, inbox): (&mut Served, &mut Inbox), query: &Query, way: &mut Way, stop: &AtomicBool) {
+fn answer(
+    (served, inbox): (&mut Served, &mut AnswerInbox),
+    query: &Query,
+    way: &mut UplinkWay,
+    stop: &AtomicBool,
+) {
     let mut give = |piece: Piece| {
         let (label, bytes) = piece.to_wire(&mut way.deflater);
         way.pace.wait_for(bytes.len());
@@ -140,12 +145,12 @@ fn wait_for_base(
 }
 
 /// A bound on bytes a second.
-struct Pace {
+struct UplinkPace {
     bytes_per_s: Option<f64>,
     due: Instant,
 }
 
-impl Pace {
+impl UplinkPace {
     fn new(bytes_per_s: Option<f64>) -> Self {
         Self { bytes_per_s, due: Instant::now() }
     }
@@ -158,6 +163,7 @@ impl Pace {
             std::thread::sleep(wait);
         }
         // What was not used before is not saved up.
-        self.due = self.due.max(now) + Duration::from_secs_f64(n as f64 / bytes_per_s);
+        let takes = Duration::try_from_secs_f64(n as f64 / bytes_per_s).unwrap_or_default();
+        self.due = self.due.max(now).checked_add(takes).unwrap_or(now);
     }
 }

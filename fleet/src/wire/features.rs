@@ -57,16 +57,16 @@ const fn differences(class: u64) -> ByteParts {
 /// The strongest of these features, in their order, as bytes, and as their reader has them.
 pub fn pack_and_round(features: &[Feature]) -> (Vec<u8>, Vec<Feature>) {
     let rounded = strongest(features);
-    (pack_rounded(&rounded), rounded.iter().map(Rounded::feature).collect())
+    (pack_rounded(&rounded), rounded.iter().map(RoundedFeature::feature).collect())
 }
 
 #[expect(clippy::indexing_slicing, reason = "places of features of ours")]
-fn strongest(features: &[Feature]) -> Vec<Rounded> {
+fn strongest(features: &[Feature]) -> Vec<RoundedFeature> {
     let mut chosen: Vec<usize> = (0..features.len()).collect();
     chosen.sort_by(|&a, &b| features[b].response.total_cmp(&features[a].response).then(a.cmp(&b)));
     chosen.truncate(MOST_FEATURES);
     chosen.sort_unstable();
-    chosen.into_iter().map(|place| Rounded::of(&features[place])).collect()
+    chosen.into_iter().map(|place| RoundedFeature::of(&features[place])).collect()
 }
 
 #[expect(
@@ -75,11 +75,11 @@ fn strongest(features: &[Feature]) -> Vec<Rounded> {
     clippy::cast_possible_truncation,
     reason = "features of ours, 300 at most"
 )]
-fn pack_rounded(rounded: &[Rounded]) -> Vec<u8> {
+fn pack_rounded(rounded: &[RoundedFeature]) -> Vec<u8> {
     let widest = rounded.iter().map(|feature| feature.column).max().unwrap_or(0);
     let mut writer = RangeWriter::default();
     writer.plain(rounded.len() as u32, COUNT_BITS);
-    let mut models = Models::new(writer.plain(u32::BITS - widest.leading_zeros(), WIDTH_BITS));
+    let mut models = ByteModels::new(writer.plain(u32::BITS - widest.leading_zeros(), WIDTH_BITS));
     let descriptors: Vec<[u64; 4]> = rounded.iter().map(|feature| feature.descriptor).collect();
     let nearest = nearest_before(&descriptors, Isa::default());
     for (place, (feature, nearest)) in rounded.iter().zip(nearest).enumerate() {
@@ -98,16 +98,16 @@ pub fn unpack_features(bytes: &[u8]) -> Option<Vec<Feature>> {
     if n > MOST_FEATURES || width_bits > PLACE_BITS {
         return None;
     }
-    let (mut models, mut found) = (Models::new(width_bits), Vec::with_capacity(n));
+    let (mut models, mut found) = (ByteModels::new(width_bits), Vec::with_capacity(n));
     for _ in 0..n {
-        found.push(models.code(&mut reader, &found, Rounded::default(), None)?);
+        found.push(models.code(&mut reader, &found, RoundedFeature::default(), None)?);
     }
-    reader.ends().then(|| found.iter().map(Rounded::feature).collect())
+    reader.ends().then(|| found.iter().map(RoundedFeature::feature).collect())
 }
 
 /// A feature as integers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Rounded {
+struct RoundedFeature {
     row: u32,
     column: u32,
     turn: u32,
@@ -118,7 +118,7 @@ struct Rounded {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the casts saturate, and an angle goes round")]
-impl Rounded {
+impl RoundedFeature {
     /// A conversion of a float to an integer saturates.
     fn of(feature: &Feature) -> Self {
         let [row, column] = feature.pixel.map(|pixel| u32::from((pixel / PIXEL_STEP).round() as u16));
@@ -148,7 +148,7 @@ impl Rounded {
 }
 
 /// What was learnt of the features so far.
-struct Models {
+struct ByteModels {
     width_bits: u32,
     level: NumberModel,
     /// Row steps, responses and deviations, by level.
@@ -158,7 +158,7 @@ struct Models {
     class: NumberModel,
 }
 
-impl Models {
+impl ByteModels {
     fn new(width_bits: u32) -> Self {
         Self {
             width_bits,
@@ -174,10 +174,10 @@ impl Models {
     fn code(
         &mut self,
         coder: &mut impl BitCoder,
-        before: &[Rounded],
-        feature: Rounded,
+        before: &[RoundedFeature],
+        feature: RoundedFeature,
         like: Option<u32>,
-    ) -> Option<Rounded> {
+    ) -> Option<RoundedFeature> {
         let last = before.last().copied().unwrap_or_default();
         let step = i32::from(feature.level).saturating_sub(i32::from(last.level));
         let step = self.level.signed(coder, step);
@@ -193,14 +193,14 @@ impl Models {
         let sigma = sigmas.magnitude(coder, feature.sigma);
         let is_sound = response <= 255 && (1..=255).contains(&sigma);
         let descriptor = self.descriptor(coder, before, feature.descriptor, like)?;
-        is_sound.then_some(Rounded { row, column, turn, response, sigma, level, descriptor })
+        is_sound.then_some(RoundedFeature { row, column, turn, response, sigma, level, descriptor })
     }
 
     /// A descriptor, by where it differs from the one before it at the place `nearest`.
     fn descriptor(
         &mut self,
         coder: &mut impl BitCoder,
-        before: &[Rounded],
+        before: &[RoundedFeature],
         descriptor: [u64; 4],
         nearest: Option<u32>,
     ) -> Option<[u64; 4]> {

@@ -1,7 +1,7 @@
 //! One piece of an answer, as it travels: a label that says which bytes of which run it is, and the bytes,
 //! deflated where that is less.
 
-use crate::wire::request::{MAX_SMALL_BYTES, Refusal};
+use crate::wire::request::{MAX_SMALL_BYTES, PieceRefusal};
 use flate2::read::DeflateDecoder;
 use flate2::{Compress, Compression, FlushCompress, Status};
 use std::borrow::Cow;
@@ -9,7 +9,7 @@ use std::io::Read;
 
 /// What a piece is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum PieceKind {
     /// Bytes.
     Data,
     /// The answer is whole: nothing was cut off.
@@ -22,7 +22,7 @@ pub enum Kind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Piece {
     /// What it is.
-    pub kind: Kind,
+    pub kind: PieceKind,
     /// The run that it is of.
     pub identity: u64,
     /// Offset of its first byte.
@@ -45,7 +45,7 @@ impl Piece {
     /// A piece with bytes.
     pub fn data(identity: u64, at: u64, bytes: Vec<u8>) -> Self {
         let wire_bytes = bytes.len();
-        Self { kind: Kind::Data, identity, at, bytes, wire_bytes, is_packed: false }
+        Self { kind: PieceKind::Data, identity, at, bytes, wire_bytes, is_packed: false }
     }
 
     /// A piece with bytes that are packed already.
@@ -55,18 +55,18 @@ impl Piece {
 
     /// The end of an answer, which reached up to `at`.
     pub fn end(identity: u64, at: u64) -> Self {
-        Self { kind: Kind::End, identity, at, bytes: Vec::new(), wire_bytes: 0, is_packed: false }
+        Self { kind: PieceKind::End, identity, at, bytes: Vec::new(), wire_bytes: 0, is_packed: false }
     }
 
     /// A refusal.
     pub fn refused(identity: u64, reason: &str) -> Self {
         let bytes = reason.as_bytes().to_vec();
-        Self { kind: Kind::Refused, identity, at: 0, wire_bytes: bytes.len(), bytes, is_packed: false }
+        Self { kind: PieceKind::Refused, identity, at: 0, wire_bytes: bytes.len(), bytes, is_packed: false }
     }
 
     /// What travels: a label, and the bytes behind it, deflated where that is less.
     pub fn to_wire(&self, deflater: &mut Deflater) -> (Vec<u8>, Cow<'_, [u8]>) {
-        let is_loose = self.kind == Kind::Data && !self.is_packed;
+        let is_loose = self.kind == PieceKind::Data && !self.is_packed;
         match is_loose.then(|| deflater.less(&self.bytes)).flatten() {
             Some(deflated) => (self.label_of(DEFLATED, &deflated), deflated.into()),
             None => (self.label(), Cow::Borrowed(&self.bytes)),
@@ -76,9 +76,9 @@ impl Piece {
     /// What travels beside the bytes where they are as they are.
     pub fn label(&self) -> Vec<u8> {
         let kind = match self.kind {
-            Kind::Data => 1,
-            Kind::End => 2,
-            Kind::Refused => 3,
+            PieceKind::Data => 1,
+            PieceKind::End => 2,
+            PieceKind::Refused => 3,
         };
         self.label_of(kind, &self.bytes)
     }
@@ -97,28 +97,28 @@ impl Piece {
     ///
     /// # Errors
     /// Names what is wrong with it.
-    pub fn read(label: &[u8], bytes: &[u8]) -> Result<Self, Refusal> {
-        let label: &[u8; LABEL_BYTES] = label.try_into().map_err(|_| Refusal::Foreign)?;
+    pub fn read(label: &[u8], bytes: &[u8]) -> Result<Self, PieceRefusal> {
+        let label: &[u8; LABEL_BYTES] = label.try_into().map_err(|_| PieceRefusal::Foreign)?;
         if !label.starts_with(MAGIC) {
-            return Err(Refusal::Foreign);
+            return Err(PieceRefusal::Foreign);
         }
         if bytes.len() > MAX_SMALL_BYTES {
-            return Err(Refusal::TooLarge);
+            return Err(PieceRefusal::TooLarge);
         }
-        let (head, sum) = label.split_last_chunk::<4>().ok_or(Refusal::Foreign)?;
+        let (head, sum) = label.split_last_chunk::<4>().ok_or(PieceRefusal::Foreign)?;
         let number = |from: usize| {
             head.get(from..).and_then(<[u8]>::first_chunk).map_or(0, |number| u64::from_le_bytes(*number))
         };
         if checksum(head, bytes).to_le_bytes() != *sum {
-            return Err(Refusal::Checksum);
+            return Err(PieceRefusal::Checksum);
         }
         let (identity, at, wire_bytes) = (number(5), number(13), bytes.len());
         let (kind, bytes) = match head.get(4).copied().unwrap_or_default() {
-            1 => (Kind::Data, bytes.to_vec()),
-            2 => (Kind::End, bytes.to_vec()),
-            3 => (Kind::Refused, bytes.to_vec()),
-            DEFLATED => (Kind::Data, inflate(bytes)?),
-            _ => return Err(Refusal::Foreign),
+            1 => (PieceKind::Data, bytes.to_vec()),
+            2 => (PieceKind::End, bytes.to_vec()),
+            3 => (PieceKind::Refused, bytes.to_vec()),
+            DEFLATED => (PieceKind::Data, inflate(bytes)?),
+            _ => return Err(PieceRefusal::Foreign),
         };
         Ok(Self { kind, identity, at, bytes, wire_bytes, is_packed: false })
     }
@@ -146,11 +146,11 @@ impl Deflater {
     }
 }
 
-fn inflate(bytes: &[u8]) -> Result<Vec<u8>, Refusal> {
+fn inflate(bytes: &[u8]) -> Result<Vec<u8>, PieceRefusal> {
     let mut found = Vec::new();
     let mut reader = DeflateDecoder::new(bytes).take((MAX_SMALL_BYTES as u64).saturating_add(1));
-    reader.read_to_end(&mut found).map_err(|_| Refusal::Foreign)?;
-    if found.len() > MAX_SMALL_BYTES { Err(Refusal::TooLarge) } else { Ok(found) }
+    reader.read_to_end(&mut found).map_err(|_| PieceRefusal::Foreign)?;
+    if found.len() > MAX_SMALL_BYTES { Err(PieceRefusal::TooLarge) } else { Ok(found) }
 }
 
 fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
@@ -169,9 +169,9 @@ mod tests {
         let piece = Piece::data(5, 77, vec![1, 2, 3]);
         let label = piece.label();
         assert_eq!(Piece::read(&label, &[1, 2, 3]), Ok(piece));
-        assert_eq!(Piece::read(&label, &[1, 2, 4]), Err(Refusal::Checksum));
-        assert_eq!(Piece::read(&label[1..], &[1, 2, 3]), Err(Refusal::Foreign));
-        assert_eq!(Piece::read(b"", &[]), Err(Refusal::Foreign));
+        assert_eq!(Piece::read(&label, &[1, 2, 4]), Err(PieceRefusal::Checksum));
+        assert_eq!(Piece::read(&label[1..], &[1, 2, 3]), Err(PieceRefusal::Foreign));
+        assert_eq!(Piece::read(b"", &[]), Err(PieceRefusal::Foreign));
         for at in 4..label.len() {
             let mut flipped = label.clone();
             flipped[at] ^= 1;
@@ -188,7 +188,7 @@ mod tests {
             let (label, wire) = piece.to_wire(&mut deflater);
             assert!(wire.len() <= bytes.len());
             let back = Piece::read(&label, &wire).unwrap();
-            assert_eq!((back.kind, back.at, back.wire_bytes), (Kind::Data, 77, wire.len()));
+            assert_eq!((back.kind, back.at, back.wire_bytes), (PieceKind::Data, 77, wire.len()));
             assert_eq!(back.bytes, bytes);
         }
         let packed = Piece::packed(5, 77, vec![7; 3000]);
@@ -197,8 +197,11 @@ mod tests {
         assert_eq!(Piece::read(&label, &wire).unwrap().bytes, packed.bytes);
         let bomb = Piece::data(5, 77, vec![7; MAX_SMALL_BYTES + 1]);
         let (label, wire) = bomb.to_wire(&mut deflater);
-        assert_eq!(Piece::read(&label, &wire), Err(Refusal::TooLarge));
+        assert_eq!(Piece::read(&label, &wire), Err(PieceRefusal::TooLarge));
         let nonsense = Piece::data(5, 77, vec![1, 2, 3]);
-        assert_eq!(Piece::read(&nonsense.label_of(DEFLATED, &[1, 2, 3]), &[1, 2, 3]), Err(Refusal::Foreign));
+        assert_eq!(
+            Piece::read(&nonsense.label_of(DEFLATED, &[1, 2, 3]), &[1, 2, 3]),
+            Err(PieceRefusal::Foreign)
+        );
     }
 }

@@ -9,7 +9,7 @@
 //! Surfaces of single keyframes are asked for by where they lie in the store
 //! ([`WantedSurfaces`]).
 
-pub use crate::wire::piece::{Kind, Piece};
+pub use crate::wire::piece::{Piece, PieceKind};
 use crate::wire::surfaces::WantedSurfaces;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -206,7 +206,7 @@ pub struct Offer {
 /// Why something that came is not used. Each is counted by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Refusal {
+pub enum PieceRefusal {
     /// No piece of this protocol.
     Foreign,
     /// More bytes than were asked for.
@@ -233,7 +233,7 @@ pub enum Refusal {
     Answer,
 }
 
-impl Refusal {
+impl PieceRefusal {
     /// What it says.
     pub fn words(self) -> &'static str {
         match self {

@@ -15,7 +15,7 @@ const MAX_MESSAGE_BYTES: &str = "16777216";
 
 /// Which end.
 #[derive(Clone, Debug)]
-pub enum End<'a> {
+pub enum FleetEnd<'a> {
     /// The base listens.
     Base(Option<&'a str>),
     /// A robot connects.
@@ -29,7 +29,7 @@ pub const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
 ///
 /// # Errors
 /// Where the file cannot be used, or plain tcp would leave this machine.
-pub fn configuration(end: &End<'_>, file: Option<&Path>) -> Result<Config, FleetError> {
+pub fn configuration(end: &FleetEnd<'_>, file: Option<&Path>) -> Result<Config, FleetError> {
     let mut config = match file {
         Some(path) => {
             Config::from_file(path).map_err(|e| FleetError::Arguments(format!("{}: {e}", path.display())))?
@@ -46,14 +46,14 @@ pub fn configuration(end: &End<'_>, file: Option<&Path>) -> Result<Config, Fleet
     set("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES)?;
     let list = |locator: &str| serde_json::to_string(&[locator]).unwrap_or_default();
     match end {
-        End::Base(locator) => {
+        FleetEnd::Base(locator) => {
             set("mode", "\"peer\"")?;
             if let Some(locator) = locator.or(file.is_none().then_some(DEFAULT_LISTEN)) {
                 set("listen/endpoints", &list(locator))?;
             }
             set("connect/endpoints", "[]")?;
         }
-        End::Robot(locator) => {
+        FleetEnd::Robot(locator) => {
             set("mode", "\"client\"")?;
             set("listen/endpoints", "[]")?;
             if let Some(locator) = locator {
@@ -65,7 +65,7 @@ pub fn configuration(end: &End<'_>, file: Option<&Path>) -> Result<Config, Fleet
             set("connect/retry", retry)?;
         }
     }
-    check_locators(&config, if matches!(end, End::Base(_)) { "listen" } else { "connect" })?;
+    check_locators(&config, if matches!(end, FleetEnd::Base(_)) { "listen" } else { "connect" })?;
     Ok(config)
 }
 
@@ -125,15 +125,15 @@ mod tests {
     #[test]
     fn plain_links_stay_on_this_machine() {
         for good in ["tcp/127.0.0.1:7447", "tcp/[::1]:1", "tcp/localhost:7447", "tls/0.0.0.0:7447"] {
-            assert!(configuration(&End::Base(Some(good)), None).is_ok(), "{good}");
-            assert!(configuration(&End::Robot(Some(good)), None).is_ok(), "{good}");
+            assert!(configuration(&FleetEnd::Base(Some(good)), None).is_ok(), "{good}");
+            assert!(configuration(&FleetEnd::Robot(Some(good)), None).is_ok(), "{good}");
         }
         for bad in ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/base.example:7447", "udp/127.0.0.1:7447"] {
-            let message = configuration(&End::Base(Some(bad)), None).unwrap_err().to_string();
+            let message = configuration(&FleetEnd::Base(Some(bad)), None).unwrap_err().to_string();
             assert!(message.contains("expected tls/HOST:PORT"), "{message}");
-            assert!(configuration(&End::Robot(Some(bad)), None).is_err(), "{bad}");
+            assert!(configuration(&FleetEnd::Robot(Some(bad)), None).is_err(), "{bad}");
         }
-        let default = configuration(&End::Base(None), None).unwrap();
+        let default = configuration(&FleetEnd::Base(None), None).unwrap();
         assert_eq!(locators(&default, "listen").unwrap(), [DEFAULT_LISTEN]);
     }
 
@@ -142,11 +142,13 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("base.json5");
         std::fs::write(&path, r#"{ listen: { endpoints: ["tls/127.0.0.1:17447"] } }"#).unwrap();
-        let config = configuration(&End::Base(None), Some(&path)).unwrap();
+        let config = configuration(&FleetEnd::Base(None), Some(&path)).unwrap();
         assert_eq!(locators(&config, "listen").unwrap(), ["tls/127.0.0.1:17447"]);
         std::fs::write(&path, r#"{ listen: { endpoints: ["tcp/0.0.0.0:17447"] } }"#).unwrap();
-        assert!(configuration(&End::Base(None), Some(&path)).is_err());
+        assert!(configuration(&FleetEnd::Base(None), Some(&path)).is_err());
         std::fs::write(&path, r#"{ nonsense: 3 }"#).unwrap();
-        assert!(configuration(&End::Base(None), Some(&path)).unwrap_err().to_string().contains("base.json5"));
+        assert!(
+            configuration(&FleetEnd::Base(None), Some(&path)).unwrap_err().to_string().contains("base.json5")
+        );
     }
 }

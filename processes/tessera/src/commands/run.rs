@@ -3,6 +3,7 @@
 use crate::arguments::RunArguments;
 use crate::commands::beside::with_company;
 use crate::commands::external;
+use crate::commands::new_plan::{new_plan, run_dir};
 use crate::commands::resume::{Resumption, resume_in};
 use crate::commands::several::several;
 use crate::exit::{CommandError, Exit};
@@ -181,11 +182,6 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     Ok(settings)
 }
 
-/// Folder of a run of that name.
-pub(super) fn run_dir(arguments: &RunArguments, name: &str) -> PathBuf {
-    arguments.out.clone().unwrap_or_else(|| Path::new(run_folder::RUNS).join(name))
-}
-
 fn start(
     arguments: &RunArguments,
     settings: &Settings,
@@ -211,31 +207,4 @@ fn start(
         }
     }
     Ok(exit)
-}
-
-/// What a fresh run is to be.
-pub(super) fn new_plan(
-    arguments: &RunArguments,
-    settings: &Settings,
-    name: &str,
-    camera: Camera,
-    n_frames: Option<u64>,
-) -> Result<Plan, CommandError> {
-    Ok(Plan {
-        name: name.to_owned(),
-        run_dir: run_dir(arguments, name),
-        settings: settings.clone(),
-        camera,
-        n_frames,
-        fps: arguments.topics.fps,
-        doubts: Vec::new(),
-        warnings: Vec::new(),
-        hold: arguments.hold,
-        resume: false,
-        drop_damaged: false,
-        executable: std::env::current_exe()
-            .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
-        kill_points: arguments.faults.as_deref().map(kill_plan),
-        is_traced: arguments.trace.is_some(),
-    })
 }
