@@ -307,7 +307,8 @@ impl<'a> Bridge<'a> {
 
     /// Waits for a message of the network or, where one is expected, for a pose of the run.
     fn wait(&mut self, joined: &mut Joined) -> Result<(), Ros2Error> {
-        let until = Instant::now() + POLL;
+        let now = Instant::now();
+        let until = now.checked_add(POLL).unwrap_or(now);
         while self.input.sender().is_some_and(|sender| sender.awaits_pose()) {
             std::thread::sleep(POSE_POLL);
             joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;

@@ -66,7 +66,7 @@ impl Joined {
             }
             input.clock.begin_after(pose.stamp_nanos);
             let gap = self.last_index.map_or(0, |last| pose.index.saturating_sub(last.saturating_add(1)));
-            self.n_dropped += gap;
+            self.n_dropped = self.n_dropped.saturating_add(gap);
             self.last_index = Some(pose.index);
             if let Some(sender) = input.sender()
                 && let Some(received_at) = sender.received_at(pose.stamp_nanos)

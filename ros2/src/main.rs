@@ -20,10 +20,26 @@ mod camera;
 mod carrier;
 mod error;
 mod joined;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "of the run's own journal, which `tessera-journal` and the replay have checked"
+)]
 mod map;
 mod network;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "products of poses and of matrices of fixed sizes; counts of 64 bits"
+)]
 mod poses;
 mod report;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "words of the command line, at places that were found in them"
+)]
 mod ros_arguments;
 mod run;
 mod services;

@@ -106,13 +106,14 @@ impl Report {
 
     /// Counts several at once, without words.
     pub(crate) fn add(&mut self, event: ReportEvent, n: u64) {
-        self.counts.entry(event).or_default().total += n;
+        let count = self.counts.entry(event).or_default();
+        count.total = count.total.saturating_add(n);
     }
 
     fn line(&mut self, event: ReportEvent, now: Instant, words: impl FnOnce() -> String) -> Option<String> {
         let count = self.counts.entry(event).or_default();
-        count.total += 1;
-        count.untold += 1;
+        count.total = count.total.saturating_add(1);
+        count.untold = count.untold.saturating_add(1);
         if count.told_at.is_some_and(|told| now.saturating_duration_since(told) < INTERVAL) {
             return None;
         }

@@ -154,7 +154,7 @@ fn newest(from: &mut dyn Subscription, to: &mut Option<Vec<u8>>, report: &mut Re
 fn newest_image(images: &mut ImageTopics, to: &mut Option<Vec<u8>>, report: &mut Report) -> u64 {
     let mut n = 0;
     while let Some(message) = take(&mut *images.messages, report) {
-        n += 1;
+        n = u64::saturating_add(n, 1);
         match LiveImage::read(images.kind, &message) {
             Ok(_) => *to = Some(message),
             Err(error) => report.note(ReportEvent::Malformed, || format!("{}: {error}", images.topic)),

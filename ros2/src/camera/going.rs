@@ -55,7 +55,7 @@ impl Going {
         Self {
             gyro: Gyro::new(sender.session()),
             camera_from_imu: None,
-            awaits_up_until: has_imu.then(|| Instant::now() + MOST_TO_LEVEL),
+            awaits_up_until: has_imu.then(|| Instant::now().checked_add(MOST_TO_LEVEL)).flatten(),
             sender,
             base,
             pairing: LivePairing::default(),
@@ -86,7 +86,7 @@ impl Going {
             self.camera_from_imu = Some((imu.frame.clone(), camera_from_imu));
         }
         if let Some((_, camera_from_imu)) = &self.camera_from_imu {
-            let turned = |vector| camera_from_imu * Vector3::from(vector);
+            let turned = |vector| camera_from_imu.transform_vector(&Vector3::from(vector));
             let (rate, force) = (imu.rate_rad_per_s.map(turned), imu.force_m_per_s2.map(turned));
             self.gyro.add(imu.stamp_nanos, rate, force);
         }
@@ -126,7 +126,7 @@ impl Going {
     pub(crate) fn take_colours(&mut self, topics: &mut CameraTopics, report: &mut Report) {
         let Some(colour) = &mut topics.colour else { return };
         while let Some(message) = take(&mut *colour.messages, report) {
-            self.n_colour += 1;
+            self.n_colour = self.n_colour.saturating_add(1);
             let read = LiveImage::read(colour.kind, &message).map(|image| image.stamp_nanos());
             match read {
                 Ok(stamp_nanos) if self.camera.uses_colour() => {

@@ -112,6 +112,7 @@ impl Gyro {
         })
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "a product of rotations")]
     fn turn(&mut self, from_nanos: i64, to_nanos: i64) {
         let samples = self.samples.make_contiguous();
         let turned = rotations(&self.model, samples, &[from_nanos, to_nanos]);

@@ -147,7 +147,7 @@ impl CameraInput {
         match &mut self.going {
             None => {
                 let n_depth = self.first.take(topics, now, report);
-                self.n_depth += n_depth;
+                self.n_depth = self.n_depth.saturating_add(n_depth);
                 if n_depth == 0 {
                     return Ok(());
                 }
@@ -175,7 +175,7 @@ impl CameraInput {
                 going.take_colours(topics, report);
                 while let Some(message) = take(&mut *topics.depth.messages, report) {
                     let index = self.n_depth;
-                    self.n_depth += 1;
+                    self.n_depth = index.saturating_add(1);
                     let depth = Stamped { stamp_nanos: 0, index, message };
                     going.take_depth(&topics.depth, depth, now_nanos, report);
                 }

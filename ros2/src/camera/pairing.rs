@@ -56,16 +56,16 @@ impl LivePairing {
             return None;
         }
         let difference = |colour: &Stamped| colour.stamp_nanos.saturating_sub(stamp).saturating_abs();
-        let nearest = (0..self.colours.len()).min_by_key(|at| difference(&self.colours[*at]));
-        let nearest = nearest.filter(|at| difference(&self.colours[*at]) < MAX_DIFFERENCE_NANOS);
+        let nearest = self.colours.iter().enumerate().min_by_key(|(_, colour)| difference(colour));
+        let nearest = nearest.filter(|(_, colour)| difference(colour) < MAX_DIFFERENCE_NANOS);
         // A later depth image that waits already may be nearer.
-        let is_taken = |at: &usize| {
-            let colour = self.colours[*at].stamp_nanos;
+        let is_taken = |colour: &Stamped| {
             self.depths.get(1).is_none_or(|(next, _)| {
-                next.stamp_nanos.saturating_sub(colour).saturating_abs() >= difference(&self.colours[*at])
+                next.stamp_nanos.saturating_sub(colour.stamp_nanos).saturating_abs() >= difference(colour)
             })
         };
-        let colour = nearest.filter(is_taken).and_then(|at| self.colours.remove(at));
+        let taken = nearest.filter(|(_, colour)| is_taken(colour)).map(|(at, _)| at);
+        let colour = taken.and_then(|at| self.colours.remove(at));
         self.depths.pop_front().map(|(depth, _)| (depth, colour))
     }
 }

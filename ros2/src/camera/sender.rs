@@ -39,7 +39,9 @@ pub(crate) enum SendOutcome {
 
 impl Sender {
     pub(crate) fn new(camera: &Camera) -> Self {
-        let session = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
+        let session = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |d| u64::try_from(d.as_nanos()).unwrap_or(0));
         let header = CameraFrame { session, ..CameraFrame::of_camera(camera) };
         let shape = FrameShape { width: camera.width, height: camera.height };
         Self {
@@ -154,8 +156,8 @@ impl Sender {
         if let Some(notifier) = &self.notifier {
             notifier.notify();
         }
-        self.n_sent += 1;
-        self.next = image.index + 1;
+        self.n_sent = self.n_sent.saturating_add(1);
+        self.next = image.index.saturating_add(1);
         if self.awaited.len() == MOST_AWAITED {
             self.awaited.pop_front();
         }

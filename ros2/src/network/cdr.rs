@@ -13,14 +13,15 @@ impl<'a> CdrReader<'a> {
     /// Of a message with its encapsulation; `None` where that is cut off.
     pub(crate) fn new(message: &'a [u8]) -> Option<Self> {
         let (head, body) = message.split_at_checked(ENCAPSULATION)?;
-        Some(Self { body, at: 0, is_big_endian: head[1] == 0 })
+        Some(Self { body, at: 0, is_big_endian: head.get(1) == Some(&0) })
     }
 
     fn bytes<const N: usize>(&mut self) -> Option<[u8; N]> {
         // Numbers stand at multiples of their size.
-        let begin = self.at.next_multiple_of(N);
-        let mut bytes: [u8; N] = self.body.get(begin..begin + N)?.try_into().ok()?;
-        self.at = begin + N;
+        let begin = self.at.checked_next_multiple_of(N)?;
+        let end = begin.checked_add(N)?;
+        let mut bytes: [u8; N] = self.body.get(begin..end)?.try_into().ok()?;
+        self.at = end;
         if self.is_big_endian {
             bytes.reverse();
         }
@@ -40,8 +41,9 @@ impl<'a> CdrReader<'a> {
     /// A string.
     pub(crate) fn text(&mut self) -> Option<String> {
         let len = self.word()? as usize;
-        let bytes = self.body.get(self.at..self.at.checked_add(len)?)?;
-        self.at += len;
+        let end = self.at.checked_add(len)?;
+        let bytes = self.body.get(self.at..end)?;
+        self.at = end;
         Some(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)).into_owned())
     }
 }

@@ -85,7 +85,8 @@ impl RosTime {
 fn read(message: &[u8]) -> Option<i64> {
     let is_big_endian = message.get(1)? == &0;
     let word = |at: usize| {
-        let mut bytes: [u8; 4] = message.get(ENCAPSULATION + at..ENCAPSULATION + at + 4)?.try_into().ok()?;
+        let body = message.get(ENCAPSULATION..)?;
+        let mut bytes: [u8; 4] = body.get(at..)?.get(..4)?.try_into().ok()?;
         if is_big_endian {
             bytes.reverse();
         }

@@ -50,7 +50,7 @@ pub(crate) fn keep(is_quiet: bool) -> Result<ExitCode, Ros2Error> {
         let mut child = command.spawn().map_err(broken)?;
         let status = wait(&mut child, &|| is_stopped.load(Ordering::Relaxed)).map_err(broken)?;
         if let Some(code) = status.code().filter(|code| *code != PANIC) {
-            return Ok(ExitCode::from(code as u8));
+            return Ok(u8::try_from(code).map_or(ExitCode::FAILURE, ExitCode::from));
         }
         if is_stopped.load(Ordering::Relaxed) {
             return Err(Ros2Error::Run(format!("this program died when it was to end: {status}")));

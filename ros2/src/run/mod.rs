@@ -106,8 +106,8 @@ pub(crate) fn next_run(name: &str, run_dir: &Path, arguments: &[String]) -> (Str
     };
     let number = (2..).find(|number| !folder(*number).exists()).unwrap_or(2);
     let mut arguments = arguments.to_vec();
-    if let Some((place, _)) = given {
-        arguments[place] = match arguments[place].starts_with("--out=") {
+    if let Some(out) = given.and_then(|(place, _)| arguments.get_mut(place)) {
+        *out = match out.starts_with("--out=") {
             true => format!("--out={}", folder(number).display()),
             false => folder(number).display().to_string(),
         };
@@ -128,7 +128,7 @@ pub(crate) fn folder_of(name: &str, arguments: &[String], number: Option<u64>) -
 fn out_of(arguments: &[String]) -> Option<(usize, &str)> {
     for (place, word) in arguments.iter().enumerate() {
         if word == "--out" {
-            return Some((place + 1, arguments.get(place + 1)?));
+            return arguments.iter().map(String::as_str).enumerate().nth(place.saturating_add(1));
         }
         if let Some(out) = word.strip_prefix("--out=") {
             return Some((place, out));

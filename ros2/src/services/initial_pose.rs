@@ -66,7 +66,7 @@ impl InitialPose {
 
 /// How far both are apart, for people.
 fn difference(given: &Pose, found: &Pose) -> String {
-    let apart = given.inverse() * found;
+    let apart = given.inv_mul(found);
     let [x, y] = [found.translation.x, found.translation.y];
     format!(
         "the run is at x {x:.2} m, y {y:.2} m, {:.2} m and {:.0} degrees from what was given",

@@ -48,14 +48,14 @@ pub(super) fn set_metatraffic_port(message: &mut [u8], port: u16) {
 /// the id, and its value. A message that is cut off ends there.
 fn for_parameters(message: &mut [u8], visit: &mut impl FnMut(u16, bool, &mut [u8], &mut [u8])) {
     let mut at = HEADER;
-    while let Some(&[kind, flags, a, b]) = message.get(at..at + 4) {
+    while let Some(&[kind, flags, a, b]) = message.get(at..at.saturating_add(4)) {
         let is_little = flags & IS_LITTLE != 0;
         let len = usize::from(word([a, b], is_little));
         let end = match len {
             0 if !MAY_BE_EMPTY.contains(&kind) => message.len(),
-            len => at + 4 + len,
+            len => at.saturating_add(4).saturating_add(len),
         };
-        let Some(content) = message.get_mut(at + 4..end) else { return };
+        let Some(content) = message.get_mut(at.saturating_add(4)..end) else { return };
         if kind == DATA {
             visit_data(content, flags, visit);
         }
@@ -69,17 +69,18 @@ fn visit_data(content: &mut [u8], flags: u8, visit: &mut impl FnMut(u16, bool, &
     if !is_discovery || flags & HAS_PAYLOAD == 0 {
         return;
     }
-    let mut at = 4 + usize::from(word([content[2], content[3]], is_little));
+    let Some(&[_, _, a, b]) = content.get(..4) else { return };
+    let mut at = usize::from(word([a, b], is_little)).saturating_add(4);
     if flags & HAS_QUALITY != 0 {
         at = visit_list(content, at, is_little, &mut |_, _, _, _| ());
     }
     // Encapsulation: a list of parameters, big-endian or little-endian.
-    let is_little = match content.get(at..at + 2) {
+    let is_little = match content.get(at..at.saturating_add(2)) {
         Some([0, 2]) => false,
         Some([0, 3]) => true,
         _ => return,
     };
-    visit_list(content, at + 4, is_little, visit);
+    visit_list(content, at.saturating_add(4), is_little, visit);
 }
 
 /// Visits a list of parameters from `at` on; answers where it ends.
@@ -89,16 +90,19 @@ fn visit_list(
     is_little: bool,
     visit: &mut impl FnMut(u16, bool, &mut [u8], &mut [u8]),
 ) -> usize {
-    while let Some(&[a, b, c, d]) = content.get(at..at + 4) {
+    while let Some(&[a, b, c, d]) = content.get(at..at.saturating_add(4)) {
         let (id, len) = (word([a, b], is_little), usize::from(word([c, d], is_little)));
         if id == END {
-            return at + 4;
+            return at.saturating_add(4);
         }
-        let Some((head, value)) = content.get_mut(at..at + 4 + len).map(|whole| whole.split_at_mut(4)) else {
+        let end = at.saturating_add(4).saturating_add(len);
+        let Some([of_id_0, of_id_1, _, _, value @ ..]) = content.get_mut(at..end) else {
             return content.len();
         };
-        visit(id, is_little, &mut head[..2], value);
-        at += 4 + len;
+        let mut of_id = [*of_id_0, *of_id_1];
+        visit(id, is_little, &mut of_id, value);
+        [*of_id_0, *of_id_1] = of_id;
+        at = end;
     }
     content.len()
 }

@@ -288,7 +288,7 @@ impl Carrier for Dds {
         let (domain, index) = (self.network.domain, self.participant.participant_id());
         let multicast = multicast_port(domain);
         let meta = self.neighbours.as_ref().map_or(unicast_port(domain, index), |n| n.port);
-        let data = unicast_port(self.participant.domain_id(), index) + 1;
+        let data = unicast_port(self.participant.domain_id(), index).saturating_add(1);
         let place = match self.network.reach {
             NetworkReach::Loopback => "this machine alone".to_owned(),
             NetworkReach::Interface(address) => format!("{address} and 127.0.0.1"),

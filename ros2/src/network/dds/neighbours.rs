@@ -48,12 +48,12 @@ const MOST_FOREIGN: usize = 16;
 
 /// The port of discovery by multicast in a domain.
 pub(super) fn multicast_port(domain: u16) -> u16 {
-    FIRST_PORT + PORTS_OF_DOMAIN * domain
+    PORTS_OF_DOMAIN.saturating_mul(domain).saturating_add(FIRST_PORT)
 }
 
 /// The port of discovery of one participant.
 pub(super) fn unicast_port(domain: u16, participant: u16) -> u16 {
-    multicast_port(domain) + FIRST_UNICAST + 2 * participant
+    multicast_port(domain).saturating_add(FIRST_UNICAST).saturating_add(participant.saturating_mul(2))
 }
 
 /// What was heard, for people.
@@ -195,21 +195,22 @@ impl DiscoveryRelay {
                 continue; // A signal.
             }
             let ready: Vec<bool> = ready.iter().map(|fd| fd.revents().contains(PollFlags::IN)).collect();
-            if ready[0]
+            let is_ready = |place: usize| ready.get(place) == Some(&true);
+            if is_ready(0)
                 && let Ok((len, SocketAddr::V4(from))) = self.group.recv_from(&mut datagram)
             {
-                self.hear(&mut datagram[..len], *from.ip());
+                self.hear(datagram.get_mut(..len).unwrap_or_default(), *from.ip());
             }
-            if ready[1]
+            if is_ready(1)
                 && let Ok(len) = self.meta.recv(&mut datagram)
             {
-                self.hand_in(&mut datagram[..len]);
+                self.hand_in(datagram.get_mut(..len).unwrap_or_default());
             }
             for slot in 0..self.slots.len() {
-                if ready[2 + slot]
-                    && let Ok(len) = self.slots[slot].recv(&mut datagram)
+                if is_ready(slot.saturating_add(2))
+                    && let Some(Ok(len)) = self.slots.get(slot).map(|slot| slot.recv(&mut datagram))
                 {
-                    self.pass_on(&mut datagram[..len]);
+                    self.pass_on(datagram.get_mut(..len).unwrap_or_default());
                 }
             }
         }
@@ -247,7 +248,8 @@ impl DiscoveryRelay {
         }
         let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
         if heard.foreign.len() < MOST_FOREIGN || heard.foreign.contains_key(&from) {
-            *heard.foreign.entry(from).or_default() += 1;
+            let n = heard.foreign.entry(from).or_default();
+            *n = n.saturating_add(1);
         }
     }
 

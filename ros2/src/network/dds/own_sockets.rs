@@ -27,7 +27,7 @@ pub(super) fn keep_to_loopback() -> io::Result<usize> {
             && socket.domain().is_ok_and(|domain| domain == Domain::IPV4 || domain == Domain::IPV6);
         if is_udp {
             socket.bind_device(Some(b"lo"))?;
-            n_bound += 1;
+            n_bound = usize::saturating_add(n_bound, 1);
         }
     }
     Ok(n_bound)

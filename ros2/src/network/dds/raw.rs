@@ -30,7 +30,7 @@ impl<'de> no_key::Decode<'de, Bytes> for RawDecoder {
 
     fn decode_bytes(self, body: &'de [u8], encoding: RepresentationIdentifier) -> Result<Bytes, io::Error> {
         let order = u8::from(encoding == RepresentationIdentifier::CDR_LE);
-        let mut message = Vec::with_capacity(ENCAPSULATION + body.len());
+        let mut message = Vec::with_capacity(ENCAPSULATION.saturating_add(body.len()));
         message.extend([0, order, 0, 0]);
         message.extend(body);
         Ok(message)

@@ -55,7 +55,8 @@ fn client(request: &Bytes, asked: &SampleIdentity) -> Client {
             let number = |bytes: &[u8]| -> Vec<u8> {
                 if is_big_endian { bytes.iter().rev().copied().collect() } else { bytes.to_vec() }
             };
-            Client([number(&header[..8]), number(&header[8..])].concat())
+            let (client, of_request) = header.split_at(8);
+            Client([number(client), number(of_request)].concat())
         }
         _ => {
             let number = i64::from(asked.sequence_number).to_le_bytes();
