@@ -4,6 +4,7 @@
 
 mod constants;
 mod layers;
+mod locks;
 mod names;
 mod shapes;
 mod stamps;
