@@ -6,6 +6,7 @@ mod constants;
 mod layers;
 mod locks;
 mod names;
+mod release;
 mod shapes;
 mod stamps;
 
