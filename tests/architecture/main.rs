@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Each wing with the wings that its crates may know, tests aside. Arrows point down: the method
+/// Each wing with the wings that its crates may know, also in their tests and examples. Arrows point down: the method
 /// knows nothing but itself, the processes know everything.
 const WINGS: [(&str, &[&str]); 5] = [
     ("shared/method", &["shared/method"]),
@@ -115,13 +115,17 @@ fn known_of_ours(of: &str) -> Vec<String> {
     all.iter().filter_map(|name| name.strip_prefix("tessera-")).map(str::to_owned).collect()
 }
 
-fn dependencies(of: &str) -> BTreeSet<String> {
+/// Dependencies of one kind, such as `dev-dependencies`.
+fn dependencies_of_kind(of: &str, kind: &str) -> BTreeSet<String> {
     let text = fs::read_to_string(root().join(of).join("Cargo.toml")).unwrap();
     let manifest: toml::Table = text.parse().unwrap();
-    let of_kind =
-        |kind: &str| manifest.get(kind).and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let mut all: BTreeSet<String> = of_kind("dependencies").keys().cloned().collect();
-    all.extend(of_kind("build-dependencies").keys().cloned());
+    let table = manifest.get(kind).and_then(toml::Value::as_table).cloned().unwrap_or_default();
+    table.keys().cloned().collect()
+}
+
+fn dependencies(of: &str) -> BTreeSet<String> {
+    let mut all = dependencies_of_kind(of, "dependencies");
+    all.extend(dependencies_of_kind(of, "build-dependencies"));
     all
 }
 
@@ -162,7 +166,9 @@ fn wings_know_only_the_wings_below_them() {
         .collect();
     for (wing, allowed) in WINGS {
         for path in crates_in(wing) {
-            for known in known_of_ours(&path) {
+            let in_tests = dependencies_of_kind(&path, "dev-dependencies");
+            let in_tests = in_tests.iter().filter_map(|name| name.strip_prefix("tessera-"));
+            for known in known_of_ours(&path).into_iter().chain(in_tests.map(str::to_owned)) {
                 let other = wing_of[&known];
                 assert!(allowed.contains(&other), "{path} must not know {known} of {other}");
             }
@@ -342,15 +348,18 @@ fn every_crate_and_every_dependency_is_explained() {
 #[test]
 fn a_crate_depends_on_what_its_code_names() {
     for name in all_crates() {
-        let manifest = fs::read_to_string(root().join(&name).join("Cargo.toml")).unwrap();
-        let manifest: toml::Table = manifest.parse().unwrap();
         // Those of the fuzzer are no sources of a library.
         let sources = if name == "fuzz" { name.clone() } else { format!("{name}/src") };
-        let code: String = files(&sources).into_values().collect();
-        let words: BTreeSet<&str> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
-        for dependency in manifest.get("dependencies").and_then(|of| of.as_table()).unwrap().keys() {
-            let word = dependency.replace('-', "_");
-            assert!(words.contains(&word[..]), "{name} depends on {dependency} and does not name it");
+        for (kind, sources) in [("dependencies", &sources), ("dev-dependencies", &name)] {
+            let code: String = files(sources).into_values().collect();
+            let words: BTreeSet<&str> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+            for dependency in dependencies_of_kind(&name, kind) {
+                let word = dependency.replace('-', "_");
+                assert!(
+                    words.contains(&word[..]),
+                    "{name} has {dependency} in its {kind} and does not name it"
+                );
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One depth image becomes a mesh with filtered points and normals.
 //!
-//! `cargo run --release -p tessera-surface --example mesh_a_frame`
+//! `cargo run --release -p tessera-sources --example mesh_a_frame`
 #![forbid(unsafe_code)]
 
 use std::error::Error;

@@ -1,6 +1,6 @@
 //! Two depth images become the motion of the camera between them, with its certainty.
 //!
-//! `cargo run --release -p tessera-registration --example align_two_frames`
+//! `cargo run --release -p tessera-sources --example align_two_frames`
 #![forbid(unsafe_code)]
 
 use std::error::Error;
