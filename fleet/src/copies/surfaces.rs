@@ -11,8 +11,8 @@ use tessera_surface::Grid;
 
 /// Its name in the folder of a run at the base.
 pub const SURFACES: &str = "surfaces.journal";
-/// What it calls itself; the first form had Rice codes, the third ranges of 32 bits, the fourth learnt bits of descriptors.
-const KIND: RecordKind<TravelledSurface> = RecordKind::only("surfaces5", 16);
+/// What it calls itself; surfaces in the forms before it were thinned through a range coder.
+const KIND: RecordKind<TravelledSurface> = RecordKind::only("surfaces6", 16);
 /// How long a base waits for one that is ending.
 const WAIT: Duration = Duration::from_millis(500);
 

@@ -1,63 +1,24 @@
-//! Features as they travel: the strongest of a keyframe, rounded, in the order of the keyframe, which is by level
-//! and row. A descriptor is told by where it differs from the nearest one before it.
+//! Features as they travel: the strongest of a keyframe, rounded, in the order of the keyframe, 40 bytes each.
 
-use tessera_features::{Feature, hamming_distance, nearest_before};
+use tessera_features::Feature;
 use tessera_messages::POSITION_STEP_PX;
-use tessera_numerics::{BitCoder, BitModel, ByteParts, Isa, NumberModel, RangeReader, RangeWriter};
 
 /// Features of a keyframe that travel, at most.
 pub const MOST_FEATURES: usize = 300;
-/// Bits of their number.
-const COUNT_BITS: u32 = 9;
+/// Bytes of a feature: row and column of two bytes, angle, response, deviation and level of one, and its descriptor.
+pub const FEATURE_BYTES: usize = 40;
 /// Rounding of a position and of its deviation, pixels.
 const PIXEL_STEP: f32 = POSITION_STEP_PX;
-/// Bits of a position, and of how many bits the columns of a keyframe take.
-const PLACE_BITS: u32 = 16;
-const WIDTH_BITS: u32 = 5;
-/// Steps of a full turn, in bits.
-const ANGLE_BITS: u32 = 8;
-const ANGLE_STEPS: f32 = (1 << ANGLE_BITS) as f32;
+/// Steps of a full turn.
+const ANGLE_STEPS: f32 = 256.0;
 /// Levels of the pyramid are below this one.
 const LEVELS: u8 = 16;
-/// A descriptor that differs from all before it in more bits than this is told by itself.
-const MOST_DIFFERENT: u32 = 90;
-/// Distances of a class, of which each has one probability for a bit to differ.
-const DISTANCES: u32 = 8;
-const CLASSES: usize = (MOST_DIFFERENT / DISTANCES) as usize + 1;
-/// Bytes by where a descriptor differs from a like one: how often each comes, by class.
-#[expect(clippy::indexing_slicing, reason = "computed when it is compiled")]
-static DIFFERENCES: [ByteParts; CLASSES] = {
-    let mut parts = [ByteParts::new(&[1; 256]); CLASSES];
-    let mut class = 0;
-    while class < CLASSES {
-        parts[class] = differences(class as u64);
-        class += 1;
-    }
-    parts
-};
-
-/// Each bit of a byte differs with the probability of the middle of a class of distances, of 256 bits.
-#[expect(clippy::arithmetic_side_effects, clippy::indexing_slicing, reason = "computed when it is compiled")]
-const fn differences(class: u64) -> ByteParts {
-    // In 64ths: 4 and 12 of 256 are 1 and 3.
-    let one = 2 * class + 1;
-    let mut shares = [1; 256];
-    let mut byte: usize = 1;
-    while byte < 256 {
-        let n_ones = byte.count_ones();
-        let share = (one.pow(n_ones) * (64 - one).pow(8 - n_ones)) >> 32;
-        if share > 1 {
-            shares[byte] = share as u32;
-        }
-        byte += 1;
-    }
-    ByteParts::new(&shares)
-}
 
 /// The strongest of these features, in their order, as bytes, and as their reader has them.
 pub fn pack_and_round(features: &[Feature]) -> (Vec<u8>, Vec<Feature>) {
     let rounded = strongest(features);
-    (pack_rounded(&rounded), rounded.iter().map(RoundedFeature::feature).collect())
+    let bytes = rounded.iter().flat_map(RoundedFeature::bytes).collect();
+    (bytes, rounded.iter().map(RoundedFeature::feature).collect())
 }
 
 #[expect(clippy::indexing_slicing, reason = "places of features of ours")]
@@ -69,66 +30,34 @@ fn strongest(features: &[Feature]) -> Vec<RoundedFeature> {
     chosen.into_iter().map(|place| RoundedFeature::of(&features[place])).collect()
 }
 
-#[expect(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    clippy::cast_possible_truncation,
-    reason = "features of ours, 300 at most"
-)]
-fn pack_rounded(rounded: &[RoundedFeature]) -> Vec<u8> {
-    let widest = rounded.iter().map(|feature| feature.column).max().unwrap_or(0);
-    let mut writer = RangeWriter::default();
-    writer.plain(rounded.len() as u32, COUNT_BITS);
-    let mut models = ByteModels::new(writer.plain(u32::BITS - widest.leading_zeros(), WIDTH_BITS));
-    let descriptors: Vec<[u64; 4]> = rounded.iter().map(|feature| feature.descriptor).collect();
-    let nearest = nearest_before(&descriptors, Isa::default());
-    for (place, (feature, nearest)) in rounded.iter().zip(nearest).enumerate() {
-        let like = nearest.filter(|(_, distance)| *distance <= MOST_DIFFERENT).map(|(like, _)| like as u32);
-        // What is rounded is within its bounds, so that it comes back as it is.
-        models.code(&mut writer, &rounded[..place], *feature, like);
-    }
-    writer.finish()
-}
-
 /// The features of these bytes; `None` where they are none.
 pub fn unpack_features(bytes: &[u8]) -> Option<Vec<Feature>> {
-    let mut reader = RangeReader::new(bytes);
-    let n = reader.plain(0, COUNT_BITS) as usize;
-    let width_bits = reader.plain(0, WIDTH_BITS);
-    if n > MOST_FEATURES || width_bits > PLACE_BITS {
+    let (features, rest) = bytes.as_chunks::<FEATURE_BYTES>();
+    if !rest.is_empty() || features.len() > MOST_FEATURES {
         return None;
     }
-    let (mut models, mut found) = (ByteModels::new(width_bits), Vec::with_capacity(n));
-    for _ in 0..n {
-        found.push(models.code(&mut reader, &found, RoundedFeature::default(), None)?);
-    }
-    reader.ends().then(|| found.iter().map(RoundedFeature::feature).collect())
+    features.iter().map(|bytes| RoundedFeature::read(bytes).map(|feature| feature.feature())).collect()
 }
 
 /// A feature as integers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct RoundedFeature {
-    row: u32,
-    column: u32,
-    turn: u32,
-    response: u32,
-    sigma: u32,
+    place: [u16; 2],
+    turn: u8,
+    response: u8,
+    sigma: u8,
     level: u8,
     descriptor: [u64; 4],
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the casts saturate, and an angle goes round")]
 impl RoundedFeature {
-    /// A conversion of a float to an integer saturates.
     fn of(feature: &Feature) -> Self {
-        let [row, column] = feature.pixel.map(|pixel| u32::from((pixel / PIXEL_STEP).round() as u16));
         let turn = (feature.angle_rad / std::f32::consts::TAU * ANGLE_STEPS).round() as i32;
         Self {
-            row,
-            column,
-            turn: (turn as u8).into(),
-            response: (feature.response.round() as u8).into(),
-            sigma: (feature.sigma_px / PIXEL_STEP).round().clamp(1.0, 255.0) as u32,
+            place: feature.pixel.map(|pixel| (pixel / PIXEL_STEP).round() as u16),
+            turn: turn as u8,
+            response: feature.response.round() as u8,
+            sigma: (feature.sigma_px / PIXEL_STEP).round().clamp(1.0, 255.0) as u8,
             level: feature.level % LEVELS,
             descriptor: feature.descriptor,
         }
@@ -136,95 +65,31 @@ impl RoundedFeature {
 
     fn feature(&self) -> Feature {
         Feature {
-            pixel: [self.row, self.column].map(|place| place as f32 * PIXEL_STEP),
-            angle_rad: f32::from((self.turn as u8).cast_signed()) / ANGLE_STEPS * std::f32::consts::TAU,
-            response: self.response as f32,
-            sigma_px: self.sigma as f32 * PIXEL_STEP,
+            pixel: self.place.map(|place| f32::from(place) * PIXEL_STEP),
+            angle_rad: f32::from(self.turn.cast_signed()) / ANGLE_STEPS * std::f32::consts::TAU,
+            response: f32::from(self.response),
+            sigma_px: f32::from(self.sigma) * PIXEL_STEP,
             level: self.level,
             reserved: [0; 3],
             descriptor: self.descriptor,
         }
     }
-}
 
-/// What was learnt of the features so far.
-struct ByteModels {
-    width_bits: u32,
-    level: NumberModel,
-    /// Row steps, responses and deviations, by level.
-    numbers: Vec<[NumberModel; 3]>,
-    is_like_another: BitModel,
-    /// Classes of distances to like descriptors.
-    class: NumberModel,
-}
-
-impl ByteModels {
-    fn new(width_bits: u32) -> Self {
-        Self {
-            width_bits,
-            level: NumberModel::default(),
-            numbers: (0..LEVELS).map(|_| Default::default()).collect(),
-            is_like_another: BitModel::default(),
-            class: NumberModel::default(),
-        }
+    fn bytes(&self) -> impl Iterator<Item = u8> {
+        let place = self.place.into_iter().flat_map(u16::to_le_bytes);
+        let numbers = [self.turn, self.response, self.sigma, self.level];
+        place.chain(numbers).chain(self.descriptor.into_iter().flat_map(u64::to_le_bytes))
     }
 
-    /// Writes the feature behind those `before`, or reads it; `None` where what is read is no feature. `like`: the
-    /// place of one before that the descriptor to be written is told by.
-    fn code(
-        &mut self,
-        coder: &mut impl BitCoder,
-        before: &[RoundedFeature],
-        feature: RoundedFeature,
-        like: Option<u32>,
-    ) -> Option<RoundedFeature> {
-        let last = before.last().copied().unwrap_or_default();
-        let step = i32::from(feature.level).saturating_sub(i32::from(last.level));
-        let step = self.level.signed(coder, step);
-        let level = u8::try_from(i32::from(last.level).checked_add(step)?).ok().filter(|l| *l < LEVELS)?;
-        let [rows, responses, sigmas] = self.numbers.get_mut(usize::from(level))?;
-        // The rows of a level begin anew.
-        let above = if level == last.level { last.row as i32 } else { 0 };
-        let row = above.checked_add(rows.signed(coder, (feature.row as i32).saturating_sub(above)))?;
-        let row = u32::from(u16::try_from(row).ok()?);
-        let column = coder.plain(feature.column, self.width_bits);
-        let turn = coder.plain(feature.turn, ANGLE_BITS);
-        let response = responses.magnitude(coder, feature.response);
-        let sigma = sigmas.magnitude(coder, feature.sigma);
-        let is_sound = response <= 255 && (1..=255).contains(&sigma);
-        let descriptor = self.descriptor(coder, before, feature.descriptor, like)?;
-        is_sound.then_some(RoundedFeature { row, column, turn, response, sigma, level, descriptor })
-    }
-
-    /// A descriptor, by where it differs from the one before it at the place `nearest`.
-    fn descriptor(
-        &mut self,
-        coder: &mut impl BitCoder,
-        before: &[RoundedFeature],
-        descriptor: [u64; 4],
-        nearest: Option<u32>,
-    ) -> Option<[u64; 4]> {
-        let is_like_another = !before.is_empty() && coder.bit(&mut self.is_like_another, nearest.is_some());
-        if !is_like_another {
-            let mut word = |word: u64| {
-                let [high, low] = [word >> u32::BITS, word & u64::from(u32::MAX)];
-                let [high, low] = [high, low].map(|half| u32::try_from(half).unwrap_or_default());
-                u64::from(coder.plain(high, u32::BITS)) << u32::BITS | u64::from(coder.plain(low, u32::BITS))
-            };
-            return Some(descriptor.map(&mut word));
+    /// `None` where a number is none of a feature.
+    fn read(bytes: &[u8; FEATURE_BYTES]) -> Option<Self> {
+        let [a, b, c, d, turn, response, sigma, level, words @ ..] = *bytes;
+        let mut descriptor = [0; 4];
+        for (word, bytes) in descriptor.iter_mut().zip(words.as_chunks().0) {
+            *word = u64::from_le_bytes(*bytes);
         }
-        let n_bits = usize::BITS.saturating_sub(before.len().saturating_sub(1).leading_zeros());
-        let place = coder.plain(nearest.unwrap_or(0), n_bits);
-        let like = before.get(place as usize)?.descriptor;
-        let class = self.class.magnitude(coder, hamming_distance(&descriptor, &like) / DISTANCES);
-        let parts = DIFFERENCES.get(class as usize)?;
-        let mut found = like;
-        for (found, of) in found.iter_mut().zip(descriptor) {
-            let different = (*found ^ of).to_le_bytes();
-            let part = |byte: u8| coder.part(parts, byte.into()).to_le_bytes();
-            *found ^= u64::from_le_bytes(different.map(part).map(|[lowest, ..]| lowest));
-        }
-        Some(found)
+        let place = [[a, b], [c, d]].map(u16::from_le_bytes);
+        (sigma > 0 && level < LEVELS).then_some(Self { place, turn, response, sigma, level, descriptor })
     }
 }
 
@@ -275,7 +140,7 @@ mod tests {
         assert!(features.iter().filter(|f| f.response > weakest).count() <= MOST_FEATURES);
         assert!(unpack_features(&bytes[..bytes.len() - 1]).is_none());
         assert!(unpack_features(&[bytes.as_slice(), &[0]].concat()).is_none());
-        assert!(unpack_features(&[]).is_none() && unpack_features(&[255; 80]).is_none());
+        assert!(unpack_features(&[255; 2 * FEATURE_BYTES]).is_none(), "no such level");
         assert!(unpack_features(&pack_features(&[])).unwrap().is_empty());
     }
 
@@ -300,19 +165,5 @@ mod tests {
         assert_eq!(pack_features(&unpack_features(&bytes).unwrap()), bytes);
         let (_, rounded) = pack_and_round(&features(MOST_FEATURES + 50));
         assert_eq!(Some(rounded), unpack_features(&bytes));
-    }
-
-    #[test]
-    fn like_descriptors_cost_less() {
-        let mut random = SplitMix64::new(9);
-        let mut like = features(200);
-        let first = like[0].descriptor;
-        for feature in &mut like {
-            feature.descriptor = first;
-            (0..20).for_each(|_| feature.descriptor[random.below(4)] ^= 1 << random.below(64));
-        }
-        // 37 bytes a feature of noise, of which the descriptor has 32.
-        let [like, other] = [like, features(200)].map(|features| pack_features(&features).len());
-        assert!(other < 200 * 41 && like < 200 * 25, "{like} and {other} bytes");
     }
 }

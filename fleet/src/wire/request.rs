@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use tessera_stage::MAX_ANSWER_BYTES;
 
 /// Version of the protocol; robots and bases of another one refuse each other by name.
-pub const PROTOCOL: u32 = 7;
+pub const PROTOCOL: u32 = 8;
 /// Bytes of one piece, at most.
 pub const MAX_PIECE_BYTES: usize = 64 << 10;
 /// Bytes of an offer or of a small file, at most.

@@ -4,15 +4,11 @@ use crate::wire::features::{pack_and_round, unpack_features};
 use tessera_features::Feature;
 use tessera_messages::{StoredSurfaceError, load_first, places_under};
 use tessera_slam::StoreSlot;
-use tessera_surface::packed::{FIRST_SPACING, UnpackError};
-use tessera_surface::thinned::{self, Thinning};
+use tessera_surface::packed::{UnpackError, pack_first, unpack_spread};
 use tessera_surface::{Grid, Vertex};
 
 /// Surfaces of one request, at most.
 pub const MOST_WANTED: usize = 64;
-/// How surfaces are thinned on their way.
-pub const THINNING: Thinning =
-    Thinning { spacing: FIRST_SPACING, inverse_depth_steps: 4096, normal_steps: 16 };
 /// Bytes of a slot in a request.
 const SLOT_BYTES: usize = 20;
 /// Bytes in front of a surface: its length and its checksum.
@@ -79,30 +75,22 @@ pub enum SurfaceError {
     Length(usize),
 }
 
-/// A stored surface as it travels: the length of the thinned vertices, these, and features.
+/// A stored surface as it travels: the length of its first vertices, these, and features.
 ///
 /// # Errors
 /// Where the bytes are no surface of this grid.
 pub fn wire_form(grid: Grid, stored: &[u8]) -> Result<Vec<u8>, SurfaceError> {
     // What travels is among the first vertices.
     let (vertices, features) = load_first(grid, stored)?;
-    Ok(pack_surface(grid, |place| vertices.vertex(place), &features, THINNING))
+    Ok(pack_surface(grid, |place| vertices.vertex(place), &features))
 }
 
 /// Vertices, by their places in the grid, and features as they travel.
-///
-/// # Panics
-/// Where the thinning is none.
 #[expect(clippy::cast_possible_truncation, reason = "a surface of ours: its length is bounded by the grid")]
-pub fn pack_surface(
-    grid: Grid,
-    vertex_at: impl Fn(usize) -> Vertex,
-    features: &[Feature],
-    thinning: Thinning,
-) -> Vec<u8> {
+pub fn pack_surface(grid: Grid, vertex_at: impl Fn(usize) -> Vertex, features: &[Feature]) -> Vec<u8> {
     let (features, rounded) = pack_and_round(features);
     // Its reader finds the places under features anew, from those that it has.
-    let vertices = thinned::pack(grid, vertex_at, &places_under(grid, &rounded), thinning);
+    let vertices = pack_first(grid, vertex_at, &places_under(grid, &rounded));
     let length = (vertices.len() as u32).to_le_bytes();
     [length.as_slice(), &vertices, &features].concat()
 }
@@ -117,7 +105,7 @@ pub fn from_wire(grid: Grid, bytes: &[u8]) -> Result<(Vec<Vertex>, Vec<Feature>)
     let length = u32::from_le_bytes(*length) as usize;
     let (packed, features) = rest.split_at_checked(length).ok_or_else(wrong)?;
     let features = unpack_features(features).ok_or_else(wrong)?;
-    Ok((thinned::unpack(grid, packed, &places_under(grid, &features))?, features))
+    Ok((unpack_spread(grid, packed, &places_under(grid, &features))?, features))
 }
 
 /// Appends a surface to a stream; `None`: the robot has it no more.
@@ -202,10 +190,7 @@ mod tests {
         write_features(&mut payload[grid.len()..], &features);
         let (stored, _) = store_surface(grid, &payload);
         let (vertices, features) = load_surface(grid, &stored).unwrap();
-        assert_eq!(
-            wire_form(grid, &stored).unwrap(),
-            pack_surface(grid, |place| vertices[place], &features, THINNING)
-        );
+        assert_eq!(wire_form(grid, &stored).unwrap(), pack_surface(grid, |place| vertices[place], &features));
     }
 
     #[test]
@@ -223,7 +208,7 @@ mod tests {
         let pixel = [row, column].map(|cell| cell as f32 * 4.0 + 2.2);
         let feature = Feature { pixel, sigma_px: 1.0, response: 20.0, ..Feature::default() };
         let travelled = |features: &[Feature]| {
-            let bytes = pack_surface(grid, |place| vertices[place], features, THINNING);
+            let bytes = pack_surface(grid, |place| vertices[place], features);
             from_wire(grid, &bytes).unwrap().0[place]
         };
         assert!((travelled(&[feature]).position[2] - 2.0).abs() < 0.001);

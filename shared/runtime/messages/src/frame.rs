@@ -152,6 +152,7 @@ impl FrameHeader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MOST_LEFT_OUT;
 
     const SHAPE: FrameShape = FrameShape { width: 5, height: 3 };
 
