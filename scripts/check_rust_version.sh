@@ -7,6 +7,12 @@ cd "$(dirname "$0")/.."
 
 for workspace in . fleet ros2 view python fuzz; do
     manifest=$workspace/Cargo.toml
+    if ! words=$(cargo fetch --locked --manifest-path "$manifest" 2>&1); then
+        case $words in
+        *--locked*) echo "$words" >&2 && exit 1 ;; # Its lock file does not fit the workspace any more.
+        *) echo "skipped: $workspace: its crates cannot be fetched: ${words##*$'\n'}" && continue ;;
+        esac
+    fi
     stated=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' "$manifest")
     cargo metadata --locked --format-version 1 --filter-platform x86_64-unknown-linux-gnu \
         --manifest-path "$manifest" | python3 -c '

@@ -73,9 +73,9 @@ check "clean tree" is_clean
 check "no such tag" has_no_tag
 check "one version" has_one_version
 check "notes with a date" has_notes
-check "licences, sources" scripts/check_deny.sh
-check "minimum Rust version" scripts/check_rust_version.sh
 if ! $quick; then
+    check "licences, sources" scripts/check_deny.sh
+    check "minimum Rust version" scripts/check_rust_version.sh
     check "format, lints, documentation" scripts/check.sh
     check "release build" cargo build --release --locked
     check "tests" cargo test --locked
