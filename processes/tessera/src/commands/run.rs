@@ -7,19 +7,18 @@ use crate::commands::new_plan::{new_plan, run_dir};
 use crate::commands::resume::{Resumption, resume_in};
 use crate::commands::several::several;
 use crate::exit::{CommandError, Exit};
-use crate::launch::{LaunchError, kill_plan, launch};
+use crate::launch::{LaunchError, launch};
 use crate::run_folder;
 use crate::terminal::say_error;
 use crate::terminal::say_to_people;
 use crate::viewer::Recording;
-use std::path::{Path, PathBuf};
-use tessera_geometry::Camera;
+use std::path::Path;
 use tessera_settings::Settings;
 use tessera_sources::{
     CAMERA_NAMES, Source, SourceSpec, doubt_units, refuse_impossible_depth, summarise_depth,
 };
 use tessera_stage::RunFiles;
-use tessera_supervisor::{Plan, SupervisorError, update_map};
+use tessera_supervisor::{SupervisorError, update_map};
 use tessera_transport::{TransportError, check_name};
 
 /// Frames looked at before the start, to notice wrong depth units.
