@@ -16,13 +16,14 @@ use tessera_sources::{
     load_camera,
 };
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
-use tessera_surface::{Grid, Vertex, thinned};
+use tessera_surface::packed::unpack_spread;
+use tessera_surface::{Grid, Vertex};
 
 /// Takes any bytes, and panics where a promise is broken.
-pub type Target = fn(&[u8]);
+pub type FuzzTarget = fn(&[u8]);
 
 /// All targets by the names of their corpora.
-pub const TARGETS: [(&str, Target); 7] = [
+pub const TARGETS: [(&str, FuzzTarget); 7] = [
     ("lists", lists),
     ("camera", camera),
     ("configuration", configuration),
@@ -321,7 +322,7 @@ pub fn messages(bytes: &[u8]) {
         _ => {
             let grid = Grid { width: 9, height: 6, step: 4 };
             let beside: Vec<usize> = (0..grid.len()).step_by(3).collect();
-            let Ok(vertices) = thinned::unpack(grid, bytes, &beside) else { return };
+            let Ok(vertices) = unpack_spread(grid, bytes, &beside) else { return };
             assert_eq!(vertices.len(), grid.len());
             let numbers = vertices.iter().flat_map(|v| v.position.into_iter().chain(v.normal));
             assert!(numbers.into_iter().all(f32::is_finite), "a vertex nowhere");

@@ -1,7 +1,7 @@
 //! Several robots in a simulated world, started apart: are their maps joined, rightly, and how good is each
 //! trajectory in the one map?
 //!
-//! `cargo run --example several_robots -- [--scene NAME] [--seeds N] [--first SEED] [--every N] [--whole SKIP+FRAMES] [--wire] [--thinning SPACING,DEPTH,NORMAL] SKIP+FRAMES... [key=value]...`
+//! `cargo run --example several_robots -- [--scene NAME] [--seeds N] [--first SEED] [--every N] [--whole SKIP+FRAMES] [--wire] SKIP+FRAMES... [key=value]...`
 //!
 //! Each SKIP+FRAMES is the part of the scene's way that one robot sees; each `--every`th frame is taken.
 //! A robot maps by itself; the maps are then joined and optimised as a base does (`JointMap`).
@@ -9,7 +9,6 @@
 //! more than 1 m or 30 degrees from where they truly are to each other.
 //! The error of each robot is that in the axes of the one map: all trajectories are aligned at once.
 //! With `--wire` the base has of each robot the surfaces of the keyframes that it keeps, as they travel.
-//! `--thinning` tries another spacing of vertices, and other steps of inverse depth and normals, than those that travel.
 //! With `--whole` one run over that part is the standard.
 #![forbid(unsafe_code)]
 
@@ -20,7 +19,7 @@ use std::error::Error;
 use std::ops::Range;
 use tessera_evaluation::align_rigid;
 use tessera_features::Feature;
-use tessera_fleet::surface_wire::{THINNING, from_wire, pack_surface};
+use tessera_fleet::wire::surfaces::{from_wire, pack_surface};
 use tessera_geometry::{Camera, Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_settings::Settings;
@@ -29,7 +28,6 @@ use tessera_slam::{
     LoopVerdict, Meeting, PoseHistory, TrackerState,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
-use tessera_surface::thinned::Thinning;
 use tessera_surface::{Grid, Vertex};
 
 /// Beyond these a join or a loop is wrong.
@@ -45,7 +43,6 @@ struct Walks {
     seeds: Range<u64>,
     overrides: Vec<String>,
     is_wire: bool,
-    thinning: Thinning,
 }
 
 /// A robot with its finished map.
@@ -117,7 +114,6 @@ fn arguments() -> Result<Walks, Box<dyn Error>> {
         seeds: 1..2,
         overrides: Vec::new(),
         is_wire: false,
-        thinning: THINNING,
     };
     let (mut first, mut n_seeds) = (1, 1);
     let mut words = std::env::args().skip(1);
@@ -130,25 +126,12 @@ fn arguments() -> Result<Walks, Box<dyn Error>> {
             "--first" => first = value()?.parse()?,
             "--whole" => walks.whole = Some(part(&value()?)?),
             "--wire" => walks.is_wire = true,
-            "--thinning" => walks.thinning = thinning(&value()?)?,
             word if word.contains('=') => walks.overrides.push(word.into()),
             word => walks.parts.push(part(word)?),
         }
     }
     walks.seeds = first..first + n_seeds;
     Ok(walks)
-}
-
-/// Spacing, and steps of inverse depth and normals.
-fn thinning(text: &str) -> Result<Thinning, Box<dyn Error>> {
-    let [spacing, depth, normal] = text.split(',').collect::<Vec<_>>()[..] else {
-        return Err(format!("{text}: expected SPACING,DEPTH,NORMAL").into());
-    };
-    Ok(Thinning {
-        spacing: spacing.parse()?,
-        inverse_depth_steps: depth.parse()?,
-        normal_steps: normal.parse()?,
-    })
 }
 
 /// The frames that SKIP+FRAMES names.
@@ -173,9 +156,9 @@ fn one_seed(walks: &Walks, seed: u64) -> Result<Outcome, Box<dyn Error>> {
         robots.push(walked(&source, &method, part.clone().step_by(walks.every as usize).collect())?);
     }
     if walks.is_wire {
-        robots.iter_mut().try_for_each(|robot| {
-            robot.travel(source.camera(), method.surface.step as usize, walks.thinning)
-        })?;
+        robots
+            .iter_mut()
+            .try_for_each(|robot| robot.travel(source.camera(), method.surface.step as usize))?;
     }
     let context = Context::new(source.camera(), &method.surface, &method.registration, &method.mapping);
     let mut map = JointMap::new(context);
@@ -243,15 +226,14 @@ fn walked(source: &SimulatedSource, method: &Method, frames: Vec<u64>) -> Result
 
 impl MappedWalk {
     /// Leaves what a base has of the surfaces.
-    fn travel(&mut self, camera: &Camera, step: usize, thinning: Thinning) -> Result<(), Box<dyn Error>> {
+    fn travel(&mut self, camera: &Camera, step: usize) -> Result<(), Box<dyn Error>> {
         let [width, height] = [camera.width, camera.height].map(|size| (size as usize).div_ceil(step));
         let grid = Grid { width, height, step };
         let mut sizes = Vec::new();
         for keyframe in &self.state.keyframes {
             let id = keyframe.id as usize;
             let (vertices, features) = if keyframe.is_active() {
-                let bytes =
-                    pack_surface(grid, |place| self.vertices[id][place], &self.features[id], thinning);
+                let bytes = pack_surface(grid, |place| self.vertices[id][place], &self.features[id]);
                 sizes.push(bytes.len());
                 from_wire(grid, &bytes)?
             } else {

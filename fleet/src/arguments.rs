@@ -9,15 +9,15 @@ use tessera_report::loopback_address;
 /// Many robots, one map, over Zenoh
 #[derive(Debug, Parser)]
 #[command(name = "tessera-fleet", version, max_term_width = 80)]
-pub struct Arguments {
+pub struct FleetArguments {
     /// What to do.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: FleetCommand,
 }
 
 /// What to do.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub enum FleetCommand {
     /// On a robot: make a run available to a base
     Uplink(UplinkArguments),
     /// Off board: copy the runs of robots and make one map of them
@@ -206,8 +206,8 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        Arguments::command().debug_assert();
-        let parse = |line: &str| Arguments::try_parse_from(line.split(' '));
+        FleetArguments::command().debug_assert();
+        let parse = |line: &str| FleetArguments::try_parse_from(line.split(' '));
         assert!(parse("x uplink room-1 --to tcp/127.0.0.1:7447").is_ok());
         assert!(parse("x base fleet status --json").is_ok());
         assert!(parse("x base fleet top --json --interval 0.5 --count 2").is_ok());

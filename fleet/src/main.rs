@@ -9,24 +9,27 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use tessera_fleet::arguments::{Arguments, BaseArguments, Command, FleetChaosArguments, UplinkArguments};
-use tessera_fleet::arrivals::{CopyForm, DISK};
-use tessera_fleet::base::{BaseOptions, Network, base};
+use tessera_fleet::arguments::{
+    BaseArguments, FleetArguments, FleetChaosArguments, FleetCommand, UplinkArguments,
+};
+use tessera_fleet::base::base;
+use tessera_fleet::base::network::ZenohNetwork;
+use tessera_fleet::base::options::{BaseOptions, RobotNetwork};
+use tessera_fleet::base::status::Status;
 use tessera_fleet::chaos::{FleetCampaign, FleetFault, end_with_parent, fleet_campaign};
+use tessera_fleet::copies::arrivals::{CopyForm, DISK};
 use tessera_fleet::error::FleetError;
 use tessera_fleet::looking::look;
-use tessera_fleet::network::ZenohNetwork;
-use tessera_fleet::session::{End, configuration, locators};
-use tessera_fleet::status::Status;
-use tessera_fleet::uplink::{UplinkOptions, uplink};
+use tessera_fleet::robot::uplink::{UplinkOptions, uplink};
+use tessera_fleet::wire::session::{FleetEnd, configuration, locators};
 
 fn main() -> ExitCode {
     end_with_parent();
-    let arguments = Arguments::parse();
+    let arguments = FleetArguments::parse();
     let done = match &arguments.command {
-        Command::Uplink(arguments) => run_uplink(arguments),
-        Command::Base(arguments) => run_base(arguments),
-        Command::Chaos(arguments) => run_chaos(arguments),
+        FleetCommand::Uplink(arguments) => run_uplink(arguments),
+        FleetCommand::Base(arguments) => run_base(arguments),
+        FleetCommand::Chaos(arguments) => run_chaos(arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -53,7 +56,7 @@ fn run_uplink(arguments: &UplinkArguments) -> Result<(), FleetError> {
             "robot {robot:?}: expected 1 to 64 letters, digits, '.', '_' or '-', and not {DISK:?}"
         )));
     }
-    let config = configuration(&End::Robot(arguments.to.as_deref()), arguments.config.as_deref())?;
+    let config = configuration(&FleetEnd::Robot(arguments.to.as_deref()), arguments.config.as_deref())?;
     let options = UplinkOptions {
         folders: vec![Path::new("runs").join(&arguments.run), PathBuf::from(&arguments.run)],
         robot,
@@ -85,7 +88,7 @@ fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
     if !is_listening {
         base(&options, None, &stop)?;
     } else {
-        let end = End::Base(arguments.listen.as_deref());
+        let end = FleetEnd::Base(arguments.listen.as_deref());
         let config = configuration(&end, arguments.config.as_deref())?;
         let listens = locators(&config, "listen")?.join(", ");
         let is_plain = listens.contains("tcp/");
@@ -97,7 +100,7 @@ fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
         if !arguments.quiet {
             println!("{}", options.listens.as_deref().unwrap_or_default());
         }
-        base(&options, Some(&mut network as &mut dyn Network), &stop)?;
+        base(&options, Some(&mut network as &mut dyn RobotNetwork), &stop)?;
     }
     if !arguments.quiet {
         print!("{}", Status::read(&options.folder)?.text(false));

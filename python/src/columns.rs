@@ -24,7 +24,7 @@ pub(crate) fn matrix(pose: &Pose) -> [f64; 16] {
 
 /// Poses in the order of time.
 #[derive(Default)]
-pub(crate) struct Trajectory {
+pub(crate) struct PoseColumns {
     /// Indices of frames, 64 bits.
     indices: Vec<u8>,
     /// Nanoseconds, 64 bits.
@@ -36,7 +36,7 @@ pub(crate) struct Trajectory {
     matrices: Vec<u8>,
 }
 
-impl Trajectory {
+impl PoseColumns {
     /// Every frame of the main component with all corrections: the rows of `trajectory.txt`.
     pub(crate) fn of_frames(replay: &Replay) -> Self {
         let main = replay.main_component();

@@ -14,7 +14,7 @@ use tessera_surface::{Grid, SurfaceView, Vertex};
 /// Grade, and grade, finding and advice of each reason.
 pub(crate) type VerdictColumns = (String, Vec<(String, String, String)>);
 /// Loops closed and rejected, submaps, frames of each submap that is apart.
-pub(crate) type Counts = (u64, u64, u32, Vec<(u32, u64)>);
+pub(crate) type CountsTuple = (u64, u64, u32, Vec<(u32, u64)>);
 
 /// The columns of a mesh.
 pub(crate) struct MeshColumns(Mesh);
@@ -87,7 +87,7 @@ pub(crate) fn verdict(camera: &Camera, replay: &Replay) -> VerdictColumns {
 }
 
 /// Counts of loops and submaps.
-pub(crate) fn counts(replay: &Replay) -> Counts {
+pub(crate) fn counts(replay: &Replay) -> CountsTuple {
     let apart = replay.apart().into_iter().collect();
     (replay.n_loops_closed(), replay.n_loops_rejected(), replay.submaps().n(), apart)
 }

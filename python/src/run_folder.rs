@@ -1,6 +1,6 @@
 //! The folder of a run, read as the command reads it: from its journal, also where the run crashed.
 
-use crate::columns::{Points, Trajectory};
+use crate::columns::{Points, PoseColumns};
 use crate::detached::{detached, refuse};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -17,7 +17,7 @@ pub(crate) fn read_run(py: Python<'_>, folder: PathBuf) -> PyResult<Bound<'_, Py
         let as_mapped = read_journal(&files).map_err(refuse)?;
         let replay = as_mapped.with_refined_camera().unwrap_or(as_mapped);
         let points = read_map(&files, &replay, &settings).map_err(refuse)?;
-        let (frames, keyframes) = (Trajectory::of_frames(&replay), Trajectory::of_keyframes(&replay));
+        let (frames, keyframes) = (PoseColumns::of_frames(&replay), PoseColumns::of_keyframes(&replay));
         Ok((frames, keyframes, Points::new(&points), replay.verified_loops()))
     })?;
     (frames.into_python(py)?, keyframes.into_python(py)?, points.into_python(py)?, loops).into_pyobject(py)

@@ -1,7 +1,7 @@
 //! A run in this process.
 
 use crate::camera::PyCamera;
-use crate::columns::{Points, Trajectory, matrix, state_name};
+use crate::columns::{Points, PoseColumns, matrix, state_name};
 use crate::detached::{detached, refuse};
 use crate::results;
 use pyo3::exceptions::PyRuntimeError;
@@ -19,7 +19,7 @@ use tessera_supervisor::{LoadedMap, load_map};
 const LATEST_S: i64 = 9_000_000_000;
 
 /// Index, state, reason, `world_from_camera` row by row, and the upper triangle of its covariance.
-type Tracked = (u64, &'static str, String, [f64; 16], Vec<f64>);
+type TrackedTuple = (u64, &'static str, String, [f64; 16], Vec<f64>);
 
 /// A run in this process.
 #[pyclass(name = "Slam", frozen, module = "tessera._tessera")]
@@ -28,11 +28,11 @@ pub(crate) struct PySlam {
     settings: Settings,
     /// Those of the runs that made the map that this one begins in.
     map_cameras: Vec<Camera>,
-    progress: Mutex<Progress>,
+    progress: Mutex<SlamProgress>,
 }
 
-struct Progress {
-    state: Phase,
+struct SlamProgress {
+    state: SlamPhase,
     /// What the records so far amount to.
     replay: Replay,
     /// Records that are in `replay`.
@@ -40,17 +40,17 @@ struct Progress {
     last_nanos: Option<i64>,
 }
 
-enum Phase {
+enum SlamPhase {
     Going(Box<Run>),
     Finished(SavedMap),
     /// The final optimisation did not come to its end.
     Failed,
 }
 
-impl Progress {
+impl SlamProgress {
     /// Takes the records that have come since into the replay.
     fn follow(&mut self) -> &Replay {
-        if let Phase::Going(run) = &self.state {
+        if let SlamPhase::Going(run) = &self.state {
             for record in &run.records()[self.n_records..] {
                 self.replay.apply(record.clone());
             }
@@ -59,8 +59,8 @@ impl Progress {
         &self.replay
     }
 
-    fn track(&mut self, frame: &RawFrame) -> PyResult<Tracked> {
-        let Phase::Going(run) = &mut self.state else {
+    fn track(&mut self, frame: &RawFrame) -> PyResult<TrackedTuple> {
+        let SlamPhase::Going(run) = &mut self.state else {
             return Err(refuse("the run is finished, expected no more frames"));
         };
         let (found, seconds) = (frame.stamp_nanos, |nanos: i64| nanos as f64 * 1e-9);
@@ -82,8 +82,8 @@ impl Progress {
 
     fn finish(&mut self) {
         self.follow();
-        match std::mem::replace(&mut self.state, Phase::Failed) {
-            Phase::Going(run) => {
+        match std::mem::replace(&mut self.state, SlamPhase::Failed) {
+            SlamPhase::Going(run) => {
                 let (records, map) = run.finish_with_map();
                 for record in records.records.into_iter().skip(self.n_records) {
                     self.replay.apply(record);
@@ -91,7 +91,7 @@ impl Progress {
                 if let Some(refined) = self.replay.with_refined_camera() {
                     self.replay = refined;
                 }
-                self.state = Phase::Finished(map);
+                self.state = SlamPhase::Finished(map);
             }
             other => self.state = other,
         }
@@ -99,7 +99,7 @@ impl Progress {
 }
 
 impl PySlam {
-    fn lock(&self) -> PyResult<MutexGuard<'_, Progress>> {
+    fn lock(&self) -> PyResult<MutexGuard<'_, SlamProgress>> {
         self.progress.lock().map_err(|_| PyRuntimeError::new_err("an earlier call met a bug of tessera"))
     }
 
@@ -174,8 +174,8 @@ impl PySlam {
                 Run::in_map_with_features(&camera, &method, map, start)
             }
         };
-        let state = Phase::Going(Box::new(run.map_err(refuse)?));
-        let progress = Progress { state, replay: Replay::default(), n_records: 0, last_nanos: None };
+        let state = SlamPhase::Going(Box::new(run.map_err(refuse)?));
+        let progress = SlamProgress { state, replay: Replay::default(), n_records: 0, last_nanos: None };
         Ok(Self { camera, settings, map_cameras, progress: Mutex::new(progress) })
     }
 
@@ -188,7 +188,7 @@ impl PySlam {
         stamp_nanos: i64,
         rotation: Option<[f64; 6]>,
         up: Option<[f64; 4]>,
-    ) -> PyResult<Tracked> {
+    ) -> PyResult<TrackedTuple> {
         self.check_size(depth, colour)?;
         let rotation = rotation.map(checked_rotation).transpose()?;
         let up = up.map(checked_up).transpose()?;
@@ -203,7 +203,7 @@ impl PySlam {
     /// Has the next frame drop the pose that was tracked so far.
     fn relocalise(&self, py: Python<'_>) -> PyResult<()> {
         detached(py, || match &mut self.lock()?.state {
-            Phase::Going(run) => {
+            SlamPhase::Going(run) => {
                 run.relocalise();
                 Ok(())
             }
@@ -221,12 +221,12 @@ impl PySlam {
 
     /// All frames so far with the corrections so far.
     fn trajectory<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        detached(py, || Ok(Trajectory::of_frames(self.lock()?.follow())))?.into_python(py)
+        detached(py, || Ok(PoseColumns::of_frames(self.lock()?.follow())))?.into_python(py)
     }
 
     /// All keyframes so far with the corrections so far.
     fn keyframes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        detached(py, || Ok(Trajectory::of_keyframes(self.lock()?.follow())))?.into_python(py)
+        detached(py, || Ok(PoseColumns::of_keyframes(self.lock()?.follow())))?.into_python(py)
     }
 
     /// The keyframes fused into one mesh: positions, normals, colours, triangles.
@@ -235,9 +235,11 @@ impl PySlam {
             let mut progress = self.lock()?;
             progress.follow();
             let surface = |keyframe: u32| match &progress.state {
-                Phase::Going(run) => run.keyframe_surface(keyframe),
-                Phase::Finished(map) => map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice),
-                Phase::Failed => &[],
+                SlamPhase::Going(run) => run.keyframe_surface(keyframe),
+                SlamPhase::Finished(map) => {
+                    map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice)
+                }
+                SlamPhase::Failed => &[],
             };
             let cameras = (&self.camera, &self.map_cameras[..]);
             results::mesh(cameras, &self.settings, &progress.replay, [voxel_m, max_depth_m], surface)
@@ -255,7 +257,7 @@ impl PySlam {
     }
 
     /// Loops closed and rejected, submaps, and processed frames of each submap that is apart.
-    fn counts(&self, py: Python<'_>) -> PyResult<results::Counts> {
+    fn counts(&self, py: Python<'_>) -> PyResult<results::CountsTuple> {
         detached(py, || {
             let mut progress = self.lock()?;
             progress.follow();
@@ -274,9 +276,11 @@ impl PySlam {
             let mut progress = self.lock()?;
             progress.follow();
             let surface = |keyframe: u32| match &progress.state {
-                Phase::Going(run) => run.keyframe_surface(keyframe),
-                Phase::Finished(map) => map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice),
-                Phase::Failed => &[],
+                SlamPhase::Going(run) => run.keyframe_surface(keyframe),
+                SlamPhase::Finished(map) => {
+                    map.surfaces.get(keyframe as usize).map_or(&[][..], Vec::as_slice)
+                }
+                SlamPhase::Failed => &[],
             };
             Ok(Points::new(&map_points(&self.camera, &progress.replay, &self.settings, surface)))
         })?;

@@ -1,9 +1,9 @@
 //! The command line.
 
 use crate::map::MapOptions;
-use crate::network::{Reach, parse_reach};
-use crate::open::CarrierKind;
-use crate::remap::{Remap, is_name, parse_remap};
+use crate::network::open::CarrierKind;
+use crate::network::reach::{NetworkReach, parse_reach};
+use crate::network::remap::{Remap, is_name, parse_remap};
 use clap::Parser;
 use tessera_occupancy::{parse_cell_m, parse_heights_m};
 
@@ -15,7 +15,7 @@ use tessera_occupancy::{parse_cell_m, parse_heights_m};
     max_term_width = 80,
     after_help = "Examples:\n  tessera ros2 desk --run                  start the run too\n  tessera ros2 desk                        join `tessera run external --name desk`\n  tessera ros2 desk --run -- --out desk    further words are those of `tessera run`"
 )]
-pub(crate) struct Arguments {
+pub(crate) struct Ros2Arguments {
     /// Name of the run
     pub(crate) name: String,
     /// Start the run as well
@@ -89,7 +89,7 @@ pub(crate) struct Arguments {
     pub(crate) domain: Option<u16>,
     /// loopback, all, or the address of an interface [default: by ROS 2's variables, else loopback]
     #[arg(long, value_name = "REACH", value_parser = parse_reach)]
-    pub(crate) network: Option<Reach>,
+    pub(crate) network: Option<NetworkReach>,
     /// Say nothing but errors
     #[arg(long, short)]
     pub(crate) quiet: bool,
@@ -102,7 +102,7 @@ fn namespace(text: &str) -> Result<String, String> {
     }
 }
 
-impl Arguments {
+impl Ros2Arguments {
     /// How the map is published.
     pub(crate) fn map(&self) -> MapOptions {
         MapOptions { spacing_m: self.map_spacing, cell_m: self.grid_cell, heights_m: self.grid_heights }
@@ -127,9 +127,9 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        Arguments::command().debug_assert();
+        Ros2Arguments::command().debug_assert();
         let words = ["tessera-ros2", "desk", "--run", "--domain", "7", "--", "--frames", "3"];
-        let arguments = Arguments::try_parse_from(words).unwrap();
+        let arguments = Ros2Arguments::try_parse_from(words).unwrap();
         assert_eq!((arguments.domain, arguments.run_arguments.len()), (Some(7), 2));
         for wrong in [
             ["x", "--namespace", "tessera"],
@@ -138,7 +138,7 @@ mod tests {
             ["x", "--map-spacing", "nan"],
             ["x", "--grid-heights", "1,0"],
         ] {
-            assert!(Arguments::try_parse_from(["tessera-ros2"].into_iter().chain(wrong)).is_err());
+            assert!(Ros2Arguments::try_parse_from(["tessera-ros2"].into_iter().chain(wrong)).is_err());
         }
     }
 }

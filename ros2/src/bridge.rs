@@ -1,24 +1,24 @@
 //! The run and the network together: one loop that looks at both.
 
-use crate::arguments::Arguments;
+use crate::arguments::Ros2Arguments;
+use crate::camera::input::CameraInput;
 use crate::carrier::{Carrier, NodeName};
 use crate::error::Ros2Error;
-use crate::initial_pose::InitialPose;
-use crate::input::Input;
 use crate::joined::Joined;
 use crate::map::MapSide;
-use crate::network::Network;
-use crate::open::{Waiting, open};
-use crate::output::Output;
-use crate::owned::Started;
-use crate::relocalise::Relocalise;
-use crate::remap::Remapped;
-use crate::report::{Event, Report};
-use crate::reset::Reset;
-use crate::ros_time::RosTime;
-use crate::run::{Run, next_run};
-use crate::save::SaveMap;
-use crate::trigger::Response;
+use crate::network::open::{Waiting, open};
+use crate::network::reach::Ros2Network;
+use crate::network::remap::Remapped;
+use crate::network::ros_time::RosTime;
+use crate::poses::output::Output;
+use crate::report::{Report, ReportEvent};
+use crate::run::owned::Started;
+use crate::run::{JoinedRun, next_run};
+use crate::services::initial_pose::InitialPose;
+use crate::services::relocalise::Relocalise;
+use crate::services::reset::Reset;
+use crate::services::save::SaveMap;
+use crate::services::trigger::Response;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -41,9 +41,9 @@ const LAST_WORDS: Duration = Duration::from_millis(300);
 ///
 /// # Errors
 /// Where either cannot be joined, or breaks.
-pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(), Ros2Error> {
+pub(crate) fn bridge(arguments: &Ros2Arguments, is_stopped: &AtomicBool) -> Result<(), Ros2Error> {
     let report = Report::new(arguments.quiet);
-    let network = Network::choose(arguments.domain, arguments.network, |name| std::env::var(name).ok())
+    let network = Ros2Network::choose(arguments.domain, arguments.network, |name| std::env::var(name).ok())
         .map_err(Ros2Error::Arguments)?;
     let name = NodeName { path: arguments.namespace.clone(), is_humble: arguments.is_humble() };
     let carrier = open(arguments.carrier, &network, name, &Waiting { is_stopped, report: &report })?;
@@ -100,7 +100,7 @@ pub(crate) fn bridge(arguments: &Arguments, is_stopped: &AtomicBool) -> Result<(
 struct Bridge<'a> {
     carrier: &'a mut dyn Carrier,
     is_stopped: &'a AtomicBool,
-    input: Input,
+    input: CameraInput,
     output: Output,
     map: MapSide,
     save: SaveMap,
@@ -115,13 +115,13 @@ struct Bridge<'a> {
 
 impl<'a> Bridge<'a> {
     fn new(
-        arguments: &Arguments,
+        arguments: &Ros2Arguments,
         carrier: &'a mut dyn Carrier,
         is_stopped: &'a AtomicBool,
         report: Report,
     ) -> Result<Self, Ros2Error> {
         let namespace = &arguments.namespace;
-        let input = Input::new(arguments, carrier)?;
+        let input = CameraInput::new(arguments, carrier)?;
         let map = MapSide::new(carrier, (namespace, &arguments.grid_topic()), arguments.map())?;
         let save = SaveMap::new(carrier, namespace, arguments.map())?;
         let reset = Reset::new(carrier, namespace)?;
@@ -148,10 +148,14 @@ impl<'a> Bridge<'a> {
     }
 
     /// The run, once it is there; `None` where it is not waited for any more.
-    fn await_run(&mut self, name: &str, mut started: Option<&mut Started>) -> Result<Option<Run>, Ros2Error> {
+    fn await_run(
+        &mut self,
+        name: &str,
+        mut started: Option<&mut Started>,
+    ) -> Result<Option<JoinedRun>, Ros2Error> {
         let mut is_told = started.is_some();
         while !self.is_stopped.load(Ordering::Relaxed) {
-            if let Some(run) = Run::join(name)? {
+            if let Some(run) = JoinedRun::join(name)? {
                 self.report.say(&format!("joined the run {name}"));
                 return Ok(Some(run));
             }
@@ -172,7 +176,7 @@ impl<'a> Bridge<'a> {
     /// Answers those who asked for a reset: with what came of it, or with why there is no other run.
     fn answer_reset(
         &mut self,
-        run: &Result<Option<Run>, Ros2Error>,
+        run: &Result<Option<JoinedRun>, Ros2Error>,
         begun: &Response,
     ) -> Result<(), Ros2Error> {
         match run {
@@ -232,7 +236,7 @@ impl<'a> Bridge<'a> {
 
     /// Carries between the run and the network until the run is over, or this program is ended, which is
     /// answered with `true`; with `false` where a reset is asked for.
-    fn follow(&mut self, run: Run, is_own: bool) -> Result<bool, Ros2Error> {
+    fn follow(&mut self, run: JoinedRun, is_own: bool) -> Result<bool, Ros2Error> {
         let name = run.entry.name.clone();
         let mut joined = Joined::new(run);
         let (mut looked, mut is_over) = (Instant::now(), true);
@@ -303,7 +307,8 @@ impl<'a> Bridge<'a> {
 
     /// Waits for a message of the network or, where one is expected, for a pose of the run.
     fn wait(&mut self, joined: &mut Joined) -> Result<(), Ros2Error> {
-        let until = Instant::now() + POLL;
+        let now = Instant::now();
+        let until = now.checked_add(POLL).unwrap_or(now);
         while self.input.sender().is_some_and(|sender| sender.awaits_pose()) {
             std::thread::sleep(POSE_POLL);
             joined.take_poses(&mut self.input, &mut self.output, &self.time, &mut self.report)?;
@@ -318,13 +323,14 @@ impl<'a> Bridge<'a> {
     /// What is looked at now and then.
     fn look(&mut self, joined: &Joined) {
         if let Err(error) = self.carrier.introduce() {
-            self.report.note(Event::Carrier, || error.to_string());
+            self.report.note(ReportEvent::Carrier, || error.to_string());
         }
         for words in self.carrier.unmatched() {
-            self.report.note(Event::Unmatched, || words);
+            self.report.note(ReportEvent::Unmatched, || words);
         }
         if self.time.now_nanos().is_none() {
-            self.report.note(Event::NoClock, || "no /clock comes: no path and no diagnostics".to_owned());
+            self.report
+                .note(ReportEvent::NoClock, || "no /clock comes: no path and no diagnostics".to_owned());
         }
         self.map.look(self.carrier, &joined.run.entry, self.input.base());
     }
@@ -343,7 +349,7 @@ impl<'a> Bridge<'a> {
             .and_then(|()| self.output.publish_diagnostics(name, silent, values, now_nanos));
         match told {
             Err(Ros2Error::Carrier(error)) => {
-                self.report.note(Event::Carrier, || error.to_string());
+                self.report.note(ReportEvent::Carrier, || error.to_string());
                 Ok(())
             }
             other => other,

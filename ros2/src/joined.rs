@@ -1,11 +1,11 @@
 //! A run as long as it is joined: its poses, and what they tell of it.
 
+use crate::camera::input::CameraInput;
 use crate::error::Ros2Error;
-use crate::input::Input;
-use crate::output::Output;
-use crate::report::{Event, Report};
-use crate::ros_time::RosTime;
-use crate::run::Run;
+use crate::network::ros_time::RosTime;
+use crate::poses::output::Output;
+use crate::report::{Report, ReportEvent};
+use crate::run::JoinedRun;
 use std::time::Duration;
 use tessera_messages::PoseMessage;
 use tessera_slam::WorldUp;
@@ -24,11 +24,11 @@ pub(crate) struct Joined {
     /// From an image's time to the pose, milliseconds, where both are of one clock.
     pub(crate) age_ms: Option<f64>,
     /// Last: ports go before the node.
-    pub(crate) run: Run,
+    pub(crate) run: JoinedRun,
 }
 
 impl Joined {
-    pub(crate) fn new(run: Run) -> Self {
+    pub(crate) fn new(run: JoinedRun) -> Self {
         Self { poses: None, n_dropped: 0, last_index: None, world_up: None, latency: None, age_ms: None, run }
     }
 
@@ -49,7 +49,7 @@ impl Joined {
     /// Where the run's shared memory is broken, or a message cannot be written as CDR.
     pub(crate) fn take_poses(
         &mut self,
-        input: &mut Input,
+        input: &mut CameraInput,
         output: &mut Output,
         time: &RosTime,
         report: &mut Report,
@@ -57,7 +57,7 @@ impl Joined {
         let Some(poses) = &self.poses else { return Ok(()) };
         while let Some(pose) = poses.receive()? {
             if let Err(refusal) = pose.validate() {
-                report.note(Event::Malformed, || format!("pose: {refusal}"));
+                report.note(ReportEvent::Malformed, || format!("pose: {refusal}"));
                 continue;
             }
             // Published again after a death in the run.
@@ -66,7 +66,7 @@ impl Joined {
             }
             input.clock.begin_after(pose.stamp_nanos);
             let gap = self.last_index.map_or(0, |last| pose.index.saturating_sub(last.saturating_add(1)));
-            self.n_dropped += gap;
+            self.n_dropped = self.n_dropped.saturating_add(gap);
             self.last_index = Some(pose.index);
             if let Some(sender) = input.sender()
                 && let Some(received_at) = sender.received_at(pose.stamp_nanos)
@@ -82,7 +82,7 @@ impl Joined {
                 None => *self.world_up.insert(self.run.world_up()?.unwrap_or_default()),
             };
             match output.publish_pose(&pose, (base, world_up), stamp_nanos) {
-                Err(Ros2Error::Carrier(error)) => report.note(Event::Carrier, || error.to_string()),
+                Err(Ros2Error::Carrier(error)) => report.note(ReportEvent::Carrier, || error.to_string()),
                 other => other?,
             }
         }

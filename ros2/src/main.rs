@@ -4,45 +4,47 @@
 //! the network a participant that reads a camera's topics and writes odometry and transforms. It
 //! may be killed and started again at any time; the run goes on.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod arguments;
-mod base;
 mod bridge;
+mod camera;
 mod carrier;
-mod cdr;
-mod clock;
-mod cut_off;
-mod dds;
 mod error;
-mod first;
-mod going;
-mod gyro;
-mod initial_pose;
-mod input;
 mod joined;
-mod keeper;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "of the run's own journal, which `tessera-journal` and the replay have checked"
+)]
 mod map;
 mod network;
-mod open;
-mod output;
-mod owned;
-mod pairing;
-mod path;
-mod relocalise;
-mod remap;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "products of poses and of matrices of fixed sizes; counts of 64 bits"
+)]
+mod poses;
 mod report;
-mod reset;
+#[expect(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "words of the command line, at places that were found in them"
+)]
 mod ros_arguments;
-mod ros_time;
 mod run;
-mod save;
-mod sender;
-mod topics;
-mod trigger;
-#[cfg(feature = "zenoh")]
-mod zenoh;
+mod services;
 
-use arguments::Arguments;
+use arguments::Ros2Arguments;
 use clap::Parser;
 use error::Ros2Error;
 use std::process::ExitCode;
@@ -57,9 +59,9 @@ fn main() -> ExitCode {
             return ExitCode::from(Ros2Error::Arguments(why).exit_code());
         }
     };
-    let arguments = Arguments::parse_from(words);
-    let done = match keeper::is_needed(arguments.run) {
-        true => keeper::keep(arguments.quiet),
+    let arguments = Ros2Arguments::parse_from(words);
+    let done = match run::keeper::is_needed(arguments.run) {
+        true => run::keeper::keep(arguments.quiet),
         false => run(&arguments).map(|()| ExitCode::SUCCESS),
     };
     match done {
@@ -71,8 +73,8 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: &Arguments) -> Result<(), Ros2Error> {
-    keeper::die_with_keeper();
+fn run(arguments: &Ros2Arguments) -> Result<(), Ros2Error> {
+    run::keeper::die_with_keeper();
     let is_stopped = stop_flag()?;
     bridge::bridge(arguments, &is_stopped)
 }

@@ -1,6 +1,7 @@
 //! What happens, in words and numbers: a line at most once in five seconds for each kind, and counts
 //! for the diagnostics.
 
+use crate::carrier::Subscription;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,7 @@ const INTERVAL: Duration = Duration::from_secs(5);
 
 /// Kinds of what is counted; their words are keys of the diagnostics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Event {
+pub(crate) enum ReportEvent {
     /// A message that is none of its type.
     Malformed,
     /// An image of another size or encoding, or one that is not what it says.
@@ -42,7 +43,7 @@ pub(crate) enum Event {
     NoClock,
 }
 
-impl Event {
+impl ReportEvent {
     /// Key of the diagnostics.
     pub(crate) fn key(self) -> &'static str {
         match self {
@@ -68,12 +69,12 @@ impl Event {
 /// Counts, and when each was told last.
 #[derive(Debug, Default)]
 pub(crate) struct Report {
-    counts: BTreeMap<Event, Count>,
+    counts: BTreeMap<ReportEvent, EventCount>,
     is_quiet: bool,
 }
 
 #[derive(Debug, Default)]
-struct Count {
+struct EventCount {
     total: u64,
     untold: u64,
     told_at: Option<Instant>,
@@ -92,26 +93,27 @@ impl Report {
     }
 
     /// Counts, and tells it unless that was done shortly before.
-    pub(crate) fn note(&mut self, event: Event, words: impl FnOnce() -> String) {
+    pub(crate) fn note(&mut self, event: ReportEvent, words: impl FnOnce() -> String) {
         if let Some(line) = self.line(event, Instant::now(), words) {
             self.say(&line);
         }
     }
 
     /// Counts without words.
-    pub(crate) fn count(&mut self, event: Event) {
+    pub(crate) fn count(&mut self, event: ReportEvent) {
         self.add(event, 1);
     }
 
     /// Counts several at once, without words.
-    pub(crate) fn add(&mut self, event: Event, n: u64) {
-        self.counts.entry(event).or_default().total += n;
+    pub(crate) fn add(&mut self, event: ReportEvent, n: u64) {
+        let count = self.counts.entry(event).or_default();
+        count.total = count.total.saturating_add(n);
     }
 
-    fn line(&mut self, event: Event, now: Instant, words: impl FnOnce() -> String) -> Option<String> {
+    fn line(&mut self, event: ReportEvent, now: Instant, words: impl FnOnce() -> String) -> Option<String> {
         let count = self.counts.entry(event).or_default();
-        count.total += 1;
-        count.untold += 1;
+        count.total = count.total.saturating_add(1);
+        count.untold = count.untold.saturating_add(1);
         if count.told_at.is_some_and(|told| now.saturating_duration_since(told) < INTERVAL) {
             return None;
         }
@@ -124,8 +126,19 @@ impl Report {
     }
 
     /// All counts that are not zero.
-    pub(crate) fn totals(&self) -> impl Iterator<Item = (Event, u64)> {
+    pub(crate) fn totals(&self) -> impl Iterator<Item = (ReportEvent, u64)> {
         self.counts.iter().map(|(event, count)| (*event, count.total))
+    }
+}
+
+/// The next message; an error of the network is told and counted.
+pub(crate) fn take(from: &mut dyn Subscription, report: &mut Report) -> Option<Vec<u8>> {
+    match from.take() {
+        Ok(message) => message,
+        Err(error) => {
+            report.note(ReportEvent::Carrier, || error.to_string());
+            None
+        }
     }
 }
 
@@ -139,12 +152,18 @@ mod tests {
         let mut line = |event, seconds| {
             report.line(event, now + Duration::from_secs(seconds), || "it is bad".to_owned())
         };
-        assert_eq!(line(Event::Malformed, 0).as_deref(), Some("it is bad"));
-        assert_eq!(line(Event::Malformed, 1), None);
-        assert_eq!(line(Event::ClockJump, 1).as_deref(), Some("it is bad"));
-        assert_eq!(line(Event::Malformed, 6).as_deref(), Some("it is bad (2 since the last such line)"));
-        report.count(Event::WithoutColour);
-        let totals: Vec<(Event, u64)> = report.totals().collect();
-        assert_eq!(totals, [(Event::Malformed, 3), (Event::ClockJump, 1), (Event::WithoutColour, 1)]);
+        assert_eq!(line(ReportEvent::Malformed, 0).as_deref(), Some("it is bad"));
+        assert_eq!(line(ReportEvent::Malformed, 1), None);
+        assert_eq!(line(ReportEvent::ClockJump, 1).as_deref(), Some("it is bad"));
+        assert_eq!(
+            line(ReportEvent::Malformed, 6).as_deref(),
+            Some("it is bad (2 since the last such line)")
+        );
+        report.count(ReportEvent::WithoutColour);
+        let totals: Vec<(ReportEvent, u64)> = report.totals().collect();
+        assert_eq!(
+            totals,
+            [(ReportEvent::Malformed, 3), (ReportEvent::ClockJump, 1), (ReportEvent::WithoutColour, 1)]
+        );
     }
 }

@@ -4,8 +4,10 @@
 
 mod constants;
 mod layers;
+mod locks;
 mod names;
 mod prose;
+mod release;
 mod shapes;
 mod stamps;
 
@@ -13,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Each wing with the wings that its crates may know, tests aside. Arrows point down: the method
+/// Each wing with the wings that its crates may know, also in their tests and examples. Arrows point down: the method
 /// knows nothing but itself, the processes know everything.
 const WINGS: [(&str, &[&str]); 5] = [
     ("shared/method", &["shared/method"]),
@@ -59,15 +61,34 @@ const WITH_UNSAFE: [&str; 3] = [
     "shared/runtime/transport/src/wire.rs",
 ];
 
+/// Crates outside the workspace, each with a lock file of its own.
+const APART: [&str; 5] = ["fleet", "fuzz", "python", "ros2", "view"];
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// The workspace's crates.
 fn crates() -> Vec<String> {
     let wings = WINGS.map(|(wing, _)| wing);
     let mut crates: Vec<String> = wings.iter().flat_map(|wing| crates_in(wing)).collect();
     crates.sort();
     crates
+}
+
+/// Every crate of the repository but the root's, which has tests alone.
+fn all_crates() -> Vec<String> {
+    let mut all = crates();
+    all.extend(APART.map(str::to_owned));
+    all
+}
+
+/// Whether a file is there for developers alone: tests, benchmarks and examples.
+fn is_for_developers(path: &Path) -> bool {
+    let is_named = |part: &str| {
+        ["tests", "tests.rs", "benches", "examples"].contains(&part) || part.starts_with("test_")
+    };
+    path.iter().filter_map(|part| part.to_str()).any(is_named)
 }
 
 /// Crates of a wing, as paths from the root.
@@ -95,13 +116,17 @@ fn known_of_ours(of: &str) -> Vec<String> {
     all.iter().filter_map(|name| name.strip_prefix("tessera-")).map(str::to_owned).collect()
 }
 
-fn dependencies(of: &str) -> BTreeSet<String> {
+/// Dependencies of one kind, such as `dev-dependencies`.
+fn dependencies_of_kind(of: &str, kind: &str) -> BTreeSet<String> {
     let text = fs::read_to_string(root().join(of).join("Cargo.toml")).unwrap();
     let manifest: toml::Table = text.parse().unwrap();
-    let of_kind =
-        |kind: &str| manifest.get(kind).and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let mut all: BTreeSet<String> = of_kind("dependencies").keys().cloned().collect();
-    all.extend(of_kind("build-dependencies").keys().cloned());
+    let table = manifest.get(kind).and_then(toml::Value::as_table).cloned().unwrap_or_default();
+    table.keys().cloned().collect()
+}
+
+fn dependencies(of: &str) -> BTreeSet<String> {
+    let mut all = dependencies_of_kind(of, "dependencies");
+    all.extend(dependencies_of_kind(of, "build-dependencies"));
     all
 }
 
@@ -142,7 +167,9 @@ fn wings_know_only_the_wings_below_them() {
         .collect();
     for (wing, allowed) in WINGS {
         for path in crates_in(wing) {
-            for known in known_of_ours(&path) {
+            let in_tests = dependencies_of_kind(&path, "dev-dependencies");
+            let in_tests = in_tests.iter().filter_map(|name| name.strip_prefix("tessera-"));
+            for known in known_of_ours(&path).into_iter().chain(in_tests.map(str::to_owned)) {
                 let other = wing_of[&known];
                 assert!(allowed.contains(&other), "{path} must not know {known} of {other}");
             }
@@ -203,7 +230,9 @@ fn each_reference_to_the_method_s_document_is_found_in_it() {
     let sections = sections_of_the_method();
     assert!(sections.contains("5.3") && sections.contains("T4"), "{sections:?}");
     let mut n_references = 0;
-    for folder in ["shared", "processes", "tests", "benches", "view/src", "ros2/src", "fleet/src"] {
+    let apart = APART.map(|name| format!("{name}/src"));
+    let here = ["shared", "processes", "tests", "benches"].map(str::to_owned);
+    for folder in here.iter().chain(&apart) {
         for (path, text) in files(folder) {
             for (at, _) in text.match_indices("method ") {
                 let word =
@@ -226,7 +255,7 @@ fn each_reference_to_the_method_s_document_is_found_in_it() {
 
 #[test]
 fn only_transport_knows_the_middleware() {
-    for name in crates() {
+    for name in all_crates() {
         let knows = dependencies(&name).iter().any(|dependency| dependency.starts_with("iceoryx2"));
         assert_eq!(knows, name == "shared/runtime/transport", "{name}");
     }
@@ -287,7 +316,7 @@ fn results_do_not_depend_on_the_machine_s_c_library() {
 
 #[test]
 fn unsafe_code_stands_where_it_may_and_nowhere_else() {
-    for name in crates() {
+    for name in all_crates() {
         let forbids = !WITH_UNSAFE.iter().any(|file| file.starts_with(&format!("{name}/")));
         let level = if forbids { "#![forbid(unsafe_code)]" } else { "#![deny(unsafe_code)]" };
         for (path, text) in code(&name) {
@@ -319,15 +348,19 @@ fn every_crate_and_every_dependency_is_explained() {
 
 #[test]
 fn a_crate_depends_on_what_its_code_names() {
-    let apart = ["fleet", "python", "ros2", "view"].map(str::to_owned);
-    for name in crates().into_iter().chain(apart) {
-        let manifest = fs::read_to_string(root().join(&name).join("Cargo.toml")).unwrap();
-        let manifest: toml::Table = manifest.parse().unwrap();
-        let code: String = files(&format!("{name}/src")).into_values().collect();
-        let words: BTreeSet<&str> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
-        for dependency in manifest.get("dependencies").and_then(|of| of.as_table()).unwrap().keys() {
-            let word = dependency.replace('-', "_");
-            assert!(words.contains(&word[..]), "{name} depends on {dependency} and does not name it");
+    for name in all_crates() {
+        // Those of the fuzzer are no sources of a library.
+        let sources = if name == "fuzz" { name.clone() } else { format!("{name}/src") };
+        for (kind, sources) in [("dependencies", &sources), ("dev-dependencies", &name)] {
+            let code: String = files(sources).into_values().collect();
+            let words: BTreeSet<&str> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+            for dependency in dependencies_of_kind(&name, kind) {
+                let word = dependency.replace('-', "_");
+                assert!(
+                    words.contains(&word[..]),
+                    "{name} has {dependency} in its {kind} and does not name it"
+                );
+            }
         }
     }
 }

@@ -1,8 +1,8 @@
 //! One name for one thing: a type's name says which type it is, wherever it is read.
 
-use crate::{WINGS, code};
+use crate::{all_crates, code, is_for_developers};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Words before the name of a type of our own.
 const KEYWORDS: [&str; 4] = ["struct ", "enum ", "trait ", "type "];
@@ -17,17 +17,11 @@ fn defined(line: &str) -> Option<&str> {
     rest.split(|c: char| !c.is_alphanumeric()).next()
 }
 
-/// Whether a whole file is there for tests.
-fn is_test(path: &Path) -> bool {
-    let is_named = |part: &str| part == "tests" || part == "tests.rs" || part.starts_with("test_");
-    path.iter().filter_map(|part| part.to_str()).any(is_named)
-}
-
 #[test]
 fn no_two_types_have_the_same_name() {
     let mut places: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-    for (wing, _) in WINGS {
-        for (path, text) in code(wing).into_iter().filter(|(path, _)| !is_test(path)) {
+    for name in all_crates() {
+        for (path, text) in code(&name).into_iter().filter(|(path, _)| !is_for_developers(path)) {
             for name in text.lines().filter_map(defined) {
                 places.entry(name.to_owned()).or_default().push(path.clone());
             }

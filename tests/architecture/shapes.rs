@@ -1,12 +1,14 @@
-//! The shapes of the method's code: short functions of few arguments, and no large circles of files.
+//! The shapes of code: short functions of few arguments, files of one idea, and no large circles of files.
 
-use crate::{code, crates_in};
+use crate::{all_crates, code, is_for_developers};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The most arguments that a function of the method takes, and the most lines that it has.
+/// The most arguments that a function takes, and the most lines that it has.
 const MOST_ARGUMENTS: usize = 7;
 const MOST_LINES: usize = 70;
+/// The most lines of a file, tests in it aside.
+const MOST_LINES_OF_A_FILE: usize = 400;
 
 /// Functions that may take more arguments: `point_row` is a kernel for vector instructions, in which
 /// each output is an argument of its own, so that the compiler knows that none overlaps another.
@@ -75,7 +77,7 @@ fn n_arguments(signature: &str) -> usize {
 }
 
 #[test]
-fn functions_of_the_method_are_short_and_take_few_arguments() {
+fn functions_are_short_and_take_few_arguments() {
     let text = "impl X {\n    fn a<T: Fn(u8) -> u8>(&self, b: [T; 2], (c, d): (u8, u8)) -> u8 {\n        1\n    }\n}\nfn e();";
     let expected = [("a", 3, 3), ("e", 0, 1)].map(|(name, n_arguments, n_lines)| Function {
         name: name.to_owned(),
@@ -84,7 +86,9 @@ fn functions_of_the_method_are_short_and_take_few_arguments() {
     });
     assert_eq!(functions(text), expected);
     let mut large = Vec::new();
-    for (path, text) in code("shared/method") {
+    for (path, text) in
+        all_crates().iter().flat_map(|name| code(name)).filter(|(path, _)| !is_for_developers(path))
+    {
         for function in functions(&text) {
             let name = format!("{}: {}", path.display(), function.name);
             if function.n_arguments > MOST_ARGUMENTS || function.n_lines > MOST_LINES {
@@ -94,6 +98,16 @@ fn functions_of_the_method_are_short_and_take_few_arguments() {
     }
     large.retain(|(name, _)| !LARGE_FUNCTIONS.contains(&name.as_str()));
     assert!(large.is_empty(), "more than {MOST_ARGUMENTS} arguments or {MOST_LINES} lines: {large:#?}");
+}
+
+#[test]
+fn files_are_short() {
+    let files = all_crates().into_iter().flat_map(|name| code(&name));
+    let large: Vec<String> = files
+        .filter(|(_, text)| text.lines().count() > MOST_LINES_OF_A_FILE)
+        .map(|(path, text)| format!("{}: {} lines", path.display(), text.lines().count()))
+        .collect();
+    assert!(large.is_empty(), "more than {MOST_LINES_OF_A_FILE} lines: {large:#?}");
 }
 
 /// The modules of a crate that each of its modules names by `crate::`.
@@ -138,9 +152,9 @@ fn reached(modules: &BTreeMap<String, BTreeSet<String>>, from: &str) -> BTreeSet
 }
 
 #[test]
-fn files_of_the_method_form_no_large_circles() {
-    let mut n_edges = 0;
-    for name in crates_in("shared/method") {
+fn files_form_no_large_circles() {
+    let (mut n_edges, mut circles) = (0, BTreeSet::new());
+    for name in all_crates() {
         let modules = modules(&format!("{name}/src"));
         n_edges += modules.values().map(BTreeSet::len).sum::<usize>();
         let reached: BTreeMap<&String, BTreeSet<String>> =
@@ -151,8 +165,11 @@ fn files_of_the_method_form_no_large_circles() {
                 .filter(|other| reached[other].contains(module))
                 .map(String::as_str)
                 .collect();
-            assert!(circle.len() <= 2, "{name}: a circle of {circle:?}");
+            if circle.len() > 2 {
+                circles.insert(format!("{name}: {circle:?}"));
+            }
         }
     }
     assert!(n_edges > 100, "{n_edges} uses of other files were found");
+    assert!(circles.is_empty(), "circles of more than two files: {circles:#?}");
 }

@@ -1,6 +1,6 @@
 //! Times of sensors come from outside, from both ends of their range: their differences saturate.
 
-use crate::code;
+use crate::{all_crates, code, is_for_developers};
 
 /// Operands of minus and plus in a line, as far as they are one word each.
 fn operands(line: &str) -> impl Iterator<Item = [&str; 2]> + '_ {
@@ -29,13 +29,10 @@ fn unsaturated(line: &str) -> bool {
 #[test]
 fn differences_of_stamps_saturate() {
     let mut found = Vec::new();
-    for wing in ["shared", "processes", "fleet/src", "ros2/src", "view/src", "python/src"] {
-        for (path, text) in code(wing) {
-            // What is only for a developer may end in an overflow.
-            let is_of_product = !path.components().any(|part| {
-                ["examples", "tests", "benches", "tests.rs"].iter().any(|name| part.as_os_str() == *name)
-            });
-            let lines = text.lines().enumerate().filter(|(_, line)| is_of_product && unsaturated(line));
+    for name in all_crates() {
+        // What is only for a developer may end in an overflow.
+        for (path, text) in code(&name).into_iter().filter(|(path, _)| !is_for_developers(path)) {
+            let lines = text.lines().enumerate().filter(|(_, line)| unsaturated(line));
             found.extend(lines.map(|(at, line)| format!("{}:{}: {}", path.display(), at + 1, line.trim())));
         }
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// Show a run in Rerun: as it goes on, or one that is over
 #[derive(Debug, Parser)]
 #[command(name = "tessera-view", version, max_term_width = 80)]
-pub(crate) struct Arguments {
+pub(crate) struct RerunArguments {
     /// Name of the run, or its folder
     #[arg(default_value = "", required_unless_present = "of_supervisor", hide_default_value = true)]
     pub(crate) run: String,

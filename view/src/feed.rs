@@ -1,13 +1,13 @@
 //! From a run to Rerun: what is in the journal, then what comes.
 
-use crate::arguments::Arguments;
+use crate::arguments::RerunArguments;
 use crate::camera::{self, Pictures};
 use crate::error::ViewError;
-use crate::find::Run;
-use crate::latency::Poses;
+use crate::find::ViewedRun;
+use crate::latency::HeardPoses;
 use crate::map::Map;
 use crate::scene::{log, set_time};
-use crate::track::Track;
+use crate::track::DrawnTrack;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{Scalars, TextLog};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,8 +25,8 @@ const BATCH: usize = 10;
 
 /// Feeds until the run is over and everything of it was shown, or until it is ended.
 pub(crate) fn feed(
-    run: &Run,
-    arguments: &Arguments,
+    run: &ViewedRun,
+    arguments: &RerunArguments,
     recording: &RecordingStream,
     is_stopped: &AtomicBool,
 ) -> Result<(), ViewError> {
@@ -37,11 +37,11 @@ pub(crate) fn feed(
         log(recording, "states", &TextLog::new(format!("no images: {reason}")))?;
     }
     // Without them there are no latencies, and everything else.
-    let mut poses = if run.is_alive()? { Poses::open(run).ok() } else { None };
-    let mut feed = Feed {
+    let mut poses = if run.is_alive()? { HeardPoses::open(run).ok() } else { None };
+    let mut feed = ViewFeed {
         recording,
         map: Map::new(surfaces, arguments.keyframe_points),
-        track: Track::default(),
+        track: DrawnTrack::default(),
         pictures: pictures.ok(),
         begin_nanos: None,
         state: State::Tracking,
@@ -72,7 +72,7 @@ pub(crate) fn feed(
 
 /// Journal and store, once they are there; `None` where it is ended before.
 fn open(
-    run: &Run,
+    run: &ViewedRun,
     is_stopped: &AtomicBool,
 ) -> Result<Option<(Follower<AlignRecord>, StoredKeyframes)>, ViewError> {
     let (journal, store) = (run.files.align_journal(), run.files.store());
@@ -88,17 +88,17 @@ fn open(
     Ok(Some((Follower::open(&journal, ALIGN_JOURNAL)?, surfaces)))
 }
 
-struct Feed<'a> {
+struct ViewFeed<'a> {
     recording: &'a RecordingStream,
     map: Map,
-    track: Track,
+    track: DrawnTrack,
     pictures: Option<Pictures>,
     /// Stamp of the first frame.
     begin_nanos: Option<i64>,
     state: State,
 }
 
-impl Feed<'_> {
+impl ViewFeed<'_> {
     /// Shows the next records, at most [`BATCH`]; how many there were.
     fn drain(&mut self, journal: &mut Follower<AlignRecord>, is_alive: bool) -> Result<usize, ViewError> {
         let mut n = 0;

@@ -12,13 +12,13 @@ use tessera_transport::registered_runs;
 const POLL: Duration = Duration::from_millis(20);
 
 /// A run that can be shown.
-pub(crate) struct Run {
+pub(crate) struct ViewedRun {
     pub(crate) files: RunFiles,
     pub(crate) file: RunFile,
     pub(crate) settings: Settings,
 }
 
-impl Run {
+impl ViewedRun {
     fn read(dir: &Path) -> Result<Self, ViewError> {
         let files = RunFiles::new(dir);
         let path = files.config();
@@ -36,24 +36,24 @@ impl Run {
 }
 
 /// The run of that name or folder.
-pub(crate) fn find(name_or_folder: &str) -> Result<Run, ViewError> {
+pub(crate) fn find(name_or_folder: &str) -> Result<ViewedRun, ViewError> {
     let registered = registered_runs()?.into_iter().find(|run| run.entry.name == name_or_folder);
     let candidates = [Path::new("runs").join(name_or_folder), PathBuf::from(name_or_folder)];
     let mut candidates = candidates.into_iter().chain(registered.map(|run| run.entry.run_dir));
     match candidates.find(|dir| dir.join("config.toml").is_file()) {
-        Some(dir) => Run::read(&dir),
+        Some(dir) => ViewedRun::read(&dir),
         None => Err(ViewError::NoRun { name: name_or_folder.to_owned() }),
     }
 }
 
 /// The run of a supervisor that has just begun or is about to.
-pub(crate) fn of_supervisor(pid: u32, is_stopped: &AtomicBool) -> Result<Run, ViewError> {
+pub(crate) fn of_supervisor(pid: u32, is_stopped: &AtomicBool) -> Result<ViewedRun, ViewError> {
     // A run may wait for its camera as long as it likes.
     let supervisor = PathBuf::from(format!("/proc/{pid}"));
     while supervisor.exists() && !is_stopped.load(Ordering::Relaxed) {
         for run in registered_runs()?.iter().filter(|run| run.is_alive && run.entry.pid == pid) {
             // Its files are being written: the next look finds them.
-            if let Ok(found) = Run::read(&run.entry.run_dir)
+            if let Ok(found) = ViewedRun::read(&run.entry.run_dir)
                 && found.file.identity == run.entry.identity
             {
                 return Ok(found);

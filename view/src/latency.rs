@@ -1,7 +1,7 @@
 //! Latency of each stage, frame by frame, from the poses that a run publishes.
 
 use crate::error::ViewError;
-use crate::find::Run;
+use crate::find::ViewedRun;
 use crate::scene::{log, set_time};
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::Scalars;
@@ -9,15 +9,15 @@ use tessera_messages::PoseMessage;
 use tessera_transport::{Link, Subscriber};
 
 /// Listens to a run that goes on.
-pub(crate) struct Poses {
+pub(crate) struct HeardPoses {
     subscriber: Subscriber<PoseMessage>,
     /// Last: the port goes before the node.
     _link: Link,
 }
 
-impl Poses {
+impl HeardPoses {
     /// Joins a run.
-    pub(crate) fn open(run: &Run) -> Result<Self, ViewError> {
+    pub(crate) fn open(run: &ViewedRun) -> Result<Self, ViewError> {
         let link = Link::open(&run.file.identity, &run.file.layout(&run.settings), "view")?;
         Ok(Self { subscriber: link.pose_subscriber()?, _link: link })
     }

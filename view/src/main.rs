@@ -16,7 +16,7 @@ mod output;
 mod scene;
 mod track;
 
-use arguments::Arguments;
+use arguments::RerunArguments;
 use clap::Parser;
 use error::ViewError;
 use std::process::ExitCode;
@@ -24,7 +24,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = RerunArguments::parse();
     match view(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -34,7 +34,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn view(arguments: &Arguments) -> Result<(), ViewError> {
+fn view(arguments: &RerunArguments) -> Result<(), ViewError> {
     let is_stopped = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&is_stopped)).map_err(ViewError::signal)?;

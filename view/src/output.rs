@@ -1,16 +1,16 @@
 //! Where Rerun's data go: a viewer or a file, with the layout that it opens in.
 
-use crate::arguments::Arguments;
+use crate::arguments::RerunArguments;
 use crate::blueprint::blueprint;
 use crate::error::ViewError;
-use crate::find::Run;
+use crate::find::ViewedRun;
 use re_sdk::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
 
 /// Memory of the server inside an opened viewer.
 const SERVER_MEMORY: &str = "512MiB";
 
 /// Opens the output; its blueprint goes first.
-pub(crate) fn open(arguments: &Arguments, run: &Run) -> Result<RecordingStream, ViewError> {
+pub(crate) fn open(arguments: &RerunArguments, run: &ViewedRun) -> Result<RecordingStream, ViewError> {
     let builder = RecordingStreamBuilder::new("tessera")
         .recording_name(run.file.name.as_str())
         .with_default_blueprint(blueprint());

@@ -14,7 +14,7 @@ const LINE_M: f32 = 0.004;
 
 /// All frames so far.
 #[derive(Default)]
-pub(crate) struct Track {
+pub(crate) struct DrawnTrack {
     /// Pieces that are whole.
     n_pieces: usize,
     /// Places of the piece that grows; it begins where the one before ended.
@@ -24,7 +24,7 @@ pub(crate) struct Track {
     frames: Vec<FramePose>,
 }
 
-impl Track {
+impl DrawnTrack {
     /// Takes the next record in.
     pub(crate) fn apply(&mut self, record: &AlignRecord) {
         if let AlignRecord::Frame(frame) = record {

@@ -1,15 +1,15 @@
 //! A fleet under faults, the same fleet undisturbed, and what differs.
 
-use super::processes::{Patience, Process, Starter, free_port};
+use super::processes::{FleetProcess, Patience, Starter, free_port};
 use super::relay::Relay;
 use super::report::{FleetReport, RobotReport};
 use super::robot_run::RobotRun;
 use super::schedule::{FleetFault, FleetStrike, schedule};
 use super::simulated::simulated_runs;
 use super::verdict::{copy_of, map_difference, map_files};
+use crate::base::status::Status;
 use crate::error::FleetError;
-use crate::status::Status;
-use crate::wire::JOURNALS;
+use crate::wire::request::JOURNALS;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::os::unix::fs::DirBuilderExt;
@@ -53,8 +53,8 @@ struct RunningFleet {
     folder: PathBuf,
     port: u16,
     starter: Starter,
-    base: Process,
-    uplinks: Vec<Process>,
+    base: FleetProcess,
+    uplinks: Vec<FleetProcess>,
     /// Empty: nothing is between robots and base.
     relays: Vec<Relay>,
 }
@@ -214,7 +214,7 @@ impl RunningFleet {
         Ok(fleet)
     }
 
-    fn uplink(&self, number: usize, robot: &RobotRun) -> Result<Process, FleetError> {
+    fn uplink(&self, number: usize, robot: &RobotRun) -> Result<FleetProcess, FleetError> {
         let port = self.relays.get(number).map_or(self.port, |relay| relay.port);
         self.starter.uplink(&robot.folder, &robot.robot, port)
     }

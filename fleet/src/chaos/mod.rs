@@ -15,8 +15,8 @@ mod simulated;
 mod verdict;
 
 pub use campaign::{FleetCampaign, MOST_ROBOTS, MOST_TIMES, OnFault, fleet_campaign};
-pub use processes::{ENDS_WITH, Patience, Process, Starter, end_with_parent, free_port};
-pub use relay::{Carried, DELAY, Relay, THROTTLED_BYTES_PER_S};
+pub use processes::{ENDS_WITH, FleetProcess, Patience, Starter, end_with_parent, free_port};
+pub use relay::{CarriedBytes, DELAY, Relay, THROTTLED_BYTES_PER_S};
 pub use report::{FleetReport, RobotReport};
 pub use robot_run::RobotRun;
 pub use schedule::{FleetFault, FleetStrike, schedule};

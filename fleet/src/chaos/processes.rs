@@ -14,15 +14,15 @@ const LOOK: Duration = Duration::from_millis(20);
 pub const ENDS_WITH: &str = "TESSERA_FLEET_ENDS_WITH";
 
 /// A process that ends with this value.
-pub struct Process(pub Child);
+pub struct FleetProcess(pub Child);
 
-impl Drop for Process {
+impl Drop for FleetProcess {
     fn drop(&mut self) {
         self.kill();
     }
 }
 
-impl Process {
+impl FleetProcess {
     /// kill -9.
     pub fn kill(&mut self) {
         let _ = self.0.kill();
@@ -59,19 +59,19 @@ impl Starter {
     ///
     /// # Errors
     /// Where it cannot be started.
-    pub fn start(&self, arguments: &[&str]) -> Result<Process, FleetError> {
+    pub fn start(&self, arguments: &[&str]) -> Result<FleetProcess, FleetError> {
         let mut command = self.command(arguments);
         if let Some(log) = &self.log {
             command.stderr(appending(log)?);
         }
-        command.spawn().map(Process).map_err(FleetError::io("start", &self.program))
+        command.spawn().map(FleetProcess).map_err(FleetError::io("start", &self.program))
     }
 
     /// An uplink of a robot to a port of this machine.
     ///
     /// # Errors
     /// Where it cannot be started.
-    pub fn uplink(&self, run: &Path, robot: &str, port: u16) -> Result<Process, FleetError> {
+    pub fn uplink(&self, run: &Path, robot: &str, port: u16) -> Result<FleetProcess, FleetError> {
         let (run, to) = (run.display().to_string(), format!("tcp/127.0.0.1:{port}"));
         self.start(&["uplink", &run, "--to", &to, "--robot", robot, "--quiet"])
     }
@@ -80,7 +80,7 @@ impl Starter {
     ///
     /// # Errors
     /// Where it cannot be started.
-    pub fn base(&self, folder: &Path, port: u16, n_runs: usize) -> Result<Process, FleetError> {
+    pub fn base(&self, folder: &Path, port: u16, n_runs: usize) -> Result<FleetProcess, FleetError> {
         let (folder, listen) = (folder.display().to_string(), format!("tcp/127.0.0.1:{port}"));
         let n_runs = n_runs.to_string();
         let mut arguments = vec!["base", &folder, "--listen", &listen, "--runs", &n_runs];

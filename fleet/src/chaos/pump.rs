@@ -1,6 +1,6 @@
 //! One direction of a connection through a relay: pieces with the instant at which they are due.
 
-use super::relay::Link;
+use super::relay::RelayedLink;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ const UNDER_WAY: usize = 128;
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Which way.
-pub(super) enum Direction {
+pub(super) enum RelayDirection {
     /// From the robot to the base; tells when all has come.
     Up(Arc<AtomicBool>),
     /// From the base to the robot.
@@ -29,7 +29,7 @@ struct UnderWay {
 }
 
 /// Carries what comes from one end to the other, until one of them is closed.
-pub(super) fn pump(from: TcpStream, to: TcpStream, link: &Arc<Link>, direction: Direction) {
+pub(super) fn pump(from: TcpStream, to: TcpStream, link: &Arc<RelayedLink>, direction: RelayDirection) {
     let (send, receive) = sync_channel(UNDER_WAY);
     let [reading, writing] = [Arc::clone(link), Arc::clone(link)];
     let Ok(from_too) = from.try_clone() else { return };
@@ -37,7 +37,7 @@ pub(super) fn pump(from: TcpStream, to: TcpStream, link: &Arc<Link>, direction: 
     std::thread::spawn(move || {
         let is_refused = !deliver((&to, &receive), &writing, &direction);
         let _ = to.shutdown(Shutdown::Both);
-        if let Direction::Up(is_carrying) = direction {
+        if let RelayDirection::Up(is_carrying) = direction {
             is_carrying.store(false, Ordering::Relaxed);
             if is_refused {
                 // The base is gone, and the robot is to know it.
@@ -47,7 +47,7 @@ pub(super) fn pump(from: TcpStream, to: TcpStream, link: &Arc<Link>, direction: 
     });
 }
 
-fn take_up(mut from: TcpStream, send: &SyncSender<UnderWay>, link: &Link) {
+fn take_up(mut from: TcpStream, send: &SyncSender<UnderWay>, link: &RelayedLink) {
     let mut buffer = [0; PIECE_BYTES];
     while let Ok(n @ 1..) = from.read(&mut buffer) {
         let piece = UnderWay { due: Instant::now() + link.delay(), bytes: buffer[..n].to_vec() };
@@ -58,8 +58,12 @@ fn take_up(mut from: TcpStream, send: &SyncSender<UnderWay>, link: &Link) {
 }
 
 /// `false`: the end that it goes to took no more.
-fn deliver((mut to, receive): (&TcpStream, &Receiver<UnderWay>), link: &Link, way: &Direction) -> bool {
-    let is_up = matches!(way, Direction::Up(_));
+fn deliver(
+    (mut to, receive): (&TcpStream, &Receiver<UnderWay>),
+    link: &RelayedLink,
+    way: &RelayDirection,
+) -> bool {
+    let is_up = matches!(way, RelayDirection::Up(_));
     let mut is_first = is_up;
     for UnderWay { due, bytes } in receive {
         while let Some(wait) = due.checked_duration_since(Instant::now()) {
@@ -89,7 +93,7 @@ fn deliver((mut to, receive): (&TcpStream, &Receiver<UnderWay>), link: &Link, wa
 }
 
 /// Sends to the base what a robot began with, as if it had come twice; what is answered is not read.
-fn repeat_attempt(link: &Link, bytes: &[u8]) {
+fn repeat_attempt(link: &RelayedLink, bytes: &[u8]) {
     if let Ok(mut again) = TcpStream::connect(link.base)
         && again.write_all(bytes).is_ok()
     {

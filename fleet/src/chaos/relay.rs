@@ -1,7 +1,7 @@
 //! A TCP relay between one robot and the base, on this machine alone, that cuts, delays, throttles and
 //! repeats what it carries. Each fault ends by itself.
 
-use super::pump::{Direction, pump};
+use super::pump::{RelayDirection, pump};
 use crate::error::FleetError;
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -17,7 +17,7 @@ const MOST_CONNECTIONS: usize = 32;
 
 /// What a relay has carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Carried {
+pub struct CarriedBytes {
     /// Bytes from the robot to the base, those that the relay repeated included.
     pub up_bytes: u64,
     /// Bytes from the base to the robot.
@@ -29,7 +29,7 @@ pub struct Carried {
 }
 
 /// What the threads of a relay share.
-pub(super) struct Link {
+pub(super) struct RelayedLink {
     pub(super) base: SocketAddr,
     begun: Instant,
     is_closed: AtomicBool,
@@ -49,7 +49,7 @@ pub(super) struct Link {
     open: Mutex<Vec<(TcpStream, TcpStream, Arc<AtomicBool>)>>,
 }
 
-impl Link {
+impl RelayedLink {
     fn lasts(&self, until: &AtomicU64) -> bool {
         self.begun.elapsed().as_nanos() < u128::from(until.load(Ordering::Relaxed))
     }
@@ -86,7 +86,7 @@ impl Link {
 pub struct Relay {
     /// Where the robot connects to, on 127.0.0.1.
     pub port: u16,
-    link: Arc<Link>,
+    link: Arc<RelayedLink>,
 }
 
 impl Relay {
@@ -99,7 +99,7 @@ impl Relay {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(network)?;
         let port = listener.local_addr().map_err(network)?.port();
         let none = || AtomicU64::new(0);
-        let link = Arc::new(Link {
+        let link = Arc::new(RelayedLink {
             base: SocketAddr::from((Ipv4Addr::LOCALHOST, base_port)),
             begun: Instant::now(),
             is_closed: AtomicBool::new(false),
@@ -155,7 +155,7 @@ impl Relay {
 
     /// Ends all faults.
     pub fn heal(&self) {
-        let Link { cut_until, delay_until, throttle_until, repeat_until, .. } = &*self.link;
+        let RelayedLink { cut_until, delay_until, throttle_until, repeat_until, .. } = &*self.link;
         for until in [cut_until, delay_until, throttle_until, repeat_until] {
             until.store(0, Ordering::Relaxed);
         }
@@ -163,11 +163,11 @@ impl Relay {
     }
 
     /// What it has carried.
-    pub fn carried(&self) -> Carried {
-        let Link { up_bytes, down_bytes, repeated_bytes, connections, .. } = &*self.link;
+    pub fn carried(&self) -> CarriedBytes {
+        let RelayedLink { up_bytes, down_bytes, repeated_bytes, connections, .. } = &*self.link;
         let [up_bytes, down_bytes, repeated_bytes, connections] =
             [up_bytes, down_bytes, repeated_bytes, connections].map(|n| n.load(Ordering::Relaxed));
-        Carried { up_bytes, down_bytes, repeated_bytes, connections }
+        CarriedBytes { up_bytes, down_bytes, repeated_bytes, connections }
     }
 }
 
@@ -180,7 +180,7 @@ impl Drop for Relay {
     }
 }
 
-fn accept(listener: &TcpListener, link: &Arc<Link>) {
+fn accept(listener: &TcpListener, link: &Arc<RelayedLink>) {
     for robot in listener.incoming().flatten() {
         if link.is_closed.load(Ordering::Relaxed) {
             return;
@@ -200,8 +200,8 @@ fn accept(listener: &TcpListener, link: &Arc<Link>) {
         open.push((robot_kept, base_kept, Arc::clone(&is_carrying)));
         drop(open);
         link.connections.fetch_add(1, Ordering::Relaxed);
-        pump(robot, base, link, Direction::Up(is_carrying));
-        pump(base_too, robot_too, link, Direction::Down);
+        pump(robot, base, link, RelayDirection::Up(is_carrying));
+        pump(base_too, robot_too, link, RelayDirection::Down);
     }
 }
 

@@ -1,9 +1,9 @@
 //! What came of the faults: a table for people, JSON lines for scripts.
 
-use super::relay::Carried;
+use super::relay::CarriedBytes;
 use super::schedule::{FleetFault, FleetStrike};
 use crate::error::FleetError;
-use crate::wire::Refusal;
+use crate::wire::request::PieceRefusal;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -31,8 +31,8 @@ pub struct RobotReport {
 }
 
 impl RobotReport {
-    pub(super) fn new(robot: &str, run: PathBuf, run_bytes: u64, carried: Carried) -> Self {
-        let Carried { up_bytes, down_bytes, repeated_bytes, connections } = carried;
+    pub(super) fn new(robot: &str, run: PathBuf, run_bytes: u64, carried: CarriedBytes) -> Self {
+        let CarriedBytes { up_bytes, down_bytes, repeated_bytes, connections } = carried;
         let robot = robot.to_owned();
         Self { robot, run, run_bytes, up_bytes, down_bytes, repeated_bytes, connections, identical: false }
     }
@@ -48,7 +48,7 @@ pub struct FleetReport {
     /// Robots in the order in which they came.
     pub robots: Vec<RobotReport>,
     /// Pieces that the base refused, as far as its status showed them before it was killed.
-    pub refused: BTreeMap<Refusal, u64>,
+    pub refused: BTreeMap<PieceRefusal, u64>,
     /// From the first fault until the base had everything and its map, seconds.
     pub wall_s: f64,
     /// From the last fault until the base had everything, seconds.

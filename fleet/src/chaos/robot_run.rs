@@ -2,10 +2,10 @@
 //! way.
 
 use super::verdict::difference;
-use crate::checked::RunFacts;
+use crate::copies::checked::RunFacts;
+use crate::copies::surfaces::SURFACES;
 use crate::error::FleetError;
-use crate::surface_copy::SURFACES;
-use crate::wire::{Growing, JOURNALS, SMALL_FILES};
+use crate::wire::request::{Growing, JOURNALS, SMALL_FILES};
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};

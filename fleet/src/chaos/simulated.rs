@@ -1,6 +1,6 @@
 //! Two runs of the simulated room that share a part of the way, where the user gives no runs.
 
-use super::processes::{Patience, Process, appending};
+use super::processes::{FleetProcess, Patience, appending};
 use crate::error::FleetError;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -45,7 +45,7 @@ pub(super) fn simulated_runs(
         command.args(["run", "room", "--quiet", "--skip", &skip.to_string()]);
         command.args(["--frames", &frames.to_string(), "--name", &name, "--out"]).arg(&out);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(appending(log)?);
-        let mut run = Process(command.spawn().map_err(|error| no_program(&program, &error))?);
+        let mut run = FleetProcess(command.spawn().map_err(|error| no_program(&program, &error))?);
         let waited = patience.wait_for("a simulated run", || run.ended().is_some());
         if waited.is_err() {
             // It takes its own processes along.

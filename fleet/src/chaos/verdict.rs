@@ -1,11 +1,11 @@
 //! What must be the same bytes, whatever happened on the way.
 
-use crate::checked::RunFacts;
+use crate::copies::checked::RunFacts;
+use crate::copies::surfaces::{SURFACES, first_surfaces};
 use crate::error::FleetError;
-use crate::served::grid_of;
-use crate::surface_copy::{SURFACES, first_surfaces};
-use crate::surface_wire::wire_form;
-use crate::wire::{Growing, JOURNALS, SMALL_FILES};
+use crate::robot::served::grid_of;
+use crate::wire::request::{Growing, JOURNALS, SMALL_FILES};
+use crate::wire::surfaces::wire_form;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use tessera_journal::{Chain, StoreView};
@@ -95,7 +95,7 @@ fn surface_difference(original: &Path, copy: &Path) -> Result<Option<String>, Fl
 /// # Errors
 /// Where there is no map.
 pub fn map_files(base: &Path) -> Result<BTreeMap<String, Vec<u8>>, FleetError> {
-    let folder = crate::map::map_folder(base);
+    let folder = crate::map::joint::map_folder(base);
     let mut files = BTreeMap::new();
     for entry in std::fs::read_dir(&folder).map_err(FleetError::io("read", &folder))?.flatten() {
         let bytes = std::fs::read(entry.path()).map_err(FleetError::io("read", &folder))?;

@@ -1,14 +1,14 @@
 //! The status of a base as Prometheus reads it.
 
-use crate::status::{RunState, RunStatus, Status};
-use crate::summary::JoinVerdict;
+use crate::base::status::{CopyStatus, RunState, Status};
+use crate::map::summary::JoinVerdict;
 use tessera_report::Exposition;
 
 /// Reads one figure of a run.
-type Figure = fn(&RunStatus) -> f64;
+type BaseFigure = fn(&CopyStatus) -> f64;
 
 /// Name, kind, meaning, and where the figure stands.
-const FIGURES: [(&str, &str, &str, Figure); 9] = [
+const FIGURES: [(&str, &str, &str, BaseFigure); 9] = [
     ("tessera_fleet_frames", "gauge", "Frames of the run at the base.", |run| run.frames as f64),
     ("tessera_fleet_keyframes", "gauge", "Keyframes of the run at the base.", |run| run.keyframes as f64),
     ("tessera_fleet_surfaces", "gauge", "Surfaces of keyframes at the base.", |run| run.surfaces as f64),
@@ -89,27 +89,28 @@ fn map_figures(figures: &mut Exposition, status: &Status) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::RefusedStatus;
-    use crate::summary::{ComponentSummary, Summary};
-    use crate::wire::Refusal;
+    use crate::base::status::RefusedStatus;
+    use crate::map::summary::{ComponentSummary, JointSummary};
+    use crate::wire::request::PieceRefusal;
 
     #[test]
     fn every_run_and_the_map_have_their_figures() {
-        let run = |robot: &str, is_connected| RunStatus {
+        let run = |robot: &str, is_connected| CopyStatus {
             robot: robot.into(),
             run: "one".into(),
             is_connected,
             frames: 60,
             received_bytes: 1234,
-            ..RunStatus::default()
+            ..CopyStatus::default()
         };
         let component = ComponentSummary { keyframes: 7, ..ComponentSummary::default() };
-        let refused = RefusedStatus { robot: "x\"".into(), what: Refusal::Name, n: 3, last: String::new() };
+        let refused =
+            RefusedStatus { robot: "x\"".into(), what: PieceRefusal::Name, n: 3, last: String::new() };
         let status = Status {
             runs: vec![run("a", true), run("b", false)],
             refused: vec![refused],
             mapped: 2,
-            map: Some(Summary { components: vec![component], ..Summary::default() }),
+            map: Some(JointSummary { components: vec![component], ..JointSummary::default() }),
             ..Status::default()
         };
         let text = figures(&status, true).text().to_owned();

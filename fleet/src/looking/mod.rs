@@ -8,8 +8,8 @@ mod table;
 mod top;
 
 use crate::arguments::{Action, LookArguments};
+use crate::base::status::{Status, is_running};
 use crate::error::FleetError;
-use crate::status::{Status, is_running};
 use serve::{serve_metrics, serve_page};
 use std::io::Write;
 use std::path::Path;

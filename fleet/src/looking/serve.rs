@@ -2,10 +2,10 @@
 
 use super::figures::figures;
 use super::{cannot, say};
+use crate::base::report::page_of;
+use crate::base::status::{STATUS_FILE, Status, is_running};
+use crate::base::traffic::Traffic;
 use crate::error::FleetError;
-use crate::report::page_of;
-use crate::status::{STATUS_FILE, Status, is_running};
-use crate::traffic::Traffic;
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use tessera_outputs::ToolError;

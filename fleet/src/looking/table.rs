@@ -1,6 +1,6 @@
 //! `tessera base DIR top` on a terminal: the runs of a base as they come.
 
-use crate::status::{RunState, RunStatus, Status, bytes};
+use crate::base::status::{CopyStatus, RunState, Status, bytes, rounded};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout};
 use ratatui::style::{Modifier, Style};
@@ -21,16 +21,16 @@ const COLUMNS: [(&str, u16); 8] = [
 /// Draws a status: runs, and below them what was refused and the map.
 pub(super) fn draw(frame: &mut Frame<'_>, status: &Status, is_running: bool) {
     let n_runs = u16::try_from(status.runs.len()).unwrap_or(u16::MAX);
-    let areas = Layout::vertical([
+    let [top, middle, bottom] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(n_runs.saturating_add(2)),
         Constraint::Min(3),
     ])
-    .split(frame.area());
+    .areas(frame.area());
     let title = format!("{}   (q ends the view, not the base)", status.headline(is_running));
-    frame.render_widget(Paragraph::new(title), areas[0]);
-    frame.render_widget(runs(status, is_running), areas[1]);
-    frame.render_widget(Paragraph::new(below(status)), areas[2]);
+    frame.render_widget(Paragraph::new(title), top);
+    frame.render_widget(runs(status, is_running), middle);
+    frame.render_widget(Paragraph::new(below(status)), bottom);
 }
 
 fn runs(status: &Status, is_running: bool) -> Table<'static> {
@@ -41,9 +41,9 @@ fn runs(status: &Status, is_running: bool) -> Table<'static> {
         .header(Row::new(COLUMNS.map(|(title, _)| title)).style(bold))
 }
 
-fn cells(run: &RunStatus, is_running: bool) -> [String; 8] {
+fn cells(run: &CopyStatus, is_running: bool) -> [String; 8] {
     let state = run.state(is_running);
-    let rate = if state == RunState::GoesOn { bytes(run.bytes_per_s as u64) } else { "-".into() };
+    let rate = if state == RunState::GoesOn { bytes(rounded(run.bytes_per_s)) } else { "-".into() };
     [
         run.robot.clone(),
         run.run.clone(),
@@ -58,7 +58,7 @@ fn cells(run: &RunStatus, is_running: bool) -> [String; 8] {
 
 /// What stands in a run's way, and then the map.
 fn below(status: &Status) -> String {
-    let problem = |run: &RunStatus| {
+    let problem = |run: &CopyStatus| {
         let problem = run.problem.as_ref().or(run.answer_problem.as_ref())?;
         Some(format!("{} {}: {problem}\n", run.robot, run.run))
     };
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn at_80_columns_every_run_stands_whole() {
-        let run = |robot: &str, is_connected| RunStatus {
+        let run = |robot: &str, is_connected| CopyStatus {
             robot: robot.into(),
             run: "morning".into(),
             is_connected,
@@ -86,7 +86,7 @@ mod tests {
             lag_bytes: 60_400,
             bytes_per_s: 98_200.0,
             received_bytes: 45_100_000,
-            ..RunStatus::default()
+            ..CopyStatus::default()
         };
         let mut runs = vec![run("robot1", true), run("robot2", false)];
         runs[1].problem = Some("the journal is not the one copied so far".into());

@@ -3,8 +3,8 @@
 use super::table::draw;
 use super::{cannot, say};
 use crate::arguments::LookArguments;
+use crate::base::status::{Status, is_running};
 use crate::error::FleetError;
-use crate::status::{Status, is_running};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use std::io::IsTerminal;
 use std::path::Path;
@@ -20,11 +20,12 @@ fn at_intervals(
     mut show: impl FnMut(&Status, Instant) -> Result<bool, FleetError>,
 ) -> Result<(), FleetError> {
     let interval = Duration::from_secs_f64(arguments.interval.unwrap_or(1.0));
-    let mut n_looks = 0;
+    let mut n_looks = 0_u64;
     loop {
         let is_last = !is_running(folder);
-        n_looks += 1;
-        let until = Instant::now() + interval;
+        n_looks = n_looks.saturating_add(1);
+        let now = Instant::now();
+        let until = now.checked_add(interval).unwrap_or(now);
         let goes_on = show(&Status::read(folder)?, until)?;
         if !goes_on || is_last || arguments.count.is_some_and(|count| n_looks >= count) {
             return Ok(());

@@ -6,12 +6,13 @@ use std::collections::BTreeSet;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
-use tessera_fleet::arrivals::{Arrival, CopyForm, Mapped};
-use tessera_fleet::carrier::Carrier;
-use tessera_fleet::map::{KnownMap, make_map};
-use tessera_fleet::replica::{Pulled, Replica, ask_offer};
-use tessera_fleet::served::Served;
-use tessera_fleet::wire::{Kind, Piece, Refusal, Request};
+use tessera_fleet::copies::arrivals::{Arrival, CopyForm, Mapped};
+use tessera_fleet::copies::replica::{Pulled, Replica, ask_offer};
+use tessera_fleet::map::joint::{KnownMap, make_map};
+use tessera_fleet::robot::served::Served;
+use tessera_fleet::wire::carrier::RobotCarrier;
+use tessera_fleet::wire::piece::{Piece, PieceKind};
+use tessera_fleet::wire::request::{PieceRefusal, Request};
 use tessera_numerics::SplitMix64;
 use tessera_slam::StoreSlot;
 
@@ -32,7 +33,7 @@ impl Faulty {
     }
 
     /// What becomes of a piece.
-    fn fate(&mut self, piece: Piece) -> Vec<Result<Piece, Refusal>> {
+    fn fate(&mut self, piece: Piece) -> Vec<Result<Piece, PieceRefusal>> {
         let fault = if self.one_in == 0 { 1 } else { self.random.below(self.one_in) };
         if fault > 0 {
             return vec![Ok(piece)];
@@ -53,18 +54,18 @@ impl Faulty {
             3 => vec![spoilt],
             4 => vec![Ok(lie)],
             5 => vec![Ok(flood); 40],
-            6 => vec![Err(Refusal::Foreign), Ok(piece)],
+            6 => vec![Err(PieceRefusal::Foreign), Ok(piece)],
             _ => old.into_iter().chain([Ok(piece)]).collect(),
         }
     }
 }
 
-impl Carrier for Faulty {
+impl RobotCarrier for Faulty {
     fn robots(&mut self) -> Vec<String> {
         vec!["a".into()]
     }
 
-    fn ask(&mut self, _: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
+    fn ask(&mut self, _: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, PieceRefusal>) -> bool) {
         let mut pieces = Vec::new();
         self.served.answer(request, &mut |piece| {
             pieces.push(piece);
@@ -92,7 +93,7 @@ fn visit(carrier: &mut Faulty, replica: &mut Replica) -> Pulled {
 }
 
 fn identity(folder: &Path) -> u64 {
-    tessera_fleet::served::identity_of(&std::fs::read(folder.join("run.json")).unwrap())
+    tessera_fleet::robot::served::identity_of(&std::fs::read(folder.join("run.json")).unwrap())
 }
 
 #[test]
@@ -125,12 +126,12 @@ fn a_copy_is_the_run_whatever_happens_on_the_way() {
         assert_eq!((again.taken_bytes, again.refused.len()), (0, 0));
     }
     let expected = [
-        Refusal::Foreign,
-        Refusal::TooLarge,
-        Refusal::Checksum,
-        Refusal::OtherRun,
-        Refusal::OtherPlace,
-        Refusal::Nonsense,
+        PieceRefusal::Foreign,
+        PieceRefusal::TooLarge,
+        PieceRefusal::Checksum,
+        PieceRefusal::OtherRun,
+        PieceRefusal::OtherPlace,
+        PieceRefusal::Nonsense,
     ];
     assert!(expected.iter().all(|what| refused.contains(what)), "{refused:?}");
 }
@@ -156,12 +157,17 @@ struct Watched {
     asked: Vec<StoreSlot>,
 }
 
-impl Carrier for Watched {
+impl RobotCarrier for Watched {
     fn robots(&mut self) -> Vec<String> {
         self.way.robots()
     }
 
-    fn ask(&mut self, robot: &str, request: &Request, take: &mut dyn FnMut(Result<Piece, Refusal>) -> bool) {
+    fn ask(
+        &mut self,
+        robot: &str,
+        request: &Request,
+        take: &mut dyn FnMut(Result<Piece, PieceRefusal>) -> bool,
+    ) {
         if let Request::Surfaces { wanted, .. } = request {
             self.asked.extend(wanted.slots());
         }
@@ -257,7 +263,7 @@ fn a_journal_that_was_replaced_is_refused_and_nothing_is_overwritten() {
     let mut other = GrowingRun::begin(&from, "run", 2);
     (0..60).for_each(|_| other.grow());
     let pulled = visit(&mut way, &mut replica);
-    assert!(pulled.refused.iter().any(|(what, _)| *what == Refusal::Replaced), "{pulled:?}");
+    assert!(pulled.refused.iter().any(|(what, _)| *what == PieceRefusal::Replaced), "{pulled:?}");
     assert_eq!(std::fs::read(to.join("align.journal")).unwrap(), before);
 }
 
@@ -282,7 +288,7 @@ fn another_run_in_the_same_folder_is_another_run() {
     assert_eq!((offer.identity, offer.run.as_str()), (identity(&from), "second"));
     // Asked for the first one's bytes, it has none.
     let pulled = replica.pull(&mut way, &offer, &|| false).unwrap();
-    assert!(pulled.refused.iter().all(|(what, _)| *what == Refusal::OtherRun), "{pulled:?}");
+    assert!(pulled.refused.iter().all(|(what, _)| *what == PieceRefusal::OtherRun), "{pulled:?}");
     assert_eq!(replica.align_bytes(), bytes);
 }
 
@@ -317,7 +323,7 @@ fn records_that_none_can_have_stop_a_copy_before_them() {
         let _ = std::fs::remove_dir_all(&to);
         let mut replica = Replica::open(&to, "a", identity(&from), CopyForm::Whole).unwrap();
         let pulled = visit(&mut Faulty::new(&from, 1, 0), &mut replica);
-        assert!(pulled.refused.iter().any(|(what, _)| *what == Refusal::Nonsense), "{pulled:?}");
+        assert!(pulled.refused.iter().any(|(what, _)| *what == PieceRefusal::Nonsense), "{pulled:?}");
         assert_eq!(replica.align_bytes(), whole.len() as u64);
     }
 }
@@ -328,7 +334,7 @@ fn a_request_that_is_nonsense_is_refused_in_words() {
     let mut run = GrowingRun::begin(dir.path(), "run", 1);
     (0..10).for_each(|_| run.grow());
     let mut served = Served::open(dir.path()).unwrap();
-    let file = tessera_fleet::wire::Growing::Align;
+    let file = tessera_fleet::wire::request::Growing::Align;
     let identity = identity(dir.path());
     let mut answer = |request: Request| {
         let mut pieces = Vec::new();
@@ -344,10 +350,10 @@ fn a_request_that_is_nonsense_is_refused_in_words() {
     {
         let pieces = answer(request.clone());
         assert_eq!(pieces.len(), 1, "{request:?}");
-        assert_eq!(pieces[0].kind, Kind::Refused, "{request:?}");
+        assert_eq!(pieces[0].kind, PieceKind::Refused, "{request:?}");
     }
     let pieces = answer(ask(identity, 0, 0));
-    assert_eq!(pieces.last().map(|piece| piece.kind), Some(Kind::End));
+    assert_eq!(pieces.last().map(|piece| piece.kind), Some(PieceKind::End));
 }
 
 #[test]

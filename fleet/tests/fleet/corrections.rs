@@ -11,10 +11,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tessera_evaluation::{EvaluationOptions, evaluate, read_tum};
-use tessera_fleet::chaos::Process;
-use tessera_fleet::network::run_key;
-use tessera_fleet::session::{End, configuration};
-use tessera_fleet::wire::{Kind, Piece, Request};
+use tessera_fleet::chaos::FleetProcess;
+use tessera_fleet::wire::keys::run_key;
+use tessera_fleet::wire::piece::{Piece, PieceKind};
+use tessera_fleet::wire::request::Request;
+use tessera_fleet::wire::session::{FleetEnd, configuration};
 use tessera_stage::BaseAnswer;
 use zenoh::{Session, Wait};
 
@@ -165,8 +166,8 @@ fn forged_answers_are_refused_counted_and_named() {
     let robot = robot.with_small_camera();
     robot.begin();
     let locator = format!("tcp/127.0.0.1:{port}");
-    let session = zenoh::open(configuration(&End::Base(Some(&locator)), None).unwrap()).wait().unwrap();
-    let _uplink: Process =
+    let session = zenoh::open(configuration(&FleetEnd::Base(Some(&locator)), None).unwrap()).wait().unwrap();
+    let _uplink: FleetProcess =
         start(&["uplink", robot.out.to_str().unwrap(), "--to", &locator, "--robot", "a", "-q"]);
     wait_for("the uplink", || !ask(&session, "a", &Request::Offer).is_empty());
     robot.wait_for_contact();
@@ -184,7 +185,7 @@ fn forged_answers_are_refused_counted_and_named() {
     ];
     for (pieces, words) in refused {
         let said = pieces.first().map(|piece| String::from_utf8_lossy(&piece.bytes).into_owned());
-        assert!(pieces.iter().all(|piece| piece.kind == Kind::Refused), "{words}: {pieces:?}");
+        assert!(pieces.iter().all(|piece| piece.kind == PieceKind::Refused), "{words}: {pieces:?}");
         assert!(said.as_ref().is_some_and(|said| said.contains(words)), "{words}: {said:?}");
     }
     assert!(!robot.out.join("base.answer").exists());

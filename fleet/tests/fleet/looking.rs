@@ -7,7 +7,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Output, Stdio};
 use std::time::Duration;
-use tessera_fleet::status::Status;
+use tessera_fleet::base::status::Status;
 
 fn look(folder: &Path, arguments: &[&str]) -> Output {
     fleet(&["base", folder.to_str().unwrap()])

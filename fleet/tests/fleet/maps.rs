@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tessera_evaluation::{EvaluationOptions, align_rigid, evaluate, read_tum};
-use tessera_fleet::summary::{JoinVerdict, Summary};
+use tessera_fleet::map::summary::{JoinVerdict, JointSummary};
 
 /// A run of a simulated scene or of a recording, in a folder.
 fn run_of(tessera: &Path, folder: &Path, source: &str, (skip, frames): (u64, u64)) -> PathBuf {
@@ -28,13 +28,13 @@ fn run_of(tessera: &Path, folder: &Path, source: &str, (skip, frames): (u64, u64
 }
 
 /// The map of runs from disk.
-fn map_of(folder: &Path, runs: &[&PathBuf]) -> Summary {
+fn map_of(folder: &Path, runs: &[&PathBuf]) -> JointSummary {
     let mut command = fleet(&["base", folder.to_str().unwrap(), "--quiet"]);
     for run in runs {
         command.arg("--add").arg(run);
     }
     assert!(command.status().unwrap().success());
-    Summary::read(&folder.join("map")).unwrap()
+    JointSummary::read(&folder.join("map")).unwrap()
 }
 
 fn ate_m(trajectory: &Path, run: &Path) -> f64 {

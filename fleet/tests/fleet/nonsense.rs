@@ -2,9 +2,10 @@
 //! same in every run. What is refused says why, what is taken holds the rules of its kind, and nothing panics.
 
 use tessera_features::Feature;
-use tessera_fleet::surface_wire::{Framed, append_frame};
-use tessera_fleet::surface_wire::{THINNING, WantedSurfaces, frames, from_wire, pack_surface};
-use tessera_fleet::wire::{Growing, Piece, Request};
+use tessera_fleet::wire::piece::Piece;
+use tessera_fleet::wire::request::{Growing, Request};
+use tessera_fleet::wire::surfaces::{Framed, append_frame};
+use tessera_fleet::wire::surfaces::{WantedSurfaces, frames, from_wire, pack_surface};
 use tessera_numerics::SplitMix64;
 use tessera_slam::StoreSlot;
 use tessera_stage::BaseAnswer;
@@ -64,7 +65,7 @@ fn surface() -> Vec<u8> {
         ..Feature::default()
     };
     let features: Vec<Feature> = (0..30).map(feature).collect();
-    pack_surface(GRID, vertex, &features, THINNING)
+    pack_surface(GRID, vertex, &features)
 }
 
 #[test]

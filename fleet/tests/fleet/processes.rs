@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
-use tessera_fleet::chaos::{self, Patience, Process, Starter};
-use tessera_fleet::status::Status;
+use tessera_fleet::base::status::Status;
+use tessera_fleet::chaos::{self, FleetProcess, Patience, Starter};
 
 fn starter() -> Starter {
     Starter { program: env!("CARGO_BIN_EXE_tessera-fleet").into(), log: None, is_whole: false }
 }
 
-pub(crate) fn wait_for_success(process: &mut Process, what: &str) {
+pub(crate) fn wait_for_success(process: &mut FleetProcess, what: &str) {
     wait_for(what, || process.ended().is_some());
     assert_eq!(process.ended(), Some(true), "{what}");
 }
@@ -27,21 +27,21 @@ pub(crate) fn fleet(arguments: &[&str]) -> Command {
     starter().command(arguments)
 }
 
-pub(crate) fn start(arguments: &[&str]) -> Process {
+pub(crate) fn start(arguments: &[&str]) -> FleetProcess {
     starter().start(arguments).unwrap()
 }
 
-pub(crate) fn uplink(run: &Path, robot: &str, port: u16) -> Process {
+pub(crate) fn uplink(run: &Path, robot: &str, port: u16) -> FleetProcess {
     starter().uplink(run, robot, port).unwrap()
 }
 
 /// A base that ends once so many runs have ended and their map is made.
-pub(crate) fn base(folder: &Path, port: u16, n_runs: usize) -> Process {
+pub(crate) fn base(folder: &Path, port: u16, n_runs: usize) -> FleetProcess {
     starter().base(folder, port, n_runs).unwrap()
 }
 
 /// As [`base`], with copies that are whole runs.
-pub(crate) fn whole_base(folder: &Path, port: u16, n_runs: usize) -> Process {
+pub(crate) fn whole_base(folder: &Path, port: u16, n_runs: usize) -> FleetProcess {
     Starter { is_whole: true, ..starter() }.base(folder, port, n_runs).unwrap()
 }
 

@@ -7,18 +7,19 @@ use crate::requirements::missing;
 use crate::run::{GrowingRun, assert_same};
 use std::path::Path;
 use std::process::Command;
-use tessera_fleet::chaos::Process;
-use tessera_fleet::network::{alive_key, run_key};
-use tessera_fleet::session::{End, configuration};
-use tessera_fleet::wire::{Piece, Refusal};
+use tessera_fleet::chaos::FleetProcess;
+use tessera_fleet::wire::keys::{alive_key, run_key};
+use tessera_fleet::wire::piece::Piece;
+use tessera_fleet::wire::request::PieceRefusal;
+use tessera_fleet::wire::session::{FleetEnd, configuration};
 use zenoh::{Config, Session, Wait};
 
 fn session(port: u16) -> Session {
     let locator = format!("tcp/127.0.0.1:{port}");
-    zenoh::open(configuration(&End::Robot(Some(&locator)), None).unwrap()).wait().unwrap()
+    zenoh::open(configuration(&FleetEnd::Robot(Some(&locator)), None).unwrap()).wait().unwrap()
 }
 
-fn n_refused(folder: &Path, robot: &str, what: Refusal) -> u64 {
+fn n_refused(folder: &Path, robot: &str, what: PieceRefusal) -> u64 {
     let refused = status(folder).refused;
     refused.iter().filter(|r| r.robot == robot && r.what == what).map(|r| r.n).sum()
 }
@@ -54,9 +55,9 @@ fn strangers_are_counted_and_harm_no_robot() {
     });
     // A robot that offers the run of another.
     let _thief_token = token(alive_key("thief"));
-    let mut served = tessera_fleet::served::Served::open(&run).unwrap();
+    let mut served = tessera_fleet::robot::served::Served::open(&run).unwrap();
     let mut offer = None;
-    served.answer(&tessera_fleet::wire::Request::Offer, &mut |piece| {
+    served.answer(&tessera_fleet::wire::request::Request::Offer, &mut |piece| {
         offer.get_or_insert(piece);
         true
     });
@@ -76,10 +77,10 @@ fn strangers_are_counted_and_harm_no_robot() {
         stranger.put(run_key("a"), vec![0u8; 1000]).wait().unwrap();
     }
     wait_for("refusals", || {
-        n_refused(&folder, "disk", Refusal::Name) > 0
-            && n_refused(&folder, "-x", Refusal::Name) > 0
-            && n_refused(&folder, "nonsense", Refusal::Foreign) > 0
-            && n_refused(&folder, "thief", Refusal::Name) > 0
+        n_refused(&folder, "disk", PieceRefusal::Name) > 0
+            && n_refused(&folder, "-x", PieceRefusal::Name) > 0
+            && n_refused(&folder, "nonsense", PieceRefusal::Foreign) > 0
+            && n_refused(&folder, "thief", PieceRefusal::Name) > 0
     });
     (0..30).for_each(|_| growing.grow());
     growing.end();
@@ -133,7 +134,7 @@ fn with_certificates_a_robot_speaks_for_itself_alone() {
     (0..30).for_each(|_| growing.grow());
     let config = |name: &str| write_configuration(dir.path(), name, port);
     let [at_base, robot1, robot2] = ["base", "robot1", "robot2"].map(config);
-    let start = |words: &[&str]| -> Process { start(words) };
+    let start = |words: &[&str]| -> FleetProcess { start(words) };
     let mut bases = start(&[
         "base",
         folder.to_str().unwrap(),
@@ -144,7 +145,7 @@ fn with_certificates_a_robot_speaks_for_itself_alone() {
         "--quiet",
     ]);
     // The second robot takes the first one's name: its token is not let through.
-    let forger: Config = configuration(&End::Robot(None), Some(&robot2)).unwrap();
+    let forger: Config = configuration(&FleetEnd::Robot(None), Some(&robot2)).unwrap();
     let forger = zenoh::open(forger).wait().unwrap();
     let _forged = forger.liveliness().declare_token(alive_key("robot1")).wait().unwrap();
     let _answers = answering(&forger, run_key("robot1"), |query| {

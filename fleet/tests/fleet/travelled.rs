@@ -5,7 +5,7 @@ use crate::requirements::data;
 
 use std::ops::Range;
 use tessera_features::Feature;
-use tessera_fleet::surface_wire::{THINNING, from_wire, pack_surface};
+use tessera_fleet::wire::surfaces::{from_wire, pack_surface};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_slam::{AlignRecord, Context, JointMap, KeyframeSurfaces, Meeting, TrackerState};
 use tessera_sources::{FolderSource, SceneName, SimulatedSource, SimulationOptions, Source};
@@ -53,7 +53,7 @@ fn walked(
         [source.camera().width, source.camera().height].map(|n| (n as usize).div_ceil(step));
     let grid = Grid { width, height, step };
     let travelled = |(vertices, features): (Vec<Vertex>, Vec<Feature>)| {
-        let bytes = pack_surface(grid, |place| vertices[place], &features, THINNING);
+        let bytes = pack_surface(grid, |place| vertices[place], &features);
         from_wire(grid, &bytes).unwrap()
     };
     (state, Travelled(map.surfaces.into_iter().zip(features).map(travelled).collect()))

@@ -4,7 +4,7 @@ use crate::journal_fold::{FoldSnapshot, JournalFold};
 use crate::posed::PosedFrame;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use tessera_journal::{Follower, Journal, Opening, Store};
+use tessera_journal::{Follower, Journal, Opening, Recovered, Store};
 use tessera_messages::store_surface;
 use tessera_settings::Fsync;
 use tessera_slam::{AlignRecord, Correction, FrameRecord, GivenUp, OptimiseRecord, Tracker};
@@ -42,6 +42,20 @@ pub(crate) struct JournaledAligner {
     given_up: GivenUp,
 }
 
+/// Logs what was read back of the aligner's journal.
+fn log_recovery(marks: Option<&Marks>, recovered: &Recovered) {
+    if let Some(marks) = marks {
+        tracing::info!("a checkpoint spares {} of {} records", marks.align.n_records, recovered.n_records);
+    }
+    if let Some(reason) = &recovered.reason {
+        tracing::warn!(
+            "the journal of align ends after {} records, {} bytes behind them are dropped: {reason}",
+            recovered.n_records,
+            recovered.dropped_bytes
+        );
+    }
+}
+
 impl JournaledAligner {
     /// Reads the state back from the run directory; locks the journal and the store.
     pub(crate) fn open(context: &StageContext) -> Result<Self, StageError> {
@@ -77,20 +91,7 @@ impl JournaledAligner {
                 Ok(())
             },
         )?;
-        if let Some(marks) = &marks {
-            tracing::info!(
-                "a checkpoint spares {} of {} records",
-                marks.align.n_records,
-                recovered.n_records
-            );
-        }
-        if let Some(reason) = &recovered.reason {
-            tracing::warn!(
-                "the journal of align ends after {} records, {} bytes behind them are dropped: {reason}",
-                recovered.n_records,
-                recovered.dropped_bytes
-            );
-        }
+        log_recovery(marks.as_ref(), &recovered);
         if context.run.map.is_some() && !fold.begins_in_map {
             return Err(StageError::Inconsistent(format!(
                 "{} does not begin with the map that the run starts in; `tessera resume` puts it back",

@@ -53,15 +53,7 @@ pub(crate) fn process_frame(
     let dropped_upstream = surface.header.dropped_before;
     if policy.skips_poison && context.poison.contains(&index) {
         // First of all: what ended this stage may be any part of the work on this frame.
-        tracing::warn!(frame = index, "lost: it ended align again and again");
-        skip_frames(state, ports, index, dropped_upstream)?;
-        let frames = index..index.saturating_add(1);
-        state.commit(AlignRecord::Skipped(SkippedFrames {
-            frames,
-            reason: "it ended align again and again".to_string(),
-        }))?;
-        ports.pulse.beat.lost += 1;
-        return Ok(());
+        return lose_frame(state, ports, index, dropped_upstream);
     }
     context.kill_points.pass("received", index);
     skip_frames(state, ports, index, dropped_upstream)?;
@@ -87,18 +79,11 @@ pub(crate) fn process_frame(
         store_keyframe(policy, state, ports, &mut record)?;
         context.kill_points.pass("stored", index);
     }
-    let is_asked = record.causes.is_relocalisation_asked;
     let concerns_optimiser = record.change.new_keyframe.is_some() || record.change.request.is_some();
     steps.enter(Step::Journal);
     log_change(state.fold.last_frame.as_ref(), &record);
     state.commit(AlignRecord::Frame(Box::new(record)))?;
     context.kill_points.pass("journaled", index);
-    if is_asked {
-        tracing::info!(
-            frame = index,
-            "a relocalisation was asked for: the place is looked for in the whole map"
-        );
-    }
     steps.enter(Step::Send);
     if let (None, Some(record)) = (sent_ahead, &state.fold.last_frame) {
         ports.poses.publish(&mut ports.pulse, record, times)?;
@@ -122,8 +107,28 @@ pub(crate) fn process_frame(
     Ok(())
 }
 
-/// Logs that the camera is lost, or tracked again.
+/// Leaves out a frame that ended this stage again and again.
+fn lose_frame(
+    state: &mut JournaledAligner,
+    ports: &mut Ports,
+    index: u64,
+    dropped_upstream: u64,
+) -> Result<(), StageError> {
+    tracing::warn!(frame = index, "lost: it ended align again and again");
+    skip_frames(state, ports, index, dropped_upstream)?;
+    let frames = index..index.saturating_add(1);
+    let reason = "it ended align again and again".to_owned();
+    state.commit(AlignRecord::Skipped(SkippedFrames { frames, reason }))?;
+    ports.pulse.beat.lost += 1;
+    Ok(())
+}
+
+/// Logs that the camera is lost, tracked again, or to be looked for.
 fn log_change(before: Option<&FrameRecord>, frame: &FrameRecord) {
+    if frame.causes.is_relocalisation_asked {
+        let what = "a relocalisation was asked for: the place is looked for in the whole map";
+        tracing::info!(frame = frame.index, "{what}");
+    }
     let was_tracked = before.is_none_or(|before| before.state == State::Tracking);
     match (was_tracked, frame.state == State::Tracking) {
         (true, false) => tracing::warn!(frame = frame.index, "not tracked: {}", frame.reason),

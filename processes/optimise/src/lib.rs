@@ -63,6 +63,17 @@ fn log_loops(correction: &Correction) {
     );
 }
 
+/// What was answered, and how long it took.
+fn log_answer(request: &RequestRecord, record: &OptimiseRecord, nanos: u64) {
+    tracing::info!(
+        request = request.request,
+        keyframes = request.n_keyframes,
+        "answered{} in {:.1} ms",
+        if matches!(record, OptimiseRecord::FromBase(_)) { " by the base" } else { "" },
+        nanos as f64 * 1e-6
+    );
+}
+
 /// Waits for the answer of a base to a request; in vain at once for what the stage itself must answer.
 fn wait_for_base(
     base: &mut BaseAnswers,
@@ -174,15 +185,8 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         align.notify();
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(solved));
-        let nanos = now.saturating_sub(began);
         pulse.done(began, now);
-        tracing::info!(
-            request = request.request,
-            keyframes = request.n_keyframes,
-            "answered{} in {:.1} ms",
-            if matches!(record, OptimiseRecord::FromBase(_)) { " by the base" } else { "" },
-            nanos as f64 * 1e-6
-        );
+        log_answer(&request, &record, now.saturating_sub(began));
         n_done += 1;
         if context.settings.run.forget_every > 0 && n_done % context.settings.run.forget_every == 0 {
             drop(state);

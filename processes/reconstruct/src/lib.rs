@@ -29,11 +29,8 @@ pub fn main(args: &StageArgs) -> ExitCode {
 /// Where the run directory, the settings or the shared memory cannot be used.
 pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let context = StageContext::open(Stage::Reconstruct, args)?;
-    let mut reconstructor = Reconstructor::new(&context.run.camera, &context.settings.surface)
-        .map_err(|e| StageError::Settings(e.to_string()))?;
-    reconstructor.steps = context.stopwatch.steps();
+    let [mut filtered, mut unfiltered] = reconstructors(&context)?;
     let steps = context.stopwatch.steps();
-    let mut unfiltered = unfiltered(&context)?;
     let mut extractor = context.feature_extractor();
     let link = context.link(Stage::Reconstruct)?;
     let listener = link.listener(Stage::Reconstruct)?;
@@ -74,12 +71,10 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let mut loan = surfaces.loan(n_vertices + vertices_of_features(features.len()))?;
         write_features(&mut loan.payload_mut()[n_vertices..], &features);
         let workload = feed.workload();
-        let reconstructor =
-            if workload == WorkloadLevel::Least { &mut unfiltered } else { &mut reconstructor };
-        *loan.header_mut() = SurfaceHeader {
-            n_features: features.len() as u32,
-            ..surface_header(&header, reconstructor, workload, began)
-        };
+        let is_least = workload == WorkloadLevel::Least;
+        let reconstructor = if is_least { &mut unfiltered } else { &mut filtered };
+        *loan.header_mut() = surface_header(&header, reconstructor, workload, began);
+        loan.header_mut().n_features = features.len() as u32;
         if kind == Kind::Frame
             && let Err(refusal) = fill(&mut loan, &header, &frame, reconstructor, &feed, context.probe)
         {
@@ -91,16 +86,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let computed = monotonic_nanos();
         pulse.phase(Phase::Computing, computed.saturating_sub(began));
         loan.header_mut().times.surface_sent = computed;
-        let delivery = context.kill_points.deliver("computed", header.index);
-        if delivery == Delivery::Corrupt {
-            loan.header_mut().kind = Kind::Frame.to_wire();
-            loan.payload_mut()[0].position[0] = f32::NAN;
-        }
-        if delivery == Delivery::Jumped {
-            let header = loan.header_mut();
-            header.index = header.index.saturating_add(1 << 40);
-        }
-        if delivery != Delivery::Dropped {
+        if is_delivered(&mut loan, context.kill_points.deliver("computed", header.index)) {
             loan.send()?;
             align.notify();
         }
@@ -108,22 +94,38 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         pulse.output(header.index);
         let now = monotonic_nanos();
         pulse.phase(Phase::Publishing, now.saturating_sub(computed));
-        match kind {
-            Kind::Frame => pulse.done(began, now),
-            // It is no frame.
-            Kind::End => pulse.progress(),
-        }
+        if kind == Kind::Frame { pulse.done(began, now) } else { pulse.progress() }
     }
 }
 
-/// What makes surfaces at the least workload.
-fn unfiltered(context: &StageContext) -> Result<Reconstructor, StageError> {
-    let mut settings = context.settings.surface.clone();
-    settings.filter_rings = WorkloadLevel::Least.filter_rings(settings.filter_rings);
-    let mut reconstructor = Reconstructor::new(&context.run.camera, &settings)
-        .map_err(|e| StageError::Settings(e.to_string()))?;
-    reconstructor.steps = context.stopwatch.steps();
-    Ok(reconstructor)
+/// What makes surfaces, and what makes them at the least workload.
+fn reconstructors(context: &StageContext) -> Result<[Reconstructor; 2], StageError> {
+    let settings = &context.settings.surface;
+    let mut least = settings.clone();
+    least.filter_rings = WorkloadLevel::Least.filter_rings(least.filter_rings);
+    let of = |settings| {
+        let mut reconstructor = Reconstructor::new(&context.run.camera, settings)
+            .map_err(|e| StageError::Settings(e.to_string()))?;
+        reconstructor.steps = context.stopwatch.steps();
+        Ok::<_, StageError>(reconstructor)
+    };
+    Ok([of(settings)?, of(&least)?])
+}
+
+/// Whether a surface is sent; a fault on purpose changes it first.
+fn is_delivered(loan: &mut Loan<SurfaceHeader, Vertex>, delivery: Delivery) -> bool {
+    match delivery {
+        Delivery::Corrupt => {
+            loan.header_mut().kind = Kind::Frame.to_wire();
+            loan.payload_mut()[0].position[0] = f32::NAN;
+        }
+        Delivery::Jumped => {
+            let header = loan.header_mut();
+            header.index = header.index.saturating_add(1 << 40);
+        }
+        _ => {}
+    }
+    delivery != Delivery::Dropped
 }
 
 fn surface_header(

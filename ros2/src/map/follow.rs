@@ -28,7 +28,7 @@ pub(crate) enum FollowError {
 }
 
 /// Where the keyframes of a map stand: each with `world_from_camera`, by id.
-pub(crate) type Scene = Vec<(u32, Pose)>;
+pub(crate) type FollowedKeyframes = Vec<(u32, Pose)>;
 
 /// A fold over the aligner's journal.
 pub(crate) struct Follow {
@@ -115,7 +115,7 @@ impl Follow {
 
     /// The keyframes of the map that the camera is in now. Those of a submap that is not joined to it
     /// have no known place in it and are left out.
-    pub(crate) fn scene(&self) -> Scene {
+    pub(crate) fn scene(&self) -> FollowedKeyframes {
         let component = self.poses.submaps().component(self.submap);
         let poses = self.poses.keyframe_poses().zip(0..);
         let own = poses.filter(|(_, id)| self.poses.component_of_keyframe(*id) == Some(component));

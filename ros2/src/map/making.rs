@@ -1,10 +1,10 @@
 //! What is made of one journal for those who read it.
 
 use super::cloud::Packed;
-use super::follow::{Follow, FollowError, Scene};
-use super::mapper::Mapper;
-use super::pace::Pace;
-use super::worker::{End, MapOptions, Update, Worker};
+use super::follow::{Follow, FollowError, FollowedKeyframes};
+use super::mapper::GridMapper;
+use super::pace::MapPace;
+use super::worker::{MapOptions, MapUpdate, Worker, WorkerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tessera_geometry::Pose;
@@ -24,19 +24,19 @@ pub(crate) struct Making<'a> {
     /// Keyframes that are not new any more; `None` before the first look: what is there then is not new.
     n_known: Option<u32>,
     /// The keyframes as the last cloud shows them.
-    shown: Scene,
-    cloud: Pace,
-    mapper: Mapper,
+    shown: FollowedKeyframes,
+    cloud: MapPace,
+    mapper: GridMapper,
     /// The last verdict.
     said: Option<String>,
-    verdict: Pace,
+    verdict: MapPace,
 }
 
 impl<'a> Making<'a> {
     pub(crate) fn new(worker: &'a Worker, follow: Follow) -> Self {
-        let (shown, cloud) = (Scene::new(), Pace::new(CLOUD));
+        let (shown, cloud) = (FollowedKeyframes::new(), MapPace::new(CLOUD));
         let mapper = mapper(&worker.options);
-        let (said, verdict) = (None, Pace::new(VERDICT));
+        let (said, verdict) = (None, MapPace::new(VERDICT));
         Self { worker, follow, held: Vec::new(), n_known: None, shown, cloud, mapper, said, verdict }
     }
 
@@ -44,7 +44,7 @@ impl<'a> Making<'a> {
     ///
     /// # Errors
     /// Where the directory cannot be read, or nothing takes what is made.
-    pub(crate) fn step(&mut self, is_last: bool) -> Result<(), End> {
+    pub(crate) fn step(&mut self, is_last: bool) -> Result<(), WorkerEnd> {
         self.follow.drain()?;
         self.judge(is_last)?;
         let wants = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
@@ -57,7 +57,7 @@ impl<'a> Making<'a> {
                 self.send_points(&scene)?;
             }
             if grid && let Some(update) = self.mapper.step(&scene, &self.held, Instant::now(), is_last) {
-                self.worker.to.send(Update::Grid(self.follow.newest_nanos(), update))?;
+                self.worker.to.send(MapUpdate::Grid(self.follow.newest_nanos(), update))?;
             }
             if cloud && scene != self.shown && (is_last || self.cloud.is_open(Instant::now())) {
                 self.send_cloud(scene)?;
@@ -70,7 +70,7 @@ impl<'a> Making<'a> {
     }
 
     /// Sends the verdict where it has changed.
-    fn judge(&mut self, is_last: bool) -> Result<(), End> {
+    fn judge(&mut self, is_last: bool) -> Result<(), WorkerEnd> {
         let now = Instant::now();
         if !is_last && !self.verdict.is_open(now) {
             return Ok(());
@@ -78,7 +78,7 @@ impl<'a> Making<'a> {
         let verdict = self.follow.verdict();
         self.verdict.close(now, Instant::now(), 0);
         if let Some(words) = verdict.clone().filter(|_| verdict != self.said) {
-            self.worker.to.send(Update::Verdict(words))?;
+            self.worker.to.send(MapUpdate::Verdict(words))?;
             self.said = verdict;
         }
         Ok(())
@@ -96,12 +96,12 @@ impl<'a> Making<'a> {
 
     /// Gives back what the keyframes need while nothing is wanted; it is made again when something is.
     fn release(&mut self) {
-        (self.held, self.shown) = (Vec::new(), Scene::new());
+        (self.held, self.shown) = (Vec::new(), FollowedKeyframes::new());
         self.mapper = mapper(&self.worker.options);
     }
 
     /// The keyframes, each with the pose that takes its points to the frame `map`.
-    fn scene(&self) -> Scene {
+    fn scene(&self) -> FollowedKeyframes {
         let map_from_world = self.worker.base.map_from_world(self.follow.world_up());
         let placed = |(id, world_from_camera)| (id, map_from_world * world_from_camera);
         self.follow.scene().into_iter().map(placed).collect()
@@ -117,25 +117,25 @@ impl<'a> Making<'a> {
         Packed::new(&thinner.points())
     }
 
-    fn send_points(&self, scene: &Scene) -> Result<(), End> {
+    fn send_points(&self, scene: &FollowedKeyframes) -> Result<(), WorkerEnd> {
         let Some(n_known) = self.n_known else { return Ok(()) };
         for keyframe in scene.iter().filter(|(id, _)| *id >= n_known) {
             let packed = self.thinned(std::iter::once(keyframe));
-            self.worker.to.send(Update::Points(self.follow.stamp_nanos(keyframe.0), packed))?;
+            self.worker.to.send(MapUpdate::Points(self.follow.stamp_nanos(keyframe.0), packed))?;
         }
         Ok(())
     }
 
-    fn send_cloud(&mut self, scene: Scene) -> Result<(), End> {
+    fn send_cloud(&mut self, scene: FollowedKeyframes) -> Result<(), WorkerEnd> {
         let began = Instant::now();
         let packed = self.thinned(scene.iter());
         self.cloud.close(began, Instant::now(), packed.len());
-        self.worker.to.send(Update::Cloud(self.follow.newest_nanos(), packed))?;
+        self.worker.to.send(MapUpdate::Cloud(self.follow.newest_nanos(), packed))?;
         self.shown = scene;
         Ok(())
     }
 }
 
-fn mapper(options: &MapOptions) -> Mapper {
-    Mapper::new(CellLattice::new(options.cell_m, options.heights_m))
+fn mapper(options: &MapOptions) -> GridMapper {
+    GridMapper::new(CellLattice::new(options.cell_m, options.heights_m))
 }

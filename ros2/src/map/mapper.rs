@@ -1,8 +1,8 @@
 //! The grid as keyframes come and move: what it shows is a function of keyframes and poses, and time
 //! alone decides when it is shown.
 
-use super::follow::Scene;
-use super::pace::Pace;
+use super::follow::FollowedKeyframes;
+use super::pace::MapPace;
 use std::time::{Duration, Instant};
 use tessera_occupancy::{CellLattice, CellVotes, ColouredPoint, GridPart, OccupancyCells, RayScan};
 
@@ -21,31 +21,31 @@ pub(crate) enum GridUpdate {
 }
 
 /// CellVotes of keyframes, and what was published of them.
-pub(crate) struct Mapper {
+pub(crate) struct GridMapper {
     lattice: CellLattice,
     votes: CellVotes,
     /// The keyframes that have voted, where they stood.
-    cast: Scene,
-    recast: Pace,
+    cast: FollowedKeyframes,
+    recast: MapPace,
     sent: Option<OccupancyCells>,
     /// The last whole grid is not the newest: what comes late would get an old one.
     is_old: bool,
-    whole: Pace,
+    whole: MapPace,
 }
 
-impl Mapper {
+impl GridMapper {
     /// No keyframe yet.
     pub(crate) fn new(lattice: CellLattice) -> Self {
         let votes = CellVotes::new(&lattice);
-        let (recast, whole) = (Pace::new(RECAST), Pace::new(WHOLE));
-        Self { lattice, votes, cast: Scene::new(), recast, sent: None, is_old: false, whole }
+        let (recast, whole) = (MapPace::new(RECAST), MapPace::new(WHOLE));
+        Self { lattice, votes, cast: FollowedKeyframes::new(), recast, sent: None, is_old: false, whole }
     }
 
     /// Takes in the keyframes as they stand now, whose points `held` has by id in their cameras' axes;
     /// `is_last` waits for nothing. Answers what is to be published.
     pub(crate) fn step(
         &mut self,
-        scene: &Scene,
+        scene: &FollowedKeyframes,
         held: &[Vec<ColouredPoint>],
         now: Instant,
         is_last: bool,
@@ -76,7 +76,13 @@ impl Mapper {
     }
 
     /// Casts rays of what is new, and of all where anything moved; whether there was any.
-    fn take(&mut self, scene: &Scene, held: &[Vec<ColouredPoint>], now: Instant, is_last: bool) -> bool {
+    fn take(
+        &mut self,
+        scene: &FollowedKeyframes,
+        held: &[Vec<ColouredPoint>],
+        now: Instant,
+        is_last: bool,
+    ) -> bool {
         if !scene.starts_with(&self.cast) {
             if !is_last && !self.recast.is_open(now) {
                 return false;
@@ -93,7 +99,7 @@ impl Mapper {
         is_more
     }
 
-    fn add(&mut self, scene: &Scene, held: &[Vec<ColouredPoint>]) {
+    fn add(&mut self, scene: &FollowedKeyframes, held: &[Vec<ColouredPoint>]) {
         for (id, map_from_camera) in &scene[self.cast.len()..] {
             let points = held.get(*id as usize).into_iter().flatten();
             self.votes.add(&RayScan::of_keyframe(&self.lattice, map_from_camera, points));
@@ -140,12 +146,12 @@ mod tests {
         CellLattice::new(0.05, (0.1, 1.0))
     }
 
-    fn scene(cameras: &[[f64; 3]]) -> Scene {
+    fn scene(cameras: &[[f64; 3]]) -> FollowedKeyframes {
         cameras.iter().zip(0..).map(|([x, y, z], id)| (id, Pose::translation(*x, *y, *z))).collect()
     }
 
     fn whole(cameras: &[[f64; 3]], held: &[Vec<ColouredPoint>]) -> OccupancyCells {
-        let update = Mapper::new(lattice()).step(&scene(cameras), held, Instant::now(), true);
+        let update = GridMapper::new(lattice()).step(&scene(cameras), held, Instant::now(), true);
         let Some(GridUpdate::Whole(grid)) = update else { panic!("{update:?}") };
         grid
     }
@@ -198,7 +204,7 @@ mod tests {
     fn keyframes_one_by_one_give_what_all_at_once_give_and_so_do_parts() {
         let held = CAMERAS.map(|camera| view(camera, true));
         let (all, now) = (whole(&CAMERAS, &held), Instant::now());
-        let mut mapper = Mapper::new(lattice());
+        let mut mapper = GridMapper::new(lattice());
         let first = mapper.step(&scene(&CAMERAS[..1]), &held, now, false);
         assert_eq!(first, Some(GridUpdate::Whole(whole(&CAMERAS[..1], &held))));
         assert_eq!(mapper.step(&scene(&CAMERAS[..1]), &held, now, true), None, "nothing is new");

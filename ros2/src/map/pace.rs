@@ -10,12 +10,12 @@ const SHARE: f64 = 0.1;
 
 /// When something may be made again.
 #[derive(Debug)]
-pub(crate) struct Pace {
+pub(crate) struct MapPace {
     period: Duration,
     next: Option<Instant>,
 }
 
-impl Pace {
+impl MapPace {
     /// Now, and then after that time at least.
     pub(crate) fn new(period: Duration) -> Self {
         Self { period, next: None }
@@ -42,7 +42,7 @@ mod tests {
     fn what_is_large_or_takes_long_is_made_less_often() {
         let now = Instant::now();
         let after = |seconds| now + Duration::from_secs(seconds);
-        let mut pace = Pace::new(Duration::from_secs(5));
+        let mut pace = MapPace::new(Duration::from_secs(5));
         assert!(pace.is_open(now));
         pace.close(now, now, 1000);
         assert!(!pace.is_open(after(4)) && pace.is_open(after(5)));

@@ -1,8 +1,8 @@
 //! The grid as files that Nav2's map_server reads: `map.yaml` beside `map.pgm`.
 
 use super::mapper::GridUpdate;
-use super::worker::{MapOptions, Update, Wanted, Worker};
-use crate::base::Base;
+use super::worker::{MapOptions, MapUpdate, Wanted, Worker};
+use crate::poses::base::Base;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::sync_channel;
@@ -32,8 +32,8 @@ pub(crate) fn save_grid(
         let (mut grid, mut trouble) = (None, "there is no keyframe yet".to_owned());
         for update in updates {
             match update {
-                Update::Grid(_, GridUpdate::Whole(whole)) => grid = Some(whole),
-                Update::Trouble(why) => trouble = why,
+                MapUpdate::Grid(_, GridUpdate::Whole(whole)) => grid = Some(whole),
+                MapUpdate::Trouble(why) => trouble = why,
                 _ => {}
             }
         }

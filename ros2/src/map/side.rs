@@ -2,12 +2,12 @@
 
 use super::grid::{grid_message, part_message};
 use super::mapper::GridUpdate;
-use super::worker::{MapOptions, Update, Wanted, Worker};
-use crate::base::Base;
+use super::worker::{MapOptions, MapUpdate, Wanted, Worker};
 use crate::carrier::{CLOUD, Carrier, CarrierError, GRID, GRID_UPDATE, Publication, Quality};
-use crate::clock::Clock;
 use crate::error::Ros2Error;
-use crate::report::{Event, Report};
+use crate::poses::base::Base;
+use crate::report::{Report, ReportEvent};
+use crate::run::clock::ImageClock;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -29,7 +29,7 @@ pub(crate) struct MapSide {
     grid: Topic,
     grid_updates: Topic,
     wanted: Arc<Wanted>,
-    updates: Option<Receiver<Update>>,
+    updates: Option<Receiver<MapUpdate>>,
     /// The verdict on the run so far, once it has frames.
     pub(crate) verdict: Option<String>,
 }
@@ -95,7 +95,7 @@ impl MapSide {
     ///
     /// # Errors
     /// Where a message cannot be written as CDR.
-    pub(crate) fn step(&mut self, clock: &Clock, report: &mut Report) -> Result<(), Ros2Error> {
+    pub(crate) fn step(&mut self, clock: &ImageClock, report: &mut Report) -> Result<(), Ros2Error> {
         while let Some(update) = self.updates.as_ref().and_then(|updates| updates.try_recv().ok()) {
             self.publish(&update, clock, report)?;
         }
@@ -106,7 +106,7 @@ impl MapSide {
     ///
     /// # Errors
     /// As [`Self::step`].
-    pub(crate) fn finish(&mut self, clock: &Clock, report: &mut Report) -> Result<(), Ros2Error> {
+    pub(crate) fn finish(&mut self, clock: &ImageClock, report: &mut Report) -> Result<(), Ros2Error> {
         self.wanted.is_over.store(true, Ordering::Release);
         let deadline = Instant::now() + PATIENCE;
         while let Some(updates) = &self.updates {
@@ -118,31 +118,36 @@ impl MapSide {
         Ok(())
     }
 
-    fn publish(&mut self, update: &Update, clock: &Clock, report: &mut Report) -> Result<(), Ros2Error> {
+    fn publish(
+        &mut self,
+        update: &MapUpdate,
+        clock: &ImageClock,
+        report: &mut Report,
+    ) -> Result<(), Ros2Error> {
         let header = |run_nanos: i64| Header {
             stamp: Time::from_nanos(clock.camera_nanos(run_nanos)),
             frame_id: MAP.into(),
         };
         let sent = match update {
-            Update::Points(at, packed) => self.points.to.send(&encode(&packed.message(header(*at)))?),
-            Update::Cloud(at, packed) => self.cloud.to.send(&encode(&packed.message(header(*at)))?),
-            Update::Grid(at, GridUpdate::Whole(grid)) => {
+            MapUpdate::Points(at, packed) => self.points.to.send(&encode(&packed.message(header(*at)))?),
+            MapUpdate::Cloud(at, packed) => self.cloud.to.send(&encode(&packed.message(header(*at)))?),
+            MapUpdate::Grid(at, GridUpdate::Whole(grid)) => {
                 self.grid.to.send(&encode(&grid_message(grid, header(*at), self.options.cell_m))?)
             }
-            Update::Grid(at, GridUpdate::Part(part)) => {
+            MapUpdate::Grid(at, GridUpdate::Part(part)) => {
                 self.grid_updates.to.send(&encode(&part_message(part, header(*at)))?)
             }
-            Update::Verdict(verdict) => {
+            MapUpdate::Verdict(verdict) => {
                 self.verdict = Some(verdict.clone());
                 return Ok(());
             }
-            Update::Trouble(why) => {
-                report.note(Event::Map, || format!("the map cannot be read: {why}"));
+            MapUpdate::Trouble(why) => {
+                report.note(ReportEvent::Map, || format!("the map cannot be read: {why}"));
                 return Ok(());
             }
         };
         if let Err(error) = sent {
-            report.note(Event::Carrier, || error.to_string());
+            report.note(ReportEvent::Carrier, || error.to_string());
         }
         Ok(())
     }

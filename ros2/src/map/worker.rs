@@ -5,7 +5,7 @@ use super::cloud::Packed;
 use super::follow::{Follow, FollowError};
 use super::making::Making;
 use super::mapper::GridUpdate;
-use crate::base::Base;
+use crate::poses::base::Base;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SendError, SyncSender};
 use std::time::Duration;
@@ -26,7 +26,7 @@ pub(crate) struct Wanted {
 }
 
 /// What is to be published, with the time in the run.
-pub(crate) enum Update {
+pub(crate) enum MapUpdate {
     /// Points of a new keyframe.
     Points(i64, Packed),
     /// The whole map.
@@ -57,24 +57,24 @@ pub(crate) struct Worker {
     /// The base of the robot as seen from its camera.
     pub(crate) base: Base,
     pub(crate) wanted: std::sync::Arc<Wanted>,
-    pub(crate) to: SyncSender<Update>,
+    pub(crate) to: SyncSender<MapUpdate>,
 }
 
 /// Why the thread stops to follow.
-pub(crate) enum End {
+pub(crate) enum WorkerEnd {
     Trouble(FollowError),
     /// Nothing takes what it makes.
     NotWanted,
 }
 
-impl From<FollowError> for End {
+impl From<FollowError> for WorkerEnd {
     fn from(error: FollowError) -> Self {
         Self::Trouble(error)
     }
 }
 
-impl From<SendError<Update>> for End {
-    fn from(_: SendError<Update>) -> Self {
+impl From<SendError<MapUpdate>> for WorkerEnd {
+    fn from(_: SendError<MapUpdate>) -> Self {
         Self::NotWanted
     }
 }
@@ -82,8 +82,8 @@ impl From<SendError<Update>> for End {
 impl Worker {
     /// Follows the run until it is over or nothing takes what is made.
     pub(crate) fn work(&self) {
-        while let Err(End::Trouble(error)) = self.follow() {
-            if self.to.send(Update::Trouble(error.to_string())).is_err() || self.is_over() {
+        while let Err(WorkerEnd::Trouble(error)) = self.follow() {
+            if self.to.send(MapUpdate::Trouble(error.to_string())).is_err() || self.is_over() {
                 return;
             }
             std::thread::sleep(AGAIN);
@@ -94,7 +94,7 @@ impl Worker {
         self.wanted.is_over.load(Ordering::Acquire)
     }
 
-    fn follow(&self) -> Result<(), End> {
+    fn follow(&self) -> Result<(), WorkerEnd> {
         let mut making = loop {
             if let Some(follow) = Follow::open(&self.entry)? {
                 break Making::new(self, follow);

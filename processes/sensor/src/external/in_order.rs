@@ -14,7 +14,7 @@ const PATIENCE_NANOS: u64 = 1_000_000_000;
 const MOST_REQUESTS: u32 = 10;
 
 /// What was asked for last.
-struct Request {
+struct AwaitedFrame {
     /// First frame that is missing.
     next: u64,
     epoch: u64,
@@ -28,7 +28,7 @@ struct Request {
     has_ended: bool,
 }
 
-impl Request {
+impl AwaitedFrame {
     fn new(next: u64) -> Self {
         let now = monotonic_nanos();
         Self { next, epoch: now, at: now, later: None, n: 1, has_ended: false }
@@ -49,13 +49,13 @@ impl Request {
 /// The camera's images by their indices.
 pub(super) struct InOrder {
     camera: ExternalCamera,
-    request: Request,
+    request: AwaitedFrame,
     window: u64,
 }
 
 impl InOrder {
     pub(super) fn new(camera: ExternalCamera, window: u64) -> Self {
-        Self { camera, request: Request::new(0), window }
+        Self { camera, request: AwaitedFrame::new(0), window }
     }
 
     /// Uses an image if it is the next one, else notes it.
@@ -85,7 +85,7 @@ impl InOrder {
 
     /// Asks again for the frame that does not come.
     fn repeat_request(&mut self) -> Result<(), StageError> {
-        let Request { next, n, later, .. } = self.request;
+        let AwaitedFrame { next, n, later, .. } = self.request;
         if let Some(later) = later.filter(|_| n >= MOST_REQUESTS) {
             return Err(StageError::Input(format!(
                 "frame {next} was asked for {n} times, and the camera sends frame {later}: it must keep its \
@@ -100,7 +100,7 @@ impl InOrder {
 
 impl Supply for InOrder {
     fn begin_epoch(&mut self, _: &StageContext, first_missing: u64) -> Result<(), StageError> {
-        self.request = Request::new(first_missing);
+        self.request = AwaitedFrame::new(first_missing);
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 
 use crate::arguments::{RunArguments, Speech};
 use crate::commands::beside::with_company;
-use crate::commands::run::{new_plan, run_dir};
+use crate::commands::new_plan::{new_plan, run_dir};
 use crate::exit::{CommandError, Exit};
 use crate::launch::{LaunchError, launch};
 use std::time::{Duration, Instant};

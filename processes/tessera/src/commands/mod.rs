@@ -11,6 +11,7 @@ mod evaluate;
 mod export;
 mod external;
 mod metrics;
+mod new_plan;
 mod passed_on;
 mod profile;
 mod record;

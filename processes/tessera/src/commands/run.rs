@@ -3,22 +3,22 @@
 use crate::arguments::RunArguments;
 use crate::commands::beside::with_company;
 use crate::commands::external;
+use crate::commands::new_plan::{new_plan, run_dir};
 use crate::commands::resume::{Resumption, resume_in};
 use crate::commands::several::several;
 use crate::exit::{CommandError, Exit};
-use crate::launch::{LaunchError, kill_plan, launch};
+use crate::launch::{LaunchError, launch};
 use crate::run_folder;
 use crate::terminal::say_error;
 use crate::terminal::say_to_people;
 use crate::viewer::Recording;
-use std::path::{Path, PathBuf};
-use tessera_geometry::Camera;
+use std::path::Path;
 use tessera_settings::Settings;
 use tessera_sources::{
     CAMERA_NAMES, Source, SourceSpec, doubt_units, refuse_impossible_depth, summarise_depth,
 };
 use tessera_stage::RunFiles;
-use tessera_supervisor::{Plan, SupervisorError, update_map};
+use tessera_supervisor::{SupervisorError, update_map};
 use tessera_transport::{TransportError, check_name};
 
 /// Frames looked at before the start, to notice wrong depth units.
@@ -181,11 +181,6 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     Ok(settings)
 }
 
-/// Folder of a run of that name.
-pub(super) fn run_dir(arguments: &RunArguments, name: &str) -> PathBuf {
-    arguments.out.clone().unwrap_or_else(|| Path::new(run_folder::RUNS).join(name))
-}
-
 fn start(
     arguments: &RunArguments,
     settings: &Settings,
@@ -211,31 +206,4 @@ fn start(
         }
     }
     Ok(exit)
-}
-
-/// What a fresh run is to be.
-pub(super) fn new_plan(
-    arguments: &RunArguments,
-    settings: &Settings,
-    name: &str,
-    camera: Camera,
-    n_frames: Option<u64>,
-) -> Result<Plan, CommandError> {
-    Ok(Plan {
-        name: name.to_owned(),
-        run_dir: run_dir(arguments, name),
-        settings: settings.clone(),
-        camera,
-        n_frames,
-        fps: arguments.topics.fps,
-        doubts: Vec::new(),
-        warnings: Vec::new(),
-        hold: arguments.hold,
-        resume: false,
-        drop_damaged: false,
-        executable: std::env::current_exe()
-            .map_err(|error| CommandError::stage(format!("cannot find the own program: {error}")))?,
-        kill_points: arguments.faults.as_deref().map(kill_plan),
-        is_traced: arguments.trace.is_some(),
-    })
 }

@@ -2,7 +2,7 @@
 
 use crate::align::align_rigid;
 use crate::associate::{associate_evo, associate_tum};
-use crate::evaluate::EvaluationError;
+use crate::error::EvaluationError;
 use crate::{Statistics, Trajectory};
 use nalgebra::Vector3;
 use tessera_geometry::Pose;

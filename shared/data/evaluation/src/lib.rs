@@ -12,6 +12,7 @@
 mod align;
 mod associate;
 mod ate;
+mod error;
 mod evaluate;
 mod file;
 mod forms;
@@ -25,9 +26,8 @@ mod statistics;
 pub use align::{Similarity, align_rigid, align_similarity};
 pub use associate::{associate_evo, associate_tum};
 pub use ate::{Ate, AteOptions, ape_evo, ate};
-pub use evaluate::{
-    Coverage, Evaluation, EvaluationError, EvaluationOptions, ScaleReport, TimeOffsetReport, evaluate,
-};
+pub use error::EvaluationError;
+pub use evaluate::{Coverage, Evaluation, EvaluationOptions, ScaleReport, TimeOffsetReport, evaluate};
 pub use file::{
     ReadError, Trajectory, TrajectoryError, TumRows, parse_tum, read_tum, read_tum_rows, write_tum,
     write_tum_row,

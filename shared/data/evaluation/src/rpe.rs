@@ -1,6 +1,6 @@
 //! Relative pose error: how the motion over a second differs from the true one.
 
-use crate::evaluate::EvaluationError;
+use crate::error::EvaluationError;
 use crate::{Statistics, Trajectory};
 use tessera_geometry::{Pose, translation_rotation_norms};
 

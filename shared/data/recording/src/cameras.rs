@@ -4,7 +4,7 @@ use crate::camera;
 use crate::chunks::{Chunks, FoundMessage};
 use crate::colour::{self, ColourUse};
 use crate::error::RecordingError;
-use crate::imu::Instruments;
+use crate::instruments::Instruments;
 use crate::topics::Topics;
 use tessera_frames::{CameraFile, Undistortion};
 use tessera_geometry::Camera;

@@ -25,6 +25,7 @@ mod container;
 mod error;
 mod foxglove;
 mod imu;
+mod instruments;
 mod librealsense;
 mod live;
 mod messages;
@@ -104,10 +105,7 @@ impl RecordingSource {
         options: &RecordingOptions<'_>,
         frames: Option<u64>,
     ) -> Result<Self, SourceError> {
-        let wrong = |source: RecordingError| SourceError::Recording {
-            path: path.to_owned(),
-            source: Box::new(source),
-        };
+        let wrong = |source| SourceError::Recording { path: path.to_owned(), source: Box::new(source) };
         let given = options.camera.map(CameraFile::named).transpose()?;
         let file = container::open(path).map_err(wrong)?;
         let mut warnings: Vec<String> =
@@ -140,26 +138,22 @@ impl RecordingSource {
         if options.first.is_none() {
             warnings.extend(cameras.instruments.left_out(&found));
         }
-        let (mut depth, mut colour) = (found.depth, found.colour);
-        if matches!(cameras.colour, ColourUse::None) {
-            colour.clear();
-        }
+        let is_used = !matches!(cameras.colour, ColourUse::None);
+        let (mut depth, colour) = (found.depth, if is_used { found.colour } else { Vec::new() });
         let times = |spots: &[Spot]| spots.iter().map(|spot| spot.stamp_nanos).collect::<Vec<i64>>();
-        let (mut depth_times, colour_times) = (times(&depth), times(&colour));
+        let (depth_times, colour_times) = (times(&depth), times(&colour));
         let mut partners = pair(&depth_times, &colour_times);
-        if let Some(frames) = frames {
-            let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());
-            depth.truncate(kept);
-            depth_times.truncate(kept);
-            partners.truncate(kept);
-        }
+        let kept = frames.map_or(depth.len(), |n| usize::try_from(n).unwrap_or(usize::MAX).min(depth.len()));
+        depth.truncate(kept);
+        partners.truncate(kept);
+        let depth_times = depth_times.get(..kept).unwrap_or_default();
         if !is_stated && !options.is_without_colour && options.first.is_none() {
             let reason = topics.colour.is_none().then_some("the recording has no colour topic");
-            warnings.extend(uncoloured(&depth_times, &colour_times, &partners, reason));
+            warnings.extend(uncoloured(depth_times, &colour_times, &partners, reason));
         }
         let rays = is_distance.then(|| RayLengths::new(&cameras.depth));
-        let rotations = imu.rotations(&depth_times);
-        let pairing = summarise(&depth_times, &colour_times, &partners);
+        let rotations = imu.rotations(depth_times);
+        let pairing = summarise(depth_times, &colour_times, &partners);
         Ok(Self {
             path: path.to_owned(),
             chunks,

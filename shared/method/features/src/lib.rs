@@ -40,7 +40,7 @@ pub use extractor::Extractor;
 pub use feature::Feature;
 pub use focal::{FocalRatio, ViewPair, focal_ratio};
 pub use gate::Gate;
-pub use matching::{FeatureMatch, MatchWorkspace, hamming_distance, match_features, nearest_before};
+pub use matching::{FeatureMatch, MatchWorkspace, hamming_distance, match_features};
 pub use picture::{Picture, PictureError, Pixels};
 pub use place_index::{PlaceIndex, PlaceMatch};
 pub use pose::{Correspondence, Observation, PointEstimate, PoseEstimate, PoseWorkspace, estimate_pose};

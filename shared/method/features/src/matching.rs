@@ -3,7 +3,6 @@
 use crate::feature::Feature;
 use crate::gate::{Gate, TargetCells};
 use crate::settings::MatchSettings;
-use tessera_numerics::Isa;
 
 /// A query feature and the target feature that it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,33 +50,6 @@ impl MatchWorkspace {
 #[inline(always)]
 pub fn hamming_distance(a: &[u64; 4], b: &[u64; 4]) -> u32 {
     (0..4).map(|k| (a[k] ^ b[k]).count_ones()).sum()
-}
-
-/// For each descriptor the nearest one before it, and the Hamming distance; the first among equals, none for the
-/// first of all. The same with any instructions.
-pub fn nearest_before(descriptors: &[[u64; 4]], isa: Isa) -> Vec<Option<(usize, u32)>> {
-    isa.arch().dispatch(NearestBefore(descriptors))
-}
-
-struct NearestBefore<'a>(&'a [[u64; 4]]);
-
-impl pulp::WithSimd for NearestBefore<'_> {
-    type Output = Vec<Option<(usize, u32)>>;
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _simd: S) -> Self::Output {
-        let mut distances = vec![0; self.0.len()];
-        let mut nearest = Vec::with_capacity(self.0.len());
-        for (place, of) in self.0.iter().enumerate() {
-            let distances = &mut distances[..place];
-            for (distance, before) in distances.iter_mut().zip(self.0) {
-                *distance = hamming_distance(of, before);
-            }
-            let least = distances.iter().copied().fold(u32::MAX, u32::min);
-            nearest.push(distances.iter().position(|d| *d == least).map(|before| (before, least)));
-        }
-        nearest
-    }
 }
 
 /// A candidate that may not be matched.
@@ -282,21 +254,6 @@ mod tests {
             (0..n).map(feature).collect()
         };
         [of_image(90), of_image(1)]
-    }
-
-    #[test]
-    fn the_nearest_descriptor_before_is_the_first_among_equals() {
-        let mut random = SplitMix64::new(5);
-        let words: Vec<[u64; 4]> = (0..20).map(|_| [0; 4].map(|_: u64| random.next_u64())).collect();
-        let mut descriptors: Vec<[u64; 4]> = (0..300).map(|_| words[random.below(20)]).collect();
-        descriptors.iter_mut().for_each(|d| d[random.below(4)] ^= u64::from(random.below(2) == 0));
-        let found = nearest_before(&descriptors, Isa::default());
-        for (place, (of, found)) in descriptors.iter().zip(&found).enumerate() {
-            let distances = descriptors[..place].iter().map(|before| hamming_distance(of, before));
-            let expected = distances.zip(0..).min().map(|(distance, before)| (before, distance));
-            assert_eq!(*found, expected, "{place}");
-        }
-        assert_eq!(nearest_before(&[], Isa::default()), []);
     }
 
     /// The definition, pair by pair.

@@ -23,7 +23,7 @@ struct VoxelCorner {
 
 /// Triangles of one block.
 #[derive(Default)]
-struct Piece {
+struct MeshPiece {
     vertices: Vec<VoxelCorner>,
     triangles: Vec<[u32; 3]>,
 }
@@ -31,7 +31,7 @@ struct Piece {
 /// The mesh of all blocks, manifold and without pieces of fewer than `min_triangles`.
 pub(crate) fn mesh(volume: &Volume, min_triangles: usize) -> Mesh {
     let places = volume.in_order();
-    let pieces: Vec<Piece> = places
+    let pieces: Vec<MeshPiece> = places
         .par_iter()
         .map_init(SurfaceNetsBuffer::default, |buffer, place| piece(volume, place, buffer))
         .collect();
@@ -55,7 +55,7 @@ pub(crate) fn mesh(volume: &Volume, min_triangles: usize) -> Mesh {
     mesh.manifold().without_small_pieces(min_triangles)
 }
 
-fn piece(volume: &Volume, place: &[i32; 3], buffer: &mut SurfaceNetsBuffer) -> Piece {
+fn piece(volume: &Volume, place: &[i32; 3], buffer: &mut SurfaceNetsBuffer) -> MeshPiece {
     let voxels = padded(&volume.neighbourhood(place));
     // What was never seen counts as in front, so that the net is closed; its vertices go again.
     let field: Vec<f32> = voxels.iter().map(|v| if v.weight > 0.0 { v.distance } else { 1.0 }).collect();
@@ -78,7 +78,7 @@ fn piece(volume: &Volume, place: &[i32; 3], buffer: &mut SurfaceNetsBuffer) -> P
         .iter()
         .map(|c| corners(&voxels, c.map(|c| c as i32)).all(|v| v.weight > 0.0))
         .collect();
-    let mut piece = Piece::default();
+    let mut piece = MeshPiece::default();
     let mut ids = vec![u32::MAX; vertices.len()];
     for triangle in buffer.indices.chunks_exact(3) {
         if triangle.iter().all(|&k| is_seen[k as usize]) {

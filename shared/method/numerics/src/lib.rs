@@ -1,6 +1,6 @@
 //! Numerical tools of the method that know nothing of surfaces: vector instructions, the random
 //! generator, the sparse Cholesky factorisation of 6x6 blocks, parallel maps with a fixed order,
-//! checked setting ranges, codes of small integers, a range coder, memory asked for ahead and the named
+//! checked setting ranges, codes of small integers, memory asked for ahead and the named
 //! steps of the work on a frame.
 //!
 //! Every result has the same bits for any number of threads and any set of vector instructions.
@@ -18,7 +18,6 @@ pub mod parallel;
 mod prefetch;
 mod random;
 mod range;
-mod range_coder;
 mod rice;
 mod steps;
 
@@ -29,6 +28,5 @@ pub use jackknife::jackknife_sigma;
 pub use prefetch::prefetch;
 pub use random::{SplitMix64, mix};
 pub use range::{SettingError, check_range};
-pub use range_coder::{BitCoder, BitModel, ByteParts, NumberModel, Parts, RangeReader, RangeWriter};
 pub use rice::{RiceReader, RiceWriter, unzigzag, zigzag};
 pub use steps::*;

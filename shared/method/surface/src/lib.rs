@@ -22,7 +22,6 @@ mod planes;
 mod reconstruct;
 mod rings;
 mod settings;
-pub mod thinned;
 mod vertex;
 mod workload_level;
 

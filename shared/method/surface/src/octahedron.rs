@@ -12,29 +12,17 @@ pub(crate) fn round(value: f32) -> i32 {
 
 /// Place on the map, of the hemisphere towards the camera in its middle; `[0, 0]` for no normal.
 #[inline(always)]
-pub(crate) fn from_normal(normal: [f32; 3]) -> [i32; 2] {
-    from_normal_by(STEPS, normal)
-}
-
-/// As [`from_normal`], with so many steps from the centre of the map to its border.
-#[inline(always)]
-pub(crate) fn from_normal_by(steps: f32, [x, y, z]: [f32; 3]) -> [i32; 2] {
+pub(crate) fn from_normal([x, y, z]: [f32; 3]) -> [i32; 2] {
     let length = x.abs() + y.abs() + z.abs();
     // NaN for no normal, and a cast makes 0 of it.
     let [u, v] = folded_where(z > 0.0, [x / length, y / length]);
-    [round(u * steps), round(v * steps)]
+    [round(u * STEPS), round(v * STEPS)]
 }
 
 /// The unit vector of a place on the map.
 #[inline(always)]
-pub(crate) fn to_normal(place: [i32; 2]) -> [f32; 3] {
-    to_normal_by(STEPS, place)
-}
-
-/// As [`to_normal`], with so many steps from the centre of the map to its border.
-#[inline(always)]
-pub(crate) fn to_normal_by(steps: f32, [u, v]: [i32; 2]) -> [f32; 3] {
-    let (u, v) = (u as f32 / steps, v as f32 / steps);
+pub(crate) fn to_normal([u, v]: [i32; 2]) -> [f32; 3] {
+    let (u, v) = (u as f32 / STEPS, v as f32 / STEPS);
     let z = u.abs() + v.abs() - 1.0;
     let [x, y] = folded_where(z > 0.0, [u, v]);
     let length = (x * x + y * y + z * z).sqrt();

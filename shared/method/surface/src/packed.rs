@@ -3,17 +3,17 @@
 //!
 //! Points are rounded to an eighth of a millimetre, normals to 0.1 to 0.2 degrees; flags and
 //! colours stay as they are. First come each third vertex of each third row and those beside them that the caller
-//! names, so that these can be read without the others. What [`unpack`] returns is a function of the bytes and of
-//! the named places alone.
+//! names, so that these can be read without the others, and travel without them: a narrow link carries
+//! [`pack_first`]. What [`unpack`] returns is a function of the bytes and of the named places alone.
 
 mod first;
 mod rounded;
 mod rows;
+mod spread;
 
 pub use crate::packed::first::FirstVertices;
 use crate::packed::rounded::Rounded;
 use crate::packed::rows::RoundedRows;
-pub(crate) use crate::packed::rows::predict_row;
 use crate::vertex::{Grid, Vertex};
 use tessera_numerics::{RiceReader, RiceWriter};
 
@@ -60,7 +60,7 @@ pub fn pack_and_round(grid: Grid, vertices: &[Vertex], beside: &[usize]) -> (Vec
 fn pack_rows(grid: Grid, vertices: &[Vertex], beside: &[usize], mut each: impl FnMut(&Rounded)) -> Vec<u8> {
     assert_eq!(vertices.len(), grid.len(), "vertices of the grid");
     let mut writer = RiceWriter::default();
-    let first = FirstVertices::write(&mut writer, grid, vertices, beside);
+    let first = FirstVertices::write(&mut writer, grid, &|place| vertices[place], beside);
     let mut rows = RoundedRows::new(grid.width);
     for (row, line) in vertices.chunks_exact(grid.width).enumerate() {
         rows.next();
@@ -97,6 +97,24 @@ pub fn unpack(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<Vec<Vertex>,
 /// Where the bytes do not begin as those of a surface of this grid.
 pub fn unpack_first(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<FirstVertices, UnpackError> {
     FirstVertices::read(&mut RiceReader::new(bytes), grid, beside).ok_or(UnpackError::of(grid))
+}
+
+/// Packs the first vertices of a grid alone, and those `beside` them; of the others nothing is asked.
+pub fn pack_first(grid: Grid, vertex_at: impl Fn(usize) -> Vertex, beside: &[usize]) -> Vec<u8> {
+    let mut writer = RiceWriter::default();
+    FirstVertices::write(&mut writer, grid, &vertex_at, beside);
+    writer.finish()
+}
+
+/// A whole grid of vertices of what [`pack_first`] packed: those between are interpolated where both ends are of
+/// one smooth surface. `beside` as when it was packed.
+///
+/// # Errors
+/// Where the bytes are not the first vertices of a surface of this grid.
+pub fn unpack_spread(grid: Grid, bytes: &[u8], beside: &[usize]) -> Result<Vec<Vertex>, UnpackError> {
+    let mut reader = RiceReader::new(bytes);
+    let first = FirstVertices::read(&mut reader, grid, beside).filter(|_| reader.is_at_end());
+    Ok(first.ok_or(UnpackError::of(grid))?.spread())
 }
 
 /// Few enough to stay in the nearest cache.

@@ -114,10 +114,6 @@ pub struct FramePayload<'a> {
     pub colour: Option<&'a [u8]>,
 }
 
-/// Frames that may be left out in a row: those of an hour at 30 Hz. A run without a frame for a moment ends
-/// long before.
-pub const MOST_LEFT_OUT: u64 = 108_000;
-
 impl FrameHeader {
     /// Checks everything that this header says against what the run's configuration says.
     ///
@@ -156,6 +152,7 @@ impl FrameHeader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MOST_LEFT_OUT;
 
     const SHAPE: FrameShape = FrameShape { width: 5, height: 3 };
 

@@ -1,7 +1,10 @@
 //! The trait of a message, and the errors of a refused one.
 
-use crate::frame::MOST_LEFT_OUT;
 use bytemuck::{Pod, Zeroable};
+
+/// Frames that may be left out in a row: those of an hour at 30 Hz. A run without a frame for a moment ends
+/// long before.
+pub const MOST_LEFT_OUT: u64 = 108_000;
 
 /// Plain data that may travel: fixed layout, no pointers, any bit pattern is a value.
 pub trait Message: Pod + std::fmt::Debug + Send + Sync {

@@ -31,16 +31,6 @@ pub enum SettingsError {
         /// The nearest known key, as words; empty where none is near.
         hint: String,
     },
-    /// A key of an earlier version.
-    #[error("{origin}: {key}: {answer}")]
-    Moved {
-        /// File and line, or argument.
-        origin: String,
-        /// Full path of the key.
-        key: String,
-        /// Where it went.
-        answer: String,
-    },
     /// A value of another type.
     #[error("{origin}: `{key}` is {found}, expected {expected}")]
     Type {

@@ -66,11 +66,6 @@ pub(crate) fn renamed_in(message: &str) -> String {
     })
 }
 
-/// The key as it stands in a file, where it is one of the group's.
-pub(crate) fn path_in_file(key: &str) -> Option<String> {
-    KEYS.contains(&key).then(|| format!("{GROUP}.{key}"))
-}
-
 /// Puts `over` on top of `under`, table by table.
 pub(crate) fn merge(under: &mut Table, over: Table) {
     for (key, value) in over {

@@ -1,6 +1,6 @@
 //! The keys there are, taken from the defaults themselves, and the nearest to a wrong one.
 
-use crate::{SettingsError, moved};
+use crate::SettingsError;
 use toml::de::DeValue;
 use toml::{Table, Value};
 
@@ -69,10 +69,7 @@ pub(crate) fn check_keys(
         let path = join(prefix, key.get_ref());
         let at = || origin(key.span().start);
         let Some(expected) = known.get(key.get_ref().as_ref()) else {
-            return Err(match moved::first(&path, value.get_ref()) {
-                Some((key, answer)) => SettingsError::Moved { origin: at(), key, answer },
-                None => SettingsError::UnknownKey { origin: at(), hint: hint(top, &path), key: path },
-            });
+            return Err(SettingsError::UnknownKey { origin: at(), hint: hint(top, &path), key: path });
         };
         match (expected, value.get_ref()) {
             (Value::Table(known), DeValue::Table(given)) => check_keys(known, given, &path, top, origin)?,
@@ -92,6 +89,16 @@ pub(crate) fn check_keys(
         }
     }
     Ok(())
+}
+
+/// Takes out of `given` what is no key.
+pub(crate) fn keep_known(known: &Table, given: &mut Table) {
+    given.retain(|key, _| known.contains_key(key));
+    for (key, value) in given {
+        if let (Some(Value::Table(known)), Value::Table(given)) = (known.get(key), value) {
+            keep_known(known, given);
+        }
+    }
 }
 
 /// The value as words, for a message.

@@ -1,8 +1,8 @@
 //! Layers of settings, each over the one before, resolved into one checked [`Settings`].
 
 use crate::experiment::{self, merge};
-use crate::known::check_keys;
-use crate::{PRESETS, Settings, SettingsError, moved, preset};
+use crate::known::{check_keys, keep_known};
+use crate::{PRESETS, Settings, SettingsError, preset};
 use serde::Deserialize;
 use toml::de::DeTable;
 use toml::{Table, Value};
@@ -65,7 +65,7 @@ impl Layers {
         })
     }
 
-    /// As [`Self::add_text`], of settings that an earlier version wrote down: without those that were removed.
+    /// As [`Self::add_text`], of settings that an earlier version wrote down: without keys that there are no more.
     ///
     /// # Errors
     /// As [`Self::add_text`].
@@ -73,7 +73,7 @@ impl Layers {
         let syntax = |reason: String| SettingsError::Syntax { origin: origin.to_owned(), reason };
         let mut table: Table =
             toml::from_str(text).map_err(|error| syntax(error.message().replace('\n', ", ")))?;
-        moved::remove(&mut table, "");
+        keep_known(&self.known, &mut table);
         let text = toml::to_string(&table).map_err(|error| syntax(error.to_string()))?;
         self.add_text(&text, origin)
     }

@@ -24,7 +24,6 @@ mod experiment;
 mod flow;
 mod known;
 mod layers;
-mod moved;
 mod output;
 mod presets;
 mod run;

@@ -1,6 +1,6 @@
 //! Why a run ends in an error.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tessera_journal::JournalError;
 use tessera_messages::Stage;
 use tessera_stage::StageError;
@@ -127,4 +127,13 @@ fn frames_text(next_frame: Option<u64>) -> String {
 
 fn again_text(is_live: bool) -> &'static str {
     if is_live { " (these frames do not come again)" } else { " (the recording's frames are computed again)" }
+}
+
+/// An error about a file of the run directory.
+pub(crate) fn directory(
+    action: &'static str,
+    path: &Path,
+    reason: &dyn std::fmt::Display,
+) -> SupervisorError {
+    SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
 }

@@ -1,6 +1,6 @@
 //! Plan of a run, and the run directory in which every process finds it.
 
-use crate::failure::SupervisorError;
+use crate::failure::{SupervisorError, directory};
 use crate::recorded::{OpenedFiles, Opener, PATIENCE};
 use crate::saved_map::MapOnDisk;
 use std::fs::{DirBuilder, File};
@@ -67,6 +67,27 @@ impl Plan {
         self.is_traced.then(|| self.run_dir.join(TRACE_FOLDER))
     }
 
+    /// What the run states of itself, but for the map that it begins in.
+    fn run_file(&self, claim: &RunClaim, before: Option<RunFile>) -> RunFile {
+        RunFile {
+            name: self.name.clone(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            identity: claim.entry.identity.clone(),
+            camera: self.camera.clone(),
+            n_frames: self.n_frames,
+            fps: self.fps,
+            doubts: self.doubts.clone(),
+            warnings: self.warnings.clone(),
+            map: None,
+            map_cameras: Vec::new(),
+            faults: self.kill_points.is_some(),
+            began_as: match before {
+                Some(before) => before.began_as,
+                None => Some(claim.entry.identity.prefix.clone()),
+            },
+        }
+    }
+
     /// Takes the name, unless it is taken already (`claim`), checks the room in shared memory and
     /// writes what every process reads.
     pub fn prepare(&self, claim: Option<RunClaim>) -> Result<PreparedRun, SupervisorError> {
@@ -85,33 +106,10 @@ impl Plan {
             (None, None) => Vec::new(),
         };
         let claim = claim.map_or_else(|| RunClaim::take(&self.name, &self.run_dir), Ok)?;
-        let mut run = RunFile {
-            name: self.name.clone(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            identity: claim.entry.identity.clone(),
-            camera: self.camera.clone(),
-            n_frames: self.n_frames,
-            fps: self.fps,
-            doubts: self.doubts.clone(),
-            warnings: self.warnings.clone(),
-            map: expected,
-            map_cameras,
-            faults: self.kill_points.is_some(),
-            began_as: match before {
-                Some(before) => before.began_as,
-                None => Some(claim.entry.identity.prefix.clone()),
-            },
-        };
+        let mut run = RunFile { map: expected, map_cameras, ..self.run_file(&claim, before) };
         let layout = run.layout(&self.settings);
         let need_bytes = check_space(&layout)?;
-        DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(&self.run_dir)
-            .map_err(|e| directory("make", &self.run_dir, &e))?;
-        let folder = File::open(&self.run_dir).map_err(|e| directory("open", &self.run_dir, &e))?;
-        let in_use = |_| SupervisorError::FolderInUse { dir: self.run_dir.clone() };
-        lock_file(&folder, &self.run_dir, Duration::ZERO).map_err(in_use)?;
+        let folder = locked_folder(&self.run_dir)?;
         if !is_there && files.run_file().exists() {
             // Another run has come and gone since the look above.
             return Err(SupervisorError::RunExists { dir: self.run_dir.clone(), name: self.name.clone() });
@@ -120,14 +118,7 @@ impl Plan {
         if let Some(map) = &map {
             settings.mapping.world_up = map.world_up();
         }
-        let config = settings.to_toml().map_err(|e| directory("write", &files.config(), &e))?;
-        if std::fs::read(files.config()).ok().as_deref() != Some(config.as_bytes()) {
-            // Half a configuration would be a configuration too, of defaults.
-            write_atomically(&files.config(), Durability::RunState, |writer| {
-                writer.write_all(config.as_bytes())
-            })
-            .map_err(|e| directory("write", &files.config(), &e))?;
-        }
+        write_config(&files, &settings)?;
         start_log(&files.log(), "supervisor").map_err(|e| directory("write", &files.log(), &e))?;
         end_stages_left(&files)?;
         // Their readers want them to be there, and whole.
@@ -167,6 +158,31 @@ impl Plan {
     }
 }
 
+/// Makes the folder of a run where it is missing, and locks it.
+fn locked_folder(run_dir: &Path) -> Result<File, SupervisorError> {
+    DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(run_dir)
+        .map_err(|e| directory("make", run_dir, &e))?;
+    let folder = File::open(run_dir).map_err(|e| directory("open", run_dir, &e))?;
+    let in_use = |_| SupervisorError::FolderInUse { dir: run_dir.to_owned() };
+    lock_file(&folder, run_dir, Duration::ZERO).map_err(in_use)?;
+    Ok(folder)
+}
+
+/// Writes the settings of a run, where its folder has not the same already.
+fn write_config(files: &RunFiles, settings: &Settings) -> Result<(), SupervisorError> {
+    let wrong = |e: &dyn std::fmt::Display| directory("write", &files.config(), e);
+    let config = settings.to_toml().map_err(|e| wrong(&e))?;
+    if std::fs::read(files.config()).ok().as_deref() == Some(config.as_bytes()) {
+        return Ok(());
+    }
+    // Half a configuration would be a configuration too, of defaults.
+    write_atomically(&files.config(), Durability::RunState, |writer| writer.write_all(config.as_bytes()))
+        .map_err(|e| wrong(&e))
+}
+
 /// Stages of an earlier supervisor end by themselves; one that does not, for instance because it
 /// is frozen, is ended: it must not write beside its successor.
 fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
@@ -178,13 +194,4 @@ fn end_stages_left(files: &RunFiles) -> Result<(), SupervisorError> {
         }
     }
     Ok(())
-}
-
-/// An error about a file of the run directory.
-pub(crate) fn directory(
-    action: &'static str,
-    path: &Path,
-    reason: &dyn std::fmt::Display,
-) -> SupervisorError {
-    SupervisorError::Directory { action, path: path.into(), reason: reason.to_string() }
 }

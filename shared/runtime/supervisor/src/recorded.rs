@@ -2,7 +2,8 @@
 //! that goes on are read whole. What is damaged is refused, or set aside where that was asked for.
 
 use crate::failure::SupervisorError;
-use crate::plan::{Plan, directory};
+use crate::failure::directory;
+use crate::plan::Plan;
 use std::path::Path;
 use std::time::Duration;
 use tessera_journal::{Journal, JournalError, OnDamage, Opening, Recovered, Store, set_aside};

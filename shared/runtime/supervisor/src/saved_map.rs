@@ -3,7 +3,7 @@
 //! Copied, not linked: the earlier run stays as it is whatever becomes of this one.
 
 use crate::failure::SupervisorError;
-use crate::plan::directory;
+use crate::failure::directory;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use std::path::Path;
 use std::time::Duration;

@@ -7,6 +7,7 @@ use crate::map::{self, MapInput};
 use crate::ply::PlyVertex;
 use crate::read_run::{ReadRun, read_run};
 use crate::replay::Replay;
+use crate::stored::map_keyframes;
 use crate::summary::Summary;
 use crate::voxels::VoxelCloud;
 use crate::{states, trajectories};
@@ -20,7 +21,7 @@ use tessera_geometry::Camera;
 use tessera_journal::Follower;
 use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, ColourModel, Context, OptimiseRecord};
-use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, OPTIMISE_JOURNAL, RunFile, RunFiles, StoredKeyframes};
+use tessera_stage::{ALIGN_JOURNAL, BrokenFrames, OPTIMISE_JOURNAL, RunFile, RunFiles};
 use tessera_surface::Vertex;
 
 /// Name of the ground truth in the run directory.
@@ -210,22 +211,4 @@ pub fn refined_warp(camera: &Camera, replay: &Replay, settings: &Settings) -> Op
     let context = Context::new(camera, &settings.surface, &settings.registration, &settings.mapping);
     let refined = replay.refined()?;
     Some(SurfaceWarp::new(camera, &refined.camera, context.grid, context.offset_px))
-}
-
-/// The surfaces of all keyframes; `None` where there is no keyframe.
-pub fn map_keyframes(
-    files: &RunFiles,
-    run: &RunFile,
-    replay: &Replay,
-    settings: &Settings,
-) -> Result<Option<StoredKeyframes>, ToolError> {
-    if replay.keyframes.is_empty() {
-        return Ok(None);
-    }
-    let grid = run.layout(settings).grid;
-    let mut mapped = StoredKeyframes::open(&files.store(), grid)?;
-    for keyframe in &replay.keyframes {
-        mapped.add(keyframe.id, &keyframe.slot)?;
-    }
-    Ok(Some(mapped))
 }

@@ -3,12 +3,14 @@
 use crate::replay::Replay;
 use crate::statistics::{Ended, RunStatistics};
 use crate::trajectories::as_trajectory;
-use crate::verdict::UNCERTAIN_M;
 use std::collections::BTreeMap;
 use std::fmt;
 use tessera_evaluation::{EvaluationOptions, LateralScale, Trajectory, evaluate, lateral_scale};
 use tessera_features::FocalRatio;
 use tessera_slam::{ColourModel, FrameRecord, State};
+
+/// Stated standard deviation of a position above which it is not to be relied on, metres.
+pub(crate) const UNCERTAIN_M: f64 = 0.1;
 
 /// Positions of the variances of x, y, z in the upper triangle of a 6x6 matrix, row by row.
 const POSITION: [usize; 3] = [0, 6, 11];

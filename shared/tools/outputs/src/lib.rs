@@ -21,6 +21,7 @@ mod replay;
 mod seen_focal;
 mod states;
 mod statistics;
+mod stored;
 mod summary;
 #[cfg(any(test, feature = "test-run"))]
 pub mod test_run;
@@ -36,8 +37,8 @@ pub use colour::ColourSummary;
 pub use comparison::comparison;
 pub use error::ToolError;
 pub use export::{
-    export, export_read, map_keyframes, map_points, read_groundtruth, read_journal, read_map, read_settings,
-    refined_warp, write_groundtruth,
+    export, export_read, map_points, read_groundtruth, read_journal, read_map, read_settings, refined_warp,
+    write_groundtruth,
 };
 pub use files::write_file;
 pub use joint::{JointCloud, joint_preview, write_joint_map};
@@ -48,6 +49,7 @@ pub use preview::{Preview, preview};
 pub use read_run::{ReadRun, read_run};
 pub use replay::Replay;
 pub use statistics::{Ended, LatencyMs, RunStatistics, STATISTICS_FILE, read_statistics, write_statistics};
+pub use stored::map_keyframes;
 pub use summary::Summary;
 pub use timeline::{END_TO_END, Point, Recorder, Timeline, TimelineSample, read_timeline, write_timeline};
 pub use trajectories::{as_trajectory, final_rows, keyframe_rows};

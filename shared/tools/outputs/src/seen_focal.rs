@@ -1,9 +1,9 @@
 //! What the features of a run's keyframes say of the camera's focal length.
 
 use crate::ToolError;
-use crate::export::map_keyframes;
 use crate::facts::Beside;
 use crate::replay::Replay;
+use crate::stored::map_keyframes;
 use tessera_features::FocalRatio;
 use tessera_geometry::{Twist, Vector6};
 use tessera_settings::Settings;

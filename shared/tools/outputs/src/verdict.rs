@@ -2,7 +2,7 @@
 //!
 //! One pure function of plain facts; the summary, the report, the log and `--strict` say the same.
 
-use crate::facts::{Facts, Span};
+use crate::facts::{Facts, Span, UNCERTAIN_M};
 use crate::statistics::Ended;
 use crate::wrong_camera::{lens, off_truth, units};
 use serde::Serialize;
@@ -15,8 +15,6 @@ const SHORT_SPAN_S: f64 = 0.5;
 /// Share of untracked frames above which a run is doubtful, and above which it failed.
 const UNTRACKED_DOUBTFUL: f64 = 0.02;
 const UNTRACKED_FAILED: f64 = 0.5;
-/// Stated standard deviation of a position above which it is not to be relied on, metres.
-pub(crate) const UNCERTAIN_M: f64 = 0.1;
 /// Share of frames with a degenerate direction above which a run is doubtful.
 const DEGENERATE_DOUBTFUL: f64 = 0.05;
 /// Span of such frames, seconds, from which on the prediction is no help: it is doubtful.

@@ -95,33 +95,28 @@ impl FolderSource {
         let stated = file.and_then(|file| file.colour);
         let n_listed = colour.len();
         let colour = pairs::that_are_there(folder, colour, &mut warnings);
+        camera.colour_registered |= stated.is_some() && !asked.is_without_colour; // Once it is warped.
         let colour_images = match &stated {
             _ if asked.is_without_colour => ColourImages::without("left out, as asked for"),
-            Some(stated) => {
-                // Once it is warped.
-                camera.colour_registered = true;
-                ColourImages::of_stated(folder, &colour, &camera, stated)
-            }
+            Some(stated) => ColourImages::of_stated(folder, &colour, &camera, stated),
             None => ColourImages::choose(folder, &colour, &camera, colour_camera.as_ref()),
         };
         warnings.extend(colour_images.warning.clone());
         let colour = if colour_images.is_used { colour } else { Vec::new() };
-        let times = |list: &[ListEntry]| list.iter().map(|entry| entry.stamp_nanos).collect::<Vec<i64>>();
-        let (mut stamps, colour_stamps) = (times(&depth), times(&colour));
+        let (stamps, colour_stamps) = (stamps_of(&depth), stamps_of(&colour));
         warnings.extend(long_pause(&stamps));
         let mut partners = pair(&stamps, &colour_stamps);
-        if let Some(frames) = frames {
-            let kept = usize::try_from(frames).unwrap_or(usize::MAX).min(depth.len());
-            depth.truncate(kept);
-            stamps.truncate(kept);
-            partners.truncate(kept);
-        }
-        let pairing = summarise(&stamps, &colour_stamps, &partners);
+        let kept = frames.map_or(depth.len(), |n| usize::try_from(n).unwrap_or(usize::MAX).min(depth.len()));
+        depth.truncate(kept);
+        partners.truncate(kept);
+        let stamps = stamps.get(..kept).unwrap_or_default();
+        let pairing = summarise(stamps, &colour_stamps, &partners);
         if !asked.is_without_colour && colour_images.warning.is_none() {
-            let reason = found.no_colour.filter(|_| n_listed == 0);
-            let reason =
-                reason.or((n_listed > 0 && colour.is_empty()).then(|| "no colour image is there".to_owned()));
-            warnings.extend(uncoloured(&stamps, &colour_stamps, &partners, reason.as_deref()));
+            let reason = match n_listed {
+                0 => found.no_colour,
+                _ => colour.is_empty().then(|| "no colour image is there".to_owned()),
+            };
+            warnings.extend(uncoloured(stamps, &colour_stamps, &partners, reason.as_deref()));
         }
         let confidence = pairs::confidence(folder, found.confidence, depth.len(), &mut warnings);
         if let Some(lens) = &found.lens {
@@ -130,13 +125,12 @@ impl FolderSource {
         let lens = found.lens.map(|lens| Undistortion::new(&lens, &camera));
         let rays = is_distance.then(|| RayLengths::new(&camera));
         let imu = imu::load(folder)?.unwrap_or_default();
-        let rotations = imu.rotations(&stamps);
+        let rotations = imu.rotations(stamps);
         let colour = partners.iter().map(|partner| colour.get((*partner)?).cloned()).collect();
+        let along_rays = is_distance.then(|| "distances along the ray, as the camera file says".to_owned());
         let mut description = vec![("layout", layout.to_owned()), ("camera", camera_from)];
         description.push(("colour", colour_images.words.clone()));
-        if is_distance {
-            description.push(("depth", "distances along the ray, as the camera file says".to_owned()));
-        }
+        description.extend(along_rays.map(|words| ("depth", words)));
         description.extend(imu.words().map(|words| ("imu", words.to_owned())));
         description.extend(found.notes);
         Ok(Self {
@@ -285,6 +279,10 @@ impl Source for FolderSource {
     fn description(&self) -> Vec<(&'static str, String)> {
         self.description.clone()
     }
+}
+
+fn stamps_of(list: &[ListEntry]) -> Vec<i64> {
+    list.iter().map(|entry| entry.stamp_nanos).collect()
 }
 
 #[cfg(test)]

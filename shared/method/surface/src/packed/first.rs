@@ -30,18 +30,34 @@ impl FirstVertices {
         Self { grid, width, spaced, places, beside }
     }
 
-    /// Writes those of `vertices`, a whole grid.
-    pub(super) fn write(writer: &mut RiceWriter, grid: Grid, vertices: &[Vertex], beside: &[usize]) -> Self {
+    /// Writes those of a whole grid; of the others nothing is asked.
+    pub(super) fn write(
+        writer: &mut RiceWriter,
+        grid: Grid,
+        vertex_at: &impl Fn(usize) -> Vertex,
+        beside: &[usize],
+    ) -> Self {
         let mut first = Self::new(grid, beside);
-        let mut rows = RoundedRows::new(first.width);
-        for (row, line) in vertices.chunks_exact(grid.width).step_by(SPACING).enumerate() {
+        let (mut rows, mut line) = (RoundedRows::new(first.width), Vec::with_capacity(first.width));
+        for (row, begin) in (0..grid.len()).step_by(SPACING * grid.width).enumerate() {
             rows.next();
-            rows.set(line.iter().step_by(SPACING));
+            line.clear();
+            line.extend((begin..begin + grid.width).step_by(SPACING).map(vertex_at));
+            rows.set(line.iter());
             rows.write(writer);
             first.take(row, rows.current());
         }
-        first.write_beside(writer, vertices);
+        first.write_beside(writer, vertex_at);
         first
+    }
+
+    pub(super) fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// Places of those beside, rising.
+    pub(super) fn places(&self) -> &[usize] {
+        &self.places
     }
 
     /// Reads them; `None` where the bytes are none of this grid.
@@ -66,9 +82,10 @@ impl FirstVertices {
     }
 
     /// Those beside are told by what differs from the nearest spaced one.
-    fn write_beside(&mut self, writer: &mut RiceWriter, vertices: &[Vertex]) {
+    fn write_beside(&mut self, writer: &mut RiceWriter, vertex_at: &impl Fn(usize) -> Vertex) {
         let nearest = self.nearest();
-        self.beside.set_all(self.places.iter().map(|place| &vertices[*place]));
+        let vertices: Vec<Vertex> = self.places.iter().copied().map(vertex_at).collect();
+        self.beside.set_all(vertices.iter());
         let flags = self.beside.flags.iter().zip(&nearest);
         let mut codes: Vec<u32> = flags.map(|(flags, near)| flags ^ self.spaced.flags[*near]).collect();
         writer.row(&codes);

@@ -164,7 +164,7 @@ fn predicted(left: i32, above: i32, above_left: i32) -> i32 {
 
 /// Walks over a row: each value becomes what `value_of` makes of its flags, of itself, and of its prediction.
 #[inline]
-pub(crate) fn predict_row(
+fn predict_row(
     current: &mut [i32],
     above: &[i32],
     flags: &[u32],

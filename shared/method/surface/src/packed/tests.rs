@@ -89,3 +89,68 @@ fn other_bytes_are_an_error() {
         }
     }
 }
+
+/// A sloped wall with a step and holes.
+fn wall(one_hole_in: usize) -> Vec<Vertex> {
+    let (mut random, length) = (SplitMix64::new(1), 1.04_f32.sqrt());
+    let vertex = |place: usize| {
+        let (row, column) = ((place / GRID.width) as f32, (place % GRID.width) as f32);
+        let (u, v) = ((column - 20.0) / 130.0, (row - 14.5) / 130.0);
+        // The plane z = d + 0.2 x.
+        let depth = if column < 25.0 { 1.5 } else { 2.5 } / (1.0 - 0.2 * u) + 0.001 * random.unit() as f32;
+        match random.below(one_hole_in) {
+            0 => Vertex::default(),
+            _ => Vertex {
+                position: [u * depth, v * depth, depth],
+                flags_rgb: Vertex::pack(Vertex::VALID, 1, [9, 100, 255]),
+                normal: [0.2 / length, 0.0, -1.0 / length],
+                reserved: 0,
+            },
+        }
+    };
+    (0..GRID.len()).map(vertex).collect()
+}
+
+#[test]
+fn what_travels_comes_back_with_what_stands_between() {
+    let wall = wall(usize::MAX);
+    let bytes = pack_first(GRID, |place| wall[place], &[]);
+    assert!(bytes.len() * 4 < pack(GRID, &wall, &[]).len(), "{} bytes", bytes.len());
+    let back = unpack_spread(GRID, &bytes, &[]).unwrap();
+    let mut n_missing = 0;
+    for (place, (back, vertex)) in back.iter().zip(&wall).enumerate() {
+        let (row, column) = (place / GRID.width, place % GRID.width);
+        if !back.is_valid() {
+            // The last rows and columns have none behind them, and nothing stands between wall and step.
+            assert!(row > 27 || column > 39 || column.abs_diff(25) < 3, "row {row} column {column}");
+            n_missing += 1;
+            continue;
+        }
+        let off_m = (0..3).map(|k| (back.position[k] - vertex.position[k]) * vertex.normal[k]).sum::<f32>();
+        assert!(off_m.abs() < 0.0015, "{off_m} m at row {row} column {column}");
+        let dot = (0..3).map(|k| back.normal[k] * vertex.normal[k]).sum::<f32>();
+        assert!(dot > 0.999 && back.row_offset() == 1 && back.rgb() == vertex.rgb(), "{back:?}");
+    }
+    assert!(n_missing < 4 * (GRID.width + GRID.height), "{n_missing}");
+    let empty = vec![Vertex::default(); GRID.len()];
+    assert_eq!(unpack_spread(GRID, &pack_first(GRID, |place| empty[place], &[]), &[]).unwrap(), empty);
+}
+
+/// Between the spaced vertices nothing stands about the holes, unless it is told.
+#[test]
+fn vertices_beside_travel_where_nothing_can_be_interpolated() {
+    let wall = wall(4);
+    let beside: Vec<usize> = (0..GRID.len()).step_by(4).chain([GRID.len(), usize::MAX]).collect();
+    let bytes = pack_first(GRID, |place| wall[place], &beside);
+    let back = unpack_spread(GRID, &bytes, &beside).unwrap();
+    let told = beside.iter().filter(|place| **place < GRID.len() && wall[**place].is_inner());
+    assert!(told.clone().count() > GRID.len() / 6);
+    for &place in told {
+        assert_eq!(back[place], rounded(&wall[place..=place])[0], "place {place}");
+    }
+    assert!(unpack_spread(GRID, &bytes, &[]).is_err(), "told, and not asked for");
+    assert!(unpack_spread(GRID, &bytes[..bytes.len() - 1], &beside).is_err());
+    assert!(unpack_spread(GRID, &[bytes.as_slice(), &[0]].concat(), &beside).is_err());
+    assert!(unpack_spread(GRID, &pack(GRID, &wall, &beside), &beside).is_err(), "the others behind");
+    assert!(unpack_spread(GRID, &[], &beside).is_err());
+}

@@ -61,23 +61,14 @@ pub fn campaign(
     kinds: &[FaultKind],
     on_run: OnRun<'_>,
 ) -> Result<ChaosReport, ToolError> {
-    let plan = arguments.plan.as_ref().map(|path| {
-        let wrong = |problem: String| ToolError::Arguments(format!("{}: {problem}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
-        plan_file::parse(&text).map_err(wrong)
-    });
-    let plan = plan.transpose()?;
+    let plan = arguments.plan.as_deref().map(plan_file::read).transpose()?;
     let mut pipeline = pipeline(arguments)?;
     if kinds.contains(&FaultKind::SyncFails) {
         // A run that never syncs has none that could fail.
         pipeline.arguments.extend(["--set", "flow.fsync=keyframe"].map(str::to_owned));
     }
     let id = std::process::id();
-    let base = match &arguments.out {
-        Some(out) => std::path::absolute(out).map_err(|error| ToolError::write(out, error))?,
-        None => std::env::temp_dir().join(format!("tessera-chaos-{id}")),
-    };
-    std::fs::create_dir_all(&base).map_err(|error| ToolError::write(&base, error))?;
+    let base = made_folder(arguments.out.as_deref())?;
     let patience = Duration::from_secs(arguments.patience_s);
     let mut reference =
         Trial::new(&pipeline, format!("chaos-{id}-0"), base.join("undisturbed"), String::new());
@@ -99,12 +90,8 @@ pub fn campaign(
             Some((words, _)) => (words.clone(), 0),
             None => (planned(kinds, n_frames, &mut random), enough - report.n_faults()),
         };
-        let mut trial = Trial::new(
-            &pipeline,
-            format!("chaos-{id}-{number}"),
-            base.join(format!("run-{number}")),
-            kill_plan,
-        );
+        let name = format!("chaos-{id}-{number}");
+        let mut trial = Trial::new(&pipeline, name, base.join(format!("run-{number}")), kill_plan);
         let schedule = FaultSchedule::new(seed, targets, kinds, arguments.interval_ms);
         let disturbance = Disturber { schedule, most, patience }.run(&mut trial, random)?;
         let judge_by = Judge { number, reference: &reference, is_live: arguments.live };
@@ -136,6 +123,16 @@ pub fn campaign(
         clear(&reference, &base);
     }
     Ok(report)
+}
+
+/// The folder of all runs, made where it is missing.
+fn made_folder(out: Option<&Path>) -> Result<PathBuf, ToolError> {
+    let base = match out {
+        Some(out) => std::path::absolute(out).map_err(|error| ToolError::write(out, error))?,
+        None => std::env::temp_dir().join(format!("tessera-chaos-{}", std::process::id())),
+    };
+    std::fs::create_dir_all(&base).map_err(|error| ToolError::write(&base, error))?;
+    Ok(base)
 }
 
 /// Nothing is left to look at.

@@ -1,13 +1,25 @@
 //! An exact plan of faults: one line each, `STAGE INDEX POINT FAULT`.
 
+use std::path::Path;
 use tessera_messages::Stage;
+use tessera_outputs::ToolError;
 use tessera_stage::{KILL_POINTS, MESSAGE_POINTS, fault_names};
+
+/// Reads a plan.
+///
+/// # Errors
+/// Names the file, and the line that is wrong.
+pub(super) fn read(path: &Path) -> Result<(String, u64), ToolError> {
+    let wrong = |problem: String| ToolError::Arguments(format!("{}: {problem}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+    parse(&text).map_err(wrong)
+}
 
 /// Turns a plan's text into what `--faults` takes, and says how many faults there are.
 ///
 /// # Errors
 /// Names the line, what it says and what was expected.
-pub(super) fn parse(text: &str) -> Result<(String, u64), String> {
+fn parse(text: &str) -> Result<(String, u64), String> {
     let (mut words, mut n) = (Vec::new(), 0);
     for (number, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default().trim();

@@ -13,7 +13,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use serde::Deserialize;
 use std::path::{Component, Path, PathBuf};
 use tessera_frames::ColourCamera;
-use tessera_frames::camera_forms::read_stated;
+use tessera_frames::camera_forms::{StatedCamera, read_stated};
 use tessera_geometry::Pose;
 
 pub(super) const NAME: &str = "nerfstudio (transforms.json with depth)";
@@ -85,13 +85,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
             wrong(&path, "no fl_x, fl_y, cx, cy for all frames, expected one camera; put a camera.toml beside it")
         })?;
         let size = size_of(folder, &depth)?;
-        let scaled = match stated.size {
-            Some(stated_size) if stated_size != size => stated.scaled_to(size).ok_or_else(|| {
-                let (w, h) = stated_size;
-                wrong(&path, format!("the camera is {w}x{h} px, the depth images {}x{}: not of one shape", size.0, size.1))
-            })?,
-            _ => stated.clone(),
-        };
+        let scaled = scaled_to_depth(&stated, size, &path)?;
         let camera = scaled.camera(size, UNITS_PER_METRE, &path.display().to_string())?;
         let mut chosen = ChosenCamera::stated(camera, "transforms.json, scaled to depth");
         chosen.lens = scaled.lens;
@@ -118,6 +112,24 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.notes.push(("times", words));
     Ok(found)
+}
+
+/// The stated camera at the size of the depth images.
+fn scaled_to_depth(
+    stated: &StatedCamera,
+    size: (u32, u32),
+    path: &Path,
+) -> Result<StatedCamera, SourceError> {
+    match stated.size {
+        Some(stated_size) if stated_size != size => stated.scaled_to(size).ok_or_else(|| {
+            let (w, h) = stated_size;
+            wrong(
+                path,
+                format!("the camera is {w}x{h} px, the depth images {}x{}: not of one shape", size.0, size.1),
+            )
+        }),
+        _ => Ok(stated.clone()),
+    }
 }
 
 /// Time of each frame: stamps, or what the names of the images mean.
