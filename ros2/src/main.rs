@@ -27,6 +27,7 @@ mod open;
 mod output;
 mod owned;
 mod pairing;
+mod parameters;
 mod path;
 mod relocalise;
 mod remap;
