@@ -406,7 +406,7 @@ function view(box, place) {
     // To a tenth of what the points are means of.
     const digits = Math.max(2, Math.ceil(1 - Math.log10(scene.voxel_m || 1)));
     const distance = b && Math.hypot(...a.at.map((v, i) => v - b.at[i]));
-    ruler.textContent = !b ? 'click a second point' : is_one_map ? `${distance.toFixed(digits)} m` : 'no distance: these maps are not joined';
+    ruler.textContent = !a ? '' : !b ? 'click a second point' : is_one_map ? `${distance.toFixed(digits)} m` : 'no distance: these maps are not joined';
     ruler.dataset.ends = JSON.stringify(measured.map(({ at }) => at));
     labels.at(-1).at = a ? between() : null;
     redraw();
