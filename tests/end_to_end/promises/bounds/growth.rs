@@ -127,5 +127,5 @@ fn a_day_takes_no_more_memory_than_its_first_third() {
     let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
     assert!(output.status.success(), "{text}");
     assert!(text.contains("2160 of 2160 frames, 0.02 h of simulated time, 0 not tracked"), "{text}");
-    assert_eq!(text.matches("MB after a third").count(), 4, "{text}");
+    assert_eq!(text.matches("MB in the first third").count(), 4, "{text}");
 }

@@ -285,6 +285,23 @@ mod tests {
     }
 
     #[test]
+    fn joins_and_submaps_have_their_switches_where_there_are_any() {
+        let of = |submaps: [usize; 2], verdict| {
+            let pair = SceneLoop { ends_m: [[0.0; 3]; 2], submaps, verdict };
+            let submap = |name: &str| SceneSubmap { name: name.into(), part: 0 };
+            let submaps = vec![submap("submap 0"), submap("submap <2>")];
+            let scene = ReportScene { loops: vec![pair], submaps, ..ReportScene::default() };
+            ReportScene { frames: vec![SceneFrame::default()], ..scene }.html()
+        };
+        let joined = of([0, 1], ReportedVerdict::Accepted);
+        assert!(joined.contains("data-show=\"joins\" checked> joins"), "{joined}");
+        assert!(joined.contains("data-submap=\"1\" checked> submap &lt;2&gt;"), "{joined}");
+        for none in [of([1, 1], ReportedVerdict::Accepted), of([0, 1], ReportedVerdict::Refused)] {
+            assert!(!none.contains("data-show=\"joins\""), "{none}");
+        }
+    }
+
+    #[test]
     fn the_largest_scene_takes_less_than_two_megabytes() {
         let n = 100_000;
         let scene = ReportScene {
