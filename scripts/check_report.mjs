@@ -129,6 +129,46 @@ async function wide() {
   }
   await after(page, 'no trajectory', 0.0002, () => page.click('[data-show=trajectory]'));
   await after(page, 'walls from behind', 0.001, () => page.click('[data-show=backs]'));
+  // Two clicks are a distance between points of the map.
+  await page.click('[data-do=whole]');
+  await drawn(page);
+  const ruler = () => page.$eval('.ruler', label => ({ words: label.textContent, ends: JSON.parse(label.dataset.ends), hidden: label.hidden }));
+  // Where points are: a first click there waits for a second one.
+  const hits = [];
+  const clear = () => page.mouse.click(box.x + 3, box.y + 3);
+  for (let column = 1; column < 12; column++) {
+    const at = [box.x + box.width * column / 12, y + box.height * 0.1 * (column % 3 - 1)];
+    await page.mouse.click(...at);
+    if ((await ruler()).words === 'click a second point') hits.push(at);
+    await clear();
+  }
+  assert.ok(hits.length >= 2, `clicks hit ${hits.length} points of the map`);
+  await page.mouse.click(...hits[0]);
+  await drawn(page);
+  await after(page, 'a distance', 0.0001, () => page.mouse.click(...hits.at(-1)));
+  const { words: distance, ends: [a, b] } = await ruler();
+  const apart = Math.hypot(...a.map((v, k) => v - b[k]));
+  assert.match(distance, /^\d+\.\d+ m$/);
+  assert.ok(Math.abs(parseFloat(distance) - apart) < 0.01 && apart > 0.1, `${distance}, ends ${apart} m apart`);
+  const off = await page.evaluate(end => {
+    const { points, low, size, voxel_m } = JSON.parse(document.querySelector('.scene script').textContent);
+    const steps = new Uint16Array(Uint8Array.from(atob(points.position), c => c.charCodeAt(0)).buffer);
+    let nearest = Infinity;
+    for (let k = 0; k < steps.length; k += 3) {
+      nearest = Math.min(nearest, Math.hypot(...end.map((v, i) => v - low[i] - size[i] * steps[k + i] / 65535)));
+    }
+    return nearest / voxel_m;
+  }, b);
+  assert.ok(off < 0.01, `the end is ${off} voxels from the nearest point`);
+  await picture(page, 'distance.png', '.scene .stage');
+  await clear();
+  await drawn(page);
+  assert.ok((await ruler()).hidden, 'a click beside the map ends it');
+  // Submaps by themselves, where there are several.
+  if (await page.$('[data-submap]')) {
+    await after(page, 'without a submap', 0.001, () => page.click('[data-submap]'));
+    await after(page, 'with it', 0.001, () => page.click('[data-submap]'));
+  }
   await after(page, 'from above', 0.05, () => page.click('[data-do=above]'));
   await after(page, 'through the camera', 0.05, () => page.click('[data-do=camera]'));
   await after(page, 'playing', 0.01, async () => {

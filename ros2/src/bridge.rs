@@ -15,6 +15,7 @@ use crate::report::{Report, ReportEvent};
 use crate::run::owned::Started;
 use crate::run::{JoinedRun, next_run};
 use crate::services::initial_pose::InitialPose;
+use crate::services::parameters::NodeParameters;
 use crate::services::relocalise::Relocalise;
 use crate::services::reset::Reset;
 use crate::services::save::SaveMap;
@@ -107,6 +108,7 @@ struct Bridge<'a> {
     reset: Reset,
     relocalise: Relocalise,
     initial_pose: InitialPose,
+    parameters: NodeParameters,
     time: RosTime,
     /// Time of the last depth image.
     last_depth_nanos: Option<i64>,
@@ -127,6 +129,7 @@ impl<'a> Bridge<'a> {
         let reset = Reset::new(carrier, namespace)?;
         let relocalise = Relocalise::new(carrier, namespace)?;
         let initial_pose = InitialPose::new(carrier)?;
+        let parameters = NodeParameters::new(carrier, arguments)?;
         let output = Output::new(carrier, namespace, !arguments.no_tf)?;
         let time = RosTime::new(carrier, arguments.use_sim_time)?;
         carrier.introduce()?;
@@ -141,6 +144,7 @@ impl<'a> Bridge<'a> {
             reset,
             relocalise,
             initial_pose,
+            parameters,
             time,
             last_depth_nanos,
             report,
@@ -224,6 +228,7 @@ impl<'a> Bridge<'a> {
     fn idle(&mut self, name: &str, why: &str) -> Result<(), Ros2Error> {
         self.input.leave_out(&mut self.report);
         self.time.step(&mut self.report);
+        self.parameters.step(&mut self.report)?;
         self.reset.step(Some(&format!("{why}, and there is none to end")), &mut self.report)?;
         let refusal = format!("{why}, and there is none to ask");
         self.relocalise.refuse(&refusal, self.input.sender(), &mut self.report)?;
@@ -286,6 +291,7 @@ impl<'a> Bridge<'a> {
         self.map.step(&self.input.clock, &mut self.report)?;
         self.save.step(&joined.run.entry, self.input.base(), &mut self.report)?;
         self.time.step(&mut self.report);
+        self.parameters.step(&mut self.report)?;
         let n_depth = self.input.n_depth;
         self.input.step(self.carrier, &joined.run, self.time.waiting_nanos(), &mut self.report)?;
         if self.input.n_depth > n_depth {

@@ -56,12 +56,14 @@ pub(crate) fn from_dds(name: &str) -> String {
 }
 
 /// A service: what is asked and what is answered, each without a hash of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Service {
     /// The service itself.
     pub(crate) kind: RosType,
     pub(crate) request: RosType,
     pub(crate) response: RosType,
+    /// Whether a message with its encapsulation is a request of that type, by its length and content.
+    pub(crate) is_request: fn(&[u8]) -> bool,
 }
 
 /// `std_srvs/srv/Trigger`.
@@ -72,6 +74,8 @@ pub(crate) const TRIGGER: Service = Service {
     },
     request: RosType { name: "std_srvs/srv/Trigger_Request", hash: "" },
     response: RosType { name: "std_srvs/srv/Trigger_Response", hash: "" },
+    // A request without content is one byte, filled up to four.
+    is_request: |message| message.len() <= ENCAPSULATION + 4,
 };
 
 /// Quality of service.
@@ -159,10 +163,17 @@ pub(crate) trait Publication {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Client(pub(crate) Vec<u8>);
 
-/// Answers requests that have no content.
+/// What a client asks, with its encapsulation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ServiceRequest {
+    pub(crate) client: Client,
+    pub(crate) request: Bytes,
+}
+
+/// Answers requests.
 pub(crate) trait Server {
-    /// The one who asked first of those that wait.
-    fn take(&mut self) -> Result<Option<Client>, CarrierError>;
+    /// The oldest request that waits.
+    fn take(&mut self) -> Result<Option<ServiceRequest>, CarrierError>;
     /// Answers, with a message that has its encapsulation.
     fn answer(&mut self, client: &Client, message: &[u8]) -> Result<(), CarrierError>;
 }

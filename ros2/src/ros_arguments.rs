@@ -81,7 +81,8 @@ impl Made {
         let option = format!("--{}", name.replace('_', "-"));
         match value {
             "true" | "True" => self.options.push(option),
-            "false" | "False" => {}
+            // Empty is what was not given, as `ros2 param dump` writes it.
+            "false" | "False" | "" => {}
             _ => self.options.push(format!("{option}={value}")),
         }
         Ok(())

@@ -19,6 +19,8 @@ mod map;
 mod measured;
 #[path = "network/names.rs"]
 mod names;
+#[path = "network/parameters.rs"]
+mod parameters;
 #[path = "network/program.rs"]
 mod program;
 #[path = "../../tests/requirements.rs"]
@@ -280,11 +282,17 @@ fn types_have_the_hashes_that_others_compute() {
     }
     let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
     arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
-    assert_eq!(arguments.len(), 28);
+    let text = std::fs::read_to_string(common::root().join("ros2/src/parameters/wire.rs")).unwrap();
+    let (_, table) = text.split_once("\nservices! {\n").unwrap();
+    for line in table.split_once("\n}").unwrap().0.lines() {
+        let words: Vec<&str> = line.split('"').collect();
+        arguments.extend([format!("rcl_interfaces/srv/{}", words[1]), format!("RIHS01_{}", words[3])]);
+    }
+    assert_eq!(arguments.len(), 40);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "14");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "20");
 }
 
 #[test]

@@ -18,7 +18,8 @@ fn operands(line: &str) -> impl Iterator<Item = [&str; 2]> + '_ {
 fn is_stamp(word: &str) -> bool {
     let last = word.trim_matches(['(', ')', '*', '&']).rsplit('.').next().unwrap_or_default();
     let name = last.split(['[', '(']).next().unwrap_or_default();
-    ["stamp_nanos", "stamps_nanos", "stamp"].contains(&name)
+    ["stamp_nanos", "stamps_nanos", "stamp", "at_nanos", "from_nanos", "to_nanos", "now_nanos"]
+        .contains(&name)
 }
 
 fn unsaturated(line: &str) -> bool {
@@ -46,6 +47,7 @@ fn a_difference_of_stamps_is_seen() {
         "truth.stamps_nanos[to] - truth.stamps_nanos[from]",
         "(stamp - from) as f64",
         "estimate.stamps_nanos[at] + offset_nanos",
+        "(at_nanos - t0) as f64",
     ] {
         assert!(unsaturated(line), "{line}");
     }

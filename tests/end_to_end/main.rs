@@ -90,5 +90,6 @@ mod interfaces {
         mod camera_interface;
         mod external;
         mod foreign_camera;
+        mod realsense;
     }
 }

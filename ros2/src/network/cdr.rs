@@ -46,4 +46,25 @@ impl<'a> CdrReader<'a> {
         self.at = end;
         Some(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)).into_owned())
     }
+
+    /// A sequence of strings.
+    pub(crate) fn texts(&mut self) -> Option<Vec<String>> {
+        let n = self.word()?;
+        (0..n).map(|_| self.text()).collect()
+    }
+
+    /// Passes over so many values of `N` bytes.
+    pub(crate) fn skip<const N: usize>(&mut self, n: u32) -> Option<()> {
+        if n > 0 {
+            let len = N.checked_mul(n as usize)?;
+            let end = self.at.next_multiple_of(N).checked_add(len)?;
+            self.at = (end <= self.body.len()).then_some(end)?;
+        }
+        Some(())
+    }
+
+    /// Whether nothing follows but what a message is filled up with, to a multiple of four bytes.
+    pub(crate) fn is_done(&self) -> bool {
+        self.body.get(self.at..).is_some_and(|rest| rest.len() < 4 && rest.iter().all(|byte| *byte == 0))
+    }
 }

@@ -35,7 +35,7 @@ impl Trigger {
     pub(crate) fn take(&mut self, report: &mut Report) -> Option<Client> {
         loop {
             match self.0.take() {
-                Ok(client) => return client,
+                Ok(asked) => return asked.map(|asked| asked.client),
                 Err(error) => report.note(ReportEvent::Carrier, || error.to_string()),
             }
         }

@@ -1,7 +1,7 @@
 //! The services of a camera's own program; each image is checked before it is used.
 
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind};
-use tessera_stage::{Pulse, StageContext, StageError, monotonic_nanos};
+use tessera_stage::{Pulse, StageContext, StageError, Standstill, monotonic_nanos};
 use tessera_transport::{Link, Publisher, Received, SliceSubscriber};
 
 /// Time between two lines of the log about what is refused.
@@ -25,6 +25,7 @@ pub(super) struct ExternalCamera {
     timeout_nanos: u64,
     /// When the last usable image came, or the sensor began to wait.
     heard_at: u64,
+    standstill: Standstill,
     refused: Refused,
 }
 
@@ -47,6 +48,7 @@ impl ExternalCamera {
             expected: run.camera.is_empty().then(|| context.run.camera.clone()),
             timeout_nanos: (run.camera_timeout_s * 1e9) as u64,
             heard_at: monotonic_nanos(),
+            standstill: Standstill::new(),
             refused: Refused::default(),
         })
     }
@@ -99,9 +101,10 @@ impl ExternalCamera {
     }
 
     /// Ends the run where nothing usable came for too long while `awaited` was wanted; time in
-    /// which nothing was wanted does not count.
+    /// which nothing was wanted does not count, nor does time in which this machine slept.
     pub(super) fn check_silence(&mut self, awaited: u64, is_wanted: bool) -> Result<(), StageError> {
         let now = monotonic_nanos();
+        self.heard_at = self.heard_at.saturating_add(self.standstill.look());
         if !is_wanted {
             self.heard_at = now;
         }

@@ -6,7 +6,10 @@ use crate::run_folder;
 use crate::terminal::say_report;
 use std::fmt::Write;
 use std::path::PathBuf;
-use tessera_evaluation::{Evaluation, EvaluationOptions, SEARCH_S, Statistics, read_trajectory};
+use tessera_evaluation::{
+    AteOptions, Evaluation, EvaluationOptions, SEARCH_S, Statistics, Trajectory, ate, best_time_offset_s,
+    read_trajectory,
+};
 use tessera_outputs::ToolError;
 
 /// Prints the errors of an estimate.
@@ -16,14 +19,27 @@ pub(crate) fn evaluate(arguments: &EvaluateArguments) -> Result<Exit, CommandErr
         .together(read_trajectory(&groundtruth_file)?)
         .map_err(CommandError::input)?;
     let options = EvaluationOptions { time_offset: arguments.time_offset.is_some(), scale: arguments.scale };
-    let evaluation = tessera_evaluation::evaluate(&estimate, &groundtruth, &options).map_err(|source| {
-        ToolError::Evaluation {
+    let evaluated = tessera_evaluation::evaluate(&estimate, &groundtruth, &options);
+    let evaluation = evaluated.map_err(|source| {
+        let error = ToolError::Evaluation {
             estimate: estimate_file.display().to_string(),
             groundtruth: groundtruth_file.display().to_string(),
             source,
+        };
+        match moved(&estimate, &groundtruth).filter(|_| options.time_offset) {
+            Some(words) => CommandError::input(format!("{error}; {words}")),
+            None => error.into(),
         }
     })?;
     say_report(arguments.json, &evaluation, || for_people(&evaluation, &options))
+}
+
+/// What an estimate comes to whose stamps have no pair as they are and would have by a constant offset.
+fn moved(estimate: &Trajectory, groundtruth: &Trajectory) -> Option<String> {
+    let offset_s = best_time_offset_s(estimate, groundtruth)?;
+    let errors = ate(estimate, groundtruth, &AteOptions { offset_s, ..AteOptions::default() }).ok()?;
+    let (n, rmse) = (errors.pairs.len(), errors.statistics_m.rmse);
+    Some(format!("with stamps moved by {offset_s:+.4} s: {n} pairs, ATE rmse {rmse:.6} m"))
 }
 
 /// The two trajectories: two files, or those of a run by its name.

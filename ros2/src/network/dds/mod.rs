@@ -203,7 +203,7 @@ impl Carrier for Dds {
         let quality = Quality::DEFAULT;
         let requests = self.reader(format!("{REQUEST_PREFIX}{name}Request"), service.request, quality)?;
         let replies = self.writer(format!("{REPLY_PREFIX}{name}Reply"), service.response, quality)?;
-        Ok(Box::new(DdsServer { requests, replies }))
+        Ok(Box::new(DdsServer { requests, replies, service }))
     }
 
     fn wait(&mut self, timeout: std::time::Duration) -> bool {

@@ -182,7 +182,7 @@ impl Carrier for Zenoh {
     fn serve(&mut self, name: &str, service: Service) -> Result<Box<dyn Server>, CarrierError> {
         let key = key(self.network.domain, name, service.kind, ANY)?;
         let (_, token) = self.announce(EndKind::Server, (name, service.kind), Quality::DEFAULT)?;
-        Ok(Box::new(ZenohServer::open(&self.session, (name, key), token)?))
+        Ok(Box::new(ZenohServer::open(&self.session, (name, key, service), token)?))
     }
 
     fn wait(&mut self, timeout: Duration) -> bool {

@@ -4,7 +4,7 @@
 use super::attachment::Attachment;
 use super::ends::checked;
 use super::{lock, wrong};
-use crate::carrier::{CarrierError, Client, Server};
+use crate::carrier::{Bytes, CarrierError, Client, Server, Service, ServiceRequest};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
 use zenoh::liveliness::LivelinessToken;
@@ -17,6 +17,7 @@ const MOST_WAITING: usize = 64;
 /// Answers requests.
 pub(super) struct ZenohServer {
     name: String,
+    service: Service,
     requests: Arc<Mutex<VecDeque<Query>>>,
     /// Requests that were taken, by a number of their own.
     taken: BTreeMap<u64, (Query, Attachment)>,
@@ -32,7 +33,7 @@ impl ZenohServer {
     /// Where the session is closed.
     pub(super) fn open(
         session: &Session,
-        (name, key): (&str, String),
+        (name, key, service): (&str, String, Service),
         token: LivelinessToken,
     ) -> Result<Self, CarrierError> {
         let requests = Arc::<Mutex<VecDeque<Query>>>::default();
@@ -49,27 +50,38 @@ impl ZenohServer {
             })
             .wait()
             .map_err(|error| wrong(&format!("serve {name}"), &error))?;
-        let (name, taken) = (name.to_owned(), BTreeMap::new());
-        Ok(Self { name, requests, taken, n_taken: 0, _queryable: queryable, _token: token })
+        Ok(Self {
+            name: name.to_owned(),
+            service,
+            requests,
+            taken: BTreeMap::new(),
+            n_taken: 0,
+            _queryable: queryable,
+            _token: token,
+        })
     }
 }
 
-/// The attachment of a request that can be answered.
-fn read(query: &Query) -> Result<Attachment, String> {
+/// A request that can be answered, and its attachment.
+fn read(query: &Query, service: Service) -> Result<(Bytes, Attachment), String> {
     let payload = query.payload().map(|payload| payload.to_bytes().into_owned());
-    checked(payload.ok_or("no message, expected CDR")?)?;
+    let request = checked(payload.ok_or("no message, expected CDR")?)?;
+    if !(service.is_request)(&request) {
+        return Err(format!("{} bytes, expected a request of {}", request.len(), service.kind.name));
+    }
     let attachment = query.attachment().map(zenoh::bytes::ZBytes::to_bytes);
-    Attachment::read(attachment.as_deref())
+    Ok((request, Attachment::read(attachment.as_deref())?))
 }
 
 impl Server for ZenohServer {
-    fn take(&mut self) -> Result<Option<Client>, CarrierError> {
+    fn take(&mut self) -> Result<Option<ServiceRequest>, CarrierError> {
         let Some(query) = lock(&self.requests).pop_front() else { return Ok(None) };
-        match read(&query) {
-            Ok(attachment) => {
+        match read(&query, self.service) {
+            Ok((request, attachment)) => {
                 self.n_taken += 1;
                 self.taken.insert(self.n_taken, (query, attachment));
-                Ok(Some(Client(self.n_taken.to_le_bytes().to_vec())))
+                let client = Client(self.n_taken.to_le_bytes().to_vec());
+                Ok(Some(ServiceRequest { client, request }))
             }
             Err(words) => {
                 // The one that asked may be gone.

@@ -51,12 +51,13 @@ pub struct LateralScale {
 pub fn lateral_scale(estimate: &Trajectory, truth: &Trajectory) -> Option<LateralScale> {
     let motions = motions(estimate, truth);
     let [first, last] = [motions.first()?.from_nanos, motions.last()?.from_nanos];
-    let n_groups = usize::try_from((last - first) / OVER_NANOS).ok()?.min(MOST_GROUPS);
+    let n_groups = usize::try_from(last.saturating_sub(first) / OVER_NANOS).ok()?.min(MOST_GROUPS);
     if n_groups < LEAST_GROUPS {
         return None;
     }
     let group = |m: &TwoMotions| {
-        let place = (m.from_nanos - first) as f64 / (last - first + 1) as f64 * n_groups as f64;
+        let span = last.saturating_sub(first) as f64 + 1.0;
+        let place = m.from_nanos.saturating_sub(first) as f64 / span * n_groups as f64;
         (place as usize).min(n_groups - 1)
     };
     let mut groups = vec![MotionSums::default(); n_groups];

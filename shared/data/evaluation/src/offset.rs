@@ -117,7 +117,7 @@ fn is_covered(groundtruth: &Trajectory, from_nanos: i64, to_nanos: i64) -> bool 
     if first == 0 || last >= stamps.len() {
         return false;
     }
-    stamps[first - 1..=last].windows(2).all(|pair| pair[1] - pair[0] <= 100_000_000)
+    stamps[first - 1..=last].windows(2).all(|pair| pair[1].saturating_sub(pair[0]) <= 100_000_000)
 }
 
 /// Position at a time inside the ground truth.
@@ -125,7 +125,7 @@ fn interpolated(groundtruth: &Trajectory, at_nanos: i64) -> Vector3<f64> {
     let stamps = &groundtruth.stamps_nanos;
     let after = stamps.partition_point(|&t| t <= at_nanos).clamp(1, stamps.len() - 1);
     let (t0, t1) = (stamps[after - 1], stamps[after]);
-    let share = (at_nanos - t0) as f64 / (t1 - t0) as f64;
+    let share = at_nanos.saturating_sub(t0) as f64 / t1.saturating_sub(t0) as f64;
     let (a, b) = (&groundtruth.poses[after - 1], &groundtruth.poses[after]);
     a.translation.vector.lerp(&b.translation.vector, share)
 }
@@ -168,6 +168,17 @@ mod tests {
             let found = best_time_offset_s(&estimate(planted), &truth).unwrap();
             assert!((found - planted).abs() < 1e-3, "{found} for {planted}");
         }
+    }
+
+    #[test]
+    fn truth_at_both_ends_of_time_covers_nothing_between() {
+        let mut truth = Trajectory::default();
+        for stamp in [i64::MIN + 1, i64::MAX] {
+            truth.push(stamp, Pose::identity()).unwrap();
+        }
+        assert!(!is_covered(&truth, -1_000_000_000, 1_000_000_000));
+        assert_eq!(interpolated(&truth, 0), Vector3::zeros());
+        assert_eq!(best_time_offset_s(&waving(33_333_000, 280, 0.0), &truth), None);
     }
 
     #[test]

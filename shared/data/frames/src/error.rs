@@ -255,13 +255,13 @@ pub enum ImageError {
     /// The file cannot be read.
     #[error("{0}")]
     Io(io::Error),
-    /// The file is neither PNG nor JPEG.
-    #[error("found a file that begins with {found}, expected a PNG{or_jpeg}")]
+    /// The file has none of the forms that are read.
+    #[error("found {found}, expected {expected}")]
     Format {
-        /// First bytes.
+        /// What it is, or its first bytes.
         found: String,
-        /// What else would do.
-        or_jpeg: &'static str,
+        /// What would do.
+        expected: &'static str,
     },
     /// OpenEXR.
     #[error(

@@ -8,6 +8,8 @@ use std::path::{Component, Path, PathBuf};
 const METADATA: &str = "metadata.yaml";
 /// Ends of names of the files of a bag.
 const ENDS: [&str; 3] = ["mcap", "db3", "bag"];
+/// Behind these, of files that were compressed as a whole.
+const PACKED_ENDS: [&str; 2] = ["zstd", "zst"];
 
 /// The files of a bag in their order; `None`: the folder is no bag.
 ///
@@ -27,14 +29,8 @@ pub(crate) fn files(folder: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> 
     }
     let paths: Vec<PathBuf> = files.iter().map(|file| in_folder(folder, file)).collect();
     if let Some(other) = paths.iter().find(|path| !ENDS.iter().any(|end| has_end(path, end))) {
-        let is_compressed = other.extension().is_some_and(|end| end == "zstd");
-        let reason = match is_compressed {
-            true => {
-                "is compressed as a whole; decompress it first (zstd -d) and take .zstd off its name in metadata.yaml"
-            }
-            false => "is listed in metadata.yaml, expected files that end in .mcap or .db3",
-        };
-        return Err(SourceError::Layout { path: other.clone(), reason: reason.to_owned() });
+        let reason = "is listed in metadata.yaml, expected files that end in .mcap or .db3".to_owned();
+        return Err(SourceError::Layout { path: other.clone(), reason });
     }
     match paths.is_empty() {
         true => Err(SourceError::Layout { path: metadata, reason: "names no files of the bag".to_owned() }),
@@ -68,8 +64,11 @@ fn in_folder(folder: &Path, file: &Path) -> PathBuf {
     by_name.filter(|by_name| !path.is_file() && by_name.is_file()).unwrap_or(path)
 }
 
+/// Whether a name has that end, before that of a compression as a whole.
 fn has_end(path: &Path, end: &str) -> bool {
-    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end))
+    let has = |path: &Path, end: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end));
+    let is_compressed = PACKED_ENDS.iter().any(|packed| has(path, packed));
+    has(path, end) || is_compressed && path.file_stem().is_some_and(|stem| has(Path::new(stem), end))
 }
 
 /// All files of one kind, of the first kind that is there, in the order of the numbers in their names.
@@ -190,7 +189,7 @@ mod tests {
         fs::write(at.join(METADATA), metadata("sqlite3", "db3")).unwrap();
         assert_eq!(files(at).unwrap().unwrap(), [at.join("bag_0.db3"), at.join("bag_1.db3")]);
         fs::write(at.join(METADATA), metadata("mcap", "mcap.zstd")).unwrap();
-        assert!(files(at).unwrap_err().to_string().contains("compressed as a whole"));
+        assert_eq!(files(at).unwrap().unwrap(), [at.join("bag_0.mcap.zstd"), at.join("bag_1.mcap.zstd")]);
         fs::write(at.join(METADATA), metadata("other", "txt")).unwrap();
         assert!(files(at).unwrap_err().to_string().contains("expected files that end in .mcap or .db3"));
         fs::write(at.join(METADATA), "nothing").unwrap();

@@ -12,7 +12,7 @@ use crate::watched::Watched;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
-use tessera_stage::SystemdNotifier;
+use tessera_stage::{Standstill, SystemdNotifier};
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -60,6 +60,7 @@ pub fn supervise(
         shared_memory_bytes: 0,
         has_dead: false,
         cleaned_at: began,
+        standstill: Standstill::new(),
         began,
         marks: SharedMemoryMarks::of(plan),
     };
@@ -87,6 +88,7 @@ struct Supervisor<'a> {
     has_dead: bool,
     /// When a camera's own program was last looked after: only this notices its death.
     cleaned_at: Instant,
+    standstill: Standstill,
     began: Instant,
     marks: SharedMemoryMarks,
 }
@@ -107,6 +109,7 @@ impl Supervisor<'_> {
                 self.cleaned_at = Instant::now();
             }
             self.signals.wait(self.next_wait());
+            self.forgive_standstill();
             self.hear()?;
             if let Some(failure) = self.reap()? {
                 return Ok(RunOutcome::Failed(Box::new(failure)));
@@ -201,6 +204,18 @@ impl Supervisor<'_> {
             }
         }
         Ok(None)
+    }
+
+    /// While the machine slept, or all of the run was paused, no stage could give a sign of life.
+    fn forgive_standstill(&mut self) {
+        let nanos = self.standstill.look();
+        if nanos == 0 {
+            return;
+        }
+        tracing::info!("stood still for {:.1} s, as where a machine sleeps", nanos as f64 * 1e-9);
+        for watched in &mut self.stages {
+            watched.heard_at += Duration::from_nanos(nanos);
+        }
     }
 
     /// Kills what gives no sign of life; a stage that waits does.

@@ -2,7 +2,7 @@
 
 use crate::run_directory::frames::{FrameView, state};
 use crate::run_directory::scene::{Bounds, moved, placed_point, rows};
-use crate::scene::{ReportScene, SceneFrame, ScenePart, ScenePoint, SceneRobot};
+use crate::scene::{ReportScene, SceneFrame, ScenePart, ScenePoint, SceneRobot, SceneSubmap};
 use crate::{ReportedVerdict, SceneLoop};
 use nalgebra::Vector3;
 use tessera_geometry::Pose;
@@ -56,12 +56,14 @@ pub fn joint_scene(components: &[JointComponent], robots: Vec<SceneRobot>, voxel
             page_from_world: rows(&page_from_world),
             n_points: component.points.len(),
         });
+        scene.submaps.push(SceneSubmap { name: component.name.clone(), part });
         let points = component.points.iter().map(|point| placed_point(&page_from_world, point));
         // No keyframe is told of.
         scene.points.extend(points.map(|point| ScenePoint { keyframe: 0, ..point }));
         scene.frames.extend(component.frames.iter().map(|frame| placed_frame(&page_from_world, part, frame)));
         scene.loops.extend(component.joins_m.iter().map(|ends| SceneLoop {
             ends_m: ends.map(|end| moved(&page_from_world, &Vector3::from(end)).into()),
+            submaps: [part, part],
             verdict: ReportedVerdict::Accepted,
         }));
         boxes.push(bounds);
@@ -84,6 +86,7 @@ fn placed_frame(page_from_world: &Pose, part: usize, frame: &JointFrame) -> Scen
         time_s: frame.time_s,
         state: state(frame.state),
         part,
+        submap: part,
         robot: frame.robot,
         position_m: pose.translation.vector.into(),
         rotation: pose.rotation.coords.into(),

@@ -32,7 +32,7 @@ pub use run::{
 };
 pub use run_directory::{REPORT_FILE, write, write_read};
 pub use scene::{
-    ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint, SceneRobot, VIEWER,
+    ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint, SceneRobot, SceneSubmap, VIEWER,
 };
 pub use serve::{LivePage, PageServer, RunPage};
 

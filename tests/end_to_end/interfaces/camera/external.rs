@@ -84,6 +84,29 @@ fn a_camera_that_went_away_ends_the_run_in_words_and_resume_goes_on() {
     finished(&run, resumed, &reference, "after resume");
 }
 
+/// As with a laptop that is closed: all processes stand still for longer than a stage may be silent and than a
+/// camera may send nothing, and the supervisor wakes first.
+#[test]
+fn a_machine_that_sleeps_costs_no_stage_and_no_byte() {
+    let reference = undisturbed();
+    let run = external().with(&["--set", "flow.hang_s=1.0", "--set", "run.camera_timeout_s=1.5"]);
+    let child = run.start();
+    let camera = Foreign::start(&run, 64, "ring");
+    run.wait_until_busy();
+    let sensor = run.stage_pid("sensor");
+    let others: Vec<u32> = run.stage_pids().into_iter().filter(|pid| *pid != sensor).collect();
+    let early = [child.id(), sensor];
+    let late = [others, vec![camera.0.id()]].concat();
+    early.iter().chain(&late).for_each(|pid| signal(*pid, "STOP"));
+    std::thread::sleep(std::time::Duration::from_secs(4));
+    early.iter().for_each(|pid| signal(*pid, "CONT"));
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    late.iter().for_each(|pid| signal(*pid, "CONT"));
+    finished(&run, child, &reference, "after a sleep");
+    assert_eq!(run.n_deaths(), 0, "{}", run.log());
+    assert!(run.log().contains("stood still for 4."), "{}", run.log());
+}
+
 /// Goes on with a run that was given up.
 fn resume(run: &Run) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_tessera"));

@@ -192,6 +192,27 @@ fn evaluate_refuses_what_it_cannot_compare() {
     assert!(message.contains("found 0 pairs"), "{message}");
 }
 
+/// Clocks of two computers: no pair as they are, and a path that tells where they belong.
+#[test]
+fn evaluate_tells_the_offset_of_stamps_that_have_no_pair_without_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let row = |k: u32, rate: f64, later_s: f64| {
+        let t = f64::from(k) / rate;
+        format!("{:.6} {:.9} {:.9} 0 0 0 0 1\n", t + later_s, (1.3 * t).sin(), (2.1 * t).cos())
+    };
+    let rows = |n: u32, rate: f64, later_s: f64| (0..n).map(|k| row(k, rate, later_s)).collect::<String>();
+    std::fs::write(path("estimate.txt"), rows(120, 30.0, 1000.0)).unwrap();
+    std::fs::write(path("truth.txt"), rows(800, 100.0, 1020.0)).unwrap();
+    let files = [path("estimate.txt"), path("truth.txt")];
+    let message = refusal(&["evaluate", &files[0], &files[1]], 3);
+    assert!(message.contains("found 0 pairs") && !message.contains("moved by"), "{message}");
+    let message = refusal(&["evaluate", &files[0], &files[1], "--time-offset", "auto"], 3);
+    let moved = message.split_once("with stamps moved by ").expect("the offset").1;
+    let offset_s: f64 = moved.split_once(" s: 120 pairs").expect("all pairs").0.parse().unwrap();
+    assert!((offset_s - 20.0).abs() < 0.001, "{message}");
+}
+
 #[test]
 fn completions_are_printed_for_each_shell() {
     for shell in ["bash", "zsh", "fish"] {

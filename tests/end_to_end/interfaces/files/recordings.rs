@@ -73,6 +73,9 @@ fn recordings_of_other_libraries_are_the_folder_that_they_were_made_of() {
         "ros_mono_jpeg.mcap",
         "ros_sqlite_bag",
         "ros_sqlite_bag/ros_sqlite_bag.db3",
+        // Compressed as a whole.
+        "ros_packed_bag",
+        "ros_packed_bag/ros_packed_bag.db3.zstd",
         "ros1_plain.bag",
         "ros1_bz2.bag",
         "ros1_lz4.bag",

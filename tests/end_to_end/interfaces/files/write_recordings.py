@@ -173,6 +173,13 @@ ros(
     lambda colour: ("rgb8", colour.tobytes(), 3 * width),
     "/camera/depth/image_raw", "/camera/color/image_raw", storage=StoragePlugin.SQLITE3,
 )
+ros(
+    "ros_packed",
+    lambda depth: ("16UC1", millimetres(depth).tobytes(), 2 * width),
+    lambda colour: ("rgb8", colour.tobytes(), 3 * width),
+    "/camera/depth/image_raw", "/camera/color/image_raw", (CompressionMode.FILE, CompressionFormat.ZSTD),
+    storage=StoragePlugin.SQLITE3,
+)
 ros1("ros1_plain")
 ros1("ros1_bz2", Ros1Writer.CompressionFormat.BZ2, metres=True)
 ros1("ros1_lz4", Ros1Writer.CompressionFormat.LZ4)

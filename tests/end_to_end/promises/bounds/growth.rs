@@ -113,3 +113,19 @@ fn a_keyframe_costs_little_memory_and_disk() {
     // Both processes hold it unpacked, up to 64 of them, with what they derive from it.
     assert!(memory <= 2 * 32 * N_VERTICES + 100_000, "{memory} bytes of memory for each keyframe");
 }
+
+/// The short form of `scripts/day.py`: 72 s of simulated time, six rounds through the room.
+#[test]
+fn a_day_takes_no_more_memory_than_its_first_third() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut script = std::process::Command::new("python3");
+    script.arg(root.join("scripts/day.py")).args(["--hours", "0.02", "--budget", "60"]);
+    let output = match script.env("TESSERA", env!("CARGO_BIN_EXE_tessera")).output() {
+        Ok(output) => output,
+        Err(error) => return crate::requirements::missing("python", error),
+    };
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
+    assert!(output.status.success(), "{text}");
+    assert!(text.contains("2160 of 2160 frames, 0.02 h of simulated time, 0 not tracked"), "{text}");
+    assert_eq!(text.matches("MB in the first third").count(), 4, "{text}");
+}

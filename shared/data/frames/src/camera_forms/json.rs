@@ -14,8 +14,17 @@ const FOCAL: [&[&str]; 4] = [
     &["cy", "ppy", "principal_y"],
 ];
 const MATRIX: &[&str] = &["intrinsic_matrix", "k", "camera_matrix", "intrinsics", "intrinsic"];
-const SCALE: &[&str] =
-    &["depth_scale", "units_per_metre", "png_depth_scale", "depth_unit_scale_factor", "integer_depth_scale"];
+const SCALE: &[&str] = &[
+    "depth_scale",
+    "units_per_metre",
+    "png_depth_scale",
+    "depth_unit_scale_factor",
+    "integer_depth_scale",
+    "depth_factor",
+    "depth_map_factor",
+    "depthmapfactor",
+    "depth_scaling_factor",
+];
 /// A key that is only named `scale` is one of depth from here on.
 const LEAST_PLAIN_SCALE: f64 = 100.0;
 /// Model of the lens, of nerfstudio.

@@ -1,4 +1,4 @@
-//! Images into the caller's memory: PNG, TIFF, PGM or NPY for depth, PNG, JPEG, WebP or BMP for colour.
+//! Images into the caller's memory: PNG, TIFF, PGM or NPY for depth, PNG, JPEG, WebP, BMP or TIFF for colour.
 
 mod arrays;
 mod bmp;
@@ -17,6 +17,9 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Memory that a PNG's own chunks may take, bytes.
 const MOST_BYTES: usize = 512 << 20;
+/// The forms that are read, for people.
+const DEPTH_FORMS: &str = "a PNG, TIFF, PGM or NPY of depth";
+const COLOUR_FORMS: &str = "a PNG, JPEG, WebP, BMP or TIFF";
 /// The beginning of an OpenEXR image.
 const EXR: &[u8] = b"\x76\x2f\x31\x01";
 const JPEG: &[u8] = &[0xff, 0xd8];
@@ -54,7 +57,7 @@ fn raw_of_metres(metres: f64, units_per_metre: f64) -> u16 {
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
 pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
     if !is_png(bytes) {
-        return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: "" });
+        return Err(ImageError::Format { found: kind_of(bytes), expected: DEPTH_FORMS });
     }
     let mut png = Png::open(bytes)?;
     check_size("depth", png.reader.info().size(), size)?;
@@ -93,7 +96,7 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
         return Err(ImageError::Exr);
     }
     if !bytes.starts_with(JPEG) {
-        return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
+        return Err(ImageError::Format { found: kind_of(bytes), expected: COLOUR_FORMS });
     }
     let mut decoder = JpegDecoder::new(ZCursor::new(bytes));
     decoder.decode_headers().map_err(|error| damaged("JPEG", &error))?;
@@ -140,7 +143,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         // These have no end marker; its length is checked as it is read.
         return Ok(());
     } else {
-        return Err(ImageError::Format { found: first_bytes(head), or_jpeg: " or JPEG" });
+        return Err(ImageError::Format { found: kind_of(head), expected: COLOUR_FORMS });
     };
     match tail.windows(end.len()).any(|window| window == end) {
         true => Ok(()),
@@ -148,7 +151,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
     }
 }
 
-/// Decodes a colour or grey PNG, JPEG, WebP or BMP as red, green, blue.
+/// Decodes a colour or grey PNG, JPEG, WebP, BMP or TIFF as red, green, blue.
 pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
     if is_png(bytes) {
         let mut png = Png::open(bytes)?;
@@ -164,8 +167,11 @@ pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), Imag
     if webp::is(bytes) {
         return webp::read(bytes, size, rgb);
     }
+    if tif::is(bytes) {
+        return tif::colour(bytes, size, rgb);
+    }
     if !bytes.starts_with(JPEG) {
-        return Err(ImageError::Format { found: first_bytes(bytes), or_jpeg: " or JPEG" });
+        return Err(ImageError::Format { found: kind_of(bytes), expected: COLOUR_FORMS });
     }
     // The decoder paints what is missing of a cut file grey and calls it a success.
     if !tail(bytes).windows(2).any(|pair| pair == JPEG_END) {
@@ -258,10 +264,20 @@ fn is_png(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x89PNG\r\n\x1a\n")
 }
 
-fn first_bytes(bytes: &[u8]) -> String {
-    match bytes {
-        [] => "nothing (0 bytes)".to_owned(),
-        _ => format!("'{}'", bytes.get(..8).unwrap_or(bytes).escape_ascii()),
+/// What some bytes begin, for people: lists of depth and colour that were swapped are common, and so are
+/// files that were never downloaded.
+fn kind_of(bytes: &[u8]) -> String {
+    const KINDS: [(&[u8], &str); 5] = [
+        (JPEG, "a JPEG (is it a colour image?)"),
+        (b"GIF8", "a GIF"),
+        (b"version https://git-lfs", "a pointer of Git LFS instead of the image (git lfs pull fetches it)"),
+        (b"<!DOCTYPE", "a web page"),
+        (b"<html", "a web page"),
+    ];
+    match KINDS.iter().find(|(begins, _)| bytes.starts_with(begins)) {
+        _ if bytes.is_empty() => "nothing (0 bytes)".to_owned(),
+        Some((_, what)) => (*what).to_owned(),
+        None => format!("a file that begins with '{}'", bytes.get(..8).unwrap_or(bytes).escape_ascii()),
     }
 }
 

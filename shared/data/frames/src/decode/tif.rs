@@ -1,8 +1,9 @@
-//! Depth as TIFF: 16 bits in the camera's units, or floats in metres.
+//! Depth as TIFF, 16 bits in the camera's units or floats in metres, and colour of 8 or 16 bits.
 
 use super::{check_size, damaged};
 use crate::ImageError;
 use std::io::Cursor;
+use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
 /// Both orders of bytes.
@@ -55,6 +56,36 @@ pub(super) fn depth(
     }
 }
 
+/// Decodes colour or grey as red, green, blue; of 16 bits a channel the higher byte is taken.
+pub(super) fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
+    let mut decoder = open(bytes)?;
+    check_size("colour", decoder.dimensions().map_err(|error| damaged("TIFF", &error))?, size)?;
+    let kind = decoder.colortype().map_err(|error| damaged("TIFF", &error))?;
+    let wrong = || ImageError::Pixels {
+        what: "colour",
+        found: format!("{kind:?}"),
+        expected: "grey, RGB or RGBA of 8 or 16 bits a channel",
+    };
+    let n_channels = match kind {
+        ColorType::Gray(_) | ColorType::GrayA(_) | ColorType::RGB(_) | ColorType::RGBA(_) => {
+            usize::from(kind.num_samples())
+        }
+        _ => return Err(wrong()),
+    };
+    let values = match decoder.read_image().map_err(|error| damaged("TIFF", &error))? {
+        DecodingResult::U8(values) => values,
+        DecodingResult::U16(values) => values.iter().map(|value| value.to_be_bytes()[0]).collect(),
+        _ => return Err(wrong()),
+    };
+    super::read_rgb(n_channels, rgb, |to| match values.get(..to.len()) {
+        Some(values) => {
+            to.copy_from_slice(values);
+            Ok(())
+        }
+        None => Err(damaged("TIFF", &format!("{} values, expected {}", values.len(), to.len()))),
+    })
+}
+
 fn fill<T>(depth_raw: &mut [u16], values: &[T], raw: impl Fn(&T) -> u16) -> Result<(), ImageError> {
     if values.len() < depth_raw.len() {
         let message = format!("{} pixels, expected {}", values.len(), depth_raw.len());
@@ -66,9 +97,9 @@ fn fill<T>(depth_raw: &mut [u16], values: &[T], raw: impl Fn(&T) -> u16) -> Resu
 
 #[cfg(test)]
 mod tests {
-    use super::super::{depth_in, inspect_bytes, size};
+    use super::super::{colour, depth_in, inspect_bytes, size};
     use std::io::Cursor;
-    use tiff::encoder::colortype::{ColorType, Gray8, Gray16, Gray32Float};
+    use tiff::encoder::colortype::{CMYK8, ColorType, Gray8, Gray16, Gray32Float, RGB8, RGBA16};
     use tiff::encoder::{Compression, DeflateLevel, TiffEncoder, TiffValue};
 
     fn tif<C: ColorType>(values: &[C::Inner], compression: Compression) -> Vec<u8>
@@ -111,5 +142,22 @@ mod tests {
         let mut raw = [0; 4];
         let message = depth_in(&image, (2, 2), 1000.0, &mut raw).unwrap_err().to_string();
         assert!(message.contains("3x2 px, expected 2x2"), "{message}");
+    }
+
+    #[test]
+    fn colour_is_read_grey_or_not_of_8_or_16_bits() {
+        let read = |bytes: &[u8]| {
+            let mut rgb = [9; 18];
+            colour(bytes, (3, 2), &mut rgb).map(|()| rgb).map_err(|error| error.to_string())
+        };
+        let values: [u8; 18] = std::array::from_fn(|k| 7 * k as u8);
+        assert_eq!(read(&tif::<RGB8>(&values, Compression::Lzw)), Ok(values));
+        let grey = read(&tif::<Gray8>(&[1, 2, 3, 4, 5, 6], Compression::Uncompressed)).unwrap();
+        assert_eq!(grey, std::array::from_fn(|k| 1 + k as u8 / 3));
+        let deep: [u16; 24] = std::array::from_fn(|k| 1000 * k as u16);
+        let deep = read(&tif::<RGBA16>(&deep, Compression::Uncompressed)).unwrap();
+        assert_eq!(deep[..6], [0, 3, 7, 15, 19, 23]);
+        let words = read(&tif::<CMYK8>(&[0; 24], Compression::Uncompressed)).unwrap_err();
+        assert!(words.contains("CMYK(8), expected grey, RGB or RGBA"), "{words}");
     }
 }

@@ -6,7 +6,9 @@ mod bytes;
 mod mcap;
 mod ros1_bag;
 mod sqlite;
+mod unpacked;
 
+use crate::compression::ZSTD;
 use crate::error::RecordingError;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -91,12 +93,25 @@ pub(super) trait Container: Send + Sync {
     fn messages(&self, place: &Place, most: u64, take: &mut Take<'_>) -> Result<(), RecordingError>;
 }
 
-/// Opens a file for what its first bytes say it is.
+/// Opens a file for what its first bytes say it is; one that is compressed as a whole is unpacked first.
 pub(super) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     let file = File::open(path)?;
-    let mut head = [0u8; 16];
-    let n = read_whole(&file, 0, &mut head)?;
-    let head = head.get(..n).unwrap_or_default();
+    let (mut head, mut unpacked_head) = ([0u8; 16], [0u8; 16]);
+    let head = head_of(&file, &mut head)?;
+    if !head.starts_with(&ZSTD) {
+        return of_kind(file, path, head);
+    }
+    let file = unpacked::unpacked(&file)?;
+    let head = head_of(&file, &mut unpacked_head)?;
+    of_kind(file, path, head)
+}
+
+fn head_of<'a>(file: &File, head: &'a mut [u8]) -> io::Result<&'a [u8]> {
+    let n = read_whole(file, 0, head)?;
+    Ok(head.get(..n).unwrap_or_default())
+}
+
+fn of_kind(file: File, path: &Path, head: &[u8]) -> Result<Box<dyn Container>, RecordingError> {
     if head.starts_with(mcap::MAGIC) {
         return Ok(Box::new(mcap::McapFile::open(file)?));
     }

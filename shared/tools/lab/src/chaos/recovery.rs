@@ -94,7 +94,7 @@ pub(super) fn recovery(hit: &Hit, hits: &[Hit], events: &[ChaosEvent]) -> Recove
     });
     match back {
         _ if is_overtaken => Recovery::Overtaken,
-        Some(back) => Recovery::After((back - hit.at_nanos) as f64 * 1e-6),
+        Some(back) => Recovery::After(back.saturating_sub(hit.at_nanos) as f64 * 1e-6),
         None => Recovery::Over,
     }
 }

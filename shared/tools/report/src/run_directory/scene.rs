@@ -2,12 +2,13 @@
 
 use super::frames::{FrameView, GAP_M, GAP_SHARE, Placed, state, std_m};
 use crate::run::LoopPair;
-use crate::scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint};
+use crate::scene::{ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint, SceneSubmap};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use tessera_geometry::Pose;
 use tessera_outputs::{MapPoint, Preview, Replay, preview};
 use tessera_settings::Settings;
+use tessera_slam::FrameRecord;
 use tessera_stage::RunFiles;
 
 /// The scene, whose map has at most `most_points` points.
@@ -54,11 +55,16 @@ fn assemble(replay: &Replay, placed: &Placed, loops: &[LoopPair], map: Preview) 
         boxes.push(bounds);
         pages.insert(*number, (place, page_from_world));
     }
-    scene.frames = frames(replay, &pages);
-    scene.keyframes = keyframes(replay, &pages);
-    let at = |id: u32| scene.keyframes.get(id as usize).map(|keyframe| keyframe.position_m);
+    let places = submaps(replay, &pages);
+    scene.submaps = named(&places, &scene.parts);
+    scene.frames = frames(replay, &pages, &places);
+    scene.keyframes = keyframes(replay, &pages, &places);
+    let end =
+        |id: u32| scene.keyframes.get(id as usize).map(|keyframe| (keyframe.position_m, keyframe.submap));
     let pairs = loops.iter().filter_map(|pair| {
-        Some(SceneLoop { ends_m: [at(pair.newer)?, at(pair.older)?], verdict: pair.verdict })
+        let ((newer_m, newer), (older_m, older)) = end(pair.newer).zip(end(pair.older))?;
+        let verdict = pair.verdict;
+        Some(SceneLoop { ends_m: [newer_m, older_m], submaps: [newer, older], verdict })
     });
     scene.loops = pairs.collect();
     scene
@@ -136,9 +142,28 @@ pub(crate) fn placed_point(page_from_world: &Pose, point: &MapPoint) -> ScenePoi
 /// Place among the parts, and pose, of the world of each component.
 type ComponentPlaces = BTreeMap<u32, (usize, Pose)>;
 
-fn frames(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneFrame> {
+/// Place in the list of submaps of each that has frames, by its part and its number.
+type SubmapPlaces = BTreeMap<(usize, u32), usize>;
+
+fn submaps(replay: &Replay, pages: &ComponentPlaces) -> SubmapPlaces {
+    let key = |frame| Some((pages.get(&replay.component(frame))?.0, frame.submap));
+    let all: BTreeSet<(usize, u32)> = replay.frames.iter().filter_map(key).collect();
+    all.into_iter().zip(0..).collect()
+}
+
+/// The submaps by name: that of their part where it is the only one of it.
+fn named(places: &SubmapPlaces, parts: &[ScenePart]) -> Vec<SceneSubmap> {
+    let is_alone = |part: usize| places.keys().filter(|(other, _)| *other == part).count() == 1;
+    let name = |part: usize, number: u32| match parts.get(part) {
+        Some(of) if is_alone(part) => of.name.clone(),
+        _ => format!("submap {number}"),
+    };
+    places.keys().map(|(part, number)| SceneSubmap { name: name(*part, *number), part: *part }).collect()
+}
+
+fn frames(replay: &Replay, pages: &ComponentPlaces, submaps: &SubmapPlaces) -> Vec<SceneFrame> {
     let begin = replay.frames.first().map_or(0, |frame| frame.stamp_nanos);
-    let frame = |record| {
+    let frame = |record: &FrameRecord| {
         let (part, page_from_world) = pages.get(&replay.component(record))?;
         let pose = page_from_world * replay.final_pose(record);
         Some(SceneFrame {
@@ -146,6 +171,7 @@ fn frames(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneFrame> {
             time_s: record.stamp_nanos.saturating_sub(begin) as f64 * 1e-9,
             state: state(record.state),
             part: *part,
+            submap: submaps.get(&(*part, record.submap)).copied().unwrap_or_default(),
             robot: 0,
             position_m: pose.translation.vector.into(),
             rotation: pose.rotation.coords.into(),
@@ -155,7 +181,15 @@ fn frames(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneFrame> {
     replay.frames.iter().filter_map(frame).collect()
 }
 
-fn keyframes(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneKeyframe> {
+fn keyframes(replay: &Replay, pages: &ComponentPlaces, submaps: &SubmapPlaces) -> Vec<SceneKeyframe> {
+    let submap_of_frame: BTreeMap<u64, usize> = replay
+        .frames
+        .iter()
+        .filter_map(|frame| {
+            let (part, _) = pages.get(&replay.component(frame))?;
+            Some((frame.index, *submaps.get(&(*part, frame.submap))?))
+        })
+        .collect();
     let std_of_frame: BTreeMap<u64, f64> =
         replay.frames.iter().filter_map(|record| Some((record.index, std_m(record)?))).collect();
     // A component without a frame of this run has no part; its keyframes stand in the main map's world.
@@ -172,8 +206,12 @@ fn keyframes(replay: &Replay, pages: &ComponentPlaces) -> Vec<SceneKeyframe> {
         let page_from_world = part_of.get(&keyframe.id).unwrap_or(&main);
         SceneKeyframe {
             position_m: (page_from_world * pose).translation.vector.into(),
+            // Frames of another run have numbers of their own: theirs is the first.
+            submap: match is_of_map {
+                true => 0,
+                false => submap_of_frame.get(&keyframe.frame_index).copied().unwrap_or_default(),
+            },
             is_of_map,
-            // Frames of another run have numbers of their own.
             std_m: if is_of_map { None } else { std_of_frame.get(&keyframe.frame_index).copied() },
         }
     })
@@ -231,6 +269,16 @@ mod tests {
         let x: Vec<f64> = scene.points.iter().map(|point| point.position_m[0]).collect();
         assert!((x[2] - (1.4 + GAP_M + GAP_SHARE * 1.4)).abs() < 1e-9, "{x:?}");
         assert_eq!(scene.frames.iter().map(|frame| frame.part).collect::<Vec<_>>(), [0, 0, 0, 0, 0, 1]);
+        assert_eq!(scene.frames.iter().map(|frame| frame.submap).collect::<Vec<_>>(), [0, 0, 0, 0, 0, 1]);
+        let names = |scene: &ReportScene| -> Vec<String> {
+            scene.submaps.iter().map(|submap| submap.name.clone()).collect()
+        };
+        assert_eq!(names(&scene), ["main map", "submap 1, apart"]);
+        let html = scene.html();
+        assert!(html.contains("data-submap=\"1\" checked> submap 1, apart"), "{html}");
+        let whole = scene_of(&test_run::replay(), vec![(0, vec![point(0.0, 0)])]);
+        assert_eq!(names(&whole), ["main map"]);
+        assert!(!whole.html().contains("data-submap"));
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! A scene as text: numbers in columns, each in base64, little-endian.
 
-use super::{MOST_FRAMES, MOST_KEYFRAMES, MOST_LOOPS, MOST_TRUTH, ReportScene, ScenePart, SceneRobot};
+use super::{
+    MOST_FRAMES, MOST_KEYFRAMES, MOST_LOOPS, MOST_SUBMAPS, MOST_TRUTH, ReportScene, ScenePart, SceneRobot,
+    SceneSubmap,
+};
 use crate::run::{FrameState, ReportedVerdict};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -23,8 +26,9 @@ pub(super) fn json(scene: &ReportScene) -> String {
     let (low, size) = bounds(scene);
     let parts: Vec<String> = scene.parts.iter().map(part).collect();
     format!(
-        "{{\"parts\":[{}],\"robots\":[{}],\"voxel_m\":{},\"low\":{},\"size\":{},\"points\":{},\"frames\":{},\"keyframes\":{},\"loops\":{},\"truth\":\"{}\"}}",
+        "{{\"parts\":[{}],\"submaps\":[{}],\"robots\":[{}],\"voxel_m\":{},\"low\":{},\"size\":{},\"points\":{},\"frames\":{},\"keyframes\":{},\"loops\":{},\"truth\":\"{}\"}}",
         parts.join(","),
+        submaps(scene),
         robots(scene),
         number(scene.voxel_m),
         numbers(&low),
@@ -64,6 +68,17 @@ fn part(part: &ScenePart) -> String {
         rows.join(","),
         part.n_points
     )
+}
+
+fn submaps(scene: &ReportScene) -> String {
+    // Their names stand beside what switches them.
+    let submap = |submap: &SceneSubmap| format!("{{\"part\":{}}}", submap.part);
+    scene.submaps.iter().map(submap).collect::<Vec<_>>().join(",")
+}
+
+/// A place in the list of submaps.
+fn place(submap: usize) -> u8 {
+    submap.min(MOST_SUBMAPS) as u8
 }
 
 fn robots(scene: &ReportScene) -> String {
@@ -107,11 +122,12 @@ fn octahedral(normal: &[f64; 3]) -> [i8; 2] {
 fn frames(scene: &ReportScene) -> String {
     let frames = || thin(&scene.frames, MOST_FRAMES);
     format!(
-        "{{\"index\":\"{}\",\"time_s\":\"{}\",\"state\":\"{}\",\"part\":\"{}\",\"robot\":\"{}\",\"position\":\"{}\",\"rotation\":\"{}\",\"std_m\":\"{}\"}}",
+        "{{\"index\":\"{}\",\"time_s\":\"{}\",\"state\":\"{}\",\"part\":\"{}\",\"submap\":\"{}\",\"robot\":\"{}\",\"position\":\"{}\",\"rotation\":\"{}\",\"std_m\":\"{}\"}}",
         base64(frames().flat_map(|f| (f.index as u32).to_le_bytes())),
         floats(frames().map(|f| f.time_s)),
         base64(frames().map(|f| state(f.state))),
         base64(frames().map(|f| f.part.min(255) as u8)),
+        base64(frames().map(|f| place(f.submap))),
         base64(frames().map(|f| f.robot.min(255) as u8)),
         floats(frames().flat_map(|f| f.position_m)),
         base64(
@@ -136,8 +152,9 @@ fn state(state: FrameState) -> u8 {
 fn keyframes(scene: &ReportScene) -> String {
     let keyframes = || thin(&scene.keyframes, MOST_KEYFRAMES);
     format!(
-        "{{\"position\":\"{}\",\"of_map\":\"{}\",\"std_m\":\"{}\"}}",
+        "{{\"position\":\"{}\",\"submap\":\"{}\",\"of_map\":\"{}\",\"std_m\":\"{}\"}}",
         floats(keyframes().flat_map(|k| k.position_m)),
+        base64(keyframes().map(|k| place(k.submap))),
         base64(keyframes().map(|k| u8::from(k.is_of_map))),
         floats(keyframes().map(|k| k.std_m.unwrap_or(f64::NAN)))
     )
@@ -152,8 +169,9 @@ fn loops(scene: &ReportScene) -> String {
         ReportedVerdict::Outvoted => 3,
     };
     format!(
-        "{{\"ends\":\"{}\",\"verdict\":\"{}\"}}",
+        "{{\"ends\":\"{}\",\"submap\":\"{}\",\"verdict\":\"{}\"}}",
         floats(loops().flat_map(|l| l.ends_m).flatten()),
+        base64(loops().flat_map(|l| l.submaps).map(place)),
         base64(loops().map(|l| verdict(l.verdict)))
     )
 }

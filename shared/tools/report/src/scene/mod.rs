@@ -18,6 +18,8 @@ const MOST_KEYFRAMES: usize = 5_000;
 const MOST_LOOPS: usize = 5_000;
 /// Most positions of the ground truth; of more, every k-th is shown.
 const MOST_TRUTH: usize = 5_000;
+/// Most submaps that can be switched; a page counts them in a byte.
+const MOST_SUBMAPS: usize = 255;
 /// Most runs of a page that are shown in 3D: browsers draw about 16 such pictures at once.
 pub(crate) const MOST_SCENES: usize = 8;
 
@@ -45,6 +47,8 @@ pub struct SceneFrame {
     pub state: FrameState,
     /// Place of its part in the list of parts.
     pub part: usize,
+    /// Place of its submap in the list of submaps.
+    pub submap: usize,
     /// Place of its robot in the list of robots, where there is one.
     pub robot: usize,
     /// Position of the camera.
@@ -60,6 +64,8 @@ pub struct SceneFrame {
 pub struct SceneKeyframe {
     /// Position of the camera.
     pub position_m: [f64; 3],
+    /// Place of its submap in the list of submaps.
+    pub submap: usize,
     /// Whether an earlier run made it.
     pub is_of_map: bool,
     /// Standard deviation of the position as the aligner saw it in that frame, metres.
@@ -71,8 +77,26 @@ pub struct SceneKeyframe {
 pub struct SceneLoop {
     /// Positions of the newer and the older keyframe.
     pub ends_m: [[f64; 3]; 2],
+    /// Places of their submaps; where they differ, it joins both.
+    pub submaps: [usize; 2],
     /// What became of it.
     pub verdict: ReportedVerdict,
+}
+
+impl SceneLoop {
+    /// Whether it joins two submaps.
+    pub(crate) fn joins(&self) -> bool {
+        self.submaps[0] != self.submaps[1] && self.verdict == ReportedVerdict::Accepted
+    }
+}
+
+/// What the camera mapped without being lost in between; several that were joined are one part.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneSubmap {
+    /// What it is called.
+    pub name: String,
+    /// Place of its part in the list of parts.
+    pub part: usize,
 }
 
 /// A map with a world frame of its own: the main one, or that of a submap that is apart.
@@ -102,6 +126,8 @@ pub struct SceneRobot {
 pub struct ReportScene {
     /// The main map first.
     pub parts: Vec<ScenePart>,
+    /// Those that can be shown by themselves.
+    pub submaps: Vec<SceneSubmap>,
     /// Edge of the voxels that the points are means of, metres.
     pub voxel_m: f64,
     /// Part after part.
@@ -154,10 +180,11 @@ impl ReportScene {
              <p class=\"fault\" hidden></p></div>\
              <div class=\"walk\"><button type=\"button\" data-do=\"play\">play</button>\
              <input type=\"range\" min=\"0\" max=\"{last}\" value=\"0\" aria-label=\"frame\"><output></output></div>\
-             {}{}<p class=\"note\">Drag to turn, scroll or pinch to zoom, shift-drag or two fingers to move. \
-             {}</p><script type=\"application/json\">{}</script></div>\
+             {}{}{}<p class=\"note\">Drag to turn, scroll or pinch to zoom, shift-drag or two fingers to move; \
+             click two points for the distance between them. {}</p><script type=\"application/json\">{}</script></div>\
              <noscript><p class=\"note\">The view in 3D needs scripts; the plots below do not.</p></noscript>",
             self.controls(),
+            self.submap_controls(),
             self.legend(),
             self.words_of_thinning(),
             encode::json(self)
@@ -176,6 +203,20 @@ impl ReportScene {
             .replace(UNCERTAINTY, uncertainty)
             .replace(TRUTH, &check("truth", "ground truth", !self.truth_m.is_empty()))
             .replace(KEYFRAMES, &check("keyframes", "keyframes", !self.keyframes.is_empty()))
+            .replace(JOINS, &check("joins", "joins", self.loops.iter().any(SceneLoop::joins)))
+    }
+
+    /// Each submap on and off, where there are several.
+    fn submap_controls(&self) -> String {
+        if self.submaps.len() < 2 {
+            return String::new();
+        }
+        let check = |(place, submap): (usize, &SceneSubmap)| {
+            let name = escaped(&submap.name);
+            format!("<label><input type=\"checkbox\" data-submap=\"{place}\" checked> {name}</label>")
+        };
+        let checks: String = self.submaps.iter().enumerate().take(MOST_SUBMAPS).map(check).collect();
+        format!("<div class=\"controls\">{checks}</div>")
     }
 
     /// Robots and their colours.
@@ -203,6 +244,7 @@ impl ReportScene {
 const UNCERTAINTY: &str = "{uncertainty}";
 const TRUTH: &str = "{truth}";
 const KEYFRAMES: &str = "{keyframes}";
+const JOINS: &str = "{joins}";
 /// What is shown, in which colours and from where.
 const CONTROLS: &str = "<div class=\"controls\">\
     <label>colour <select data-set=\"colour\"><option value=\"image\">image</option>\
@@ -210,6 +252,7 @@ const CONTROLS: &str = "<div class=\"controls\">\
     <label><input type=\"checkbox\" data-show=\"trajectory\" checked> trajectory</label>\
     {truth}{keyframes}\
     <label><input type=\"checkbox\" data-show=\"loops\" checked> loops closed</label>\
+    {joins}\
     <label><input type=\"checkbox\" data-show=\"refused\"> loops not closed</label>\
     <label><input type=\"checkbox\" data-show=\"backs\"> walls from behind</label>\
     <button type=\"button\" data-do=\"whole\">whole map</button>\
@@ -242,6 +285,23 @@ mod tests {
     }
 
     #[test]
+    fn joins_and_submaps_have_their_switches_where_there_are_any() {
+        let of = |submaps: [usize; 2], verdict| {
+            let pair = SceneLoop { ends_m: [[0.0; 3]; 2], submaps, verdict };
+            let submap = |name: &str| SceneSubmap { name: name.into(), part: 0 };
+            let submaps = vec![submap("submap 0"), submap("submap <2>")];
+            let scene = ReportScene { loops: vec![pair], submaps, ..ReportScene::default() };
+            ReportScene { frames: vec![SceneFrame::default()], ..scene }.html()
+        };
+        let joined = of([0, 1], ReportedVerdict::Accepted);
+        assert!(joined.contains("data-show=\"joins\" checked> joins"), "{joined}");
+        assert!(joined.contains("data-submap=\"1\" checked> submap &lt;2&gt;"), "{joined}");
+        for none in [of([1, 1], ReportedVerdict::Accepted), of([0, 1], ReportedVerdict::Refused)] {
+            assert!(!none.contains("data-show=\"joins\""), "{none}");
+        }
+    }
+
+    #[test]
     fn the_largest_scene_takes_less_than_two_megabytes() {
         let n = 100_000;
         let scene = ReportScene {
@@ -249,7 +309,14 @@ mod tests {
             points: vec![ScenePoint::default(); MOST_POINTS],
             frames: vec![SceneFrame::default(); n],
             keyframes: vec![SceneKeyframe::default(); n],
-            loops: vec![SceneLoop { ends_m: [[0.0; 3]; 2], verdict: ReportedVerdict::Accepted }; n],
+            loops: vec![
+                SceneLoop {
+                    ends_m: [[0.0; 3]; 2],
+                    submaps: [0; 2],
+                    verdict: ReportedVerdict::Accepted
+                };
+                n
+            ],
             truth_m: vec![[0.0; 3]; n],
             ..ReportScene::default()
         };

@@ -56,7 +56,10 @@ const of_state = (scene, k) => {
 const UNKNOWN = [0.45, 0.45, 0.45];
 // From dark violet over blue and green to yellow: it gets lighter all the way.
 const RAMP = [[0.35, 0.15, 0.50], [0.26, 0.40, 0.70], [0.15, 0.62, 0.60], [0.40, 0.80, 0.40], [0.99, 0.91, 0.20]];
+const JOIN_COLOUR = [0.95, 0.45, 0.85], MEASURE_COLOUR = [1.0, 1.0, 1.0];
 const HALF_FOV = Math.PI / 6;
+// Within so many pixels of a click is what was meant, and a hand that moves less has clicked.
+const REACH_PX = 9, CLICK_PX = 4;
 
 function ramp(share) {
   const place = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1);
@@ -126,15 +129,18 @@ function read(text) {
     frames: {
       index: decoded(Uint32Array, frames.index), time_s: decoded(Float32Array, frames.time_s),
       state: decoded(Uint8Array, frames.state), part: decoded(Uint8Array, frames.part),
-      robot: decoded(Uint8Array, frames.robot),
+      submap: decoded(Uint8Array, frames.submap), robot: decoded(Uint8Array, frames.robot),
       position: decoded(Float32Array, frames.position), std_m: decoded(Float32Array, frames.std_m),
       rotation: Array.from(decoded(Int16Array, frames.rotation), v => v / 32767),
     },
     keyframes: {
       position: decoded(Float32Array, keyframes.position), of_map: decoded(Uint8Array, keyframes.of_map),
-      std_m: decoded(Float32Array, keyframes.std_m),
+      std_m: decoded(Float32Array, keyframes.std_m), submap: decoded(Uint8Array, keyframes.submap),
     },
-    loops: { ends: decoded(Float32Array, loops.ends), verdict: decoded(Uint8Array, loops.verdict) },
+    loops: {
+      ends: decoded(Float32Array, loops.ends), verdict: decoded(Uint8Array, loops.verdict),
+      submap: decoded(Uint8Array, loops.submap),
+    },
     truth: decoded(Float32Array, data.truth),
   };
   scene.has_colour = scene.rgb.some((v, k) => v !== scene.rgb[k % 3]);
@@ -145,6 +151,32 @@ function read(text) {
   scene.stds = [quantile(known, 0.02), quantile(known, 0.98)];
   return scene;
 }
+
+// The part and the submap of each point: parts follow each other, and a point is of the submap of the
+// keyframe that saw it first.
+function places(scene) {
+  const part = new Uint8Array(scene.n_points), submap = new Uint8Array(scene.n_points);
+  let k = 0;
+  scene.parts.forEach((of, place) => {
+    const first = Math.max(0, scene.submaps.findIndex(submap => submap.part === place));
+    for (const end = k + of.n_points; k < end; k++) {
+      part[k] = place;
+      submap[k] = scene.keyframes.submap[scene.keyframe_of[k]] ?? first;
+    }
+  });
+  return { part, submap };
+}
+
+// The normal of a point, as the shader unfolds it.
+function normal(scene, k) {
+  let [x, y] = [scene.normal[2 * k] / 127, scene.normal[2 * k + 1] / 127];
+  const z = 1 - Math.abs(x) - Math.abs(y);
+  if (z < 0) [x, y] = [(1 - Math.abs(y)) * (x < 0 ? -1 : 1), (1 - Math.abs(x)) * (y < 0 ? -1 : 1)];
+  return [x, y, z];
+}
+
+// Where a place of the page is in the picture: across, up, depth, and the distance along the axis of view.
+const projected = (matrix, at) => [0, 1, 2, 3].map(i => at.reduce((sum, v, j) => sum + matrix[4 * j + i] * v, matrix[12 + i]));
 
 const coordinate = (scene, k, axis) => scene.low[axis] + scene.size[axis] * scene.position[3 * k + axis] / 65535;
 
@@ -168,25 +200,30 @@ function point_colours(scene, mode) {
 }
 
 // Lines of each layer as ten numbers: begin, end, colour, width in pixels.
-function layers(scene, mode) {
+function layers(scene, mode, is_on) {
   const { frames, keyframes, loops, truth } = scene;
   const line = (a, b, colour, width) => [...a, ...b, ...colour, width];
-  const out = { truth: [], keyframes: [], trajectory: [], loops: [], refused: [] };
+  const out = { truth: [], keyframes: [], trajectory: [], loops: [], joins: [], refused: [] };
   for (let k = 1; k < truth.length / 3; k++) out.truth.push(line(three(truth, k - 1), three(truth, k), [0.7, 0.73, 0.76], 1.5));
   for (let k = 1; k < frames.index.length; k++) {
     // Another map, another robot, or another run of it.
+    if (!is_on(frames.submap[k])) continue;
     if (frames.part[k] !== frames.part[k - 1] || frames.robot[k] !== frames.robot[k - 1] || frames.index[k] < frames.index[k - 1]) continue;
     const is_tracked = frames.state[k] === 0;
     const colour = mode === 'uncertainty' && is_tracked ? of_std(scene, frames.std_m[k]) : of_state(scene, k);
     out.trajectory.push(line(three(frames.position, k - 1), three(frames.position, k), colour, is_tracked ? 2 : 3));
   }
   for (let k = 0; k < keyframes.of_map.length; k++) {
+    if (!is_on(keyframes.submap[k])) continue;
     const at = three(keyframes.position, k);
     out.keyframes.push(line(at, at, keyframes.of_map[k] ? [0.9, 0.62, 0.1] : [1.0, 0.93, 0.6], 3.5));
   }
   for (let k = 0; k < loops.verdict.length; k++) {
-    const verdict = loops.verdict[k], layer = verdict < 2 ? out.loops : out.refused;
-    layer.push(line(three(loops.ends, 2 * k), three(loops.ends, 2 * k + 1), LOOP_COLOURS[verdict], 1.5));
+    const verdict = loops.verdict[k], [a, b] = [loops.submap[2 * k], loops.submap[2 * k + 1]];
+    if (!is_on(a) || !is_on(b)) continue;
+    const is_join = a !== b && verdict === 0;
+    const layer = is_join ? out.joins : verdict < 2 ? out.loops : out.refused;
+    layer.push(line(three(loops.ends, 2 * k), three(loops.ends, 2 * k + 1), is_join ? JOIN_COLOUR : LOOP_COLOURS[verdict], 1.5));
   }
   return out;
 }
@@ -217,7 +254,7 @@ function view(box, place) {
   canvas.addEventListener('webglcontextlost', () => fail('The browser gave up the view in 3D: load the page again.'));
 
   const scene = read(find('script').textContent), n_frames = scene.frames.index.length;
-  const shown = {};
+  const shown = {}, place_of = places(scene), off = new Set(), is_on = submap => !off.has(submap);
   let mode = scene.has_colour ? 'image' : 'height', eye = {}, is_through = false, is_awaited = false, timer = 0;
 
   if (!scene.has_colour) find('[data-set=colour] [value=image]').textContent = 'grey';
@@ -243,12 +280,23 @@ function view(box, place) {
   const recolour = () => {
     gl.deleteBuffer(columns[2][0]);
     columns[2][0] = buffer(point_colours(scene, mode));
-    Object.entries(layers(scene, mode)).forEach(([name, rows]) => put(name, rows));
+    Object.entries(layers(scene, mode, is_on)).forEach(([name, rows]) => put(name, rows));
     const of_mode = { height: scene.heights.map(v => (Math.round(100 * v) / 100 || 0).toFixed(2) + ' m'), uncertainty: scene.stds.map(v => (1000 * v).toFixed(1) + ' mm') };
     find('.ramp').hidden = !of_mode[mode];
     find('.ramp b').textContent = (of_mode[mode] ?? []).join(' to ');
     redraw();
   };
+
+  // Which points are drawn.
+  let visible = { n: 0 };
+  const choose = () => {
+    const chosen = Uint32Array.from({ length: scene.n_points }, (_, k) => k).filter(k => is_on(place_of.submap[k]));
+    if (visible.data) gl.deleteBuffer(visible.data);
+    visible = { data: gl.createBuffer(), n: chosen.length, chosen };
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, visible.data);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, chosen, gl.STATIC_DRAW);
+  };
+  choose();
 
   // Where the picture is taken from.
   const spread = [0, 1, 2].map(axis => {
@@ -287,8 +335,10 @@ function view(box, place) {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     draw_points(clip_from_page, at, height, ratio);
     draw_lines(clip_from_page, width, height, ratio);
+    last_view = { clip_from_page, at };
     place_labels(clip_from_page);
   };
+  let last_view = null;
   const redraw = () => {
     if (!is_awaited) requestAnimationFrame(draw);
     is_awaited = true;
@@ -310,7 +360,8 @@ function view(box, place) {
     gl.uniform1f(points.at('least_px'), 1.5 * ratio);
     gl.uniform1i(points.at('backs'), shown.backs ? 1 : 0);
     gl.uniform1i(points.at('lit'), mode === 'image' && scene.has_colour ? 0 : 1);
-    gl.drawArrays(gl.POINTS, 0, scene.n_points);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, visible.data);
+    gl.drawElements(gl.POINTS, visible.n, gl.UNSIGNED_INT, 0);
   };
   const draw_lines = (clip_from_page, width, height, ratio) => {
     // On top of the points, so that no wall hides the trajectory.
@@ -336,10 +387,49 @@ function view(box, place) {
     const label = document.createElement('span');
     label.textContent = part.name;
     find('.stage').append(label);
-    return [label, [...part.label, 1]];
+    return { label, at: part.label, is_there: () => scene.submaps.some((submap, k) => submap.part === scene.parts.indexOf(part) && is_on(k)) };
   });
-  const place_labels = matrix => labels.forEach(([label, at]) => {
-    const [x, y, , w] = [0, 1, 2, 3].map(i => at.reduce((sum, v, j) => sum + matrix[4 * j + i] * v, 0));
+
+  // The distance between two points that were clicked.
+  const ruler = document.createElement('span');
+  let measured = [];
+  ruler.className = 'ruler';
+  find('.stage').append(ruler);
+  const between = () => measured[0].at.map((v, i) => 0.5 * (v + measured.at(-1).at[i]));
+  labels.push({ label: ruler, at: null, is_there: () => measured.length > 0 });
+  const measure = picked => {
+    measured = !picked ? [] : measured.length === 1 ? [measured[0], picked] : [picked];
+    const [a, b] = measured;
+    const dots = measured.map(({ at }) => [...at, ...at, ...MEASURE_COLOUR, 7]);
+    const is_one_map = b && a.part === b.part;
+    put('measured', is_one_map ? [...dots, [...a.at, ...b.at, ...MEASURE_COLOUR, 2]] : dots);
+    // To a tenth of what the points are means of.
+    const digits = Math.max(2, Math.ceil(1 - Math.log10(scene.voxel_m || 1)));
+    const distance = b && Math.hypot(...a.at.map((v, i) => v - b.at[i]));
+    ruler.textContent = !a ? '' : !b ? 'click a second point' : is_one_map ? `${distance.toFixed(digits)} m` : 'no distance: these maps are not joined';
+    ruler.dataset.ends = JSON.stringify(measured.map(({ at }) => at));
+    labels.at(-1).at = a ? between() : null;
+    redraw();
+  };
+  // The nearest point that is seen about a place of the picture.
+  const pick = event => {
+    if (!last_view) return null;
+    const box = canvas.getBoundingClientRect(), { clip_from_page, at: from } = last_view;
+    let nearest = null;
+    for (const k of visible.chosen) {
+      const at = [0, 1, 2].map(axis => coordinate(scene, k, axis));
+      const [x, y, , w] = projected(clip_from_page, at);
+      if (w < 0.02 || nearest && w > nearest.w) continue;
+      if (!shown.backs && dot(normal(scene, k), add(from, at, -1)) < 0) continue;
+      const [dx, dy] = [box.left + box.width * (0.5 + 0.5 * x / w) - event.clientX, box.top + box.height * (0.5 - 0.5 * y / w) - event.clientY];
+      if (Math.hypot(dx, dy) <= REACH_PX) nearest = { at, w, part: place_of.part[k] };
+    }
+    return nearest;
+  };
+  const place_labels = matrix => labels.forEach(({ label, at, is_there }) => {
+    label.hidden = !is_there();
+    if (label.hidden) return;
+    const [x, y, , w] = projected(matrix, at);
     label.hidden = w < 0.05 || Math.abs(x) > w || Math.abs(y) > w;
     label.style.left = `${50 + 50 * x / w}%`;
     label.style.top = `${50 - 50 * y / w}%`;
@@ -402,6 +492,7 @@ function view(box, place) {
 
   // Turning, moving, zooming with mouse and fingers.
   const fingers = new Map();
+  let pressed = null;
   const pan = (dx, dy) => {
     const [, right, down] = pose(), metres = 2 * eye.distance * Math.tan(HALF_FOV) / Math.max(canvas.clientHeight, 1);
     eye.target = add(add(eye.target, right, -dx * metres), down, -dy * metres);
@@ -414,12 +505,16 @@ function view(box, place) {
   };
   canvas.addEventListener('pointerdown', event => {
     canvas.setPointerCapture(event.pointerId);
+    pressed = fingers.size || event.button ? null : { x: event.clientX, y: event.clientY };
     fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
   });
+  const is_near = event => pressed && Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) < CLICK_PX;
+  canvas.addEventListener('pointerup', event => { if (is_near(event) && !event.shiftKey) measure(pick(event)); });
   for (const kind of ['pointerup', 'pointercancel']) canvas.addEventListener(kind, event => fingers.delete(event.pointerId));
   canvas.addEventListener('pointermove', event => {
     const before = fingers.get(event.pointerId);
-    if (!before) return;
+    if (!before || is_near(event)) return;
+    pressed = null;
     leave();
     const two = fingers.size === 2 ? spread_of() : null;
     fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
@@ -465,6 +560,11 @@ function view(box, place) {
     check.addEventListener('change', follow);
     follow();
   });
+  box.querySelectorAll('[data-submap]').forEach(check => check.addEventListener('change', () => {
+    off[check.checked ? 'delete' : 'add'](Number(check.dataset.submap));
+    choose();
+    recolour();
+  }));
   find('[data-set=colour]').addEventListener('change', event => { mode = event.target.value; recolour(); });
   slider.addEventListener('input', () => { stop(); walk(); });
   const buttons = { play, whole: () => whole(0.6), above: () => whole(1.57), camera: () => { is_through = true; } };

@@ -1,11 +1,13 @@
 //! ICL-NUIM: `associations.txt` with lines `number depth/0.png number rgb/0.png`, and poses in
-//! `livingRoom0.gt.freiburg` by the same numbers. Associations with times are read as well.
+//! `livingRoom0.gt.freiburg` by the same numbers. Associations with times are read as well, and under any
+//! name: many programs have one write such a list for oneself.
 
 use super::super::list::{self, ListEntry};
 use super::asked::ChosenCamera;
 use super::files::{names, number_nanos, text, wrong};
 use super::{Asked, FoundLayout, truth, tum};
 use crate::SourceError;
+use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::cameras::named_camera;
@@ -13,16 +15,36 @@ use tessera_frames::cameras::named_camera;
 pub(super) const NAME: &str = "ICL-NUIM (associations.txt)";
 
 const LIST: &str = "associations.txt";
+/// Of a text that may be such a list, as much as has its first lines.
+const HEAD_BYTES: u64 = 4096;
 const SECOND: i64 = 1_000_000_000;
 /// End of the names of its trajectories.
 const TRUTH: &str = ".gt.freiburg";
 
 pub(super) fn is(folder: &Path) -> bool {
-    folder.join(LIST).is_file()
+    list_in(folder).is_some()
+}
+
+/// The list of a folder: by its usual name, else the first text whose lines pair images that are there.
+fn list_in(folder: &Path) -> Option<String> {
+    if folder.join(LIST).is_file() {
+        return Some(LIST.to_owned());
+    }
+    let pairs_images = |name: &String| {
+        let mut head = Vec::new();
+        let file = std::fs::File::open(folder.join(name)).ok()?;
+        file.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
+        let head = String::from_utf8_lossy(&head);
+        let line = head.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'))?;
+        AssociationRow::parse(line).filter(|row| folder.join(row.depth.1).is_file())?;
+        Some(())
+    };
+    names(folder).into_iter().find(|name| name.ends_with(".txt") && pairs_images(name).is_some())
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let path = folder.join(LIST);
+    let list = list_in(folder).unwrap_or_else(|| LIST.to_owned());
+    let path = folder.join(&list);
     let (mut rows, mut lines): (Vec<AssociationRow>, Vec<(usize, &str)>) = (Vec::new(), Vec::new());
     let all = text(&path)?;
     for (number, line) in (1..).zip(all.lines()) {
@@ -60,9 +82,13 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         let entry = |entry: ListEntry| ListEntry { stamp_nanos: time(entry.stamp_nanos), ..entry };
         entries.into_iter().map(entry).collect()
     };
-    let (depth, colour, sentences) = list::in_order(at_time(depth), at_time(colour), [LIST, "its colour"]);
+    let (depth, colour, sentences) =
+        list::in_order(at_time(depth), at_time(colour), [list.as_str(), "its colour"]);
     let mut found = FoundLayout::new(NAME, chosen, depth, colour);
     found.warnings.extend(sentences);
+    if list != LIST {
+        found.notes.push(("list", list));
+    }
     let truth = ground_truth(folder, &time).map(|truth| {
         truth.map(|(truth, sentence)| {
             found.warnings.extend(sentence);

@@ -3,7 +3,7 @@
 //! numbers or times; Redwood's hold both, `000012-000000400000.png`, microseconds.
 
 use super::super::list::ListEntry;
-use super::super::names::{NameMeaning, Understood, understand};
+use super::super::names::{MOST_FRAME_STEP, NameMeaning, Understood, understand};
 use super::asked::ChosenCamera;
 use super::files::{names, number_nanos, size_of, some_depth, wrong};
 use super::{Asked, FoundLayout, pose};
@@ -31,14 +31,17 @@ pub(super) fn is(folder: &Path) -> bool {
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let depth = NamedImages::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
+    let mut depth = NamedImages::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
     let colour_folder = names(folder)
         .into_iter()
         .find(|name| COLOUR_FOLDERS.contains(&name.to_lowercase().as_str()) && folder.join(name).is_dir());
-    let colour = match &colour_folder {
-        Some(name) => NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp"], asked)?,
+    let mut colour = match &colour_folder {
+        Some(name) => {
+            NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff"], asked)?
+        }
         None => NamedImages::default(),
     };
+    let moved = colour.moved_to(&mut depth);
     let is_redwood = depth.stems.first().is_some_and(|stem| is_of_redwood(stem));
     let chosen = asked.camera_or_beside(folder, &depth.unset(), UNITS_PER_METRE, || {
         let is_it = is_redwood && size_of(folder, &depth.unset())? == (640, 480);
@@ -58,7 +61,11 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     };
     let entries = some_depth(depth.entries(&times), folder, "depth/NUMBER.png")?;
     let n_same = depth.files.len().saturating_sub(entries.len());
-    let colour_times = colour.times_beside(&depth, &times, asked.fps.is_some(), fps, has_times);
+    let colour_times = match &moved {
+        // One for one, in the order of their numbers.
+        Some(_) => times.clone(),
+        None => colour.times_beside(&depth, &times, asked.fps.is_some(), fps, has_times),
+    };
     let mut found = FoundLayout::new(NAME, chosen, entries, colour.entries(&colour_times));
     found.no_colour = match &colour_folder {
         Some(name) if colour.files.is_empty() => Some(format!("{name}/ holds no images")),
@@ -71,6 +78,8 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         found.warnings.push(format!("{n_same} depth images repeat the time of another and are left out"));
     }
     found.warnings.extend(depth.warning.iter().chain(&colour.warning).cloned());
+    found.warnings.extend(moved);
+    found.warnings.extend(depth.wide_steps(fps).filter(|_| asked.fps.is_none()));
     // Open3D's own sample has odometry.log beside trajectory.log: motions from frame to frame.
     let logs: Vec<String> = names(folder).into_iter().filter(|name| name.ends_with(".log")).collect();
     if let Some(log) = logs.iter().find(|name| !name.contains("odometry")) {
@@ -131,6 +140,21 @@ impl NamedImages {
         })
     }
 
+    /// That numbers rise by more than frames do, and what they are taken for.
+    fn wide_steps(&self, fps: f64) -> Option<String> {
+        let NameMeaning::Numbers(numbers) = &self.meaning else { return None };
+        let mut numbers = numbers.clone();
+        numbers.sort_unstable();
+        let steps = numbers.iter().zip(numbers.iter().skip(1));
+        let step = steps.map(|(before, after)| after.saturating_sub(*before)).min()?;
+        (step > MOST_FRAME_STEP).then(|| {
+            format!(
+                "the numbers in the names of the images rise by {step}: they are taken for frames, {:.3} s apart at {fps} a second; --fps N gives another rate, and a depth.txt the times themselves",
+                step as f64 / fps
+            )
+        })
+    }
+
     fn unset(&self) -> Vec<ListEntry> {
         self.files.iter().map(|file| ListEntry { stamp_nanos: 0, file: file.clone() }).collect()
     }
@@ -148,6 +172,48 @@ impl NamedImages {
                 let rank = |time: &i64| sorted.partition_point(|other| other < time) as u64;
                 times.iter().map(|time| number_nanos(rank(time), fps)).collect()
             }
+        }
+    }
+
+    /// Numbers without a gap that begin elsewhere than those of as many depth images: both count the same
+    /// images, as a sentence. The images of both are then in the order of their numbers.
+    fn moved_to(&mut self, depth: &mut Self) -> Option<String> {
+        self.sort_by_number();
+        depth.sort_by_number();
+        let (NameMeaning::Numbers(own), NameMeaning::Numbers(others)) = (&self.meaning, &depth.meaning)
+        else {
+            return None;
+        };
+        let is_whole = |numbers: &[u64]| {
+            numbers
+                .iter()
+                .zip(numbers.iter().skip(1))
+                .all(|(before, after)| after.checked_sub(*before) == Some(1))
+        };
+        let (first, first_depth) = (own.first()?, others.first()?);
+        (own.len() == others.len() && own.len() > 1 && first != first_depth && is_whole(own) && is_whole(others))
+            .then(|| {
+                format!(
+                    "colour is numbered from {first}, depth from {first_depth}, both without a gap: they are paired in their order"
+                )
+            })
+    }
+
+    fn sort_by_number(&mut self) {
+        let NameMeaning::Numbers(numbers) = &mut self.meaning else { return };
+        let mut all: Vec<(u64, String, PathBuf)> = numbers
+            .iter()
+            .copied()
+            .zip(std::mem::take(&mut self.stems))
+            .zip(std::mem::take(&mut self.files))
+            .map(|((number, stem), file)| (number, stem, file))
+            .collect();
+        all.sort();
+        numbers.clear();
+        for (number, stem, file) in all {
+            numbers.push(number);
+            self.stems.push(stem);
+            self.files.push(file);
         }
     }
 

@@ -1,6 +1,6 @@
-//! 7-Scenes: `frame-000000.depth.png` in millimetres (65535: no measurement), `.color.png` and
+//! 7-Scenes: `frame-000000.depth.png` (of 3RScan `.depth.pgm`) in millimetres (65535: no measurement), `.color.png` and
 //! `.pose.txt`, a 4x4 camera-to-world matrix. BundleFusion and 3DMatch name their images so too, and put
-//! their camera beside them (`info.txt`, `camera-intrinsics.txt`); the camera of 7-Scenes is assumed in
+//! their camera beside them (`info.txt`, `_info.txt`, `camera-intrinsics.txt`); the camera of 7-Scenes is assumed in
 //! its own folders alone.
 
 use super::asked::ChosenCamera;
@@ -14,7 +14,7 @@ use tessera_frames::cameras::named_camera;
 pub(super) const NAME: &str = "7-Scenes (frame-000000.depth.png)";
 
 const PREFIX: &str = "frame-";
-const DEPTH: &[&str] = &[".depth.png"];
+const DEPTH: &[&str] = &[".depth.png", ".depth.pgm"];
 const UNITS_PER_METRE: f64 = 1000.0;
 /// Its scenes, which hold folders `seq-01`.
 const SCENES: [&str; 7] = ["chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs"];

@@ -8,6 +8,7 @@ use std::path::Path;
 mod images;
 mod misread;
 mod mutations;
+mod read_wrong;
 mod record3d;
 
 const SIZE: (u32, u32) = (32, 24);

@@ -7,7 +7,7 @@ const UNITS: [(u64, &str); 4] =
 /// Seconds since 1970 of recordings: from the year 2001 to 2106.
 const SINCE_1970_S: std::ops::Range<u64> = 1_000_000_000..4_294_967_296;
 /// Step of frame numbers: every tenth image of a sequence is common.
-pub(super) const MOST_FRAME_STEP: u64 = 10;
+pub(in crate::folder) const MOST_FRAME_STEP: u64 = 10;
 /// Step of frame numbers that is the same all along.
 const MOST_EVEN_STEP: u64 = 1000;
 /// Intervals of a camera, nanoseconds.

@@ -1,5 +1,5 @@
 //! Numbers and times in the names of images: frame numbers, or stamps in seconds with a fraction, in
-//! seconds and nanoseconds, in milli-, micro- or nanoseconds.
+//! seconds and nanoseconds, in milli-, micro- or nanoseconds, or as a date.
 //!
 //! Stamps are recognised by their digits (a time since 1970 has 10 of them in seconds, 19 in
 //! nanoseconds) and by their steps; what may be either is refused with what to give.
@@ -9,10 +9,11 @@
     reason = "indices of the names and of their pieces, of which all rows have as many as the first"
 )]
 
+mod calendar;
 mod clock;
 
-pub(super) use clock::NameClock;
 pub(crate) use clock::nanos_of;
+pub(super) use clock::{MOST_FRAME_STEP, NameClock};
 use clock::{SECOND, regularity};
 
 /// Share of regular steps from which on a reading is believed.
@@ -103,6 +104,9 @@ pub(super) fn understand(stems: &[&str], is_rate_given: bool) -> Result<Understo
 /// The meaning of names of one form.
 fn meaning(rows: &[&Pieces<'_>], is_rate_given: bool) -> Result<NameMeaning, String> {
     let Some(first) = rows.first() else { return Ok(NameMeaning::Numbers(Vec::new())) };
+    if let Some(times) = calendar::times(rows) {
+        return Ok(NameMeaning::Times(times, "dates in the names of the images".to_owned()));
+    }
     let is_varying = |at: &usize| rows.iter().any(|row| row.digits[*at] != first.digits[*at]);
     let mut columns: Vec<usize> = (0..first.digits.len()).filter(is_varying).collect();
     if columns.is_empty() {

@@ -53,6 +53,36 @@ fn times_since_1970_are_known_by_their_digits() {
     check_times(&names(|k, t| format!("{k}_{t}")), 0, 0);
 }
 
+/// From 22:13:20: over the end of a minute too, where seconds alone would go back.
+#[test]
+fn dates_are_times() {
+    let date = |t: i64| {
+        let of_day = (t / 1_000_000_000) % 86_400;
+        [of_day / 3600, of_day / 60 % 60, of_day % 60].map(|part| format!("{part:02}"))
+    };
+    for far in [0, 39] {
+        let names = |form: fn(&[String; 3], i64) -> String| {
+            names(|_, t| form(&date(t + far * 1_000_000_000), t % 1_000_000_000))
+        };
+        let from = -far * 1_000_000_000;
+        check_times(
+            &names(|[h, m, s], n| format!("20231114_{h}{m}{s}_{:03}", n / 1_000_000)),
+            from,
+            1_000_000,
+        );
+        check_times(
+            &names(|[h, m, s], n| format!("depth_2023-11-14T{h}-{m}-{s}.{:06}", n / 1000)),
+            from,
+            1000,
+        );
+        check_times(&names(|[h, m, s], n| format!("20231114{h}{m}{s}{:03}", n / 1_000_000)), from, 1_000_000);
+        check_times(&names(|[h, m, s], n| format!("7_2023.11.14_{h}.{m}.{s}.{n:09}")), from, 0);
+    }
+    // What cannot be a date is none.
+    let numbers = meaning_of(&names(|k, _| format!("20231314_{:06}", k))).unwrap();
+    assert!(matches!(numbers, NameMeaning::Numbers(_)), "{numbers:?}");
+}
+
 #[test]
 fn times_since_the_start_are_known_by_their_steps() {
     check_times(&names(|_, t| ((t - START) / 1_000_000).to_string()), START, 1_000_000);
@@ -101,9 +131,10 @@ fn what_may_be_either_is_refused() {
     let stems: Vec<&str> = names.iter().map(String::as_str).collect();
     let at_a_rate = understand(&stems, true).unwrap().meaning;
     assert_eq!(at_a_rate, NameMeaning::Numbers(vec![0, 13, 55, 80, 140, 171, 230]));
-    // A date and a time of day.
+    // A date and a time of day, over the end of a minute.
     let names: Vec<String> = (0..90).map(|k| format!("20240131{:02}{:02}", 1000 + k / 60, k % 60)).collect();
-    assert!(meaning_of(&names).is_err() || matches!(meaning_of(&names), Ok(NameMeaning::Numbers(_))));
+    let Ok(NameMeaning::Times(times, _)) = meaning_of(&names) else { panic!("{:?}", meaning_of(&names)) };
+    assert_eq!((times[0], times[89]), (1_706_695_200_000_000_000, 1_706_695_289_000_000_000));
     let words = meaning_of(&["1".repeat(25)]).unwrap_err();
     assert!(words.contains("at most 19 digits"), "{words}");
     let many: Vec<String> = (0..9).map(|k| format!("{}_{}_{}", k * 70, 100 - k, k * k * 31)).collect();

@@ -104,7 +104,7 @@ fn the_depth_scale_and_rate_of_open3d_are_used() {
     assert!(said(&source, "times").contains("15 frames a second, as the camera file states"));
     // Metres a unit, as librealsense has them, and in a file of its own.
     folder.write("intrinsic.json", format!("{{{INTRINSIC}}}"));
-    folder.write("config.json", r#"{"depth_scale": 0.00025, "name": "x"}"#);
+    folder.write("config.json", r#"{"depth_factor": 0.00025, "name": "x"}"#);
     assert_eq!(folder.open().camera().units_per_metre, 4000.0);
     fs::remove_file(folder.path().join("config.json")).unwrap();
     assert_eq!(folder.open().camera().units_per_metre, 1000.0);
