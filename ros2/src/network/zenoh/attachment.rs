@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Bytes of an identity, and of all together: two numbers, the identity's length, the identity.
 const IDENTITY: usize = 16;
 const LENGTH: usize = 8 + 8 + 1 + IDENTITY;
+const IDENTITY_LENGTH: u8 = 16;
 
 /// What is beside a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +24,7 @@ impl Attachment {
         let mut bytes = Vec::with_capacity(LENGTH);
         bytes.extend(self.number.to_le_bytes());
         bytes.extend(nanos.to_le_bytes());
-        bytes.push(IDENTITY as u8);
+        bytes.push(IDENTITY_LENGTH);
         bytes.extend(self.from);
         bytes
     }
@@ -36,12 +37,14 @@ impl Attachment {
         let Some(bytes) = bytes else { return Err("no attachment".to_owned()) };
         let wrong = || format!("an attachment of {} bytes, expected {LENGTH} as of rmw_zenoh", bytes.len());
         let bytes: &[u8; LENGTH] = bytes.try_into().map_err(|_| wrong())?;
-        let (number, rest) = bytes.split_at(8);
-        if usize::from(rest[8]) != IDENTITY {
-            return Err(format!("an attachment with an identity of {} bytes, expected {IDENTITY}", rest[8]));
+        let (number, rest) = bytes.split_first_chunk().ok_or_else(wrong)?;
+        let (_nanos, rest) = rest.split_first_chunk::<8>().ok_or_else(wrong)?;
+        let (length, from) = rest.split_first().ok_or_else(wrong)?;
+        if *length != IDENTITY_LENGTH {
+            return Err(format!("an attachment with an identity of {length} bytes, expected {IDENTITY}"));
         }
-        let number = i64::from_le_bytes(number.try_into().map_err(|_| wrong())?);
-        let from = rest[9..].try_into().map_err(|_| wrong())?;
+        let number = i64::from_le_bytes(*number);
+        let from = from.try_into().map_err(|_| wrong())?;
         Ok(Self { number, from })
     }
 }
@@ -49,7 +52,9 @@ impl Attachment {
 /// The identity of an end of a session, by the end's number.
 pub(super) fn identity(session: [u8; IDENTITY], number: u32) -> [u8; IDENTITY] {
     let mut identity = session;
-    identity[IDENTITY - 4..].copy_from_slice(&number.to_le_bytes());
+    if let Some(last) = identity.last_chunk_mut() {
+        *last = number.to_le_bytes();
+    }
     identity
 }
 

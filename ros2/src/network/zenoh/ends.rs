@@ -142,7 +142,7 @@ impl ZenohWriter {
 
 impl Publication for ZenohWriter {
     fn send(&mut self, message: &[u8]) -> Result<(), CarrierError> {
-        self.number += 1;
+        self.number = self.number.saturating_add(1);
         let attachment = Attachment { number: self.number, from: self.identity }.bytes();
         let sent = match &self.held {
             HeldWriter::Plain(publisher) => publisher.put(message).attachment(attachment).wait(),

@@ -127,7 +127,8 @@ fn no_router(routers: &str) -> String {
 fn open_session(config: Config, routers: &str, waiting: &Waiting<'_>) -> Result<Session, Ros2Error> {
     let (to, opened) = channel();
     std::thread::spawn(move || to.send(zenoh::open(config).wait()));
-    let mut tell_at = Instant::now() + PATIENCE;
+    let mut told = Instant::now();
+    let mut patience = PATIENCE;
     loop {
         match opened.recv_timeout(POLL) {
             Ok(session) => return Ok(session.map_err(|error| wrong("join Zenoh", &error))?),
@@ -137,8 +138,8 @@ fn open_session(config: Config, routers: &str, waiting: &Waiting<'_>) -> Result<
         if waiting.is_stopped.load(Ordering::Relaxed) {
             return Err(wrong("join Zenoh", &format!("ended while there was no router at {routers}")).into());
         }
-        if Instant::now() >= tell_at {
-            tell_at = Instant::now() + INTERVAL;
+        if told.elapsed() >= patience {
+            (told, patience) = (Instant::now(), INTERVAL);
             waiting.report.say(&no_router(routers));
         }
     }

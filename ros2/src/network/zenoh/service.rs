@@ -78,7 +78,7 @@ impl Server for ZenohServer {
         let Some(query) = lock(&self.requests).pop_front() else { return Ok(None) };
         match read(&query, self.service) {
             Ok((request, attachment)) => {
-                self.n_taken += 1;
+                self.n_taken = self.n_taken.saturating_add(1);
                 self.taken.insert(self.n_taken, (query, attachment));
                 let client = Client(self.n_taken.to_le_bytes().to_vec());
                 Ok(Some(ServiceRequest { client, request }))
