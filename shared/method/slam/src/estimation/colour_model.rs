@@ -86,6 +86,8 @@ impl ColourPoseRecord {
 /// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.5, that of another
 /// scene 1 to 3.
 pub const UNTRUSTED: f64 = 0.85;
+/// A frame's disagreement that counts, at most: its surfaces may have gone astray.
+const MOST_DISAGREEMENT: f64 = 2.0;
 /// Least share that a frame has in the running means.
 const LEAST_SHARE: f64 = 0.1;
 /// Residual in pixels, and disagreement, before the first frame.
@@ -95,6 +97,8 @@ const FIRST_DISAGREEMENT: f64 = 0.4;
 pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
 /// Matches that count for a frame's residual, at least.
 pub(crate) const MIN_PAIRS: u32 = 20;
+/// Residual from which on features are no start for the surfaces, pixels.
+const VAGUE_PX: f64 = 10.0;
 /// Frames in which colour is on probation.
 const PROBATION_FRAMES: u32 = 2;
 /// Share by which what was seen before counts less with each keyframe.
@@ -105,7 +109,7 @@ pub(crate) const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
 const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
 /// Standard deviations beyond which a parameter is not zero: one in 10^6.
-pub(crate) const CERTAIN_SIGMAS: f64 = 4.9;
+const CERTAIN_SIGMAS: f64 = 4.9;
 /// Standard deviations below which it may well be zero: one in 100.
 const DOUBTED_SIGMAS: f64 = 2.6;
 
@@ -183,7 +187,7 @@ impl ColourState {
         self.n_frames = self.n_frames.saturating_add(1);
         // The first frames count alike.
         let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
-        self.disagreement += share * (record.disagreement - self.disagreement);
+        self.disagreement += share * (record.disagreement.min(MOST_DISAGREEMENT) - self.disagreement);
         // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
         let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
         self.residual_px *= libm::pow(ratio, share);
@@ -208,9 +212,10 @@ impl ColourState {
     }
 
     /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
-    /// of another scene that leads takes weak surfaces along and is found out late.
+    /// of another scene that leads takes weak surfaces along and is found out late; or colour agrees
+    /// with depth too roughly.
     pub(crate) fn is_on_probation(&self) -> bool {
-        self.is_trusted() && self.n_frames < PROBATION_FRAMES
+        self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
     }
 
     /// Lag and ratio less one with their standard deviations, `[value, sigma]` each.

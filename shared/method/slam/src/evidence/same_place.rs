@@ -14,7 +14,7 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::residuals;
-use crate::pairs::verification::FORWARD;
+use crate::pairs::verification::{FORWARD, N_QUERIES};
 use crate::settings::GlobalSettings;
 use nalgebra::SymmetricEigen;
 use tessera_features::{Correspondence, Observation};
@@ -157,8 +157,7 @@ pub(crate) fn measure(
     target_from_query: &Pose,
 ) -> (Pose, PlaceEvidence) {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
-    let alignment =
-        PairAlignment { query, target, n_queries: GlobalSettings::QUERIES_PER_PAIR, limits: &limits };
+    let alignment = PairAlignment { query, target, n_queries: N_QUERIES, limits: &limits };
     let pair = alignment.solve(matcher, target_from_query, &FORWARD);
     let information = pair.block.linearise(&pair.target_from_query).0;
     (pair.target_from_query, PlaceEvidence::of_surfaces(&pair.report, &information))

@@ -11,6 +11,8 @@ use tessera_geometry::Pose;
 use tessera_graph::disagreement_sigmas;
 use tessera_registration::{MatchLimits, Matcher};
 
+/// Queries of a test: enough for shares to a few per cent.
+pub(crate) const N_QUERIES: usize = 200;
 /// Tightness of the limits from one outer iteration to the next, there and back.
 pub(crate) const FORWARD: [f32; 3] = [0.0, 1.0, 1.0];
 const BACKWARD: [f32; 1] = [1.0];
@@ -38,12 +40,8 @@ pub(crate) fn test(
     older_from_newer: &Pose,
 ) -> Tested {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
-    let alignment = PairAlignment {
-        query: &newer.queries,
-        target: older,
-        n_queries: GlobalSettings::QUERIES_PER_PAIR,
-        limits: &limits,
-    };
+    let alignment =
+        PairAlignment { query: &newer.queries, target: older, n_queries: N_QUERIES, limits: &limits };
     let forward = alignment.solve(matcher, older_from_newer, &FORWARD);
     let newer_from_older = forward.target_from_query.inverse();
     let reversed = PairAlignment { query: &older.queries, target: newer, ..alignment };
@@ -85,12 +83,7 @@ pub(crate) fn in_front(
     target_from_query: &Pose,
 ) -> InFront {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
-    let alignment = PairAlignment {
-        query: &query.queries,
-        target,
-        n_queries: GlobalSettings::QUERIES_PER_PAIR,
-        limits: &limits,
-    };
+    let alignment = PairAlignment { query: &query.queries, target, n_queries: N_QUERIES, limits: &limits };
     let at_optimum = alignment.solve(matcher, target_from_query, &FORWARD).report;
     let (_, as_placed) = alignment.search(matcher, target_from_query, 1.0);
     let [at_optimum, as_placed] = [at_optimum, as_placed].map(|r| share(r.n_in_front, r.n_in_view));

@@ -22,7 +22,7 @@ use crate::tracking::sight::ENOUGH_FEATURES;
 use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes, reference};
-use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised};
+use tessera_geometry::{Matrix6, Pose, PoseBits, Twist, Vector6, compose_normalised};
 use tessera_graph::metric_covariance;
 use tessera_registration::Sampler;
 
@@ -164,16 +164,21 @@ pub(crate) fn agrees(
     (known, expected): (&SightingRecord, &Pose),
     own: &UncertainPose,
 ) -> bool {
-    let uncertain = |k: &KeyframeState| UncertainPose::read(&k.world_from_camera, &k.covariance);
-    let [own_then, seen_then] = [known.own, known.seen].map(|id| input.map.keyframe(id).and_then(uncertain));
-    let nearest = nearest_of(input, found).and_then(uncertain);
     let a = &found.alignment;
-    let alignment = metric_covariance(&a.information, aligner.metric_factor(input.context));
-    let (Some(own_then), Some(seen_then), Some(nearest), Some(alignment)) =
-        (own_then, seen_then, nearest, alignment)
+    let Some(alignment) = metric_covariance(&a.information, aligner.metric_factor(input.context)) else {
+        return false;
+    };
+    let [own_then, seen_then] = [known.own, known.seen].map(|id| input.map.keyframe(id));
+    let (Some(own_then), Some(seen_then), Some(nearest)) = (own_then, seen_then, nearest_of(input, found))
     else {
         return false;
     };
+    // What has no covariance, as a map's first keyframe, is where it is.
+    let uncertain = |k: &KeyframeState| {
+        UncertainPose::read(&k.world_from_camera, &k.covariance)
+            .unwrap_or(UncertainPose { pose: Pose::from(&k.world_from_camera), covariance: Matrix6::zeros() })
+    };
+    let [own_then, seen_then, nearest] = [own_then, seen_then, nearest].map(uncertain);
     let alignment = alignment + covariance::systematic(&input.map.state().colour, &input.context.camera, a);
     let found_pose = UncertainPose { pose: a.world_from_camera, covariance: alignment };
     let drift = UncertainPose::along_track(&own_then, own).covariance

@@ -1,13 +1,13 @@
 //! Residuals of one frame's feature matches at the relative poses of its surfaces, by which colour is audited.
 
-use crate::estimation::colour_model::{
-    CERTAIN_SIGMAS, ColourModel, ColourRecord, ColourState, MIN_PAIRS, PRIOR_SIGMAS,
-};
+use crate::estimation::colour_model::{ColourModel, ColourRecord, ColourState, MIN_PAIRS, PRIOR_SIGMAS};
 use crate::map::context::Context;
 use nalgebra::{Matrix2, Matrix2x6, Vector2, Vector3};
 use tessera_features::Correspondence;
 use tessera_geometry::{Matrix6, Pose, Twist};
 
+/// Deviations of lag and ratio ([`PRIOR_SIGMAS`]) that count as all of what is allowed.
+const IMPLAUSIBLE_SIGMAS: f64 = 4.0;
 /// Residual that is allowed at rest, pixels, more of it by the length of the motion in the image, and
 /// by the standard deviation that the pose has there: weak surfaces judge nothing.
 const ALLOWED_PX: f64 = 2.0;
@@ -132,7 +132,7 @@ impl<'a> Observed<'a> {
             x = h.cholesky().map_or(x, |factor| -factor.solve(&g));
         }
         let left_px = median(self.rows.iter().map(|row| row.left_px(&x).norm()));
-        let implausible = x.dot(&(prior * x)) / (CERTAIN_SIGMAS * CERTAIN_SIGMAS);
+        let implausible = x.dot(&(prior * x)) / (IMPLAUSIBLE_SIGMAS * IMPLAUSIBLE_SIGMAS);
         ((left_px / self.allowed_px()).powi(2) + implausible).sqrt()
     }
 

@@ -11,6 +11,8 @@ use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{COARSE_SAMPLES, every_nth, newest_reference, reference, support};
 use tessera_geometry::{Pose, log};
 
+/// Members of the window that are asked.
+const MOST_ASKED: usize = 2;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
 
@@ -67,6 +69,7 @@ fn pose_from_features(
         return None;
     }
     let mut members = window::select(&input.map, &input.context.mapping.window, world_from_camera);
+    members.truncate(MOST_ASKED);
     let last = input.map.last_own_keyframe().map(|k| Member::Keyframe(k.id));
     members.extend(last.filter(|last| !members.contains(last)));
     for reach in [Reach::PREDICTED, Reach::ANYWHERE] {
