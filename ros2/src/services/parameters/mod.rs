@@ -10,8 +10,8 @@ use crate::error::Ros2Error;
 use crate::report::{Report, ReportEvent};
 use tessera_recording::ros::encode;
 use wire::{
-    DESCRIBE, Descriptor, GET, LIST, Listed, ParameterValue, SET, SET_ATOMICALLY, SetResult, TYPES, names,
-    prefixes,
+    DESCRIBE, GET, LIST, Listed, ParameterDescriptor, ParameterValue, SET, SET_ATOMICALLY, SetResult, TYPES,
+    names, prefixes,
 };
 
 pub(crate) use table::NodeParameter;
@@ -105,8 +105,10 @@ fn answer(
         Question::Get => encode(&values.collect::<Vec<ParameterValue>>())?,
         Question::Types => encode(&values.map(|value| value.kind).collect::<Vec<u8>>())?,
         Question::Describe => {
-            let one = |name| find(name).map_or_else(|| Descriptor::unknown(name), NodeParameter::described);
-            encode(&asked.iter().map(one).collect::<Vec<Descriptor>>())?
+            let one = |name| {
+                find(name).map_or_else(|| ParameterDescriptor::unknown(name), NodeParameter::described)
+            };
+            encode(&asked.iter().map(one).collect::<Vec<ParameterDescriptor>>())?
         }
         Question::Set => {
             encode(&asked.iter().map(|name| refused(name, find(name))).collect::<Vec<SetResult>>())?

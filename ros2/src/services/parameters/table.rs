@@ -1,6 +1,6 @@
 //! The parameters: options of the command line by their names, with the help of each as its description.
 
-use super::wire::{Descriptor, ParameterValue};
+use super::wire::{ParameterDescriptor, ParameterValue};
 use crate::arguments::Ros2Arguments;
 use clap::CommandFactory;
 
@@ -9,14 +9,14 @@ use clap::CommandFactory;
 pub(crate) struct NodeParameter {
     /// As in launch files: that of the option, with `_`.
     pub(crate) name: String,
-    content: Content,
+    content: ParameterContent,
     description: String,
 }
 
 /// What an option may be. A text that is empty was not given: a file of parameters that `ros2 param dump`
 /// wrote is read back as it was.
 #[derive(Clone, Debug, PartialEq)]
-enum Content {
+enum ParameterContent {
     Flag(bool),
     Number(f64),
     Text(String),
@@ -25,24 +25,24 @@ enum Content {
 impl NodeParameter {
     /// All parameters of the node, in the order of their names.
     pub(crate) fn all(arguments: &Ros2Arguments) -> Vec<Self> {
-        let text = |given: &Option<String>| Content::Text(given.clone().unwrap_or_default());
+        let text = |given: &Option<String>| ParameterContent::Text(given.clone().unwrap_or_default());
         let (low, high) = arguments.grid_heights;
         let contents = [
-            ("base_frame", Content::Text(arguments.base_frame.clone())),
+            ("base_frame", ParameterContent::Text(arguments.base_frame.clone())),
             ("camera", text(&arguments.camera)),
             ("camera_info", text(&arguments.camera_info)),
             ("color_topic", text(&arguments.color_topic)),
             ("depth_topic", text(&arguments.depth_topic)),
-            ("grid_cell", Content::Number(arguments.grid_cell)),
-            ("grid_heights", Content::Text(format!("{low},{high}"))),
-            ("grid_topic", Content::Text(arguments.grid_topic())),
+            ("grid_cell", ParameterContent::Number(arguments.grid_cell)),
+            ("grid_heights", ParameterContent::Text(format!("{low},{high}"))),
+            ("grid_topic", ParameterContent::Text(arguments.grid_topic())),
             ("imu_topic", text(&arguments.imu_topic)),
-            ("map_spacing", Content::Number(arguments.map_spacing)),
-            ("no_color", Content::Flag(arguments.no_color)),
-            ("no_tf", Content::Flag(arguments.no_tf)),
-            ("quiet", Content::Flag(arguments.quiet)),
-            ("reliable", Content::Flag(arguments.reliable)),
-            ("use_sim_time", Content::Flag(arguments.use_sim_time)),
+            ("map_spacing", ParameterContent::Number(arguments.map_spacing)),
+            ("no_color", ParameterContent::Flag(arguments.no_color)),
+            ("no_tf", ParameterContent::Flag(arguments.no_tf)),
+            ("quiet", ParameterContent::Flag(arguments.quiet)),
+            ("reliable", ParameterContent::Flag(arguments.reliable)),
+            ("use_sim_time", ParameterContent::Flag(arguments.use_sim_time)),
         ];
         let command = Ros2Arguments::command();
         let described = |id: &str| {
@@ -59,9 +59,9 @@ impl NodeParameter {
 
     pub(super) fn value(&self) -> ParameterValue {
         match &self.content {
-            Content::Flag(flag) => ParameterValue::flag(*flag),
-            Content::Number(number) => ParameterValue::number(*number),
-            Content::Text(text) => ParameterValue::text(text.clone()),
+            ParameterContent::Flag(flag) => ParameterValue::flag(*flag),
+            ParameterContent::Number(number) => ParameterValue::number(*number),
+            ParameterContent::Text(text) => ParameterValue::text(text.clone()),
         }
     }
 
@@ -69,14 +69,14 @@ impl NodeParameter {
     #[cfg(test)]
     pub(super) fn in_yaml(&self) -> String {
         match &self.content {
-            Content::Flag(flag) => flag.to_string(),
-            Content::Number(number) => number.to_string(),
-            Content::Text(text) if text.is_empty() => "''".to_owned(),
-            Content::Text(text) => text.clone(),
+            ParameterContent::Flag(flag) => flag.to_string(),
+            ParameterContent::Number(number) => number.to_string(),
+            ParameterContent::Text(text) if text.is_empty() => "''".to_owned(),
+            ParameterContent::Text(text) => text.clone(),
         }
     }
 
-    pub(super) fn described(&self) -> Descriptor {
-        Descriptor::of(&self.name, self.value().kind, self.description.clone())
+    pub(super) fn described(&self) -> ParameterDescriptor {
+        ParameterDescriptor::of(&self.name, self.value().kind, self.description.clone())
     }
 }

@@ -61,7 +61,7 @@ impl ParameterValue {
 
 /// `rcl_interfaces/msg/ParameterDescriptor`, without ranges.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Descriptor {
+pub(super) struct ParameterDescriptor {
     name: String,
     /// `type` in the message.
     kind: u8,
@@ -73,7 +73,7 @@ pub(super) struct Descriptor {
     integer_range: Vec<i64>,
 }
 
-impl Descriptor {
+impl ParameterDescriptor {
     /// Of a parameter that is read when the program starts.
     pub(super) fn of(name: &str, kind: u8, description: String) -> Self {
         let additional_constraints = "read when the program starts".to_owned();

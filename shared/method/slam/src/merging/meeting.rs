@@ -5,7 +5,6 @@
 //! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
 //! nothing, and what else both saw there must not contradict the join.
 
-use crate::evidence::pose_agreement::UncertainPose;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::Ferns;
 use crate::map::context::Context;
@@ -15,16 +14,15 @@ use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
+use crate::merging::looked_again::{LookedAgain, looked_again};
 use crate::settings::GlobalSettings;
 use crate::submaps::brought_together::{FAR_M, apart_m};
 use crate::submaps::contradiction;
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;
-use crate::tracking::found_place::{self, Shown};
+use crate::tracking::found_place;
 use crate::tracking::input::{FrameSurface, MIN_SAMPLES, Surfaces, TrackingInput};
 use crate::tracking::relocalise;
-use crate::tracking::window::Member;
-use crate::tracking::window_alignment::reference;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
 use tessera_registration::{Sample, Sampler};
@@ -359,42 +357,6 @@ fn recognised(
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
     let evidence_millinats = join::millinats(found.evidence_nats);
     Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, evidence_millinats })
-}
-
-/// What a neighbour shows of a sighting.
-enum LookedAgain {
-    /// The same, by so much evidence, of which a share is new.
-    Shows { nats: f64, novelty: f64 },
-    /// It is at another place of the same component.
-    ElsewhereThere,
-}
-
-/// What a neighbour shows of a sighting, beside the keyframes that were counted; `None` where it does not see the place.
-fn looked_again(
-    input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
-    neighbour: &KeyframeState,
-    sighting: &SightingRecord,
-    counted: &[u32],
-) -> Option<LookedAgain> {
-    let pose = Pose::from(&neighbour.world_from_camera);
-    let expected = join::other_from_own(input, sighting)? * pose;
-    let velocity = Twist::from_vector(&Vector6::from_column_slice(&neighbour.velocity));
-    let found = join::seen_at(input, aligner, sighting.seen, &expected, velocity)?;
-    let uncertain = UncertainPose::read(&neighbour.world_from_camera, &neighbour.covariance)?;
-    if !join::agrees(input, aligner, &found, (sighting, &expected), &uncertain) {
-        return Some(LookedAgain::ElsewhereThere);
-    }
-    let shown = found_place::shown(&input.in_submap(found.submap), aligner, &found)?;
-    let novelty = match shown {
-        Shown::SurfacesAlone => 1.0,
-        Shown::Evidence(_) => counted
-            .iter()
-            .filter_map(|&id| reference(input, Member::Keyframe(id)))
-            .map(|before| found_place::novelty_beside(input, aligner, &before, &pose))
-            .fold(1.0, f64::min),
-    };
-    Some(LookedAgain::Shows { nats: shown.llr_nats(), novelty })
 }
 
 /// Keyframes of the same component, the nearest in the order of their making first.
