@@ -64,6 +64,8 @@ mod promises {
     mod documentation {
         mod manual;
         mod messages;
+        mod small_recording;
+        mod told;
     }
 }
 

@@ -1,9 +1,10 @@
 //! A journal at the base: the robot's bytes, appended where they continue it and nowhere else.
 
+use crate::copies::open_copy;
 use crate::error::FleetError;
 use crate::wire::request::{Growing, PieceRefusal};
-use std::fs::{File, OpenOptions};
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use tessera_journal::{Chain, set_aside};
 
@@ -31,14 +32,7 @@ impl JournalCopy {
     ) -> Result<Self, FleetError> {
         let path = folder.join(which.file());
         let io = |what: &'static str| FleetError::io(what, &path);
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(&path)
-            .map_err(io("open"))?;
+        let file = open_copy(&path)?;
         let mut copy = Self { file, path: path.clone(), chain: Chain::new(which.kind()) };
         let end = copy.file.metadata().map_err(io("look at"))?.len();
         let mut n_read = READ_BYTES;

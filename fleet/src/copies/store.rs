@@ -1,10 +1,11 @@
 //! A store of surfaces at the base: the robot's bytes up to the last block that a record names. What they
 //! hold is opaque here; each block has its checksum in the journal.
 
+use crate::copies::open_copy;
 use crate::error::FleetError;
 use crate::wire::request::Growing;
-use std::fs::{File, OpenOptions};
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use tessera_journal::{StoreView, set_aside};
 use tessera_slam::StoreSlot;
@@ -27,14 +28,7 @@ impl StoreCopy {
     /// Where the file cannot be read or written.
     pub fn open(folder: &Path, slots: &[StoreSlot]) -> Result<Self, FleetError> {
         let path = folder.join(Growing::Store.file());
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(&path)
-            .map_err(FleetError::io("open", &path))?;
+        let file = open_copy(&path)?;
         let mut copy = Self { file, path, end: 0, n_whole: 0 };
         while let Some(slot) = slots.get(copy.n_whole).filter(|slot| copy.is_whole(slot)) {
             copy.end = copy.end.max(end_of(slot));

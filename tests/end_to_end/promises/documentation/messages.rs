@@ -1,9 +1,10 @@
 //! The table of messages in the manual: each row is a message that a user really gets.
 
 use crate::common::{Run, room, signal};
-use std::path::{Path, PathBuf};
+use crate::promises::documentation::small_recording::{CAMERA, N_FRAMES, N_PIXELS, Recording};
+use crate::promises::documentation::told::Told;
+use std::path::Path;
 use std::process::Command;
-use tessera_sources::{FrameBuffers, SourceOptions, SourceSpec};
 
 /// Tests of bags that are damaged or odd.
 const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
@@ -99,31 +100,6 @@ fn has(text: &str, message: &str) -> bool {
         }
         None => false,
     })
-}
-
-/// What users were told, and when.
-#[derive(Default)]
-struct Told(Vec<(String, String)>);
-
-impl Told {
-    /// Lines may be broken anywhere.
-    fn add(&mut self, when: &str, text: String) {
-        let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-        self.0.push((when.to_owned(), text));
-    }
-
-    /// Runs the command and keeps what it says.
-    fn by(&mut self, arguments: &[&str]) {
-        let output = Command::new(env!("CARGO_BIN_EXE_tessera")).args(arguments).output().unwrap();
-        assert!(!output.status.success(), "{arguments:?} went well");
-        self.add(&arguments.join(" "), String::from_utf8(output.stderr).unwrap());
-    }
-
-    fn by_run(&mut self, run: &Run) {
-        let output = run.command().output().unwrap();
-        self.add("a run", String::from_utf8_lossy(&output.stderr).into_owned());
-        self.add("its log", run.log());
-    }
 }
 
 #[test]
@@ -400,51 +376,6 @@ fn of_frames(told: &mut Told) {
     let run = crate::common::lost_and_found();
     assert!(run.finish().success());
     told.add("a place never seen", states(&run));
-}
-
-const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 79.5\ncy = 59.5\n\
-                      units_per_metre = 5000.0\n";
-const N_PIXELS: usize = 160 * 120;
-const N_FRAMES: u64 = 6;
-
-/// A recording in the TUM layout, made from the simulated room.
-struct Recording {
-    dir: tempfile::TempDir,
-}
-
-impl Recording {
-    fn new() -> Self {
-        let recording = Self { dir: tempfile::tempdir().unwrap() };
-        recording.write("camera.toml", CAMERA);
-        std::fs::create_dir(recording.path("depth")).unwrap();
-        let camera = Some(text(&recording.path("camera.toml")).to_owned());
-        let options = SourceOptions { camera, frames: Some(N_FRAMES), ..SourceOptions::default() };
-        let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
-        let (mut depth, mut colour) = (vec![0; N_PIXELS], vec![0; 3 * N_PIXELS]);
-        let mut list = String::new();
-        for index in 0..N_FRAMES {
-            source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
-            recording.write_depth(index, &depth);
-            list.push_str(&format!("{:.6} depth/{index}.png\n", index as f64 / 30.0));
-        }
-        recording.write("depth.txt", &list);
-        // No colour image is near any depth image.
-        recording.write("rgb.txt", "1000 rgb/none.png\n");
-        recording
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
-    }
-
-    fn write(&self, name: &str, words: &str) {
-        std::fs::write(self.path(name), words).unwrap();
-    }
-
-    fn write_depth(&self, index: u64, depth: &[u16]) {
-        let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(160, 120, depth.to_vec()).unwrap();
-        image.save(self.path(&format!("depth/{index}.png"))).unwrap();
-    }
 }
 
 fn text(path: &Path) -> &str {
