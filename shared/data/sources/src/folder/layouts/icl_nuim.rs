@@ -31,8 +31,9 @@ fn list_in(folder: &Path) -> Option<String> {
         return Some(LIST.to_owned());
     }
     let pairs_images = |name: &String| {
-        let mut head = Vec::new();
-        let file = std::fs::File::open(folder.join(name)).ok()?;
+        let (mut head, path) = (Vec::new(), folder.join(name));
+        // To open a pipe would wait for its writer.
+        let file = path.is_file().then(|| std::fs::File::open(&path).ok())??;
         file.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
         let head = String::from_utf8_lossy(&head);
         let line = head.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'))?;
