@@ -81,12 +81,12 @@ def judged(summary, samples, disk, n_frames):
     print(f"{processed} of {n_frames} frames, {hours:.2f} h of simulated time, {lost} not tracked")
     if processed != n_frames or lost:
         failures.append(f"{n_frames - processed} frames not processed, {lost} not tracked, expected none of either")
-    # The journal grows with the frames; once it has all of them the final optimisation solves for them again.
-    frames = 0.995 * samples[-1][0]
+    # The sensor ends with its last frame; what the optimiser then solves for is all frames again.
+    frames = max((journal for journal, mb in samples if mb["sensor"]), default=0)
     parts = [
-        [mb for journal, mb in samples if 3 * journal <= frames],
-        [mb for journal, mb in samples if journal < frames < 3 * journal],
-        [mb for journal, mb in samples if journal >= frames],
+        [mb for journal, mb in samples if mb["sensor"] and 3 * journal <= frames],
+        [mb for journal, mb in samples if mb["sensor"] and 3 * journal > frames],
+        [mb for journal, mb in samples if not mb["sensor"]],
     ]
     for stage in STAGES:
         early, late, final = (max((mb[stage] for mb in part), default=0.0) for part in parts)
