@@ -53,7 +53,7 @@ fn lie(makes_keyframe: bool, change: impl Fn(&mut FrameRecord)) -> String {
 #[test]
 fn keyframes_that_are_not_there_are_refused_wherever_they_are_named() {
     let block = BlockRecord { keyframe: 7, keyframe_from_camera: pose(), cost: Vec::new(), n_matches: 1 };
-    let sighting = |seen, own| SightingRecord { seen, own, seen_from_own: pose(), n_confirmed: 1 };
+    let sighting = |seen, own| SightingRecord { seen, own, seen_from_own: pose(), evidence_millinats: 1 };
     let request = RequestRecord { request: 0, n_keyframes: 7, effective_before: 9, is_final: false };
     let lies = [
         lie(false, |f| f.pose.keyframe = u32::MAX),

@@ -92,6 +92,11 @@ impl Camera {
     /// As [`Self::MOST_LONG`], of the short side.
     pub const MOST_SHORT: u32 = 1080;
 
+    /// Mean focal length of both axes, pixels.
+    pub fn focal_px(&self) -> f64 {
+        0.5 * (self.fx.abs() + self.fy.abs())
+    }
+
     /// A pinhole without distortion whose rows are exposed at once, `width` x `height` pixels;
     /// `[fx, fy, cx, cy]` in pixels; raw depth divided by `units_per_metre` is metres.
     pub fn pinhole((width, height): (u32, u32), [fx, fy, cx, cy]: [f64; 4], units_per_metre: f64) -> Self {

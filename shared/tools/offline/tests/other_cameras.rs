@@ -32,13 +32,19 @@ struct Walk {
 
 impl Walk {
     /// Some frames of the house.
-    fn in_house(folder: &Path, camera: &Camera, sensor: DepthSensor, frames: std::ops::Range<u64>) -> Self {
+    fn in_house(
+        folder: &Path,
+        camera: &Camera,
+        sensor: DepthSensor,
+        frames: std::ops::Range<u64>,
+        seed: u64,
+    ) -> Self {
         let file = folder.join("camera.toml");
         std::fs::write(&file, toml::to_string(camera).unwrap()).unwrap();
         let options = SimulationOptions { sensor, ..SimulationOptions::default() };
         let house =
             SimulatedSource::open(SceneName::House, Some(file.to_str().unwrap()), None, &options).unwrap();
-        Self::new(&house, frames.step_by(STEP), house.camera(), |frame| frame)
+        Self::new(&house, frames.step_by(STEP), house.camera(), seed, |frame| frame)
     }
 
     /// Some frames of a source, as `seen` makes them those of a camera.
@@ -46,9 +52,12 @@ impl Walk {
         source: &dyn Source,
         indices: impl Iterator<Item = u64>,
         camera: &Camera,
+        seed: u64,
         seen: impl Fn(RawFrame) -> RawFrame,
     ) -> Self {
-        let mut run = Run::new(camera, &Method::default()).unwrap();
+        let mut method = Method::default();
+        method.registration.seed = seed;
+        let mut run = Run::new(camera, &method).unwrap();
         let indices: Vec<u64> = indices.collect();
         let mut stamps_nanos = Vec::new();
         for index in &indices {
@@ -125,30 +134,40 @@ fn joined(walks: &[&Walk]) -> (usize, Vec<Trajectory>) {
     (meetings.len(), trajectories.collect())
 }
 
-#[test]
-fn halves_of_a_house_that_two_cameras_saw_are_one_map_as_good_as_each() {
-    let folder = tempfile::tempdir().unwrap();
-    // As a Kinect and a RealSense D435.
+/// Errors of two walks through a house, one as by a Kinect and one as by a RealSense D435, each together over alone;
+/// the place of one in the other is the true one.
+fn ratios_of_halves(folder: &Path, seed: u64) -> [f64; 2] {
     let kinect = Camera::pinhole((640, 480), [525.0, 525.0, 319.5, 239.5], 5000.0);
     let d435 = Camera::pinhole((848, 480), [615.0, 615.0, 423.5, 239.5], 1000.0);
     let walks = [
-        Walk::in_house(folder.path(), &kinect, DepthSensor::StructuredLight, 0..1000),
-        Walk::in_house(folder.path(), &d435, DepthSensor::ActiveStereo, 850..1800),
+        Walk::in_house(folder, &kinect, DepthSensor::StructuredLight, 0..1000, seed),
+        Walk::in_house(folder, &d435, DepthSensor::ActiveStereo, 850..1800, seed),
     ];
     let (n_meetings, together) = joined(&[&walks[0], &walks[1]]);
     assert_eq!(n_meetings, 1);
-    for (walk, together) in walks.iter().zip(&together) {
-        let (alone_m, together_m) = (walk.error_m(&walk.trajectory(None)), walk.error_m(together));
-        eprintln!("alone {alone_m:.4} m, together {together_m:.4} m");
-        assert!(together_m <= 1.2 * alone_m, "{together_m} m together, {alone_m} m alone");
-    }
-    // And the place of one in the other is the true one.
     let found = together[0].poses[20].inverse() * together[1].poses[20];
     let truth = |walk: &Walk| walk.truth.poses[walk.indices[20] as usize];
     let expected = truth(&walks[0]).inverse() * truth(&walks[1]);
     let (metres, radians) = translation_rotation_norms(&(expected.inverse() * found));
-    eprintln!("between both {metres:.4} m, {radians:.4} rad");
-    assert!(metres < 0.1 && radians < 0.03, "{metres} m, {radians} rad");
+    assert!(metres < 0.1 && radians < 0.03, "seed {seed}: {metres} m, {radians} rad");
+    std::array::from_fn(|k| {
+        let (alone_m, together_m) =
+            (walks[k].error_m(&walks[k].trajectory(None)), walks[k].error_m(&together[k]));
+        eprintln!("seed {seed}, walk {k}: alone {alone_m:.4} m, together {together_m:.4} m");
+        together_m / alone_m
+    })
+}
+
+/// By the median of three seeds: errors of single runs spread by a factor of ten.
+#[test]
+fn halves_of_a_house_that_two_cameras_saw_are_one_map_as_good_as_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let ratios = [0, 1, 2].map(|seed| ratios_of_halves(folder.path(), seed));
+    for walk in 0..2 {
+        let mut of_walk = ratios.map(|ratios| ratios[walk]);
+        of_walk.sort_by(f64::total_cmp);
+        assert!(of_walk[1] <= 1.2, "walk {walk}: {of_walk:?} of its error alone");
+    }
 }
 
 /// Images cropped by so many pixels on each side and then scaled by 4/5, and the camera that has them.
@@ -187,8 +206,8 @@ fn a_kitchen_seen_by_another_camera_the_second_time_is_one_map() {
     let kitchen = tessera_sources::open(&spec, &SourceOptions::default()).unwrap();
     let (camera, seen) = cropped(kitchen.camera(), [40, 20]);
     let walks = [
-        Walk::new(&*kitchen, 0..250, kitchen.camera(), |frame| frame),
-        Walk::new(&*kitchen, 200..450, &camera, seen),
+        Walk::new(&*kitchen, 0..250, kitchen.camera(), 0, |frame| frame),
+        Walk::new(&*kitchen, 200..450, &camera, 0, seen),
     ];
     let (n_meetings, together) = joined(&[&walks[0], &walks[1]]);
     assert_eq!(n_meetings, 1);
@@ -211,7 +230,7 @@ fn a_run_starts_in_the_map_of_another_camera_and_extends_it() {
         SimulatedSource::open(SceneName::Room, Some(file.to_str().unwrap()), None, &options).unwrap()
     };
     let (first, second) = (open(525.0), open(560.0));
-    let monday = Walk::new(&first, (0..160).step_by(2), first.camera(), |frame| frame);
+    let monday = Walk::new(&first, (0..160).step_by(2), first.camera(), 0, |frame| frame);
     let (n_map, truth) = (monday.map.keyframes.len(), second.ground_truth().unwrap().poses.clone());
     let mut run = Run::in_map(second.camera(), &Method::default(), monday.map, None).unwrap();
     let indices: Vec<u64> = (90..220).step_by(2).collect();

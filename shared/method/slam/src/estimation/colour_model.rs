@@ -94,7 +94,7 @@ const LEAST_SHARE: f64 = 0.1;
 const FIRST_RESIDUAL_PX: f64 = 4.0;
 const FIRST_DISAGREEMENT: f64 = 0.4;
 /// A frame's residual counts as this at least, pixels: what corners are found to.
-const LEAST_RESIDUAL_PX: f64 = 0.5;
+pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
 /// Matches that count for a frame's residual, at least.
 pub(crate) const MIN_PAIRS: u32 = 20;
 /// Residual from which on features are no start for the surfaces, pixels.

@@ -45,6 +45,12 @@ impl UncertainPose {
         Self { pose, covariance: to.covariance + carry * from.covariance * carry.transpose() }
     }
 
+    /// The covariance in the tangent of a pose that stands at `pose_from_other`.
+    pub(crate) fn carried_to(&self, pose_from_other: &Pose) -> Matrix6 {
+        let carry = adjoint(&pose_from_other.inverse());
+        carry * self.covariance * carry.transpose()
+    }
+
     /// Squared Mahalanobis distance from another estimate of the same pose, independent of this one.
     pub(crate) fn squared_distance(&self, other: &Self) -> f64 {
         let difference = self.pose.inverse() * other.pose;

@@ -9,6 +9,7 @@ use crate::evidence::same_place_table::{ALIKE, SHAPE, WITH_FEATURES};
 use crate::map::context::Context;
 use crate::map::keyframe::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
@@ -32,8 +33,6 @@ const LEAST_OVERLAP: f64 = 0.4;
 const MOST_IN_FRONT: f64 = 0.5;
 /// Features that make a pose, as in [`PairFinder`].
 pub(crate) const LEAST_OF_POSE: usize = 12;
-/// Features of either view, at least, to count those that agree: a dozen of two fifths of them.
-const LEAST_SEEN: usize = 30;
 
 /// What one aligned pair of views shows, each a share or a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,7 +81,7 @@ impl PlaceEvidence {
     /// `n_expected`: those that would agree, were it the same place.
     pub(crate) fn with_features(self, n_seen: [usize; 2], n_agreeing: usize, n_expected: f64) -> Self {
         let fewer = n_seen[0].min(n_seen[1]);
-        if fewer < LEAST_SEEN {
+        if fewer < MIN_FEATURES as usize {
             return self;
         }
         // Where a view just before tells nothing, all in the overlap could.
@@ -104,13 +103,23 @@ impl PlaceEvidence {
         [n_agreeing, agreeing, missing, overlap, matched, in_front, residual_sigmas, shape]
     }
 
-    /// As [`Self::llr_nats`], or against another place whose surfaces are the same, as those of the storeys of a
-    /// building, by features alone: whichever is less. `None` of views that show too little of the same to tell.
+    /// As [`Self::against_twins_nats`]; `None` of views that show too little of the same to tell.
     pub(crate) fn least_nats(&self) -> Option<f64> {
-        let agrees = self.n_agreeing.is_some_and(|n| n as usize >= LEAST_OF_POSE);
-        let alike = if agrees || self.missing > 0.0 { self.weigh(&ALIKE) } else { f64::INFINITY };
-        (agrees || self.overlap >= LEAST_OVERLAP || self.in_front >= MOST_IN_FRONT)
-            .then(|| self.llr_nats().min(alike))
+        let is_telling =
+            self.makes_a_pose() || self.overlap >= LEAST_OVERLAP || self.in_front >= MOST_IN_FRONT;
+        is_telling.then(|| self.against_twins_nats())
+    }
+
+    /// As [`Self::llr_nats`], or against another place whose surfaces are the same, as those of the storeys of a
+    /// building, by features alone: whichever is less.
+    pub(crate) fn against_twins_nats(&self) -> f64 {
+        let is_by_features = self.makes_a_pose() || self.missing > 0.0;
+        let twins = if is_by_features { self.weigh(&ALIKE) } else { f64::INFINITY };
+        self.llr_nats().min(twins)
+    }
+
+    fn makes_a_pose(&self) -> bool {
+        self.n_agreeing.is_some_and(|n| n as usize >= LEAST_OF_POSE)
     }
 
     /// Log-likelihood ratio of "the same place, aligned as it is" against any other, nats.

@@ -48,8 +48,15 @@ pub struct SightingRecord {
     pub own: u32,
     /// Where the other one sees it.
     pub seen_from_own: PoseBits,
-    /// Frames that confirm it, each by the strict tests.
-    pub n_confirmed: u32,
+    /// Evidence for it so far, thousandths of a nat.
+    pub evidence_millinats: u32,
+}
+
+impl SightingRecord {
+    /// Sum of the log-likelihood ratios of the views that showed it, nats.
+    pub fn evidence_nats(&self) -> f64 {
+        f64::from(self.evidence_millinats) * 1e-3
+    }
 }
 
 /// Evidence that the camera is not where the map has it, a cumulative sum (method 12.8).

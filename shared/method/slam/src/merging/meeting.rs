@@ -5,7 +5,7 @@
 //! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
 //! nothing, and what else both saw there must not contradict the join.
 
-use crate::evidence::sequential::TestVerdict;
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::Ferns;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
@@ -14,10 +14,13 @@ use crate::map::records::{JoinRecord, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
-use crate::settings::RelocaliseSettings;
-use crate::submaps::contradiction::{self, APART_M, APART_RAD};
+use crate::merging::looked_again::{LookedAgain, looked_again};
+use crate::settings::GlobalSettings;
+use crate::submaps::brought_together::{FAR_M, apart_m};
+use crate::submaps::contradiction;
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;
+use crate::tracking::found_place;
 use crate::tracking::input::{FrameSurface, MIN_SAMPLES, Surfaces, TrackingInput};
 use crate::tracking::relocalise;
 use serde::{Deserialize, Serialize};
@@ -170,7 +173,7 @@ impl Looker {
         own: &KeyframeState,
         sighting: SightingRecord,
     ) -> LookOutcome {
-        let Some((meeting, joined)) = self.confirmed(state, surfaces, own, sighting) else {
+        let Some((meeting, joined, place_nats)) = self.confirmed(state, surfaces, own, sighting) else {
             return LookOutcome::Nothing;
         };
         // Neighbours say the same: one test is enough for them.
@@ -182,13 +185,8 @@ impl Looker {
                 let is_moved = state.submaps.component(own.submap) == joined.moved;
                 let there = if is_moved { Pose::from(&joined.kept_from_moved) * pose } else { pose };
                 let place = there.translation.vector;
-                contradiction::verdict(contradiction::join_nats(
-                    &self.context,
-                    state,
-                    surfaces,
-                    &joined,
-                    &place,
-                ))
+                let nats = contradiction::join_nats(&self.context, state, surfaces, &joined, &place);
+                contradiction::verdict(place_nats, nats)
             }
         };
         match verdict {
@@ -219,7 +217,9 @@ impl Looker {
     ) -> bool {
         let is_elsewhere = |k: &&KeyframeState| {
             let apart = translation_rotation_norms(&(expected.inverse() * Pose::from(&k.world_from_camera)));
-            k.is_active() && state.submaps.component(k.submap) == component && apart.0 > join::ELSEWHERE_M
+            k.is_active()
+                && state.submaps.component(k.submap) == component
+                && apart.0 > GlobalSettings::RADIUS_M
         };
         let elsewhere: Vec<&KeyframeState> = state.keyframes.iter().filter(is_elsewhere).collect();
         if elsewhere.is_empty() {
@@ -230,9 +230,7 @@ impl Looker {
         let fits = self.look(state, surfaces, keyframe, |input, aligner| {
             let sighting = recognised(input, aligner, keyframe, &elsewhere)?;
             let found = join::other_from_own(input, &sighting)? * Pose::from(&keyframe.world_from_camera);
-            let apart = translation_rotation_norms(&(expected.inverse() * found));
-            let is_apart = apart.0 > APART_M || apart.1 > APART_RAD;
-            Some(is_apart && join::verified(input, &sighting).is_some())
+            Some(apart_m(expected, &found) > FAR_M && join::verified(input, &sighting).is_some())
         });
         self.aligner.sight.places_used = 0;
         fits.flatten() == Some(true)
@@ -245,28 +243,11 @@ impl Looker {
         state: &TrackerState,
         surfaces: &dyn KeyframeSurfaces,
         own: &KeyframeState,
-        mut sighting: SightingRecord,
-    ) -> Option<(Meeting, JoinRecord)> {
-        let n_needed = RelocaliseSettings::CONFIRM_FRAMES;
-        for neighbour in neighbours(state, own) {
-            if sighting.n_confirmed >= n_needed {
-                break;
-            }
-            let agrees = self.look(state, surfaces, neighbour, |input, aligner| {
-                let expected =
-                    join::other_from_own(input, &sighting)? * Pose::from(&neighbour.world_from_camera);
-                let velocity = Twist::from_vector(&Vector6::from_column_slice(&neighbour.velocity));
-                let found = join::seen_at(input, aligner, sighting.seen, &expected, velocity)?;
-                Some(join::agrees(&found, &expected))
-            });
-            match agrees.flatten() {
-                Some(true) => sighting.n_confirmed += 1,
-                Some(false) => return None,
-                // It looks elsewhere, which says nothing.
-                None => {}
-            }
-        }
-        if sighting.n_confirmed < n_needed {
+        sighting: SightingRecord,
+    ) -> Option<(Meeting, JoinRecord, f64)> {
+        let (n_confirmed, test) = self.gathered(state, surfaces, own, &sighting)?;
+        // What surrounds the place is asked once the views tell half of what is needed.
+        if 2.0 * test.sum_nats < SequentialTest::accepted_nats() {
             return None;
         }
         let found = self.look(state, surfaces, own, |input, _| {
@@ -278,7 +259,7 @@ impl Looker {
                 moved: joined.moved,
                 own: sighting.own,
                 seen: sighting.seen,
-                n_confirmed: sighting.n_confirmed,
+                n_confirmed,
                 overlap: tested.overlap,
                 in_front: tested.in_front,
             };
@@ -291,7 +272,43 @@ impl Looker {
         let seen_in_own = other_from_own.inverse() * Pose::from(&seen.world_from_camera);
         let is_ambiguous = self.fits_elsewhere(state, surfaces, own, (component(seen), &own_in_other))
             || self.fits_elsewhere(state, surfaces, seen, (component(own), &seen_in_own));
-        (!is_ambiguous).then_some((meeting, joined))
+        (!is_ambiguous).then_some((meeting, joined, test.sum_nats))
+    }
+
+    /// The evidence of a keyframe and of its neighbours for what it sees, and how many of them tell; `None` where one
+    /// has another place there.
+    fn gathered(
+        &mut self,
+        state: &TrackerState,
+        surfaces: &dyn KeyframeSurfaces,
+        own: &KeyframeState,
+        sighting: &SightingRecord,
+    ) -> Option<(u32, SequentialTest)> {
+        let mut test = SequentialTest { sum_nats: sighting.evidence_nats() };
+        let mut counted = vec![own.id];
+        for neighbour in neighbours(state, own) {
+            if test.verdict() != TestVerdict::Undecided {
+                break;
+            }
+            let shown = self.look(state, surfaces, neighbour, |input, aligner| {
+                looked_again(input, aligner, neighbour, sighting, &counted)
+            });
+            match shown.flatten() {
+                Some(LookedAgain::Shows { nats, novelty }) => {
+                    let apart = |id: &u32| {
+                        let stamp_nanos = state.keyframes.get(*id as usize).map_or(0, |k| k.stamp_nanos);
+                        neighbour.stamp_nanos.saturating_sub(stamp_nanos).saturating_abs()
+                    };
+                    let step_nanos = counted.iter().map(apart).min().unwrap_or(0);
+                    test = found_place::with_view(test, nats, novelty, step_nanos);
+                    counted.push(neighbour.id);
+                }
+                Some(LookedAgain::ElsewhereThere) => return None,
+                // It looks at something else, which tells nothing.
+                None => {}
+            }
+        }
+        Some((counted.len() as u32, test))
     }
 
     /// Has a keyframe looked at as a frame of its own submap; `None` with too little to look at.
@@ -338,7 +355,8 @@ fn recognised(
     let seen = join::nearest_of(input, &found)?;
     let seen_from_own = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
-    Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, n_confirmed: 1 })
+    let evidence_millinats = join::millinats(found.evidence_nats);
+    Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, evidence_millinats })
 }
 
 /// Keyframes of the same component, the nearest in the order of their making first.

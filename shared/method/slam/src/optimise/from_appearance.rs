@@ -11,7 +11,7 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::verification::{self, Tested};
-use crate::settings::GlobalSettings;
+use crate::settings::{GlobalSettings, WindowSettings};
 use crate::submaps::brought_together::apart_m;
 use crate::tracking::degeneracy::is_determined;
 use std::sync::Arc;
@@ -19,11 +19,6 @@ use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock, Schedule};
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::{MatchLimits, Matcher};
-
-/// First distance limit of an alignment from scratch, metres.
-const FIRST_DISTANCE_M: f64 = 0.5;
-/// Outer iterations of an alignment from scratch.
-const ITERATIONS: u32 = 6;
 
 /// The keyframes that `newer` was said to look like, in that order, as far as they are of its component
 /// and far enough away to close a loop.
@@ -103,7 +98,7 @@ fn alike(
 ) -> Option<AlikePair> {
     let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
     let guess = by_features(context, finder, newer, older, seed);
-    let (at, block) = aligned(matcher, newer, older, guess);
+    let (at, block) = aligned(&context.mapping.window, matcher, [newer, older], guess);
     // Bare walls fit wherever they are tried: what they leave open only features can tell.
     if guess.is_none() && !is_determined(context, &block.linearise(&at).0) {
         return None;
@@ -129,19 +124,20 @@ fn by_features(
 
 /// `older_from_newer` from a guess or from none, and the tightest matches there.
 fn aligned(
+    window: &WindowSettings,
     matcher: &mut Matcher,
-    newer: &Matchable<'_>,
-    older: &Matchable<'_>,
+    [newer, older]: [&Matchable<'_>; 2],
     guess: Option<Pose>,
 ) -> (Pose, PairBlock) {
-    let first_m = if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { FIRST_DISTANCE_M };
+    let first_m =
+        if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { window.max_first_distance_m };
     let alignment = PairAlignment {
         query: &newer.queries,
         target: older,
         n_queries: GlobalSettings::QUERIES_PER_PAIR,
         limits: &|tightness| MatchLimits::new(first_m, tightness),
     };
-    let schedule = Schedule::shrinking(ITERATIONS, 0).tightness;
+    let schedule = Schedule::shrinking(window.outer_iterations, 0).tightness;
     let wider = &schedule[..schedule.len() - 1];
     let at = alignment.solve(matcher, &guess.unwrap_or_else(Pose::identity), wider).target_from_query;
     (at, alignment.search(matcher, &at, 1.0).0)

@@ -7,7 +7,7 @@ use crate::optimise::interpolation::PoseTimeline;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tessera_geometry::{Pose, PoseBits, translation_rotation_norms};
-use tessera_graph::{Graph, Pair, PairBlock};
+use tessera_graph::{Graph, INNER_ITERATIONS, Pair, PairBlock};
 
 /// The frames of a run as they were journaled, read again when they are needed: they are too many
 /// to be kept.
@@ -67,7 +67,7 @@ impl FrameBlocks {
         }
         graph.poses.push(start);
         graph.is_fixed.push(false);
-        graph.optimise(10, &mut || ()).ok()?;
+        graph.optimise(INNER_ITERATIONS, &mut || ()).ok()?;
         let found = graph.poses.pop()?;
         let (moved_m, turned_rad) = translation_rotation_norms(&(start.inverse() * found));
         Some(if moved_m <= MOST_MOVED_M && turned_rad <= MOST_TURNED_RAD { found } else { start })

@@ -7,10 +7,6 @@ use tessera_geometry::Pose;
 use tessera_graph::{Pair, PairBlock};
 use tessera_registration::{MatchLimits, Matcher, Queries, Selection, Target};
 
-/// Matches from which on consecutive keyframes count however little they overlap: without them the
-/// trajectory would come apart.
-const MIN_CONSECUTIVE_MATCHES: u32 = 30;
-
 /// A pair to be searched.
 pub(crate) struct PairSearch<'a> {
     /// Vertices of the graph.
@@ -25,7 +21,8 @@ pub(crate) struct PairSearch<'a> {
     pub(crate) features: Option<WeightedPair>,
 }
 
-/// Features from which on a pair counts however little its surfaces overlap.
+/// Features that agree on a pose, or matches of consecutive keyframes, from which on a pair counts however little its
+/// surfaces overlap.
 pub(crate) const MIN_FEATURES: u32 = 30;
 
 impl PairSearch<'_> {
@@ -37,7 +34,7 @@ impl PairSearch<'_> {
         let (mut sums, report) =
             matcher.match_pair(self.queries, selection, &self.surface, &target_from_query, &self.limits);
         let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
-        let is_link = self.is_consecutive && report.n_matches >= MIN_CONSECUTIVE_MATCHES;
+        let is_link = self.is_consecutive && report.n_matches >= MIN_FEATURES;
         let is_seen = self.features.as_ref().is_some_and(|pair| pair.found.sums.n >= MIN_FEATURES);
         let weight = if overlap >= GlobalSettings::MIN_OVERLAP || is_link || is_seen { 1.0 } else { 0.0 };
         if let Some(pair) = &self.features {

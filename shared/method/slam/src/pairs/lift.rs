@@ -69,7 +69,7 @@ impl Lifter<'_> {
         let direction = turned(&direction, self.velocity, seconds);
         let direction = direction / direction.z;
         let origin = moved(&Vector3::zeros(), self.velocity, seconds);
-        let focal_px = 0.5 * (camera.fx.abs() + camera.fy.abs()) * self.context.colour.focal_ratio;
+        let focal_px = camera.focal_px() * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
         let beside = self.vertex_at(depth_row, depth_column);
         let depth = beside.and_then(|(vertex, _)| self.meet(&origin, &direction, vertex.position[2]));

@@ -1,15 +1,10 @@
 //! Two keyframes aligned by themselves: the multi-edge problem with one pair.
 
 use crate::pairs::matchable::Matchable;
+use crate::settings::WindowSettings;
 use tessera_geometry::Pose;
-use tessera_graph::{MultiEdge, OuterIteration, Pair, PairBlock, Schedule};
+use tessera_graph::{INNER_ITERATIONS, MultiEdge, OuterIteration, Pair, PairBlock, Schedule};
 use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Selection, Target};
-
-/// Levenberg-Marquardt steps for one set of matches.
-const INNER_ITERATIONS: u32 = 10;
-/// A pose that an outer iteration moves by less, metres and radians, is as good as solved: of the limits only the
-/// last are left to try.
-const STILL: f64 = 5e-4;
 
 /// How two keyframes are aligned.
 #[derive(Clone, Copy)]
@@ -76,7 +71,10 @@ impl PairAlignment<'_> {
             last = Some((block.clone(), report));
             vec![Pair::new(1, 0, block)]
         };
-        let schedule = Schedule { converged_step: STILL, ..Schedule::steps(tightness, INNER_ITERATIONS) };
+        let schedule = Schedule {
+            converged_step: WindowSettings::CONVERGED_STEP,
+            ..Schedule::steps(tightness, INNER_ITERATIONS)
+        };
         let solved = MultiEdge::pair(target_from_query, schedule).solve(&mut associate, &mut || ());
         let target_from_query = solved.graph.poses[1];
         let (block, report) =

@@ -64,7 +64,7 @@ pub fn seen_focal_ratio<E>(
         seen.push(ViewPair { target_from_query, matches });
     }
     let camera = &context.camera;
-    Ok(focal_ratio(&seen, 0.5 * (camera.fx.abs() + camera.fy.abs())))
+    Ok(focal_ratio(&seen, camera.focal_px()))
 }
 
 /// Pairs that turn against each other, at most [`MOST_PAIRS`], spread over all keyframes: each with the

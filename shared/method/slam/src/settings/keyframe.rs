@@ -37,9 +37,6 @@ impl Default for KeyframeSettings {
 }
 
 impl KeyframeSettings {
-    /// Frames after a keyframe before the entropy tests may trigger.
-    pub const MIN_FRAMES: u32 = 3;
-
     /// Checks every range, NaN included.
     pub(super) fn check(&self) -> Result<(), SettingError> {
         check_range("keyframe.translation_m", self.translation_m, 0.001, 10.0)?;

@@ -65,6 +65,8 @@ impl WindowSettings {
     pub const EARLY_SHARE: f64 = 0.3;
     /// Outer iterations of the second attempt, after a failure.
     pub const RETRY_ITERATIONS: u32 = 10;
+    /// Outer iterations from a start that is at a solution, or not far from one.
+    pub const REFINING_ITERATIONS: u32 = 3;
     /// Pose change below which the schedule skips to its last, tightest step, metres (and radians).
     pub const CONVERGED_STEP: f64 = 2e-4;
     /// A translation is free when its matches claim a larger standard deviation, metres, and it

@@ -14,9 +14,10 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::verification::{self, InFront};
 use crate::settings::GlobalSettings;
+use crate::submaps::brought_together::{FAR_M, apart_m};
 use crate::tracking::sight::ENOUGH_FEATURES;
 use nalgebra::Vector3;
-use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_geometry::Pose;
 use tessera_numerics::parallel::map_in_parts;
 use tessera_registration::{Matcher, Sampler};
 
@@ -31,9 +32,6 @@ const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to
 const JOINED_NATS: f64 = 0.7;
 /// What is about the place at which two components are joined, metres: both have drifted in themselves.
 const ABOUT_M: f64 = 6.0;
-/// Joins that differ by more bring two components to different places, metres and radians.
-pub(crate) const APART_M: f64 = 1.0;
-pub(crate) const APART_RAD: f64 = 0.5;
 
 /// A keyframe where it is tested.
 pub(crate) struct PlacedKeyframe<'a> {
@@ -63,11 +61,11 @@ pub(crate) fn join_nats(
     nats(context, &both, surfaces, across, own)
 }
 
-/// What the evidence about a join decides.
-pub(crate) fn verdict(nats: f64) -> TestVerdict {
+/// The decision on a join from the evidence of the views that showed the place and of what surrounds it, nats each.
+pub(crate) fn verdict(place_nats: f64, nats: f64) -> TestVerdict {
     if SequentialTest::refutes(nats) {
         TestVerdict::Rejected
-    } else if nats >= JOINED_NATS {
+    } else if nats >= JOINED_NATS && place_nats + nats >= SequentialTest::accepted_nats() {
         TestVerdict::Accepted
     } else {
         TestVerdict::Undecided
@@ -205,8 +203,7 @@ fn evenly(pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
 /// Whether two joins bring the same components to the same place.
 pub(crate) fn is_same_join(a: &JoinRecord, b: &JoinRecord) -> bool {
     let [motion_a, motion_b] = [a, b].map(|join| Pose::from(&join.kept_from_moved));
-    let apart = translation_rotation_norms(&(motion_a.inverse() * motion_b));
-    (a.kept, a.moved) == (b.kept, b.moved) && apart.0 < APART_M && apart.1 < APART_RAD
+    (a.kept, a.moved) == (b.kept, b.moved) && apart_m(&motion_a, &motion_b) < FAR_M
 }
 
 #[cfg(test)]

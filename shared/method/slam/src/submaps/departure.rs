@@ -7,6 +7,7 @@
 //! place that both know joins them again.
 
 use crate::evidence::same_place;
+use crate::evidence::sequential::SequentialTest;
 use crate::map::detection;
 use crate::map::records::{ContradictionRecord, FrameRecord, MapChange, SplitRecord};
 use crate::map::state::KeyframeState;
@@ -14,7 +15,6 @@ use crate::map::submaps::Submaps;
 use crate::map::view_limits::ViewLimits;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::Reach;
-use crate::settings::RelocaliseSettings;
 use crate::submaps::join::saying;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -65,12 +65,12 @@ pub(crate) fn is_compared(input: &TrackingInput<'_>) -> bool {
     is_able && input.map.state().frames_since_keyframe == 1
 }
 
-/// Whether the last frames have their place in another component, as often as makes a sighting certain.
+/// Whether the last frames have their place in another component, by as much evidence as makes a sighting certain.
 fn is_sighted_elsewhere(input: &TrackingInput<'_>) -> bool {
-    let n_certain = RelocaliseSettings::CONFIRM_FRAMES;
+    let certain_nats = SequentialTest::accepted_nats();
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let sighting = input.map.state().sighting;
-    sighting.is_some_and(|sighting| sighting.n_confirmed >= n_certain && is_other(sighting.seen))
+    sighting.is_some_and(|sighting| sighting.evidence_nats() >= certain_nats && is_other(sighting.seen))
 }
 
 /// Whether the frame has its place among the keyframes of long ago, wherever they are.

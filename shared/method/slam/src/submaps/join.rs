@@ -1,16 +1,19 @@
 //! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
-use crate::evidence::sequential::TestVerdict;
+use crate::evidence::pose_agreement::UncertainPose;
+use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, MapChange, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
-use crate::settings::{GlobalSettings, RelocaliseSettings};
+use crate::settings::GlobalSettings;
 use crate::submaps::contradiction;
 use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::Aligner;
+use crate::tracking::covariance;
+use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::place;
 use crate::tracking::prediction::Prediction;
@@ -18,28 +21,21 @@ use crate::tracking::relocalise;
 use crate::tracking::sight::ENOUGH_FEATURES;
 use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
-use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes};
-use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
+use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes, reference};
+use tessera_geometry::{Matrix6, Pose, PoseBits, Twist, Vector6, compose_normalised};
+use tessera_graph::metric_covariance;
 use tessera_registration::Sampler;
 
 /// Frames of a turn: one look in each, so that no frame takes long, and neighbours in time see the same and
 /// confirm little.
 const TURN_FRAMES: u64 = 3;
+/// Frames from one look for a sighting to the next: every other turn.
+const LOOK_FRAMES: u64 = 2 * TURN_FRAMES;
 /// Turns from one search by shape alone to the next, which tries many alignments.
 const TURNS_BY_SHAPE: u64 = 6;
-/// Largest disagreement of a sighting with the one before it.
-const AGREES_M: f64 = 0.1;
-const AGREES_RAD: f64 = 5.0_f64.to_radians();
-/// After each join that was refuted or refused, twice as many confirmations are needed for the next, up to so
-/// many times.
-const MOST_DOUBLINGS: u32 = 5;
-/// Keyframes farther than this from a place show another place, metres.
-pub(crate) const ELSEWHERE_M: f64 = 2.0;
-/// Keyframes for which a join that was refused is not tested again: by then both have seen more.
-const REFUSED_FOR: u32 = 200;
 
 /// The record of a tracked frame with what it sees of other submaps, and with the join and its
-/// optimisation once that is certain.
+/// optimisation once the evidence for it reaches its bound.
 pub(crate) fn with_sighting(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -51,7 +47,7 @@ pub(crate) fn with_sighting(
     }
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
-    let is_certain = |sighting: &SightingRecord| sighting.n_confirmed >= n_needed(input, sighting);
+    let is_certain = |sighting: &SightingRecord| sighting.evidence_nats() >= bound_nats(input, sighting);
     let turn = turn(input, TURN_FRAMES, record.change.new_keyframe.is_some());
     let sighting = match (known, turn) {
         (Some(known), _) if is_certain(&known) => Some(known),
@@ -71,8 +67,9 @@ pub(crate) fn with_sighting(
     }
 }
 
-/// Confirmations that make a sighting certain: more where joins were refuted, or refused between the two.
-fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
+/// Evidence that makes a sighting certain, nats: that of the sequential test, and as much again for each join that
+/// had it and was refuted, or refused between the two.
+fn bound_nats(input: &TrackingInput<'_>, sighting: &SightingRecord) -> f64 {
     let state = input.map.state();
     let seen = input.map.keyframe(sighting.seen).map_or(0, |k| state.submaps.component(k.submap));
     let own = state.submaps.component(input.map.submap());
@@ -80,7 +77,7 @@ fn n_needed(input: &TrackingInput<'_>, sighting: &SightingRecord) -> u32 {
         [(join.kept, join.moved), (join.moved, join.kept)].contains(&(own, seen))
     };
     let n_refused = state.refused.iter().filter(is_between).count() as u32;
-    RelocaliseSettings::CONFIRM_FRAMES << state.n_refuted.saturating_add(n_refused).min(MOST_DOUBLINGS)
+    SequentialTest::accepted_nats() * f64::from(state.n_refuted.saturating_add(n_refused).saturating_add(1))
 }
 
 /// A first sighting: the frame's place among the keyframes of all other submaps.
@@ -103,22 +100,40 @@ fn found(
     } else {
         return None;
     };
-    sighting(input, record, &found, 1)
+    sighting(input, record, &found, found.evidence_nats)
 }
 
-/// The sighting once more, where the frame says the same.
+/// The sighting with what this frame shows of it; `None` where that is another pose, or speaks against the place.
 fn confirmed(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     record: &FrameRecord,
     known: &SightingRecord,
 ) -> Option<SightingRecord> {
-    let expected = other_from_own(input, known)? * Pose::from(&record.pose.world_from_camera);
+    let pose = Pose::from(&record.pose.world_from_camera);
+    let expected = other_from_own(input, known)? * pose;
     let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.pose.velocity));
-    match seen_at(input, aligner, known.seen, &expected, velocity) {
-        Some(found) if agrees(&found, &expected) => sighting(input, record, &found, known.n_confirmed + 1),
-        _ => None,
+    let found = seen_at(input, aligner, known.seen, &expected, velocity)?;
+    let own = UncertainPose::read(&record.pose.world_from_camera, &record.pose.covariance)?;
+    if !agrees(input, aligner, &found, (known, &expected), &own) {
+        return None;
     }
+    let shown = found_place::shown(&input.in_submap(found.submap), aligner, &found)?;
+    let test = SequentialTest { sum_nats: known.evidence_nats() };
+    let test = match shown {
+        Shown::SurfacesAlone => test.with(shown.llr_nats(), 1.0),
+        Shown::Evidence(_) => {
+            // A view is a new one from keyframe to keyframe, and a look again where time alone has passed.
+            let (own, _) = own_from_camera(input, record)?;
+            let before = reference(input, Member::Keyframe(known.own)).filter(|_| own != known.own);
+            let novelty =
+                before.map_or(0.0, |before| found_place::novelty_beside(input, aligner, &before, &pose));
+            let last = input.map.state().recent.last().map_or(input.frame.stamp_nanos, |l| l.stamp_nanos);
+            let step_nanos = input.frame.stamp_nanos.saturating_sub(last).saturating_mul(LOOK_FRAMES as i64);
+            found_place::with_view(test, shown.llr_nats(), novelty, step_nanos)
+        }
+    };
+    (test.sum_nats > 0.0).then(|| sighting(input, record, &found, test.sum_nats))?
 }
 
 /// The frame aligned to the keyframes of another submap about an expected pose; `None` unless the strict
@@ -138,10 +153,38 @@ pub(crate) fn seen_at(
     Some(found)
 }
 
-/// Whether an alignment is where it was expected, in every direction.
-pub(crate) fn agrees(found: &WindowAlignment, expected: &Pose) -> bool {
-    let apart = translation_rotation_norms(&(expected.inverse() * found.alignment.world_from_camera));
-    apart.0 <= AGREES_M && apart.1 <= AGREES_RAD && found.alignment.degenerate.is_empty()
+/// Whether an alignment to another submap is where a sighting has it, in every direction: the squared Mahalanobis
+/// distance of both poses, each with the error of an alignment, and what both tracks drifted in since.
+///
+/// `own`: the view in its own submap; `expected`: in the gauge of the other one.
+pub(crate) fn agrees(
+    input: &TrackingInput<'_>,
+    aligner: &Aligner,
+    found: &WindowAlignment,
+    (known, expected): (&SightingRecord, &Pose),
+    own: &UncertainPose,
+) -> bool {
+    let a = &found.alignment;
+    let Some(alignment) = metric_covariance(&a.information, aligner.metric_factor(input.context)) else {
+        return false;
+    };
+    let [own_then, seen_then] = [known.own, known.seen].map(|id| input.map.keyframe(id));
+    let (Some(own_then), Some(seen_then), Some(nearest)) = (own_then, seen_then, nearest_of(input, found))
+    else {
+        return false;
+    };
+    // What has no covariance, as a map's first keyframe, is where it is.
+    let uncertain = |k: &KeyframeState| {
+        UncertainPose::read(&k.world_from_camera, &k.covariance)
+            .unwrap_or(UncertainPose { pose: Pose::from(&k.world_from_camera), covariance: Matrix6::zeros() })
+    };
+    let [own_then, seen_then, nearest] = [own_then, seen_then, nearest].map(uncertain);
+    let alignment = alignment + covariance::systematic(&input.map.state().colour, &input.context.camera, a);
+    let found_pose = UncertainPose { pose: a.world_from_camera, covariance: alignment };
+    let drift = UncertainPose::along_track(&own_then, own).covariance
+        + UncertainPose::along_track(&seen_then, &nearest).carried_to(&(nearest.pose.inverse() * expected));
+    let expected = UncertainPose { pose: *expected, covariance: alignment + drift };
+    a.degenerate.is_empty() && expected.agrees(&found_pose)
 }
 
 /// What an alignment to another submap says of the keyframes of both.
@@ -149,14 +192,19 @@ fn sighting(
     input: &TrackingInput<'_>,
     record: &FrameRecord,
     found: &WindowAlignment,
-    n_confirmed: u32,
+    evidence_nats: f64,
 ) -> Option<SightingRecord> {
     let seen = nearest_of(input, found)?;
     let seen_from_camera = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
     let (own, own_from_camera) = own_from_camera(input, record)?;
     let seen_from_own = seen_from_camera * own_from_camera.inverse();
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
-    Some(SightingRecord { seen: seen.id, own, seen_from_own, n_confirmed })
+    Some(SightingRecord { seen: seen.id, own, seen_from_own, evidence_millinats: millinats(evidence_nats) })
+}
+
+/// As evidence is written down, rounded up: three thirds of a bound reach it.
+pub(crate) fn millinats(evidence_nats: f64) -> u32 {
+    libm::ceil(1e3 * evidence_nats.max(0.0)) as u32
 }
 
 /// A keyframe of the state and the frame's pose in it: the record's own, or the last one before it where
@@ -197,12 +245,12 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, mut record: Fram
     if is_known_refused(input.map.state(), &join) {
         return record;
     }
-    match verdict(input, &record, &join) {
+    match verdict(input, &record, sighting, &join) {
         TestVerdict::Accepted => {}
         TestVerdict::Undecided => {
-            // Once more, with the keyframes to come.
-            let n_confirmed = sighting.n_confirmed.saturating_sub(1);
-            record.change.sighting = Some(SightingRecord { n_confirmed, ..*sighting });
+            // Half of it anew, with the keyframes to come.
+            let evidence_millinats = millinats(0.5 * bound_nats(input, sighting));
+            record.change.sighting = Some(SightingRecord { evidence_millinats, ..*sighting });
             return record;
         }
         TestVerdict::Rejected => {
@@ -217,10 +265,10 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, mut record: Fram
     let request =
         detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
     let said = format!(
-        "submap {} is joined to {}: {} frames agree, {:.0} % overlap, {:.1} % in front",
+        "submap {} is joined to {}: {:.1} nats, {:.0} % overlap, {:.1} % in front",
         join.moved,
         join.kept,
-        sighting.n_confirmed,
+        sighting.evidence_nats(),
         100.0 * tested.overlap,
         100.0 * tested.in_front
     );
@@ -236,18 +284,18 @@ pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
 }
 
 /// What the views of both components about the camera say of a join.
-fn verdict(input: &TrackingInput<'_>, record: &FrameRecord, join: &JoinRecord) -> TestVerdict {
+fn verdict(
+    input: &TrackingInput<'_>,
+    record: &FrameRecord,
+    sighting: &SightingRecord,
+    join: &JoinRecord,
+) -> TestVerdict {
     let (context, state, keyframes) = (input.context, input.map.state(), input.surfaces.keyframes);
     let camera = Pose::from(&record.pose.world_from_camera);
     let is_moved = state.submaps.component(input.map.submap()) == join.moved;
     let there = if is_moved { Pose::from(&join.kept_from_moved) * camera } else { camera };
-    contradiction::verdict(contradiction::join_nats(
-        context,
-        state,
-        keyframes,
-        join,
-        &there.translation.vector,
-    ))
+    let nats = contradiction::join_nats(context, state, keyframes, join, &there.translation.vector);
+    contradiction::verdict(sighting.evidence_nats(), nats)
 }
 
 /// Whether the frame has its place elsewhere in the other component just as well: of rooms that look alike none
@@ -266,16 +314,18 @@ fn fits_elsewhere(
     let expected = other_from_own * Pose::from(&record.pose.world_from_camera);
     let other = input.map.in_submap(seen.submap);
     let apart_m = |pose: &Pose| (expected.translation.vector - pose.translation.vector).norm();
-    let is_elsewhere = |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > ELSEWHERE_M;
+    let is_elsewhere =
+        |k: &&KeyframeState| apart_m(&Pose::from(&k.world_from_camera)) > GlobalSettings::RADIUS_M;
     let elsewhere: Vec<&KeyframeState> = other.active().filter(is_elsewhere).collect();
-    relocalise::glimpse(input, aligner, &elsewhere, |there, _| apart_m(there) > ELSEWHERE_M).is_some()
+    relocalise::glimpse(input, aligner, &elsewhere, |there, _| apart_m(there) > GlobalSettings::RADIUS_M)
+        .is_some()
 }
 
-/// Whether the same join was refused a short while ago.
+/// Whether the same join was refused, and there are not yet twice as many keyframes to tell.
 fn is_known_refused(state: &TrackerState, join: &JoinRecord) -> bool {
     let n = state.keyframes.len() as u32;
     let is_known = |(refused, then): &(JoinRecord, u32)| {
-        n < then.saturating_add(REFUSED_FOR) && contradiction::is_same_join(refused, join)
+        n < then.saturating_mul(2) && contradiction::is_same_join(refused, join)
     };
     state.refused.iter().any(is_known)
 }

@@ -1,13 +1,11 @@
 //! Acceptance tests of an alignment (method 6).
 
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Alignment;
 
 /// Features that agree with a pose where little of the surface does, at least.
 pub(crate) const AGREEING: u32 = 20;
-
-/// The same for a frame that may be anywhere.
-pub(crate) const SURELY_AGREEING: u32 = 30;
 
 /// Failure tests for a frame whose motion was predicted.
 pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), String> {
@@ -97,7 +95,7 @@ pub(crate) fn strict(r: &StrictLimits, a: &Alignment) -> Result<String, String> 
         return Err("the normal equations could not be solved".into());
     }
     let best = Best::of(a);
-    if a.n_agreeing >= SURELY_AGREEING && best.in_front <= r.in_front {
+    if a.n_agreeing >= MIN_FEATURES && best.in_front <= r.in_front {
         return Ok(format!("{best}, {} features agree", a.n_agreeing));
     }
     let is_good = best.in_view >= r.in_view

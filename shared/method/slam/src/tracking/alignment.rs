@@ -17,11 +17,6 @@ use tessera_registration::{
     MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
 };
 
-/// Outer iterations that follow once degenerate directions are held at the prediction.
-const HELD_ITERATIONS: u32 = 3;
-/// First distance limit when poses are only compared, metres.
-const TRIED_DISTANCE_M: f64 = 0.1;
-
 /// Evidence of a feature that agrees, nats: that of 300,000 pixels over about 100 within five deviations.
 const FEATURE_NATS: f64 = 8.0;
 
@@ -175,7 +170,7 @@ impl Aligner {
         let target = Target { surface: reference.surface, shutter: &reference.shutter, tree: None };
         let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
         let selection = Selection { count: samples.len(), shift: 0 };
-        let limits = MatchLimits::new(TRIED_DISTANCE_M, 0.5);
+        let limits = MatchLimits::new(context.mapping.window.min_first_distance_m, 0.5);
         self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, &limits).1
     }
 
@@ -206,7 +201,7 @@ fn window_problem(
         priors: prior.into_iter().collect(),
         schedule: Schedule {
             converged_step: WindowSettings::CONVERGED_STEP,
-            held_iterations: HELD_ITERATIONS,
+            held_iterations: WindowSettings::REFINING_ITERATIONS,
             ..Schedule::shrinking(n_outer, INNER_ITERATIONS)
         },
         kernel: None,

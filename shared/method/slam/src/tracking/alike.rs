@@ -6,8 +6,6 @@ use crate::map::state::KeyframeState;
 use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::sight::Sight;
 
-/// Keyframes that share the most features.
-const MOST_BY_FEATURES: usize = 2;
 /// Words that they share at least: of places in the simulated house the first wrong answer has ten.
 const MIN_WORDS: usize = 12;
 
@@ -25,7 +23,8 @@ pub(crate) fn alike(
     };
     let mut alike = Vec::new();
     if input.context.mapping.features.enabled && input.context.is_colour_trusted {
-        alike = sight.recognise(input, frame.features, [MOST_BY_FEATURES, MIN_WORDS], closes_loop);
+        let n = input.context.mapping.relocalise.n_recognised as usize;
+        alike = sight.recognise(input, frame.features, [n, MIN_WORDS], closes_loop);
     }
     let older = input.map.active().filter(|older| closes_loop(older));
     let best = older

@@ -7,12 +7,12 @@
 
 use crate::estimation::colour_model::ColourRecord;
 use crate::map::records::State;
+use crate::settings::WindowSettings;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::observed::Observed;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::sight::Judged;
-use crate::tracking::start::OUTER_ITERATIONS;
 use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
@@ -40,7 +40,7 @@ pub(crate) fn colour_record(
         world_from_camera: aligned.alignment.world_from_camera,
         is_known: false,
         first_distance_m: input.context.mapping.window.min_first_distance_m,
-        outer_iterations: OUTER_ITERATIONS,
+        outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };
     let alone = aligner.align(input.context, input.samples, &references, &guess);

@@ -13,7 +13,7 @@ use crate::tracking::degeneracy::{DegenerateDirection, Motion, centroid};
 use crate::tracking::input::FrameSurface;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
-use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
+use tessera_geometry::{Camera, Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
 
 /// Covariance of the frame's pose in the world, in the tangent of its camera, translation first.
 ///
@@ -22,7 +22,7 @@ pub(crate) fn of_world(
     map: &MapView<'_>,
     aligned: &WindowAlignment,
     own: &Matrix6,
-    focal_px: f64,
+    camera: &Camera,
     frame: &FrameSurface<'_>,
 ) -> Matrix6 {
     let a = &aligned.alignment;
@@ -55,7 +55,7 @@ pub(crate) fn of_world(
             Some(carried)
         });
     let best = inherited.min_by(|x, y| x.trace().total_cmp(&y.trace()));
-    let sum = best.unwrap_or_else(Matrix6::zeros) + own + systematic(&map.state().colour, focal_px, a);
+    let sum = best.unwrap_or_else(Matrix6::zeros) + own + systematic(&map.state().colour, camera, a);
     (sum + sum.transpose()) * 0.5
 }
 
@@ -71,11 +71,11 @@ const OF_MEDIAN: f64 = 1.5;
 /// distance of what it sees. A lag between the images is an error of a stamp: it moves the camera by
 /// its velocity times the lag. Without colour, or with one that is not believed, nothing is known of
 /// either, and nothing is added.
-fn systematic(colour: &ColourState, focal_px: f64, a: &Alignment) -> Matrix6 {
+pub(crate) fn systematic(colour: &ColourState, camera: &Camera, a: &Alignment) -> Matrix6 {
     if colour.n_frames == 0 || !colour.is_trusted() {
         return Matrix6::zeros();
     }
-    let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / focal_px;
+    let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / camera.focal_px();
     let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
     let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
     let late = a.velocity.to_vector() * colour.model.lag_s;

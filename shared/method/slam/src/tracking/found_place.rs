@@ -18,10 +18,23 @@ const SEEN_AGAIN_NANOS: f64 = 2e9;
 /// Evidence of a frame for its place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shown {
-    /// A log-likelihood ratio, nats.
-    Evidence(f64),
+    /// Features and surfaces.
+    Evidence(PlaceEvidence),
     /// The map has no features, or they are not used: surfaces alone never reach the bounds of the test.
     SurfacesAlone,
+}
+
+impl Shown {
+    /// Log-likelihood ratio of the place against any other, nats.
+    pub(crate) fn llr_nats(&self) -> f64 {
+        match self {
+            Self::Evidence(evidence) => evidence.llr_nats(),
+            // As many frames as the settings ask for.
+            Self::SurfacesAlone => {
+                SequentialTest::accepted_nats() / f64::from(RelocaliseSettings::CONFIRM_FRAMES)
+            }
+        }
+    }
 }
 
 /// Evidence of an alignment; `None` without a member whose surface is at hand.
@@ -46,7 +59,7 @@ pub(crate) fn shown(
     let before = input.map.state().recent.len().checked_sub(1).map(Member::Recent);
     let before = before.and_then(|before| reference(input, before));
     let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), &at);
-    Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing, n_expected).llr_nats()))
+    Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing, n_expected)))
 }
 
 fn is_without_features(input: &TrackingInput<'_>, there: &Reference<'_>) -> bool {
@@ -59,21 +72,6 @@ pub(crate) fn least_nats(input: &TrackingInput<'_>) -> f64 {
     libm::log(input.map.active_anywhere().count().max(1) as f64)
 }
 
-/// The test with the frame that found the place.
-pub(crate) fn first(shown: Shown) -> SequentialTest {
-    SequentialTest::default().with(nats(shown), 1.0)
-}
-
-fn nats(shown: Shown) -> f64 {
-    match shown {
-        Shown::Evidence(llr_nats) => llr_nats,
-        // As many frames as the settings ask for.
-        Shown::SurfacesAlone => {
-            SequentialTest::accepted_nats() / f64::from(RelocaliseSettings::CONFIRM_FRAMES)
-        }
-    }
-}
-
 /// The test with one more frame at the place.
 pub(crate) fn with_frame(
     input: &TrackingInput<'_>,
@@ -82,15 +80,25 @@ pub(crate) fn with_frame(
     shown: Shown,
 ) -> SequentialTest {
     let before = SequentialTest { sum_nats: input.map.state().evidence_nats };
-    let nats = nats(shown);
     if matches!(shown, Shown::SurfacesAlone) {
-        return before.with(nats, 1.0);
+        return before.with(shown.llr_nats(), 1.0);
     }
     let Some((place, last)) = input.map.state().recent.iter().enumerate().next_back() else { return before };
-    let new_share = reference(input, Member::Recent(place))
+    let novelty = reference(input, Member::Recent(place))
         .map_or(0.0, |last| novelty_beside(input, aligner, &last, &found.alignment.world_from_camera));
-    let time_share = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 / SEEN_AGAIN_NANOS;
-    before.with(nats, new_share).seen_again(nats, time_share - new_share)
+    let step_nanos = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos);
+    with_view(before, shown.llr_nats(), novelty, step_nanos)
+}
+
+/// The test with a view of which a share is new, and the rest seen again after so long.
+pub(crate) fn with_view(
+    test: SequentialTest,
+    llr_nats: f64,
+    novelty: f64,
+    step_nanos: i64,
+) -> SequentialTest {
+    let time_share = step_nanos as f64 / SEEN_AGAIN_NANOS;
+    test.with(llr_nats, novelty).seen_again(llr_nats, time_share - novelty)
 }
 
 /// Share of a frame at a pose that a reference did not show.

@@ -5,13 +5,14 @@
 //! what a result must show beside the strict tests. One loop walks the table. What fits nowhere about the last pose is
 //! left to relocalisation.
 
+use crate::settings::WindowSettings;
 use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::{place, widened};
 use crate::tracking::prediction::Prediction;
 use crate::tracking::rotation_hypothesis;
-use crate::tracking::start::{FeatureStart, OUTER_ITERATIONS, guess_from_features};
+use crate::tracking::start::{FeatureStart, guess_from_features};
 use crate::tracking::window_alignment::{WindowAlignment, align_to_window};
 use tessera_geometry::{Pose, Twist};
 
@@ -86,7 +87,7 @@ fn once_more(
         world_from_camera: found.alignment.world_from_camera,
         is_known: true,
         first_distance_m: window.min_first_distance_m,
-        outer_iterations: OUTER_ITERATIONS,
+        outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };
     let again = align_to_window(input, aligner, &guess);

@@ -12,8 +12,6 @@ pub(crate) struct Distance<'a> {
     pub(crate) entropy_nats: f64,
     /// Entropy of the first frame aligned to the keyframe.
     pub(crate) reference_entropy: Option<f64>,
-    /// Frames since the keyframe was made.
-    pub(crate) n_frames: u32,
 }
 
 /// Fixed limits on motion first, then the entropy of eq. 15 by difference or by ratio.
@@ -23,7 +21,7 @@ pub(crate) fn is_due(settings: &KeyframeSettings, distance: &Distance<'_>) -> bo
         return true;
     }
     let Some(reference) = distance.reference_entropy else { return false };
-    if distance.n_frames < KeyframeSettings::MIN_FRAMES || !distance.entropy_nats.is_finite() {
+    if !distance.entropy_nats.is_finite() {
         return false;
     }
     let gained =
@@ -42,21 +40,15 @@ mod tests {
         let settings = KeyframeSettings { entropy_ratio: 0.95, ..KeyframeSettings::default() };
         let near = Pose::translation(0.05, 0.0, 0.0);
         let far = Pose::translation(0.15, 0.0, 0.0);
-        let check = |pose: &Pose, entropy_nats: f64, n_frames: u32| {
+        let check = |pose: &Pose, entropy_nats: f64| {
             is_due(
                 &settings,
-                &Distance {
-                    keyframe_from_camera: pose,
-                    entropy_nats,
-                    reference_entropy: Some(-86.0),
-                    n_frames,
-                },
+                &Distance { keyframe_from_camera: pose, entropy_nats, reference_entropy: Some(-86.0) },
             )
         };
-        assert!(check(&far, -86.0, 1));
-        assert!(!check(&near, -84.0, 10));
-        assert!(check(&near, -81.5, 10));
-        assert!(!check(&near, -81.5, 2), "not so soon after a keyframe");
-        assert!(!check(&near, f64::NAN, 10));
+        assert!(check(&far, -86.0));
+        assert!(!check(&near, -84.0));
+        assert!(check(&near, -81.5));
+        assert!(!check(&near, f64::NAN));
     }
 }

@@ -7,12 +7,8 @@ use crate::settings::WindowSettings;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use nalgebra::Vector3;
-use tessera_geometry::{
-    Pose, RelativeRotation, Twist, Vector6, compose_normalised, exp, log, translation_rotation_norms,
-};
+use tessera_geometry::{Pose, RelativeRotation, Twist, Vector6, compose_normalised, log};
 
-/// Lost frames in a row through which the velocity before them is still used.
-const MOST_COASTED: u32 = 10;
 /// A measured rotation less certain than this is worse than constant velocity, radians.
 const MOST_INERTIAL_SIGMA_RAD: f64 = 0.1;
 
@@ -55,7 +51,7 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
     let last_turned = turn.map_or(last_pose, |turn| last_pose * turn);
     // A stamp that does not advance, a gap in time, or a frame that could not be aligned leaves no
     // velocity. A camera that saw nothing for a moment has moved on as before.
-    let is_coasting = state.n_lost <= MOST_COASTED && last.velocity != [0.0; 6];
+    let is_coasting = f64::from(state.n_lost) * seconds < MOST_COASTED_S && last.velocity != [0.0; 6];
     if (last.state == State::Lost && !is_coasting) || !(seconds > 0.0 && seconds < MOST_COASTED_S) {
         return place(input, &last_turned);
     }
@@ -71,14 +67,15 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
     if let Some(measured) = &measured {
         velocity.phi = measured.rate_rad_per_s(seconds);
     }
-    let (moved_m, turned_rad) = translation_rotation_norms(&exp(&velocity.scaled(seconds)));
-    let motion_m = moved_m + measured.map_or(turned_rad, |m| m.sigma_rad);
     let window = &input.context.mapping.window;
     let world_from_camera = compose_normalised(&last_pose, &velocity.scaled(seconds));
     let motion = motion.map(|motion| match &measured {
         Some(measured) => motion.turned(&world_from_camera, measured.sigma_rad),
         None => motion,
     });
+    // Three deviations, of points a metre away.
+    let first_m =
+        motion.as_ref().map_or(f64::INFINITY, |motion| 3.0 * motion.variance.iter().sum::<f64>().sqrt());
     Prediction {
         world_from_camera,
         previous: Some((last_pose, seconds)),
@@ -86,7 +83,7 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
         velocity,
         rotation_sigma_rad: measured.map(|m| m.sigma_rad),
         motion,
-        first_distance_m: (4.0 * motion_m).clamp(window.min_first_distance_m, window.max_first_distance_m),
+        first_distance_m: first_m.clamp(window.min_first_distance_m, window.max_first_distance_m),
         outer_iterations: window.outer_iterations,
     }
 }

@@ -46,7 +46,7 @@ impl<'a> Observed<'a> {
         let camera = &context.camera;
         Self {
             model: &context.colour,
-            focal_px: 0.5 * (camera.fx.abs() + camera.fy.abs()),
+            focal_px: camera.focal_px(),
             scale_px: 2.0 * state.residual_px.max(1.0),
             covariance,
             record: ColourRecord::default(),

@@ -7,7 +7,7 @@ use crate::map::context::Context;
 use crate::map::culling::LOOKED_BACK_NANOS;
 use crate::map::keyframe::KeyframeState;
 use crate::map::map_view::MapView;
-use crate::tracking::input::TrackingInput;
+use crate::tracking::input::{MIN_SAMPLES, TrackingInput};
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::sight::Sight;
 use crate::tracking::window::Member;
@@ -17,11 +17,10 @@ use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_registration::{FreeSpaceView, GridCamera, Sample, mark_free_space};
 use tessera_surface::SurfaceView;
 
-/// Age of the keyframes that are asked, nanoseconds, up to [`LOOKED_BACK_NANOS`]: before that little has moved.
-const LEAST_AGE_NANOS: i64 = 400_000_000;
-/// Keyframes that are asked, and the time between them, nanoseconds.
+/// Keyframes that are asked, no older than [`LOOKED_BACK_NANOS`], and the time between them and before the frame,
+/// nanoseconds: in less, little has moved.
 const MOST_ASKED: usize = 3;
-const APART_NANOS: i64 = 600_000_000;
+const APART_NANOS: i64 = 400_000_000;
 /// Motion since the last frame up to which a prediction is precise, metres and radians.
 const MOST_MOVED_M: f64 = 0.06;
 const MOST_TURNED_RAD: f64 = 4.0_f64.to_radians();
@@ -33,8 +32,6 @@ const LEAST_BEHIND: usize = 6;
 /// Share of the samples that may have moved: less is noise, more is a pose that is wrong.
 const LEAST_SHARE: f64 = 0.05;
 const MOST_SHARE: f64 = 0.75;
-/// Samples to which a frame is not thinned.
-const LEAST_AT_REST: usize = 300;
 
 /// Samples of a frame that are at rest, and features as well; `None` where it has all of them left.
 pub(crate) fn at_rest(
@@ -91,7 +88,7 @@ impl<'a> SeenThrough<'a> {
             .map(|(sample, _)| *sample)
             .collect();
         let share = 1.0 - at_rest.len() as f64 / samples.len() as f64;
-        let is_enough = at_rest.len() >= LEAST_AT_REST;
+        let is_enough = at_rest.len() >= MIN_SAMPLES;
         (is_enough && (LEAST_SHARE..=MOST_SHARE).contains(&share)).then_some(at_rest)
     }
 
@@ -168,9 +165,8 @@ fn asked(map: &MapView<'_>, now: i64) -> Vec<u32> {
     let own = map.state().keyframes.iter().rev().take_while(|k| map.is_own(k));
     let mut asked: Vec<&KeyframeState> = Vec::new();
     for keyframe in own.take_while(|k| age(k) <= LOOKED_BACK_NANOS) {
-        let is_apart = asked.last().is_none_or(|last| age(keyframe) - age(last) >= APART_NANOS);
-        let is_old = age(keyframe) >= LEAST_AGE_NANOS;
-        if is_old && is_apart && map.contains(keyframe) && asked.len() < MOST_ASKED {
+        let is_apart = age(keyframe) - asked.last().map_or(0, |last| age(last)) >= APART_NANOS;
+        if is_apart && map.contains(keyframe) && asked.len() < MOST_ASKED {
             asked.push(keyframe);
         }
     }

@@ -77,7 +77,6 @@ fn new_keyframe(
         keyframe_from_camera: &Pose::from(&record.pose.keyframe_from_camera),
         entropy_nats: record.pose.entropy_nats,
         reference_entropy: state.reference_entropy,
-        n_frames: state.frames_since_keyframe,
     };
     let surface = input.surfaces.recent.iter().find(|s| s.index == previous.index)?;
     if (input.map.is_own(last_keyframe) && previous.index == last_keyframe.frame_index)

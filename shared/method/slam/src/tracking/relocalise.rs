@@ -25,8 +25,6 @@ use tessera_geometry::Pose;
 
 /// Newest keyframes whose features are matched.
 const N_NEWEST: usize = 2;
-/// Keyframes that a glimpse matches.
-const N_GLIMPSED: usize = 2;
 /// Words of a frame that a keyframe shows at least to be tried.
 const MIN_WORDS: usize = 4;
 
@@ -112,7 +110,7 @@ pub(crate) fn relocalise(
     let found = first_that_fits(input, aligner, candidates);
     let FoundPlace { found, how, shown } =
         found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
-    let test = found_place::first(shown);
+    let test = SequentialTest::default().with(shown.llr_nats(), 1.0);
     Ok(as_far_as_certain(found, test, &format!("{why_lost}; found by {how}; ")))
 }
 
@@ -138,7 +136,8 @@ pub(crate) fn glimpse(
     is_worth_while: impl Fn(&Pose, u32) -> bool,
 ) -> Option<WindowAlignment> {
     let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
-    let ids = aligner.sight.recognise_frame(input, [N_GLIMPSED, MIN_WORDS], is_asked);
+    let n = input.context.mapping.relocalise.n_recognised as usize;
+    let ids = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
     let seen = candidates_by_features(input, aligner, &ids, AGREEING as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
     first_that_fits(input, aligner, vec![best]).map(|place| place.found)
@@ -168,7 +167,7 @@ fn first_that_fits(
             continue;
         }
         let Some(shown) = found_place::shown(&there, aligner, &found) else { continue };
-        if matches!(shown, Shown::Evidence(nats) if nats <= found_place::least_nats(input)) {
+        if matches!(shown, Shown::Evidence(_)) && shown.llr_nats() <= found_place::least_nats(input) {
             continue;
         }
         // Of the submaps that are joined there, that of the nearest keyframe.
@@ -178,7 +177,8 @@ fn first_that_fits(
         });
         let submap = nearest.map_or(candidate.submap, |k| k.submap);
         let how = format!("{}: {numbers}", candidate.name);
-        return Some(FoundPlace { found: WindowAlignment { submap, ..found }, how, shown });
+        let evidence_nats = shown.llr_nats();
+        return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
     }
     None
 }

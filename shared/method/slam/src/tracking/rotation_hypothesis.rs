@@ -4,20 +4,17 @@
 //! Alignment converges from a few degrees away and no more. Rotations on a coarse grid are compared
 //! by their support alone, without solving for anything.
 
+use crate::estimation::noise_scales::SURFACE_CORRELATION;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
-use crate::tracking::window_alignment::{every_nth, newest_reference, support};
+use crate::tracking::window_alignment::{COARSE_SAMPLES, every_nth, newest_reference, support};
 use tessera_geometry::{Pose, Twist, exp};
 
-/// Samples that are compared.
-const N_SAMPLES: usize = 500;
 /// Spacing of the grid, degrees, and the number of rotations to each side.
 const SPACING_DEG: f64 = 3.0;
 const N_YAW: i32 = 4;
 const N_PITCH: i32 = 2;
-/// A rotation is taken if it has this many times the support of the guess as it is.
-const LEAST_GAIN: f64 = 1.2;
 
 /// The guess with the rotation that has most support against its newest reference; unchanged where
 /// a gyroscope measured the rotation.
@@ -31,8 +28,10 @@ pub(crate) fn best_rotation(
     }
     let start = guess.world_from_camera;
     let Some(reference) = newest_reference(input, &start) else { return *guess };
-    let some = every_nth(input.samples, N_SAMPLES);
-    let mut best = (LEAST_GAIN * support(input, aligner, &some, &reference, &start), start);
+    let some = every_nth(input.samples, COARSE_SAMPLES);
+    // Evidence for a rotation must exceed that any of the grid has it by chance.
+    let chance = SURFACE_CORRELATION * libm::log(rotations().count() as f64);
+    let mut best = (support(input, aligner, &some, &reference, &start) + chance, start);
     for rotation in rotations() {
         let pose = start * rotation;
         let found = support(input, aligner, &some, &reference, &pose);

@@ -1,6 +1,6 @@
 //! Feature matching of the tracker: the frame's features, the references', and the pairs between them.
 
-use crate::estimation::colour_model::ColourModel;
+use crate::estimation::colour_model::{ColourModel, LEAST_RESIDUAL_PX};
 use crate::evidence::same_place::{self, AGREES_SQ};
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
@@ -26,10 +26,8 @@ pub(crate) const ENOUGH_FEATURES: usize = 100;
 /// Names a surface: as [`Reference::key`].
 pub(crate) type SurfaceKey = (bool, u64);
 
-/// Observations kept beside those of this frame.
-const KEPT: usize = 24;
-/// References whose features are matched: the first of a window.
-const MOST_PAIRS: usize = 5;
+/// Surfaces of which observations, or trees, are kept beside those of this frame.
+pub(crate) const SURFACES_KEPT: usize = 24;
 /// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
 const NEAR_IN_TIME: u32 = 4;
 const NEIGHBOURS: usize = 10;
@@ -42,9 +40,6 @@ struct KnownObservations {
     velocity: Twist,
     observations: Arc<[Observation]>,
 }
-
-/// Observations are made again where a better known motion turns them by more, radians.
-const LEAST_CHANGE_RAD: f64 = 1e-3;
 
 /// The tracker's features: buffers and what is known of this frame. Nothing of it is state.
 pub(crate) struct Sight {
@@ -125,7 +120,9 @@ impl Sight {
     pub(crate) fn observe_again(&mut self, context: &Context, surface: &SurfaceView<'_>, velocity: &Twist) {
         let change = Twist { rho: velocity.rho - self.velocity.rho, phi: velocity.phi - self.velocity.phi };
         let seconds = context.colour.lag_s.abs() + 0.25 * context.camera.readout_s.abs();
-        if (change.phi.norm() + 0.5 * change.rho.norm()) * seconds < LEAST_CHANGE_RAD {
+        if (change.phi.norm() + 0.5 * change.rho.norm()) * seconds * context.camera.focal_px()
+            < LEAST_RESIDUAL_PX
+        {
             return;
         }
         self.velocity = *velocity;
@@ -220,7 +217,7 @@ impl Sight {
         let seen_by = reference.session.map_or(Cow::Borrowed(context), |session| context.of(session));
         let observations: Arc<[Observation]> =
             lift(&seen_by, reference.features, &reference.surface, &velocity).into();
-        if self.known.len() >= KEPT {
+        if self.known.len() >= SURFACES_KEPT {
             // Those that were not asked for for longest.
             let longest = self.known.iter().min_by_key(|(_, known)| known.asked_by).map(|(key, _)| *key);
             longest.map(|key| self.known.remove(&key));
@@ -242,7 +239,7 @@ impl Sight {
         if self.features.is_empty() {
             return;
         }
-        for reference in references.iter_mut().take(MOST_PAIRS) {
+        for reference in references.iter_mut() {
             let pair = self.pair(context, reference, world_from_camera, Reach::KNOWN);
             let at = reference.world_from_camera.inverse() * world_from_camera;
             reference.pair = pair.map(|pair| WeightedPair::new(pair, weight, &at));

@@ -1,25 +1,20 @@
 //! The pose on which features agree, as an initial guess in place of the motion prediction.
 
 use crate::evidence::pose_agreement::CHI_SQUARE_6;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matching::Reach;
-use crate::tracking::acceptance::SURELY_AGREEING;
+use crate::settings::WindowSettings;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::window::{self, Member};
-use crate::tracking::window_alignment::{every_nth, newest_reference, reference, support};
-use tessera_geometry::{Pose, Twist, Vector6, log};
+use crate::tracking::window_alignment::{COARSE_SAMPLES, every_nth, newest_reference, reference, support};
+use tessera_geometry::{Pose, log};
 
 /// Members of the window that are asked.
 const MOST_ASKED: usize = 2;
-/// Samples that are compared.
-const N_SAMPLES: usize = 300;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
-/// Outer iterations from there: the start is at a solution, or not far from one.
-pub(crate) const OUTER_ITERATIONS: u32 = 3;
-/// Part of the last change of velocity that is expected to go on.
-const AHEAD: f64 = 0.5;
 
 /// A frame's pose by its features, as an initial guess.
 pub(crate) enum FeatureStart {
@@ -38,7 +33,7 @@ pub(crate) fn guess_from_features(
 ) -> Option<FeatureStart> {
     let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
     let newest = newest_reference(input, &prediction.world_from_camera)?;
-    let some = every_nth(input.samples, N_SAMPLES);
+    let some = every_nth(input.samples, COARSE_SAMPLES);
     let predicted = support(input, aligner, &some, &newest, &prediction.world_from_camera);
     let seen = support(input, aligner, &some, &newest, &world_from_camera);
     let is_better = !prediction.is_known || seen >= LEAST_SUPPORT * predicted;
@@ -52,13 +47,12 @@ pub(crate) fn guess_from_features(
         world_from_camera,
         is_known: true,
         first_distance_m: window.min_first_distance_m,
-        outer_iterations: OUTER_ITERATIONS,
+        outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };
     if let Some((previous, seconds)) = prediction.previous {
         guess.velocity = log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds);
-        let velocity = velocity_at_frame(input, &guess.velocity);
-        aligner.sight.observe_again(input.context, &input.frame.surface, &velocity);
+        aligner.sight.observe_again(input.context, &input.frame.surface, &guess.velocity);
     }
     Some(if is_better { FeatureStart::Better(guess) } else { FeatureStart::Rival(guess) })
 }
@@ -87,7 +81,7 @@ fn pose_from_features(
             if best.as_ref().is_none_or(|best| n > best.0) {
                 best = Some((n, reference.world_from_camera * pair.target_from_query));
             }
-            if n >= SURELY_AGREEING as usize {
+            if n >= MIN_FEATURES as usize {
                 break;
             }
         }
@@ -96,16 +90,4 @@ fn pose_from_features(
         }
     }
     None
-}
-
-/// The motion at the frame itself, half a step after the mean since the frame before.
-fn velocity_at_frame(input: &TrackingInput<'_>, mean: &Twist) -> Twist {
-    let before = input.map.state().recent.last().filter(|last| last.velocity != [0.0; 6]);
-    before.map_or(*mean, |last| {
-        let before = Twist::from_vector(&Vector6::from_column_slice(&last.velocity));
-        Twist {
-            rho: mean.rho + (mean.rho - before.rho) * AHEAD,
-            phi: mean.phi + (mean.phi - before.phi) * AHEAD,
-        }
-    })
 }

@@ -3,12 +3,10 @@
 
 use crate::map::context::Context;
 use crate::tracking::prediction::Reference;
+use crate::tracking::sight::SURFACES_KEPT;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_registration::{KdTree, ShutterTable};
-
-/// Trees kept beside those in use.
-const KEPT: usize = 16;
 
 /// A surface's tree and the readout motion it was made for.
 type Known = (ShutterTable, Arc<KdTree>);
@@ -23,7 +21,7 @@ impl Trees {
     /// One tree for each reference; none for the projective search.
     pub(crate) fn of(&mut self, context: &Context, references: &[Reference<'_>]) -> Vec<Option<Arc<KdTree>>> {
         let trees = references.iter().map(|reference| self.tree(context, reference)).collect();
-        while self.known.len() > KEPT {
+        while self.known.len() > SURFACES_KEPT {
             let unused = self.known.keys().copied().find(|key| references.iter().all(|r| r.key != *key));
             let Some(key) = unused else { break };
             self.known.remove(&key);

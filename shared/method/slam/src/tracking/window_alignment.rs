@@ -14,8 +14,8 @@ use tessera_geometry::{Pose, Twist, Vector6};
 use tessera_registration::Sample;
 use tessera_surface::SurfaceView;
 
-/// Samples of the coarse alignment.
-const COARSE_SAMPLES: usize = 500;
+/// Samples by which poses are compared, and of a coarse alignment.
+pub(crate) const COARSE_SAMPLES: usize = 500;
 /// References of the coarse alignment.
 const COARSE_REFERENCES: usize = 2;
 /// Keyframes that may share a view with a frame whose pose is uncertain.
