@@ -16,10 +16,11 @@ use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::residuals;
 use crate::pairs::verification::{FORWARD, N_QUERIES};
 use crate::settings::GlobalSettings;
-use nalgebra::SymmetricEigen;
+use nalgebra::{SymmetricEigen, Vector3};
 use tessera_features::{Correspondence, Observation};
 use tessera_geometry::{Matrix6, Pose, rotation_log};
 use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Sampler};
+use tessera_surface::SurfaceView;
 
 /// Squared normalised error of a feature that agrees with a pose, at most: the chi-square of two dimensions at one
 /// in 10^5, beside the error of the surfaces' pose.
@@ -173,8 +174,14 @@ pub(crate) fn n_agreeing(correspondences: &[Correspondence], target_from_query: 
 const SAME_TO_DESCRIPTOR_RAD: f64 = 20.0_f64.to_radians();
 const SAME_TO_DESCRIPTOR_SCALE: f64 = 1.4;
 
-/// Features of a query that lie in the target's image, seen from about the same side and distance, and upright.
-pub(crate) fn n_comparable(context: &Context, query: &[Observation], target_from_query: &Pose) -> usize {
+/// Features of a query that lie in the target's image, seen from about the same side and distance, and upright, where the
+/// target has the same surface: what floats in front of it or is behind is not what it saw.
+pub(crate) fn n_comparable(
+    context: &Context,
+    query: &[Observation],
+    target: &SurfaceView<'_>,
+    target_from_query: &Pose,
+) -> usize {
     let roll_rad = rotation_log(&target_from_query.rotation).z;
     if roll_rad.abs() > SAME_TO_DESCRIPTOR_RAD {
         return 0;
@@ -190,8 +197,25 @@ pub(crate) fn n_comparable(context: &Context, query: &[Observation], target_from
             && (0.0..width).contains(&column)
             && (1.0 / SAME_TO_DESCRIPTOR_SCALE..=SAME_TO_DESCRIPTOR_SCALE).contains(&scale)
             && turned.angle(&there) <= SAME_TO_DESCRIPTOR_RAD
+            && is_on_surface(context, target, &there, [row, column])
     };
     query.iter().filter(is_comparable).count()
+}
+
+/// Whether a point that projects to a pixel, row and column, is on the surface that the target measured there, within
+/// three standard deviations of both depths.
+fn is_on_surface(
+    context: &Context,
+    target: &SurfaceView<'_>,
+    point_m: &Vector3<f64>,
+    pixel: [f64; 2],
+) -> bool {
+    let [row, column] = pixel.map(|at| at as usize / target.grid.step);
+    let vertex = target.vertices.get(row * target.grid.width + column);
+    let Some(vertex) = vertex.filter(|v| v.is_valid() && column < target.grid.width) else { return false };
+    let [position, normal] = [vertex.position, vertex.normal].map(|v| Vector3::from(v.map(f64::from)));
+    let variance_m2 = [point_m.z, position.z].map(|z| f64::from(context.noise.sigma_m(z as f32)).powi(2));
+    normal.dot(&(point_m - position)).powi(2) <= 9.0 * (variance_m2[0] + variance_m2[1])
 }
 
 /// Share of the comparable features of a query that agree with a pose.
@@ -199,10 +223,10 @@ pub(crate) fn agreeing_share(
     context: &Context,
     query: &[Observation],
     correspondences: &[Correspondence],
-    target_from_query: &Pose,
+    (target, target_from_query): (&SurfaceView<'_>, &Pose),
 ) -> f64 {
-    let n = n_comparable(context, query, target_from_query);
-    n_agreeing(correspondences, target_from_query) as f64 / n.max(1) as f64
+    let n = n_comparable(context, query, target, target_from_query);
+    (n_agreeing(correspondences, target_from_query) as f64 / n.max(1) as f64).min(1.0)
 }
 
 /// Measures pairs of keyframes of a map: for the command that fits the table.
@@ -243,8 +267,11 @@ impl<'a> PlaceProbe<'a> {
         let seen = [query, target].map(|k| self.sides[k].seen(self.context));
         let seed = (query as u64) << 32 | target as u64;
         let found = self.finder.find(self.context, seen, &Pose::identity(), Reach::ANYWHERE, seed);
+        let vertices = self.sides[target].vertices();
+        let surface = self.sides[target].target(&vertices).surface;
         found.map_or(0.0, |pair| {
-            agreeing_share(self.context, seen[0].observations, &pair.inliers, &pair.target_from_query)
+            let there = (&surface, &pair.target_from_query);
+            agreeing_share(self.context, seen[0].observations, &pair.inliers, there)
         })
     }
 
@@ -262,7 +289,9 @@ impl<'a> PlaceProbe<'a> {
         let seed = (query as u64) << 32 | target as u64;
         let found = self.finder.find(self.context, seen, &at, Reach::ANYWHERE, seed);
         let n_agreeing = found.map_or(0, |pair| n_agreeing(&pair.inliers, &at));
-        let n_expected = share * n_comparable(self.context, seen[0].observations, &at) as f64;
+        let vertices = other.vertices();
+        let surface = other.target(&vertices).surface;
+        let n_expected = share * n_comparable(self.context, seen[0].observations, &surface, &at) as f64;
         (at, evidence.with_features(seen.map(|side| side.features.len()), n_agreeing, n_expected))
     }
 }

@@ -285,9 +285,9 @@ impl Sight {
         &mut self,
         context: &Context,
         before: Option<&Reference<'_>>,
-        target_from_query: &Pose,
+        (target, target_from_query): (&SurfaceView<'_>, &Pose),
     ) -> f64 {
-        let n = same_place::n_comparable(context, &self.observations, target_from_query);
+        let n = same_place::n_comparable(context, &self.observations, target, target_from_query);
         n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
     }
 
@@ -295,8 +295,8 @@ impl Sight {
     fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
         let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
         pair.map_or(0.0, |pair| {
-            let at = pair.target_from_query;
-            same_place::agreeing_share(context, &self.observations, &pair.inliers, &at)
+            let there = (&before.surface, &pair.target_from_query);
+            same_place::agreeing_share(context, &self.observations, &pair.inliers, there)
         })
     }
 
