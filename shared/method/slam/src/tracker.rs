@@ -12,6 +12,7 @@ use crate::step::{gives_colour_away, step, with_frame};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::{FrameSurface, Surfaces, TrackingInput};
 use crate::tracking::motion_model::predict;
+use crate::tracking::window::Member;
 use crate::tracking::workload::Workload;
 use crate::tracking::{passing, relocalise};
 use tessera_numerics::Step;
@@ -157,6 +158,7 @@ impl Tracker {
             frame,
             samples: &self.samples,
             surfaces: Surfaces { recent, keyframes },
+            view_before: self.state.recent.len().checked_sub(1).map(Member::Recent),
         };
         let is_asked = relocalise::is_asked(&input);
         let prediction = predict(&input);

@@ -1,8 +1,8 @@
 //! What keyframes see of other runs, from one joint map to the next.
 //!
-//! What a keyframe sees is a function of it and of the components before its own; whether that joins them, of
-//! its own component too. Their hash is the key, so that it makes no difference what is kept and what is
-//! looked for anew.
+//! What a keyframe sees is a function of it, of the one nearest to it and of the components before its own; whether
+//! that joins them, of its own component too. Their hash is the key, so that it makes no difference what is kept and
+//! what is looked for anew.
 
 use crate::map::input_hash::Fnv;
 use crate::map::state::{KeyframeState, TrackerState};
@@ -63,25 +63,31 @@ impl ComponentHashes {
         Self(hashes.into_iter().map(|(component, hash)| (component, hash.value())).collect())
     }
 
-    /// The key of what `own` sees of the components before its own; `colour`: all that is known of it.
-    pub(crate) fn seen(&self, colour: &impl Debug, own: &KeyframeState, component: u32) -> LookKey {
-        self.key(colour, own, self.0.range(..component))
+    /// The key of what `own` sees of the components before its own, beside the keyframe nearest to it; `colour`: all
+    /// that is known of it.
+    pub(crate) fn seen(
+        &self,
+        colour: &impl Debug,
+        (own, beside): (&KeyframeState, Option<&KeyframeState>),
+        component: u32,
+    ) -> LookKey {
+        self.key(colour, (own, beside), self.0.range(..component))
     }
 
     /// The key of a join of its component with those before it.
     pub(crate) fn joined(&self, colour: &impl Debug, own: &KeyframeState, component: u32) -> LookKey {
-        self.key(colour, own, self.0.range(..=component))
+        self.key(colour, (own, None), self.0.range(..=component))
     }
 
     fn key<'a>(
         &self,
         colour: &impl Debug,
-        own: &KeyframeState,
+        (own, beside): (&KeyframeState, Option<&KeyframeState>),
         components: impl Iterator<Item = (&'a u32, &'a u64)>,
     ) -> LookKey {
         let mut hash = Fnv::default();
         hash.eat_debug(colour);
-        eat(&mut hash, own);
+        [Some(own), beside].into_iter().flatten().for_each(|keyframe| eat(&mut hash, keyframe));
         for (component, keyframes) in components {
             hash.eat(u64::from(*component));
             hash.eat(*keyframes);
@@ -124,7 +130,7 @@ mod tests {
         state.keyframes[3].submap = 1;
         let keys = |state: &TrackerState| {
             let (own, hashes) = (&state.keyframes[2], ComponentHashes::of(state));
-            [hashes.seen(&state.colour, own, 1), hashes.joined(&state.colour, own, 1)]
+            [hashes.seen(&state.colour, (own, None), 1), hashes.joined(&state.colour, own, 1)]
         };
         let before = keys(&state);
         let mut grown = state.clone();

@@ -23,6 +23,7 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place;
 use crate::tracking::input::{FrameSurface, MIN_SAMPLES, Surfaces, TrackingInput};
 use crate::tracking::relocalise;
+use crate::tracking::window::Member;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, translation_rotation_norms};
 use tessera_registration::{Sample, Sampler};
@@ -149,7 +150,8 @@ impl Looker {
             LookOutcome::Nothing
         } else {
             let colour = (&state.colour, self.context.cameras.colours(own.session));
-            let seen = hashes.seen(&colour, own, component(own));
+            let beside = neighbours(state, own).first().copied();
+            let seen = hashes.seen(&colour, (own, beside), component(own));
             let seen = known.seen.of(seen, || self.first_sighting(state, surfaces, own, &others));
             let joined = hashes.joined(&colour, own, component(own));
             seen.map_or(LookOutcome::Nothing, |sighting| {
@@ -339,6 +341,7 @@ impl Looker {
             frame: &frame,
             samples: &self.samples,
             surfaces: Surfaces { recent: &[], keyframes: surfaces },
+            view_before: neighbours(state, keyframe).first().map(|k| Member::Keyframe(k.id)),
         };
         Some(what(&input, &mut self.aligner))
     }

@@ -4,6 +4,7 @@ use crate::map::appearance::Ferns;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::surfaces::KeyframeSurfaces;
+use crate::tracking::window::Member;
 use tessera_features::Feature;
 use tessera_geometry::{InertialRotation, UpDirection};
 use tessera_registration::Sample;
@@ -69,6 +70,8 @@ pub(crate) struct TrackingInput<'a> {
     /// Samples of the frame's surface.
     pub(crate) samples: &'a [Sample],
     pub(crate) surfaces: Surfaces<'a>,
+    /// The camera's view before: how many of the frame's features last from one to the next, it tells.
+    pub(crate) view_before: Option<Member>,
 }
 
 impl TrackingInput<'_> {
