@@ -2,6 +2,7 @@
 //! against the chi-square of its dimension (Bar-Shalom, Li and Kirubarajan 2001, chapter 5).
 
 use nalgebra::SymmetricEigen;
+use std::f64::consts::PI;
 use tessera_geometry::{Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log};
 
 /// Bound of the squared distance of two poses that agree: the chi-square of six dimensions at an error rate of one
@@ -53,10 +54,28 @@ impl UncertainPose {
 
     /// Squared Mahalanobis distance from another estimate of the same pose, independent of this one.
     pub(crate) fn squared_distance(&self, other: &Self) -> f64 {
+        let (difference, sum) = self.difference(other);
+        squared_norm(&difference, &sum)
+    }
+
+    /// The difference from another estimate of the same pose, independent of this one, with its covariance.
+    fn difference(&self, other: &Self) -> (Vector6, Matrix6) {
         let difference = self.pose.inverse() * other.pose;
         let carry = adjoint(&difference);
         let sum = self.covariance + carry * other.covariance * carry.transpose();
-        squared_norm(&log(&difference).to_vector(), &sum)
+        (log(&difference).to_vector(), sum)
+    }
+
+    /// Log-likelihood ratio of one pose for both estimates against another one anywhere in a region of so much
+    /// volume (metres and radians, each cubed), nats: the density of their difference under their covariance, over
+    /// that of an even spread. Where both are sharp, no chance brings them together to a few deviations.
+    pub(crate) fn coincidence_nats(&self, other: &Self, volume: f64) -> f64 {
+        let (difference, sum) = self.difference(other);
+        let floored = floored(&sum);
+        let log_determinant =
+            floored.symmetric_eigenvalues().iter().map(|v| libm::log(2.0 * PI * v)).sum::<f64>();
+        let distance_sq = squared_norm(&difference, &sum);
+        libm::log(volume) - 0.5 * (log_determinant + distance_sq)
     }
 
     /// Whether another estimate of the same pose, independent of this one, agrees.
@@ -67,9 +86,13 @@ impl UncertainPose {
 
 /// `d^T C^-1 d`; infinite where a number is not finite.
 fn squared_norm(d: &Vector6, covariance: &Matrix6) -> f64 {
+    floored(covariance).cholesky().map_or(f64::INFINITY, |factor| d.dot(&factor.solve(d)))
+}
+
+/// A covariance that has an inverse.
+fn floored(covariance: &Matrix6) -> Matrix6 {
     let floored = covariance + Matrix6::identity() * (LEAST_SIGMA * LEAST_SIGMA);
-    let symmetric = (floored + floored.transpose()) * 0.5;
-    symmetric.cholesky().map_or(f64::INFINITY, |factor| d.dot(&factor.solve(d)))
+    (floored + floored.transpose()) * 0.5
 }
 
 /// A symmetric matrix without its negative eigenvalues.
@@ -92,6 +115,19 @@ mod tests {
     fn at(x_m: f64, yaw_rad: f64) -> Pose {
         Pose::translation(x_m, 0.0, 0.0)
             * exp(&Twist::from_vector(&Vector6::new(0.0, 0.0, 0.0, 0.0, yaw_rad, 0.0)))
+    }
+
+    #[test]
+    fn sharp_poses_coincide_by_no_chance_and_vague_ones_do() {
+        let nats = |sigma: f64, x_m: f64| {
+            let sigmas = [sigma; 6];
+            uncertain(at(0.0, 0.0), sigmas).coincidence_nats(&uncertain(at(x_m, 0.0), sigmas), 2.0)
+        };
+        // Density of the difference at 0 over that of an even spread.
+        let at_0 = libm::log(2.0) - 3.0 * libm::log(2.0 * PI * (2.0 * 0.01 * 0.01 + 1e-8));
+        assert!((nats(0.01, 0.0) - at_0).abs() < 1e-9, "{}", nats(0.01, 0.0));
+        assert!(nats(0.01, 0.07) > 0.0 && nats(0.01, 0.2) < 0.0);
+        assert!(nats(0.5, 0.0) < 0.0, "they say no more than that both are in the region");
     }
 
     #[test]

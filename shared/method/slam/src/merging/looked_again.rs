@@ -32,7 +32,7 @@ pub(super) fn looked_again(
     let velocity = Twist::from_vector(&Vector6::from_column_slice(&neighbour.velocity));
     let found = join::seen_at(input, aligner, sighting.seen, &expected, velocity)?;
     let uncertain = UncertainPose::read(&neighbour.world_from_camera, &neighbour.covariance)?;
-    if !join::agrees(input, aligner, &found, (sighting, &expected), &uncertain) {
+    if join::coincides(input, aligner, &found, (sighting, &expected), &uncertain) != Some(true) {
         return Some(LookedAgain::ElsewhereThere);
     }
     let shown = found_place::shown(&input.in_submap(found.submap), aligner, &found)?;

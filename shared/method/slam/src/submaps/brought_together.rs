@@ -16,6 +16,12 @@ use tessera_geometry::{Pose, translation_rotation_norms};
 /// a metre. Drift that is smaller brings no other room.
 pub(crate) const FAR_M: f64 = 1.0;
 const METRES_PER_RADIAN: f64 = 2.0;
+/// Volume of the poses that are not far, metres and radians, each cubed: a ball of either.
+pub(crate) const FAR_VOLUME: f64 = {
+    let ball = 4.0 / 3.0 * std::f64::consts::PI;
+    let (far_m, far_rad) = (FAR_M, FAR_M / METRES_PER_RADIAN);
+    ball * far_m * far_m * far_m * ball * far_rad * far_rad * far_rad
+};
 
 /// How far apart two poses of a keyframe in another one are, metres, half a radian as a metre.
 pub(crate) fn apart_m(a: &Pose, b: &Pose) -> f64 {

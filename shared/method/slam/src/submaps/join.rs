@@ -9,6 +9,7 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
 use crate::settings::GlobalSettings;
+use crate::submaps::brought_together::FAR_VOLUME;
 use crate::submaps::contradiction;
 use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::Aligner;
@@ -103,7 +104,8 @@ fn found(
     sighting(input, record, &found, found.evidence_nats)
 }
 
-/// The sighting with what this frame shows of it; `None` where that is another pose, or speaks against the place.
+/// The sighting with what this frame shows of it; `None` where that speaks against the place. Another pose
+/// begins anew.
 fn confirmed(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -115,10 +117,12 @@ fn confirmed(
     let velocity = Twist::from_vector(&Vector6::from_column_slice(&record.pose.velocity));
     let found = seen_at(input, aligner, known.seen, &expected, velocity)?;
     let own = UncertainPose::read(&record.pose.world_from_camera, &record.pose.covariance)?;
-    if !agrees(input, aligner, &found, (known, &expected), &own) {
-        return None;
-    }
+    let is_same_pose = coincides(input, aligner, &found, (known, &expected), &own)?;
     let shown = found_place::shown(&input.in_submap(found.submap), aligner, &found)?;
+    if !is_same_pose {
+        let is_enough = shown.llr_nats() > found_place::least_nats(input);
+        return is_enough.then(|| sighting(input, record, &found, shown.llr_nats()))?;
+    }
     let test = SequentialTest { sum_nats: known.evidence_nats() };
     let test = match shown {
         Shown::SurfacesAlone => test.with(shown.llr_nats(), 1.0),
@@ -153,26 +157,22 @@ pub(crate) fn seen_at(
     Some(found)
 }
 
-/// Whether an alignment to another submap is where a sighting has it, in every direction: the squared Mahalanobis
-/// distance of both poses, each with the error of an alignment, and what both tracks drifted in since.
+/// Whether an alignment to another submap is where a sighting has it rather than anywhere in the region in which joins
+/// are the same: both poses with the error of an alignment, and what both tracks drifted in since. `None` where that is
+/// not known in every direction.
 ///
 /// `own`: the view in its own submap; `expected`: in the gauge of the other one.
-pub(crate) fn agrees(
+pub(crate) fn coincides(
     input: &TrackingInput<'_>,
     aligner: &Aligner,
     found: &WindowAlignment,
     (known, expected): (&SightingRecord, &Pose),
     own: &UncertainPose,
-) -> bool {
+) -> Option<bool> {
     let a = &found.alignment;
-    let Some(alignment) = metric_covariance(&a.information, aligner.metric_factor(input.context)) else {
-        return false;
-    };
+    let alignment = metric_covariance(&a.information, aligner.metric_factor(input.context))?;
     let [own_then, seen_then] = [known.own, known.seen].map(|id| input.map.keyframe(id));
-    let (Some(own_then), Some(seen_then), Some(nearest)) = (own_then, seen_then, nearest_of(input, found))
-    else {
-        return false;
-    };
+    let (own_then, seen_then, nearest) = (own_then?, seen_then?, nearest_of(input, found)?);
     // What has no covariance, as a map's first keyframe, is where it is.
     let uncertain = |k: &KeyframeState| {
         UncertainPose::read(&k.world_from_camera, &k.covariance)
@@ -184,7 +184,7 @@ pub(crate) fn agrees(
     let drift = UncertainPose::along_track(&own_then, own).covariance
         + UncertainPose::along_track(&seen_then, &nearest).carried_to(&(nearest.pose.inverse() * expected));
     let expected = UncertainPose { pose: *expected, covariance: alignment + drift };
-    a.degenerate.is_empty() && expected.agrees(&found_pose)
+    a.degenerate.is_empty().then(|| expected.coincidence_nats(&found_pose, FAR_VOLUME) > 0.0)
 }
 
 /// What an alignment to another submap says of the keyframes of both.
