@@ -55,6 +55,7 @@ FIGURES = [
     ("within 3 deviations", "within_3_sigma", 3, False),
     ("normalised error", "normalised_error", 2, None),
     ("untracked", "untracked", 0, True),
+    ("in other maps", "apart", 0, True),
 ]
 
 

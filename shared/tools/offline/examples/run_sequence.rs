@@ -242,11 +242,11 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
             ),
             Err(error) => println!("    {name}: {error}"),
         };
-    line("online", &records.online());
+    line("online", &of_main_map(records, records.online()));
     report_certainty(records, truth);
-    line("final", &records.last());
+    line("final", &of_main_map(records, records.last()));
     if let Some(refined) = records.refined_camera() {
-        line("as was", &records.before_refinement());
+        line("as was", &of_main_map(records, records.before_refinement()));
         let [before, after] = refined.residual_sigmas;
         println!(
             "    {:?}, moved {:.2} px, {} directions held, residual {before:.4} before, {after:.4} after",
@@ -255,16 +255,49 @@ fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Recor
     }
 }
 
+/// The component with most tracked frames.
+fn main_component(records: &Records) -> u32 {
+    let mut n_frames = std::collections::BTreeMap::<u32, usize>::new();
+    for (component, frame) in records.components().into_iter().zip(records.frames()) {
+        *n_frames.entry(component).or_default() += usize::from(frame.state == State::Tracking);
+    }
+    // Of as many the first.
+    n_frames.into_iter().rev().max_by_key(|(_, n)| *n).map_or(0, |(component, _)| component)
+}
+
+/// Frames that were tracked outside of the main map: their poses have a gauge of their own.
+fn n_apart(records: &Records) -> usize {
+    let main = main_component(records);
+    let all = records.components().into_iter().zip(records.frames());
+    all.filter(|(component, frame)| *component != main && frame.state == State::Tracking).count()
+}
+
+/// The poses of the main map's frames.
+fn of_main_map(records: &Records, all: Trajectory) -> Trajectory {
+    let main = main_component(records);
+    let mut kept = Trajectory::default();
+    let poses = all.stamps_nanos.into_iter().zip(all.poses);
+    for ((stamp_nanos, pose), component) in poses.zip(records.components()) {
+        if component == main {
+            kept.stamps_nanos.push(stamp_nanos);
+            kept.poses.push(pose);
+        }
+    }
+    kept
+}
+
 /// One line of figures as JSON, those that need ground truth only where there is one.
 fn print_figures(sequence: &str, seed: u64, truth: Option<&Trajectory>, records: &Records) {
     let mut figures = serde_json::json!({
         "sequence": sequence,
         "seed": seed,
         "untracked": records.n_untracked(),
+        "apart": n_apart(records),
         "keyframes": records.n_keyframes(),
     });
     let Some(truth) = truth else { return println!("{figures}") };
     for (name, estimate) in [("online", records.online()), ("final", records.last())] {
+        let estimate = of_main_map(records, estimate);
         let Ok(e) = evaluate(&estimate, truth, &EvaluationOptions::default()) else { continue };
         figures[format!("ate_{name}_m")] = e.ate_rmse_m.into();
         figures[format!("rpe_{name}_m_per_s")] = e.rpe_translation_rmse_m_per_s.into();
@@ -292,7 +325,8 @@ fn report_submaps(records: &Records) {
 }
 
 /// How well the stated deviations tell the errors of relative poses over one second: the squared
-/// error of each axis over its stated variance, that of the two frames' covariances together.
+/// error of each axis over its stated variance, that of the two frames' covariances together. Submaps have gauges of
+/// their own: a pair is of one.
 fn report_certainty(records: &Records, truth: &Trajectory) {
     let c = certainty(records, truth);
     println!(
@@ -321,6 +355,9 @@ fn certainty(records: &Records, truth: &Trajectory) -> Certainty {
     for (k, first) in tracked.iter().enumerate() {
         let due = first.stamp_nanos + 1_000_000_000;
         let Some(second) = tracked[k..].iter().find(|f| f.stamp_nanos >= due) else { break };
+        if first.submap != second.submap {
+            continue;
+        }
         let at = |f: &FrameRecord| true_pose(truth, f.stamp_nanos);
         let (Some(first_true), Some(second_true)) = (at(first), at(second)) else { continue };
         let [from, to] = [first, second].map(|f| Pose::from(&f.pose.world_from_camera));
