@@ -53,7 +53,10 @@ pub(super) fn of_identity(identity: &RunIdentity, name: &str) -> Vec<(PathBuf, u
 /// Files of a run directory that no documentation names.
 pub(super) fn undocumented(run_dir: &Path) -> Vec<PathBuf> {
     let items = std::fs::read_dir(run_dir).into_iter().flatten().flatten();
-    let is_known = |name: &str| DOCUMENTED.contains(&name) || name.starts_with("trajectory_submap_");
+    // What `resume --drop-damaged` sets aside stays beside its file.
+    let is_known = |name: &str| {
+        DOCUMENTED.contains(&name) || name.starts_with("trajectory_submap_") || name.contains(".damaged-")
+    };
     let unknown = items.filter(|item| !is_known(&item.file_name().to_string_lossy()));
     let mut paths: Vec<PathBuf> = unknown.map(|item| item.path()).collect();
     paths.sort();
@@ -67,7 +70,7 @@ mod tests {
     #[test]
     fn files_beyond_the_documented_ones_are_found() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["align.journal", "log.txt", ".map.ply.partial", "core"] {
+        for name in ["align.journal", "log.txt", "keyframes.store.damaged-1", ".map.ply.partial", "core"] {
             std::fs::write(dir.path().join(name), "x").unwrap();
         }
         let names =
