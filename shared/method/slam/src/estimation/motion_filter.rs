@@ -17,7 +17,6 @@
 //! followed in logarithms, for translation and rotation apart.
 
 use serde::{Deserialize, Serialize};
-use std::f64::consts::PI;
 use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 
 /// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
@@ -67,13 +66,6 @@ impl MotionPrior {
     pub(crate) fn squared_distance(&self, world_from_camera: &Pose) -> f64 {
         let step = log(&(self.world_from_camera.inverse() * world_from_camera)).to_vector();
         step.iter().zip(&self.variance).map(|(step, variance)| step * step / variance).sum()
-    }
-
-    /// Log-likelihood ratio of a camera that moved on against one that is anywhere in a region of so much volume (metres
-    /// and radians, each cubed), nats, where it is found at a pose.
-    pub(crate) fn coincidence_nats(&self, world_from_camera: &Pose, volume: f64) -> f64 {
-        let log_determinant = self.variance.iter().map(|v| libm::log(2.0 * PI * v)).sum::<f64>();
-        libm::log(volume) - 0.5 * (log_determinant + self.squared_distance(world_from_camera))
     }
 
     /// The same with the rotation of another pose, which a gyroscope measured.

@@ -1,6 +1,5 @@
 //! Evidence that a frame is where an alignment has it: of the window's member with most matches, one pair of views.
 
-use crate::evidence::pose_agreement::FAR_VOLUME;
 use crate::evidence::same_place::PlaceEvidence;
 use crate::evidence::sequential::SequentialTest;
 use crate::settings::RelocaliseSettings;
@@ -70,19 +69,6 @@ fn is_without_features(input: &TrackingInput<'_>, there: &Reference<'_>) -> bool
 /// each of them, and none, had been.
 pub(crate) fn least_nats(input: &TrackingInput<'_>) -> f64 {
     libm::log(input.map.active_anywhere().count().max(1) as f64)
-}
-
-/// Evidence of a pose that was found by what is seen there and is where the camera's motion leads, nats: a coincidence
-/// where it is any of as many places of the map as there are keyframes. 0 where it lies elsewhere, for the camera may
-/// have jumped, and where no motion is known.
-pub(crate) fn continuity_nats(input: &TrackingInput<'_>, found: &Pose) -> f64 {
-    let state = input.map.state();
-    let motion = state.recent.last().and_then(|last| {
-        let seconds = input.frame.stamp_nanos.saturating_sub(last.stamp_nanos) as f64 * 1e-9;
-        state.motion.predict(&Pose::from(&last.world_from_camera), seconds)
-    });
-    let n_places = input.map.active_anywhere().count().max(1) as f64;
-    motion.map_or(0.0, |motion| motion.coincidence_nats(found, n_places * FAR_VOLUME).max(0.0))
 }
 
 /// The test with one more frame at the place.

@@ -108,14 +108,9 @@ pub(crate) fn relocalise(
     candidates.extend(supposed_candidates(input, &anywhere, prediction));
     let n_candidates = candidates.len();
     let found = first_that_fits(input, aligner, candidates);
-    let FoundPlace { found, how, shown, is_supposed } =
+    let FoundPlace { found, how, shown } =
         found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
-    let is_independent = !(is_supposed || is_asked(input) || input.map.state().is_pose_dropped);
-    let continuity_nats = match is_independent {
-        true => found_place::continuity_nats(input, &found.alignment.world_from_camera),
-        false => 0.0,
-    };
-    let test = SequentialTest { sum_nats: continuity_nats }.with(shown.llr_nats(), 1.0);
+    let test = SequentialTest::default().with(shown.llr_nats(), 1.0);
     Ok(as_far_as_certain(found, test, &format!("{why_lost}; found by {how}; ")))
 }
 
@@ -153,8 +148,6 @@ struct FoundPlace {
     found: WindowAlignment,
     how: String,
     shown: Shown,
-    /// The last pose was tried, and so is no evidence that the camera is near it.
-    is_supposed: bool,
 }
 
 /// The first candidate that passes, and how it was found.
@@ -185,9 +178,7 @@ fn first_that_fits(
         let submap = nearest.map_or(candidate.submap, |k| k.submap);
         let how = format!("{}: {numbers}", candidate.name);
         let evidence_nats = shown.llr_nats();
-        let is_supposed = candidate.is_last_pose;
-        let found = WindowAlignment { submap, evidence_nats, ..found };
-        return Some(FoundPlace { found, how, shown, is_supposed });
+        return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
     }
     None
 }
