@@ -26,6 +26,7 @@ mod upsampled;
 pub use options::SimulationOptions;
 pub use sensor::DepthSensor;
 
+use building::Proportions;
 use path::Walk;
 use render::Scratch;
 use scenes::Scene;
@@ -132,12 +133,13 @@ impl SimulatedSource {
                 rule: "1 to 1000000 frames",
             });
         }
-        let walk = Walk::new(name, options.seed).at_speed(options.speed);
+        let proportions = Proportions::drawn(options.proportions);
+        let walk = Walk::new(name, options.seed, proportions).at_speed(options.speed);
         Ok(Self {
             inertial: OnceLock::new(),
             rays: RayTable::new(&camera, 1),
             camera,
-            scene: Scene::new(name, options.seed, options.person),
+            scene: Scene::new(name, options.seed, options.person, proportions),
             walk,
             options: options.clone(),
             n_frames,

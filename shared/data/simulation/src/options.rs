@@ -27,6 +27,8 @@ pub struct SimulationOptions {
     pub person: bool,
     /// Speed of the camera along its path, times the default.
     pub speed: f64,
+    /// Seed of the building's proportions: its corridor's width, and the times of its lift. 0: its own.
+    pub proportions: u64,
     /// Whether the camera carries a gyroscope and an accelerometer.
     pub imu: bool,
     /// White noise of the gyroscope, radians per second per root hertz.
@@ -50,6 +52,7 @@ impl Default for SimulationOptions {
             colour_lag_s: 0.0,
             person: false,
             speed: 1.0,
+            proportions: 0,
             imu: false,
             imu_noise_rad_per_s_sqrt_hz: ImuModel::default().noise_rad_per_s_sqrt_hz,
             imu_bias_sigma_rad_per_s: ImuModel::default().bias_sigma_rad_per_s,

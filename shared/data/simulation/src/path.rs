@@ -1,6 +1,6 @@
 //! The way the camera goes: a closed path, a gaze, and the tremor of the hand that holds it.
 
-use crate::building::{self, Way};
+use crate::building::{self, Proportions, Way};
 use crate::solid::Carried;
 use crate::{RATE_HZ, SceneName, random};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -53,7 +53,7 @@ const TREMOR: [(f64, f64, f64); 4] =
     [(0.45, 0.011, 0.012), (1.1, 0.0045, 0.0045), (2.1, 0.0016, 0.0016), (4.3, 0.0003, 0.0005)];
 
 impl Walk {
-    pub(super) fn new(scene: SceneName, seed: u64) -> Self {
+    pub(super) fn new(scene: SceneName, seed: u64, proportions: Proportions) -> Self {
         let lap_s = (scene.default_frames() - 1) as f64 / RATE_HZ;
         let key = random::word(seed, 0x7e4d);
         let tremor = std::array::from_fn(|axis| {
@@ -81,7 +81,7 @@ impl Walk {
             SceneName::Corridor => Route::Round(corridor_gaze),
             SceneName::Wall => Route::Round(wall_gaze),
             SceneName::House => Route::Round(house_gaze),
-            SceneName::Building => Route::Building(Box::new(Way::new(lap_s))),
+            SceneName::Building => Route::Building(Box::new(Way::new(lap_s, proportions))),
         };
         Self { route, lap_s, speed: 1.0, tremor }
     }
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn every_way_is_closed_and_no_faster_than_a_hand() {
         for scene in SceneName::ALL {
-            let walk = Walk::new(scene, 1);
+            let walk = Walk::new(scene, 1, Proportions::drawn(0));
             let n = scene.default_frames();
             let start = walk.world_from_camera(0.0);
             let end = walk.world_from_camera((n - 1) as f64 / RATE_HZ);
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn the_camera_looks_level_and_ahead() {
-        let pose = Walk::new(SceneName::Room, 1).world_from_camera(0.0);
+        let pose = Walk::new(SceneName::Room, 1, Proportions::drawn(0)).world_from_camera(0.0);
         let ahead = pose.rotation * Vector3::z();
         let down = pose.rotation * Vector3::y();
         assert!(ahead.x > 0.9 && ahead.z < -0.1 && down.z < -0.9, "{ahead} {down}");

@@ -47,11 +47,12 @@ pub(super) fn place(walk: &Walk, time_s: f64) -> [f32; 3] {
 mod tests {
     use super::*;
     use crate::SceneName;
+    use crate::building::Proportions;
 
     #[test]
     fn a_companion_keeps_ahead_of_a_camera_of_any_speed() {
         for speed in [0.5, 1.0, 3.0] {
-            let walk = Walk::new(SceneName::House, 1).at_speed(speed);
+            let walk = Walk::new(SceneName::House, 1, Proportions::drawn(0)).at_speed(speed);
             for time_s in [0.0, 5.0, 12.5] {
                 let feet = place(&walk, time_s).map(f64::from);
                 let camera = walk.gaze(walk.way_s(time_s)).position;

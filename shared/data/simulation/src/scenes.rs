@@ -1,6 +1,6 @@
 //! The scenes, solid by solid. World axes: z up, the floor at z = 0.
 
-use crate::building::{self, BuildingCell, CellBounds};
+use crate::building::{self, BuildingCell, CellBounds, Proportions};
 use crate::furniture::Builder;
 use crate::material::{Grain, Material, TexturePattern};
 use crate::path::HOUSE_HALF;
@@ -16,10 +16,11 @@ pub(super) struct Scene {
     pub(super) has_person: bool,
     /// What may be seen from where; none: all of it from everywhere.
     cells: Vec<BuildingCell>,
+    proportions: Proportions,
 }
 
 impl Scene {
-    pub(super) fn new(name: SceneName, seed: u64, has_person: bool) -> Self {
+    pub(super) fn new(name: SceneName, seed: u64, has_person: bool, proportions: Proportions) -> Self {
         let key = random::word(seed, 0x5ce2e);
         let mut builder = Builder::new(key);
         let mut cells = Vec::new();
@@ -28,7 +29,7 @@ impl Scene {
             SceneName::Corridor => corridor(&mut builder),
             SceneName::Wall => wall(&mut builder),
             SceneName::House => house(&mut builder),
-            SceneName::Building => cells = building::build(&mut builder, key),
+            SceneName::Building => cells = building::build(&mut builder, key, &proportions),
         }
         let mut solids = builder.solids;
         if has_person {
@@ -38,7 +39,13 @@ impl Scene {
                 cells.push(BuildingCell::everywhere(first..solids.len()));
             }
         }
-        Self { solids, grain: Grain::new(key), has_person, cells }
+        Self { solids, grain: Grain::new(key), has_person, cells, proportions }
+    }
+
+    /// Lets all of it be seen from everywhere.
+    #[cfg(test)]
+    pub(super) fn forget_cells(&mut self) {
+        self.cells.clear();
     }
 
     /// Numbers of the solids that may be seen from a place, in order; `is_in_view` tells what is in the image.
@@ -52,7 +59,7 @@ impl Scene {
         if self.cells.is_empty() {
             visible.extend(0..self.solids.len() as u32);
         }
-        visible.extend(building::visible(&self.cells, place, is_in_view).flatten());
+        visible.extend(building::visible((&self.cells, &self.proportions), place, is_in_view).flatten());
     }
 }
 

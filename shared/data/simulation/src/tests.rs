@@ -296,3 +296,41 @@ fn wrong_options_are_named() {
         SimulatedSource::open(SceneName::Room, None, Some(0), &SimulationOptions::default()).unwrap_err();
     assert_eq!(error.to_string(), "frames is 0, expected 1 to 1000000 frames");
 }
+
+/// A number of bytes.
+fn digest(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes.into_iter().fold(0, |sum, byte| random::mix(sum ^ u64::from(byte)))
+}
+
+#[test]
+fn the_buildings_own_proportions_keep_its_solids_its_way_and_its_frames() {
+    let source = open(SceneName::Building, &SimulationOptions::default());
+    let solids = format!("{:?}", source.scene.solids);
+    let poses = format!("{:?}", source.ground_truth().unwrap().poses);
+    let frames = [0, 330, 1900, 2040, 6520, 6600, 9000, 13_700].map(|index| read(&source, index));
+    let frames = frames.into_iter().flat_map(|(depth, colour)| {
+        depth.into_iter().flat_map(u16::to_le_bytes).chain(colour).collect::<Vec<u8>>()
+    });
+    // As they were before other proportions could be drawn.
+    let digests = [digest(solids.bytes()), digest(poses.bytes()), digest(frames)];
+    assert_eq!(digests, [0xf068_bbd6_ac72_15b8, 0x1d05_3356_ff57_bdb0, 0x595d_f9a0_ca17_182c]);
+}
+
+#[test]
+fn a_building_of_other_proportions_hides_what_its_walls_hide_and_leaves_the_way_free() {
+    for proportions in [0, 1, 2, 3] {
+        let sensor = DepthSensor::Exact;
+        let options = SimulationOptions { proportions, sensor, ..SimulationOptions::default() };
+        let [source, mut bare] = [0, 1].map(|_| open(SceneName::Building, &options));
+        bare.scene.forget_cells();
+        for second in (12..205).step_by(16) {
+            let time_s = f64::from(second);
+            let seen = seen_at(&source, time_s);
+            let nearest = seen.0.iter().filter(|raw| **raw != 0).min().copied().unwrap_or(0);
+            assert!(nearest > 1000, "proportions {proportions} at {time_s} s: {nearest}");
+            // Beyond the corridor the walls beside the doors of rooms are left out.
+            let same = same(&seen, &seen_at(&bare, time_s));
+            assert!(same > 0.99, "proportions {proportions} at {time_s} s: {same} are the same");
+        }
+    }
+}

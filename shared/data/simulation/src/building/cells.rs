@@ -1,6 +1,6 @@
 //! Cells of the building: what of it may be seen from where.
 
-use super::{CORRIDOR_HALF_M, HEIGHT_M, N_STOREYS, ROW_M, ROWS_END_M, STOREY_M};
+use super::{HEIGHT_M, N_STOREYS, Proportions, ROWS_END_M, STOREY_M};
 use std::ops::Range;
 
 /// Parts of a storey that see each other through doors.
@@ -58,19 +58,24 @@ impl BuildingCell {
     }
 
     /// Whether it may be seen from a place where `is_in_view` tells what a camera has in its image.
-    pub(super) fn may_be_seen(&self, here: &CellPlace, is_in_view: impl Fn(&CellBounds) -> bool) -> bool {
+    pub(super) fn may_be_seen(
+        &self,
+        here: &CellPlace,
+        proportions: &Proportions,
+        is_in_view: impl Fn(&CellBounds) -> bool,
+    ) -> bool {
         self.is_open_to(here)
-            && self.opening(here).is_none_or(|opening| is_in_view(&opening))
+            && self.opening(here, proportions).is_none_or(|opening| is_in_view(&opening))
             && self.bounds.is_none_or(|bounds| is_in_view(&bounds))
     }
 
     /// The opening through which it is seen from a place; `None`: more than one.
-    fn opening(&self, here: &CellPlace) -> Option<CellBounds> {
+    fn opening(&self, here: &CellPlace, proportions: &Proportions) -> Option<CellBounds> {
         let place = self.place.filter(|place| here.zone == Zone::Lobby && place.zone != Zone::Lobby)?;
         let (y, half_y) = match place.zone {
-            Zone::North => (ROW_M, 0.6),
-            Zone::South => (-ROW_M, 0.6),
-            Zone::Corridor | Zone::Lobby | Zone::Cabin => (0.0, CORRIDOR_HALF_M),
+            Zone::North => (proportions.row_m(), 0.6),
+            Zone::South => (-proportions.row_m(), 0.6),
+            Zone::Corridor | Zone::Lobby | Zone::Cabin => (0.0, proportions.corridor_half_m),
         };
         let half_z = 0.5 * HEIGHT_M;
         let middle_z = (place.storey as f64 * STOREY_M) as f32 + half_z;
@@ -94,16 +99,16 @@ impl BuildingCell {
 
 impl CellPlace {
     /// Where a point is, world, metres.
-    pub(super) fn of(point: &[f32; 3]) -> Self {
+    pub(super) fn of(proportions: &Proportions, point: &[f32; 3]) -> Self {
         let [x, y, z] = point.map(f64::from);
         let storey = ((z / STOREY_M).max(0.0) as usize).min(N_STOREYS - 1);
         let zone = if x < CABIN_INSIDE_M {
             Zone::Cabin
         } else if x.abs() > ROWS_END_M {
             Zone::Lobby
-        } else if y > CORRIDOR_HALF_M {
+        } else if y > proportions.corridor_half_m {
             Zone::North
-        } else if y < -CORRIDOR_HALF_M {
+        } else if y < -proportions.corridor_half_m {
             Zone::South
         } else {
             Zone::Corridor
@@ -118,7 +123,8 @@ mod tests {
 
     #[test]
     fn rows_are_hidden_from_each_other_and_storeys_too() {
-        let at = |x: f32, y: f32, z: f32| CellPlace::of(&[x, y, z]);
+        let own = Proportions::drawn(0);
+        let at = |x: f32, y: f32, z: f32| CellPlace::of(&own, &[x, y, z]);
         let north = at(2.0, 3.0, 4.4);
         assert_eq!(north, CellPlace { storey: 1, zone: Zone::North, end: 1 });
         let cell = BuildingCell::new(north, 0..5, [0.0; 3], [1.0; 3]);
@@ -135,7 +141,7 @@ mod tests {
         assert!(BuildingCell::everywhere(0..5).is_open_to(&north));
         // From a lobby a row is seen through its door alone.
         let sees_nothing_there = |bounds: &CellBounds| bounds[0][0] > -9.0;
-        assert!(!cell.may_be_seen(&at(-11.0, 0.0, 4.4), sees_nothing_there));
-        assert!(cell.may_be_seen(&at(11.0, 0.0, 4.4), sees_nothing_there));
+        assert!(!cell.may_be_seen(&at(-11.0, 0.0, 4.4), &own, sees_nothing_there));
+        assert!(cell.may_be_seen(&at(11.0, 0.0, 4.4), &own, sees_nothing_there));
     }
 }

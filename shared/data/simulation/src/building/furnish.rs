@@ -99,15 +99,17 @@ fn workshop(builder: &mut Builder, which: usize) {
 }
 
 /// A lobby about its middle, looking along +y from its southern end; another one for each number.
-pub(super) fn lobby(builder: &mut Builder, which: usize) {
+pub(super) fn lobby(builder: &mut Builder, half_m: f32, which: usize) {
+    // How much farther its ends are than those of the building's own lobbies.
+    let more_m = half_m - 6.0;
     let more = which as f32;
     let tint = [[0.35, 0.45, 0.6], [0.6, 0.4, 0.35], [0.4, 0.55, 0.4]][which % 3];
-    builder.at(-0.1, 5.5, 0.0).sofa(tint);
-    builder.at(0.85, 4.9, 10.0 * f64::from(more)).plant();
-    builder.at(-0.2, -5.65, 180.0).cupboard(0.9 + 0.1 * more, 0.7 + 0.15 * more);
-    builder.at(0.7, -5.6, 200.0 + 12.0 * f64::from(more)).boxes();
-    builder.at(0.0, 6.0, 0.0).picture(1.4, 1.2, 0.6 + 0.05 * more);
-    builder.at(0.1 * more, -6.0, 180.0).picture(1.6, 0.9, 0.5);
+    builder.at(-0.1, 5.5 + more_m, 0.0).sofa(tint);
+    builder.at(0.85, 4.9 + more_m, 10.0 * f64::from(more)).plant();
+    builder.at(-0.2, -5.65 - more_m, 180.0).cupboard(0.9 + 0.1 * more, 0.7 + 0.15 * more);
+    builder.at(0.7, -5.6 - more_m, 200.0 + 12.0 * f64::from(more)).boxes();
+    builder.at(0.0, 6.0 + more_m, 0.0).picture(1.4, 1.2, 0.6 + 0.05 * more);
+    builder.at(0.1 * more, -6.0 - more_m, 180.0).picture(1.6, 0.9, 0.5);
     let signs = Material::patterned([0.9, 0.85, 0.7], TexturePattern::Patches(0.08), 0.7);
     builder.at(0.0, 0.0, 0.0);
     for y in [-1.9 - 0.1 * more, 1.9 + 0.1 * more] {

@@ -1,17 +1,19 @@
 //! The building: three storeys joined by a lift, with rooms that look alike.
 //!
 //! Each storey is 24.8 m x 12 m: two rows of four rooms, a bare corridor of 20 m between them, and a lobby
-//! at either end. The lift stands before the western lobby. Rooms of one kind are the same to the camera,
+//! at either end, but where other proportions are drawn. The lift stands before the western lobby. Rooms of one kind are the same to the camera,
 //! wherever they are; one room of each row, the lobbies and the corridor are of one storey alone.
 
 mod cells;
 mod furnish;
 mod lift;
+mod proportions;
 mod rooms;
 mod storey;
 mod way;
 
 pub(super) use cells::{BuildingCell, CellBounds};
+pub(super) use proportions::Proportions;
 pub(super) use way::Way;
 
 use crate::furniture::Builder;
@@ -29,24 +31,20 @@ const HEIGHT_M: f32 = 2.6;
 const ROOM_M: f64 = 5.0;
 /// Middles of the rooms of a row, metres along x.
 const COLUMNS_M: [f64; 4] = [-7.5, -2.5, 2.5, 7.5];
-/// Middle of the northern row, metres along y; that of the southern one is its negative.
-const ROW_M: f64 = 3.5;
 /// Where rooms end and lobbies begin, metres along x to either side.
 const ROWS_END_M: f64 = 10.0;
 /// Where lobbies end.
 const LOBBY_END_M: f64 = 12.4;
-/// Half width of the corridor.
-const CORRIDOR_HALF_M: f64 = 1.0;
 /// Middle of the lift's cabin, metres along x.
 const CABIN_M: f64 = -13.6;
 /// Half side of the cabin.
 const CABIN_HALF_M: f64 = 0.95;
 
 /// All solids, in cells.
-pub(super) fn build(builder: &mut Builder, key: u64) -> Vec<BuildingCell> {
+pub(super) fn build(builder: &mut Builder, key: u64, proportions: &Proportions) -> Vec<BuildingCell> {
     let mut cells = Vec::new();
     for number in 0..N_STOREYS {
-        storey::build(builder, key, number, &mut cells);
+        storey::build(builder, proportions, (key, number), &mut cells);
     }
     let first = builder.solids.len();
     lift::build(builder, random::word(key, 0x11f7));
@@ -61,7 +59,7 @@ pub(super) fn carried(way: &Way, way_s: f64, time_s: f64) -> Carried {
     Carried {
         cabin: [0.0, 0.0, height_m],
         leaf: [0.0, leaf_m, height_m],
-        passers: std::array::from_fn(|who| storey::passer_at(who, time_s)),
+        passers: std::array::from_fn(|who| storey::passer_at(way.proportions(), who, time_s)),
         ..Carried::default()
     }
 }
@@ -69,11 +67,11 @@ pub(super) fn carried(way: &Way, way_s: f64, time_s: f64) -> Carried {
 /// Numbers of the solids that may be seen from a place where `is_in_view` tells what a camera has in its
 /// image, cell by cell.
 pub(super) fn visible(
-    cells: &[BuildingCell],
+    (cells, proportions): (&[BuildingCell], &Proportions),
     place: &[f32; 3],
     is_in_view: impl Fn(&CellBounds) -> bool,
 ) -> impl Iterator<Item = Range<u32>> {
-    let here = cells::CellPlace::of(place);
-    let seen = cells.iter().filter(move |cell| cell.may_be_seen(&here, &is_in_view));
+    let here = cells::CellPlace::of(proportions, place);
+    let seen = cells.iter().filter(move |cell| cell.may_be_seen(&here, proportions, &is_in_view));
     seen.map(|cell| cell.solids.start as u32..cell.solids.end as u32)
 }

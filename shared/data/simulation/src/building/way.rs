@@ -1,6 +1,6 @@
 //! The way through the building: on each storey all rooms and twice the corridor, then the lift.
 
-use super::{CABIN_M, COLUMNS_M, LOBBY_END_M, N_STOREYS, ROOM_M, ROW_M, ROWS_END_M, STOREY_M};
+use super::{CABIN_M, COLUMNS_M, LOBBY_END_M, N_STOREYS, Proportions, ROOM_M, ROWS_END_M, STOREY_M};
 use crate::path::Gaze;
 use crate::track::Track;
 use nalgebra::Vector3;
@@ -12,10 +12,6 @@ const CORNER_M: f64 = 0.5;
 const ROUND_M: f64 = 1.1;
 /// Time from standing to walking, seconds.
 const START_S: f64 = 1.5;
-/// Parts of a stop in the lift, seconds: turning round, the door's movement, the ride by storeys.
-const TURN_S: f64 = 5.0;
-const DOOR_S: f64 = 2.0;
-const RIDE_S: [f64; N_STOREYS] = [5.0, 5.0, 8.0];
 /// Height of the camera above the floor, metres, and its tilt, radians.
 const EYE_M: f64 = 1.4;
 const TILT_RAD: f64 = 0.2;
@@ -23,6 +19,7 @@ const TILT_RAD: f64 = 0.2;
 /// The way of one lap, by time.
 #[derive(Clone, Debug)]
 pub(crate) struct Way {
+    proportions: Proportions,
     track: Track,
     /// Distance at which the first room begins, and from there to the next one, metres.
     first_room_m: f64,
@@ -42,18 +39,25 @@ enum WayMoment {
 
 impl Way {
     /// The way in a lap of so many seconds.
-    pub(crate) fn new(lap_s: f64) -> Self {
-        let track = Track::new(&points(), CORNER_M);
-        let in_lift_s: f64 = (0..N_STOREYS).map(stop_s).sum();
-        let door = |room: usize| track.distance_to([COLUMNS_M[room] - 0.5 * ROOM_M, ROW_M]).unwrap_or(0.0);
+    pub(crate) fn new(lap_s: f64, proportions: Proportions) -> Self {
+        let row_m = proportions.row_m();
+        let track = Track::new(&points(row_m), CORNER_M);
+        let in_lift_s: f64 = (0..N_STOREYS).map(|storey| proportions.stop_s(storey)).sum();
+        let door = |room: usize| track.distance_to([COLUMNS_M[room] - 0.5 * ROOM_M, row_m]).unwrap_or(0.0);
         let [first, second] = [door(0), door(1)];
         Self {
+            proportions,
             track,
             first_room_m: first,
             room_m: second - first,
             storey_s: (lap_s - in_lift_s) / N_STOREYS as f64,
             lap_s,
         }
+    }
+
+    /// Those of the building that it leads through.
+    pub(super) fn proportions(&self) -> &Proportions {
+        &self.proportions
     }
 
     /// Metres walked in a lap.
@@ -66,7 +70,9 @@ impl Way {
     pub(crate) fn gaze(&self, time_s: f64) -> Gaze {
         let (along_m, turned) = match self.moment(time_s) {
             WayMoment::Walk { walked_s, .. } => (self.along_m(walked_s), 0.0),
-            WayMoment::Lift { stood_s, .. } => (self.track.length_m(), PI * eased(stood_s / TURN_S)),
+            WayMoment::Lift { stood_s, .. } => {
+                (self.track.length_m(), PI * eased(stood_s / self.proportions.turn_s))
+            }
         };
         let gaze = self.gaze_at(along_m);
         let lift = Vector3::new(0.0, 0.0, self.height_m(time_s));
@@ -79,7 +85,8 @@ impl Way {
             WayMoment::Walk { storey, .. } => storey as f64 * STOREY_M,
             WayMoment::Lift { storey, stood_s } => {
                 let next = (storey + 1) % N_STOREYS;
-                let ridden = eased((stood_s - TURN_S - DOOR_S) / RIDE_S[storey]);
+                let Proportions { turn_s, door_s, ride_s, .. } = self.proportions;
+                let ridden = eased((stood_s - turn_s - door_s) / ride_s[storey]);
                 (storey as f64 + ridden * (next as f64 - storey as f64)) * STOREY_M
             }
         }
@@ -90,8 +97,9 @@ impl Way {
         match self.moment(time_s) {
             WayMoment::Walk { .. } => 0.0,
             WayMoment::Lift { storey, stood_s } => {
-                let closed = eased((stood_s - TURN_S) / DOOR_S);
-                closed - eased((stood_s - TURN_S - DOOR_S - RIDE_S[storey]) / DOOR_S)
+                let Proportions { turn_s, door_s, ride_s, .. } = self.proportions;
+                let closed = eased((stood_s - turn_s) / door_s);
+                closed - eased((stood_s - turn_s - door_s - ride_s[storey]) / door_s)
             }
         }
     }
@@ -101,15 +109,16 @@ impl Way {
     pub(crate) fn in_room_s(&self, storey: usize, room: usize, share: f64) -> f64 {
         let along_m = self.first_room_m + (room as f64 + share) * self.room_m;
         let speed = self.track.length_m() / (self.storey_s - START_S);
-        let before_s: f64 = (0..storey).map(|before| self.storey_s + stop_s(before)).sum();
+        let before_s: f64 = (0..storey).map(|before| self.storey_s + self.proportions.stop_s(before)).sum();
         before_s + along_m / speed + 0.5 * START_S
     }
 
     /// When a share of the ride from a storey is over.
     #[cfg(test)]
     pub(crate) fn in_ride_s(&self, storey: usize, share: f64) -> f64 {
-        let before_s: f64 = (0..storey).map(|before| self.storey_s + stop_s(before)).sum();
-        before_s + self.storey_s + TURN_S + DOOR_S + share * RIDE_S[storey]
+        let Proportions { turn_s, door_s, ride_s, .. } = self.proportions;
+        let before_s: f64 = (0..storey).map(|before| self.storey_s + self.proportions.stop_s(before)).sum();
+        before_s + self.storey_s + turn_s + door_s + share * ride_s[storey]
     }
 
     fn moment(&self, time_s: f64) -> WayMoment {
@@ -119,10 +128,11 @@ impl Way {
                 return WayMoment::Walk { storey, walked_s: rest_s };
             }
             rest_s -= self.storey_s;
-            if rest_s < stop_s(storey) {
+            let stop_s = self.proportions.stop_s(storey);
+            if rest_s < stop_s {
                 return WayMoment::Lift { storey, stood_s: rest_s };
             }
-            rest_s -= stop_s(storey);
+            rest_s -= stop_s;
         }
         WayMoment::Walk { storey: 0, walked_s: 0.0 }
     }
@@ -156,11 +166,6 @@ impl Way {
     }
 }
 
-/// Seconds of a stop in the lift.
-fn stop_s(storey: usize) -> f64 {
-    TURN_S + DOOR_S + RIDE_S[storey] + DOOR_S
-}
-
 /// From 0 to 1 and at rest at both ends.
 fn eased(share: f64) -> f64 {
     let share = share.clamp(0.0, 1.0);
@@ -168,10 +173,10 @@ fn eased(share: f64) -> f64 {
 }
 
 /// Corners of the way on one storey, from the cabin to the cabin.
-fn points() -> Vec<[f64; 2]> {
+fn points(row_m: f64) -> Vec<[f64; 2]> {
     let lobby_m = 0.5 * (ROWS_END_M + LOBBY_END_M);
     let mut points = vec![[CABIN_M, 0.0], [-lobby_m, 0.0]];
-    for row_m in [ROW_M, -ROW_M] {
+    for row_m in [row_m, -row_m] {
         points.push([-lobby_m, row_m]);
         points.extend(COLUMNS_M.into_iter().flat_map(|x| round(x, row_m)));
         points.extend([[lobby_m, row_m], [lobby_m, 0.0], [-lobby_m, 0.0]]);
@@ -194,18 +199,23 @@ mod tests {
     use super::*;
     use crate::{RATE_HZ, SceneName};
 
-    fn way() -> Way {
-        Way::new((SceneName::Building.default_frames() - 1) as f64 / RATE_HZ)
+    fn of_proportions(seed: u64) -> Way {
+        let lap_s = (SceneName::Building.default_frames() - 1) as f64 / RATE_HZ;
+        Way::new(lap_s, Proportions::drawn(seed))
     }
 
     #[test]
     fn a_lap_is_longer_than_500_m() {
-        assert!(way().walked_m() > 500.0, "{} m", way().walked_m());
+        let walked_m = of_proportions(0).walked_m();
+        assert!(walked_m > 500.0, "{walked_m} m");
     }
 
     #[test]
     fn rooms_are_walked_alike() {
-        let way = way();
+        (0..6).map(of_proportions).for_each(|way| check_rooms(&way));
+    }
+
+    fn check_rooms(way: &Way) {
         assert!((10.0..20.0).contains(&way.room_m), "{} m", way.room_m);
         // The view still turns with the lobby's corner in the first steps.
         for k in 10..100 {
@@ -220,7 +230,10 @@ mod tests {
 
     #[test]
     fn the_lift_carries_the_camera_behind_a_closed_door() {
-        let way = way();
+        (0..6).map(of_proportions).for_each(|way| check_lift(&way));
+    }
+
+    fn check_lift(way: &Way) {
         let mut heights = Vec::new();
         // A little more than a lap, for its last ride.
         let n = ((way.lap_s + 5.0) * 20.0) as u32;
