@@ -30,7 +30,8 @@ pub(crate) fn colour_record(
     makes_keyframe: bool,
 ) -> Option<ColourRecord> {
     let colour = &input.map.state().colour;
-    let is_due = colour.n_frames < ALL_UNTIL || turn(input, EVERY, makes_keyframe).is_some();
+    let is_due =
+        colour.n_frames < ALL_UNTIL || !colour.is_trusted() || turn(input, EVERY, makes_keyframe).is_some();
     if !is_due || aligner.sight.n_features() == 0 || aligned.state != State::Tracking {
         return None;
     }
