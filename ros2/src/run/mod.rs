@@ -10,6 +10,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tessera_geometry::Camera;
+use tessera_outputs::{ToolError, read_settings};
 use tessera_settings::Settings;
 use tessera_slam::WorldUp;
 use tessera_stage::{RunFile, RunFiles};
@@ -50,7 +51,7 @@ impl JoinedRun {
     /// # Errors
     /// Where its files cannot be read.
     pub(crate) fn camera(&self) -> Result<Option<Camera>, Ros2Error> {
-        let known = self.known()?;
+        let known = known(&self.entry)?;
         Ok(known.and_then(|(run, settings)| settings.run.camera.is_empty().then_some(run.camera)))
     }
 
@@ -59,27 +60,23 @@ impl JoinedRun {
     /// # Errors
     /// Where its files cannot be read.
     pub(crate) fn world_up(&self) -> Result<Option<WorldUp>, Ros2Error> {
-        Ok(self.known()?.map(|(_, settings)| settings.mapping.world_up))
+        Ok(known(&self.entry)?.map(|(_, settings)| settings.mapping.world_up))
     }
+}
 
-    /// What it wrote of itself; `None` where it has had no image yet.
-    fn known(&self) -> Result<Option<(RunFile, Settings)>, Ros2Error> {
-        let files = RunFiles::new(&self.entry.run_dir);
-        if !files.run_file().is_file() {
-            return Ok(None);
-        }
-        let wrong = |error: &dyn std::fmt::Display| Ros2Error::Run(error.to_string());
-        let run = RunFile::read(&files).map_err(|error| wrong(&error))?;
-        if run.identity != self.entry.identity {
-            // That of a run which used the folder before.
-            return Ok(None);
-        }
-        let path = files.config().display().to_string();
-        let text = std::fs::read_to_string(&path)
-            .map_err(|error| Ros2Error::Run(format!("cannot read {path}: {error}")))?;
-        let settings = Settings::from_toml(&text, &path).map_err(|error| wrong(&error))?;
-        Ok(Some((run, settings)))
+/// What a run wrote of itself; `None` where it has had no image yet.
+///
+/// # Errors
+/// Where its files cannot be read.
+pub(crate) fn known(entry: &RunEntry) -> Result<Option<(RunFile, Settings)>, ToolError> {
+    let files = RunFiles::new(&entry.run_dir);
+    if !files.run_file().is_file() {
+        return Ok(None);
     }
+    let run = RunFile::read(&files)?;
+    // Another one is that of a run which used the folder before.
+    let is_its = run.identity == entry.identity;
+    is_its.then(|| Ok((run, read_settings(&files)?))).transpose()
 }
 
 /// The command: the program that started this one, or that beside it or on `PATH`.
