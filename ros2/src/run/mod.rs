@@ -14,7 +14,7 @@ use tessera_outputs::{ToolError, read_settings};
 use tessera_settings::Settings;
 use tessera_slam::WorldUp;
 use tessera_stage::{RunFile, RunFiles};
-use tessera_transport::{Guest, RunEntry, check_name, registered_runs};
+use tessera_transport::{Guest, RunEntry, check_name, living_runs};
 
 /// Under this name the program joins a run.
 pub(crate) const GUEST: &str = "ros2";
@@ -32,17 +32,14 @@ impl JoinedRun {
     /// Joins the run of that name; `None` where there is none (yet).
     pub(crate) fn join(name: &str) -> Result<Option<Self>, Ros2Error> {
         check_name(name)?;
-        let runs = registered_runs()?;
-        let Some(run) = runs.into_iter().find(|run| run.is_alive && run.entry.name == name) else {
-            return Ok(None);
-        };
-        let guest = Guest::open(&run.entry.identity, GUEST)?;
-        Ok(Some(Self { entry: run.entry, guest }))
+        let Some(entry) = living_runs()?.into_iter().find(|run| run.name == name) else { return Ok(None) };
+        let guest = Guest::open(&entry.identity, GUEST)?;
+        Ok(Some(Self { entry, guest }))
     }
 
     /// Whether it still goes on, and is not another one of the same name.
     pub(crate) fn is_current(&self) -> Result<bool, Ros2Error> {
-        is_alive(&self.entry)
+        Ok(self.entry.is_alive()?)
     }
 
     /// The camera that its images must have; `None` where it has had no image yet, or `--camera` of
@@ -85,12 +82,6 @@ pub(crate) fn tessera() -> Command {
         let beside = std::env::current_exe().unwrap_or_default().with_file_name("tessera");
         if beside.is_file() { beside.into_os_string() } else { OsString::from("tessera") }
     }))
-}
-
-/// Whether a run goes on, and is not another one of the same name.
-pub(crate) fn is_alive(entry: &RunEntry) -> Result<bool, Ros2Error> {
-    let runs = registered_runs()?;
-    Ok(runs.iter().any(|run| run.is_alive && run.entry.identity == entry.identity))
 }
 
 /// The next run after one in `run_dir`: its name, and the arguments of `tessera run` for it. A number
