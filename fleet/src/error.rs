@@ -50,6 +50,9 @@ pub enum FleetError {
     /// A file of a run.
     #[error(transparent)]
     Run(#[from] tessera_stage::StageError),
+    /// Something that JSON cannot hold.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
     /// An output.
     #[error(transparent)]
     Output(#[from] tessera_outputs::ToolError),

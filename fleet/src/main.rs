@@ -9,14 +9,12 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use tessera_fleet::arguments::{
-    BaseArguments, FleetArguments, FleetChaosArguments, FleetCommand, UplinkArguments,
-};
+use tessera_fleet::arguments::{BaseArguments, FleetArguments, FleetCommand, UplinkArguments};
 use tessera_fleet::base::base;
 use tessera_fleet::base::network::ZenohNetwork;
 use tessera_fleet::base::options::{BaseOptions, RobotNetwork};
 use tessera_fleet::base::status::Status;
-use tessera_fleet::chaos::{FleetCampaign, FleetFault, end_with_parent, fleet_campaign};
+use tessera_fleet::chaos::{FleetChaosArguments, FleetFault, end_with_parent, fleet_campaign};
 use tessera_fleet::copies::arrivals::{CopyForm, DISK};
 use tessera_fleet::error::FleetError;
 use tessera_fleet::looking::look;
@@ -110,16 +108,6 @@ fn run_base(arguments: &BaseArguments) -> Result<(), FleetError> {
 
 fn run_chaos(arguments: &FleetChaosArguments) -> Result<(), FleetError> {
     let program = std::env::current_exe().map_err(|e| FleetError::Network(format!("own program: {e}")))?;
-    let options = FleetCampaign {
-        program,
-        runs: arguments.run.clone(),
-        times: arguments.times,
-        seed: arguments.seed,
-        out: arguments.out.clone(),
-        patience: Duration::from_secs(arguments.patience_s),
-        is_whole: arguments.whole,
-        flips: arguments.flip,
-    };
     let is_shown = !arguments.quiet && std::io::stderr().is_terminal();
     let n_faults = arguments.times as usize * FleetFault::ALL.len();
     let mut on_fault = |n: usize, words: &str| {
@@ -127,7 +115,7 @@ fn run_chaos(arguments: &FleetChaosArguments) -> Result<(), FleetError> {
             eprint!("\r\x1b[K{n}/{n_faults} faults: {words}");
         }
     };
-    let done = fleet_campaign(&options, &*stop_flag()?, &mut on_fault);
+    let done = fleet_campaign(&program, arguments, &*stop_flag()?, &mut on_fault);
     if is_shown {
         eprint!("\r\x1b[K");
     }

@@ -17,9 +17,8 @@ use crate::run::{JoinedRun, next_run};
 use crate::services::initial_pose::InitialPose;
 use crate::services::parameters::NodeParameters;
 use crate::services::relocalise::Relocalise;
-use crate::services::reset::Reset;
 use crate::services::save::SaveMap;
-use crate::services::trigger::Response;
+use crate::services::trigger::{Response, Trigger};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -105,7 +104,7 @@ struct Bridge<'a> {
     output: Output,
     map: MapSide,
     save: SaveMap,
-    reset: Reset,
+    reset: Trigger,
     relocalise: Relocalise,
     initial_pose: InitialPose,
     parameters: NodeParameters,
@@ -126,7 +125,7 @@ impl<'a> Bridge<'a> {
         let input = CameraInput::new(arguments, carrier)?;
         let map = MapSide::new(carrier, (namespace, &arguments.grid_topic()), arguments.map())?;
         let save = SaveMap::new(carrier, namespace, arguments.map())?;
-        let reset = Reset::new(carrier, namespace)?;
+        let reset = Trigger::new(carrier, namespace, "reset")?;
         let relocalise = Relocalise::new(carrier, namespace)?;
         let initial_pose = InitialPose::new(carrier)?;
         let parameters = NodeParameters::new(carrier, arguments)?;
@@ -184,10 +183,12 @@ impl<'a> Bridge<'a> {
         begun: &Response,
     ) -> Result<(), Ros2Error> {
         match run {
-            Ok(Some(_)) => self.reset.answer(begun, &mut self.report),
-            Ok(None) => self.reset.answer(&Response::refused("it was ended".to_owned()), &mut self.report),
+            Ok(Some(_)) => self.reset.answer_all(begun, &mut self.report),
+            Ok(None) => {
+                self.reset.answer_all(&Response::refused("it was ended".to_owned()), &mut self.report)
+            }
             Err(error) => {
-                self.reset.answer(&Response::refused(error.to_string()), &mut self.report)?;
+                self.reset.answer_all(&Response::refused(error.to_string()), &mut self.report)?;
                 std::thread::sleep(LAST_WORDS);
                 Ok(())
             }
@@ -229,7 +230,7 @@ impl<'a> Bridge<'a> {
         self.input.leave_out(&mut self.report);
         self.time.step(&mut self.report);
         self.parameters.step(&mut self.report)?;
-        self.reset.step(Some(&format!("{why}, and there is none to end")), &mut self.report)?;
+        self.reset.take(Some(&format!("{why}, and there is none to end")), &mut self.report)?;
         let refusal = format!("{why}, and there is none to ask");
         self.relocalise.refuse(&refusal, self.input.sender(), &mut self.report)?;
         if let Some(now_nanos) = self.time.next_second() {
@@ -261,7 +262,7 @@ impl<'a> Bridge<'a> {
             let refusal = (!is_own).then(|| {
                 format!("this program did not start the run {name}: end it where it was started, and begin another one")
             });
-            if self.reset.step(refusal.as_deref(), &mut self.report)? {
+            if self.reset.take(refusal.as_deref(), &mut self.report)? {
                 is_over = false;
                 break;
             }

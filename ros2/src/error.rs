@@ -26,6 +26,9 @@ pub(crate) enum Ros2Error {
     /// `--run` could not start it, or it failed.
     #[error("the run: {0}")]
     Run(String),
+    /// Its files.
+    #[error("the run: {0}")]
+    Files(#[from] tessera_outputs::ToolError),
     /// Signals.
     #[error("cannot listen for signals: {0}")]
     Signal(std::io::Error),

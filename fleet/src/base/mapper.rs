@@ -56,13 +56,13 @@ impl BaseMapper {
                 self.start(&shared, last);
                 return Ok(());
             }
-            self.n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
+            self.n_ended = shared.n_ended();
         }
         let extents = shared.extents();
         if self.made_of.as_ref() == Some(&extents) || extents.iter().all(|extent| extent.align_bytes == 0) {
             return Ok(());
         }
-        let n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
+        let n_ended = shared.n_ended();
         let is_time =
             options.map_every.is_some_and(|every| self.last.is_none_or(|last| last.elapsed() >= every));
         let is_enough = options.until.is_none_or(|n| n_ended >= n || options.map_every.is_some());
@@ -87,7 +87,7 @@ impl BaseMapper {
     /// Whether so many runs have ended, with their last words, and the map is of all that is here.
     pub(crate) fn is_done(&mut self, shared: &SharedRef, n_runs: usize) -> bool {
         let shared = lock(shared);
-        let n_ended = shared.runs.iter().filter(|run| run.status.is_ended).count();
+        let n_ended = shared.n_ended();
         if n_ended < n_runs || self.running.is_some() || self.made_of != Some(shared.extents()) {
             self.done = None;
             return false;

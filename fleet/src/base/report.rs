@@ -2,16 +2,14 @@
 
 use crate::base::status::Status;
 use crate::base::traffic::Traffic;
-use crate::error::FleetError;
 use crate::map::joint::{component_file, map_folder};
 use crate::map::picture::{BarRow, Line, bars, chart, colour, top_view};
 use crate::map::scene::SCENE_FILE;
 use crate::map::summary::{JoinVerdict, JointSummary};
 use std::path::Path;
 use tessera_evaluation::read_tum;
-use tessera_journal::{Durability, write_atomically};
 use tessera_outputs::html::{self, escaped};
-use tessera_report::{STYLE, VIEWER};
+use tessera_report::whole_page;
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
@@ -31,17 +29,6 @@ pub struct RunWay {
     pub component: usize,
     /// To the right and forward, metres.
     pub points_m: Vec<[f64; 2]>,
-}
-
-/// Writes the page of a base.
-///
-/// # Errors
-/// Where it cannot be written.
-pub fn write_report(base: &Path, status: &Status, traffic: &Traffic) -> Result<(), FleetError> {
-    let page = page_of(base, status, traffic);
-    let path = base.join(REPORT_FILE);
-    write_atomically(&path, Durability::Scratch, |writer| writer.write_all(page.as_bytes()))
-        .map_err(FleetError::io("write", &path))
 }
 
 /// The page of a base, with the ways that stand in its folder.
@@ -103,18 +90,8 @@ pub fn page(status: &Status, traffic: &Traffic, ways: &[RunWay], scene: &str) ->
         .filter(|(_, _, body)| !body.is_empty())
         .map(|(id, title, body)| format!("<section id=\"{id}\"><h3>{title}</h3>{body}</section>"))
         .collect();
-    let script = match scene.contains("<canvas") {
-        true => format!("<script>\n{VIEWER}</script>"),
-        false => String::new(),
-    };
     let title = format!("{n_robots} robot(s), {n_runs} run(s)");
-    // No address of an icon, so that a browser does not go and look for one.
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <link rel=\"icon\" href=\"data:,\"><title>{title} · Tessera</title><style>{STYLE}</style></head>\n\
-         <body><main><header><h1>{title}</h1></header>{sections}</main>{script}</body></html>\n"
-    )
+    whole_page(&title, &format!("<header><h1>{title}</h1></header>{sections}"))
 }
 
 /// Robots in the order in which they came.
@@ -156,10 +133,7 @@ fn joins(map: &JointSummary) -> String {
     let row = |join: &crate::map::summary::JoinSummary| {
         vec![
             format!("{} to {}", join.run, join.with),
-            match join.verdict {
-                JoinVerdict::Held => "holds".into(),
-                JoinVerdict::Refuted => "refuted by the optimisation".into(),
-            },
+            join.verdict.words().into(),
             join.keyframes_agree.to_string(),
             format!("{:.0} %", 100.0 * join.overlap),
             format!("{:.1} %", 100.0 * join.in_front),

@@ -151,6 +151,11 @@ impl Shared {
         }
     }
 
+    /// Runs that have ended.
+    pub(crate) fn n_ended(&self) -> usize {
+        self.runs.iter().filter(|run| run.status.is_ended).count()
+    }
+
     /// What a map can be made of now.
     pub(crate) fn extents(&self) -> Vec<Extent> {
         self.runs.iter().map(|run| run.extent).collect()

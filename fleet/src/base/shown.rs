@@ -1,11 +1,12 @@
 //! What a base writes for others to look at: status, traffic, report.
 
-use crate::base::report::write_report;
-use crate::base::status::Status;
-use crate::base::traffic::Traffic;
+use crate::base::report::{REPORT_FILE, page_of};
+use crate::base::status::{STATUS_FILE, Status};
+use crate::base::traffic::{TRAFFIC_FILE, Traffic};
 use crate::error::FleetError;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use tessera_journal::{Durability, write_atomically};
 
 /// Between two writings of the status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
@@ -40,16 +41,21 @@ impl ShownFiles {
     /// # Errors
     /// Where something cannot be written.
     pub(crate) fn show(&mut self, base: &Path, status: &Status, is_over: bool) -> Result<(), FleetError> {
-        status.write(base)?;
+        let write = |name: &str, bytes: &[u8]| {
+            let path = base.join(name);
+            write_atomically(&path, Durability::Scratch, |writer| writer.write_all(bytes))
+                .map_err(FleetError::io("write", &path))
+        };
+        write(STATUS_FILE, &serde_json::to_vec_pretty(status)?)?;
         self.status_at = Some(Instant::now());
         self.traffic.note(self.begun.elapsed().as_secs_f64(), &status.runs);
         if is_over || self.traffic_at.is_none_or(|at| at.elapsed() >= TRAFFIC_EVERY) {
-            self.traffic.write(base)?;
+            write(TRAFFIC_FILE, &serde_json::to_vec(&self.traffic)?)?;
             self.traffic_at = Some(Instant::now());
         }
         if is_over || status.mapped != self.reported {
             self.reported = status.mapped;
-            write_report(base, status, &self.traffic)?;
+            write(REPORT_FILE, page_of(base, status, &self.traffic).as_bytes())?;
         }
         Ok(())
     }

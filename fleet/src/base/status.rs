@@ -4,14 +4,14 @@ pub use crate::base::answering::AnswerStatus;
 use crate::copies::arrivals::FLEET_JOURNAL;
 use crate::error::FleetError;
 use crate::map::joint::MapCost;
-use crate::map::summary::{JoinVerdict, JointSummary};
+use crate::map::summary::JointSummary;
 use crate::wire::request::PieceRefusal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Duration;
-use tessera_journal::{Durability, lock_file, write_atomically};
+use tessera_journal::lock_file;
 
 /// Its name in the base's folder.
 pub const STATUS_FILE: &str = "status.json";
@@ -133,17 +133,6 @@ impl RefusedCounts {
 }
 
 impl Status {
-    /// Writes it into the base's folder.
-    ///
-    /// # Errors
-    /// Where it cannot be written.
-    pub fn write(&self, base: &Path) -> Result<(), FleetError> {
-        let path = base.join(STATUS_FILE);
-        let text = serde_json::to_vec_pretty(self).map_err(|e| FleetError::Input(e.to_string()))?;
-        write_atomically(&path, Durability::Scratch, |writer| writer.write_all(&text))
-            .map_err(FleetError::io("write", &path))
-    }
-
     /// What the base in a folder last said.
     ///
     /// # Errors
@@ -274,10 +263,7 @@ fn map_text(map: &JointSummary, number: u64) -> String {
         let _ = writeln!(text, "  {}: {n} keyframes of {runs}", component.map);
     }
     for join in &map.joins {
-        let verdict = match join.verdict {
-            JoinVerdict::Held => "holds",
-            JoinVerdict::Refuted => "refuted by the optimisation",
-        };
+        let verdict = join.verdict.words();
         let _ = writeln!(
             text,
             "  {} joined to {}: {verdict}; {} keyframes agree, {:.0} % overlap, {:.1} % in front",

@@ -1,11 +1,9 @@
 //! Which robots were there and what came from them, since the base started.
 
 use crate::base::status::CopyStatus;
-use crate::error::FleetError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
-use tessera_journal::{Durability, write_atomically};
 
 /// Its name in the base's folder.
 pub const TRAFFIC_FILE: &str = "traffic.json";
@@ -62,17 +60,6 @@ impl Traffic {
             });
             self.every_s *= 2.0;
         }
-    }
-
-    /// Writes it into the base's folder.
-    ///
-    /// # Errors
-    /// Where it cannot be written.
-    pub fn write(&self, base: &Path) -> Result<(), FleetError> {
-        let path = base.join(TRAFFIC_FILE);
-        let text = serde_json::to_vec(self).map_err(|e| FleetError::Input(e.to_string()))?;
-        write_atomically(&path, Durability::Scratch, |writer| writer.write_all(&text))
-            .map_err(FleetError::io("write", &path))
     }
 
     /// What the base in a folder last wrote; nothing where it has written none, or another version did.

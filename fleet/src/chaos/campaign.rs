@@ -1,5 +1,6 @@
 //! A fleet under faults, the same fleet undisturbed, and what differs.
 
+use super::arguments::FleetChaosArguments;
 use super::processes::{FleetProcess, Patience, Starter, free_port};
 use super::relay::Relay;
 use super::report::{FleetReport, RobotReport};
@@ -20,31 +21,6 @@ use tessera_stage::identity_of;
 
 /// Robots of a campaign, at most.
 pub const MOST_ROBOTS: usize = 8;
-/// Faults of each kind, at most.
-pub const MOST_TIMES: u32 = 1000;
-
-/// What is disturbed, and how.
-#[derive(Clone, Debug)]
-pub struct FleetCampaign {
-    /// `tessera-fleet`.
-    pub program: PathBuf,
-    /// Finished runs, one for each robot; none: two of the simulated room.
-    pub runs: Vec<PathBuf>,
-    /// Faults of each kind.
-    pub times: u32,
-    /// Seed of the faults.
-    pub seed: u64,
-    /// Folder for everything, which stays; `None`: a temporary one, which stays where the promise was
-    /// broken.
-    pub out: Option<PathBuf>,
-    /// Longest time for everything.
-    pub patience: Duration,
-    /// Copies whole runs.
-    pub is_whole: bool,
-    /// Flips a bit of a copy before it is compared: the promise is broken then.
-    pub flips: bool,
-}
-
 /// How far a campaign is: faults so far, and what is done now.
 pub type OnFault<'a> = &'a mut dyn FnMut(usize, &str);
 
@@ -65,7 +41,8 @@ struct RunningFleet {
 /// Where a run cannot be used, a process cannot be started or ends by itself, or all time is over. A broken
 /// promise is in the report.
 pub fn fleet_campaign(
-    options: &FleetCampaign,
+    program: &Path,
+    options: &FleetChaosArguments,
     stop: &AtomicBool,
     on_fault: OnFault<'_>,
 ) -> Result<FleetReport, FleetError> {
@@ -77,7 +54,7 @@ pub fn fleet_campaign(
         None => temporary_folder()?,
     };
     let folder = std::fs::canonicalize(&folder).map_err(FleetError::io("read", &folder))?;
-    let done = disturb_and_compare(options, &folder, stop, on_fault);
+    let done = disturb_and_compare((program, options), &folder, stop, on_fault);
     let is_of_use = match &done {
         Ok(report) => !report.broken.is_empty(),
         Err(FleetError::Interrupted | FleetError::Input(_)) => false,
@@ -109,13 +86,13 @@ fn temporary_folder() -> Result<PathBuf, FleetError> {
     }
 }
 
-fn check(options: &FleetCampaign) -> Result<(), FleetError> {
-    let n = options.runs.len();
+fn check(options: &FleetChaosArguments) -> Result<(), FleetError> {
+    let n = options.run.len();
     if n == 1 || n > MOST_ROBOTS {
         return Err(FleetError::Arguments(format!("--run {n} times, expected 2 to {MOST_ROBOTS} or none")));
     }
     let mut identities: BTreeMap<u64, &PathBuf> = BTreeMap::new();
-    for run in &options.runs {
+    for run in &options.run {
         let path = run.join("run.json");
         let bytes = std::fs::read(&path).map_err(FleetError::io("read", &path));
         let identity = identity_of(&bytes.map_err(|error| FleetError::Input(error.to_string()))?);
@@ -132,17 +109,17 @@ fn check(options: &FleetCampaign) -> Result<(), FleetError> {
 }
 
 fn disturb_and_compare(
-    options: &FleetCampaign,
+    (program, options): (&Path, &FleetChaosArguments),
     folder: &Path,
     stop: &AtomicBool,
     on_fault: OnFault<'_>,
 ) -> Result<FleetReport, FleetError> {
-    let patience = Patience { until: Instant::now() + options.patience, stop };
-    let originals = if options.runs.is_empty() {
+    let patience = Patience { until: Instant::now() + Duration::from_secs(options.patience_s), stop };
+    let originals = if options.run.is_empty() {
         on_fault(0, "makes two runs of the simulated room");
         simulated_runs(folder, &folder.join("simulated.log"), &patience)?
     } else {
-        options.runs.clone()
+        options.run.clone()
     };
     let mut robots = Vec::new();
     for (number, original) in (1..).zip(&originals) {
@@ -150,9 +127,9 @@ fn disturb_and_compare(
         robots.push(RobotRun::begin(original, &robot, &folder.join("robots").join(&robot))?);
     }
     let starter = |name: &str| Starter {
-        program: options.program.clone(),
+        program: program.to_owned(),
         log: Some(folder.join(format!("{name}.log"))),
-        is_whole: options.is_whole,
+        is_whole: options.whole,
     };
     let mut report = FleetReport { seed: options.seed, ..FleetReport::default() };
     let strikes = schedule(options.seed, options.times, robots.len());
@@ -166,19 +143,15 @@ fn disturb_and_compare(
     fleet.take_refused(&mut report);
     for (robot, relay) in robots.iter().zip(&fleet.relays) {
         let carried = relay.carried();
-        report.robots.push(RobotReport::new(
-            &robot.robot,
-            robot.original.clone(),
-            robot.len_bytes(),
-            carried,
-        ));
+        let (name, run, run_bytes) = (robot.robot.clone(), robot.original.clone(), robot.len_bytes());
+        report.robots.push(RobotReport { robot: name, run, run_bytes, carried, identical: false });
     }
     drop(fleet);
     on_fault(strikes.len(), "the same undisturbed");
     let quiet = folder.join("undisturbed");
     RunningFleet::open(starter("undisturbed"), &quiet, &mut robots, false, (strikes.len(), patience))?
         .finish(&mut robots, patience)?;
-    if options.flips {
+    if options.flip {
         flip(&disturbed, &robots[0])?;
     }
     compare(&disturbed, &quiet, &robots, &mut report)?;

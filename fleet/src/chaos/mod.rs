@@ -4,6 +4,7 @@
 //! Everything stays on this machine: robots and base are processes of their own, joined over the loopback
 //! interface, with a relay between each robot and the base that brings the faults.
 
+mod arguments;
 mod campaign;
 mod processes;
 mod pump;
@@ -14,7 +15,8 @@ mod schedule;
 mod simulated;
 mod verdict;
 
-pub use campaign::{FleetCampaign, MOST_ROBOTS, MOST_TIMES, OnFault, fleet_campaign};
+pub use arguments::FleetChaosArguments;
+pub use campaign::{MOST_ROBOTS, OnFault, fleet_campaign};
 pub use processes::{ENDS_WITH, FleetProcess, Patience, Starter, end_with_parent, free_port};
 pub use relay::{CarriedBytes, DELAY, Relay, THROTTLED_BYTES_PER_S};
 pub use report::{FleetReport, RobotReport};

@@ -3,6 +3,7 @@
 
 use super::pump::{RelayDirection, pump};
 use crate::error::FleetError;
+use serde::Serialize;
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,7 +17,7 @@ pub const THROTTLED_BYTES_PER_S: u64 = 50_000;
 const MOST_CONNECTIONS: usize = 32;
 
 /// What a relay has carried.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct CarriedBytes {
     /// Bytes from the robot to the base, those that the relay repeated included.
     pub up_bytes: u64,

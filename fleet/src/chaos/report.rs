@@ -18,24 +18,11 @@ pub struct RobotReport {
     pub run: PathBuf,
     /// Bytes of journals and store in it.
     pub run_bytes: u64,
-    /// Bytes that its relay carried to the base.
-    pub up_bytes: u64,
-    /// Bytes that its relay carried from the base.
-    pub down_bytes: u64,
-    /// Bytes that the relay sent to the base once more than the robot did.
-    pub repeated_bytes: u64,
-    /// Connections of its uplink to the base.
-    pub connections: u64,
+    /// What its relay carried.
+    #[serde(flatten)]
+    pub carried: CarriedBytes,
     /// Whether its copy is the run, byte for byte.
     pub identical: bool,
-}
-
-impl RobotReport {
-    pub(super) fn new(robot: &str, run: PathBuf, run_bytes: u64, carried: CarriedBytes) -> Self {
-        let CarriedBytes { up_bytes, down_bytes, repeated_bytes, connections } = carried;
-        let robot = robot.to_owned();
-        Self { robot, run, run_bytes, up_bytes, down_bytes, repeated_bytes, connections, identical: false }
-    }
 }
 
 /// A campaign.
@@ -137,13 +124,13 @@ impl FleetReport {
             text,
             "  bytes       {:.1} MB in the runs, {:.1} MB carried over {} connections",
             mb(self.sum(|r| r.run_bytes)),
-            mb(self.sum(|r| r.up_bytes)),
-            self.sum(|r| r.connections)
+            mb(self.sum(|r| r.carried.up_bytes)),
+            self.sum(|r| r.carried.connections)
         );
         let _ = writeln!(
             text,
             "  twice       {:.1} kB, which the relays sent to the base once more",
-            self.sum(|r| r.repeated_bytes) as f64 / 1e3
+            self.sum(|r| r.carried.repeated_bytes) as f64 / 1e3
         );
         let refused: Vec<String> =
             self.refused.iter().map(|(what, n)| format!("{n} x {}", what.words())).collect();

@@ -3,7 +3,7 @@
 use crate::robot::served::REPLACED;
 use crate::wire::carrier::RobotCarrier;
 use crate::wire::piece::{Piece, PieceKind};
-use crate::wire::request::{Offer, PieceRefusal, Request, SMALL_FILES};
+use crate::wire::request::{Offer, PROTOCOL, PieceRefusal, Request, SMALL_FILES};
 
 /// What came of asking.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -20,6 +20,13 @@ impl Pulled {
     /// Counts bytes that were taken.
     pub(crate) fn took(&mut self, n: usize) {
         self.taken_bytes = self.taken_bytes.saturating_add(n as u64);
+    }
+
+    /// Counts the bytes of a piece, or why it is none.
+    fn receive(&mut self, piece: Result<Piece, PieceRefusal>) -> Option<Piece> {
+        let piece = piece.map_err(|refusal| self.refuse(refusal, "")).ok()?;
+        self.received_bytes = self.received_bytes.saturating_add(piece.wire_bytes as u64);
+        Some(piece)
     }
 
     pub(crate) fn refuse(&mut self, refusal: PieceRefusal, words: impl Into<String>) {
@@ -45,15 +52,8 @@ impl ComingAnswer {
 
     /// Takes a piece; `false`: enough.
     pub(crate) fn take(&mut self, piece: Result<Piece, PieceRefusal>, pulled: &mut Pulled) -> bool {
-        let piece = match piece {
-            Ok(piece) => piece,
-            Err(refusal) => {
-                pulled.refuse(refusal, "");
-                // What comes behind it does not continue what is here.
-                return true;
-            }
-        };
-        pulled.received_bytes = pulled.received_bytes.saturating_add(piece.wire_bytes as u64);
+        // What comes behind a refused one does not continue what is here.
+        let Some(piece) = pulled.receive(piece) else { return true };
         if piece.kind == PieceKind::Refused {
             let words = refusal_words(&piece);
             let refusal =
@@ -92,14 +92,7 @@ fn refusal_words(piece: &Piece) -> String {
 pub fn ask_offer(carrier: &mut dyn RobotCarrier, robot: &str, pulled: &mut Pulled) -> Option<Offer> {
     let mut found = None;
     carrier.ask(robot, &Request::Offer, &mut |piece| {
-        let piece = match piece {
-            Ok(piece) => piece,
-            Err(refusal) => {
-                pulled.refuse(refusal, "");
-                return true;
-            }
-        };
-        pulled.received_bytes = pulled.received_bytes.saturating_add(piece.wire_bytes as u64);
+        let Some(piece) = pulled.receive(piece) else { return true };
         if piece.kind != PieceKind::Data {
             pulled.refuse(PieceRefusal::Offer, refusal_words(&piece));
             return false;
@@ -117,10 +110,9 @@ fn read_offer(piece: &Piece) -> Result<Offer, (PieceRefusal, String)> {
     let offer: Offer =
         serde_json::from_slice(&piece.bytes).map_err(|e| (PieceRefusal::Offer, format!("no offer: {e}")))?;
     let own = env!("CARGO_PKG_VERSION");
-    if offer.protocol != crate::wire::request::PROTOCOL || offer.version != own {
+    if offer.protocol != PROTOCOL || offer.version != own {
         let Offer { protocol, version, .. } = offer;
-        let expected = crate::wire::request::PROTOCOL;
-        let words = format!("protocol {protocol} of version {version:?}, expected {expected} of {own}");
+        let words = format!("protocol {protocol} of version {version:?}, expected {PROTOCOL} of {own}");
         return Err((PieceRefusal::Offer, words));
     }
     if offer.identity != piece.identity {

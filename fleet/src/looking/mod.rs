@@ -24,7 +24,7 @@ pub fn look(folder: &Path, action: Action, arguments: &LookArguments) -> Result<
     // A folder that is none of a base is told at once, whatever is asked.
     let status = Status::read(folder)?;
     match (action, arguments.metrics) {
-        (Action::Status, _) if arguments.json => say(&pretty_json(&status)?),
+        (Action::Status, _) if arguments.json => say(&serde_json::to_string_pretty(&status)?),
         (Action::Status, _) => say(&status.text(is_running(folder))),
         (Action::View, _) => serve_page(folder),
         (Action::Top, Some(address)) => serve_metrics(folder, address),
@@ -62,8 +62,4 @@ fn say(text: &str) -> Result<(), FleetError> {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
         written => written.map_err(cannot("standard output")),
     }
-}
-
-fn pretty_json(status: &Status) -> Result<String, FleetError> {
-    serde_json::to_string_pretty(status).map_err(|e| FleetError::Input(e.to_string()))
 }

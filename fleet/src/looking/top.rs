@@ -37,7 +37,7 @@ fn at_intervals(
 /// Prints a line of JSON for each look.
 pub(super) fn print_looks(folder: &Path, arguments: &LookArguments) -> Result<(), FleetError> {
     at_intervals(folder, arguments, |status, _| {
-        say(&serde_json::to_string(status).map_err(|e| FleetError::Input(e.to_string()))?)?;
+        say(&serde_json::to_string(status)?)?;
         Ok(true)
     })
 }

@@ -51,7 +51,7 @@ pub fn answer(
     };
     let mut others: Vec<Past> = Vec::new();
     for (other, arrival) in arrivals.iter().enumerate().filter(|(other, _)| *other != number) {
-        let past = Past::read_map(base, arrival, extents.get(other).copied().unwrap_or_default());
+        let past = Past::read(base, arrival, extents.get(other).copied().unwrap_or_default(), false);
         others.extend(past.ok());
     }
     let Asking { context, optimiser, request, mut surfaces, journal } = asking;
@@ -61,9 +61,9 @@ pub fn answer(
         map.add_seen_by(&other.state, &context_of(&other.run, &other.settings).session_cameras());
     }
     let mut joint = JointSurfaces::default();
-    joint.add(map.keyframes_of(0), &surfaces);
+    joint.add(map.keyframes_of(0), surfaces.of_keyframes());
     for (run, other) in (1..).zip(&others) {
-        joint.add(map.keyframes_of(run), &other.surfaces);
+        joint.add(map.keyframes_of(run), other.surfaces.of_keyframes());
     }
     map.join(&joint, &mut || ());
     let correction = map.answer(&optimiser, &request, &joint, &journal, &mut || ());

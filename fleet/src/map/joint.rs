@@ -114,7 +114,7 @@ pub(crate) fn context_of(run: &RunFile, settings: &Settings) -> Context {
 fn read_parts(base: &Path, arrivals: &[Arrival], mapped: &Mapped) -> Vec<RunPart> {
     let mut parts: Vec<RunPart> = Vec::new();
     for (arrival, extent) in arrivals.iter().zip(&mapped.extents) {
-        let part = match Past::read(base, arrival, *extent) {
+        let part = match Past::read(base, arrival, *extent, true) {
             // Where the base is says nothing of the map.
             Err(error) => RunPart::Out(error.to_string().replace(&format!("{}/", base.display()), "")),
             Ok(past) => RunPart::In(Box::new(past)),
@@ -141,7 +141,7 @@ fn joint(
         }
     }
     for (run, (_, past)) in pasts.iter().enumerate() {
-        surfaces.add(map.keyframes_of(run), &past.surfaces);
+        surfaces.add(map.keyframes_of(run), past.surfaces.of_keyframes());
     }
     let begun = Instant::now();
     let meetings = map.join(&surfaces, &mut || ());
@@ -175,7 +175,7 @@ fn joint(
         |keyframe: u32| map.run_of(keyframe).map_or_else(String::new, |run| labels[pasts[run].0].clone());
     let joins: Vec<JoinSummary> =
         meetings.iter().map(|meeting| join_summary(&map, meeting, &run_of)).collect();
-    scene.write(folder, &joins, &components.places())?;
+    scene.write(folder, &joins, |component| components.place(component))?;
     let loops = correction.map_or(Vec::new(), |correction| correction.loops);
     let between = loops.iter().filter(|l| map.run_of(l.newer) != map.run_of(l.older)).copied().collect();
     let components = component_summaries(&components, &places, labels);
@@ -210,7 +210,7 @@ fn component_summaries(
         map: component_file("map", place, "ply"),
         runs: runs_in(*component),
     };
-    components.iter().enumerate().map(summary).collect()
+    components.0.iter().enumerate().map(summary).collect()
 }
 
 /// Writes the cloud of each component, with the settings of the first run.
@@ -242,15 +242,6 @@ struct MapComponents(Vec<(u32, u64)>);
 impl MapComponents {
     fn keys(&self) -> impl Iterator<Item = &u32> {
         self.0.iter().map(|(component, _)| component)
-    }
-
-    fn iter(&self) -> impl Iterator<Item = &(u32, u64)> {
-        self.0.iter()
-    }
-
-    /// Place of each component.
-    fn places(&self) -> BTreeMap<u32, usize> {
-        self.keys().copied().zip(0..).collect()
     }
 
     fn place(&self, component: u32) -> Option<usize> {

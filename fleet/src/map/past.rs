@@ -75,19 +75,7 @@ impl Past {
     ///
     /// # Errors
     /// Names the file that cannot be used, and why.
-    pub fn read(base: &Path, arrival: &Arrival, extent: Extent) -> Result<Self, FleetError> {
-        Self::read_part(base, arrival, extent, true)
-    }
-
-    /// As [`Self::read`], without the frames.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn read_map(base: &Path, arrival: &Arrival, extent: Extent) -> Result<Self, FleetError> {
-        Self::read_part(base, arrival, extent, false)
-    }
-
-    fn read_part(
+    pub fn read(
         base: &Path,
         arrival: &Arrival,
         extent: Extent,

@@ -3,7 +3,6 @@
 use crate::copies::surfaces::{TravelledSurface, read_surfaces};
 use crate::error::FleetError;
 use crate::wire::surfaces::from_wire;
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -75,34 +74,12 @@ impl RunSurfaces {
             }),
         }
     }
-}
 
-impl KeyframeSurfaces for RunSurfaces {
-    fn vertices(&self, keyframe: u32) -> &[Vertex] {
+    /// The surfaces themselves.
+    pub(crate) fn of_keyframes(&self) -> &dyn KeyframeSurfaces {
         match self {
-            Self::Whole(stored) => stored.vertices(keyframe),
-            Self::Received(received) => received.vertices(keyframe),
-        }
-    }
-
-    fn vertices_once(&self, keyframe: u32) -> Cow<'_, [Vertex]> {
-        match self {
-            Self::Whole(stored) => stored.vertices_once(keyframe),
-            Self::Received(received) => received.vertices_once(keyframe),
-        }
-    }
-
-    fn features(&self, keyframe: u32) -> &[Feature] {
-        match self {
-            Self::Whole(stored) => stored.features(keyframe),
-            Self::Received(received) => received.features(keyframe),
-        }
-    }
-
-    fn features_once(&self, keyframe: u32) -> Cow<'_, [Feature]> {
-        match self {
-            Self::Whole(stored) => stored.features_once(keyframe),
-            Self::Received(received) => received.features_once(keyframe),
+            Self::Whole(stored) => stored,
+            Self::Received(received) => received,
         }
     }
 }

@@ -4,7 +4,6 @@ use crate::copies::arrivals::{Arrival, DISK};
 use crate::error::FleetError;
 use crate::map::picture::rgb;
 use crate::map::summary::JoinSummary;
-use std::collections::BTreeMap;
 use std::path::Path;
 use tessera_geometry::Pose;
 use tessera_outputs::{MapPoint, Replay, write_file};
@@ -83,11 +82,10 @@ impl JointScene {
         mut self,
         folder: &Path,
         joins: &[JoinSummary],
-        places: &BTreeMap<u32, usize>,
+        place: impl Fn(u32) -> Option<usize>,
     ) -> Result<(), FleetError> {
         for join in joins {
-            let place = join.component.and_then(|component| places.get(&component));
-            let component = place.and_then(|at| self.components.get_mut(*at));
+            let component = join.component.and_then(&place).and_then(|at| self.components.get_mut(at));
             if let (Some(component), Some(at), Some(with)) = (component, join.at_m, join.with_at_m) {
                 component.joins_m.push([at, with]);
             }

@@ -104,6 +104,16 @@ pub enum JoinVerdict {
     Refuted,
 }
 
+impl JoinVerdict {
+    /// In words.
+    pub(crate) fn words(self) -> &'static str {
+        match self {
+            Self::Held => "holds",
+            Self::Refuted => "refuted by the optimisation",
+        }
+    }
+}
+
 impl JointSummary {
     pub(crate) fn new(
         runs: Vec<RunSummary>,
@@ -127,7 +137,7 @@ impl JointSummary {
     }
 
     pub(crate) fn write(&self, folder: &Path) -> Result<(), FleetError> {
-        let text = serde_json::to_string_pretty(self).map_err(|e| FleetError::Input(e.to_string()))?;
+        let text = serde_json::to_string_pretty(self)?;
         write_file(&folder.join(SUMMARY_FILE), |writer| writeln!(writer, "{text}"))?;
         Ok(())
     }

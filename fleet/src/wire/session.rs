@@ -2,8 +2,8 @@
 //! speaks in the clear beyond this machine.
 
 use crate::error::FleetError;
-use std::net::IpAddr;
 use std::path::Path;
+use tessera_transport::{is_loopback, locators_in};
 use zenoh::Config;
 
 /// Sign of life after which a peer that is silent is gone, milliseconds.
@@ -93,29 +93,7 @@ pub fn locators(config: &Config, side: &str) -> Result<Vec<String>, FleetError> 
     let text = config
         .get_json(&format!("{side}/endpoints"))
         .map_err(|e| FleetError::Network(format!("{side}/endpoints: {e}")))?;
-    let value: serde_json::Value =
-        serde_json::from_str(&text).map_err(|e| FleetError::Network(e.to_string()))?;
-    let mut found = Vec::new();
-    collect(&value, &mut found);
-    Ok(found)
-}
-
-fn collect(value: &serde_json::Value, found: &mut Vec<String>) {
-    match value {
-        serde_json::Value::String(text) => found.push(text.clone()),
-        serde_json::Value::Array(items) => items.iter().for_each(|item| collect(item, found)),
-        serde_json::Value::Object(items) => items.values().for_each(|item| collect(item, found)),
-        _ => {}
-    }
-}
-
-/// Whether a locator such as `tcp/127.0.0.1:7447` stays on this machine.
-fn is_loopback(locator: &str) -> bool {
-    let address = locator.split_once('/').map_or(locator, |(_, address)| address);
-    let address = address.split(['#', '?']).next().unwrap_or_default();
-    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
-    let host = host.trim_start_matches('[').trim_end_matches(']');
-    host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+    locators_in(&text).map_err(|e| FleetError::Network(e.to_string()))
 }
 
 #[cfg(test)]

@@ -9,8 +9,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
-use tessera_fleet::chaos::{FleetCampaign, FleetFault, fleet_campaign};
+use tessera_fleet::chaos::{FleetChaosArguments, FleetFault, fleet_campaign};
 
 /// Bytes of a file at least, however it travels.
 pub(crate) fn deflated_bytes(path: &Path) -> u64 {
@@ -30,16 +29,17 @@ fn runs(dir: &Path) -> [PathBuf; 2] {
     })
 }
 
-fn campaign(dir: &Path, runs: &[PathBuf; 2]) -> FleetCampaign {
-    FleetCampaign {
-        program: env!("CARGO_BIN_EXE_tessera-fleet").into(),
-        runs: runs.to_vec(),
+fn campaign(dir: &Path, runs: &[PathBuf; 2]) -> FleetChaosArguments {
+    FleetChaosArguments {
+        run: runs.to_vec(),
         times: 5,
         seed: 2,
         out: Some(dir.join("out")),
-        patience: Duration::from_secs(300),
-        is_whole: false,
-        flips: false,
+        patience_s: 300,
+        whole: false,
+        flip: false,
+        json: false,
+        quiet: true,
     }
 }
 
@@ -55,23 +55,33 @@ fn chaos(runs: &[PathBuf; 2], arguments: &[&str]) -> Output {
 fn kills_and_faults_on_the_network_change_no_byte() {
     let dir = tempfile::tempdir().unwrap();
     let runs = runs(dir.path());
-    for is_whole in [false, true] {
-        let out = Some(dir.path().join(format!("out-{is_whole}")));
-        disturb(&FleetCampaign { is_whole, out, ..campaign(dir.path(), &runs) });
+    for whole in [false, true] {
+        let out = Some(dir.path().join(format!("out-{whole}")));
+        disturb(&FleetChaosArguments { whole, out, ..campaign(dir.path(), &runs) });
     }
 }
 
-fn disturb(campaign: &FleetCampaign) {
-    let report = fleet_campaign(campaign, &AtomicBool::new(false), &mut |_, _| ()).unwrap();
+fn disturb(campaign: &FleetChaosArguments) {
+    let report = fleet_campaign(
+        Path::new(env!("CARGO_BIN_EXE_tessera-fleet")),
+        campaign,
+        &AtomicBool::new(false),
+        &mut |_, _| (),
+    )
+    .unwrap();
     assert_eq!(report.broken, [""; 0]);
     assert_eq!(report.strikes.len(), 5 * FleetFault::ALL.len());
     assert!(report.is_map_identical && report.map_files > 0);
-    for (robot, run) in report.robots.iter().zip(&campaign.runs) {
+    for (robot, run) in report.robots.iter().zip(&campaign.run) {
         let least = deflated_bytes(&run.join("align.journal"));
-        assert!(robot.identical && robot.up_bytes >= least, "{} of {least} bytes", robot.up_bytes);
+        assert!(
+            robot.identical && robot.carried.up_bytes >= least,
+            "{} of {least} bytes",
+            robot.carried.up_bytes
+        );
     }
-    assert!(report.robots.iter().any(|robot| robot.repeated_bytes > 0), "something came twice");
-    assert!(report.robots.iter().all(|robot| robot.connections > 1), "links were cut");
+    assert!(report.robots.iter().any(|robot| robot.carried.repeated_bytes > 0), "something came twice");
+    assert!(report.robots.iter().all(|robot| robot.carried.connections > 1), "links were cut");
     let copies = campaign.out.as_ref().unwrap().join("disturbed/robots");
     assert_eq!(std::fs::read_dir(copies).unwrap().count(), 2);
     let files = |name: &str| {
@@ -82,8 +92,8 @@ fn disturb(campaign: &FleetCampaign) {
                 .is_file()
         })
     };
-    assert_eq!(files("keyframes.store"), [campaign.is_whole; 2]);
-    assert_eq!(files("surfaces.journal"), [!campaign.is_whole; 2]);
+    assert_eq!(files("keyframes.store"), [campaign.whole; 2]);
+    assert_eq!(files("surfaces.journal"), [!campaign.whole; 2]);
 }
 
 #[test]

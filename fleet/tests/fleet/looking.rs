@@ -7,7 +7,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Output, Stdio};
 use std::time::Duration;
-use tessera_fleet::base::status::Status;
+use tessera_fleet::base::status::{STATUS_FILE, Status};
 
 fn look(folder: &Path, arguments: &[&str]) -> Output {
     fleet(&["base", folder.to_str().unwrap()])
@@ -118,7 +118,8 @@ fn a_look_that_makes_no_sense_is_refused_in_words() {
     refused(&["view", "--json"], 2, "--json cannot be used with view");
     refused(&["status", "--count", "2"], 2, "--count cannot be used with status");
     refused(&["top", "--metrics", "0.0.0.0:1"], 2, "0.0.0.0 is not of this machine alone");
-    Status::default().write(dir.path()).unwrap();
+    let status = serde_json::to_vec(&Status::default()).unwrap();
+    std::fs::write(dir.path().join(STATUS_FILE), status).unwrap();
     refused(&["top"], 2, "standard output is no terminal");
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();

@@ -11,7 +11,7 @@ use tessera_messages::Stage;
 use tessera_outputs::{Ended, Recorder, RunStatistics, Summary, ToolError};
 use tessera_report::REPORT_FILE;
 use tessera_stage::log_line;
-use tessera_supervisor::{Plan, Progress, RunOutcome, Supervised, SupervisorError, hold, supervise};
+use tessera_supervisor::{Plan, Progress, RunOutcome, Supervised, hold, supervise};
 use tessera_transport::RunClaim;
 
 /// Time between two looks that `tessera status` can take at the counters.
@@ -25,7 +25,7 @@ pub(crate) fn launch(
     groundtruth: Option<&Trajectory>,
     speech: Speech,
     beside: &mut dyn FnMut(),
-) -> Result<Exit, LaunchError> {
+) -> Result<Exit, CommandError> {
     let before =
         if plan.resume { tessera_outputs::read_statistics(&plan.run_dir)? } else { RunStatistics::default() };
     let recorded = if plan.resume { tessera_outputs::read_timeline(&plan.run_dir) } else { None };
@@ -60,7 +60,7 @@ pub(crate) fn launch(
         }
     };
     let keep_up = if plan.hold { hold } else { supervise };
-    let supervised = keep_up(plan, claim, &mut tell).map_err(LaunchError::Supervisor);
+    let supervised = keep_up(plan, claim, &mut tell);
     view.end();
     let supervised = supervised?;
     if let Some(error) = refused {
@@ -73,7 +73,7 @@ pub(crate) fn launch(
     let concluded = conclude(plan, &before, &supervised, speech);
     // Only now: the name is taken until the last output is written.
     let released = supervised.claim.release().map_err(CommandError::from);
-    Ok(concluded.and_then(|exit| released.map(|()| exit))?)
+    concluded.and_then(|exit| released.map(|()| exit))
 }
 
 /// Writes and tells what can be told, however the run ended.
@@ -134,35 +134,6 @@ fn write_outputs(plan: &Plan) -> Result<Summary, ToolError> {
 /// What brings the run to its end.
 fn resume_command(plan: &Plan) -> String {
     format!("tessera resume {}", plan.run_dir.display())
-}
-
-/// Why a run did not come to its end; told apart so that a fresh name can be tried again.
-pub(crate) enum LaunchError {
-    /// It could not be started or kept up.
-    Supervisor(SupervisorError),
-    /// Anything else.
-    Command(CommandError),
-}
-
-impl From<ToolError> for LaunchError {
-    fn from(error: ToolError) -> Self {
-        Self::Command(error.into())
-    }
-}
-
-impl From<CommandError> for LaunchError {
-    fn from(error: CommandError) -> Self {
-        Self::Command(error)
-    }
-}
-
-impl From<LaunchError> for CommandError {
-    fn from(error: LaunchError) -> Self {
-        match error {
-            LaunchError::Supervisor(error) => error.into(),
-            LaunchError::Command(error) => error,
-        }
-    }
 }
 
 /// Kill points of the first life of each stage: `align=stored:12,journaled:40;sensor=…`.

@@ -2,7 +2,7 @@
 
 use crate::exit::CommandError;
 use std::path::{Path, PathBuf};
-use tessera_transport::registered_runs;
+use tessera_transport::{RunEntry, registered_runs};
 
 /// Folder of all runs that have no `--out`.
 pub(crate) const RUNS: &str = "runs";
@@ -33,6 +33,12 @@ pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
     Err(CommandError::arguments(format!(
         "no run {name_or_folder:?}: expected the folder of a run or a name in {RUNS}/, where there are: {there_are}"
     )))
+}
+
+/// Whether a run is the one of that name or folder.
+pub(crate) fn is_of(run: &RunEntry, name_or_folder: &str) -> bool {
+    run.name == name_or_folder
+        || std::path::absolute(name_or_folder).is_ok_and(|folder| folder == run.run_dir)
 }
 
 /// The folder of a base, where that is one: it is looked at as a run is.

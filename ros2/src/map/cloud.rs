@@ -1,12 +1,11 @@
 //! Points as `sensor_msgs/msg/PointCloud2`.
 
 use tessera_occupancy::ColouredPoint;
-use tessera_recording::ros::{Header, PointCloud, PointField};
+use tessera_recording::ros::{Header, PointCloud};
 
 /// Points as a message has them: x, y, z, and `rgb` packed as 0x00RRGGBB where any has a colour.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Packed {
-    n_points: u32,
     has_colour: bool,
     data: Vec<u8>,
 }
@@ -15,14 +14,14 @@ impl Packed {
     /// Packs points of the frame that the message will name.
     pub(crate) fn new(points: &[ColouredPoint]) -> Self {
         let has_colour = points.iter().any(|point| point.rgb != [0; 3]);
-        let mut data = Vec::with_capacity(points.len() * step(has_colour) as usize);
+        let mut data = Vec::with_capacity(points.len() * if has_colour { 16 } else { 12 });
         for ColouredPoint { position, rgb: [red, green, blue] } in points {
             position.iter().for_each(|metres| data.extend(metres.to_le_bytes()));
             if has_colour {
                 data.extend([*blue, *green, *red, 0]);
             }
         }
-        Self { n_points: points.len() as u32, has_colour, data }
+        Self { has_colour, data }
     }
 
     /// Bytes of the points.
@@ -33,29 +32,8 @@ impl Packed {
     /// The message, in one row.
     pub(crate) fn message<'a>(&'a self, header: Header<'a>) -> PointCloud<'a> {
         let names = if self.has_colour { &["x", "y", "z", "rgb"][..] } else { &["x", "y", "z"] };
-        let field = |(place, name): (usize, &&'static str)| PointField {
-            name: (*name).into(),
-            offset: 4 * place as u32,
-            datatype: PointField::FLOAT32,
-            count: 1,
-        };
-        PointCloud {
-            header,
-            height: 1,
-            width: self.n_points,
-            fields: names.iter().enumerate().map(field).collect(),
-            is_bigendian: false,
-            point_step: step(self.has_colour),
-            row_step: self.n_points * step(self.has_colour),
-            data: &self.data,
-            is_dense: true,
-        }
+        PointCloud::in_a_row(header, names, &self.data)
     }
-}
-
-/// Bytes of a point.
-fn step(has_colour: bool) -> u32 {
-    if has_colour { 16 } else { 12 }
 }
 
 #[cfg(test)]

@@ -1,31 +1,14 @@
 //! Keyframes of a run that goes on, read from its directory: nothing in it is written or locked.
 
 use super::live_verdict::LiveVerdict;
+use crate::run::known;
 use tessera_geometry::{Camera, Pose};
-use tessera_journal::{Follower, JournalError};
+use tessera_journal::Follower;
 use tessera_occupancy::{ColouredPoint, KeyframeView, thinned_surface};
-use tessera_settings::{Settings, SettingsError};
-use tessera_slam::WorldUp;
-use tessera_slam::{AlignRecord, KeyframeRecord, PoseHistory};
-use tessera_stage::{ALIGN_JOURNAL, RunFile, RunFiles, StageError, StoredKeyframes};
+use tessera_outputs::ToolError;
+use tessera_slam::{AlignRecord, KeyframeRecord, PoseHistory, WorldUp};
+use tessera_stage::{ALIGN_JOURNAL, RunFiles, StoredKeyframes};
 use tessera_transport::RunEntry;
-
-/// Why the keyframes of a run cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum FollowError {
-    /// Its journal.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-    /// Its files, or a damaged keyframe.
-    #[error(transparent)]
-    Stage(#[from] StageError),
-    /// Its configuration.
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// Its folder.
-    #[error("cannot read {0}: {1}")]
-    Read(String, std::io::Error),
-}
 
 /// Where the keyframes of a map stand: each with `world_from_camera`, by id.
 pub(crate) type FollowedKeyframes = Vec<(u32, Pose)>;
@@ -52,23 +35,13 @@ impl Follow {
     ///
     /// # Errors
     /// Where one of its files is something else or cannot be read.
-    pub(crate) fn open(entry: &RunEntry) -> Result<Option<Self>, FollowError> {
+    pub(crate) fn open(entry: &RunEntry) -> Result<Option<Self>, ToolError> {
         let files = RunFiles::new(&entry.run_dir);
         let (journal, store) = (files.align_journal(), files.store());
-        let is_there = files.run_file().is_file()
-            && journal.is_file()
-            && store.metadata().is_ok_and(|meta| meta.len() > 0);
-        if !is_there {
+        if !journal.is_file() || !store.metadata().is_ok_and(|meta| meta.len() > 0) {
             return Ok(None);
         }
-        let run = RunFile::read(&files)?;
-        if run.identity != entry.identity {
-            // That of a run which used the folder before.
-            return Ok(None);
-        }
-        let path = files.config().display().to_string();
-        let text = std::fs::read_to_string(&path).map_err(|error| FollowError::Read(path.clone(), error))?;
-        let settings = Settings::from_toml(&text, &path)?;
+        let Some((run, settings)) = known(entry)? else { return Ok(None) };
         Ok(Some(Self {
             journal: Follower::open(&journal, ALIGN_JOURNAL)?,
             surfaces: StoredKeyframes::open(&store, run.layout(&settings).grid)?,
@@ -93,7 +66,7 @@ impl Follow {
     ///
     /// # Errors
     /// Where the journal is damaged.
-    pub(crate) fn drain(&mut self) -> Result<(), FollowError> {
+    pub(crate) fn drain(&mut self) -> Result<(), ToolError> {
         while let Some(record) = self.journal.next()? {
             self.surfaces.take_unread(&record)?;
             self.poses.apply(&record);
@@ -146,7 +119,7 @@ impl Follow {
     ///
     /// # Errors
     /// Where it is unknown, or damaged in the store.
-    pub(crate) fn points(&self, keyframe: u32, edge_m: f64) -> Result<Vec<ColouredPoint>, FollowError> {
+    pub(crate) fn points(&self, keyframe: u32, edge_m: f64) -> Result<Vec<ColouredPoint>, ToolError> {
         let vertices = self.surfaces.load(keyframe)?;
         let velocity = self.made.get(keyframe as usize).map_or([0.0; 6], |(_, velocity)| *velocity);
         let seen = KeyframeView { camera: &self.camera, step: self.step, velocity };

@@ -1,7 +1,7 @@
 //! What is made of one journal for those who read it.
 
 use super::cloud::Packed;
-use super::follow::{Follow, FollowError, FollowedKeyframes};
+use super::follow::{Follow, FollowedKeyframes};
 use super::mapper::GridMapper;
 use super::pace::MapPace;
 use super::worker::{MapOptions, MapUpdate, Worker, WorkerEnd};
@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tessera_geometry::Pose;
 use tessera_occupancy::{CellLattice, ColouredPoint, PointThinner};
+use tessera_outputs::ToolError;
 
 /// Least time between two clouds of the whole map.
 const CLOUD: Duration = Duration::from_secs(5);
@@ -85,7 +86,7 @@ impl<'a> Making<'a> {
     }
 
     /// Reads the points of keyframes that are not held yet.
-    fn hold(&mut self) -> Result<(), FollowError> {
+    fn hold(&mut self) -> Result<(), ToolError> {
         // Half a cell: of a closed surface no cell is left without a point.
         let edge_m = self.worker.options.spacing_m.min(0.5 * self.worker.options.cell_m);
         for id in self.held.len() as u32..self.follow.n_keyframes() {

@@ -2,13 +2,14 @@
 //! as long as something reads it.
 
 use super::cloud::Packed;
-use super::follow::{Follow, FollowError};
+use super::follow::Follow;
 use super::making::Making;
 use super::mapper::GridUpdate;
 use crate::poses::base::Base;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SendError, SyncSender};
 use std::time::Duration;
+use tessera_outputs::ToolError;
 use tessera_transport::RunEntry;
 
 /// Time between two looks into the journal.
@@ -62,13 +63,13 @@ pub(crate) struct Worker {
 
 /// Why the thread stops to follow.
 pub(crate) enum WorkerEnd {
-    Trouble(FollowError),
+    Trouble(ToolError),
     /// Nothing takes what it makes.
     NotWanted,
 }
 
-impl From<FollowError> for WorkerEnd {
-    fn from(error: FollowError) -> Self {
+impl From<ToolError> for WorkerEnd {
+    fn from(error: ToolError) -> Self {
         Self::Trouble(error)
     }
 }

@@ -1,6 +1,5 @@
 //! The network's side: what carries messages, which network is joined, and what it says of time.
 
-pub(crate) mod cdr;
 mod dds;
 pub(crate) mod open;
 pub(crate) mod reach;

@@ -16,6 +16,17 @@ pub(crate) enum NetworkReach {
     All,
 }
 
+impl NetworkReach {
+    /// In words; those for this machine are the network's own.
+    pub(crate) fn words(self, loopback: &str) -> String {
+        match self {
+            Self::Loopback => loopback.to_owned(),
+            Self::Interface(address) => format!("{address} and 127.0.0.1"),
+            Self::All => "all interfaces".to_owned(),
+        }
+    }
+}
+
 /// A ROS 2 network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Ros2Network {

@@ -1,11 +1,10 @@
 //! Time as nodes of ROS have it: that of the system, or that of `/clock` where it is simulated or a bag is
 //! played. Images have times of their own; this one is for what is published now and then.
 
-use crate::carrier::{CLOCK, Carrier, CarrierError, ENCAPSULATION, Quality, Subscription};
-use crate::report::take;
-use crate::report::{Report, ReportEvent};
+use crate::carrier::{CLOCK, Carrier, CarrierError, Quality, Subscription};
+use crate::report::{Report, ReportEvent, take};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
-use tessera_recording::ros::Time;
+use tessera_recording::ros::{Time, decode};
 
 const TOPIC: &str = "/clock";
 /// Nanoseconds between two messages of path and diagnostics.
@@ -83,16 +82,7 @@ impl RosTime {
 
 /// The time in a `rosgraph_msgs/msg/Clock`.
 fn read(message: &[u8]) -> Option<i64> {
-    let is_big_endian = message.get(1)? == &0;
-    let word = |at: usize| {
-        let body = message.get(ENCAPSULATION..)?;
-        let mut bytes: [u8; 4] = body.get(at..)?.get(..4)?.try_into().ok()?;
-        if is_big_endian {
-            bytes.reverse();
-        }
-        Some(u32::from_le_bytes(bytes))
-    };
-    Some(Time { sec: word(0)? as i32, nanosec: word(4)? }.nanos())
+    decode(CLOCK.name, message).ok().map(|time: Time| time.nanos())
 }
 
 #[cfg(test)]

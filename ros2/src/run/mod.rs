@@ -10,10 +10,11 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tessera_geometry::Camera;
+use tessera_outputs::{ToolError, read_settings};
 use tessera_settings::Settings;
 use tessera_slam::WorldUp;
 use tessera_stage::{RunFile, RunFiles};
-use tessera_transport::{Guest, RunEntry, check_name, registered_runs};
+use tessera_transport::{Guest, RunEntry, check_name, living_runs};
 
 /// Under this name the program joins a run.
 pub(crate) const GUEST: &str = "ros2";
@@ -31,17 +32,14 @@ impl JoinedRun {
     /// Joins the run of that name; `None` where there is none (yet).
     pub(crate) fn join(name: &str) -> Result<Option<Self>, Ros2Error> {
         check_name(name)?;
-        let runs = registered_runs()?;
-        let Some(run) = runs.into_iter().find(|run| run.is_alive && run.entry.name == name) else {
-            return Ok(None);
-        };
-        let guest = Guest::open(&run.entry.identity, GUEST)?;
-        Ok(Some(Self { entry: run.entry, guest }))
+        let Some(entry) = living_runs()?.into_iter().find(|run| run.name == name) else { return Ok(None) };
+        let guest = Guest::open(&entry.identity, GUEST)?;
+        Ok(Some(Self { entry, guest }))
     }
 
     /// Whether it still goes on, and is not another one of the same name.
     pub(crate) fn is_current(&self) -> Result<bool, Ros2Error> {
-        is_alive(&self.entry)
+        Ok(self.entry.is_alive()?)
     }
 
     /// The camera that its images must have; `None` where it has had no image yet, or `--camera` of
@@ -50,7 +48,7 @@ impl JoinedRun {
     /// # Errors
     /// Where its files cannot be read.
     pub(crate) fn camera(&self) -> Result<Option<Camera>, Ros2Error> {
-        let known = self.known()?;
+        let known = known(&self.entry)?;
         Ok(known.and_then(|(run, settings)| settings.run.camera.is_empty().then_some(run.camera)))
     }
 
@@ -59,27 +57,23 @@ impl JoinedRun {
     /// # Errors
     /// Where its files cannot be read.
     pub(crate) fn world_up(&self) -> Result<Option<WorldUp>, Ros2Error> {
-        Ok(self.known()?.map(|(_, settings)| settings.mapping.world_up))
+        Ok(known(&self.entry)?.map(|(_, settings)| settings.mapping.world_up))
     }
+}
 
-    /// What it wrote of itself; `None` where it has had no image yet.
-    fn known(&self) -> Result<Option<(RunFile, Settings)>, Ros2Error> {
-        let files = RunFiles::new(&self.entry.run_dir);
-        if !files.run_file().is_file() {
-            return Ok(None);
-        }
-        let wrong = |error: &dyn std::fmt::Display| Ros2Error::Run(error.to_string());
-        let run = RunFile::read(&files).map_err(|error| wrong(&error))?;
-        if run.identity != self.entry.identity {
-            // That of a run which used the folder before.
-            return Ok(None);
-        }
-        let path = files.config().display().to_string();
-        let text = std::fs::read_to_string(&path)
-            .map_err(|error| Ros2Error::Run(format!("cannot read {path}: {error}")))?;
-        let settings = Settings::from_toml(&text, &path).map_err(|error| wrong(&error))?;
-        Ok(Some((run, settings)))
+/// What a run wrote of itself; `None` where it has had no image yet.
+///
+/// # Errors
+/// Where its files cannot be read.
+pub(crate) fn known(entry: &RunEntry) -> Result<Option<(RunFile, Settings)>, ToolError> {
+    let files = RunFiles::new(&entry.run_dir);
+    if !files.run_file().is_file() {
+        return Ok(None);
     }
+    let run = RunFile::read(&files)?;
+    // Another one is that of a run which used the folder before.
+    let is_its = run.identity == entry.identity;
+    is_its.then(|| Ok((run, read_settings(&files)?))).transpose()
 }
 
 /// The command: the program that started this one, or that beside it or on `PATH`.
@@ -88,12 +82,6 @@ pub(crate) fn tessera() -> Command {
         let beside = std::env::current_exe().unwrap_or_default().with_file_name("tessera");
         if beside.is_file() { beside.into_os_string() } else { OsString::from("tessera") }
     }))
-}
-
-/// Whether a run goes on, and is not another one of the same name.
-pub(crate) fn is_alive(entry: &RunEntry) -> Result<bool, Ros2Error> {
-    let runs = registered_runs()?;
-    Ok(runs.iter().any(|run| run.is_alive && run.entry.identity == entry.identity))
 }
 
 /// The next run after one in `run_dir`: its name, and the arguments of `tessera run` for it. A number

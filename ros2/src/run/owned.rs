@@ -3,14 +3,14 @@
 
 use crate::error::Ros2Error;
 use crate::run::cut_off::cut_off;
-use crate::run::{GUEST, is_alive, tessera};
+use crate::run::{GUEST, tessera};
 use rustix::process::{Pid, Signal};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
 use tessera_stage::{RunFile, RunFiles};
-use tessera_transport::{RunEntry, check_name, living_nodes, registered_runs};
+use tessera_transport::{RunEntry, check_name, living_nodes, living_runs};
 
 /// Variable by which a run's supervisor says which program began it.
 const OWNER: &str = "TESSERA_ROS2_RUN";
@@ -49,8 +49,7 @@ impl Started {
     /// Where another program carries it, or it cannot be started.
     pub(crate) fn begin(name: &str, arguments: &[String]) -> Result<Self, Ros2Error> {
         check_name(name)?;
-        let living = registered_runs()?.into_iter().filter(|run| run.is_alive).map(|run| run.entry);
-        let own = living.filter(|entry| is_of(entry.pid, name));
+        let own = living_runs()?.into_iter().filter(|entry| is_of(entry.pid, name));
         let Some(entry) = own.max_by_key(|entry| number_of(&entry.name)) else {
             return match cut_off(name, arguments) {
                 Some(folder) => Self::resume(&folder, name),
@@ -130,7 +129,7 @@ impl Started {
                 Ok(Some(status)) => judge(status),
                 Err(error) => Err(Ros2Error::Run(error.to_string())),
             },
-            RunProcess::Taken(entry) => Ok(!is_alive(entry)?),
+            RunProcess::Taken(entry) => Ok(!entry.is_alive()?),
         }
     }
 

@@ -3,12 +3,12 @@
 
 use crate::camera::sender::Sender;
 use crate::carrier::{Carrier, CarrierError, INITIAL_POSE, Quality, Subscription};
-use crate::network::cdr::CdrReader;
 use crate::poses::base::pose;
 use crate::report::take;
 use crate::report::{Report, ReportEvent};
 use std::time::{Duration, Instant};
 use tessera_geometry::Pose;
+use tessera_recording::ros::{Header, RosPose, decode};
 
 /// Its name in ROS.
 const TOPIC: &str = "/initialpose";
@@ -81,17 +81,9 @@ fn difference(given: &Pose, found: &Pose) -> String {
 /// In words, where it is none.
 fn read(message: &[u8]) -> Result<Pose, String> {
     let short = || format!("no geometry_msgs/msg/PoseWithCovarianceStamped: {} bytes", message.len());
-    let mut reader = CdrReader::new(message).ok_or_else(short)?;
-    let mut parse = || {
-        let _stamp = (reader.word()?, reader.word()?);
-        let frame = reader.text()?;
-        let mut numbers = [0.0; 7];
-        for number in &mut numbers {
-            *number = reader.number()?;
-        }
-        Some((frame, numbers))
-    };
-    let (frame, numbers) = parse().ok_or_else(short)?;
+    let (header, RosPose { position: [x, y, z], orientation_xyzw: [qx, qy, qz, qw] }): (Header<'_>, _) =
+        decode("pose", message).map_err(|_| short())?;
+    let (frame, numbers) = (header.frame_id, [x, y, z, qx, qy, qz, qw]);
     if frame.trim_start_matches('/') != MAP {
         return Err(format!("a pose in {frame:?}, expected {MAP}"));
     }
@@ -103,7 +95,7 @@ fn read(message: &[u8]) -> Result<Pose, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tessera_recording::ros::{Header, PoseWithCovariance, RosPose, Time, encode};
+    use tessera_recording::ros::{PoseWithCovariance, Time, encode};
 
     fn message(frame: &str, orientation_xyzw: [f64; 4]) -> Vec<u8> {
         let header = Header { stamp: Time::from_nanos(1), frame_id: frame.into() };

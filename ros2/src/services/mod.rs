@@ -3,6 +3,5 @@
 pub(crate) mod initial_pose;
 pub(crate) mod parameters;
 pub(crate) mod relocalise;
-pub(crate) mod reset;
 pub(crate) mod save;
 pub(crate) mod trigger;

@@ -1,22 +1,19 @@
 //! The service `relocalise`: with the next image the run is asked to look for its place anew.
 
 use crate::camera::sender::Sender;
-use crate::carrier::{Carrier, CarrierError, Client};
+use crate::carrier::{Carrier, CarrierError};
 use crate::error::Ros2Error;
 use crate::report::Report;
 use crate::services::trigger::{Response, Trigger};
 use std::time::{Duration, Instant};
 
-/// Requests that one image serves at most; more are refused.
-const MOST_WAITING: usize = 16;
 /// Time in which an image must go into the run.
 const MOST_TO_SEND: Duration = Duration::from_secs(5);
 
-/// The service, and the clients that wait for an image.
+/// The service, whose clients wait for an image.
 pub(crate) struct Relocalise {
     service: Trigger,
-    waiting: Vec<Client>,
-    /// When the first of them came.
+    /// When the first of the clients that wait came.
     since: Instant,
     /// The sender knows.
     is_told: bool,
@@ -28,8 +25,8 @@ impl Relocalise {
     /// # Errors
     /// Where the network refuses it.
     pub(crate) fn new(carrier: &mut dyn Carrier, namespace: &str) -> Result<Self, CarrierError> {
-        let service = Trigger::new(carrier, &format!("{namespace}/relocalise"))?;
-        Ok(Self { service, waiting: Vec::new(), since: Instant::now(), is_told: false })
+        let service = Trigger::new(carrier, namespace, "relocalise")?;
+        Ok(Self { service, since: Instant::now(), is_told: false })
     }
 
     /// Takes requests in, has the next image ask for them, and answers those for which one did.
@@ -42,8 +39,7 @@ impl Relocalise {
         sender: Option<&mut Sender>,
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
-        self.take(report)?;
-        if self.waiting.is_empty() {
+        if !self.take(report)? {
             return Ok(());
         }
         let is_late = self.since.elapsed() > MOST_TO_SEND;
@@ -67,7 +63,7 @@ impl Relocalise {
             }
             _ => return Ok(()),
         };
-        self.answer(&response, report)
+        self.service.answer_all(&response, report)
     }
 
     /// Takes requests in and refuses all: there is no run that could be asked.
@@ -84,29 +80,15 @@ impl Relocalise {
         if let Some(sender) = sender {
             sender.asks_relocalisation = false;
         }
-        self.answer(&Response::refused(why.to_owned()), report)
+        self.service.answer_all(&Response::refused(why.to_owned()), report)
     }
 
-    fn take(&mut self, report: &mut Report) -> Result<(), Ros2Error> {
-        while let Some(client) = self.service.take(report) {
-            if self.waiting.len() == MOST_WAITING {
-                let response = Response::refused("too many requests wait".to_owned());
-                self.service.answer(&client, &response, report)?;
-                continue;
-            }
-            if self.waiting.is_empty() {
-                (self.since, self.is_told) = (Instant::now(), false);
-            }
-            self.waiting.push(client);
+    fn take(&mut self, report: &mut Report) -> Result<bool, Ros2Error> {
+        let is_first = self.service.waiting.is_empty();
+        let is_asked = self.service.take(None, report)?;
+        if is_first && is_asked {
+            (self.since, self.is_told) = (Instant::now(), false);
         }
-        Ok(())
-    }
-
-    fn answer(&mut self, response: &Response, report: &mut Report) -> Result<(), Ros2Error> {
-        for client in std::mem::take(&mut self.waiting) {
-            report.say(&format!("relocalise: {}", response.message));
-            self.service.answer(&client, response, report)?;
-        }
-        Ok(())
+        Ok(is_asked)
     }
 }

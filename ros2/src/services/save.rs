@@ -8,20 +8,15 @@ use crate::poses::base::Base;
 use crate::report::Report;
 use crate::run::tessera;
 use crate::services::trigger::{Response, Trigger};
-use std::collections::VecDeque;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::thread::JoinHandle;
 use tessera_transport::RunEntry;
 
-/// Requests that wait at most; more are refused.
-const MOST_WAITING: usize = 16;
-
 /// The service, and the export that goes on.
 pub(crate) struct SaveMap {
     service: Trigger,
-    waiting: VecDeque<Client>,
     export: Option<(Client, Export, PathBuf)>,
     grid: Option<(Client, SavedGrid, PathBuf)>,
     options: MapOptions,
@@ -51,8 +46,8 @@ impl SaveMap {
         namespace: &str,
         options: MapOptions,
     ) -> Result<Self, CarrierError> {
-        let service = Trigger::new(carrier, &format!("{namespace}/save_map"))?;
-        Ok(Self { service, waiting: VecDeque::new(), export: None, grid: None, options })
+        let service = Trigger::new(carrier, namespace, "save_map")?;
+        Ok(Self { service, export: None, grid: None, options })
     }
 
     /// Takes requests in and answers those that are done. Requests are served one after the other, each
@@ -67,14 +62,7 @@ impl SaveMap {
         base: Option<&Base>,
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
-        while let Some(client) = self.service.take(report) {
-            if self.waiting.len() == MOST_WAITING {
-                let response = Response::refused("too many requests wait".to_owned());
-                self.service.answer(&client, &response, report)?;
-                continue;
-            }
-            self.waiting.push_back(client);
-        }
+        self.service.take(None, report)?;
         if let Some((client, export, dir)) = &mut self.export
             && let Some(response) = outcome(&mut export.0, dir)
         {
@@ -82,7 +70,7 @@ impl SaveMap {
             self.export = None;
             match base.filter(|_| response.success) {
                 Some(base) => self.grid = Some((client, save_grid(entry, self.options, base), dir)),
-                None => self.answer(&client, &response, report)?,
+                None => self.service.answer(&client, &response, report)?,
             }
         }
         if let Some((client, thread, dir)) = self.grid.take_if(|(_, thread, _)| thread.is_finished()) {
@@ -91,11 +79,11 @@ impl SaveMap {
                 Ok(_) => dir.display().to_string(),
                 Err(why) => format!("{}; no map.yaml: {why}", dir.display()),
             };
-            self.answer(&client, &Response { success: true, message }, report)?;
+            self.service.answer(&client, &Response { success: true, message }, report)?;
         }
         if self.export.is_none()
             && self.grid.is_none()
-            && let Some(client) = self.waiting.pop_front()
+            && let Some(client) = self.service.waiting.pop_front()
         {
             let mut command = tessera();
             let run_dir = &entry.run_dir;
@@ -111,11 +99,6 @@ impl SaveMap {
             }
         }
         Ok(())
-    }
-
-    fn answer(&mut self, client: &Client, response: &Response, report: &mut Report) -> Result<(), Ros2Error> {
-        report.say(&format!("save_map: {}", response.message));
-        self.service.answer(client, response, report)
     }
 }
 

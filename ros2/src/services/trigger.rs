@@ -4,6 +4,7 @@ use crate::carrier::{Carrier, CarrierError, Client, Server, TRIGGER};
 use crate::error::Ros2Error;
 use crate::report::{Report, ReportEvent};
 use serde::Serialize;
+use std::collections::VecDeque;
 use tessera_recording::ros::encode;
 
 /// `std_srvs/srv/Trigger_Response`.
@@ -19,39 +20,76 @@ impl Response {
     }
 }
 
-/// One such service.
-pub(crate) struct Trigger(Box<dyn Server>);
+/// Requests that wait at most; more are refused.
+const MOST_WAITING: usize = 16;
+
+/// One such service, and the clients that wait for an answer.
+pub(crate) struct Trigger {
+    name: &'static str,
+    server: Box<dyn Server>,
+    pub(crate) waiting: VecDeque<Client>,
+}
 
 impl Trigger {
     /// Announces it under that name.
     ///
     /// # Errors
     /// Where the network refuses it.
-    pub(crate) fn new(carrier: &mut dyn Carrier, name: &str) -> Result<Self, CarrierError> {
-        Ok(Self(carrier.serve(name, TRIGGER)?))
+    pub(crate) fn new(
+        carrier: &mut dyn Carrier,
+        namespace: &str,
+        name: &'static str,
+    ) -> Result<Self, CarrierError> {
+        let server = carrier.serve(&format!("{namespace}/{name}"), TRIGGER)?;
+        Ok(Self { name, server, waiting: VecDeque::new() })
     }
 
-    /// The client of the oldest request that waits; requests that cannot be read are told and left out.
-    pub(crate) fn take(&mut self, report: &mut Report) -> Option<Client> {
+    /// Takes requests in, or answers them with `refusal`; whether a client waits. Requests that cannot be read
+    /// are told and left out.
+    ///
+    /// # Errors
+    /// Where a response cannot be written as CDR.
+    pub(crate) fn take(&mut self, refusal: Option<&str>, report: &mut Report) -> Result<bool, Ros2Error> {
         loop {
-            match self.0.take() {
-                Ok(asked) => return asked.map(|asked| asked.client),
-                Err(error) => report.note(ReportEvent::Carrier, || error.to_string()),
+            let client = match self.server.take() {
+                Ok(Some(asked)) => asked.client,
+                Ok(None) => return Ok(!self.waiting.is_empty()),
+                Err(error) => {
+                    report.note(ReportEvent::Carrier, || error.to_string());
+                    continue;
+                }
+            };
+            let too_many = (self.waiting.len() == MOST_WAITING).then_some("too many requests wait");
+            match refusal.or(too_many) {
+                Some(why) => self.answer(&client, &Response::refused(why.to_owned()), report)?,
+                None => self.waiting.push_back(client),
             }
         }
+    }
+
+    /// Answers all clients that wait.
+    ///
+    /// # Errors
+    /// As [`Self::take`].
+    pub(crate) fn answer_all(&mut self, response: &Response, report: &mut Report) -> Result<(), Ros2Error> {
+        while let Some(client) = self.waiting.pop_front() {
+            self.answer(&client, response, report)?;
+        }
+        Ok(())
     }
 
     /// Answers a request.
     ///
     /// # Errors
-    /// Where the response cannot be written as CDR.
+    /// As [`Self::take`].
     pub(crate) fn answer(
         &mut self,
         client: &Client,
         response: &Response,
         report: &mut Report,
     ) -> Result<(), Ros2Error> {
-        if let Err(error) = self.0.answer(client, &encode(response)?) {
+        report.say(&format!("{}: {}", self.name, response.message));
+        if let Err(error) = self.server.answer(client, &encode(response)?) {
             report.note(ReportEvent::Carrier, || error.to_string());
         }
         Ok(())

@@ -1,6 +1,7 @@
 //! `tessera ablate`: what each part of the method is worth, on any sequences.
 
 use crate::arguments::AblateArguments;
+use crate::commands::calibrate::check_writable;
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::terminal::say;
@@ -24,7 +25,7 @@ pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> 
         .iter()
         .map(|sequence| Ok((label(sequence), open(arguments, sequence)?)))
         .collect::<Result<Vec<_>, CommandError>>()?;
-    check_writable(&arguments.out)?;
+    check_writable(&arguments.out).map_err(|reason| CommandError::write(&arguments.out, reason))?;
     let peers = Peers::built_in().map_err(|error| internal(&error))?;
     // What others reach on all frames says nothing of a part.
     let peers = arguments.frames.is_none().then_some(&peers);
@@ -60,16 +61,6 @@ fn open(arguments: &AblateArguments, sequence: &str) -> Result<Box<dyn Source>, 
     let source = tessera_sources::open(&SourceSpec::parse(sequence), &options)?;
     ground_truth(sequence, &*source)?;
     Ok(source)
-}
-
-/// Refuses a plot that could not be written, without touching one that is there.
-fn check_writable(path: &Path) -> Result<(), CommandError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match (folder.is_dir(), path.is_dir()) {
-        (true, false) => Ok(()),
-        (true, true) => Err(CommandError::write(path, "it is a folder, expected a file to write")),
-        (false, _) => Err(CommandError::write(path, format!("there is no folder {}", folder.display()))),
-    }
 }
 
 /// The last part of a path, or the scene's name.

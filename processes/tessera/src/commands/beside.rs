@@ -2,8 +2,7 @@
 
 use crate::arguments::RunArguments;
 use crate::commands::metrics::{MetricsServer, listen};
-use crate::exit::Exit;
-use crate::launch::LaunchError;
+use crate::exit::{CommandError, Exit};
 use crate::terminal::{say, say_error};
 use tessera_lab::trace::TraceOutput;
 use tessera_supervisor::Plan;
@@ -13,8 +12,8 @@ use tessera_supervisor::Plan;
 pub(super) fn with_company(
     plan: &Plan,
     arguments: &RunArguments,
-    launch: impl FnOnce(&mut dyn FnMut()) -> Result<Exit, LaunchError>,
-) -> Result<Exit, LaunchError> {
+    launch: impl FnOnce(&mut dyn FnMut()) -> Result<Exit, CommandError>,
+) -> Result<Exit, CommandError> {
     // Before anything is made: a wrong path or address is told at once.
     let listener = arguments.metrics.map(listen).transpose()?;
     let trace = arguments.trace.as_deref().map(TraceOutput::create).transpose()?;
@@ -33,7 +32,7 @@ pub(super) fn with_company(
     let launched = launch(&mut when_seen);
     drop(server);
     // A name that was taken: nothing has run.
-    if matches!(launched, Err(LaunchError::Supervisor(_))) {
+    if matches!(launched, Err(CommandError::Supervisor(_))) {
         return launched;
     }
     let written = match (trace, plan.trace_folder()) {

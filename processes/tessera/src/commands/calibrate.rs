@@ -24,7 +24,8 @@ const NAMED_WEIGHT: f64 = 0.2;
 pub(crate) fn calibrate(arguments: &CalibrateArguments) -> Result<Exit, CommandError> {
     let settings = Settings::load(arguments.config.as_deref(), &arguments.overrides)?;
     let options = CalibrateOptions { fixed: fixed(&arguments.fix)?, ..CalibrateOptions::default() };
-    check_writable(&arguments.out)?;
+    check_writable(&arguments.out)
+        .map_err(|reason| CommandError::arguments(format!("--out {}: {reason}", arguments.out.display())))?;
     let source = open(arguments, &settings)?;
     let start = match &arguments.camera {
         Some(camera) => named_camera(camera)?,
@@ -87,13 +88,13 @@ fn fixed(names: &[String]) -> Result<Vec<Parameter>, CommandError> {
     names.iter().map(by_name).collect()
 }
 
-fn check_writable(path: &Path) -> Result<(), CommandError> {
+/// Whether a file can be written there, before work is done for it; else why not.
+pub(super) fn check_writable(path: &Path) -> Result<(), String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let refuse = |reason: String| Err(CommandError::arguments(format!("--out {}: {reason}", path.display())));
     match (folder.is_dir(), path.is_dir()) {
         (true, false) => Ok(()),
-        (true, true) => refuse("it is a folder, expected a file to write".to_owned()),
-        (false, _) => refuse(format!("there is no folder {}", folder.display())),
+        (true, true) => Err("it is a folder, expected a file to write".to_owned()),
+        (false, _) => Err(format!("there is no folder {}", folder.display())),
     }
 }
 

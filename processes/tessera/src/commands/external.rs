@@ -5,7 +5,7 @@ use crate::arguments::{RunArguments, Speech};
 use crate::commands::beside::with_company;
 use crate::commands::new_plan::{new_plan, run_dir};
 use crate::exit::{CommandError, Exit};
-use crate::launch::{LaunchError, launch};
+use crate::launch::launch;
 use std::time::{Duration, Instant};
 use tessera_geometry::Camera;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind, Stage};
@@ -37,13 +37,13 @@ pub(super) fn check_arguments(settings: &Settings) -> Result<(), CommandError> {
 }
 
 /// Takes the name, waits for the camera's first image, and runs.
-pub(super) fn start(arguments: &RunArguments, settings: &Settings, name: &str) -> Result<Exit, LaunchError> {
+pub(super) fn start(arguments: &RunArguments, settings: &Settings, name: &str) -> Result<Exit, CommandError> {
     let run_dir = run_dir(arguments, name);
     if RunFiles::new(&run_dir).run_file().exists() {
         let exists = SupervisorError::RunExists { dir: run_dir, name: name.to_owned() };
-        return Err(LaunchError::Supervisor(exists));
+        return Err(CommandError::Supervisor(exists));
     }
-    let transport = |error: TransportError| LaunchError::Supervisor(error.into());
+    let transport = |error: TransportError| CommandError::Supervisor(error.into());
     let claim = RunClaim::take(name, &run_dir).map_err(transport)?;
     let Some(first) = await_first(&claim, settings, arguments.speech)? else {
         return Ok(Exit::Interrupted);

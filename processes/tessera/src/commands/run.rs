@@ -7,7 +7,7 @@ use crate::commands::new_plan::{new_plan, run_dir};
 use crate::commands::resume::{Resumption, resume_in};
 use crate::commands::several::several;
 use crate::exit::{CommandError, Exit};
-use crate::launch::{LaunchError, launch};
+use crate::launch::launch;
 use crate::run_folder;
 use crate::terminal::say_error;
 use crate::terminal::say_to_people;
@@ -78,7 +78,7 @@ fn doubt_up(settings: &Settings, source: &dyn Source) -> Option<String> {
 fn under_a_name(
     arguments: &RunArguments,
     settings: &Settings,
-    start: impl Fn(&str) -> Result<Exit, LaunchError>,
+    start: impl Fn(&str) -> Result<Exit, CommandError>,
 ) -> Result<Exit, CommandError> {
     let recording = arguments.rerun.as_deref().map(Recording::start).transpose()?;
     let exit = under_a_free_name(arguments, settings, start)?;
@@ -91,7 +91,7 @@ fn under_a_name(
 fn under_a_free_name(
     arguments: &RunArguments,
     settings: &Settings,
-    start: impl Fn(&str) -> Result<Exit, LaunchError>,
+    start: impl Fn(&str) -> Result<Exit, CommandError>,
 ) -> Result<Exit, CommandError> {
     if let Some(name) = &arguments.name {
         check_name(name).map_err(|error| CommandError::arguments(error.to_string()))?;
@@ -101,18 +101,18 @@ fn under_a_free_name(
             let how = Resumption { hold: true, drop_damaged: false, faults };
             return resume_in(&run_dir, arguments.speech, how);
         }
-        return Ok(start(name)?);
+        return start(name);
     }
     let label = run_folder::label(&settings.run.source);
     for number in 1..=MOST_NAMES {
         let name = format!("{label}-{number}");
         match start(&name) {
             // The name is in use: the next one, unless the folder was asked for.
-            Err(LaunchError::Supervisor(SupervisorError::RunExists { .. })) if arguments.out.is_none() => {}
-            Err(LaunchError::Supervisor(SupervisorError::Transport(TransportError::NameInUse {
+            Err(CommandError::Supervisor(SupervisorError::RunExists { .. })) if arguments.out.is_none() => {}
+            Err(CommandError::Supervisor(SupervisorError::Transport(TransportError::NameInUse {
                 ..
             }))) => {}
-            ended => return Ok(ended?),
+            ended => return ended,
         }
     }
     Err(CommandError::arguments(format!(
@@ -187,7 +187,7 @@ fn start(
     source: &dyn Source,
     (doubts, warnings): (&[String], &[String]),
     name: &str,
-) -> Result<Exit, LaunchError> {
+) -> Result<Exit, CommandError> {
     let mut plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
     plan.doubts = doubts.to_vec();
     plan.warnings = warnings.to_vec();
@@ -196,7 +196,7 @@ fn start(
     })?;
     if arguments.map_update && exit == Exit::Done {
         let map = Path::new(&settings.run.map);
-        update_map(map, &plan.run_dir).map_err(CommandError::from)?;
+        update_map(map, &plan.run_dir)?;
         if !arguments.speech.quiet && !arguments.speech.json {
             say_to_people(&format!(
                 "the extended map is in {}, the map before in {}",

@@ -7,13 +7,12 @@ use crate::terminal::{json, say, say_report, say_to_people};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage, WaitingOn};
-use tessera_outputs::{LatencyMs, RunStatistics};
-use tessera_settings::Settings;
+use tessera_outputs::{LatencyMs, RunStatistics, read_settings};
 use tessera_stage::{RunFile, RunFiles};
-use tessera_transport::{Link, Registered, RunEntry, living_nodes, registered_runs};
+use tessera_transport::{Link, RunEntry, living_nodes, living_runs};
 
 /// How long to listen for the beats of all stages; each beats some ten times a second, unless one
 /// step of its work takes longer or it is frozen.
@@ -47,11 +46,11 @@ struct RunStatus {
 
 /// Prints the status of one run, or of all that are going on.
 pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> {
-    let runs = registered_runs()?;
+    let runs = living_runs()?;
     let Some(wanted) = &arguments.run else {
         // One that cannot be read, or that has just ended, hides none of the others.
-        let of_any = |run: &Registered| of_running(&run.entry).unwrap_or_else(|e| of_unread(&run.entry, &e));
-        let alive: Vec<RunStatus> = runs.iter().filter(|run| run.is_alive).map(of_any).collect();
+        let of_any = |run: &RunEntry| of_running(run).unwrap_or_else(|e| of_unread(run, &e));
+        let alive: Vec<RunStatus> = runs.iter().map(of_any).collect();
         if arguments.json {
             say(&json(&alive)?);
         } else if alive.is_empty() {
@@ -61,15 +60,11 @@ pub(crate) fn status(arguments: &StatusArguments) -> Result<Exit, CommandError> 
         }
         return Ok(Exit::Done);
     };
-    let status = match runs.iter().find(|run| run.is_alive && is_named(run, wanted)) {
-        Some(run) => of_running(&run.entry)?,
+    let status = match runs.iter().find(|run| run_folder::is_of(run, wanted)) {
+        Some(run) => of_running(run)?,
         None => of_ended(wanted)?,
     };
     say_report(arguments.json, &status, || for_people(&status))
-}
-
-fn is_named(run: &Registered, wanted: &str) -> bool {
-    run.entry.name == wanted || std::path::absolute(wanted).is_ok_and(|folder| folder == run.entry.run_dir)
 }
 
 fn of_running(run: &RunEntry) -> Result<RunStatus, CommandError> {
@@ -141,9 +136,7 @@ fn of_stage(
 /// The newest beat of each stage.
 fn listen(run: &RunEntry) -> Result<BTreeMap<Stage, Beat>, CommandError> {
     let files = RunFiles::new(&run.run_dir);
-    let config = files.config();
-    let text = read(&config)?;
-    let settings = Settings::from_toml(&text, &config.display().to_string())?;
+    let settings = read_settings(&files)?;
     let layout = RunFile::read(&files)?.layout(&settings);
     let link = Link::open(&run.identity, &layout, "status")?;
     let subscriber = link.beat_subscriber()?;
@@ -157,10 +150,6 @@ fn listen(run: &RunEntry) -> Result<BTreeMap<Stage, Beat>, CommandError> {
         std::thread::sleep(Duration::from_millis(10));
     }
     Ok(beats)
-}
-
-fn read(path: &Path) -> Result<String, CommandError> {
-    std::fs::read_to_string(path).map_err(|error| CommandError::input(format!("{}: {error}", path.display())))
 }
 
 fn for_people(run: &RunStatus) -> String {

@@ -3,12 +3,13 @@
 use crate::arguments::TopArguments;
 use crate::commands::metrics::serve;
 use crate::exit::{CommandError, Exit};
+use crate::run_folder;
 use crate::terminal::say;
 use crate::top::{Watcher, draw};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use std::io::IsTerminal;
 use std::time::Duration;
-use tessera_transport::{RunEntry, registered_runs};
+use tessera_transport::{RunEntry, living_runs};
 
 /// How long the first beats of all stages may take to come.
 const FIRST_WORDS: Duration = Duration::from_secs(3);
@@ -18,7 +19,7 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
     let run = find(arguments.run.as_deref())?;
     if let Some(address) = arguments.metrics {
         let mut watcher = Watcher::open(&run, "metrics")?;
-        return serve(address, &mut watcher, || is_alive(&run)).map(|()| Exit::Done);
+        return serve(address, &mut watcher, || Ok(run.is_alive()?)).map(|()| Exit::Done);
     }
     if !arguments.json && !std::io::stdout().is_terminal() {
         return Err(CommandError::arguments(
@@ -34,7 +35,7 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
     };
     let mut look = || -> Result<(), CommandError> {
         let mut n_looks = 0;
-        while is_alive(&run)? && arguments.count.is_none_or(|count| n_looks < count) {
+        while run.is_alive()? && arguments.count.is_none_or(|count| n_looks < count) {
             watcher.listen(interval)?;
             let snapshot = watcher.look();
             n_looks += 1;
@@ -60,8 +61,7 @@ pub(crate) fn top(arguments: &TopArguments) -> Result<Exit, CommandError> {
 
 /// The run of that name or folder; the only one there is where none is named.
 fn find(wanted: Option<&str>) -> Result<RunEntry, CommandError> {
-    let alive: Vec<RunEntry> =
-        registered_runs()?.into_iter().filter(|run| run.is_alive).map(|run| run.entry).collect();
+    let alive = living_runs()?;
     let names = alive.iter().map(|run| run.name.as_str()).collect::<Vec<_>>().join(", ");
     let there_are =
         if names.is_empty() { "no run is going on".to_owned() } else { format!("there are: {names}") };
@@ -72,16 +72,9 @@ fn find(wanted: Option<&str>) -> Result<RunEntry, CommandError> {
         ))),
         Some(wanted) => alive
             .into_iter()
-            .find(|run| {
-                run.name == wanted || std::path::absolute(wanted).is_ok_and(|folder| folder == run.run_dir)
-            })
+            .find(|run| run_folder::is_of(run, wanted))
             .ok_or_else(|| CommandError::arguments(format!("no run {wanted:?} is going on; {there_are}"))),
     }
-}
-
-fn is_alive(run: &RunEntry) -> Result<bool, CommandError> {
-    let runs = registered_runs()?;
-    Ok(runs.iter().any(|other| other.is_alive && other.entry.identity == run.identity))
 }
 
 /// Whether a key was pressed that ends the view.

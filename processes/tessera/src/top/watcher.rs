@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_geometry::{Pose, PoseBits};
 use tessera_messages::{Beat, BeatState, POSE_STATES, PoseMessage, Stage, StageTimes, WaitingOn};
-use tessera_settings::Settings;
+use tessera_outputs::read_settings;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Link, RunEntry, Subscriber};
 
@@ -37,11 +37,7 @@ impl Watcher {
     /// Where its files or its shared memory cannot be read.
     pub(crate) fn open(run: &RunEntry, name: &str) -> Result<Self, CommandError> {
         let files = RunFiles::new(&run.run_dir);
-        let config = files.config();
-        let origin = config.display().to_string();
-        let text =
-            std::fs::read_to_string(&config).map_err(|e| CommandError::input(format!("{origin}: {e}")))?;
-        let layout = RunFile::read(&files)?.layout(&Settings::from_toml(&text, &origin)?);
+        let layout = RunFile::read(&files)?.layout(&read_settings(&files)?);
         let link = Link::open(&run.identity, &layout, name)?;
         let now = Instant::now();
         Ok(Self {

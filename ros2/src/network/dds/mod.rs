@@ -289,11 +289,7 @@ impl Carrier for Dds {
         let multicast = multicast_port(domain);
         let meta = self.neighbours.as_ref().map_or(unicast_port(domain, index), |n| n.port);
         let data = unicast_port(self.participant.domain_id(), index).saturating_add(1);
-        let place = match self.network.reach {
-            NetworkReach::Loopback => "this machine alone".to_owned(),
-            NetworkReach::Interface(address) => format!("{address} and 127.0.0.1"),
-            NetworkReach::All => "all interfaces".to_owned(),
-        };
+        let place = self.network.reach.words("this machine alone");
         let joined = format!(
             "DDS domain {domain}, discovery and data on {place} ({}); UDP ports {multicast} and {meta} for discovery, {data} for data",
             self.network.from
@@ -307,11 +303,7 @@ fn alone_words(network: &Ros2Network, joined: &[Ipv4Addr], foreign: &[Ipv4Addr])
     let list =
         |addresses: &[Ipv4Addr]| addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let (domain, port) = (network.domain, multicast_port(network.domain));
-    let place = match network.reach {
-        NetworkReach::Loopback => format!("this machine, by multicast on {}", list(joined)),
-        NetworkReach::Interface(address) => format!("{address} and 127.0.0.1"),
-        NetworkReach::All => "all interfaces".to_owned(),
-    };
+    let place = network.reach.words(&format!("this machine, by multicast on {}", list(joined)));
     let mut words = format!(
         "no program is heard in DDS domain {domain} on {place}, UDP port {port}, and by the ports of participants on 127.0.0.1"
     );

@@ -3,8 +3,8 @@
 
 use crate::error::Ros2Error;
 use crate::network::reach::{NetworkReach, Ros2Network};
-use serde_json::Value;
 use std::net::IpAddr;
+use tessera_transport::{is_loopback, locators_in};
 use zenoh::Config;
 
 /// Variable with the path of a session's configuration, and the one with single keys over it.
@@ -111,29 +111,7 @@ fn keep_to_loopback(config: &mut Config, from: &str) -> Result<(), Ros2Error> {
 fn endpoints(config: &Config) -> Result<Vec<String>, Ros2Error> {
     let wrong = |error: String| Ros2Error::Arguments(format!("{CONNECT}: {error}"));
     let json = config.get_json(CONNECT).map_err(|error| wrong(error.to_string()))?;
-    let value: Value = serde_json::from_str(&json).map_err(|error| wrong(error.to_string()))?;
-    let mut found = Vec::new();
-    collect(&value, &mut found);
-    Ok(found)
-}
-
-/// All texts below a value.
-fn collect(value: &Value, found: &mut Vec<String>) {
-    match value {
-        Value::String(text) => found.push(text.clone()),
-        Value::Array(items) => items.iter().for_each(|item| collect(item, found)),
-        Value::Object(items) => items.values().for_each(|item| collect(item, found)),
-        Value::Null | Value::Bool(_) | Value::Number(_) => {}
-    }
-}
-
-/// Whether an endpoint such as `tcp/127.0.0.1:7447` is on this machine.
-fn is_loopback(endpoint: &str) -> bool {
-    let address = endpoint.split_once('/').map_or(endpoint, |(_, address)| address);
-    let address = address.split(['#', '?']).next().unwrap_or_default();
-    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
-    let host = host.trim_start_matches('[').trim_end_matches(']');
-    host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+    locators_in(&json).map_err(|error| wrong(error.to_string()))
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use crate::carrier::{
 };
 use crate::error::Ros2Error;
 use crate::network::open::Waiting;
-use crate::network::reach::{NetworkReach, Ros2Network};
+use crate::network::reach::Ros2Network;
 use arrivals::ZenohArrivals;
 use config::{Configuration, configuration};
 use ends::{Notes, ZenohReader, ZenohWriter};
@@ -210,11 +210,7 @@ impl Carrier for Zenoh {
     }
 
     fn words(&self) -> Vec<String> {
-        let place = match self.network.reach {
-            NetworkReach::Loopback => "127.0.0.1 alone".to_owned(),
-            NetworkReach::Interface(address) => format!("{address} and 127.0.0.1"),
-            NetworkReach::All => "all interfaces".to_owned(),
-        };
+        let place = self.network.reach.words("127.0.0.1 alone");
         let (domain, routers, from) = (self.network.domain, &self.routers, &self.routers_from);
         let joined = format!(
             "Zenoh domain {domain}, router {routers} ({from}), listens on {place} ({})",

@@ -1,7 +1,7 @@
 use super::*;
-use crate::network::cdr::CdrReader;
 use clap::Parser;
 use std::ffi::OsString;
+use tessera_recording::ros::decode_whole;
 
 fn arguments(words: &[&str]) -> Ros2Arguments {
     Ros2Arguments::try_parse_from(["tessera-ros2", "desk"].iter().chain(words)).unwrap()
@@ -16,7 +16,7 @@ fn asked(question: Question, request: &[u8]) -> Vec<u8> {
 fn names_are_listed_all_or_by_prefix() {
     let list = |prefixes: &[&str]| {
         let message = asked(Question::List, &encode(&(prefixes, 0u64)).unwrap());
-        CdrReader::new(&message).unwrap().texts().unwrap()
+        decode_whole::<Listed>("names", &message).unwrap().names
     };
     let all = list(&[]);
     assert!(all.is_sorted() && all.contains(&"use_sim_time".to_owned()), "{all:?}");
@@ -29,11 +29,10 @@ fn types_are_those_of_the_options_and_zero_for_other_names() {
     let types = asked(Question::Types, &request);
     assert_eq!(types, [&[0, 1, 0, 0, 4, 0, 0, 0][..], &[3, 0, 1, 4]].concat());
     let values = asked(Question::Get, &request);
-    let mut reader = CdrReader::new(&values).unwrap();
-    assert_eq!(reader.word(), Some(4));
-    reader.skip::<1>(2).unwrap();
-    reader.skip::<8>(1).unwrap();
-    assert_eq!(reader.number(), Some(0.1));
+    let values: Vec<ParameterValue> = decode_whole("values", &values).unwrap();
+    let expected = [ParameterValue::number(0.1), ParameterValue::default(), ParameterValue::flag(false)];
+    assert_eq!(values[..3], expected);
+    assert_eq!(values[3..], [ParameterValue::text("base_link".to_owned())]);
 }
 
 #[test]

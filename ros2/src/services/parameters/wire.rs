@@ -1,8 +1,8 @@
 //! Services of `rcl_interfaces/srv` and their content.
 
 use crate::carrier::{RosType, Service};
-use crate::network::cdr::CdrReader;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use tessera_recording::ros::decode_whole;
 
 macro_rules! services {
     ($($constant:ident, $name:literal, $read:ident, $hash:literal;)*) => {
@@ -30,7 +30,7 @@ const DOUBLE: u8 = 3;
 const STRING: u8 = 4;
 
 /// `rcl_interfaces/msg/ParameterValue`; the default is one that is not set.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct ParameterValue {
     /// `type` in the message.
     pub(super) kind: u8,
@@ -60,7 +60,7 @@ impl ParameterValue {
 }
 
 /// `rcl_interfaces/msg/ParameterDescriptor`, without ranges.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub(super) struct ParameterDescriptor {
     name: String,
     /// `type` in the message.
@@ -82,21 +82,13 @@ impl ParameterDescriptor {
 
     /// What a name is given that no parameter has.
     pub(super) fn unknown(name: &str) -> Self {
-        Self {
-            name: name.to_owned(),
-            kind: ParameterValue::default().kind,
-            description: String::new(),
-            additional_constraints: String::new(),
-            read_only: false,
-            dynamic_typing: false,
-            floating_point_range: Vec::new(),
-            integer_range: Vec::new(),
-        }
+        Self { name: name.to_owned(), ..Self::default() }
     }
 }
 
 /// `rcl_interfaces/msg/ListParametersResult`.
 #[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(Deserialize))]
 pub(super) struct Listed {
     pub(super) names: Vec<String>,
     pub(super) prefixes: Vec<String>,
@@ -111,44 +103,16 @@ pub(super) struct SetResult {
 
 /// The names of a request for values, types or descriptions; `None` where it is no such request.
 pub(super) fn names(request: &[u8]) -> Option<Vec<String>> {
-    let mut reader = CdrReader::new(request)?;
-    let names = reader.texts()?;
-    reader.is_done().then_some(names)
+    decode_whole("names of parameters", request).ok()
 }
 
 /// The prefixes of a request for names, however deep.
 pub(super) fn prefixes(request: &[u8]) -> Option<Vec<String>> {
-    let mut reader = CdrReader::new(request)?;
-    let prefixes = reader.texts()?;
-    reader.skip::<8>(1)?;
-    reader.is_done().then_some(prefixes)
+    decode_whole("prefixes of parameters", request).ok().map(|(prefixes, _depth): (_, u64)| prefixes)
 }
 
 /// The names of parameters that are to be set, without their values: none is.
 pub(super) fn to_set(request: &[u8]) -> Option<Vec<String>> {
-    let mut reader = CdrReader::new(request)?;
-    let n = reader.word()?;
-    let mut names = Vec::new();
-    for _ in 0..n {
-        names.push(reader.text()?);
-        skip_value(&mut reader)?;
-    }
-    reader.is_done().then_some(names)
-}
-
-/// Passes over a `ParameterValue`.
-fn skip_value(reader: &mut CdrReader) -> Option<()> {
-    // Type and bool, then an integer and a number.
-    reader.skip::<1>(2)?;
-    reader.skip::<8>(2)?;
-    reader.text()?;
-    for _ in ["bytes", "bools"] {
-        let n = reader.word()?;
-        reader.skip::<1>(n)?;
-    }
-    for _ in ["integers", "numbers"] {
-        let n = reader.word()?;
-        reader.skip::<8>(n)?;
-    }
-    reader.texts().map(|_| ())
+    let all: Vec<(String, ParameterValue)> = decode_whole("parameters to set", request).ok()?;
+    Some(all.into_iter().map(|(name, _)| name).collect())
 }

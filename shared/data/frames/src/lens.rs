@@ -159,6 +159,12 @@ impl Undistortion {
         Self { from: nearest.collect() }
     }
 
+    /// As [`Self::apply`], of an image in its place.
+    pub fn straighten<T: Copy + Default>(&self, n_channels: usize, image: &mut [T]) {
+        let taken = image.to_vec();
+        self.apply(n_channels, &taken, image);
+    }
+
     /// Takes `n_channels` values a pixel; zeros where the image as taken has nothing.
     pub fn apply<T: Copy + Default>(&self, n_channels: usize, taken: &[T], to: &mut [T]) {
         for (pixel, from) in to.chunks_exact_mut(n_channels).zip(self.from.iter()) {

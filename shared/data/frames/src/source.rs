@@ -99,7 +99,9 @@ pub trait Source: Send + Sync {
     }
 
     /// True poses `world_from_camera` at the times of the source, where known.
-    fn ground_truth(&self) -> Option<&Trajectory>;
+    fn ground_truth(&self) -> Option<&Trajectory> {
+        None
+    }
 
     /// How depth and colour were paired.
     fn pairing(&self) -> Pairing;

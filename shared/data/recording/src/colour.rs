@@ -186,11 +186,11 @@ impl ColourUse {
     ) -> Result<(), MessageError> {
         match (self, depth_lens) {
             (Self::None, _) => rgb.fill(0),
-            (Self::Registered, None) => pixels::colour(image, size, rgb)?,
-            (Self::Registered, Some(lens)) => {
-                let mut taken = black(size);
-                pixels::colour(image, size, &mut taken)?;
-                lens.apply(3, &taken, rgb);
+            (Self::Registered, lens) => {
+                pixels::colour(image, size, rgb)?;
+                if let Some(lens) = lens {
+                    lens.straighten(3, rgb);
+                }
             }
             (Self::Warped { lens, warp }, _) => {
                 warp.apply(depth_raw, &taken(image, lens.as_ref(), warp.size)?, rgb);
@@ -208,20 +208,16 @@ impl ColourUse {
     }
 }
 
-fn black((width, height): (u32, u32)) -> Vec<u8> {
-    vec![0; (width as usize).saturating_mul(height as usize).saturating_mul(3)]
-}
-
 /// An image of a colour camera, its own lens taken out.
 fn taken(
     image: &ImageMessage<'_>,
     lens: Option<&Undistortion>,
-    size: (u32, u32),
+    (width, height): (u32, u32),
 ) -> Result<Vec<u8>, MessageError> {
-    let mut taken = black(size);
-    pixels::colour(image, size, &mut taken)?;
-    let Some(lens) = lens else { return Ok(taken) };
-    let mut straight = black(size);
-    lens.apply(3, &taken, &mut straight);
-    Ok(straight)
+    let mut taken = vec![0; (width as usize).saturating_mul(height as usize).saturating_mul(3)];
+    pixels::colour(image, (width, height), &mut taken)?;
+    if let Some(lens) = lens {
+        lens.straighten(3, &mut taken);
+    }
+    Ok(taken)
 }

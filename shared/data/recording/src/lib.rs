@@ -44,7 +44,6 @@ pub use error::{MessageError, RecordingError};
 pub use imu::ImuMessage;
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use std::path::{Path, PathBuf};
-use tessera_evaluation::Trajectory;
 use tessera_frames::imu::ImuRecording;
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
@@ -288,14 +287,11 @@ impl Source for RecordingSource {
         let (depth, colour) = self.images(index)?;
         let size = (camera.width, camera.height);
         self.image(&self.topics.depth, depth, |image| {
-            let Some(lens) = lens else {
-                return pixels::depth(image, size, camera.units_per_metre, buffers.depth);
-            };
-            let mut taken = vec![0; buffers.depth.len()];
-            pixels::depth(image, size, camera.units_per_metre, &mut taken)?;
-            lens.apply(1, &taken, buffers.depth);
-            Ok(())
+            pixels::depth(image, size, camera.units_per_metre, buffers.depth)
         })?;
+        if let Some(lens) = lens {
+            lens.straighten(1, buffers.depth);
+        }
         if let Some(rays) = &self.rays {
             rays.to_depth(buffers.depth);
         }
@@ -332,10 +328,6 @@ impl Source for RecordingSource {
             }
             _ => Ok(None),
         }
-    }
-
-    fn ground_truth(&self) -> Option<&Trajectory> {
-        None
     }
 
     fn pairing(&self) -> Pairing {

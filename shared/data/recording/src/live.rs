@@ -180,12 +180,10 @@ impl LiveCamera {
     /// Where the image has another size, or its data are not what it says.
     pub fn read_depth(&self, image: &LiveImage<'_>, depth_raw: &mut [u16]) -> Result<(), MessageError> {
         let size = (self.camera.width, self.camera.height);
-        let Some(lens) = &self.lens else {
-            return pixels::depth(&image.0, size, self.camera.units_per_metre, depth_raw);
-        };
-        let mut taken = vec![0; depth_raw.len()];
-        pixels::depth(&image.0, size, self.camera.units_per_metre, &mut taken)?;
-        lens.apply(1, &taken, depth_raw);
+        pixels::depth(&image.0, size, self.camera.units_per_metre, depth_raw)?;
+        if let Some(lens) = &self.lens {
+            lens.straighten(1, depth_raw);
+        }
         Ok(())
     }
 

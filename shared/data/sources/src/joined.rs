@@ -1,7 +1,6 @@
 //! Several files of one recording as one source, one behind the other.
 
 use crate::{FrameBuffers, FrameInfo, Pairing, RecordingSource, Source, SourceError, TakenColour};
-use tessera_evaluation::Trajectory;
 use tessera_geometry::{Camera, InertialRotation};
 
 /// Interval to a file of one frame, nanoseconds.
@@ -141,10 +140,6 @@ impl Source for JoinedSource {
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
         let (part, at) = self.known_frame(index)?;
         part.inspect(at)
-    }
-
-    fn ground_truth(&self) -> Option<&Trajectory> {
-        None
     }
 
     fn pairing(&self) -> Pairing {

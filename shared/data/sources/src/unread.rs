@@ -11,67 +11,60 @@ const HEAD_BYTES: u64 = 64;
 /// What a file is: by its first bytes, and by its name where those say too little.
 struct UnreadKind {
     begins: &'static [u8],
-    /// End of the name; empty: any.
-    ends: &'static str,
+    /// Ends of the name; an empty one: any.
+    ends: &'static [&'static str],
     what: &'static str,
     remedy: &'static str,
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [UnreadKind; 9] = [
+const KINDS: [UnreadKind; 8] = [
     UnreadKind {
         begins: b"PK\x03\x04",
-        ends: ".r3d",
+        ends: &[".r3d"],
         what: "a recording of Record3D",
         remedy: "it is a zip file: unzip {in} -d {stem}, then run the folder {stem}",
     },
     UnreadKind {
         begins: b"PK\x03\x04",
-        ends: "",
+        ends: &[""],
         what: "a zip file",
         remedy: "unpack it: unzip {in} -d {stem}, then run the folder {stem}",
     },
     UnreadKind {
         begins: b"\x1f\x8b",
-        ends: "",
+        ends: &[""],
         what: "a compressed archive",
         remedy: "unpack it: tar -xzf {in}, then run the folder",
     },
     UnreadKind {
         begins: b"\x1a\x45\xdf\xa3",
-        ends: "",
+        ends: &[""],
         what: "a Matroska video, as of Azure Kinect",
         remedy: "convert it to images: python azure_kinect_mkv_reader.py --input {in} --output {stem} (of Open3D's examples), \
                  then run the folder {stem}",
     },
     UnreadKind {
         begins: b"",
-        ends: ".tar",
+        ends: &[".tar"],
         what: "an archive",
         remedy: "unpack it: tar -xf {in}, then run the folder",
     },
     UnreadKind {
         begins: b"",
-        ends: ".oni",
+        ends: &[".oni"],
         what: "a recording of OpenNI",
         remedy: "play it into ROS 2 or write its frames as PNG images, then run the folder",
     },
     UnreadKind {
         begins: b"",
-        ends: ".klg",
+        ends: &[".klg"],
         what: "a log of ElasticFusion or Kintinuous",
         remedy: "write its frames as 16-bit PNG depth and JPEG colour with a camera.toml, then run the folder {stem}",
     },
     UnreadKind {
         begins: b"",
-        ends: ".svo2",
-        what: "a recording of a ZED camera",
-        remedy: "export it: python svo_export.py --mode 4 --input_svo_file {in} --output_path_dir {stem} (of ZED's \
-                 samples; depth as 16-bit PNG), then run the folder {stem}",
-    },
-    UnreadKind {
-        begins: b"",
-        ends: ".svo",
+        ends: &[".svo", ".svo2"],
         what: "a recording of a ZED camera",
         remedy: "export it: python svo_export.py --mode 4 --input_svo_file {in} --output_path_dir {stem} (of ZED's \
                  samples; depth as 16-bit PNG), then run the folder {stem}",
@@ -83,7 +76,9 @@ pub(crate) fn file(path: &Path) -> Option<SourceError> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
     let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let kind = KINDS.iter().find(|kind| head.starts_with(kind.begins) && name.ends_with(kind.ends))?;
+    let kind = KINDS
+        .iter()
+        .find(|kind| head.starts_with(kind.begins) && kind.ends.iter().any(|end| name.ends_with(end)))?;
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let remedy = kind.remedy.replace("{stem}", &stem).replace("{in}", &path.display().to_string());
     Some(SourceError::NotRead { path: path.to_owned(), what: kind.what, remedy })

@@ -71,10 +71,6 @@ pub struct Solver {
 pub struct InnerReport {
     /// Steps accepted.
     pub n_accepted: u32,
-    /// Cost before.
-    pub cost_before: f64,
-    /// Cost after.
-    pub cost_after: f64,
     /// The last step was below the limits.
     pub is_converged: bool,
 }

@@ -57,7 +57,7 @@ impl Graph {
         let Order { free, slot } = order;
         let Solver { terms, lambda: last_lambda, .. } = solver;
         let mut cost = self.linearise(slot, system, terms);
-        let mut report = InnerReport { cost_before: cost, ..InnerReport::default() };
+        let mut report = InnerReport::default();
         let mut damping = Damping::new(system.max_diagonal(), *last_lambda);
         let mut has_moved = false;
         while report.n_accepted < max_iterations && damping.lambda.is_finite() && !free.is_empty() {
@@ -101,7 +101,6 @@ impl Graph {
                 break;
             }
         }
-        report.cost_after = cost;
         Ok(report)
     }
 }

@@ -34,11 +34,7 @@ pub fn hold(
     tell: &mut dyn FnMut(&Progress),
 ) -> Result<Supervised, SupervisorError> {
     let began = Instant::now();
-    let cannot = |reason: std::io::Error| SupervisorError::Spawn {
-        what: "the supervisor".into(),
-        reason: reason.to_string(),
-    };
-    let mut signals = Signals::listen().map_err(cannot)?;
+    let mut signals = Signals::listen()?;
     let prepared = plan.prepare(claim)?;
     let identity = &prepared.claim.entry.identity;
     let link = Link::open(identity, &prepared.layout, "supervisor")?;

@@ -14,7 +14,7 @@ use tessera_settings::Settings;
 use tessera_slam::{AlignRecord, KeyframeSurfaces, MapRecord, TrackerState, WorldUp};
 use tessera_stage::{ALIGN_JOURNAL, MapIdentity, RunFile, RunFiles, StoredKeyframes, store_slot};
 use tessera_surface::Vertex;
-use tessera_transport::registered_runs;
+use tessera_transport::living_runs;
 
 /// The map of an earlier run in memory, for a run in the calling process.
 pub struct LoadedMap {
@@ -177,12 +177,11 @@ fn refuse_if_going_on(files: &RunFiles, run: &RunFile) -> Result<(), String> {
         (Ok(other), Ok(ours)) => other == ours,
         _ => false,
     };
-    let alive =
-        registered_runs().unwrap_or_default().into_iter().find(|r| r.is_alive && same(&r.entry.run_dir));
+    let alive = living_runs().unwrap_or_default().into_iter().find(|run| same(&run.run_dir));
     if let Some(alive) = alive {
         return Err(format!(
             "belongs to a run that is going on: {} (pid {}); wait for its end or stop it",
-            alive.entry.name, alive.entry.pid
+            alive.name, alive.pid
         ));
     }
     // Another user's runs are not in the registry: their writers' locks tell.

@@ -1,5 +1,6 @@
 //! Waiting for the end of a child, a signal, or a timeout.
 
+use crate::failure::SupervisorError;
 use signal_hook::consts::{SIGCHLD, SIGINT, SIGTERM};
 use std::io::Read;
 use std::os::unix::net::UnixStream;
@@ -15,7 +16,17 @@ pub(crate) struct Signals {
 
 impl Signals {
     /// Listens from now on.
-    pub(crate) fn listen() -> std::io::Result<Self> {
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub(crate) fn listen() -> Result<Self, SupervisorError> {
+        Self::register().map_err(|reason| SupervisorError::Spawn {
+            what: "the supervisor".into(),
+            reason: reason.to_string(),
+        })
+    }
+
+    fn register() -> std::io::Result<Self> {
         let (wake, sender) = UnixStream::pair()?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {

@@ -11,12 +11,6 @@ pub struct Counters {
     pub frames: u64,
     /// Frames left out because newer ones had come (live mode).
     pub dropped: u64,
-    /// Frames that should have come and never did.
-    pub lost: u64,
-    /// Messages refused.
-    pub refused: u64,
-    /// Messages that came again.
-    pub duplicates: u64,
     /// CPU time, nanoseconds.
     pub cpu_nanos: u64,
     /// Highest resident set, bytes.
@@ -70,9 +64,6 @@ impl Tally {
             restarts: past.restarts,
             frames: past.frames + beat.frames,
             dropped: past.dropped + beat.dropped,
-            lost: past.lost + beat.lost,
-            refused: past.refused + beat.refused,
-            duplicates: past.duplicates + beat.duplicates,
             cpu_nanos: past.cpu_nanos + beat.cpu_nanos,
             peak_rss_bytes: past.peak_rss_bytes.max(beat.peak_rss_bytes),
             latency: merge(past.latency, beat.latency),

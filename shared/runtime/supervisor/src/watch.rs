@@ -33,12 +33,8 @@ pub fn supervise(
     tell: &mut dyn FnMut(&Progress),
 ) -> Result<Supervised, SupervisorError> {
     let began = Instant::now();
-    let cannot = |reason: std::io::Error| SupervisorError::Spawn {
-        what: "the supervisor".into(),
-        reason: reason.to_string(),
-    };
     ensure_open_files()?;
-    let signals = Signals::listen().map_err(cannot)?;
+    let signals = Signals::listen()?;
     let prepared = plan.prepare(claim)?;
     // The first node: it closes the door to shared memory before a stage starts.
     let link = Link::open(&prepared.claim.entry.identity, &prepared.layout, "supervisor")?;

@@ -203,6 +203,24 @@ pub fn registered_runs() -> Result<Vec<Registered>, TransportError> {
     Ok(runs)
 }
 
+/// The runs of [`registered_runs`] that go on.
+///
+/// # Errors
+/// As there.
+pub fn living_runs() -> Result<Vec<RunEntry>, TransportError> {
+    Ok(registered_runs()?.into_iter().filter(|run| run.is_alive).map(|run| run.entry).collect())
+}
+
+impl RunEntry {
+    /// Whether it goes on, and is not another one of the same name.
+    ///
+    /// # Errors
+    /// As [`registered_runs`].
+    pub fn is_alive(&self) -> Result<bool, TransportError> {
+        Ok(living_runs()?.iter().any(|run| run.identity == self.identity))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

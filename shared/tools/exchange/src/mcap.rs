@@ -8,7 +8,7 @@ use std::io::{self, Cursor, Write};
 use tessera_fusion::Mesh;
 use tessera_geometry::Pose;
 use tessera_recording::ros::{
-    self, Definition, Header, Path, PointCloud, PointField, PoseStamped, Time, TransformStamped, Transforms,
+    self, Definition, Header, Path, PointCloud, PoseStamped, Time, TransformStamped, Transforms,
 };
 
 /// Frame of the map.
@@ -96,30 +96,12 @@ fn stamped(stamp_nanos: i64, pose: &Pose) -> PoseStamped<'static> {
 /// Position, packed colour and normal of each vertex, as the viewers of ROS expect them.
 fn write_map(topics: &mut ExportTopics, map: &Mesh, stamp_nanos: i64) -> io::Result<()> {
     let names = ["x", "y", "z", "rgb", "normal_x", "normal_y", "normal_z"];
-    let point_step = 4 * names.len() as u32;
-    let mut data = Vec::with_capacity(point_step as usize * map.positions.len());
+    let mut data = Vec::with_capacity(4 * names.len() * map.positions.len());
     for ((position, normal), [red, green, blue]) in map.positions.iter().zip(&map.normals).zip(&map.colours) {
         position.iter().for_each(|v| data.extend(v.to_le_bytes()));
         data.extend([*blue, *green, *red, 0]);
         normal.iter().for_each(|v| data.extend(v.to_le_bytes()));
     }
-    let width = u32::try_from(map.positions.len()).map_err(io::Error::other)?;
-    let field = |(at, name): (usize, &&'static str)| PointField {
-        name: (*name).into(),
-        offset: 4 * at as u32,
-        datatype: PointField::FLOAT32,
-        count: 1,
-    };
-    let cloud = PointCloud {
-        header: header(stamp_nanos),
-        height: 1,
-        width,
-        fields: names.iter().enumerate().map(field).collect(),
-        is_bigendian: false,
-        point_step,
-        row_step: point_step.saturating_mul(width),
-        data: &data,
-        is_dense: true,
-    };
+    let cloud = PointCloud::in_a_row(header(stamp_nanos), &names, &data);
     topics.write("/tessera/map", &ros::CLOUD, stamp_nanos, &cloud)
 }

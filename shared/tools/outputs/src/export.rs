@@ -2,7 +2,7 @@
 
 use crate::ToolError;
 use crate::facts::Beside;
-use crate::files::write_whole;
+use crate::files::write_file;
 use crate::map::{self, MapInput};
 use crate::ply::PlyVertex;
 use crate::read_run::{ReadRun, read_run};
@@ -120,7 +120,7 @@ pub(crate) fn n_from_base(files: &RunFiles, settings: &Settings) -> Result<Optio
 /// Keeps the ground truth in the run folder, so that outputs need nothing from elsewhere.
 pub fn write_groundtruth(run_folder: &Path, truth: Option<&Trajectory>) -> Result<(), ToolError> {
     let Some(truth) = truth else { return Ok(()) };
-    write_whole(run_folder, GROUNDTRUTH_FILE, |mut writer| {
+    write_file(&run_folder.join(GROUNDTRUTH_FILE), |mut writer| {
         let rows = truth.stamps_nanos.iter().copied().zip(&truth.poses);
         write_tum(&mut writer, "ground truth of the source\nmetres: timestamp tx ty tz qx qy qz qw", rows)
     })
@@ -138,7 +138,7 @@ pub fn read_groundtruth(run_folder: &Path) -> Result<Option<Trajectory>, ToolErr
 /// The refined camera, as `--camera` reads it.
 fn write_camera(camera: &Camera, source: &str, out_folder: &Path) -> Result<(), ToolError> {
     let text = toml::to_string(camera).map_err(|error| ToolError::Stage(error.to_string()))?;
-    write_whole(out_folder, REFINED_CAMERA_FILE, |writer| {
+    write_file(&out_folder.join(REFINED_CAMERA_FILE), |writer| {
         writeln!(writer, "# Refined by the final optimisation of a run of {source}.")?;
         writer.write_all(text.as_bytes())
     })
@@ -152,7 +152,7 @@ fn write_map(
 ) -> Result<(), ToolError> {
     clouds(files, replay, settings, &[replay.main_component()])?
         .iter()
-        .try_for_each(|main| map::write(main, out_folder))
+        .try_for_each(|main| map::write(main, &out_folder.join("map.ply")))
 }
 
 /// The map of each of these components of submaps.

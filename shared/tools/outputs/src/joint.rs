@@ -5,7 +5,7 @@ use crate::map::{self, MapInput};
 use crate::preview::few;
 use crate::voxels::{MapPoint, VoxelCloud};
 use std::path::Path;
-use tessera_geometry::{Camera, Pose, RollingShutter, Twist, Vector6};
+use tessera_geometry::{Camera, Pose};
 use tessera_settings::OutputSettings;
 use tessera_slam::{KeyframeState, KeyframeSurfaces};
 
@@ -23,13 +23,11 @@ pub fn write_joint_map<'k>(
     let mut cloud = VoxelCloud::new(settings.map_voxel_m);
     for (keyframe, (camera, step)) in keyframes {
         let input = MapInput { camera, step, settings, warp: None };
-        let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
-        let shutter = RollingShutter::new(camera, &velocity, step);
         let world_from_camera = Pose::from(&keyframe.world_from_camera);
         let seen = (keyframe.id, surfaces.vertices(keyframe.id));
-        map::add_keyframe(&mut cloud, &input, seen, &world_from_camera, &shutter);
+        map::add_keyframe(&mut cloud, &input, seen, &world_from_camera, keyframe.velocity);
     }
-    map::write_as(&cloud, folder, name)?;
+    map::write(&cloud, &folder.join(name))?;
     Ok(JointCloud(cloud))
 }
 

@@ -1,7 +1,7 @@
 //! `map.ply`: the keyframes' surfaces along the final trajectory, one point a voxel.
 
 use crate::ToolError;
-use crate::files::write_whole;
+use crate::files::write_file;
 use crate::ply::{PlyVertex, write_ply};
 use crate::replay::Replay;
 use crate::voxels::{MapPoint, VoxelCloud};
@@ -37,12 +37,10 @@ pub(crate) fn gather<'s, E>(
 ) -> Result<VoxelCloud, E> {
     let mut cloud = VoxelCloud::new(input.settings.map_voxel_m);
     for (keyframe, world_from_camera) in replay.keyframes_of(component) {
-        let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
-        let shutter = RollingShutter::new(input.camera, &velocity, input.step);
         let stored = vertices(keyframe.id)?;
         let moved = input.warp.map(|warp| warp.apply(&stored));
         let seen = (keyframe.id, moved.as_deref().unwrap_or(&stored));
-        add_keyframe(&mut cloud, input, seen, &world_from_camera, &shutter);
+        add_keyframe(&mut cloud, input, seen, &world_from_camera, keyframe.velocity);
     }
     Ok(cloud)
 }
@@ -52,8 +50,10 @@ pub(crate) fn add_keyframe(
     input: &MapInput<'_>,
     (keyframe, vertices): (u32, &[Vertex]),
     world_from_camera: &Pose,
-    shutter: &RollingShutter,
+    velocity: [f64; 6],
 ) {
+    let velocity = Twist::from_vector(&Vector6::from(velocity));
+    let shutter = RollingShutter::new(input.camera, &velocity, input.step);
     let width = (input.camera.width as usize).div_ceil(input.step);
     for (row, line) in vertices.chunks(width).enumerate() {
         for vertex in line {
@@ -75,13 +75,8 @@ pub(crate) fn add_keyframe(
 }
 
 /// Writes the cloud as binary PLY; nothing in it depends on when or where it was written.
-pub(crate) fn write(cloud: &VoxelCloud, folder: &Path) -> Result<(), ToolError> {
-    write_as(cloud, folder, "map.ply")
-}
-
-/// As [`write`], under another name.
-pub(crate) fn write_as(cloud: &VoxelCloud, folder: &Path, name: &str) -> Result<(), ToolError> {
-    write_whole(folder, name, |writer| write_ply(cloud.len(), ply_vertices(cloud), &[], writer))
+pub(crate) fn write(cloud: &VoxelCloud, path: &Path) -> Result<(), ToolError> {
+    write_file(path, |writer| write_ply(cloud.len(), ply_vertices(cloud), &[], writer))
 }
 
 /// The points as they are written.

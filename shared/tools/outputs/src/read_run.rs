@@ -12,7 +12,7 @@ use std::path::Path;
 use tessera_evaluation::Trajectory;
 use tessera_settings::Settings;
 use tessera_stage::RunFiles;
-use tessera_transport::registered_runs;
+use tessera_transport::living_runs;
 
 /// All that outputs and reports of a run are made of.
 #[derive(Debug)]
@@ -80,5 +80,5 @@ pub fn read_run(run_folder: &Path) -> Result<ReadRun, ToolError> {
 fn goes_on(run_folder: &Path) -> bool {
     let Ok(folder) = std::fs::canonicalize(run_folder) else { return false };
     let is_it = |other: &Path| std::fs::canonicalize(other).is_ok_and(|other| other == folder);
-    registered_runs().unwrap_or_default().iter().any(|run| run.is_alive && is_it(&run.entry.run_dir))
+    living_runs().unwrap_or_default().iter().any(|run| is_it(&run.run_dir))
 }

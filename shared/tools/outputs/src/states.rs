@@ -1,7 +1,7 @@
 //! `states.csv`: what can be said of each frame.
 
 use crate::ToolError;
-use crate::files::write_whole;
+use crate::files::write_file;
 use crate::replay::Replay;
 use std::io::{self, Write};
 use std::path::Path;
@@ -16,7 +16,7 @@ const DIAGONAL: [usize; 6] = [0, 6, 11, 15, 18, 20];
 
 /// Writes the file, frames that were left out among the others.
 pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
-    write_whole(folder, "states.csv", |writer| {
+    write_file(&folder.join("states.csv"), |writer| {
         writeln!(writer, "{HEADER}")?;
         let mut skipped = replay.skipped.iter().peekable();
         for frame in &replay.frames {

@@ -1,7 +1,7 @@
 //! Statistics of the processes by the supervisor, kept in the run directory.
 
 use crate::ToolError;
-use crate::files::write_whole;
+use crate::files::write_file;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -161,7 +161,7 @@ pub fn read_statistics(run_folder: &Path) -> Result<RunStatistics, ToolError> {
 pub fn write_statistics(run_folder: &Path, statistics: &RunStatistics) -> Result<(), ToolError> {
     let json = serde_json::to_string_pretty(statistics);
     let json = json.map_err(|error| ToolError::Stage(error.to_string()))?;
-    write_whole(run_folder, STATISTICS_FILE, |writer| writeln!(writer, "{json}"))
+    write_file(&run_folder.join(STATISTICS_FILE), |writer| writeln!(writer, "{json}"))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use crate::ToolError;
 use crate::accuracy::{Accuracy, accuracy, accuracy_by_gauge};
 use crate::colour::ColourSummary;
 use crate::facts::{Beside, Facts};
-use crate::files::write_whole;
+use crate::files::write_file;
 use crate::noise::NoiseSummary;
 use crate::replay::Replay;
 use crate::statistics::{Ended, LatencyMs, RunStatistics, StageStatistics};
@@ -238,7 +238,7 @@ impl Summary {
     /// Writes `summary.json`.
     pub fn write(&self, folder: &Path) -> Result<(), ToolError> {
         let json = self.to_json()?;
-        write_whole(folder, "summary.json", |writer| writeln!(writer, "{json}"))
+        write_file(&folder.join("summary.json"), |writer| writeln!(writer, "{json}"))
     }
 
     /// The summary as JSON.

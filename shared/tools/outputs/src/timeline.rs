@@ -2,7 +2,7 @@
 //! report alone: nothing else reads it.
 
 use crate::ToolError;
-use crate::files::write_whole;
+use crate::files::write_file;
 use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -175,7 +175,7 @@ pub fn read_timeline(run_folder: &Path) -> Option<Timeline> {
 /// Writes the timeline of a run into its folder.
 pub fn write_timeline(run_folder: &Path, timeline: &Timeline) -> Result<(), ToolError> {
     let json = serde_json::to_string(timeline).map_err(|error| ToolError::Stage(error.to_string()))?;
-    write_whole(run_folder, TIMELINE_FILE, |writer| writeln!(writer, "{json}"))
+    write_file(&run_folder.join(TIMELINE_FILE), |writer| writeln!(writer, "{json}"))
 }
 
 #[cfg(test)]

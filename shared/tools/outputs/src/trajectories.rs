@@ -2,7 +2,7 @@
 //! `trajectory_submap_N.txt` for each submap that is apart.
 
 use crate::ToolError;
-use crate::files::write_whole;
+use crate::files::write_file;
 use crate::replay::Replay;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -77,7 +77,7 @@ fn online_words(replay: &Replay) -> String {
 
 fn write_rows(folder: &Path, name: &str, what: &str, rows: &Rows) -> Result<(), ToolError> {
     let header = format!("{what}\n{COLUMNS}");
-    write_whole(folder, name, |mut writer| {
+    write_file(&folder.join(name), |mut writer| {
         write_tum(&mut writer, &header, rows.iter().map(|(stamp, pose)| (*stamp, pose)))
     })
 }
@@ -105,7 +105,7 @@ fn write_submaps(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
 /// The final poses once more, with a ninth column that says which were measured, wholly or but for a
 /// degenerate direction, and a tenth with the submap: poses of one submap alone have a common frame.
 fn write_marked(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
-    write_whole(folder, "trajectory_marked.txt", |writer| {
+    write_file(&folder.join("trajectory_marked.txt"), |writer| {
         writeln!(
             writer,
             "# final pose of every processed frame, whether it was tracked, tracked but for a degenerate \

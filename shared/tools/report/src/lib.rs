@@ -24,7 +24,7 @@ mod worst;
 pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
 pub use joint_scene::{JointComponent, JointFrame, joint_scene};
-pub use page::{STYLE, page};
+pub use page::{page, whole_page};
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
     Event, Frame, FrameState, Keyframe, LoopPair, ProcessSample, ReportedRun, ReportedVerdict, Setting,
@@ -32,7 +32,7 @@ pub use run::{
 };
 pub use run_directory::{REPORT_FILE, write, write_read};
 pub use scene::{
-    ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint, SceneRobot, SceneSubmap, VIEWER,
+    ReportScene, SceneFrame, SceneKeyframe, SceneLoop, ScenePart, ScenePoint, SceneRobot, SceneSubmap,
 };
 pub use serve::{LivePage, PageServer, RunPage};
 

@@ -6,7 +6,7 @@ use crate::{ReportError, compare, sections};
 use tessera_outputs::html::escaped;
 
 /// Of all pages of Tessera.
-pub const STYLE: &str = include_str!("style.css");
+const STYLE: &str = include_str!("style.css");
 
 /// The whole page: one run, or several side by side and then one after the other.
 ///
@@ -37,17 +37,23 @@ pub fn page(runs: &[ReportedRun]) -> Result<String, ReportError> {
         ));
     }
     // It finds each run's data by itself.
+    Ok(whole_page(&title, &body))
+}
+
+/// A page with this title, which needs nothing else: the style of all pages, and the script of the view in 3D
+/// where there is one.
+pub fn whole_page(title: &str, body: &str) -> String {
     let script = match body.contains("<canvas") {
         true => format!("<script>\n{VIEWER}</script>"),
         false => String::new(),
     };
     // No address of an icon, so that a browser does not go and look for one.
-    Ok(format!(
+    format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
          <link rel=\"icon\" href=\"data:,\"><title>{title} · Tessera</title><style>{STYLE}</style></head>\n\
          <body><main>{body}</main>{script}</body></html>\n"
-    ))
+    )
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod write;
 
 pub use definitions::{CLOUD, Definition, PATH, POSE, TRANSFORMS};
 pub(crate) use read::{STAMP_BYTES, camera, compressed, extrinsics, image, imu, stamp_nanos, transforms};
+pub use read::{decode, decode_whole};
 pub use results::{
     Covariance, DiagnosticArray, DiagnosticStatus, KeyValue, Odometry, PoseWithCovariance,
     PoseWithCovarianceStamped, TwistWithCovariance,

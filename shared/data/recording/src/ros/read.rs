@@ -11,8 +11,31 @@ use std::borrow::Cow;
 /// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
 pub(crate) const STAMP_BYTES: u64 = 12;
 
-/// The four bytes before a message say in which order its bytes are.
-fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
+/// A message, as recordings and networks have it. What stands behind it is not read.
+///
+/// # Errors
+/// Where the bytes are no such message.
+pub fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
+    decode_first(kind, data).map(|(message, _)| message)
+}
+
+/// A message, and that its bytes are nothing more: behind it up to three zeros fill them up.
+///
+/// # Errors
+/// Where the bytes are no such message, or more.
+pub fn decode_whole<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<T, MessageError> {
+    let (message, rest) = decode_first(kind, data)?;
+    match rest {
+        [] | [0] | [0, 0] | [0, 0, 0] => Ok(message),
+        _ => Err(MessageError::Kind { kind, reason: format!("{} bytes behind it", rest.len()) }),
+    }
+}
+
+/// The four bytes before a message state the order of its bytes. Answers the bytes behind it too.
+fn decode_first<'a, T: Deserialize<'a>>(
+    kind: &'static str,
+    data: &'a [u8],
+) -> Result<(T, &'a [u8]), MessageError> {
     let wrong = |reason: String| MessageError::Kind { kind, reason };
     let (head, body) = data
         .split_first_chunk::<4>()
@@ -23,7 +46,8 @@ fn decode<'a, T: Deserialize<'a>>(kind: &'static str, data: &'a [u8]) -> Result<
         1 => from_bytes::<T, LittleEndian>(body),
         other => return Err(wrong(format!("encapsulation {other}, expected 0 or 1 (plain CDR)"))),
     };
-    decoded.map(|(message, _)| message).map_err(|error| wrong(error.to_string()))
+    let (message, n_read) = decoded.map_err(|error| wrong(error.to_string()))?;
+    Ok((message, body.get(n_read..).unwrap_or_default()))
 }
 
 /// The time of a message that begins with a header, from its first bytes.

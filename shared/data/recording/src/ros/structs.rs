@@ -231,6 +231,33 @@ pub struct PointCloud<'a> {
     pub is_dense: bool,
 }
 
+impl<'a> PointCloud<'a> {
+    /// Points in one row, whose fields are all of four bytes.
+    pub fn in_a_row(header: Header<'a>, names: &[&'static str], data: &'a [u8]) -> Self {
+        let few = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let offsets = (0..).step_by(4);
+        let (datatype, count) = (PointField::FLOAT32, 1);
+        let field = |(name, offset): (&&'static str, u32)| PointField {
+            name: (*name).into(),
+            offset,
+            datatype,
+            count,
+        };
+        let point_step = names.len().saturating_mul(4);
+        Self {
+            header,
+            height: 1,
+            width: few(data.len().checked_div(point_step).unwrap_or(0)),
+            fields: names.iter().zip(offsets).map(field).collect(),
+            is_bigendian: false,
+            point_step: few(point_step),
+            row_step: few(data.len()),
+            data,
+            is_dense: true,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -218,8 +218,7 @@ impl Source for FolderSource {
         self.image(index, &depth.file, |path| self.codec.depth(&load(path)?, &self.camera, buffers.depth))?;
         self.leave_out_doubtful(index, at, buffers.depth, buffers.colour)?;
         if let Some(lens) = &self.lens {
-            let taken = buffers.depth.to_vec();
-            lens.apply(1, &taken, buffers.depth);
+            lens.straighten(1, buffers.depth);
         }
         if let Some(rays) = &self.rays {
             rays.to_depth(buffers.depth);

@@ -251,8 +251,7 @@ impl Source for SensSource {
         let (at, frame) = self.frame(index)?;
         self.depth(frame, buffers.depth).map_err(self.named(index))?;
         if let Some(lens) = &self.lens {
-            let taken = buffers.depth.to_vec();
-            lens.apply(1, &taken, buffers.depth);
+            lens.straighten(1, buffers.depth);
         }
         if let Some(rays) = &self.rays {
             rays.to_depth(buffers.depth);

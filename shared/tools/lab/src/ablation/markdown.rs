@@ -34,13 +34,9 @@ fn initial_alignments(tables: &Tables, text: &mut String) {
     for r in &tables.rows {
         line(row(
             r.sequence.clone(),
-            r.cells.iter().map(|cell| {
-                let lost = match cell.frames_untracked {
-                    0 => String::new(),
-                    n => format!(", {n} lost"),
-                };
-                format!("{}{lost}", number(&cell.rpe_m_per_s, *seeds))
-            }),
+            r.cells
+                .iter()
+                .map(|cell| number(&cell.rpe_m_per_s, *seeds) + &few(cell.frames_untracked, "lost")),
         ));
     }
     let improvements = tables.average_improvement_percent.iter().map(|p| format!("{p:+.1} %"));
@@ -64,13 +60,8 @@ fn whole_system(tables: &Tables, text: &mut String) {
     let names = tables.rows.iter().map(|r| r.sequence.clone());
     let _ = writeln!(text, "{}", row("system".into(), names.chain(["source".to_owned()])));
     let _ = writeln!(text, "|-|{}-|", "-|".repeat(tables.rows.len()));
-    let own = tables.rows.iter().map(|r| {
-        let lost = match r.whole.frames_untracked {
-            0 => String::new(),
-            n => format!(", {n} lost"),
-        };
-        format!("{}{lost}", number(&r.whole.ate_m, tables.seeds))
-    });
+    let own = tables.rows.iter().map(|r| &r.whole);
+    let own = own.map(|whole| number(&whole.ate_m, tables.seeds) + &few(whole.frames_untracked, "lost"));
     let _ = writeln!(text, "{}", row("Tessera".into(), own.chain(["this run".to_owned()])));
     for (name, source) in systems {
         let values = (0..tables.rows.len())
@@ -89,10 +80,7 @@ fn parts(tables: &Tables, text: &mut String) {
     let _ = writeln!(text, "{}", row("without".into(), names));
     let _ = writeln!(text, "|-|{}", "-|".repeat(tables.rows.len()));
     let both = |w: &Whole| {
-        let lost = match w.frames_untracked {
-            0 => String::new(),
-            n => format!(", {n} not tracked"),
-        };
+        let lost = few(w.frames_untracked, "not tracked");
         format!("{} / {}{lost}", number(&w.ate_m, *seeds), number(&w.rpe_online_m_per_s, *seeds))
     };
     let whole = tables.rows.iter().map(|r| both(&r.whole));
@@ -106,6 +94,11 @@ fn parts(tables: &Tables, text: &mut String) {
 fn row(first: String, cells: impl Iterator<Item = String>) -> String {
     let cells: Vec<String> = std::iter::once(first).chain(cells).collect();
     format!("| {} |", cells.join(" | "))
+}
+
+/// Frames that something befell, behind a number; nothing where there are none.
+fn few(n: usize, what: &str) -> String {
+    if n > 0 { format!(", {n} {what}") } else { String::new() }
 }
 
 fn number(spread: &Spread, seeds: u64) -> String {

@@ -9,7 +9,7 @@ use tessera_geometry::Camera;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape};
 use tessera_outputs::ToolError;
 use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec};
-use tessera_transport::{Guest, RunIdentity, SlicePublisher, Subscriber, registered_runs};
+use tessera_transport::{Guest, RunIdentity, SlicePublisher, Subscriber, living_runs};
 
 /// Time between two looks for the run, and between two messages that the camera has ended.
 const LOOK: Duration = Duration::from_millis(10);
@@ -170,8 +170,7 @@ impl Program {
             return held;
         }
         self.looked = Some(Instant::now());
-        let runs = registered_runs().ok()?;
-        let run = runs.into_iter().find(|run| run.is_alive && run.entry.name == self.run)?.entry;
+        let run = living_runs().ok()?.into_iter().find(|run| run.name == self.run)?;
         if let Some(held) = held.filter(|held| held.identity == run.identity) {
             return Some(held);
         }

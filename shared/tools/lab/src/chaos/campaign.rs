@@ -2,17 +2,16 @@
 
 use super::camera::CameraView;
 use super::disturb::{Disturbance, Disturber};
-use super::plan_file;
-use super::recovery::{Sign, events};
 use super::report::ChaosReport;
 use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random};
 use super::trial::{Pipeline, Trial};
 use super::verdict::{Judge, judge};
+use super::{journal, plan_file};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tessera_outputs::ToolError;
 use tessera_stage::RunFiles;
-use tessera_transport::registered_runs;
+use tessera_transport::living_runs;
 
 /// Planned faults of each kind in one run.
 const PLANNED_EACH: u64 = 5;
@@ -77,7 +76,7 @@ pub fn campaign(
     if !undisturbed.has_finished {
         return Err(ToolError::Stage(format!("the undisturbed run failed: {}", reference.errors())));
     }
-    let n_frames = reference.count_frames()?.n_frames;
+    let n_frames = journal::count(&reference.dir)?.n_frames;
     let mut report = ChaosReport::new(pipeline.arguments[0].clone(), arguments.seed, !arguments.live);
     let enough = plan.as_ref().map_or(arguments.kills, |(_, n)| *n);
     let mut number = 0;
@@ -205,28 +204,17 @@ pub fn attach(
             "--attach cannot drop, corrupt, jump, fail syncs or damage files, nor strike supervisor or group: expected kill, stop, slow, segv, abort, memory or full, and stages".into(),
         ));
     }
-    let runs = registered_runs()?;
-    let Some(run) = runs.into_iter().find(|run| run.is_alive && run.entry.name == name) else {
+    let Some(run) = living_runs()?.into_iter().find(|run| run.name == name) else {
         return Err(ToolError::Arguments(format!("no run {name:?} is going on; see tessera status")));
     };
     let schedule = FaultSchedule::new(arguments.seed, targets, kinds, arguments.interval_ms);
     let patience = Duration::from_secs(arguments.patience_s);
     let mut disturber = Disturber { schedule, most: arguments.kills, patience };
-    let disturbance = disturber.disturb_running(run.entry.pid, Random::new(arguments.seed));
-    let log = std::fs::read_to_string(RunFiles::new(&run.entry.run_dir).log()).unwrap_or_default();
+    let disturbance = disturber.disturb_running(run.pid, Random::new(arguments.seed));
+    let log = std::fs::read_to_string(RunFiles::new(&run.run_dir).log()).unwrap_or_default();
     let mut report = ChaosReport::new(name.to_owned(), arguments.seed, false);
     report.add_faults(1, &disturbance, &log);
     Ok(report)
-}
-
-/// Faults that kill points carried out, by the run's log.
-pub(super) fn struck(log: &str) -> Vec<super::recovery::ChaosEvent> {
-    events(log).into_iter().filter(|event| matches!(event.sign, Sign::Struck(_))).collect()
-}
-
-/// Folder and file names in messages.
-pub(super) fn shown(paths: &[PathBuf]) -> String {
-    paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
 impl Disturbance {

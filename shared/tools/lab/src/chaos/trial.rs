@@ -1,7 +1,6 @@
 //! One run of the pipeline as chaos starts it, goes on with it, and looks at what it left.
 
 use super::camera::{CameraProgram, CameraView};
-use super::journal::{self, FrameCount};
 use super::leftovers;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -102,16 +101,6 @@ impl Trial {
     /// What is left in shared memory and private folders.
     pub(super) fn leftovers(&self) -> Vec<(PathBuf, u64)> {
         self.identities.iter().flat_map(|identity| leftovers::of_identity(identity, &self.name)).collect()
-    }
-
-    /// What is left in the run directory beyond its documented files.
-    pub(super) fn undocumented(&self) -> Vec<PathBuf> {
-        leftovers::undocumented(&self.dir)
-    }
-
-    /// Frames as the journal has them.
-    pub(super) fn count_frames(&self) -> Result<FrameCount, ToolError> {
-        Ok(journal::count(&self.dir)?)
     }
 
     /// Outputs whose bytes differ from those of `reference`, missing ones among them.

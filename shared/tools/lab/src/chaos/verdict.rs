@@ -1,14 +1,14 @@
 //! Verdict on a run under faults.
 
-use super::campaign::{shown, struck};
 use super::disturb::{Disturbance, MemorySample};
-use super::recovery::{Hit, Recovery, Sign, events, recovery};
+use super::recovery::{ChaosEvent, Hit, Recovery, Sign, events, recovery};
 use super::report::{FaultReport, RunReport};
 use super::schedule::FaultTarget;
 use super::trial::Trial;
+use super::{journal, leftovers};
+use std::path::PathBuf;
 use tessera_messages::Stage;
-use tessera_outputs::ToolError;
-use tessera_outputs::read_statistics;
+use tessera_outputs::{ToolError, read_statistics};
 
 /// Faults that the supervisor's memory may take to settle before its growth counts.
 const SETTLE: u64 = 5;
@@ -34,7 +34,7 @@ pub(super) fn judge(
             broken.push(reason);
         }
     };
-    let frames = trial.count_frames()?;
+    let frames = journal::count(&trial.dir)?;
     check(frames.lost == 0, format!("{} frames are not in the journal", frames.lost));
     check(frames.duplicated == 0, format!("{} frames are in the journal again", frames.duplicated));
     let differing = trial.differing(&by.reference.dir);
@@ -42,7 +42,7 @@ pub(super) fn judge(
     let left = trial.leftovers();
     let left_paths: Vec<_> = left.iter().map(|(path, _)| path.clone()).collect();
     check(left.is_empty(), format!("left behind: {}", shown(&left_paths)));
-    let undocumented = trial.undocumented();
+    let undocumented = leftovers::undocumented(&trial.dir);
     check(undocumented.is_empty(), format!("files that no documentation names: {}", shown(&undocumented)));
     for stage in Stage::ALL {
         let died = format!("] {stage} died: ");
@@ -86,7 +86,7 @@ pub(super) fn judge(
 /// Each fault with what became of it.
 pub(super) fn faults(run: u64, done: &Disturbance, log: &str) -> Vec<FaultReport> {
     let events = events(log);
-    let planned = struck(log);
+    let planned: Vec<&ChaosEvent> = events.iter().filter(|e| matches!(e.sign, Sign::Struck(_))).collect();
     let of_plan = |word: &str| !["slow", "drop", "corrupt"].contains(&word);
     let name_of = |sign: &Sign| match sign {
         Sign::Struck(word) => word.rsplit(':').next().unwrap_or_default().to_owned(),
@@ -153,6 +153,11 @@ fn growth(samples: &[MemorySample]) -> (i64, i64, u64) {
 fn peak_rss_mb(trial: &Trial) -> Result<f64, ToolError> {
     let statistics = read_statistics(&trial.dir)?;
     Ok(statistics.stages.values().map(|stage| stage.peak_rss_mb).fold(0.0, f64::max))
+}
+
+/// Folder and file names in messages.
+fn shown(paths: &[PathBuf]) -> String {
+    paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

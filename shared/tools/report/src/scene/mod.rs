@@ -6,7 +6,7 @@ use crate::run::{FrameState, ReportedVerdict};
 use tessera_outputs::html::escaped;
 
 /// The script that draws; a page has it once.
-pub const VIEWER: &str = include_str!("viewer.js");
+pub(crate) const VIEWER: &str = include_str!("viewer.js");
 
 /// Most points of the map in a page.
 pub(crate) const MOST_POINTS: usize = 60_000;
