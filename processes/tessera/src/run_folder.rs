@@ -2,6 +2,8 @@
 
 use crate::exit::CommandError;
 use std::path::{Path, PathBuf};
+use tessera_settings::Settings;
+use tessera_stage::RunFiles;
 use tessera_transport::{RunEntry, registered_runs};
 
 /// Folder of all runs that have no `--out`.
@@ -33,6 +35,15 @@ pub(crate) fn find(name_or_folder: &str) -> Result<PathBuf, CommandError> {
     Err(CommandError::arguments(format!(
         "no run {name_or_folder:?}: expected the folder of a run or a name in {RUNS}/, where there are: {there_are}"
     )))
+}
+
+/// The settings of a run that goes on: its shared memory is laid out by them, so that a key of another version is an
+/// error here.
+pub(crate) fn settings_of_living(files: &RunFiles) -> Result<Settings, CommandError> {
+    let origin = files.config().display().to_string();
+    let text = std::fs::read_to_string(files.config())
+        .map_err(|error| CommandError::input(format!("{origin}: {error}")))?;
+    Ok(Settings::from_toml(&text, &origin)?)
 }
 
 /// Whether a run is the one of that name or folder.

@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage, WaitingOn};
-use tessera_outputs::{LatencyMs, RunStatistics, read_settings};
+use tessera_outputs::{LatencyMs, RunStatistics};
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Link, RunEntry, living_nodes, living_runs};
 
@@ -136,7 +136,7 @@ fn of_stage(
 /// The newest beat of each stage.
 fn listen(run: &RunEntry) -> Result<BTreeMap<Stage, Beat>, CommandError> {
     let files = RunFiles::new(&run.run_dir);
-    let settings = read_settings(&files)?;
+    let settings = run_folder::settings_of_living(&files)?;
     let layout = RunFile::read(&files)?.layout(&settings);
     let link = Link::open(&run.identity, &layout, "status")?;
     let subscriber = link.beat_subscriber()?;

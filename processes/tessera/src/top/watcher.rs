@@ -2,11 +2,11 @@
 
 use super::snapshot::{LastPose, Snapshot, StageLine};
 use crate::exit::CommandError;
+use crate::run_folder::settings_of_living;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_geometry::{Pose, PoseBits};
 use tessera_messages::{Beat, BeatState, POSE_STATES, PoseMessage, Stage, StageTimes, WaitingOn};
-use tessera_outputs::read_settings;
 use tessera_stage::{RunFile, RunFiles};
 use tessera_transport::{Link, RunEntry, Subscriber};
 
@@ -37,7 +37,7 @@ impl Watcher {
     /// Where its files or its shared memory cannot be read.
     pub(crate) fn open(run: &RunEntry, name: &str) -> Result<Self, CommandError> {
         let files = RunFiles::new(&run.run_dir);
-        let layout = RunFile::read(&files)?.layout(&read_settings(&files)?);
+        let layout = RunFile::read(&files)?.layout(&settings_of_living(&files)?);
         let link = Link::open(&run.identity, &layout, name)?;
         let now = Instant::now();
         Ok(Self {
