@@ -282,7 +282,7 @@ fn types_have_the_hashes_that_others_compute() {
     }
     let (_, service) = text.split_once("name: \"std_srvs/srv/Trigger\",").unwrap();
     arguments.extend(["std_srvs/srv/Trigger".to_owned(), service.split('"').nth(1).unwrap().to_owned()]);
-    let text = std::fs::read_to_string(common::root().join("ros2/src/parameters/wire.rs")).unwrap();
+    let text = std::fs::read_to_string(common::root().join("ros2/src/services/parameters/wire.rs")).unwrap();
     let (_, table) = text.split_once("\nservices! {\n").unwrap();
     for line in table.split_once("\n}").unwrap().0.lines() {
         let words: Vec<&str> = line.split('"').collect();
