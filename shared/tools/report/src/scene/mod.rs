@@ -152,7 +152,7 @@ impl ReportScene {
         self.points.is_empty() && self.frames.is_empty()
     }
 
-    /// The section's inside: a canvas with its controls, or why there is none. The page needs [`VIEWER`] once.
+    /// The section's inside: a canvas with its controls, or why there is none. The page needs the viewer once.
     pub fn html(&self) -> String {
         let note = |words: &str| format!("<p class=\"note\">{}</p>", escaped(words));
         let missing = match &self.no_map {
