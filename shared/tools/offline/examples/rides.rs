@@ -6,9 +6,10 @@
 //! `lift` walks it. At 10 Hz and 320x240 the camera goes out of the lift into the first room and back into the cabin,
 //! rides, goes out on the storey above, the same way back, and round the first room once more.
 //! A ride is noticed where a submap begins: so many metres after the front of the cabin, or in it, where what is seen
-//! does not tell the storey, be it that the door closes. A join is wrong where it puts the camera more than 1 m or 30 degrees from where it truly is to the nearest
-//! frame of the other component. Storeys are mixed where frames of two are in one component with a height that is more
-//! than 1 m off, but for those in the cabin and up to 3 m after it. `--looks` prints the evidence against the map by frames.
+//! does not tell the storey, be it that the door closes. A join is wrong where it puts the camera more than 1 m or 30
+//! degrees from where it truly is to the nearest frame of the other component. Storeys are mixed where frames of two are
+//! in one component with a height that is more than 1 m off, but for those in the cabin and up to 3 m after it.
+//! `--looks` prints the evidence against the map by frames.
 //! With `--door` the door closes and opens again, and the camera goes the first way once more: a submap that begins is
 //! a false one.
 #![forbid(unsafe_code)]
@@ -212,7 +213,8 @@ impl RidesWalk {
     }
 }
 
-/// Where the cabin is entered and rides begin, and for each frame the way since the front of the cabin after the last one, metres.
+/// Where the cabin is entered and rides begin, and for each frame the way since the front of the cabin after the last
+/// one, metres.
 fn since_rides(truth: &[Pose]) -> (Vec<[usize; 2]>, Vec<Option<f64>>) {
     let at = |k: usize| truth[k].translation.vector;
     let [low_m, high_m] = [AT_REST_M[0] + UNSTEADY_M, AT_REST_M[1] - UNSTEADY_M];

@@ -68,13 +68,14 @@ impl UncertainPose {
 
     /// Log-likelihood ratio of one pose for both estimates against another one anywhere in a region of so much
     /// volume (metres and radians, each cubed), nats: the density of their difference under their covariance, over
-    /// that of an even spread. Where both are sharp, no chance brings them together to a few deviations.
+    /// that of an even spread. Where both are sharp, no chance brings them together to a few deviations. Not above any
+    /// number where one is not finite.
     pub(crate) fn coincidence_nats(&self, other: &Self, volume: f64) -> f64 {
         let (difference, sum) = self.difference(other);
-        let floored = floored(&sum);
+        let Some(factor) = floored(&sum).cholesky() else { return f64::NEG_INFINITY };
         let log_determinant =
-            floored.symmetric_eigenvalues().iter().map(|v| libm::log(2.0 * PI * v)).sum::<f64>();
-        let distance_sq = squared_norm(&difference, &sum);
+            factor.l_dirty().diagonal().iter().map(|l| libm::log(2.0 * PI * l * l)).sum::<f64>();
+        let distance_sq = difference.dot(&factor.solve(&difference));
         libm::log(volume) - 0.5 * (log_determinant + distance_sq)
     }
 
@@ -128,6 +129,7 @@ mod tests {
         assert!((nats(0.01, 0.0) - at_0).abs() < 1e-9, "{}", nats(0.01, 0.0));
         assert!(nats(0.01, 0.07) > 0.0 && nats(0.01, 0.2) < 0.0);
         assert!(nats(0.5, 0.0) < 0.0, "they say no more than that both are in the region");
+        assert!(!(nats(0.01, f64::NAN) > 0.0) && !(nats(f64::NAN, 0.0) > 0.0));
     }
 
     #[test]

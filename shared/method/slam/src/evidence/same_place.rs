@@ -175,7 +175,8 @@ const SAME_TO_DESCRIPTOR_RAD: f64 = 20.0_f64.to_radians();
 const SAME_TO_DESCRIPTOR_SCALE: f64 = 1.4;
 
 /// Features of a query that lie in the target's image, seen from about the same side and distance, and upright, where the
-/// target has the same surface: what floats in front of it or is behind is not what it saw.
+/// target has the same surface: what floats in front of it or is behind is not what it saw. `context`: of the target's
+/// camera.
 pub(crate) fn n_comparable(
     context: &Context,
     query: &[Observation],
@@ -218,7 +219,7 @@ fn is_on_surface(
     normal.dot(&(point_m - position)).powi(2) <= 9.0 * (variance_m2[0] + variance_m2[1])
 }
 
-/// Share of the comparable features of a query that agree with a pose.
+/// Share of the comparable features of a query that agree with a pose; `context`: of the target's camera.
 pub(crate) fn agreeing_share(
     context: &Context,
     query: &[Observation],

@@ -107,7 +107,7 @@ fn evidence(
     let n_agreeing = pair.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at));
     let n_seen = [aligner.sight.n_features(), there.features.len()];
     let before = before_newest(input).and_then(|k| reference(input, Member::Keyframe(k.id)));
-    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there.surface, &at));
+    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there, &at));
     let evidence = surfaces.with_features(n_seen, n_agreeing, n_expected);
     // It may have come to where surfaces are the same.
     evidence.least_nats().map(|nats| (old.id, nats))

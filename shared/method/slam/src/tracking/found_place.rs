@@ -57,7 +57,7 @@ pub(crate) fn shown(
     let n_seen = [aligner.sight.n_features(), there.features.len()];
     let n_agreeing = aligner.sight.n_agreeing_anywhere(input.context, &there, pose);
     let before = input.view_before.and_then(|before| reference(input, before));
-    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there.surface, &at));
+    let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there, &at));
     Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing, n_expected)))
 }
 

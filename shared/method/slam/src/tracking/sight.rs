@@ -214,9 +214,8 @@ impl Sight {
             return Arc::clone(&known.observations);
         }
         let (model, velocity) = (context.colour, reference.velocity);
-        let seen_by = reference.session.map_or(Cow::Borrowed(context), |session| context.of(session));
         let observations: Arc<[Observation]> =
-            lift(&seen_by, reference.features, &reference.surface, &velocity).into();
+            lift(&seen_by(context, reference), reference.features, &reference.surface, &velocity).into();
         if self.known.len() >= SURFACES_KEPT {
             // Those that were not asked for for longest.
             let longest = self.known.iter().min_by_key(|(_, known)| known.asked_by).map(|(key, _)| *key);
@@ -285,9 +284,10 @@ impl Sight {
         &mut self,
         context: &Context,
         before: Option<&Reference<'_>>,
-        (target, target_from_query): (&SurfaceView<'_>, &Pose),
+        (target, target_from_query): (&Reference<'_>, &Pose),
     ) -> f64 {
-        let n = same_place::n_comparable(context, &self.observations, target, target_from_query);
+        let (seen_by, surface) = (seen_by(context, target), &target.surface);
+        let n = same_place::n_comparable(&seen_by, &self.observations, surface, target_from_query);
         n as f64 * before.map_or(0.0, |before| self.agreeing_share(context, before))
     }
 
@@ -296,7 +296,7 @@ impl Sight {
         let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
         pair.map_or(0.0, |pair| {
             let there = (&before.surface, &pair.target_from_query);
-            same_place::agreeing_share(context, &self.observations, &pair.inliers, there)
+            same_place::agreeing_share(&seen_by(context, before), &self.observations, &pair.inliers, there)
         })
     }
 
@@ -314,6 +314,11 @@ impl Sight {
         pair.inliers.iter().for_each(|c| sums.add(c, &at, velocities));
         sums.end_pair();
     }
+}
+
+/// The context of the camera that saw a reference.
+fn seen_by<'a>(context: &'a Context, reference: &Reference<'_>) -> Cow<'a, Context> {
+    reference.session.map_or(Cow::Borrowed(context), |session| context.of(session))
 }
 
 /// A pair whose surfaces judge colour.
