@@ -169,6 +169,12 @@ impl ColourState {
         state
     }
 
+    /// Evidence that a frame's image is of its time, nats: after so many that were, one is not with the probability
+    /// of 1 / (n + 2) (Laplace's rule of succession).
+    pub(crate) fn image_nats(&self) -> f64 {
+        libm::log(f64::from(self.n_frames) + 2.0)
+    }
+
     /// Takes a frame's records in.
     pub(crate) fn apply(&mut self, audit: Option<&ColourRecord>, pose: Option<&ColourPoseRecord>) {
         if let Some(record) = audit {

@@ -17,6 +17,8 @@
 //! followed in logarithms, for translation and rotation apart.
 
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+use std::ops::Range;
 use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 
 /// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
@@ -66,6 +68,21 @@ impl MotionPrior {
     pub(crate) fn squared_distance(&self, world_from_camera: &Pose) -> f64 {
         let step = log(&(self.world_from_camera.inverse() * world_from_camera)).to_vector();
         step.iter().zip(&self.variance).map(|(step, variance)| step * step / variance).sum()
+    }
+
+    /// Log-likelihood ratio of a pose for this motion against one anywhere in a region of so much volume (metres and
+    /// radians, each cubed), nats: Student's t for translation and rotation apart, as the innovations have it, over an
+    /// even spread.
+    pub(crate) fn coincidence_nats(&self, world_from_camera: &Pose, volume: f64) -> f64 {
+        let step = log(&(self.world_from_camera.inverse() * world_from_camera)).to_vector();
+        let half = |axes: Range<usize>| {
+            let (n, nu) = (axes.len() as f64, STUDENT_FREEDOM);
+            let distance_sq: f64 = axes.clone().map(|k| step[k] * step[k] / self.variance[k]).sum();
+            let log_scale: f64 = axes.map(|k| libm::log(PI * nu * self.variance[k])).sum();
+            let log_norm = libm::lgamma(0.5 * (nu + n)) - libm::lgamma(0.5 * nu);
+            log_norm - 0.5 * log_scale - 0.5 * (nu + n) * libm::log1p(distance_sq / nu)
+        };
+        libm::log(volume) + half(0..3) + half(3..6)
     }
 
     /// The same with the rotation of another pose, which a gyroscope measured.

@@ -107,6 +107,10 @@ fn track_from(
         Some(FeatureStart::Rival(guess)) => {
             (None, Some(guess).filter(|_| !input.context.is_colour_on_probation))
         }
+        Some(FeatureStart::Refused) => {
+            aligner.sight.refuse_pairs();
+            (None, None)
+        }
         None => (None, None),
     };
     let prediction = &seen.unwrap_or(*prediction);

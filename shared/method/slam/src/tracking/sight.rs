@@ -32,6 +32,9 @@ pub(crate) const SURFACES_KEPT: usize = 24;
 const NEAR_IN_TIME: u32 = 4;
 const NEIGHBOURS: usize = 10;
 
+/// Pairs with references, those without a result too.
+type Pairs = BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>;
+
 /// Observations of one reference, with what they were made from.
 struct KnownObservations {
     /// The frame that asked for them last.
@@ -53,7 +56,9 @@ pub(crate) struct Sight {
     /// The image is that of the frame before.
     pub(crate) is_repeated: bool,
     observations: Arc<[Observation]>,
-    pairs: BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>,
+    pairs: Pairs,
+    /// Pairs whose pose no motion leads to.
+    refused: Pairs,
     /// The active keyframes of all submaps, as of the last recognition; sets of keyframes that differ much have an
     /// index each.
     places: BTreeMap<u32, PlaceIndex>,
@@ -75,6 +80,7 @@ impl Sight {
             is_repeated: false,
             observations: Arc::new([]),
             pairs: BTreeMap::new(),
+            refused: BTreeMap::new(),
             places: BTreeMap::new(),
             places_used: 0,
             holds_admitted_only: false,
@@ -96,6 +102,7 @@ impl Sight {
         self.index = frame.index;
         self.velocity = *velocity;
         self.pairs.clear();
+        self.refused.clear();
         self.features.clear();
         if context.mapping.features.enabled && !self.is_repeated {
             self.features.extend_from_slice(frame.features);
@@ -128,6 +135,11 @@ impl Sight {
         self.velocity = *velocity;
         self.pairs.clear();
         self.observations = lift(context, &self.features, surface, velocity).into();
+    }
+
+    /// Refuses the pairs found so far: they are no measurement, and colour is judged by them.
+    pub(crate) fn refuse_pairs(&mut self) {
+        self.refused = std::mem::take(&mut self.pairs);
     }
 
     /// Features of the frame, those that were left out among them.
@@ -308,7 +320,8 @@ impl Sight {
 
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
     pub(crate) fn judge(&self, judged: &Judged<'_>, factor: f64, sums: &mut Observed<'_>) {
-        let Some(Some(pair)) = self.pairs.get(&judged.key) else { return };
+        let found = [&self.refused, &self.pairs].into_iter().find_map(|pairs| pairs.get(&judged.key)?.as_ref());
+        let Some(pair) = found else { return };
         let at = by_surfaces(judged, factor);
         let velocities = [&self.velocity, &judged.velocity];
         pair.inliers.iter().for_each(|c| sums.add(c, &at, velocities));

@@ -4,6 +4,7 @@ use crate::evidence::pose_agreement::CHI_SQUARE_6;
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matching::Reach;
 use crate::settings::WindowSettings;
+use crate::submaps::brought_together::FAR_VOLUME;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
@@ -11,8 +12,10 @@ use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::{COARSE_SAMPLES, every_nth, newest_reference, reference, support};
 use tessera_geometry::{Pose, log};
 
-/// Members of the window that are asked.
-const MOST_ASKED: usize = 2;
+/// Members of the window that are asked near where they are predicted.
+const ASKED_IF_PREDICTED: usize = 2;
+/// Evidence that an image is of its time, nats, without which it is not followed: odds of twenty to one.
+const IMAGE_NATS: f64 = 3.0;
 /// Share of the prediction's support that the features' guess must have.
 const LEAST_SUPPORT: f64 = 0.9;
 
@@ -22,6 +25,8 @@ pub(crate) enum FeatureStart {
     Better(Prediction),
     /// Surfaces support a known motion more, but the two are different places: both are tried.
     Rival(Prediction),
+    /// No motion leads there: the image is of another time.
+    Refused,
 }
 
 /// The prediction at the pose that features agree on; `None` without one, or where that is the predicted one and the
@@ -32,6 +37,11 @@ pub(crate) fn guess_from_features(
     prediction: &Prediction,
 ) -> Option<FeatureStart> {
     let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
+    let motion_nats = prediction.motion.as_ref().map(|m| m.coincidence_nats(&world_from_camera, FAR_VOLUME));
+    let image_nats = input.map.state().colour.image_nats();
+    if motion_nats.is_some_and(|nats| nats + image_nats < IMAGE_NATS) {
+        return Some(FeatureStart::Refused);
+    }
     let newest = newest_reference(input, &prediction.world_from_camera)?;
     let some = every_nth(input.samples, COARSE_SAMPLES);
     let predicted = support(input, aligner, &some, &newest, &prediction.world_from_camera);
@@ -69,12 +79,11 @@ fn pose_from_features(
         return None;
     }
     let mut members = window::select(&input.map, &input.context.mapping.window, world_from_camera);
-    members.truncate(MOST_ASKED);
     let last = input.map.last_own_keyframe().map(|k| Member::Keyframe(k.id));
     members.extend(last.filter(|last| !members.contains(last)));
-    for reach in [Reach::PREDICTED, Reach::ANYWHERE] {
+    for (reach, most) in [(Reach::PREDICTED, ASKED_IF_PREDICTED), (Reach::ANYWHERE, members.len())] {
         let mut best: Option<(usize, Pose)> = None;
-        for reference in members.iter().filter_map(|member| reference(input, *member)) {
+        for reference in members.iter().take(most).filter_map(|member| reference(input, *member)) {
             let found = aligner.sight.pair(input.context, &reference, world_from_camera, reach);
             let Some(pair) = found else { continue };
             let n = pair.inliers.len();
