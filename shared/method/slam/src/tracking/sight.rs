@@ -57,7 +57,7 @@ pub(crate) struct Sight {
     pub(crate) is_repeated: bool,
     observations: Arc<[Observation]>,
     pairs: Pairs,
-    /// Pairs whose pose no motion leads to.
+    /// Pairs of an image that is of another time.
     refused: Pairs,
     /// The active keyframes of all submaps, as of the last recognition; sets of keyframes that differ much have an
     /// index each.

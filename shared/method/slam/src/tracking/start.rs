@@ -25,7 +25,7 @@ pub(crate) enum FeatureStart {
     Better(Prediction),
     /// Surfaces support a known motion more, but the two are different places: both are tried.
     Rival(Prediction),
-    /// No motion leads there: the image is of another time.
+    /// Neither a motion leads there nor do surfaces tell it: the image is of another time.
     Refused,
 }
 
@@ -37,16 +37,16 @@ pub(crate) fn guess_from_features(
     prediction: &Prediction,
 ) -> Option<FeatureStart> {
     let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
-    let motion_nats = prediction.motion.as_ref().map(|m| m.coincidence_nats(&world_from_camera, FAR_VOLUME));
-    let image_nats = input.map.state().colour.image_nats();
-    if motion_nats.is_some_and(|nats| nats + image_nats < IMAGE_NATS) {
-        return Some(FeatureStart::Refused);
-    }
     let newest = newest_reference(input, &prediction.world_from_camera)?;
     let some = every_nth(input.samples, COARSE_SAMPLES);
     let predicted = support(input, aligner, &some, &newest, &prediction.world_from_camera);
     let seen = support(input, aligner, &some, &newest, &world_from_camera);
     let is_better = !prediction.is_known || seen >= LEAST_SUPPORT * predicted;
+    let motion_nats = prediction.motion.as_ref().map(|m| m.coincidence_nats(&world_from_camera, FAR_VOLUME));
+    let image_nats = input.map.state().colour.image_nats();
+    if !is_better && motion_nats.is_some_and(|nats| nats + image_nats < IMAGE_NATS) {
+        return Some(FeatureStart::Refused);
+    }
     let is_elsewhere =
         || prediction.motion.as_ref().is_some_and(|m| m.squared_distance(&world_from_camera) > CHI_SQUARE_6);
     if !is_better && !is_elsewhere() {
