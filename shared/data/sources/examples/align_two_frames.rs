@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let limits = MatchLimits::new(FIRST_DISTANCE_M, k as f32 / (ITERATIONS - 1) as f32);
         let selection = Selection { count: samples.len(), shift: 0 };
         let (sums, report) = matcher.match_pair(&queries, selection, &fixed, &target_from_query, &limits);
-        let block = PairBlock::new(&target_from_query, &sums);
+        let block = PairBlock::new(&target_from_query, &sums.all());
         let mut graph = Graph {
             poses: vec![Pose::identity(), target_from_query],
             is_fixed: vec![true, false],

@@ -74,6 +74,25 @@ impl BlockSums {
     }
 }
 
+/// The matches of a pair in two halves of the image: what they disagree by tells how far all of them err together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HalfSums {
+    /// Of the rows above.
+    pub upper: BlockSums,
+    /// Of the rows below.
+    pub lower: BlockSums,
+}
+
+impl HalfSums {
+    /// Both together.
+    pub fn all(&self) -> BlockSums {
+        let mut sums = self.upper;
+        sums.add_scaled(&self.lower, 1.0);
+        sums.n += self.lower.n;
+        sums
+    }
+}
+
 impl Default for BlockSums {
     fn default() -> Self {
         Self { q: [0.0; 60], l: [0.0; 12], c: 0.0, n: 0 }

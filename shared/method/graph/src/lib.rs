@@ -18,7 +18,7 @@ mod robust;
 mod solve;
 mod statistics;
 
-pub use block::{BlockSums, PairBlock, Quadratic};
+pub use block::{BlockSums, HalfSums, PairBlock, Quadratic};
 pub use graph::{Graph, InnerReport, Pair, Prior, Solver};
 pub use multi_edge::{DataAssociation, INNER_ITERATIONS, MultiEdge, OuterIteration, Schedule, Solved};
 pub use robust::{GemanMcClure, RobustReport, disagreement_sigmas, optimise as optimise_robustly};

@@ -15,7 +15,8 @@
 
 use crate::association::columns::Columns3;
 use crate::association::found::Found;
-use tessera_graph::BlockSums;
+use std::ops::Range;
+use tessera_graph::{BlockSums, HalfSums};
 use tessera_numerics::lanes::{LANES, Lanes, Real, dot};
 
 /// Factor of the information across the normals. The search finds a partner beside every query, wherever along a
@@ -36,24 +37,26 @@ pub(crate) struct Accumulate<'a> {
 }
 
 impl pulp::WithSimd for Accumulate<'_> {
-    type Output = BlockSums;
+    type Output = HalfSums;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _simd: S) -> BlockSums {
-        accumulate(&self)
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> HalfSums {
+        // Places are in raster order.
+        let len = self.found.len();
+        let half = (len / 2).next_multiple_of(LANES);
+        HalfSums { upper: accumulate(&self, 0..half), lower: accumulate(&self, half..len) }
     }
 }
 
 type GicpSums = [Lanes; 73];
 
 #[inline(always)]
-fn accumulate(it: &Accumulate<'_>) -> BlockSums {
-    let n = it.found.weight.iter().filter(|w| **w > 0.0).count() as u32;
+fn accumulate(it: &Accumulate<'_>, places: Range<usize>) -> BlockSums {
+    let n = it.found.weight[places.clone()].iter().filter(|w| **w > 0.0).count() as u32;
     let mut sums = BlockSums { n, ..BlockSums::default() };
-    let len = it.found.len();
-    for start in (0..len).step_by(CHUNK) {
+    for start in places.clone().step_by(CHUNK) {
         let mut lanes = [Lanes::ZERO; 73];
-        for at in (start..len.min(start + CHUNK)).step_by(LANES) {
+        for at in (start..places.end.min(start + CHUNK)).step_by(LANES) {
             // Queries are in raster order, and so are those without a match: whole lanes of them add zeros.
             if it.found.weight[at..at + LANES].iter().fold(0.0f32, |most, &weight| most.max(weight)) > 0.0 {
                 add_lanes(it, at, &mut lanes);
@@ -132,7 +135,7 @@ mod tests {
         found.weight[0] = 1.0;
         let mut points = Columns3::default();
         points.resize(LANES);
-        accumulate(&Accumulate { found: &found, points: &points, epsilon })
+        accumulate(&Accumulate { found: &found, points: &points, epsilon }, 0..LANES)
     }
 
     #[test]

@@ -114,7 +114,7 @@ impl Setup {
             let limits = limits(k as f32 / 9.0);
             let selection = Selection { count: 2000, shift: 0 };
             let (sums, report) = matcher.match_pair(&queries, selection, &target, &pose, &limits);
-            let block = PairBlock::new(&pose, &sums);
+            let block = PairBlock::new(&pose, &sums.all());
             let mut graph = Graph {
                 poses: vec![Pose::identity(), pose],
                 is_fixed: vec![true, false],

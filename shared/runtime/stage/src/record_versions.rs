@@ -9,10 +9,13 @@
 //!
 //! Version 16 of both is the first that is read; records of runs before it are refused by name.
 
+mod before_17;
+
 use tessera_journal::RecordKind;
 use tessera_slam::{AlignRecord, OptimiseRecord};
 
 /// The aligner's journal.
-pub const ALIGN_JOURNAL: RecordKind<AlignRecord> = RecordKind::only("align", 16);
+pub const ALIGN_JOURNAL: RecordKind<AlignRecord> =
+    RecordKind { name: "align", version: 17, oldest: 16, earlier: |_, payload| before_17::align(payload) };
 /// The optimiser's journal.
 pub const OPTIMISE_JOURNAL: RecordKind<OptimiseRecord> = RecordKind::only("optimise", 16);

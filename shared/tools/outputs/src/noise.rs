@@ -34,7 +34,7 @@ mod tests {
     fn evidence_of_many_frames_outweighs_the_prior_and_narrows_it() {
         assert_eq!(NoiseSummary::new([]), None);
         let record = NoiseRecord {
-            surface_residual: 0.02,
+            halves: [0.6, 6.0],
             squared: [1.5, 6.0],
             redundancy: [3.0, 3.0],
             step_variance: None,

@@ -11,7 +11,7 @@ use crate::association::target::{Target, flat};
 use crate::gicp::Accumulate;
 use crate::settings::RegistrationSettings;
 use tessera_geometry::{DepthNoise, Pose};
-use tessera_graph::BlockSums;
+use tessera_graph::HalfSums;
 use tessera_numerics::{Step, Steps};
 
 /// Counts of a search.
@@ -90,7 +90,7 @@ impl Matcher {
         target: &Target<'_>,
         target_from_query: &Pose,
         limits: &MatchLimits,
-    ) -> (BlockSums, PairReport) {
+    ) -> (HalfSums, PairReport) {
         self.choose(queries, selection);
         self.match_chosen(target, target_from_query, limits)
     }
@@ -108,7 +108,7 @@ impl Matcher {
         target: &Target<'_>,
         target_from_query: &Pose,
         limits: &MatchLimits,
-    ) -> (BlockSums, PairReport) {
+    ) -> (HalfSums, PairReport) {
         self.steps.enter(Step::Search);
         let (motion, n_queries) = (flat(target_from_query), self.n_chosen);
         self.camera = target.shutter.camera().unwrap_or(self.own_camera);
@@ -151,7 +151,7 @@ impl Matcher {
         let accumulate = Accumulate { found: &self.found, points: &self.chosen.points, epsilon };
         let sums = self.arch.dispatch(accumulate);
         let n_queries = n_queries as u32;
-        let n_matches = sums.n;
+        let n_matches = sums.upper.n + sums.lower.n;
         (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })
     }
 
@@ -297,7 +297,11 @@ mod tests {
                 .map(|pose| matcher().match_pair(&queries, selection, &target, &pose, &limits));
             assert_eq!(used.match_pair(&queries, selection, &target, &at(away_m), &limits), expected[0]);
             assert_eq!(used.match_chosen(&target, &at(0.5 * away_m), &limits), expected[1]);
-            assert!(away_m.abs() > 1.0 || count < 9 || expected[0].0.n > 5, "{count}: {:?}", expected[0].1);
+            assert!(
+                away_m.abs() > 1.0 || count < 9 || expected[0].0.all().n > 5,
+                "{count}: {:?}",
+                expected[0].1
+            );
         }
     }
 
@@ -328,7 +332,7 @@ mod tests {
         let named = shutter.of_camera(GridCamera::new(&far, far_grid, 1.5));
         let target = Target { shutter: &named, ..target };
         let found = matcher(&near, near_grid).match_pair(&queries, selection, &target, &pose, &limits);
-        assert!(found.0.n > 50, "{:?}", found.1);
+        assert!(found.0.all().n > 50, "{:?}", found.1);
         assert_eq!(found, expected);
     }
 }

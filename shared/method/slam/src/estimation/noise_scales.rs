@@ -9,6 +9,9 @@
 //!
 //! As poses are compared, not points, the scales hold what all matches of a kind err by together
 //! (calibration, lag, blur, the filter's correlation): the error of the reference's own pose alone cancels.
+//!
+//! Surfaces alone give the relative pose twice as well, from the upper and from the lower half of the image: with
+//! one scale for both, it is the prior of `s_s^2` where no feature is matched.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,19 +19,16 @@ use serde::{Deserialize, Serialize};
 const KEPT: f64 = 0.99;
 /// Degrees of freedom of the prior: about what four frames with both kinds add.
 const PRIOR_FREEDOM: f64 = 20.0;
-/// Ratio of the surfaces' pose scale to the mean squared residual of their matches: matches that err together
-/// (method 9.5; fitted: the geometric mean over fr1_rpy_400, d435_office_400 and `room`).
-pub(crate) const SURFACE_CORRELATION: f64 = 10.0;
-/// Mean squared residual of surfaces before any was measured, in units of the model.
-const SURFACE_RESIDUAL: f64 = 0.005;
+/// Scale of the surfaces before any were compared.
+const SURFACE_SCALE: f64 = 0.05;
 /// Scale of the features where none was compared: the model's own.
 const FEATURE_SCALE: f64 = 1.0;
 
 /// A frame's evidence of the scales: sums over its pairs, divided by their number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseRecord {
-    /// Mean squared residual of the surfaces' matches in units of their model.
-    pub surface_residual: f64,
+    /// Squared disagreement of the surfaces of both halves of the image in units of their model, and its redundancy.
+    pub halves: [f64; 2],
     /// Squared disagreement that falls to surfaces and to features, in units of their models.
     pub squared: [f64; 2],
     /// Redundancy of each.
@@ -39,18 +39,11 @@ pub struct NoiseRecord {
 }
 
 /// The scales as of all frames so far.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseState {
-    surface_residual: f64,
-    n_frames: f64,
+    halves: [f64; 2],
     squared: [f64; 2],
     redundancy: [f64; 2],
-}
-
-impl Default for NoiseState {
-    fn default() -> Self {
-        Self { surface_residual: SURFACE_RESIDUAL, n_frames: 0.0, squared: [0.0; 2], redundancy: [0.0; 2] }
-    }
 }
 
 /// Factors of the covariances that the sensors' models state.
@@ -72,9 +65,8 @@ impl NoiseState {
 
     /// Takes a frame's record in.
     pub(crate) fn apply(&mut self, record: &NoiseRecord) {
-        self.n_frames = KEPT * self.n_frames + 1.0;
-        self.surface_residual += (record.surface_residual - self.surface_residual) / (self.n_frames + 1.0);
         for k in 0..2 {
+            self.halves[k] = KEPT * self.halves[k] + record.halves[k];
             self.squared[k] = KEPT * self.squared[k] + record.squared[k];
             self.redundancy[k] = KEPT * self.redundancy[k] + record.redundancy[k];
         }
@@ -82,10 +74,13 @@ impl NoiseState {
 
     /// The scales: the evidence with the prior's degrees of freedom.
     pub fn scales(&self) -> NoiseScales {
-        let prior = [SURFACE_CORRELATION * self.surface_residual, FEATURE_SCALE];
-        let [surfaces, features] = [0, 1]
-            .map(|k| (self.squared[k] + PRIOR_FREEDOM * prior[k]) / (self.redundancy[k] + PRIOR_FREEDOM));
-        NoiseScales { surfaces, features }
+        let scale =
+            |squared, redundancy, prior| (squared + PRIOR_FREEDOM * prior) / (redundancy + PRIOR_FREEDOM);
+        let of_halves = scale(self.halves[0], self.halves[1], SURFACE_SCALE);
+        NoiseScales {
+            surfaces: scale(self.squared[0], self.redundancy[0], of_halves),
+            features: scale(self.squared[1], self.redundancy[1], FEATURE_SCALE),
+        }
     }
 
     /// Relative standard deviation of each scale, surfaces first: that of a chi-square of as many degrees of freedom.
@@ -99,13 +94,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_features_the_scale_is_that_of_the_residuals() {
+    fn without_features_the_scale_is_that_of_the_halves() {
         let mut state = NoiseState::default();
         for _ in 0..1000 {
-            state.apply(&NoiseRecord { surface_residual: 0.02, ..NoiseRecord::default() });
+            state.apply(&NoiseRecord { halves: [6.0 * 0.2, 6.0], ..NoiseRecord::default() });
         }
         let scales = state.scales();
-        assert!((scales.surfaces - SURFACE_CORRELATION * 0.02).abs() < 1e-6, "{scales:?}");
+        assert!((scales.surfaces - 0.2).abs() < 0.01, "{scales:?}");
         assert_eq!(scales.features, FEATURE_SCALE);
     }
 }

@@ -31,8 +31,9 @@ impl PairSearch<'_> {
         let target_from_query = poses[self.target].inverse() * poses[self.query];
         // Each pair takes another choice of the samples.
         let selection = Selection { count: GlobalSettings::QUERIES_PER_PAIR, shift: self.target };
-        let (mut sums, report) =
+        let (halves, report) =
             matcher.match_pair(self.queries, selection, &self.surface, &target_from_query, &self.limits);
+        let mut sums = halves.all();
         let overlap = f64::from(report.n_matches) / f64::from(report.n_queries.max(1));
         let is_link = self.is_consecutive && report.n_matches >= MIN_FEATURES;
         let is_seen = self.features.as_ref().is_some_and(|pair| pair.found.sums.n >= MIN_FEATURES);

@@ -7,7 +7,7 @@ use crate::estimation::noise_scales::{NoiseRecord, NoiseScales};
 use crate::pairs::colour_coupling::coupling;
 use crate::pairs::weighted_pair::WeightedPair;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
-use tessera_graph::{BlockSums, PairBlock};
+use tessera_graph::{HalfSums, PairBlock};
 
 /// Consistency at the normal distribution: `6 / E[(nu + 6) q / (nu + q)]` for `q` of a chi-square of 6.
 const CONSISTENCY: f64 = 1.0816;
@@ -17,7 +17,7 @@ pub(crate) struct PairEvidence<'a> {
     pub(crate) target_from_query: Pose,
     /// Motion per second of query and target, each in its camera frame.
     pub(crate) velocities: [Twist; 2],
-    pub(crate) surfaces: (&'a Pose, &'a BlockSums),
+    pub(crate) surfaces: (&'a Pose, &'a HalfSums),
     pub(crate) features: Option<&'a WeightedPair>,
 }
 
@@ -36,27 +36,33 @@ pub(crate) fn evidence<'a>(
     colour: Option<&ColourModel>,
 ) -> Option<FrameEvidence> {
     let mut of_colour = ParameterSums::default();
-    let mut record = NoiseRecord::default();
-    let (mut cost, mut n_matches, mut n_pairs) = (0.0, 0.0, 0.0);
+    let (mut n_pairs, mut squared_sums, mut redundancy_sums) = (0.0, [0.0; 2], [0.0; 2]);
+    let mut halves = [(Matrix6::zeros(), Vector6::zeros()); 2];
+    let mut n_matches = 0;
     for pair in pairs {
         let (origin, sums) = pair.surfaces;
-        let (h, g, c) = PairBlock::new(origin, sums).linearise(&pair.target_from_query);
-        cost += c / model;
-        n_matches += f64::from(sums.n);
+        let both = [&sums.upper, &sums.lower].map(|sums| {
+            let (h, g, _) = PairBlock::new(origin, sums).linearise(&pair.target_from_query);
+            (h / (model * scales.surfaces), g / (model * scales.surfaces))
+        });
+        for (sum, half) in halves.iter_mut().zip(&both) {
+            *sum = (sum.0 + half.0, sum.1 + half.1);
+        }
+        n_matches += sums.upper.n + sums.lower.n;
+        let surfaces = (both[0].0 + both[1].0, both[0].1 + both[1].1);
         let Some(features) = pair.features else { continue };
         let found = &features.found;
         let (h_f, g_f, _) =
             PairBlock::new(&found.target_from_query, &found.sums).linearise(&pair.target_from_query);
-        let surfaces = (h / (model * scales.surfaces), g / (model * scales.surfaces));
         let features = (h_f / scales.features, g_f / scales.features);
         let Some(Components { squared, redundancy, pull }) = components(&surfaces, &features) else {
             continue;
         };
         n_pairs += 1.0;
-        let weight = CONSISTENCY * (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared[0] + squared[1]);
+        let weight = weight(squared[0] + squared[1]);
         for (k, scale) in [scales.surfaces, scales.features].into_iter().enumerate() {
-            record.squared[k] += scale * weight * squared[k];
-            record.redundancy[k] += redundancy[k];
+            squared_sums[k] += scale * weight * squared[k];
+            redundancy_sums[k] += redundancy[k];
         }
         if let Some(colour) = colour {
             let [query, target] = &pair.velocities;
@@ -66,15 +72,27 @@ pub(crate) fn evidence<'a>(
             of_colour.add(&pull, (&features.0, &joint), &coupling, weight);
         }
     }
-    if n_pairs > 0.0 {
-        record.squared = record.squared.map(|v| v / n_pairs);
-        record.redundancy = record.redundancy.map(|v| v / n_pairs);
-    }
-    record.surface_residual = cost / n_matches;
-    of_colour.information /= f64::max(n_pairs, 1.0);
-    of_colour.gradient /= f64::max(n_pairs, 1.0);
+    // The image's halves by all references: the surfaces by themselves.
+    let halves = components(&halves[0], &halves[1]).map_or([0.0; 2], |parts| {
+        let squared = parts.squared.iter().sum();
+        [scales.surfaces * weight(squared) * squared, parts.redundancy.iter().sum()]
+    });
+    let divisor = f64::max(n_pairs, 1.0);
+    let noise = NoiseRecord {
+        halves,
+        squared: squared_sums.map(|sum| sum / divisor),
+        redundancy: redundancy_sums.map(|sum| sum / divisor),
+        step_variance: None,
+    };
+    of_colour.information /= divisor;
+    of_colour.gradient /= divisor;
     let colour = colour.filter(|_| n_pairs > 0.0).map(|model| ColourPoseRecord::new(&of_colour, model));
-    (n_matches > 0.0).then_some(FrameEvidence { noise: record, colour })
+    (n_matches > 0).then_some(FrameEvidence { noise, colour })
+}
+
+/// Student's t: what so large a disagreement counts.
+fn weight(squared: f64) -> f64 {
+    CONSISTENCY * (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared)
 }
 
 /// Two groups of normal equations at their joint optimum.
@@ -105,10 +123,11 @@ fn components(a: &(Matrix6, Vector6), b: &(Matrix6, Vector6)) -> Option<Componen
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimation::noise_scales::{NoiseState, SURFACE_CORRELATION};
+    use crate::estimation::noise_scales::NoiseState;
     use crate::pairs::weighted_pair::FeaturePair;
     use nalgebra::{Matrix3, Vector3};
     use std::sync::Arc;
+    use tessera_graph::BlockSums;
     use tessera_numerics::SplitMix64;
 
     /// A standard normal number, by the sum of twelve even ones.
@@ -132,14 +151,15 @@ mod tests {
     }
 
     /// The scales after 1,500 frames of three pairs each.
-    fn estimated(planted: NoiseScales) -> NoiseScales {
+    fn estimated(planted: NoiseScales, has_features: bool) -> NoiseScales {
         let mut random = SplitMix64::for_frame(7, 1);
         let mut state = NoiseState::default();
         for _ in 0..1500 {
             let identity = Pose::identity();
-            let parts: Vec<(BlockSums, WeightedPair)> = (0..3)
+            let parts: Vec<(HalfSums, WeightedPair)> = (0..3)
                 .map(|_| {
-                    let surfaces = sums(&mut random, 0.01, planted.surfaces, [0.1, 0.3, 1.0]);
+                    let mut half = || sums(&mut random, 0.01, planted.surfaces, [0.1, 0.3, 1.0]);
+                    let surfaces = HalfSums { upper: half(), lower: half() };
                     let features = sums(&mut random, 0.01, planted.features, [1.0, 1.0, 0.2]);
                     let found =
                         FeaturePair { target_from_query: identity, inliers: Vec::new(), sums: features };
@@ -152,10 +172,9 @@ mod tests {
                 surfaces: (&identity, surfaces),
                 features: Some(features),
             });
-            let noise = evidence(pairs, 1.0, &state.scales(), None).unwrap().noise;
-            // These points are independent; the prior takes matches as erring together.
-            let surface_residual = planted.surfaces / SURFACE_CORRELATION;
-            state.apply(&NoiseRecord { surface_residual, ..noise });
+            let pairs =
+                pairs.map(|pair| PairEvidence { features: pair.features.filter(|_| has_features), ..pair });
+            state.apply(&evidence(pairs, 1.0, &state.scales(), None).unwrap().noise);
         }
         state.scales()
     }
@@ -163,8 +182,10 @@ mod tests {
     #[test]
     fn planted_scales_are_found_each_by_itself() {
         for (surfaces, features) in [(1.0, 1.0), (4.0, 1.0), (1.0, 4.0), (0.3, 2.0), (2.0, 0.7)] {
-            let found = estimated(NoiseScales { surfaces, features });
+            let found = estimated(NoiseScales { surfaces, features }, true);
+            let alone = estimated(NoiseScales { surfaces, features }, false);
             let is_near = |found: f64, planted: f64| (0.8..1.25).contains(&(found / planted));
+            assert!(is_near(alone.surfaces, surfaces), "{surfaces}, surfaces alone: {alone:?}");
             assert!(is_near(found.surfaces, surfaces), "{surfaces} {features}: {found:?}");
             assert!(is_near(found.features, features), "{surfaces} {features}: {found:?}");
         }

@@ -51,7 +51,7 @@ impl PairAlignment<'_> {
     ) -> (PairBlock, PairReport) {
         let limits = (self.limits)(tightness);
         let (sums, report) = matcher.match_chosen(target, target_from_query, &limits);
-        (PairBlock::new(target_from_query, &sums), report)
+        (PairBlock::new(target_from_query, &sums.all()), report)
     }
 
     /// Aligns from a pose with these limits, one outer iteration each.

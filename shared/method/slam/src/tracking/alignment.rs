@@ -1,7 +1,7 @@
 //! One frame against a local window of fixed poses (III-F): the window as a description for the one
 //! outer loop, [`MultiEdge::solve`].
 
-use crate::estimation::noise_scales::{NoiseState, SURFACE_CORRELATION};
+use crate::estimation::noise_scales::NoiseState;
 use crate::map::context::Context;
 use crate::pairs::weighted_pair::WeightedPair;
 use crate::settings::WindowSettings;
@@ -11,12 +11,14 @@ use crate::tracking::sight::Sight;
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
-use tessera_graph::{BlockSums, INNER_ITERATIONS, MultiEdge, Prior, Schedule};
+use tessera_graph::{BlockSums, HalfSums, INNER_ITERATIONS, MultiEdge, Prior, Schedule};
 use tessera_numerics::Step;
 use tessera_registration::{
     MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
 };
 
+/// Points on a surface that err together: as evidence they are one.
+pub(crate) const SURFACE_CORRELATION: f64 = 10.0;
 /// Evidence of a feature that agrees, nats: that of 300,000 pixels over about 100 within five deviations.
 const FEATURE_NATS: f64 = 8.0;
 
@@ -38,7 +40,7 @@ pub(crate) struct Alignment {
     pub(crate) n_agreeing: u32,
     pub(crate) is_solved: bool,
     /// One per reference: the sums of its surfaces alone, and the features that it shares with the frame.
-    pub(crate) parts: Vec<(BlockSums, Option<WeightedPair>)>,
+    pub(crate) parts: Vec<(HalfSums, Option<WeightedPair>)>,
 }
 
 impl Alignment {

@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 use tessera_features::{Correspondence, Feature, Observation, PointEstimate};
 use tessera_geometry::{Matrix6, Pose, Twist, compose_normalised, exp};
-use tessera_graph::{BlockSums, PairBlock};
+use tessera_graph::{BlockSums, HalfSums, PairBlock};
 use tessera_numerics::SplitMix64;
 use tessera_surface::{SurfaceView, Vertex};
 
@@ -97,10 +97,11 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
         sums.end_pair();
         state.apply_audit(&sums.record().unwrap());
         // Surfaces that know the relative pose to a millimetre.
-        let mut surfaces = BlockSums { n: 8, ..BlockSums::default() };
+        let mut lower = BlockSums { n: 8, ..BlockSums::default() };
         for p in points(8) {
-            surfaces.add(&p, &Vector3::zeros(), &(Matrix3::identity() * 1e6));
+            lower.add(&p, &Vector3::zeros(), &(Matrix3::identity() * 1e6));
         }
+        let surfaces = HalfSums { lower, ..HalfSums::default() };
         let of_features = residuals::sums(&inliers, &target_from_query);
         let found = Arc::new(FeaturePair { target_from_query, inliers, sums: of_features });
         let features = WeightedPair::new(found, 1.0, &target_from_query);

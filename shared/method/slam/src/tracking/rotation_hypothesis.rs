@@ -4,8 +4,7 @@
 //! Alignment converges from a few degrees away and no more. Rotations on a coarse grid are compared
 //! by their support alone, without solving for anything.
 
-use crate::estimation::noise_scales::SURFACE_CORRELATION;
-use crate::tracking::alignment::Aligner;
+use crate::tracking::alignment::{Aligner, SURFACE_CORRELATION};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::window_alignment::{COARSE_SAMPLES, every_nth, newest_reference, support};

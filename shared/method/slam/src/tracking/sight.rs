@@ -320,7 +320,8 @@ impl Sight {
 
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
     pub(crate) fn judge(&self, judged: &Judged<'_>, factor: f64, sums: &mut Observed<'_>) {
-        let found = [&self.refused, &self.pairs].into_iter().find_map(|pairs| pairs.get(&judged.key)?.as_ref());
+        let found =
+            [&self.refused, &self.pairs].into_iter().find_map(|pairs| pairs.get(&judged.key)?.as_ref());
         let Some(pair) = found else { return };
         let at = by_surfaces(judged, factor);
         let velocities = [&self.velocity, &judged.velocity];

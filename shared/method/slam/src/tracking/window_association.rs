@@ -5,7 +5,7 @@ use crate::settings::WindowSettings;
 use crate::tracking::degeneracy::{self, DegenerateDirection};
 use crate::tracking::prediction::{Prediction, Reference};
 use tessera_geometry::{Pose, Twist, log};
-use tessera_graph::{BlockSums, DataAssociation, Graph, OuterIteration, Pair, PairBlock, Prior};
+use tessera_graph::{BlockSums, DataAssociation, Graph, HalfSums, OuterIteration, Pair, PairBlock, Prior};
 use tessera_numerics::Step;
 use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Selection, ShutterTable, Target};
 
@@ -29,7 +29,7 @@ pub(crate) struct WindowAssociation<'a, 'b> {
     pub(crate) blocks: Vec<(Pose, BlockSums)>,
     pub(crate) reports: Vec<PairReport>,
     /// One per reference: the sums of its surfaces alone.
-    pub(crate) surfaces: Vec<BlockSums>,
+    pub(crate) surfaces: Vec<HalfSums>,
     /// Degenerate directions of the tightest matches.
     pub(crate) degenerate: Vec<DegenerateDirection>,
 }
@@ -70,9 +70,10 @@ impl DataAssociation for WindowAssociation<'_, '_> {
         for (place, (reference, target)) in self.references.iter().zip(&self.targets).enumerate() {
             let selection = Selection { count, shift: place };
             let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
-            let (mut sums, report) =
+            let (surfaces, report) =
                 self.matcher.match_pair(self.queries, selection, target, &target_from_query, &limits);
-            self.surfaces.push(sums);
+            self.surfaces.push(surfaces);
+            let mut sums = surfaces.all();
             if let Some(pair) = &reference.pair {
                 pair.add_to(&mut sums, &target_from_query);
             }
