@@ -162,7 +162,8 @@ fn noise(
             target_from_query: pose.inverse() * a.world_from_camera,
             velocities: [a.velocity, velocity],
             surfaces: (origin, surfaces),
-            features: features.as_ref(),
+            // Colour that is not trusted measures nothing.
+            features: features.as_ref().filter(|_| input.context.is_colour_trusted),
         })
     });
     let colour = makes_keyframe.then_some(&input.context.colour);
