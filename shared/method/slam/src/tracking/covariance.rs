@@ -69,13 +69,14 @@ const OF_MEDIAN: f64 = 1.5;
 /// Both show where colour disagrees with depth. The residual of features against the surfaces beyond
 /// that of matching is an angle `d`: it turns the camera by `d` and moves it by `d` times the
 /// distance of what it sees. A lag between the images is an error of a stamp: it moves the camera by
-/// its velocity times the lag. Without colour, or with one that is not believed, nothing is known of
-/// either, and nothing is added.
+/// its velocity times the lag. Of colour that is not trusted the residual is what it was before anything
+/// was measured. Without colour nothing is known of either, and nothing is added.
 pub(crate) fn systematic(colour: &ColourState, camera: &Camera, a: &Alignment) -> Matrix6 {
-    if colour.n_frames == 0 || !colour.is_trusted() {
+    if colour.n_frames == 0 {
         return Matrix6::zeros();
     }
-    let angle_rad = OF_MEDIAN * (colour.residual_px - MATCHING_PX).max(0.0) / camera.focal_px();
+    let residual_px = if colour.is_trusted() { colour.residual_px } else { ColourState::default().residual_px };
+    let angle_rad = OF_MEDIAN * (residual_px - MATCHING_PX).max(0.0) / camera.focal_px();
     let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
     let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
     let late = a.velocity.to_vector() * colour.model.lag_s;
