@@ -13,7 +13,7 @@ pub(super) fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, reco
         records.n_corrections(),
         records.n_untracked()
     );
-    let n_free = records.frames().filter(|f| f.reason().contains("degenerate")).count();
+    let n_free = records.frames().filter(|f| f.is_degenerate()).count();
     println!("    {n_free} frames with a degenerate direction");
     report_submaps(records);
     report_loops(records);
