@@ -177,7 +177,7 @@ fn linearise(bencher: Bencher<'_, '_>) {
     let selection = Selection { count: 2000, shift: 0 };
     let limits = MatchLimits::new(0.1, 0.5);
     let (sums, _) = matcher.match_pair(&queries, selection, &target, &Pose::identity(), &limits);
-    let block = PairBlock::new(&Pose::identity(), &sums);
+    let block = PairBlock::new(&Pose::identity(), &sums.all());
     let moved = exp(&Twist { rho: [0.01, 0.0, 0.0].into(), phi: [0.0, 0.01, 0.0].into() });
     bencher.bench_local(|| block.linearise(divan::black_box(&moved)));
 }

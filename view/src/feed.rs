@@ -141,8 +141,8 @@ impl ViewFeed<'_> {
             self.state = frame.state;
             let words = match frame.state {
                 State::Tracking => "tracking".to_owned(),
-                State::Lost => format!("lost: {}", frame.reason),
-                State::Relocalising => format!("found again: {}", frame.reason),
+                State::Lost => format!("lost: {}", frame.reason()),
+                State::Relocalising => format!("found again: {}", frame.reason()),
             };
             self.say(&words)?;
         }

@@ -9,7 +9,7 @@ use tessera_messages::store_surface;
 use tessera_numerics::SplitMix64;
 use tessera_settings::Settings;
 use tessera_slam::{
-    AlignRecord, Correction, FrameRecord, KeyframeRecord, MapChange, OptimiseRecord, PoseRecord,
+    AlignRecord, Cause, Correction, FrameRecord, KeyframeRecord, MapChange, OptimiseRecord, PoseRecord,
     RetiredRecord, Submaps,
 };
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
@@ -86,7 +86,7 @@ impl GrowingRun {
         let record = FrameRecord {
             index,
             stamp_nanos: index as i64 * 33_000_000,
-            reason: self.words(),
+            causes: vec![self.words()],
             pose: PoseRecord {
                 world_from_camera: pose,
                 keyframe,
@@ -105,9 +105,15 @@ impl GrowingRun {
     }
 
     /// Words of any length, which can be packed a little and no more.
-    fn words(&mut self) -> String {
+    fn words(&mut self) -> Cause {
         let n = self.random.below(10_000);
-        (0..n).map(|_| char::from(b'a' + self.random.below(26) as u8)).collect()
+        let words = (0..n).map(|_| char::from(b'a' + self.random.below(26) as u8)).collect();
+        Cause::Recorded {
+            words,
+            is_degenerate: false,
+            is_relocalisation_asked: false,
+            has_too_few_points: false,
+        }
     }
 
     fn keyframe(&mut self, index: u64, pose: PoseBits) -> KeyframeRecord {

@@ -18,7 +18,7 @@ pub(crate) fn pose_message(record: &FrameRecord, times: StepTimes) -> PoseMessag
             State::Relocalising => 2,
         },
         n_correspondences: record.pose.n_correspondences,
-        reason: pack_reason(&record.reason),
+        reason: pack_reason(&record.reason()),
         odom_from_camera: seven(&PoseBits::from(&odom_from_camera)),
         world_from_odom: seven(&record.pose.world_from_odom),
         covariance: from_upper_triangle(&record.pose.covariance).into(),

@@ -125,13 +125,13 @@ fn lose_frame(
 
 /// Logs that the camera is lost, tracked again, or to be looked for.
 fn log_change(before: Option<&FrameRecord>, frame: &FrameRecord) {
-    if frame.causes.is_relocalisation_asked {
+    if frame.is_relocalisation_asked() {
         let what = "a relocalisation was asked for: the place is looked for in the whole map";
         tracing::info!(frame = frame.index, "{what}");
     }
     let was_tracked = before.is_none_or(|before| before.state == State::Tracking);
     match (was_tracked, frame.state == State::Tracking) {
-        (true, false) => tracing::warn!(frame = frame.index, "not tracked: {}", frame.reason),
+        (true, false) => tracing::warn!(frame = frame.index, "not tracked: {}", frame.reason()),
         (false, true) => tracing::info!(frame = frame.index, "tracked again"),
         _ => {}
     }

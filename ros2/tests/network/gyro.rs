@@ -34,7 +34,7 @@ fn a_robot_on_a_ramp_has_a_level_map() {
     let words = ros2.finish();
     drop(camera);
     let first = &frames(&setup)[0];
-    assert!(first.reason.contains("levelled by gravity"), "{}\n{words}", first.reason);
+    assert!(first.reason().contains("levelled by gravity"), "{}\n{words}", first.reason());
     // Of `camera.py`: along the axes of the instrument.
     let up = base_from_camera().rotation.inverse()
         * (pose(&BASE_FROM_IMU).rotation * Vector3::new(1.0, 0.0, 9.76).normalize());

@@ -23,14 +23,15 @@ pub use estimation::noise_scales::{NoiseRecord, NoiseScales, NoiseState};
 pub use evidence::same_place::{PlaceEvidence, PlaceProbe};
 pub use map::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use map::cameras::{SessionCamera, SessionCameras};
+pub use map::cause::{CandidatePlace, Cause, DegenerateMotion, Levelling, MotionKind, ReferenceFit};
 pub use map::context::Context;
 pub use map::given_up::GivenUp;
 pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
     AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, EvidenceRecord,
-    FrameCauses, FrameRecord, JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord,
-    LoopVerdict, MapChange, MapRecord, OptimiseRecord, PoseRecord, RefinedCamera, Refinement, RequestRecord,
-    RetiredRecord, SightingRecord, SkippedFrames, SplitRecord, State, StoreSlot,
+    FrameRecord, JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapChange,
+    MapRecord, OptimiseRecord, PoseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord,
+    SightingRecord, SkippedFrames, SplitRecord, State, StoreSlot,
 };
 pub use map::state::TrackerState;
 pub use map::submaps::{Origin, Submaps};

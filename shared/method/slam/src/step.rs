@@ -1,7 +1,8 @@
 //! One frame: align it from its prediction, judge the alignment, change the map, and publish.
 
 use crate::estimation::colour_model::ColourState;
-use crate::map::records::{FrameCauses, FrameRecord, State};
+use crate::map::cause::Cause;
+use crate::map::records::{FrameRecord, State};
 use crate::submaps::departure::{is_compared, with_departure};
 use crate::submaps::join::with_sighting;
 use crate::submaps::submap;
@@ -28,12 +29,11 @@ pub(crate) fn step(
     }
     let state = input.map.state();
     if state.keyframes.is_empty() {
-        let (prediction, levelled) = upright::levelled(input, prediction);
-        let reason = levelled.map_or("the first frame".to_owned(), |how| format!("the first frame; {how}"));
-        return first_record(input, &prediction, reason);
+        let (prediction, levelling) = upright::levelled(input, prediction);
+        return first_record(input, &prediction, vec![Cause::FirstFrame(levelling)]);
     }
     let aligned = match locate(input, aligner, prediction) {
-        Err(reason) => return submap::lost_or_new(input, prediction, reason),
+        Err(causes) => return submap::lost_or_new(input, prediction, causes),
         Ok(aligned) => aligned,
     };
     input.context.steps.enter(Step::Keyframe);
@@ -93,30 +93,27 @@ fn locate(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Result<WindowAlignment, String> {
+) -> Result<WindowAlignment, Vec<Cause>> {
     let state = input.map.state();
     // A run that starts in a map does not know where.
     let tracked = match state.recent.last().map_or(State::Lost, |r| r.state) {
-        _ if relocalise::is_asked(input) => Err(relocalise::ASKED.to_owned()),
+        _ if relocalise::is_asked(input) => Err(Cause::RelocalisationAsked),
         State::Tracking => hypotheses::track(input, aligner, prediction),
         State::Relocalising => relocalise::confirm(input, aligner, prediction),
-        State::Lost if !state.is_placed => Err(format!("not found in the map for {} frames", state.n_lost)),
-        State::Lost => Err(format!("lost for {} frames", state.n_lost)),
+        State::Lost if !state.is_placed => Err(Cause::NotFoundFor(state.n_lost)),
+        State::Lost => Err(Cause::LostFor(state.n_lost)),
     };
-    tracked.or_else(|reason| {
+    tracked.or_else(|cause| {
         input.context.steps.enter(Step::Recognise);
-        relocalise::relocalise(input, aligner, prediction, &reason)
+        relocalise::relocalise(input, aligner, prediction, cause)
     })
 }
 
 /// The record of a frame with too few samples. It keeps the predicted velocity for the next frame.
 fn sparse_record(input: &TrackingInput<'_>, prediction: &Prediction) -> FrameRecord {
-    let n = input.samples.len();
-    let reason = format!("{n} usable points, at least {MIN_SAMPLES} are needed");
-    let velocity = prediction.velocity.to_vector().into();
+    let (n_points, least) = (input.samples.len() as u32, MIN_SAMPLES as u32);
     let lost_nanos = input.map.state().lost_nanos;
-    let causes = FrameCauses { has_too_few_points: true, ..FrameCauses::default() };
-    let mut record = lost_record(input, prediction, reason);
-    record.pose.velocity = velocity;
-    FrameRecord { lost_nanos, causes, ..record }
+    let mut record = lost_record(input, prediction, vec![Cause::TooFewPoints { n_points, least }]);
+    record.pose.velocity = prediction.velocity.to_vector().into();
+    FrameRecord { lost_nanos, ..record }
 }

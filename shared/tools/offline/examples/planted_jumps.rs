@@ -69,8 +69,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             wrong.len(),
             right.first()
         );
-        for frame in away.iter().chain(back).filter(|f| f.reason.contains("found by")).take(6) {
-            println!("    frame {}: {:?} {}", frame.index, frame.state, frame.reason);
+        for frame in away.iter().chain(back).filter(|f| f.reason().contains("found by")).take(6) {
+            println!("    frame {}: {:?} {}", frame.index, frame.state, frame.reason());
         }
         n_false += usize::from(away_false + wrong.len() > 0);
         n_late += usize::from(right.first().is_none_or(|first| *first > 30));

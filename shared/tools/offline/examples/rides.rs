@@ -255,7 +255,7 @@ fn joins(walk: &RidesWalk, records: &Records) -> (usize, usize) {
         let is_wrong = told.is_none_or(|(m, deg)| m > WRONG_M || deg > WRONG_DEG);
         n_wrong += usize::from(is_wrong);
         if is_wrong {
-            println!("    frame {} of the run: {told:?} (m, deg) off: {}", frame.index, frame.reason);
+            println!("    frame {} of the run: {told:?} (m, deg) off: {}", frame.index, frame.reason());
         }
     }
     (n_joins, n_wrong)
@@ -333,7 +333,7 @@ fn print_looks(walk: &RidesWalk, frames: &[&FrameRecord]) {
                 walk.truth[k].translation.z,
                 walk.since_m[k].unwrap_or(f64::NAN),
                 looks.unwrap_or_else(|| "nothing against the map".into()),
-                frame.reason
+                frame.reason()
             );
         }
         before = known;

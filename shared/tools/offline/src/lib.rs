@@ -265,7 +265,7 @@ impl Run {
             index,
             state: record.state,
             is_degenerate: record.is_degenerate(),
-            reason: record.reason.clone(),
+            reason: record.reason(),
             world_from_camera: Pose::from(&record.pose.world_from_camera),
             covariance: record.pose.covariance.clone(),
         };

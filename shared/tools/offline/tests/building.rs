@@ -31,7 +31,7 @@ fn lost_on_the_way_to_a_lobby_never_seen_and_back_in_the_workshop() {
     // A second after the lens was uncovered it goes on in a submap, and is lost no more.
     assert!(states[n_seen + 15 + 35..].iter().all(|state| *state == State::Tracking));
     let join = records.frames().find(|frame| frame.change.join.is_some()).unwrap();
-    assert!(join.change.request.is_some(), "both are optimised together: {}", join.reason);
+    assert!(join.change.request.is_some(), "both are optimised together: {}", join.reason());
 
     let all = &source.ground_truth().unwrap().poses;
     let (mut truth, mut estimate) = (Trajectory::default(), Trajectory::default());

@@ -24,10 +24,10 @@ fn errors(name: SceneName, n_frames: u64) -> Vec<(Vector6, Matrix6, String)> {
         .zip(&truth)
         .skip(1)
         .map(|(frame, true_pose)| {
-            assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
+            assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason());
             let estimate = Pose::from(&frame.pose.world_from_camera);
             let error = log(&(estimate.inverse() * truth[0].inverse() * true_pose)).to_vector();
-            (error, from_upper_triangle(&frame.pose.covariance), frame.reason.clone())
+            (error, from_upper_triangle(&frame.pose.covariance), frame.reason())
         })
         .collect()
 }

@@ -7,6 +7,7 @@ use common::{Step, small_building, step_frame};
 use rayon::prelude::*;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
 use tessera_offline::{Method, RawFrame, Records, Run, State};
+use tessera_slam::FrameRecord;
 use tessera_sources::{SimulatedSource, Source};
 
 /// Frames of the building: out of the lift on the ground storey into the first room; the door open, closing and
@@ -82,8 +83,8 @@ fn a_ride_is_noticed_and_the_way_back_leads_into_the_first_map() {
         there.into_iter().chain(RIDE_AND_OUT.rev()).chain(0..BACK).step_by(EVERY).collect();
     let records = run(&source, &indices);
     assert!(all_tracked(&records));
-    let reasons: Vec<&str> =
-        records.frames().map(|f| f.reason.as_str()).filter(|r| r.contains("submap")).collect();
+    let reasons: Vec<String> =
+        records.frames().map(FrameRecord::reason).filter(|r| r.contains("submap")).collect();
     let splits: Vec<u64> = records.frames().filter(|f| f.change.split.is_some()).map(|f| f.index).collect();
     let since_ride_m = since_ride_m(&source, &indices);
     let n_there = n_there / EVERY;

@@ -47,13 +47,14 @@ fn assert_recovers(frames: &[(FrameRecord, Option<Pose>)], from: usize) {
             "frame {}",
             frame.index
         );
-        assert!(!frame.reason.is_empty());
+        assert!(!frame.reason().is_empty());
     }
     let found = frames[from..].iter().position(|(f, _)| f.state == State::Tracking);
-    let found = from + found.unwrap_or_else(|| panic!("never found: {}", frames[frames.len() - 1].0.reason));
+    let found =
+        from + found.unwrap_or_else(|| panic!("never found: {}", frames[frames.len() - 1].0.reason()));
     assert!(found - from <= 30, "found after {} frames", found - from);
     for (frame, truth) in &frames[found..] {
-        assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
+        assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason());
         let Some(truth) = truth else { continue };
         let (m, r) =
             translation_rotation_norms(&(truth.inverse() * Pose::from(&frame.pose.world_from_camera)));

@@ -14,7 +14,7 @@ fn room() -> SimulatedSource {
 
 /// Indices of the frames with which the records say that relocalisation was asked for.
 fn asked<'a>(frames: impl Iterator<Item = &'a FrameRecord>) -> Vec<u64> {
-    frames.filter(|frame| frame.causes.is_relocalisation_asked).map(|frame| frame.index).collect()
+    frames.filter(|frame| frame.is_relocalisation_asked()).map(|frame| frame.index).collect()
 }
 
 #[test]
@@ -31,15 +31,15 @@ fn a_camera_that_knows_its_place_finds_it_anew() {
     let records = run.finish();
     let found: Vec<&FrameRecord> = records.frames().collect();
     assert_eq!(asked(found.iter().copied()), [60], "once, though each later frame tells of it");
-    assert!(found[60].reason.contains("; found by ") && !found[60].reason.contains("the last pose"));
+    assert!(found[60].reason().contains("; found by ") && !found[60].reason().contains("the last pose"));
     // Some frames that show more and more of the place, and then it is certain.
     let certain = 60 + found[60..].iter().position(|frame| frame.state == State::Tracking).unwrap();
     assert!((61..66).contains(&certain), "frame {certain}");
     for frame in &found {
         let is_sought = (60..certain as u64).contains(&frame.index);
         let expected = if is_sought { State::Relocalising } else { State::Tracking };
-        assert_eq!(frame.state, expected, "frame {}: {}", frame.index, frame.reason);
-        assert_eq!(frame.evidence_nats > 0.0, is_sought, "frame {}: {}", frame.index, frame.reason);
+        assert_eq!(frame.state, expected, "frame {}: {}", frame.index, frame.reason());
+        assert_eq!(frame.evidence_nats > 0.0, is_sought, "frame {}: {}", frame.index, frame.reason());
         let may_change = frame.state == State::Tracking;
         assert!(may_change || (frame.change.new_keyframe.is_none() && frame.change.request.is_none()));
     }
@@ -68,10 +68,10 @@ fn the_last_pose_is_no_candidate_until_a_place_is_found() {
         let found: Vec<&FrameRecord> = records.frames().collect();
         assert_eq!(asked(found.iter().copied()), if asks { vec![58] } else { vec![] });
         let first = found.iter().find(|frame| frame.state == State::Relocalising).expect("it is found");
-        assert_eq!(first.reason.contains("found by the last pose"), !asks, "{}", first.reason);
+        assert_eq!(first.reason().contains("found by the last pose"), !asks, "{}", first.reason());
         let truth = &source.ground_truth().unwrap().poses;
         for frame in found.iter().filter(|frame| frame.index >= 71) {
-            assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason);
+            assert_eq!(frame.state, State::Tracking, "frame {}: {}", frame.index, frame.reason());
             let map_from_camera = truth[0].inverse() * truth[frame.index as usize - 18];
             let error = map_from_camera.inverse() * Pose::from(&frame.pose.world_from_camera);
             assert!(translation_rotation_norms(&error).0 < 0.02, "frame {}", frame.index);
@@ -94,8 +94,8 @@ fn a_place_that_is_not_in_the_map_begins_a_submap() {
     let records = run.finish();
     let found: Vec<&FrameRecord> = records.frames().collect();
     assert_eq!(asked(found.iter().copied()), [20]);
-    assert_eq!(found[20].state, State::Lost, "{}", found[20].reason);
+    assert_eq!(found[20].state, State::Lost, "{}", found[20].reason());
     let first = found.iter().position(|frame| frame.submap == 1).expect("a second submap");
-    assert!((45..55).contains(&first) && found[first].reason.contains("submap 1 begins"), "{first}");
+    assert!((45..55).contains(&first) && found[first].reason().contains("submap 1 begins"), "{first}");
     assert!(found[first..].iter().all(|frame| frame.state == State::Tracking));
 }

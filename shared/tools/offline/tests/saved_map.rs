@@ -38,11 +38,11 @@ fn assert_found(records: &Records, source: &SimulatedSource, indices: &[u64]) {
     let frames: Vec<&FrameRecord> = records.frames().collect();
     assert_eq!(frames.len(), indices.len());
     let found = frames.iter().position(|f| f.state == State::Tracking);
-    let found = found.unwrap_or_else(|| panic!("never found: {}", frames[frames.len() - 1].reason));
+    let found = found.unwrap_or_else(|| panic!("never found: {}", frames[frames.len() - 1].reason()));
     assert!(found <= 30, "found after {found} frames");
     let last = records.last();
     for (k, frame) in frames.iter().enumerate().skip(found) {
-        assert_eq!(frame.state, State::Tracking, "frame {k}: {}", frame.reason);
+        assert_eq!(frame.state, State::Tracking, "frame {k}: {}", frame.reason());
         let truth = map_from_world * truth[indices[k] as usize];
         for (what, pose) in [("online", Pose::from(&frame.pose.world_from_camera)), ("final", last.poses[k])]
         {
@@ -52,7 +52,9 @@ fn assert_found(records: &Records, source: &SimulatedSource, indices: &[u64]) {
     }
     for frame in frames.iter().filter(|f| f.state != State::Tracking) {
         assert!(
-            frame.change.new_keyframe.is_none() && frame.change.request.is_none() && !frame.reason.is_empty()
+            frame.change.new_keyframe.is_none()
+                && frame.change.request.is_none()
+                && !frame.reason().is_empty()
         );
     }
 }
@@ -118,7 +120,7 @@ fn a_start_that_is_said_is_believed_where_it_fits() {
     push_all(&mut run, &source, &indices);
     let records = run.finish();
     assert_found(&records, &source, &indices);
-    assert!(records.frames().next().unwrap().reason.contains("the start"));
+    assert!(records.frames().next().unwrap().reason().contains("the start"));
 }
 
 #[test]

@@ -92,7 +92,7 @@ fn a_place_never_seen_and_back_into_the_old_map() {
     let submaps = records.submaps();
     assert_eq!((submaps.n(), submaps.n_components()), (2, 1));
     let join = records.frames().find(|frame| frame.change.join.is_some()).unwrap();
-    assert!(join.change.request.is_some(), "both are optimised together: {}", join.reason);
+    assert!(join.change.request.is_some(), "both are optimised together: {}", join.reason());
     let ate_m = ate_m(&source, &steps, &records, |_| true);
     assert!(ate_m < 0.02, "{ate_m} m");
     assert_odometry_is_smooth(&records);

@@ -25,7 +25,7 @@ fn tilt_rad(options: &SimulationOptions, world_up: WorldUp, without_up: bool) ->
     // The truth has z up.
     let camera_from_world = truth[7].rotation.inverse();
     let up_in_world = Pose::from(&last.pose.world_from_camera).rotation * (camera_from_world * Vector3::z());
-    (up_in_world.angle(&UP), records.frames().next().unwrap().reason.clone())
+    (up_in_world.angle(&UP), records.frames().next().unwrap().reason())
 }
 
 #[test]
@@ -58,5 +58,5 @@ fn a_camera_that_sees_a_wall_alone_keeps_its_axes() {
     let records = run.stop();
     let first = records.frames().next().unwrap();
     assert_eq!(Pose::from(&first.pose.world_from_camera), Pose::identity());
-    assert!(first.reason.contains("not levelled: gravity was not measured"), "{}", first.reason);
+    assert!(first.reason().contains("not levelled: gravity was not measured"), "{}", first.reason());
 }

@@ -209,7 +209,7 @@ impl FrameFacts {
         let (is_untracked, is_degenerate) = (frame.state != State::Tracking, frame.is_degenerate());
         facts.n_processed += 1;
         facts.n_untracked += u64::from(is_untracked);
-        facts.n_without_depth += u64::from(is_untracked && frame.causes.has_too_few_points);
+        facts.n_without_depth += u64::from(is_untracked && frame.has_too_few_points());
         facts.n_degenerate += u64::from(is_degenerate);
         if is_untracked {
             extend(&mut facts.untracked, facts.ends_untracked, at);
@@ -293,6 +293,7 @@ mod tests {
     use crate::test_run;
     use crate::trajectories::online_rows;
     use tessera_geometry::Pose;
+    use tessera_slam::Cause;
 
     #[test]
     fn the_facts_are_those_of_the_journal() {
@@ -313,7 +314,7 @@ mod tests {
         let n = replay.frames.len();
         for frame in &mut replay.frames[n - 3..] {
             frame.state = State::Tracking;
-            frame.causes.is_degenerate = true;
+            frame.causes = vec![Cause::Degenerate(Vec::new())];
         }
         replay.frames[n - 1].state = State::Lost;
         let facts = Facts::new(&replay, &RunStatistics::default(), None, &Beside::default());

@@ -40,7 +40,7 @@ fn write_frame(writer: &mut dyn Write, frame: &FrameRecord) -> io::Result<()> {
         State::Lost => "lost",
         State::Relocalising => "relocalising",
     };
-    let (stamp, reason) = (format_stamp(frame.stamp_nanos), quoted(&frame.reason));
+    let (stamp, reason) = (format_stamp(frame.stamp_nanos), quoted(&frame.reason()));
     let FrameRecord { index, pose: PoseRecord { keyframe, n_correspondences, .. }, .. } = frame;
     write!(writer, "{index},{stamp},{state},{reason},{keyframe},{n_correspondences}")?;
     for position in DIAGONAL {
@@ -75,7 +75,7 @@ mod tests {
         assert_eq!(lines.len(), 8);
         assert!(lines[0].starts_with("frame,timestamp,state,reason"));
         assert!(lines[1].starts_with("0,100.000000,tracking,,0,0,,"), "{}", lines[1]);
-        let expected = "4,100.133332,lost,\"12 of 2000 queries matched, expected 300\",1,12,1.000000e-2,";
+        let expected = "4,100.133332,lost,\"0.6 % of the queries have a match, at least 15.0 % are needed\",1,12,1.000000e-2,";
         assert!(lines[5].starts_with(expected), "{}", lines[5]);
         assert!(lines[5].ends_with(",6.000000e-2"), "{}", lines[5]);
         assert_eq!(lines[7], "6,,dropped,newer frames had come,,,,,,,,");

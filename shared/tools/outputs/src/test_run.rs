@@ -3,7 +3,7 @@
 use crate::replay::Replay;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_slam::{
-    AlignRecord, AppliedCorrection, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
+    AlignRecord, AppliedCorrection, Cause, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
     LoopRecord, LoopVerdict, MapChange, PoseRecord, SkippedFrames, State, StoreSlot, Submaps,
 };
 use tessera_surface::Vertex;
@@ -39,7 +39,7 @@ fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecor
         index,
         stamp_nanos: stamp_nanos(index),
         state: if index == 4 { State::Lost } else { State::Tracking },
-        reason: if index == 4 { "12 of 2000 queries matched, expected 300".into() } else { String::new() },
+        causes: if index == 4 { vec![Cause::FewMatches { share: 0.006, least: 0.15 }] } else { Vec::new() },
         pose: PoseRecord {
             world_from_camera: along_x(x),
             keyframe: anchored_to.0,

@@ -131,13 +131,13 @@ fn write_marked(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
 mod tests {
     use super::*;
     use crate::test_run;
-    use tessera_slam::AlignRecord;
+    use tessera_slam::{AlignRecord, Cause};
 
     #[test]
     fn every_processed_frame_has_its_row() {
         let dir = tempfile::tempdir().unwrap();
         let mut replay = test_run::replay();
-        replay.frames[2].causes.is_degenerate = true;
+        replay.frames[2].causes = vec![Cause::Degenerate(Vec::new())];
         write(&replay, dir.path()).unwrap();
         let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
         let online = read("trajectory_online.txt");

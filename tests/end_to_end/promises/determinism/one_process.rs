@@ -184,6 +184,6 @@ fn an_imu_says_the_same_bits_after_the_sensor_s_death() {
         _ => None,
     });
     let first = frames.next().unwrap();
-    assert!(first.reason.contains("levelled by gravity"), "{}", first.reason);
+    assert!(first.reason().contains("levelled by gravity"), "{}", first.reason());
     assert!(first.pose.rotation.is_some() && frames.all(|frame| frame.pose.rotation.is_some()));
 }

@@ -51,7 +51,7 @@ const ELSEWHERE: [(&str, &str, &str); 22] = [
     ),
     (
         "both saw what contradicts it",
-        "../../shared/method/slam/src/submaps/join.rs",
+        "../../shared/method/slam/src/map/cause/words.rs",
         "both saw what contradicts it",
     ),
     ("its index leaves out", "interfaces/camera/external.rs", r#"contains("its index leaves out")"#),

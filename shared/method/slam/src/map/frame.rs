@@ -2,6 +2,7 @@
 
 use crate::estimation::colour_model::{ColourPoseRecord, ColourRecord};
 use crate::estimation::noise_scales::NoiseRecord;
+use crate::map::cause::{Cause, words};
 use crate::map::keyframe::{KeyframePose, KeyframeRecord};
 use crate::map::records::{
     BlockRecord, ContradictionRecord, JoinRecord, RequestRecord, SightingRecord, SplitRecord,
@@ -10,17 +11,6 @@ use crate::map::single;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{InertialRotation, PoseBits};
 use tessera_surface::WorkloadLevel;
-
-/// Causes of a frame's outcome by which anything is decided; its reason has them in words.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FrameCauses {
-    /// Its surfaces leave a direction undetermined; along it the pose is the prediction.
-    pub is_degenerate: bool,
-    /// Relocalisation was asked for with it.
-    pub is_relocalisation_asked: bool,
-    /// It has too few points to be aligned.
-    pub has_too_few_points: bool,
-}
 
 /// Whether a frame's pose can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,10 +36,8 @@ pub struct FrameRecord {
     pub workload: WorkloadLevel,
     /// Whether the pose can be trusted.
     pub state: State,
-    /// Why, in words and numbers; empty while tracking normally.
-    pub reason: String,
-    /// The same as far as anything is decided by it.
-    pub causes: FrameCauses,
+    /// Why; none while tracking normally.
+    pub causes: Vec<Cause>,
     /// The submap in whose gauge the poses are; where it is a new one, it begins with this frame.
     pub submap: u32,
     /// Time for which the camera has been lost with usable frames, nanoseconds.
@@ -68,7 +56,22 @@ impl FrameRecord {
     /// Whether the frame was tracked with a direction that its surfaces do not determine: the pose along
     /// it is the prediction.
     pub fn is_degenerate(&self) -> bool {
-        self.state == State::Tracking && self.causes.is_degenerate
+        self.state == State::Tracking && self.causes.iter().any(Cause::is_degenerate)
+    }
+
+    /// Whether relocalisation was asked for with the frame.
+    pub fn is_relocalisation_asked(&self) -> bool {
+        self.causes.iter().any(Cause::is_relocalisation_asked)
+    }
+
+    /// Whether the frame has too few points to be aligned.
+    pub fn has_too_few_points(&self) -> bool {
+        self.causes.iter().any(Cause::has_too_few_points)
+    }
+
+    /// Its causes in words and numbers; empty while tracking normally.
+    pub fn reason(&self) -> String {
+        words::joined(&self.causes)
     }
 }
 

@@ -3,6 +3,7 @@
 pub(crate) mod active_ids;
 pub(crate) mod appearance;
 pub(crate) mod cameras;
+pub(crate) mod cause;
 pub(crate) mod context;
 pub(crate) mod correction;
 pub(crate) mod culling;

@@ -6,7 +6,7 @@
 pub use crate::map::correction::{
     AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
 };
-pub use crate::map::frame::{EvidenceRecord, FrameCauses, FrameRecord, MapChange, PoseRecord, State};
+pub use crate::map::frame::{EvidenceRecord, FrameRecord, MapChange, PoseRecord, State};
 pub use crate::map::keyframe::{
     EdgeRecord, KeyframePose, KeyframeRecord, KeyframeState, RetiredRecord, StoreSlot,
 };

@@ -194,7 +194,7 @@ impl TrackerState {
         self.is_placed |= frame.state == State::Tracking;
         self.n_lost = if frame.state == State::Lost { self.n_lost + 1 } else { 0 };
         self.lost_nanos = frame.lost_nanos;
-        let is_dropped = self.is_pose_dropped || frame.causes.is_relocalisation_asked;
+        let is_dropped = self.is_pose_dropped || frame.is_relocalisation_asked();
         self.is_pose_dropped = frame.state == State::Lost && is_dropped;
         self.evidence_nats = frame.evidence_nats;
         self.world_from_odom.get_or_insert(PoseBits::IDENTITY);

@@ -8,6 +8,7 @@
 
 use crate::evidence::same_place;
 use crate::evidence::sequential::SequentialTest;
+use crate::map::cause::Cause;
 use crate::map::detection;
 use crate::map::records::{ContradictionRecord, FrameRecord, MapChange, SplitRecord};
 use crate::map::state::KeyframeState;
@@ -15,7 +16,6 @@ use crate::map::submaps::Submaps;
 use crate::map::view_limits::ViewLimits;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::Reach;
-use crate::submaps::join::saying;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::relocalise;
@@ -144,14 +144,10 @@ fn with_split(
         (joined, _) => SplitRecord::since(joined.unwrap_or(known.first)),
     };
     let submap = state.submaps.n() + split.firsts().count() as u32 - 1;
-    let said = format!(
-        "submap {submap} begins with keyframe {}: since keyframe {} views of long ago contradict the map by {:.1} nats",
-        split.first,
-        known.first,
-        known.sum_nats()
-    );
+    let (first, since, nats) = (split.first, known.first, known.sum_nats());
+    record.causes.push(Cause::Departure { submap, first, since, nats });
     record.change = MapChange { contradiction: None, split: Some(split), ..record.change };
-    FrameRecord { submap, ..saying(record, &said) }
+    FrameRecord { submap, ..record }
 }
 
 /// The first keyframe of the newest submap, where that was joined to older ones and is the last of a chain of them;

@@ -3,6 +3,7 @@
 
 use crate::evidence::pose_agreement::UncertainPose;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
+use crate::map::cause::Cause;
 use crate::map::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, JoinRecord, LoopVerdict, MapChange, SightingRecord};
 use crate::map::state::{KeyframeState, TrackerState};
@@ -254,33 +255,24 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, mut record: Fram
             return record;
         }
         TestVerdict::Rejected => {
-            let said =
-                format!("submap {} is not joined to {}: both saw what contradicts it", join.moved, join.kept);
+            record.causes.push(Cause::JoinRefused { moved: join.moved, kept: join.kept });
             record.change.refused = Some(join);
-            return saying(record, &said);
+            return record;
         }
     }
     let settings = &input.context.mapping.loops;
     let n_keyframes = input.map.n_keyframes() as u32 + u32::from(record.change.new_keyframe.is_some());
     let request =
         detection::request(settings, input.map.state(), input.frame.index, n_keyframes, Urgency::AtOnce);
-    let said = format!(
-        "submap {} is joined to {}: {:.1} nats, {:.0} % overlap, {:.1} % in front",
-        join.moved,
-        join.kept,
-        sighting.evidence_nats(),
-        100.0 * tested.overlap,
-        100.0 * tested.in_front
-    );
+    record.causes.push(Cause::Joined {
+        moved: join.moved,
+        kept: join.kept,
+        evidence_nats: sighting.evidence_nats(),
+        overlap: tested.overlap,
+        in_front: tested.in_front,
+    });
     record.change = MapChange { join: Some(join), request, ..record.change };
-    saying(record, &said)
-}
-
-/// The record with something more in its reason.
-pub(crate) fn saying(record: FrameRecord, said: &str) -> FrameRecord {
-    let reason =
-        if record.reason.is_empty() { said.to_owned() } else { format!("{}; {said}", record.reason) };
-    FrameRecord { reason, ..record }
+    record
 }
 
 /// What the views of both components about the camera say of a join.

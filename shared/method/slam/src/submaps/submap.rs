@@ -1,5 +1,6 @@
 //! The begin of a submap: a camera that has been lost for long goes on in a map of its own.
 
+use crate::map::cause::Cause;
 use crate::map::records::FrameRecord;
 use crate::tracking::frame_record::{first_record, lost_record};
 use crate::tracking::input::TrackingInput;
@@ -11,20 +12,23 @@ use crate::tracking::upright;
 const LONGEST_STEP_NANOS: i64 = 1_000_000_000;
 
 /// The record of a frame whose place was not found: lost, or the first frame of a submap.
-pub(crate) fn lost_or_new(input: &TrackingInput<'_>, prediction: &Prediction, reason: String) -> FrameRecord {
+pub(crate) fn lost_or_new(
+    input: &TrackingInput<'_>,
+    prediction: &Prediction,
+    mut causes: Vec<Cause>,
+) -> FrameRecord {
     let lost_nanos = lost_nanos(input);
     let after_s = input.context.mapping.submaps.after_s;
     // A run that starts in a map is looked for there alone.
     let may_begin = input.map.state().is_placed && !input.context.mapping.only_localise;
     let is_due = may_begin && after_s > 0.0 && lost_nanos as f64 * 1e-9 >= after_s;
     if !is_due {
-        return FrameRecord { lost_nanos, ..lost_record(input, prediction, reason) };
+        return FrameRecord { lost_nanos, ..lost_record(input, prediction, causes) };
     }
     let submap = input.map.state().submaps.n();
-    let (prediction, levelled) = upright::levelled(input, prediction);
-    let levelled = levelled.map_or(String::new(), |how| format!(", {how}"));
-    let reason = format!("{reason}; submap {submap} begins{levelled}");
-    first_record(&input.in_submap(submap), &prediction, reason)
+    let (prediction, levelling) = upright::levelled(input, prediction);
+    causes.push(Cause::SubmapBegins(submap, levelling));
+    first_record(&input.in_submap(submap), &prediction, causes)
 }
 
 /// Time lost with this frame, nanoseconds; it stands still while there is little to see.

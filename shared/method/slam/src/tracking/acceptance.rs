@@ -1,5 +1,6 @@
 //! Acceptance tests of an alignment (method 6).
 
+use crate::map::cause::{Cause, ReferenceFit};
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Alignment;
@@ -8,65 +9,38 @@ use crate::tracking::alignment::Alignment;
 pub(crate) const AGREEING: u32 = 20;
 
 /// Failure tests for a frame whose motion was predicted.
-pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), String> {
+pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
     if !a.is_solved {
-        return Err("the normal equations could not be solved".into());
+        return Err(Cause::Unsolved);
     }
-    if a.n_agreeing >= AGREEING && Best::of(a).in_front <= w.max_in_front {
+    let fit = best_fit(a);
+    if a.n_agreeing >= AGREEING && fit.in_front <= w.max_in_front {
         return Ok(());
     }
-    if !(a.match_share() >= w.min_match_share) {
-        let (found, least) = (100.0 * a.match_share(), 100.0 * w.min_match_share);
-        return Err(format!("{found:.1} % of the queries have a match, at least {least:.1} % are needed"));
+    let (share, sigmas) = (a.match_share(), a.residual_sigmas());
+    if !(share >= w.min_match_share) {
+        return Err(Cause::FewMatches { share, least: w.min_match_share });
     }
-    if !(a.residual_sigmas() <= w.max_residual_sigmas) {
-        let (found, most) = (a.residual_sigmas(), w.max_residual_sigmas);
-        return Err(format!(
-            "median residual is {found:.2} standard deviations, at most {most:.2} are allowed"
-        ));
+    if !(sigmas <= w.max_residual_sigmas) {
+        return Err(Cause::LargeResidual { sigmas, most: w.max_residual_sigmas });
     }
-    let best = Best::of(a);
-    if !(best.matched >= w.min_matched && best.in_front <= w.max_in_front) {
-        return Err(format!(
-            "{best}; at least {:.0} % matched and at most {:.0} % in front are needed",
-            100.0 * w.min_matched,
-            100.0 * w.max_in_front
-        ));
+    if !(fit.matched >= w.min_matched && fit.in_front <= w.max_in_front) {
+        let (least_matched, most_in_front) = (w.min_matched, w.max_in_front);
+        return Err(Cause::LowSupport { fit, least_matched, most_in_front });
     }
     Ok(())
 }
 
 /// Shares and residual against the reference with most matches.
-struct Best {
-    in_view: f64,
-    matched: f64,
-    in_front: f64,
-    residual_sigmas: f64,
-}
-
-impl Best {
-    fn of(a: &Alignment) -> Self {
-        let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
-        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
-        Self {
-            in_view: share(best.n_in_view, best.n_queries),
-            matched: share(best.n_matches, best.n_in_view),
-            in_front: share(best.n_in_front, best.n_in_view),
-            residual_sigmas: f64::from(best.median_residual_sigmas),
-        }
-    }
-}
-
-impl std::fmt::Display for Best {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{:.0} % of the frame in view, {:.0} % of that matched, {:.1} % in front, median residual {:.2} sigma",
-            100.0 * self.in_view,
-            100.0 * self.matched,
-            100.0 * self.in_front,
-            self.residual_sigmas
-        )
+fn best_fit(a: &Alignment) -> ReferenceFit {
+    let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
+    let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
+    ReferenceFit {
+        in_view: share(best.n_in_view, best.n_queries),
+        matched: share(best.n_matches, best.n_in_view),
+        in_front: share(best.n_in_front, best.n_in_view),
+        residual_sigmas: f64::from(best.median_residual_sigmas),
+        n_agreeing: None,
     }
 }
 
@@ -89,18 +63,18 @@ pub(crate) const COARSE: StrictLimits =
     StrictLimits { in_view: 0.24, matched: 0.35, in_front: 0.2, residual_sigmas: 1.05 };
 
 /// Strict tests, for a frame that may be anywhere: the best reference sees enough of it, nearly all
-/// of that matches, and almost nothing violates free space. Both answers hold the numbers.
-pub(crate) fn strict(r: &StrictLimits, a: &Alignment) -> Result<String, String> {
+/// of that matches, and almost nothing violates free space.
+pub(crate) fn strict(r: &StrictLimits, a: &Alignment) -> Result<ReferenceFit, Cause> {
     if !a.is_solved {
-        return Err("the normal equations could not be solved".into());
+        return Err(Cause::Unsolved);
     }
-    let best = Best::of(a);
-    if a.n_agreeing >= MIN_FEATURES && best.in_front <= r.in_front {
-        return Ok(format!("{best}, {} features agree", a.n_agreeing));
+    let fit = best_fit(a);
+    if a.n_agreeing >= MIN_FEATURES && fit.in_front <= r.in_front {
+        return Ok(ReferenceFit { n_agreeing: Some(a.n_agreeing), ..fit });
     }
-    let is_good = best.in_view >= r.in_view
-        && best.matched >= r.matched
-        && best.in_front <= r.in_front
-        && best.residual_sigmas <= r.residual_sigmas;
-    if is_good { Ok(best.to_string()) } else { Err(best.to_string()) }
+    let is_good = fit.in_view >= r.in_view
+        && fit.matched >= r.matched
+        && fit.in_front <= r.in_front
+        && fit.residual_sigmas <= r.residual_sigmas;
+    if is_good { Ok(fit) } else { Err(Cause::NotStrict(fit)) }
 }

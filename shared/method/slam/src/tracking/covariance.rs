@@ -5,11 +5,12 @@
 //! the most certain of them counts, once.
 
 use crate::estimation::colour_model::ColourState;
+use crate::map::cause::MotionKind;
 use crate::map::map_view::MapView;
 use crate::map::state::MOST_COASTED_S;
 use crate::tracking::acceptance::AGREEING;
 use crate::tracking::alignment::Alignment;
-use crate::tracking::degeneracy::{DegenerateDirection, Motion, centroid};
+use crate::tracking::degeneracy::{DegenerateDirection, centroid};
 use crate::tracking::input::FrameSurface;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
@@ -92,12 +93,12 @@ fn per_frame(
     seconds: f64,
 ) -> f64 {
     let along = |first: usize| {
-        let parts = direction.axis.iter().zip(&velocity_deviation[first..]);
+        let parts = direction.motion.axis.iter().zip(&velocity_deviation[first..]);
         parts.map(|(axis, deviation)| (axis * deviation).powi(2)).sum::<f64>().sqrt() * seconds
     };
-    match direction.motion {
-        Motion::Translation => along(0),
-        Motion::Rotation => measured_rad.unwrap_or_else(|| along(3)),
+    match direction.motion.kind {
+        MotionKind::Translation => along(0),
+        MotionKind::Rotation => measured_rad.unwrap_or_else(|| along(3)),
     }
 }
 

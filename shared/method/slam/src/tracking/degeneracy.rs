@@ -4,27 +4,17 @@
 //! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
+use crate::map::cause::{DegenerateMotion, MotionKind};
 use crate::map::context::Context;
 use crate::settings::WindowSettings;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use tessera_geometry::{Matrix6, Vector6, hat};
 use tessera_graph::BlockSums;
 
-/// Kind of a degenerate motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Motion {
-    Translation,
-    Rotation,
-}
-
 /// A motion of the new frame that the surfaces do not resist.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DegenerateDirection {
-    pub(crate) motion: Motion,
-    /// Unit axis in the frame of the camera.
-    pub(crate) axis: Vector3<f64>,
-    /// Standard deviation that the matches claim for it, metres or radians.
-    pub(crate) sigma: f64,
+    pub(crate) motion: DegenerateMotion,
     /// The tangent vector of the motion by one metre or radian, the centroid resting in a turn.
     pub(crate) tangent: Vector6,
     /// The tangent's component along the motion is the scalar product with this.
@@ -75,20 +65,15 @@ pub(crate) fn degenerate_directions(
     let translation = schur(&tt, &tr, &(rr + floor(limit_rad)));
     let rotation = schur(&rr, &tr.transpose(), &(tt + floor(limit_m)));
     let mut degenerate = Vec::new();
-    for (motion, matrix, limit) in
-        [(Motion::Translation, translation, limit_m), (Motion::Rotation, rotation, limit_rad)]
+    for (kind, matrix, limit) in
+        [(MotionKind::Translation, translation, limit_m), (MotionKind::Rotation, rotation, limit_rad)]
     {
         let eigen = SymmetricEigen::new((matrix + matrix.transpose()) * 0.5);
         let best = 1.0 / eigen.eigenvalues.max().max(1e-12).sqrt();
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
             let sigma = 1.0 / value.max(1e-12).sqrt();
             if sigma > limit && sigma > WindowSettings::FREE_RATIO * best {
-                degenerate.push(direction(
-                    motion,
-                    eigen.eigenvectors.column(k).into_owned(),
-                    sigma,
-                    centroid,
-                ));
+                degenerate.push(direction(kind, eigen.eigenvectors.column(k).into_owned(), sigma, centroid));
             }
         }
     }
@@ -102,13 +87,19 @@ pub(crate) fn is_determined(context: &Context, information: &Matrix6) -> bool {
     degenerate_directions(&metric, &centroid).is_empty()
 }
 
-fn direction(motion: Motion, axis: Vector3<f64>, sigma: f64, centroid: &Vector3<f64>) -> DegenerateDirection {
+fn direction(
+    kind: MotionKind,
+    axis: Vector3<f64>,
+    sigma: f64,
+    centroid: &Vector3<f64>,
+) -> DegenerateDirection {
     let six = |rho: Vector3<f64>, phi: Vector3<f64>| Vector6::new(rho.x, rho.y, rho.z, phi.x, phi.y, phi.z);
-    let (tangent, coordinate) = match motion {
-        Motion::Translation => (six(axis, Vector3::zeros()), six(axis, centroid.cross(&axis))),
-        Motion::Rotation => (six(centroid.cross(&axis), axis), six(Vector3::zeros(), axis)),
+    let (tangent, coordinate) = match kind {
+        MotionKind::Translation => (six(axis, Vector3::zeros()), six(axis, centroid.cross(&axis))),
+        MotionKind::Rotation => (six(centroid.cross(&axis), axis), six(Vector3::zeros(), axis)),
     };
-    DegenerateDirection { motion, axis, sigma, tangent, coordinate }
+    let motion = DegenerateMotion { kind, axis: axis.into(), sigma };
+    DegenerateDirection { motion, tangent, coordinate }
 }
 
 /// Standard deviation at which a degenerate direction is held one thirtieth of a second after the frame
@@ -126,25 +117,6 @@ pub(crate) fn hold(degenerate: &[DegenerateDirection], seconds: f64) -> Matrix6 
         held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);
     }
     held
-}
-
-/// The degenerate directions in words, for a record's reason.
-pub(crate) fn describe(degenerate: &[DegenerateDirection]) -> String {
-    let words: Vec<String> = degenerate
-        .iter()
-        .map(|f| {
-            let [x, y, z] = [f.axis.x, f.axis.y, f.axis.z];
-            match f.motion {
-                Motion::Translation => {
-                    format!("translation along ({x:.2} {y:.2} {z:.2}), sigma {:.3} m", f.sigma)
-                }
-                Motion::Rotation => {
-                    format!("rotation about ({x:.2} {y:.2} {z:.2}), sigma {:.2} deg", f.sigma.to_degrees())
-                }
-            }
-        })
-        .collect();
-    format!("degenerate, held by the prediction: {}", words.join("; "))
 }
 
 #[cfg(test)]
@@ -173,7 +145,7 @@ mod tests {
         let count = |points: &[(Vector3<f64>, Vector3<f64>)]| {
             let (h, c) = of(points);
             let degenerate = degenerate_directions(&h, &c);
-            let translations = degenerate.iter().filter(|f| f.motion == Motion::Translation).count();
+            let translations = degenerate.iter().filter(|f| f.motion.kind == MotionKind::Translation).count();
             (translations, degenerate.len() - translations, degenerate)
         };
         let mut points = plane(Vector3::z(), Vector3::new(-1.0, -1.0, 3.0));
@@ -181,14 +153,14 @@ mod tests {
         assert_eq!((t, r), (2, 1));
         for f in &degenerate {
             assert!((f.coordinate.dot(&f.tangent) - 1.0).abs() < 1e-9);
-            let expected = if f.motion == Motion::Rotation { 1.0 } else { 0.0 };
-            assert!((f.axis.z.abs() - expected).abs() < 1e-6, "{f:?}");
+            let expected = if f.motion.kind == MotionKind::Rotation { 1.0 } else { 0.0 };
+            assert!((f.motion.axis[2].abs() - expected).abs() < 1e-6, "{f:?}");
         }
         points = plane(Vector3::x(), Vector3::new(-1.0, -1.0, 1.0));
         points.extend(plane(Vector3::y(), Vector3::new(-1.0, 1.0, 1.0)));
         let (t, r, degenerate) = count(&points);
         assert_eq!((t, r), (1, 0));
-        assert!(degenerate[0].axis.z.abs() > 0.999);
+        assert!(degenerate[0].motion.axis[2].abs() > 0.999);
         points.extend(plane(Vector3::z(), Vector3::new(-1.0, -1.0, 4.0)));
         assert_eq!(count(&points).2.len(), 0);
     }

@@ -1,13 +1,12 @@
 //! From an alignment to the record of its frame.
 
+use crate::map::cause::Cause;
 use crate::map::records::{
-    BlockRecord, EvidenceRecord, FrameCauses, FrameRecord, KeyframeRecord, MapChange, PoseRecord, State,
-    StoreSlot,
+    BlockRecord, EvidenceRecord, FrameRecord, KeyframeRecord, MapChange, PoseRecord, State, StoreSlot,
 };
 use crate::pairs::noise_evidence::{self, FrameEvidence, PairEvidence};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
-use crate::tracking::degeneracy::describe;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::window::{Member, pose_and_velocity};
@@ -40,8 +39,7 @@ pub(crate) fn frame_record(
     FrameRecord {
         state: aligned.state,
         evidence_nats: aligned.evidence_nats,
-        reason: reason(aligned),
-        causes: FrameCauses { is_degenerate: !a.degenerate.is_empty(), ..FrameCauses::default() },
+        causes: causes(aligned),
         pose: PoseRecord {
             covariance,
             n_correspondences: a.n_matches(),
@@ -65,7 +63,7 @@ pub(crate) fn frame_record(
 pub(crate) fn first_record(
     input: &TrackingInput<'_>,
     prediction: &Prediction,
-    reason: String,
+    causes: Vec<Cause>,
 ) -> FrameRecord {
     let frame = input.frame;
     let id = input.map.n_keyframes() as u32;
@@ -84,7 +82,7 @@ pub(crate) fn first_record(
     let record = record_at(input, &prediction.world_from_camera);
     FrameRecord {
         state: State::Tracking,
-        reason,
+        causes,
         pose: PoseRecord {
             keyframe: id,
             keyframe_from_camera: PoseBits::IDENTITY,
@@ -97,8 +95,12 @@ pub(crate) fn first_record(
 }
 
 /// The record of a frame that could not be aligned: it holds the prediction and changes nothing.
-pub(crate) fn lost_record(input: &TrackingInput<'_>, prediction: &Prediction, reason: String) -> FrameRecord {
-    FrameRecord { reason, ..record_at(input, &prediction.world_from_camera) }
+pub(crate) fn lost_record(
+    input: &TrackingInput<'_>,
+    prediction: &Prediction,
+    causes: Vec<Cause>,
+) -> FrameRecord {
+    FrameRecord { causes, ..record_at(input, &prediction.world_from_camera) }
 }
 
 /// The identity of the frame and its pose; all else as of a lost frame.
@@ -124,12 +126,14 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
     }
 }
 
-/// The alignment's reason and its degenerate directions.
-fn reason(aligned: &WindowAlignment) -> String {
-    let degenerate = &aligned.alignment.degenerate;
-    let parts =
-        [aligned.reason.clone(), if degenerate.is_empty() { String::new() } else { describe(degenerate) }];
-    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+/// The alignment's causes, and its degenerate directions.
+fn causes(aligned: &WindowAlignment) -> Vec<Cause> {
+    let mut causes = aligned.causes.clone();
+    let motions: Vec<_> = aligned.alignment.degenerate.iter().map(|direction| direction.motion).collect();
+    if !motions.is_empty() {
+        causes.push(Cause::Degenerate(motions));
+    }
+    causes
 }
 
 /// Sums of the matches with each keyframe of the window.

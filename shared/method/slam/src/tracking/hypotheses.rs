@@ -5,6 +5,7 @@
 //! what a result must show beside the strict tests. One loop walks the table. What fits nowhere about the last pose is
 //! left to relocalisation.
 
+use crate::map::cause::Cause;
 use crate::settings::WindowSettings;
 use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::{Aligner, Alignment};
@@ -61,7 +62,7 @@ pub(crate) fn track(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Result<WindowAlignment, String> {
+) -> Result<WindowAlignment, Cause> {
     if input.context.is_colour_on_probation {
         let context = &input.context.without_guesses();
         let found = track_from(&TrackingInput { context, ..*input }, aligner, prediction);
@@ -92,7 +93,7 @@ fn once_more(
     };
     let again = align_to_window(input, aligner, &guess);
     match acceptance::tracking(window, &again.alignment) {
-        Ok(()) => WindowAlignment { reason: found.reason, ..again },
+        Ok(()) => again,
         Err(_) => found,
     }
 }
@@ -101,7 +102,7 @@ fn track_from(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Result<WindowAlignment, String> {
+) -> Result<WindowAlignment, Cause> {
     let (seen, rival) = match guess_from_features(input, aligner, prediction) {
         Some(FeatureStart::Better(guess)) => (Some(guess), None),
         Some(FeatureStart::Rival(guess)) => {

@@ -8,7 +8,8 @@
 
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::similarity;
-use crate::map::records::{FrameCauses, FrameRecord, State};
+use crate::map::cause::{CandidatePlace, Cause};
+use crate::map::records::{FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::pairs::matching::Reach;
 use crate::tracking::acceptance::{self, AGREEING, STRICT};
@@ -33,18 +34,15 @@ struct Candidate {
     guess: Pose,
     /// The submap that it is in.
     submap: u32,
-    name: String,
+    place: CandidatePlace,
     is_last_pose: bool,
 }
 
 impl Candidate {
-    fn at(world_from_camera: Pose, submap: u32, name: String) -> Self {
-        Self { guess: world_from_camera, submap, name, is_last_pose: false }
+    fn at(world_from_camera: Pose, submap: u32, place: CandidatePlace) -> Self {
+        Self { guess: world_from_camera, submap, place, is_last_pose: false }
     }
 }
-
-/// Reason of a frame with which relocalisation was asked for.
-pub(crate) const ASKED: &str = "a relocalisation was asked for";
 
 /// Whether the frame is the first one aligned since relocalisation was asked for.
 pub(crate) fn is_asked(input: &TrackingInput<'_>) -> bool {
@@ -53,15 +51,12 @@ pub(crate) fn is_asked(input: &TrackingInput<'_>) -> bool {
     asked_from <= index && last.is_some_and(|last| last.index < asked_from)
 }
 
-/// The record of such a frame, with the request in its reason whatever the outcome.
-pub(crate) fn noted(record: FrameRecord) -> FrameRecord {
-    let reason = match record.reason.as_str() {
-        "" => ASKED.to_owned(),
-        said if said.starts_with(ASKED) => record.reason,
-        said => format!("{ASKED}; {said}"),
-    };
-    let causes = FrameCauses { is_relocalisation_asked: true, ..record.causes };
-    FrameRecord { reason, causes, ..record }
+/// The record of such a frame, with the request as its first cause whatever the outcome.
+pub(crate) fn noted(mut record: FrameRecord) -> FrameRecord {
+    if !record.is_relocalisation_asked() {
+        record.causes.insert(0, Cause::RelocalisationAsked);
+    }
+    record
 }
 
 /// Tracking after the place was found, until the frames show enough of it (method 12.7).
@@ -69,28 +64,33 @@ pub(crate) fn confirm(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Result<WindowAlignment, String> {
+) -> Result<WindowAlignment, Cause> {
     let members = nearby_keyframes(input, &prediction.world_from_camera, usize::MAX);
     let found = align_to(input, aligner, members, input.samples, &widened(input, prediction));
-    let shown = found_place::shown(input, aligner, &found).ok_or("no keyframe is at hand")?;
+    let shown = found_place::shown(input, aligner, &found).ok_or(Cause::NoKeyframe)?;
     match shown {
         Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment)?,
         Shown::SurfacesAlone => acceptance::strict(&STRICT, &found.alignment).map(drop)?,
     }
     let test = found_place::with_frame(input, aligner, &found, shown);
     if test.sum_nats <= 0.0 {
-        return Err(format!("the place that was found is refuted: {:.1} nats", test.sum_nats));
+        return Err(Cause::PlaceRefuted(test.sum_nats));
     }
-    Ok(as_far_as_certain(found, test, ""))
+    Ok(as_far_as_certain(found, test, Vec::new()))
 }
 
 /// The frame with what is known of its place: tracked once that is certain.
-fn as_far_as_certain(found: WindowAlignment, test: SequentialTest, why: &str) -> WindowAlignment {
+fn as_far_as_certain(
+    found: WindowAlignment,
+    test: SequentialTest,
+    mut causes: Vec<Cause>,
+) -> WindowAlignment {
     let is_certain = test.verdict() == TestVerdict::Accepted;
-    let (sum, bound) = (test.sum_nats, SequentialTest::accepted_nats());
-    let reason = format!("{why}confirmed by {sum:.1} of {bound:.1} nats");
-    let (state, evidence_nats) = if is_certain { (State::Tracking, 0.0) } else { (State::Relocalising, sum) };
-    WindowAlignment { state, reason, evidence_nats, ..found }
+    let (sum_nats, bound_nats) = (test.sum_nats, SequentialTest::accepted_nats());
+    causes.push(Cause::Confirmed { sum_nats, bound_nats });
+    let (state, evidence_nats) =
+        if is_certain { (State::Tracking, 0.0) } else { (State::Relocalising, sum_nats) };
+    WindowAlignment { state, causes, evidence_nats, ..found }
 }
 
 /// The first candidate that passes. The error has why the frame was lost, and that none did.
@@ -98,20 +98,20 @@ pub(crate) fn relocalise(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-    why_lost: &str,
-) -> Result<WindowAlignment, String> {
+    why_lost: Cause,
+) -> Result<WindowAlignment, Vec<Cause>> {
     if !input.context.mapping.relocalise.enabled {
-        return Err(why_lost.into());
+        return Err(vec![why_lost]);
     }
     let anywhere: Vec<&KeyframeState> = input.map.active_anywhere().collect();
     let mut candidates = seen_candidates(input, aligner, &anywhere, input.map.state().n_lost as usize);
     candidates.extend(supposed_candidates(input, &anywhere, prediction));
-    let n_candidates = candidates.len();
-    let found = first_that_fits(input, aligner, candidates);
-    let FoundPlace { found, how, shown } =
-        found.ok_or_else(|| format!("{why_lost}; none of {n_candidates} candidate places fits"))?;
+    let n_candidates = candidates.len() as u32;
+    let Some(FoundPlace { found, how, shown }) = first_that_fits(input, aligner, candidates) else {
+        return Err(vec![why_lost, Cause::NoPlaceFits(n_candidates)]);
+    };
     let test = SequentialTest::default().with(shown.llr_nats(), 1.0);
-    Ok(as_far_as_certain(found, test, &format!("{why_lost}; found by {how}; ")))
+    Ok(as_far_as_certain(found, test, vec![why_lost, how]))
 }
 
 /// The place of a frame among these keyframes, wherever they are. `turn` goes through all of them.
@@ -146,7 +146,7 @@ pub(crate) fn glimpse(
 /// A candidate that passed.
 struct FoundPlace {
     found: WindowAlignment,
-    how: String,
+    how: Cause,
     shown: Shown,
 }
 
@@ -159,7 +159,7 @@ fn first_that_fits(
     for candidate in candidates {
         let guess = place(input, &candidate.guess);
         let there = input.in_submap(candidate.submap);
-        let Some((found, numbers)) = align_coarse_to_fine(&there, aligner, &guess) else {
+        let Some((found, fit)) = align_coarse_to_fine(&there, aligner, &guess) else {
             continue;
         };
         // Along a degenerate direction the result is the initial guess: only the last pose is more.
@@ -176,7 +176,7 @@ fn first_that_fits(
             Member::Recent(_) => None,
         });
         let submap = nearest.map_or(candidate.submap, |k| k.submap);
-        let how = format!("{}: {numbers}", candidate.name);
+        let how = Cause::Found(candidate.place, fit);
         let evidence_nats = shown.llr_nats();
         return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
     }
@@ -236,8 +236,8 @@ fn candidates_by_features(
         if n < min_inliers {
             continue;
         }
-        let name = format!("{n} features of keyframe {id}");
-        found.push((n, Candidate::at(pose * pair.target_from_query, keyframe.submap, name)));
+        let place = CandidatePlace::Features { n: n as u32, keyframe: id };
+        found.push((n, Candidate::at(pose * pair.target_from_query, keyframe.submap, place)));
     }
     found.sort_by_key(|(n, _)| std::cmp::Reverse(*n));
     found.into_iter().map(|(_, candidate)| candidate).collect()
@@ -246,10 +246,10 @@ fn candidates_by_features(
 /// The pose at which the camera was last, or the start of the run where it was never tracked.
 fn last_pose(input: &TrackingInput<'_>, last: Pose) -> Candidate {
     let state = input.map.state();
-    let name = if state.is_placed { "the last pose" } else { "the start" };
+    let place = if state.is_placed { CandidatePlace::LastPose } else { CandidatePlace::Start };
     // Without a given start the prediction of a run that was never tracked is arbitrary.
     let is_last_pose = state.is_placed || state.start.is_some();
-    Candidate { is_last_pose, ..Candidate::at(last, input.map.submap(), name.into()) }
+    Candidate { is_last_pose, ..Candidate::at(last, input.map.submap(), place) }
 }
 
 /// Keyframes with the most similar descriptors.
@@ -258,10 +258,10 @@ fn similar_keyframes(input: &TrackingInput<'_>, keyframes: &[&KeyframeState]) ->
     let mut similar: Vec<(f64, u32)> =
         keyframes.iter().map(|k| (similarity(&descriptor, &k.place), k.id)).collect();
     similar.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let candidate = |(similarity, id): &(f64, u32)| {
-        let keyframe = input.map.keyframe(*id)?;
-        let name = format!("recognising keyframe {id} (similarity {similarity:.2})");
-        Some(Candidate::at(Pose::from(&keyframe.world_from_camera), keyframe.submap, name))
+    let candidate = |&(similarity, id): &(f64, u32)| {
+        let keyframe = input.map.keyframe(id)?;
+        let place = CandidatePlace::Similar { keyframe: id, similarity };
+        Some(Candidate::at(Pose::from(&keyframe.world_from_camera), keyframe.submap, place))
     };
     similar
         .iter()

@@ -1,5 +1,6 @@
 //! A frame aligned to a window of the map, from an initial guess (method 5.1, 6).
 
+use crate::map::cause::{Cause, ReferenceFit};
 #[cfg(doc)]
 use crate::map::records::FrameRecord;
 use crate::map::records::State;
@@ -31,7 +32,7 @@ pub(crate) struct WindowAlignment {
     /// The submap whose gauge the pose is in.
     pub(crate) submap: u32,
     /// Why, where it is not plain tracking.
-    pub(crate) reason: String,
+    pub(crate) causes: Vec<Cause>,
     /// Evidence so far where the place is not yet certain, as in [`FrameRecord::evidence_nats`].
     pub(crate) evidence_nats: f64,
 }
@@ -62,17 +63,17 @@ pub(crate) fn align_to(
     if input.context.is_colour_trusted {
         alignment.n_agreeing = aligner.sight.n_agreeing(&references, &alignment.world_from_camera);
     }
-    let (submap, reason) = (input.map.submap(), String::new());
-    WindowAlignment { members, alignment, state: State::Tracking, submap, reason, evidence_nats: 0.0 }
+    let (state, submap, causes) = (State::Tracking, input.map.submap(), Vec::new());
+    WindowAlignment { members, alignment, state, submap, causes, evidence_nats: 0.0 }
 }
 
 /// Aligns some samples to the two keyframes nearest to the initial guess, then all samples to the keyframes near the
-/// result. `None` unless both pass the strict tests; with the numbers of these.
+/// result. `None` unless both pass the strict tests; with the fit of the second.
 pub(crate) fn align_coarse_to_fine(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     guess: &Prediction,
-) -> Option<(WindowAlignment, String)> {
+) -> Option<(WindowAlignment, ReferenceFit)> {
     let members = nearby_keyframes(input, &guess.world_from_camera, COARSE_REFERENCES);
     if members.is_empty() {
         return None;
@@ -85,8 +86,8 @@ pub(crate) fn align_coarse_to_fine(
     let members = nearby_keyframes(input, &found, usize::MAX);
     let guess = Prediction { world_from_camera: found, ..*guess };
     let second = align_to(input, aligner, members, input.samples, &guess);
-    let numbers = acceptance::strict(&STRICT, &second.alignment).ok()?;
-    Some((second, numbers))
+    let fit = acceptance::strict(&STRICT, &second.alignment).ok()?;
+    Some((second, fit))
 }
 
 /// An even choice of about `n` samples.

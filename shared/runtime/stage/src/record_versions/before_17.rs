@@ -1,17 +1,17 @@
 //! Records of version 16: a frame's evidence of noise had the mean residual of its surfaces where that of the two
-//! halves of the image is now.
+//! halves of the image is now, and its causes were a sentence with three answers beside it.
 
 use serde::{Deserialize, Serialize};
 use tessera_journal::decode;
 use tessera_slam::{
-    AlignRecord, AppliedCorrection, BlockRecord, ColourPoseRecord, ColourRecord, EvidenceRecord, FrameCauses,
+    AlignRecord, AppliedCorrection, BlockRecord, Cause, ColourPoseRecord, ColourRecord, EvidenceRecord,
     FrameRecord, MapChange, MapRecord, NoiseRecord, PoseRecord, RequestRecord, SkippedFrames, State,
 };
 use tessera_surface::WorkloadLevel;
 
 #[derive(Serialize, Deserialize)]
-enum Align {
-    Frame(Box<Frame>),
+enum Align16 {
+    Frame(Box<Frame16>),
     Skipped(SkippedFrames),
     Correction(Box<AppliedCorrection>),
     End { n_frames: u64, request: Option<RequestRecord> },
@@ -19,32 +19,50 @@ enum Align {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Frame {
+struct Frame16 {
     index: u64,
     stamp_nanos: i64,
     workload: WorkloadLevel,
     state: State,
     reason: String,
-    causes: FrameCauses,
+    causes: Causes16,
     submap: u32,
     lost_nanos: i64,
     evidence_nats: f64,
     pose: PoseRecord,
-    evidence: Evidence,
+    evidence: Evidence16,
     change: MapChange,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Evidence {
+struct Causes16 {
+    is_degenerate: bool,
+    is_relocalisation_asked: bool,
+    has_too_few_points: bool,
+}
+
+impl Causes16 {
+    /// One cause, with the words of all; none of a frame without words.
+    fn with(self, words: String) -> Vec<Cause> {
+        if words.is_empty() {
+            return Vec::new();
+        }
+        let Self { is_degenerate, is_relocalisation_asked, has_too_few_points } = self;
+        vec![Cause::Recorded { words, is_degenerate, is_relocalisation_asked, has_too_few_points }]
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Evidence16 {
     repeats_colour: bool,
     colour: Option<ColourRecord>,
-    noise: Option<Noise>,
+    noise: Option<Noise16>,
     colour_pose: Option<ColourPoseRecord>,
     blocks: Vec<BlockRecord>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Noise {
+struct Noise16 {
     surface_residual: f64,
     squared: [f64; 2],
     redundancy: [f64; 2],
@@ -56,24 +74,24 @@ const CORRELATION: f64 = 10.0;
 /// Directions of a pose.
 const DIRECTIONS: f64 = 6.0;
 
-impl From<Noise> for NoiseRecord {
-    fn from(noise: Noise) -> Self {
-        let Noise { surface_residual, squared, redundancy, step_variance } = noise;
+impl From<Noise16> for NoiseRecord {
+    fn from(noise: Noise16) -> Self {
+        let Noise16 { surface_residual, squared, redundancy, step_variance } = noise;
         let halves = [CORRELATION * surface_residual * DIRECTIONS, DIRECTIONS];
         Self { halves, squared, redundancy, step_variance }
     }
 }
 
-impl From<Evidence> for EvidenceRecord {
-    fn from(evidence: Evidence) -> Self {
-        let Evidence { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
+impl From<Evidence16> for EvidenceRecord {
+    fn from(evidence: Evidence16) -> Self {
+        let Evidence16 { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
         Self { repeats_colour, colour, noise: noise.map(NoiseRecord::from), colour_pose, blocks }
     }
 }
 
-impl From<Frame> for FrameRecord {
-    fn from(frame: Frame) -> Self {
-        let Frame {
+impl From<Frame16> for FrameRecord {
+    fn from(frame: Frame16) -> Self {
+        let Frame16 {
             index,
             stamp_nanos,
             workload,
@@ -87,13 +105,12 @@ impl From<Frame> for FrameRecord {
             evidence,
             change,
         } = frame;
-        let evidence = evidence.into();
+        let (causes, evidence) = (causes.with(reason), evidence.into());
         Self {
             index,
             stamp_nanos,
             workload,
             state,
-            reason,
             causes,
             submap,
             lost_nanos,
@@ -108,10 +125,29 @@ impl From<Frame> for FrameRecord {
 /// The aligner's record in a payload of that version.
 pub(super) fn align(payload: &[u8]) -> Result<AlignRecord, String> {
     Ok(match decode(payload)? {
-        Align::Frame(frame) => AlignRecord::Frame(Box::new((*frame).into())),
-        Align::Skipped(skipped) => AlignRecord::Skipped(skipped),
-        Align::Correction(correction) => AlignRecord::Correction(correction),
-        Align::End { n_frames, request } => AlignRecord::End { n_frames, request },
-        Align::Map(map) => AlignRecord::Map(map),
+        Align16::Frame(frame) => AlignRecord::Frame(Box::new((*frame).into())),
+        Align16::Skipped(skipped) => AlignRecord::Skipped(skipped),
+        Align16::Correction(correction) => AlignRecord::Correction(correction),
+        Align16::End { n_frames, request } => AlignRecord::End { n_frames, request },
+        Align16::Map(map) => AlignRecord::Map(map),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_keeps_its_words_and_its_answers() {
+        let frame = |is_degenerate, words: &str| {
+            let causes = Causes16 { is_degenerate, is_relocalisation_asked: true, has_too_few_points: false };
+            FrameRecord { causes: causes.with(words.into()), ..FrameRecord::default() }
+        };
+        let words = "a relocalisation was asked for; lost for 3 frames";
+        let open = frame(true, words);
+        assert_eq!(open.reason(), words);
+        assert!(open.is_degenerate() && open.is_relocalisation_asked() && !open.has_too_few_points());
+        assert!(!frame(false, words).is_degenerate());
+        assert!(frame(false, "").causes.is_empty());
+    }
 }

@@ -13,7 +13,7 @@ pub(super) fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, reco
         records.n_corrections(),
         records.n_untracked()
     );
-    let n_free = records.frames().filter(|f| f.reason.contains("degenerate")).count();
+    let n_free = records.frames().filter(|f| f.is_degenerate()).count();
     println!("    {n_free} frames with a degenerate direction");
     report_submaps(records);
     report_loops(records);
@@ -103,8 +103,8 @@ fn report_submaps(records: &Records) {
         return;
     }
     println!("    {} submaps in {} components", submaps.n(), submaps.n_components());
-    for frame in records.frames().filter(|f| f.change.join.is_some() || f.reason.contains("begins")) {
-        println!("      frame {}: {}", frame.index, frame.reason);
+    for frame in records.frames().filter(|f| f.change.join.is_some() || f.reason().contains("begins")) {
+        println!("      frame {}: {}", frame.index, frame.reason());
     }
     for submap in 0..submaps.n() {
         let n = records.frames().filter(|f| f.submap == submap && f.state == State::Tracking).count();

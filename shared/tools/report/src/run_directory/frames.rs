@@ -85,7 +85,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
             index: record.index,
             time_s: record.stamp_nanos.saturating_sub(begin) as f64 * 1e-9,
             state: state(record.state),
-            reason: record.reason.clone(),
+            reason: record.reason(),
             position_m: poses.get(*place).map_or([0.0; 3], |pose| view.of(&pose.translation.vector)),
             error_m: errors.get(*place).copied().flatten().filter(|_| *is_main),
             std_m: std_m(record),
