@@ -76,7 +76,8 @@ pub(crate) fn systematic(colour: &ColourState, camera: &Camera, a: &Alignment) -
     if colour.n_frames == 0 {
         return Matrix6::zeros();
     }
-    let residual_px = if colour.is_trusted() { colour.residual_px } else { ColourState::default().residual_px };
+    let residual_px =
+        if colour.is_trusted() { colour.residual_px } else { ColourState::default().residual_px };
     let angle_rad = OF_MEDIAN * (residual_px - MATCHING_PX).max(0.0) / camera.focal_px();
     let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
     let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
