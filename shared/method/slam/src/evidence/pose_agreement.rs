@@ -3,7 +3,9 @@
 
 use nalgebra::SymmetricEigen;
 use std::f64::consts::PI;
-use tessera_geometry::{Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log};
+use tessera_geometry::{
+    Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log, translation_rotation_norms,
+};
 
 /// Bound of the squared distance of two poses that agree: the chi-square of six dimensions at an error rate of one
 /// in a thousand, the rate at which poses that agree are refused.
@@ -15,6 +17,23 @@ const N_UPPER: usize = 21;
 /// Least standard deviation of a pose, metres and radians, as share of what it says of a direction: a covariance
 /// that is singular, as that of a first frame, has no inverse. Far below what any sensor resolves.
 const LEAST_SIGMA: f64 = 1e-4;
+
+/// Distance of two poses beyond which they are two places, metres, half a radian as a metre: drift that is smaller
+/// brings no other room.
+pub(crate) const FAR_M: f64 = 1.0;
+const METRES_PER_RADIAN: f64 = 2.0;
+/// Volume of the poses that are not far, metres and radians, each cubed: a ball of either.
+pub(crate) const FAR_VOLUME: f64 = {
+    let ball = 4.0 / 3.0 * PI;
+    let (far_m, far_rad) = (FAR_M, FAR_M / METRES_PER_RADIAN);
+    ball * far_m * far_m * far_m * ball * far_rad * far_rad * far_rad
+};
+
+/// How far apart two poses are, metres, half a radian as a metre.
+pub(crate) fn apart_m(a: &Pose, b: &Pose) -> f64 {
+    let (metres, radians) = translation_rotation_norms(&(a.inverse() * b));
+    metres.max(METRES_PER_RADIAN * radians)
+}
 
 /// A pose with its covariance in the tangent `d` of `pose * exp(d)`, translation first, metres and radians.
 #[derive(Clone, Copy, Debug)]

@@ -5,6 +5,7 @@
 //! of a loop closure. Nothing else joins two maps. A place that looks like another one of either map joins
 //! nothing, and what else both saw there must not contradict the join.
 
+use crate::evidence::pose_agreement::{FAR_M, apart_m};
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::Ferns;
 use crate::map::context::Context;
@@ -16,7 +17,6 @@ use crate::map::surfaces::KeyframeSurfaces;
 use crate::merging::known_looks::{ComponentHashes, KnownLooks};
 use crate::merging::looked_again::{LookedAgain, looked_again};
 use crate::settings::GlobalSettings;
-use crate::submaps::brought_together::{FAR_M, apart_m};
 use crate::submaps::contradiction;
 use crate::submaps::join;
 use crate::tracking::alignment::Aligner;

@@ -1,6 +1,7 @@
 //! Loop closures by appearance, where drift hides them from the poses: keyframes that look alike are
 //! aligned from where their features agree, or without an initial guess.
 
+use crate::evidence::pose_agreement::apart_m;
 use crate::map::context::Context;
 use crate::map::detection::{self, TrackPoint};
 use crate::map::records::LoopVerdict;
@@ -12,7 +13,6 @@ use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::verification::{self, Tested};
 use crate::settings::{GlobalSettings, WindowSettings};
-use crate::submaps::brought_together::apart_m;
 use crate::tracking::degeneracy::is_determined;
 use std::sync::Arc;
 use tessera_geometry::Pose;

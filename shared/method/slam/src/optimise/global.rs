@@ -1,6 +1,7 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
+use crate::evidence::pose_agreement::FAR_M;
 use crate::map::context::Context;
 use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
@@ -14,7 +15,7 @@ use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::matchable::{KeyframeSurface, Matchable};
 use crate::pairs::verification::KnownLoops;
 use crate::settings::GlobalSettings;
-use crate::submaps::brought_together::{self, FAR_M};
+use crate::submaps::brought_together;
 use tessera_geometry::Pose;
 use tessera_graph::{GemanMcClure, INNER_ITERATIONS, MultiEdge, Schedule};
 use tessera_numerics::Step;

@@ -4,30 +4,14 @@
 //! room was brought over another has doors and corridors in each other, and what one keyframe saw there floats in
 //! front of what another one saw.
 
+use crate::evidence::pose_agreement::{FAR_M, apart_m};
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::pairs::covisibility;
 use crate::submaps::contradiction::{self, PlacedKeyframe};
-use tessera_geometry::{Pose, translation_rotation_norms};
-
-/// Motion of two keyframes against each other beyond which they were brought together, metres, half a radian as
-/// a metre. Drift that is smaller brings no other room.
-pub(crate) const FAR_M: f64 = 1.0;
-const METRES_PER_RADIAN: f64 = 2.0;
-/// Volume of the poses that are not far, metres and radians, each cubed: a ball of either.
-pub(crate) const FAR_VOLUME: f64 = {
-    let ball = 4.0 / 3.0 * std::f64::consts::PI;
-    let (far_m, far_rad) = (FAR_M, FAR_M / METRES_PER_RADIAN);
-    ball * far_m * far_m * far_m * ball * far_rad * far_rad * far_rad
-};
-
-/// How far apart two poses of a keyframe in another one are, metres, half a radian as a metre.
-pub(crate) fn apart_m(a: &Pose, b: &Pose) -> f64 {
-    let (metres, radians) = translation_rotation_norms(&(a.inverse() * b));
-    metres.max(METRES_PER_RADIAN * radians)
-}
+use tessera_geometry::Pose;
 
 /// Whether keyframes that stand near each other `after`, and did not `before`, contradict each other. All by the
 /// places of `keyframes`. The same for any number of threads.

@@ -2,6 +2,7 @@
 //! but what is about them does not (method 12.8).
 
 use crate::evidence::contradiction::{AskedPair, PairAnswer, one_place_nats};
+use crate::evidence::pose_agreement::{FAR_M, apart_m};
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::context::Context;
 use crate::map::records::{JoinRecord, LoopVerdict};
@@ -14,7 +15,6 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::verification::{self, InFront};
 use crate::settings::GlobalSettings;
-use crate::submaps::brought_together::{FAR_M, apart_m};
 use crate::tracking::sight::ENOUGH_FEATURES;
 use nalgebra::Vector3;
 use tessera_geometry::Pose;

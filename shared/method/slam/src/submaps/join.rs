@@ -1,7 +1,7 @@
 //! Joining submaps (method 12.8): a place of another submap that the camera sees while it is tracked in
 //! its own, confirmed in several frames and verified like a loop closure.
 
-use crate::evidence::pose_agreement::UncertainPose;
+use crate::evidence::pose_agreement::{FAR_VOLUME, UncertainPose};
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::cause::Cause;
 use crate::map::detection::{self, Urgency};
@@ -10,7 +10,6 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
 use crate::settings::GlobalSettings;
-use crate::submaps::brought_together::FAR_VOLUME;
 use crate::submaps::contradiction;
 use crate::tracking::acceptance::{self, STRICT};
 use crate::tracking::alignment::Aligner;

@@ -1,10 +1,9 @@
 //! The pose on which features agree, as an initial guess in place of the motion prediction.
 
-use crate::evidence::pose_agreement::CHI_SQUARE_6;
+use crate::evidence::pose_agreement::{CHI_SQUARE_6, FAR_VOLUME};
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matching::Reach;
 use crate::settings::WindowSettings;
-use crate::submaps::brought_together::FAR_VOLUME;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
