@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, BeatState, Stage};
 use tessera_stage::{Standstill, SystemdNotifier};
-use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
+use tessera_transport::{Link, RunClaim, Subscriber, Sweeper, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
 const LOOK: Duration = Duration::from_millis(100);
@@ -36,6 +36,7 @@ pub fn supervise(
     ensure_open_files()?;
     let signals = Signals::listen()?;
     let prepared = plan.prepare(claim)?;
+    let sweeper = Sweeper::start(&prepared.claim.entry.identity)?;
     // The first node: it closes the door to shared memory before a stage starts.
     let link = Link::open(&prepared.claim.entry.identity, &prepared.layout, "supervisor")?;
     let services = link.hold_services()?;
@@ -67,7 +68,7 @@ pub fn supervise(
     let stages = supervisor.counters();
     let shared_memory_bytes = supervisor.shared_memory_bytes;
     drop(supervisor);
-    drop((beats, services, link));
+    drop((beats, services, link, sweeper));
     remove_everything(&prepared.claim.entry.identity)?;
     Ok(Supervised { outcome, stages, shared_memory_bytes, duration: began.elapsed(), claim: prepared.claim })
 }

@@ -21,6 +21,7 @@ mod ports;
 mod registry;
 mod slices;
 mod space;
+mod sweeper;
 mod wake;
 mod wire;
 
@@ -36,4 +37,5 @@ pub use nodes::{LivingNode, living_nodes};
 pub use registry::{Registered, RunClaim, RunEntry, check_name, living_runs, registered_runs};
 pub use slices::{Loan, Received, SlicePublisher, SliceSubscriber};
 pub use space::{check_space, shared_memory_in_use};
+pub use sweeper::Sweeper;
 pub use wake::{Listener, Notifier};
