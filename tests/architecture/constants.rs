@@ -4,7 +4,7 @@ use crate::code;
 
 /// Numeric constants of `shared/method/slam` outside of tests, fields of settings aside. Whoever derives or estimates
 /// one away lowers it; 80 is the aim.
-const MOST_CONSTANTS: usize = 165;
+const MOST_CONSTANTS: usize = 164;
 
 /// Whether a line defines a constant that is a number, or several.
 fn is_number(line: &str) -> bool {

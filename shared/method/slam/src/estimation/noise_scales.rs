@@ -10,8 +10,8 @@
 //! As poses are compared, not points, the scales hold what all matches of a kind err by together
 //! (calibration, lag, blur, the filter's correlation): the error of the reference's own pose alone cancels.
 //!
-//! Surfaces alone give the relative pose twice as well, from the upper and from the lower half of the image: with
-//! one scale for both, it is the prior of `s_s^2` where no feature is matched.
+//! Surfaces alone give the relative pose twice as well, from the upper and from the lower half of the image. The one
+//! scale under which both agree is the prior of `s_s^2`.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +21,6 @@ const KEPT: f64 = 0.99;
 const PRIOR_FREEDOM: f64 = 20.0;
 /// Scale of the surfaces before any were compared.
 const SURFACE_SCALE: f64 = 0.05;
-/// Scale of the features where none was compared: the model's own.
-const FEATURE_SCALE: f64 = 1.0;
 
 /// A frame's evidence of the scales: sums over its pairs, divided by their number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -79,7 +77,8 @@ impl NoiseState {
         let of_halves = scale(self.halves[0], self.halves[1], SURFACE_SCALE);
         NoiseScales {
             surfaces: scale(self.squared[0], self.redundancy[0], of_halves),
-            features: scale(self.squared[1], self.redundancy[1], FEATURE_SCALE),
+            // Before any was compared the features' own model holds as it is.
+            features: scale(self.squared[1], self.redundancy[1], 1.0),
         }
     }
 
@@ -101,6 +100,6 @@ mod tests {
         }
         let scales = state.scales();
         assert!((scales.surfaces - 0.2).abs() < 0.01, "{scales:?}");
-        assert_eq!(scales.features, FEATURE_SCALE);
+        assert_eq!(scales.features, 1.0);
     }
 }

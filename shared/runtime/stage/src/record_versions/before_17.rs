@@ -91,33 +91,18 @@ impl From<Evidence16> for EvidenceRecord {
 
 impl From<Frame16> for FrameRecord {
     fn from(frame: Frame16) -> Self {
-        let Frame16 {
-            index,
-            stamp_nanos,
-            workload,
-            state,
-            reason,
-            causes,
-            submap,
-            lost_nanos,
-            evidence_nats,
-            pose,
-            evidence,
-            change,
-        } = frame;
-        let (causes, evidence) = (causes.with(reason), evidence.into());
         Self {
-            index,
-            stamp_nanos,
-            workload,
-            state,
-            causes,
-            submap,
-            lost_nanos,
-            evidence_nats,
-            pose,
-            evidence,
-            change,
+            index: frame.index,
+            stamp_nanos: frame.stamp_nanos,
+            workload: frame.workload,
+            state: frame.state,
+            causes: frame.causes.with(frame.reason),
+            submap: frame.submap,
+            lost_nanos: frame.lost_nanos,
+            evidence_nats: frame.evidence_nats,
+            pose: frame.pose,
+            evidence: frame.evidence.into(),
+            change: frame.change,
         }
     }
 }
