@@ -79,15 +79,25 @@ impl PlaceEvidence {
     }
 
     /// The same with features, of which `n_agreeing` agree with the pose; `n_seen`: those of either view;
-    /// `n_expected`: those that would agree, were it the same place.
-    pub(crate) fn with_features(self, n_seen: [usize; 2], n_agreeing: usize, n_expected: f64) -> Self {
+    /// `n_expected`: those that would agree, were it the same place; `agree_near`: whether they agree on a pose where
+    /// they are looked for near this one alone, which is asked where they would be missed: among all of an image
+    /// whose texture repeats the ratio test refuses most.
+    pub(crate) fn with_features(
+        self,
+        n_seen: [usize; 2],
+        (n_agreeing, n_expected): (usize, f64),
+        agree_near: impl FnOnce() -> bool,
+    ) -> Self {
         let fewer = n_seen[0].min(n_seen[1]);
         if fewer < MIN_FEATURES as usize {
             return self;
         }
         // Where a view just before tells nothing, all in the overlap could.
         let could = if n_expected > 0.0 { n_expected } else { fewer as f64 * self.overlap };
-        let is_missed = n_agreeing < LEAST_OF_POSE && self.overlap >= SAME_VIEW_OVERLAP;
+        let is_missed = n_agreeing < LEAST_OF_POSE
+            && self.overlap >= SAME_VIEW_OVERLAP
+            && n_expected > 0.0
+            && !agree_near();
         let missing = if is_missed { n_expected.min(fewer as f64) } else { 0.0 };
         Self {
             n_agreeing: Some(n_agreeing as u32),
@@ -293,6 +303,24 @@ impl<'a> PlaceProbe<'a> {
         let vertices = other.vertices();
         let surface = other.target(&vertices).surface;
         let n_expected = share * n_comparable(self.context, seen[0].observations, &surface, &at) as f64;
-        (at, evidence.with_features(seen.map(|side| side.features.len()), n_agreeing, n_expected))
+        let agree_near = || self.finder.find(self.context, seen, &at, Reach::LOOP, seed).is_some();
+        let n_seen = seen.map(|side| side.features.len());
+        (at, evidence.with_features(n_seen, (n_agreeing, n_expected), agree_near))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_are_missed_where_they_agree_on_no_pose_near_either() {
+        let surfaces = PlaceEvidence { overlap: 0.85, matched: 0.7, shape: 0.05, ..PlaceEvidence::default() };
+        let with = |n_agreeing, near: bool| surfaces.with_features([400; 2], (n_agreeing, 90.0), || near);
+        assert_eq!(with(3, false).missing, 90.0);
+        assert_eq!((with(3, true).missing, with(40, false).missing), (0.0, 0.0));
+        assert!(with(3, false).against_twins_nats() < 0.0 && with(3, true).against_twins_nats() > 0.0);
+        let little = PlaceEvidence { overlap: 0.5, ..surfaces };
+        assert_eq!(little.with_features([400; 2], (3, 90.0), || panic!("not asked")).missing, 0.0);
     }
 }

@@ -108,7 +108,8 @@ fn evidence(
     let n_seen = [aligner.sight.n_features(), there.features.len()];
     let before = before_newest(input).and_then(|k| reference(input, Member::Keyframe(k.id)));
     let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there, &at));
-    let evidence = surfaces.with_features(n_seen, n_agreeing, n_expected);
+    let agree_near = || aligner.sight.agree_near(input.context, &there, &at);
+    let evidence = surfaces.with_features(n_seen, (n_agreeing, n_expected), agree_near);
     // It may have come to where surfaces are the same.
     evidence.least_nats().map(|nats| (old.id, nats))
 }

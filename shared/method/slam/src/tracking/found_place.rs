@@ -58,7 +58,8 @@ pub(crate) fn shown(
     let n_agreeing = aligner.sight.n_agreeing_anywhere(input.context, &there, pose);
     let before = input.view_before.and_then(|before| reference(input, before));
     let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there, &at));
-    Some(Shown::Evidence(evidence.with_features(n_seen, n_agreeing, n_expected)))
+    let agree_near = || aligner.sight.agree_near(input.context, &there, &at);
+    Some(Shown::Evidence(evidence.with_features(n_seen, (n_agreeing, n_expected), agree_near)))
 }
 
 fn is_without_features(input: &TrackingInput<'_>, there: &Reference<'_>) -> bool {

@@ -160,13 +160,8 @@ impl Sight {
             return Some(Arc::clone(known));
         }
         context.steps.enter(Step::Match);
-        let observations = self.observations_of(context, reference);
         let guess = reference.world_from_camera.inverse() * world_from_camera;
-        let query = Seen { features: &self.features, observations: &self.observations, session: None };
-        let session = reference.session;
-        let target = Seen { features: reference.features, observations: &observations, session };
-        let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
-        let found = self.finder.find(context, [query, target], &guess, reach, seed);
+        let found = self.find(context, reference, &guess, reach);
         let found = found.map(Arc::new);
         self.pairs.insert(reference.key, found.clone());
         found
@@ -280,14 +275,34 @@ impl Sight {
         reference: &Reference<'_>,
         world_from_camera: &Pose,
     ) -> usize {
-        let observations = self.observations_of(context, reference);
         let at = reference.world_from_camera.inverse() * world_from_camera;
+        let found = self.find(context, reference, &at, Reach::ANYWHERE);
+        found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
+    }
+
+    /// Whether features agree on a pose near `target_from_query`, where they are looked for there alone.
+    pub(crate) fn agree_near(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        target_from_query: &Pose,
+    ) -> bool {
+        self.find(context, reference, target_from_query, Reach::LOOP).is_some()
+    }
+
+    fn find(
+        &mut self,
+        context: &Context,
+        reference: &Reference<'_>,
+        target_from_query: &Pose,
+        reach: Reach,
+    ) -> Option<FeaturePair> {
+        let observations = self.observations_of(context, reference);
         let query = Seen { features: &self.features, observations: &self.observations, session: None };
         let session = reference.session;
         let target = Seen { features: reference.features, observations: &observations, session };
         let seed = self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ reference.key.1;
-        let found = self.finder.find(context, [query, target], &at, Reach::ANYWHERE, seed);
-        found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
+        self.finder.find(context, [query, target], target_from_query, reach, seed)
     }
 
     /// Features of the frame that would agree with a reference at a pose, were it the same place: of those that it
