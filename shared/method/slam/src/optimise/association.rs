@@ -7,6 +7,7 @@ use crate::map::records::{LoopRecord, LoopVerdict};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::optimise::from_appearance::{self, AskedPairs};
+use crate::optimise::of_track::is_of_track;
 use crate::pairs::covisibility;
 use crate::pairs::feature_cache::{FeatureCache, PairIds, RoundedGuess};
 use crate::pairs::keyframe_pair::{MIN_FEATURES, PairSearch};
@@ -130,6 +131,8 @@ impl<'a> KeyframeAssociation<'a> {
         });
         let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
         let seen = self.seen_by_both(finder, poses, (query, target), reach);
+        let variance_scale = self.context.scales.features;
+        let seen = seen.filter(|found| is_loop || is_of_track((newer, older), found, variance_scale));
         let weight = self.context.feature_weight() * matcher.metric_factor();
         let limits = if is_loop { MatchLimits::drifted } else { MatchLimits::new };
         // Pairs come by target, so that the surface of each is read once.

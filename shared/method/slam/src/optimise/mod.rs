@@ -7,6 +7,7 @@ pub(crate) mod from_appearance;
 pub(crate) mod global;
 pub(crate) mod held;
 pub(crate) mod interpolation;
+pub(crate) mod of_track;
 pub(crate) mod optimiser;
 pub(crate) mod refine;
 pub(crate) mod refine_camera;
