@@ -79,9 +79,9 @@ impl PlaceEvidence {
     }
 
     /// The same with features, of which `n_agreeing` agree with the pose; `n_seen`: those of either view;
-    /// `n_expected`: those that would agree, were it the same place; `agree_near`: whether they agree on a pose where
-    /// they are looked for near this one alone, which is asked where they would be missed: among all of an image
-    /// whose texture repeats the ratio test refuses most.
+    /// `n_expected`: those that would agree, were it the same place; `agree_near`: whether they agree where they
+    /// are looked for near this pose alone, which is asked where they would be missed: among all of an image whose
+    /// texture repeats the ratio test refuses most.
     pub(crate) fn with_features(
         self,
         n_seen: [usize; 2],
@@ -177,6 +177,12 @@ pub(crate) fn measure(
 /// Correspondences that agree with a relative pose.
 pub(crate) fn n_agreeing(correspondences: &[Correspondence], target_from_query: &Pose) -> usize {
     correspondences.iter().filter(|c| residuals::squared_error(c, target_from_query) < AGREES_SQ).count()
+}
+
+/// Whether so many agree with a relative pose that none is missed: on some pose a dozen agree by chance, on a given one
+/// none.
+pub(crate) fn makes_pose(correspondences: &[Correspondence], target_from_query: &Pose) -> bool {
+    n_agreeing(correspondences, target_from_query) >= LEAST_OF_POSE
 }
 
 /// How much the view of a feature may change until it is not the same to a descriptor: angle, radians, and factor of
@@ -303,7 +309,10 @@ impl<'a> PlaceProbe<'a> {
         let vertices = other.vertices();
         let surface = other.target(&vertices).surface;
         let n_expected = share * n_comparable(self.context, seen[0].observations, &surface, &at) as f64;
-        let agree_near = || self.finder.find(self.context, seen, &at, Reach::LOOP, seed).is_some();
+        let agree_near = || {
+            let near = self.finder.find(self.context, seen, &at, Reach::LOOP, seed);
+            near.is_some_and(|pair| makes_pose(&pair.inliers, &at))
+        };
         let n_seen = seen.map(|side| side.features.len());
         (at, evidence.with_features(n_seen, (n_agreeing, n_expected), agree_near))
     }
@@ -314,7 +323,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn features_are_missed_where_they_agree_on_no_pose_near_either() {
+    fn features_are_missed_where_they_do_not_agree_near_the_pose_either() {
         let surfaces = PlaceEvidence { overlap: 0.85, matched: 0.7, shape: 0.05, ..PlaceEvidence::default() };
         let with = |n_agreeing, near: bool| surfaces.with_features([400; 2], (n_agreeing, 90.0), || near);
         assert_eq!(with(3, false).missing, 90.0);

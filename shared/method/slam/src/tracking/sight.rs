@@ -280,14 +280,15 @@ impl Sight {
         found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
     }
 
-    /// Whether features agree on a pose near `target_from_query`, where they are looked for there alone.
+    /// Whether features agree with `target_from_query` where they are looked for near it alone.
     pub(crate) fn agree_near(
         &mut self,
         context: &Context,
         reference: &Reference<'_>,
         target_from_query: &Pose,
     ) -> bool {
-        self.find(context, reference, target_from_query, Reach::LOOP).is_some()
+        let found = self.find(context, reference, target_from_query, Reach::LOOP);
+        found.is_some_and(|pair| same_place::makes_pose(&pair.inliers, target_from_query))
     }
 
     fn find(
