@@ -1,6 +1,8 @@
 //! Record3D: `metadata` as its documentation says, images as Apple's own library compressed them.
 
 use super::*;
+use crate::folder::zip::tests::zipped;
+use std::path::Path;
 
 /// 32x32 px, `metres` below, compressed by liblzfse (a block `bvx2`), behind a byte of the corpus.
 const DEPTH: &[u8] = include_bytes!("../../../../../../../fuzz/corpus/images/lzfse_depth");
@@ -84,6 +86,77 @@ fn depth_confidence_colour_and_poses_are_read() {
     assert!((forward(0) + nalgebra::Vector3::z()).norm() < 1e-12 && truth.poses[0].translation.x == 0.5);
     assert!((forward(1) + nalgebra::Vector3::x()).norm() < 1e-12 && truth.poses[1].translation.y == 0.25);
     assert!(said(&source, "ground truth of").contains("an estimate too"));
+}
+
+/// A folder's files as the `.r3d` that it was unpacked from.
+fn packed(folder: &Folder, into: &str, is_deflated: bool) -> std::path::PathBuf {
+    let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    let names: Vec<String> =
+        super::super::names(&folder.path().join("rgbd")).iter().map(|name| format!("rgbd/{name}")).collect();
+    let mut files = vec![("metadata", file("metadata"))];
+    files.extend(names.iter().map(|name| (name.as_str(), file(name))));
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (*name, bytes.as_slice())).collect();
+    let path = folder.path().join(into);
+    fs::write(&path, zipped(&files, is_deflated, false)).unwrap();
+    path
+}
+
+#[test]
+fn a_recording_is_read_as_it_is() {
+    let folder = recording(r#", "dw": 32, "dh": 32, "fps": 60"#);
+    let unpacked = folder.open();
+    let options = SourceOptions::default();
+    for (name, is_deflated) in [("a.r3d", true), ("b.R3D", false), ("c.zip", true)] {
+        let path = packed(&folder, name, is_deflated);
+        let source = crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &options).unwrap();
+        assert_eq!((source.n_frames(), source.camera()), (Some(4), unpacked.camera()));
+        assert!(source.warnings().is_empty(), "{:?}", source.warnings());
+        let n = SIDE * SIDE;
+        for index in 0..4 {
+            let (mut depth, mut colour) = (vec![1; n], vec![1; 3 * n]);
+            let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+            assert!(source.read(index, &mut buffers).unwrap().has_colour);
+            assert_eq!((depth, colour), images(&unpacked, index).unwrap());
+            assert!(source.inspect(index).is_ok());
+            let taken = source.colour_as_taken(index).unwrap().unwrap();
+            assert_eq!((taken.rgb.len(), taken.file), (64 * 64 * 3, None), "no file holds it alone");
+        }
+        let first = SourceOptions { frames: Some(2), skip: 1, ..SourceOptions::default() };
+        let first = crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &first).unwrap();
+        assert_eq!((first.n_frames(), first.stamp_nanos(0)), (Some(2), unpacked.stamp_nanos(1)));
+    }
+}
+
+#[test]
+fn damage_of_a_packed_recording_is_named_by_file_and_name_inside() {
+    let folder = recording(r#", "dw": 32, "dh": 32"#);
+    let open = |path: &Path| {
+        crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &SourceOptions::default())
+    };
+    folder.write("rgbd/1.depth", &DEPTH[1..DEPTH.len() / 2]);
+    let path = packed(&folder, "a.r3d", true);
+    let source = open(&path).unwrap();
+    let mut buffers = FrameBuffers { depth: &mut [0; SIDE * SIDE], colour: &mut [0; 3 * SIDE * SIDE] };
+    let error = source.read(1, &mut buffers).unwrap_err();
+    let message = error.to_string();
+    assert!(error.is_of_one_frame() && message.contains("a.r3d/rgbd/1.depth"), "{message}");
+    assert!(message.contains("expected a whole LZFSE stream") && source.inspect(1).is_err(), "{message}");
+    assert!(source.read(2, &mut buffers).is_ok());
+    let refusal = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        open(&path).err().unwrap().to_string()
+    };
+    let whole = fs::read(&path).unwrap();
+    let message = refusal(&whole[..whole.len() / 2]);
+    assert!(message.contains("a.r3d") && message.contains("is it cut short?"), "{message}");
+    let message = refusal(&zipped(&[("metadata", b"{"), ("rgbd/0.depth", b"")], false, false));
+    assert!(message.contains("a.r3d/metadata") && message.contains("EOF while parsing"), "{message}");
+    let message = refusal(&zipped(&[("photos/1.jpg", b"")], false, false));
+    assert!(message.contains("a zip file, which is not read") && message.contains("unzip"), "{message}");
+    // A folder of one recording names it.
+    let outer = Folder::new();
+    outer.write("scan.r3d", &whole);
+    assert!(outer.refusal().contains("run the file: ") && outer.refusal().contains("scan.r3d"));
 }
 
 #[test]
