@@ -148,6 +148,11 @@ pub(in crate::folder) fn read_files(files: &Files, asked: &Asked) -> Result<Foun
     }
     found.notes.push(("times", times));
     found.warnings.extend(intrinsics.warning());
+    if metadata.times.is_empty() && asked.fps.is_none() {
+        found
+            .warnings
+            .push(format!("{} has no frameTimestamps: times are those of its rate (--fps)", parts.metadata));
+    }
     let n_without = images.len().saturating_sub(found.depth.len());
     if n_without > 0 {
         found

@@ -314,17 +314,4 @@ fn what_is_not_read_is_named() {
     assert!(message.contains("did you mean") && message.contains("seq-01?"), "{message}");
     folder.write("a.oni", "NI10");
     assert!(folder.refusal().contains("a recording of OpenNI, which is not read: play it"));
-    let exr = Folder::new();
-    exr.write("depth/0.exr", "v/1");
-    let message = exr.refusal();
-    assert!(
-        message.contains("depth as OpenEXR, which is not read") && message.contains("cv2.imwrite"),
-        "{message}"
-    );
-    exr.write("depth.txt", "0.5 depth/0.exr\n");
-    exr.write("camera.toml", CAMERA);
-    exr.write("depth/0.exr", b"\x76\x2f\x31\x01\x02\0\0\0");
-    let mut buffers = FrameBuffers { depth: &mut [0; 768], colour: &mut [0; 3 * 768] };
-    let message = exr.open().read(0, &mut buffers).unwrap_err().to_string();
-    assert!(message.contains("an OpenEXR image, which is not read; convert depth to TIFF"), "{message}");
 }

@@ -1,6 +1,7 @@
 //! Record3D: `metadata` as its documentation says, images as Apple's own library compressed them.
 
 use super::*;
+use crate::folder::layouts::record3d::NAME;
 use crate::folder::zip::tests::zipped;
 use std::path::Path;
 
@@ -28,7 +29,7 @@ fn metadata(more: &str) -> String {
     format!(r#"{{"w": 64, "h": 64, "K": [62.0, 0, 0, 0, 60.0, 0, 33.0, 31.0, 1], "cameraType": 1{more}}}"#)
 }
 
-fn recording(more: &str) -> Folder {
+pub(super) fn recording(more: &str) -> Folder {
     let folder = Folder::new();
     folder.write("metadata", metadata(more));
     for k in [0, 1, 2, 10] {
@@ -89,7 +90,7 @@ fn depth_confidence_colour_and_poses_are_read() {
 }
 
 /// A folder's files as the `.r3d` that it was unpacked from.
-fn packed(folder: &Folder, into: &str, is_deflated: bool) -> std::path::PathBuf {
+pub(super) fn packed(folder: &Folder, into: &str, is_deflated: bool) -> std::path::PathBuf {
     let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
     let names: Vec<String> =
         super::super::names(&folder.path().join("rgbd")).iter().map(|name| format!("rgbd/{name}")).collect();
@@ -103,7 +104,7 @@ fn packed(folder: &Folder, into: &str, is_deflated: bool) -> std::path::PathBuf 
 
 #[test]
 fn a_recording_is_read_as_it_is() {
-    let folder = recording(r#", "dw": 32, "dh": 32, "fps": 60"#);
+    let folder = recording(r#", "dw": 32, "dh": 32, "frameTimestamps": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]"#);
     let unpacked = folder.open();
     let options = SourceOptions::default();
     for (name, is_deflated) in [("a.r3d", true), ("b.R3D", false), ("c.zip", true)] {
@@ -173,7 +174,8 @@ fn what_is_not_there_is_done_without() {
     assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (31.0, 30.0, 16.5, 15.5), "K goes by columns");
     assert_eq!(stamps(&source), [0, 20_000_000, 40_000_000, 200_000_000]);
     assert!(source.ground_truth().is_none());
-    assert_eq!(source.warnings(), ["no frame has colour: there are no colour images"]);
+    let no_times = "metadata has no frameTimestamps: times are those of its rate (--fps)";
+    assert_eq!(source.warnings(), [no_times, "no frame has colour: there are no colour images"]);
     assert!(images(&source, 0).unwrap().0[4] > 0, "no confidence, all depth");
     let slow = SourceOptions { fps: Some(10.0), ..SourceOptions::default() };
     assert_eq!(stamps(&FolderSource::open_with(folder.path(), &slow).unwrap())[1], 100_000_000);
@@ -250,4 +252,24 @@ fn changed_streams_are_read_or_refused() {
         n_refused += usize::from(images(&source, 0).is_err());
     }
     assert!(n_refused > 20, "{n_refused} of {} refused", DEPTH.len() - 1);
+}
+
+#[test]
+fn an_export_with_depth_as_openexr_is_read() {
+    let folder = Folder::new();
+    folder.write(
+        "metadata.json",
+        metadata(r#", "frameTimestamps": [1, 1.02, 1.04], "poses": [[0, 0, 0, 1, 0.5, 0, 0]]"#),
+    );
+    for k in 0..3 {
+        folder.write(&format!("depth/{k}.exr"), mutations::exr_of((32, 32), 1.5));
+        folder.colour(&format!("rgb/{k}.jpg"), (64, 64), 90);
+    }
+    let source = folder.open();
+    let camera = source.camera();
+    assert_eq!((camera.width, camera.height, camera.fx, camera.cx), (32, 32, 31.0, 16.5));
+    assert_eq!((stamps(&source)[1], said(&source, "layout")), (1_020_000_000, NAME.to_owned()));
+    let (depth, colour) = images(&source, 2).unwrap();
+    assert!(depth.iter().all(|raw| *raw == 7500) && colour[0].abs_diff(90) < 4);
+    assert!(source.warnings().is_empty() && source.ground_truth().is_some() && source.inspect(1).is_ok());
 }
