@@ -140,7 +140,8 @@ pub fn images(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
     in_folder(|folder| match which {
         2..=4 => record3d(folder, *which, bytes),
-        5 => sens(folder, bytes),
+        5 => named(folder, "my.sens", bytes),
+        7 => named(folder, "my.r3d", bytes),
         _ => tum_images(folder, which % 2 == 0, bytes),
     });
 }
@@ -185,14 +186,14 @@ fn record3d(folder: &Path, which: u8, bytes: &[u8]) {
     }
 }
 
-/// ScanNet's `.sens`.
-fn sens(folder: &Path, bytes: &[u8]) {
-    write(folder, "my.sens", bytes);
-    let spec = SourceSpec::parse(&folder.join("my.sens").display().to_string());
+/// ScanNet's `.sens`, and Record3D's `.r3d`: known by their names.
+fn named(folder: &Path, name: &str, bytes: &[u8]) {
+    write(folder, name, bytes);
+    let spec = SourceSpec::parse(&folder.join(name).display().to_string());
     let options = SourceOptions::default();
     match tessera_sources::open(&spec, &options) {
-        Ok(source) => read_all(&*source, "my.sens"),
-        Err(error) => assert!(error.to_string().contains("my.sens"), "{error}"),
+        Ok(source) => read_all(&*source, name),
+        Err(error) => assert!(error.to_string().contains(name), "{error}"),
     }
 }
 

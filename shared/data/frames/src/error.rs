@@ -263,11 +263,6 @@ pub enum ImageError {
         /// What would do.
         expected: &'static str,
     },
-    /// OpenEXR.
-    #[error(
-        "an OpenEXR image, which is not read; convert depth to TIFF of floats in metres: oiiotool IN.exr --ch Z -d float -o OUT.tif, or in Python cv2.imwrite(\"OUT.tif\", cv2.imread(\"IN.exr\", -1))"
-    )]
-    Exr,
     /// The decoder gave up: the file is cut short or damaged.
     #[error("the image is cut short or damaged ({message}), expected a whole {format}")]
     Damaged {

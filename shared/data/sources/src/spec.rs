@@ -1,5 +1,6 @@
 //! Naming a source in one word, and opening it.
 
+use crate::folder::is_zip;
 use crate::reduced::ReducedSource;
 use crate::sens::{self, SensSource};
 use crate::skipped::SkippedSource;
@@ -129,6 +130,11 @@ fn open_file(
 ) -> Result<Box<dyn Source>, SourceError> {
     if sens::is(path) {
         return Ok(Box::new(SensSource::open(path, options, frames)?));
+    }
+    if unread::begins(path, is_zip)
+        && let Some(source) = FolderSource::open_zip(path, &SourceOptions { frames, ..options.clone() })?
+    {
+        return Ok(Box::new(source));
     }
     match unread::file(path) {
         Some(error) => Err(error),

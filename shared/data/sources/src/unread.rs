@@ -18,13 +18,7 @@ struct UnreadKind {
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [UnreadKind; 8] = [
-    UnreadKind {
-        begins: b"PK\x03\x04",
-        ends: &[".r3d"],
-        what: "a recording of Record3D",
-        remedy: "it is a zip file: unzip {in} -d {stem}, then run the folder {stem}",
-    },
+const KINDS: [UnreadKind; 7] = [
     UnreadKind {
         begins: b"PK\x03\x04",
         ends: &[""],
@@ -71,10 +65,20 @@ const KINDS: [UnreadKind; 8] = [
     },
 ];
 
-/// The file for what it is; `None`: not known, or a kind that is read.
-pub(crate) fn file(path: &Path) -> Option<SourceError> {
+/// Whether the first bytes of a file are of some kind.
+pub(crate) fn begins(path: &Path, is_kind: fn(&[u8]) -> bool) -> bool {
+    head(path).is_some_and(|head| is_kind(&head))
+}
+
+fn head(path: &Path) -> Option<Vec<u8>> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
+    Some(head)
+}
+
+/// The file for what it is; `None`: not known, or a kind that is read.
+pub(crate) fn file(path: &Path) -> Option<SourceError> {
+    let head = head(path)?;
     let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
     let kind = KINDS
         .iter()
@@ -91,8 +95,7 @@ mod tests {
     #[test]
     fn each_kind_is_named_with_its_command() {
         let folder = tempfile::tempdir().unwrap();
-        let table: [(&str, &[u8], &str, &str); 8] = [
-            ("a.r3d", b"PK\x03\x04", "Record3D", "unzip"),
+        let table: [(&str, &[u8], &str, &str); 7] = [
             ("a.zip", b"PK\x03\x04", "a zip file", "unzip"),
             ("a.tgz", b"\x1f\x8b\x08", "a compressed archive", "tar -xzf"),
             ("a.mkv", b"\x1a\x45\xdf\xa3", "Azure Kinect", "azure_kinect_mkv_reader.py"),

@@ -14,7 +14,7 @@ fn check(folder: &Path) -> (Option<i32>, String) {
 }
 
 #[test]
-fn an_unpacked_recording_is_the_folder_that_it_was_made_of() {
+fn a_recording_packed_or_not_is_the_folder_that_it_was_made_of() {
     let Some(python) = python("record3d", &PACKAGES) else { return };
     let run = room();
     let (frames, phone) = (run.dir.path().join("frames"), run.dir.path().join("phone"));
@@ -28,7 +28,7 @@ fn an_unpacked_recording_is_the_folder_that_it_was_made_of() {
     let (code, text) = check(&phone);
     assert_eq!(code, Some(0), "{text}");
     assert!(
-        text.contains("Record3D, unpacked") && text.contains("12 of 12 depth and 12 colour images"),
+        text.contains("Record3D (metadata, rgbd/)") && text.contains("12 of 12 depth and 12 colour images"),
         "{text}"
     );
     // Depth to the unit and the same camera: the poses are those of the folder.
@@ -37,7 +37,12 @@ fn an_unpacked_recording_is_the_folder_that_it_was_made_of() {
         assert!(run.finish().success(), "{}", run.log());
         run.output("trajectory.txt")
     };
-    assert!(of(&phone) == of(&frames));
+    let expected = of(&frames);
+    assert!(of(&phone) == expected);
+    let packed = run.dir.path().join("phone.r3d");
+    let (code, text) = check(&packed);
+    assert!(code == Some(0) && text.contains("12 of 12 depth and 12 colour images"), "{text}");
+    assert!(of(&packed) == expected);
 
     let depth = phone.join("rgbd/5.depth");
     let bytes = std::fs::read(&depth).unwrap();

@@ -1,4 +1,4 @@
-"""Writes a folder in the TUM layout as an unpacked recording of Record3D.
+"""Writes a folder in the TUM layout as a recording of Record3D: the folder OUT, and OUT.r3d.
 
     python write_record3d.py FOLDER OUT
 
@@ -9,6 +9,7 @@ import json
 import pathlib
 import sys
 import tomllib
+import zipfile
 
 import liblzfse
 import numpy as np
@@ -49,3 +50,7 @@ metadata = {
     "poses": [[1, 0, 0, 0, 0, 0, 0]] * len(times),
 }
 (out / "metadata").write_text(json.dumps(metadata))
+
+with zipfile.ZipFile(f"{out}.r3d", "w", zipfile.ZIP_DEFLATED) as packed:
+    for file in sorted(path for path in out.rglob("*") if path.is_file()):
+        packed.write(file, file.relative_to(out))

@@ -1,7 +1,8 @@
-//! Images into the caller's memory: PNG, TIFF, PGM or NPY for depth, PNG, JPEG, WebP, BMP or TIFF for colour.
+//! Images into the caller's memory: PNG, TIFF, PGM, NPY or OpenEXR for depth, PNG, JPEG, WebP, BMP or TIFF for colour.
 
 mod arrays;
 mod bmp;
+mod exr;
 mod tif;
 mod webp;
 
@@ -18,16 +19,14 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 /// Memory that a PNG's own chunks may take, bytes.
 const MOST_BYTES: usize = 512 << 20;
 /// The forms that are read, for people.
-const DEPTH_FORMS: &str = "a PNG, TIFF, PGM or NPY of depth";
+const DEPTH_FORMS: &str = "a PNG, TIFF, PGM, NPY or OpenEXR of depth";
 const COLOUR_FORMS: &str = "a PNG, JPEG, WebP, BMP or TIFF";
-/// The beginning of an OpenEXR image.
-const EXR: &[u8] = b"\x76\x2f\x31\x01";
 const JPEG: &[u8] = &[0xff, 0xd8];
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 /// Bytes at the end of a file that hold its end marker.
 const TAIL_BYTES: u64 = 1024;
 
-/// Decodes depth of any form that is read: PNG, TIFF, PGM or NPY; metres are counted in `units_per_metre`.
+/// Decodes depth of any form that is read: PNG, TIFF, PGM, NPY or OpenEXR; metres are counted in `units_per_metre`.
 pub fn depth_in(
     bytes: &[u8],
     size: (u32, u32),
@@ -40,8 +39,8 @@ pub fn depth_in(
     if tif::is(bytes) {
         return tif::depth(bytes, size, units_per_metre, depth_raw);
     }
-    if bytes.starts_with(EXR) {
-        return Err(ImageError::Exr);
+    if exr::is(bytes) {
+        return exr::depth(bytes, size, units_per_metre, depth_raw);
     }
     depth(bytes, size, depth_raw)
 }
@@ -92,8 +91,8 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     if tif::is(bytes) {
         return tif::size(bytes);
     }
-    if bytes.starts_with(EXR) {
-        return Err(ImageError::Exr);
+    if exr::is(bytes) {
+        return exr::size(bytes);
     }
     if !bytes.starts_with(JPEG) {
         return Err(ImageError::Format { found: kind_of(bytes), expected: COLOUR_FORMS });
@@ -139,7 +138,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         ("JPEG", JPEG_END)
     } else if webp::is(head) {
         return webp::check_length(head, n_bytes);
-    } else if bmp::is(head) || arrays::is(head) || tif::is(head) {
+    } else if bmp::is(head) || arrays::is(head) || tif::is(head) || exr::is(head) {
         // These have no end marker; its length is checked as it is read.
         return Ok(());
     } else {

@@ -135,8 +135,6 @@ mod tests {
             message.contains("Gray(8)") && message.contains("expected 1 channel of 16 bits"),
             "{message}"
         );
-        let message = read(b"\x76\x2f\x31\x01\x02\0\0\0").unwrap_err();
-        assert!(message.contains("an OpenEXR image") && message.contains("cv2.imwrite"), "{message}");
         let image = tif::<Gray16>(&whole, Compression::Deflate(DeflateLevel::Fast));
         assert!((0..image.len()).all(|end| read(&image[..end]) != Ok([9; 6])));
         let mut raw = [0; 4];

@@ -38,6 +38,14 @@ impl DepthCodec {
         }
     }
 
+    /// As [`Self::inspect`], of an image in memory.
+    pub(super) fn inspect_bytes(self, bytes: &[u8]) -> Result<(), ImageError> {
+        match self {
+            Self::Png => decode::inspect_bytes(bytes),
+            Self::Lzfse => lzfse::inspect_bytes(bytes),
+        }
+    }
+
     /// Looks at an image from outside: whether it is there and whole.
     pub(super) fn inspect(self, path: &Path) -> Result<(), ImageError> {
         match self {

@@ -1,8 +1,9 @@
 //! How the colour images of a folder come to the pixels of depth: as they are, warped, or not at all.
 
+use super::files::Files;
 use super::list::ListEntry;
 use crate::ImageError;
-use std::path::Path;
+use std::path::PathBuf;
 use tessera_frames::{ColourCamera, ColourWarp, FrameBuffers, TakenColour, Undistortion, decode};
 use tessera_geometry::Camera;
 
@@ -31,15 +32,15 @@ impl ColourImages {
     /// Images of the camera that the camera file states for them; left out where none of the first has
     /// its size.
     pub(super) fn of_stated(
-        folder: &Path,
+        files: &Files,
         images: &[ListEntry],
         depth: &Camera,
         stated: &ColourCamera,
     ) -> Self {
-        let sizes = sizes(folder, images);
+        let sizes = sizes(files, images);
         let size = (stated.camera.width, stated.camera.height);
         let Some(first) = sizes.first() else {
-            return unreadable(folder, images)
+            return unreadable(files, images)
                 .map_or(Self::without("none"), |reason| Self::unreadable(&reason));
         };
         let warp = ColourWarp::new(depth, &stated.camera, stated.colour_from_depth);
@@ -58,7 +59,7 @@ impl ColourImages {
     /// Looks at the first colour image that can be read: one of the size of depth is taken as
     /// registered, another one needs its own camera.
     pub(super) fn choose(
-        folder: &Path,
+        files: &Files,
         images: &[ListEntry],
         depth: &Camera,
         colour: Option<&ColourCamera>,
@@ -67,8 +68,8 @@ impl ColourImages {
             return Self::without("none");
         }
         let used = |words: &str, warp| Self { is_used: true, words: words.to_owned(), warning: None, warp };
-        let sizes = sizes(folder, images);
-        if let (true, Some(reason)) = (sizes.is_empty(), unreadable(folder, images)) {
+        let sizes = sizes(files, images);
+        if let (true, Some(reason)) = (sizes.is_empty(), unreadable(files, images)) {
             return Self::unreadable(&reason);
         }
         let depth_size = (depth.width, depth.height);
@@ -114,10 +115,14 @@ impl ColourImages {
     }
 
     /// Decodes a colour image that is to be warped, as it was taken; `None` where it has the pixels of depth.
-    pub(super) fn as_taken(&self, bytes: &[u8], file: &Path) -> Result<Option<TakenColour>, ImageError> {
+    pub(super) fn as_taken(
+        &self,
+        bytes: &[u8],
+        file: Option<PathBuf>,
+    ) -> Result<Option<TakenColour>, ImageError> {
         let Some(warp) = &self.warp else { return Ok(None) };
         let rgb = decoded(bytes, warp.size)?;
-        Ok(Some(TakenColour { camera: warp.colour_camera(), rgb, file: Some(file.to_owned()) }))
+        Ok(Some(TakenColour { camera: warp.colour_camera(), rgb, file }))
     }
 }
 
@@ -133,8 +138,8 @@ fn decoded(bytes: &[u8], size: (u32, u32)) -> Result<Vec<u8>, ImageError> {
 const MOST_TRIED: usize = 5;
 
 /// Columns and rows of those of some images, spread over all, that can be read.
-fn sizes(folder: &Path, images: &[ListEntry]) -> Vec<(u32, u32)> {
-    let size_of = |entry: &ListEntry| decode::size(&std::fs::read(folder.join(&entry.file)).ok()?).ok();
+fn sizes(files: &Files, images: &[ListEntry]) -> Vec<(u32, u32)> {
+    let size_of = |entry: &ListEntry| decode::size(&files.read(&entry.file).ok()?).ok();
     some(images).filter_map(size_of).collect()
 }
 
@@ -144,9 +149,8 @@ fn some(images: &[ListEntry]) -> impl Iterator<Item = &ListEntry> {
 }
 
 /// Why the first of these images cannot be read.
-fn unreadable(folder: &Path, images: &[ListEntry]) -> Option<String> {
+fn unreadable(files: &Files, images: &[ListEntry]) -> Option<String> {
     let first = images.first()?;
-    let bytes = std::fs::read(folder.join(&first.file)).map_err(ImageError::Io);
-    let error = bytes.and_then(|bytes| decode::size(&bytes)).err()?;
+    let error = files.read(&first.file).and_then(|bytes| decode::size(&bytes)).err()?;
     Some(format!("{}: {error}", first.file.display()))
 }

@@ -66,7 +66,20 @@ pub(super) fn inspect(path: &Path) -> Result<(), ImageError> {
     let mut tail = Vec::new();
     file.seek(SeekFrom::Start(n_bytes.saturating_sub(END.len() as u64))).map_err(ImageError::Io)?;
     file.read_to_end(&mut tail).map_err(ImageError::Io)?;
-    match tail == END {
+    check_end(&tail, n_bytes)
+}
+
+/// As [`inspect`], of a stream in memory.
+///
+/// # Errors
+/// It is no stream, or is cut short.
+pub(super) fn inspect_bytes(bytes: &[u8]) -> Result<(), ImageError> {
+    check_head(bytes)?;
+    check_end(bytes, bytes.len() as u64)
+}
+
+fn check_end(bytes: &[u8], n_bytes: u64) -> Result<(), ImageError> {
+    match bytes.ends_with(END) {
         true => Ok(()),
         false => Err(damaged(format!("no end marker in {n_bytes} bytes"))),
     }

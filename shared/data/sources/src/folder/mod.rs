@@ -2,27 +2,30 @@
 
 mod codec;
 mod colour;
+mod files;
 mod layouts;
 mod list;
 mod lzfse;
 mod names;
 mod pairs;
+mod zip;
 
 use crate::{ImageError, SourceError, SourceOptions};
 use codec::DepthCodec;
 use colour::ColourImages;
+use files::Files;
 use layouts::{Asked, FoundLayout};
 pub(crate) use layouts::{is_known, pose_of_matrix};
 use list::ListEntry;
 pub(crate) use names::nanos_of;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
-use tessera_frames::decode;
 use tessera_frames::imu::{self, ImuRecording};
 use tessera_frames::pairing::{pair, summarise, uncoloured};
 use tessera_frames::timeline::long_pause;
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour, Undistortion};
 use tessera_geometry::{Camera, InertialRotation};
+pub(crate) use zip::begins as is_zip;
 
 /// Confidence of a pixel below which its depth is left out: 0 low, 1 medium, 2 high.
 const LEAST_CONFIDENCE: u8 = 1;
@@ -30,7 +33,7 @@ const LEAST_CONFIDENCE: u8 = 1;
 /// Frames of a folder, in the order of its depth images. Stamps are those of depth.
 #[derive(Clone, Debug)]
 pub struct FolderSource {
-    folder: PathBuf,
+    files: Files,
     camera: Camera,
     depth: Vec<ListEntry>,
     /// For each depth image its colour image, if there is one near enough.
@@ -79,27 +82,41 @@ impl FolderSource {
         }
         let asked = Asked::new(options)?;
         let found = layouts::read(folder, &asked)?;
-        Self::new(folder, found, &asked, options.frames)
+        Self::new(Files::folder(folder), found, &asked, options.frames)
+    }
+
+    /// Opens a zip file that is a recording of Record3D (`.r3d`); `None`: it is another one.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(crate) fn open_zip(file: &Path, options: &SourceOptions) -> Result<Option<Self>, SourceError> {
+        let files = Files::zip(file)?;
+        if !layouts::is_recording(&files) {
+            return Ok(None);
+        }
+        let asked = Asked::new(options)?;
+        let found = layouts::read_record3d(&files, &asked)?;
+        Self::new(files, found, &asked, options.frames).map(Some)
     }
 
     fn new(
-        folder: &Path,
+        files: Files,
         found: FoundLayout,
         asked: &Asked,
         frames: Option<u64>,
     ) -> Result<Self, SourceError> {
         let FoundLayout { layout, mut camera, mut camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
-        let file = asked.camera_file(folder)?.map(|(file, _)| file);
+        let file = asked.camera_file(files.root())?.map(|(file, _)| file);
         let is_distance = file.as_ref().is_some_and(|file| file.is_distance);
         let stated = file.and_then(|file| file.colour);
         let n_listed = colour.len();
-        let colour = pairs::that_are_there(folder, colour, &mut warnings);
+        let colour = pairs::that_are_there(&files, colour, &mut warnings);
         camera.colour_registered |= stated.is_some() && !asked.is_without_colour; // Once it is warped.
         let colour_images = match &stated {
             _ if asked.is_without_colour => ColourImages::without("left out, as asked for"),
-            Some(stated) => ColourImages::of_stated(folder, &colour, &camera, stated),
-            None => ColourImages::choose(folder, &colour, &camera, colour_camera.as_ref()),
+            Some(stated) => ColourImages::of_stated(&files, &colour, &camera, stated),
+            None => ColourImages::choose(&files, &colour, &camera, colour_camera.as_ref()),
         };
         warnings.extend(colour_images.warning.clone());
         let colour = if colour_images.is_used { colour } else { Vec::new() };
@@ -118,13 +135,13 @@ impl FolderSource {
             };
             warnings.extend(uncoloured(stamps, &colour_stamps, &partners, reason.as_deref()));
         }
-        let confidence = pairs::confidence(folder, found.confidence, depth.len(), &mut warnings);
+        let confidence = pairs::confidence(&files, found.confidence, depth.len(), &mut warnings);
         if let Some(lens) = &found.lens {
             camera_from = format!("{camera_from}, {}", lens.words());
         }
         let lens = found.lens.map(|lens| Undistortion::new(&lens, &camera));
         let rays = is_distance.then(|| RayLengths::new(&camera));
-        let imu = imu::load(folder)?.unwrap_or_default();
+        let imu = imu::load(files.root())?.unwrap_or_default();
         let rotations = imu.rotations(stamps);
         let colour = partners.iter().map(|partner| colour.get((*partner)?).cloned()).collect();
         let along_rays = is_distance.then(|| "distances along the ray, as the camera file says".to_owned());
@@ -134,7 +151,7 @@ impl FolderSource {
         description.extend(imu.words().map(|words| ("imu", words.to_owned())));
         description.extend(found.notes);
         Ok(Self {
-            folder: folder.to_owned(),
+            files,
             camera,
             depth,
             colour,
@@ -163,15 +180,19 @@ impl FolderSource {
         self.colour.get(at)?.as_ref()
     }
 
-    /// Reads an image of frame `index` and names it where that fails.
+    /// Names an image of frame `index` where something fails with it.
+    fn named<T>(&self, index: u64, file: &Path, done: Result<T, ImageError>) -> Result<T, SourceError> {
+        done.map_err(|source| SourceError::Image { frame: index, path: self.files.path(file), source })
+    }
+
+    /// Reads an image of frame `index`.
     fn image<T>(
         &self,
         index: u64,
         file: &Path,
-        read: impl FnOnce(&Path) -> Result<T, ImageError>,
+        read: impl FnOnce(&[u8]) -> Result<T, ImageError>,
     ) -> Result<T, SourceError> {
-        let path = self.folder.join(file);
-        read(&path).map_err(|source| SourceError::Image { frame: index, path, source })
+        self.named(index, file, self.files.read(file).and_then(|bytes| read(&bytes)))
     }
 
     /// Leaves out depth of low confidence; `scratch` holds three bytes a pixel.
@@ -184,7 +205,7 @@ impl FolderSource {
     ) -> Result<(), SourceError> {
         let Some(Some(file)) = self.confidence.get(at) else { return Ok(()) };
         let size = (self.camera.width, self.camera.height);
-        self.image(index, file, |path| self.codec.confidence(&load(path)?, size, scratch))?;
+        self.image(index, file, |bytes| self.codec.confidence(bytes, size, scratch))?;
         for (raw, confidence) in depth_raw.iter_mut().zip(scratch.as_chunks::<3>().0) {
             if confidence[0] < LEAST_CONFIDENCE {
                 *raw = 0;
@@ -192,10 +213,6 @@ impl FolderSource {
         }
         Ok(())
     }
-}
-
-fn load(path: &Path) -> Result<Vec<u8>, ImageError> {
-    std::fs::read(path).map_err(ImageError::Io)
 }
 
 impl Source for FolderSource {
@@ -215,7 +232,7 @@ impl Source for FolderSource {
         buffers.check(&self.camera)?;
         let (at, depth) = self.entry(index)?;
         let size = (self.camera.width, self.camera.height);
-        self.image(index, &depth.file, |path| self.codec.depth(&load(path)?, &self.camera, buffers.depth))?;
+        self.image(index, &depth.file, |bytes| self.codec.depth(bytes, &self.camera, buffers.depth))?;
         self.leave_out_doubtful(index, at, buffers.depth, buffers.colour)?;
         if let Some(lens) = &self.lens {
             lens.straighten(1, buffers.depth);
@@ -226,9 +243,8 @@ impl Source for FolderSource {
         let colour = self.colour_of(at);
         match colour {
             Some(colour) => self
-                .image(index, &colour.file, |path| {
-                    let bytes = load(path)?;
-                    self.colour_images.read(&bytes, size, self.lens.as_ref(), buffers)
+                .image(index, &colour.file, |bytes| {
+                    self.colour_images.read(bytes, size, self.lens.as_ref(), buffers)
                 })
                 .map_err(|error| SourceError::Colour(Box::new(error)))?,
             None => buffers.colour.fill(0),
@@ -244,7 +260,8 @@ impl Source for FolderSource {
     fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
         let (at, _) = self.entry(index)?;
         let Some(colour) = self.colour_of(at) else { return Ok(None) };
-        self.image(index, &colour.file, |path| self.colour_images.as_taken(&load(path)?, path))
+        let own = self.files.own_path(&colour.file);
+        self.image(index, &colour.file, |bytes| self.colour_images.as_taken(bytes, own))
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {
@@ -265,12 +282,12 @@ impl Source for FolderSource {
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
         let (at, depth) = self.entry(index)?;
-        self.image(index, &depth.file, |path| self.codec.inspect(path))?;
+        self.named(index, &depth.file, self.files.inspect(&depth.file, Some(self.codec)))?;
         if let Some(Some(file)) = self.confidence.get(at) {
-            self.image(index, file, |path| self.codec.inspect(path))?;
+            self.named(index, file, self.files.inspect(file, Some(self.codec)))?;
         }
         match self.colour_of(at) {
-            Some(colour) => self.image(index, &colour.file, decode::inspect),
+            Some(colour) => self.named(index, &colour.file, self.files.inspect(&colour.file, None)),
             None => Ok(()),
         }
     }

@@ -1,17 +1,17 @@
 //! Images of a folder that are listed, and those that are there.
 
+use super::files::Files;
 use super::list::ListEntry;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Colour images that are there; a warning on the others. A frame goes without its colour.
 pub(super) fn that_are_there(
-    folder: &Path,
+    all: &Files,
     colour: Vec<ListEntry>,
     warnings: &mut Vec<String>,
 ) -> Vec<ListEntry> {
     let n = colour.len();
-    let (there, gone): (Vec<_>, Vec<_>) =
-        colour.into_iter().partition(|entry| folder.join(&entry.file).is_file());
+    let (there, gone): (Vec<_>, Vec<_>) = colour.into_iter().partition(|entry| all.is_file(&entry.file));
     if let Some(first) = gone.first() {
         warnings.push(format!(
             "{} of {n} colour images are not there, the first: {}; depth alone is used without them",
@@ -24,13 +24,13 @@ pub(super) fn that_are_there(
 
 /// Confidence images of the first `n` frames that are there; a warning on the others.
 pub(super) fn confidence(
-    folder: &Path,
+    all: &Files,
     files: Vec<PathBuf>,
     n: usize,
     warnings: &mut Vec<String>,
 ) -> Vec<Option<PathBuf>> {
     let there: Vec<Option<PathBuf>> =
-        files.into_iter().take(n).map(|file| folder.join(&file).is_file().then_some(file)).collect();
+        files.into_iter().take(n).map(|file| all.is_file(&file).then_some(file)).collect();
     let n_gone = there.iter().filter(|file| file.is_none()).count();
     if n_gone > 0 {
         warnings.push(format!(

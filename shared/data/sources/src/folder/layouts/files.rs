@@ -1,15 +1,16 @@
 //! Files of a folder by name and number, and small text files.
 
+use super::super::files::Files;
 use super::super::list::ListEntry;
 use super::super::names::nanos_of;
-use crate::{ImageError, SourceError};
+use crate::SourceError;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use tessera_frames::{decode, large};
 use tessera_geometry::Camera;
 
 /// Names of all entries, sorted; none where the folder cannot be read.
-pub(super) fn names(folder: &Path) -> Vec<String> {
+pub(in crate::folder) fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).map(|entries| entries.flatten().collect::<Vec<_>>());
     let mut names: Vec<String> =
         entries.unwrap_or_default().iter().map(|entry| entry.file_name().to_string_lossy().into()).collect();
@@ -27,11 +28,16 @@ pub(super) struct Numbered {
 
 /// Files `sub/PREFIX NUMBER SUFFIX` of a folder, by number; a suffix is one of several.
 pub(super) fn numbered(folder: &Path, sub: &str, prefix: &str, suffixes: &[&str]) -> Vec<Numbered> {
+    numbered_of(&names(&folder.join(sub)), sub, prefix, suffixes)
+}
+
+/// As [`numbered`], among the names in `sub`.
+pub(super) fn numbered_of(names: &[String], sub: &str, prefix: &str, suffixes: &[&str]) -> Vec<Numbered> {
     let number = |name: &str| -> Option<u64> {
         let rest = name.strip_prefix(prefix)?;
         suffixes.iter().find_map(|suffix| rest.strip_suffix(suffix)?.parse().ok())
     };
-    let mut found: Vec<Numbered> = names(&folder.join(sub))
+    let mut found: Vec<Numbered> = names
         .iter()
         .filter_map(|name| Some(Numbered { number: number(name)?, file: Path::new(sub).join(name) }))
         .collect();
@@ -73,20 +79,24 @@ pub(super) fn wrong(path: &Path, reason: impl Into<String>) -> SourceError {
     SourceError::Layout { path: path.to_owned(), reason: reason.into() }
 }
 
-/// Columns and rows of the first of some images that can be read.
+/// Columns and rows of the first of some images of a folder that can be read.
 pub(super) fn size_of(folder: &Path, images: &[ListEntry]) -> Result<(u32, u32), SourceError> {
+    size_in(&Files::folder(folder), images)
+}
+
+/// As [`size_of`], wherever the files are.
+pub(super) fn size_in(files: &Files, images: &[ListEntry]) -> Result<(u32, u32), SourceError> {
     let mut first = None;
     for entry in images.iter().take(5) {
-        let bytes = std::fs::read(folder.join(&entry.file)).map_err(ImageError::Io);
-        match bytes.and_then(|bytes| decode::size(&bytes)) {
+        match files.read(&entry.file).and_then(|bytes| decode::size(&bytes)) {
             Ok(size) => return Ok(size),
             Err(error) => first = first.or(Some(format!(" ({}: {error})", entry.file.display()))),
         }
     }
     let why = first.unwrap_or_default();
     Err(wrong(
-        folder,
-        format!("none of the first depth images can be read, expected PNG, TIFF, PGM or NPY{why}"),
+        files.root(),
+        format!("none of the first depth images can be read, expected PNG, TIFF, PGM, NPY or OpenEXR{why}"),
     ))
 }
 

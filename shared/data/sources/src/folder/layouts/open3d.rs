@@ -16,7 +16,7 @@ pub(super) const NAME: &str = "Open3D or Redwood (depth/, color/, camera JSON)";
 
 const DEPTH: &str = "depth";
 /// Ends of the names of depth images.
-const DEPTH_ENDS: [&str; 5] = ["png", "pgm", "npy", "tif", "tiff"];
+const DEPTH_ENDS: [&str; 6] = ["png", "pgm", "npy", "tif", "tiff", "exr"];
 const COLOUR_FOLDERS: [&str; 10] =
     ["color", "colour", "image", "images", "rgb", "img", "imgs", "colors", "rgb_images", "color_images"];
 const UNITS_PER_METRE: f64 = 1000.0;

@@ -1,16 +1,18 @@
-//! Record3D (iPhone), an unpacked `.r3d`: `metadata` in JSON, and in `rgbd/` for each frame
-//! `0.depth` (metres, LZFSE), `0.conf` (0, 1, 2, LZFSE) and `0.jpg`.
+//! Record3D (iPhone), a `.r3d` as it is or unpacked: `metadata` in JSON, and in `rgbd/` for each frame
+//! `0.depth` (metres, LZFSE), `0.conf` (0, 1, 2, LZFSE) and `0.jpg`. Its other export has the same in
+//! `metadata.json`, `depth/0.exr` and `rgb/0.jpg`.
 //!
 //! `K` is by columns and of the size of colour, as are the intrinsics of each frame, which follow the
 //! autofocus. ARKit registers depth to colour: both are one camera at two sizes.
 //! Poses are ARKit's, `[qx qy qz qw x y z]`, of a camera with y up and z backward.
 
 use super::super::codec::DepthCodec;
+use super::super::files::Files;
 use super::super::list::ListEntry;
 use super::super::lzfse;
 use super::super::names::nanos_of;
 use super::asked::{ChosenCamera, POSSIBLE_FPS, USUAL_FPS};
-use super::files::{self, Numbered, json, number_nanos, numbered, pinhole, some_depth, wrong};
+use super::files::{self, Numbered, number_nanos, numbered_of, pinhole, some_depth, wrong};
 use super::pose::{Poses, turned};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
@@ -21,10 +23,33 @@ use std::path::Path;
 use tessera_frames::ColourCamera;
 use tessera_geometry::{Camera, Pose};
 
-pub(super) const NAME: &str = "Record3D, unpacked (metadata, rgbd/)";
+pub(super) const NAME: &str = "Record3D (metadata, rgbd/)";
 
-const METADATA: &str = "metadata";
-const IMAGES: &str = "rgbd";
+/// Where things lie in a recording.
+struct Parts {
+    metadata: &'static str,
+    /// Folder and end of the name.
+    depth: (&'static str, &'static str),
+    colour: (&'static str, &'static [&'static str]),
+    codec: DepthCodec,
+}
+
+/// Of a `.r3d`, and of the export with depth as OpenEXR.
+const PARTS: [Parts; 2] = [
+    Parts {
+        metadata: "metadata",
+        depth: ("rgbd", ".depth"),
+        colour: ("rgbd", &[".jpg"]),
+        codec: DepthCodec::Lzfse,
+    },
+    Parts {
+        metadata: "metadata.json",
+        depth: ("depth", ".exr"),
+        colour: ("rgb", &[".jpg", ".png"]),
+        codec: DepthCodec::Png,
+    },
+];
+
 /// As recordings count depth in metres: 0.2 mm, up to 13.1 m.
 const UNITS_PER_METRE: f64 = 5000.0;
 /// Seconds that a time may have: in nanoseconds they fit 64 bits.
@@ -56,13 +81,42 @@ struct Record3dMetadata {
 }
 
 pub(super) fn is(folder: &Path) -> bool {
-    folder.join(IMAGES).is_dir() && folder.join(METADATA).is_file()
+    let has_images = folder.join("rgbd").is_dir() && folder.join("metadata").is_file();
+    has_images || parts(&Files::folder(folder)).is_some()
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let path = folder.join(METADATA);
-    let metadata: Record3dMetadata = json(&path)?;
-    let images = numbered(folder, IMAGES, "", &[".depth"]);
+    read_files(&Files::folder(folder), asked)
+}
+
+/// The parts of a recording that is one.
+fn parts(files: &Files) -> Option<&'static Parts> {
+    PARTS.iter().find(|parts| {
+        let (folder, end) = parts.depth;
+        let has_metadata = files.is_file(Path::new(parts.metadata));
+        has_metadata && files.names(folder).iter().any(|name| name.ends_with(end))
+    })
+}
+
+/// Whether a zip file is a recording.
+pub(in crate::folder) fn is_recording(files: &Files) -> bool {
+    parts(files).is_some()
+}
+
+/// Reads all but the images.
+///
+/// # Errors
+/// What is wrong with the metadata, or that there is no depth.
+pub(in crate::folder) fn read_files(files: &Files, asked: &Asked) -> Result<FoundLayout, SourceError> {
+    let [of_r3d, _] = &PARTS;
+    let parts = parts(files).unwrap_or(of_r3d);
+    let (folder, path) = (files.root(), files.path(Path::new(parts.metadata)));
+    let named = |error: crate::ImageError| wrong(&path, error.to_string());
+    let text = files.read(Path::new(parts.metadata)).map_err(named)?;
+    let metadata: Record3dMetadata =
+        serde_json::from_slice(&text).map_err(|error| wrong(&path, error.to_string()))?;
+    let of = |(folder, ends): (&str, &[&str])| numbered_of(&files.names(folder), folder, "", ends);
+    let images = of((parts.depth.0, &[parts.depth.1]));
     let (stamps, times) = stamps(&metadata, &images, asked.fps, &path)?;
     let entries = |images: &[Numbered]| -> Vec<ListEntry> {
         let entry = |image: &Numbered| {
@@ -72,19 +126,19 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         images.iter().filter_map(entry).collect()
     };
     let depth = some_depth(entries(&images), folder, "rgbd/NUMBER.depth with times in metadata")?;
-    let colour = entries(&numbered(folder, IMAGES, "", &[".jpg"]));
+    let colour = entries(&of(parts.colour));
     let intrinsics = Intrinsics::of(&metadata);
     let camera = asked.camera(folder, || {
-        let size = depth_size(folder, &metadata, &depth)?;
+        let size = depth_size(files, parts, &metadata, &depth)?;
         let camera = pinhole(size, intrinsics.scaled(&metadata, size), UNITS_PER_METRE, &path)?;
-        Ok(ChosenCamera::stated(camera, "metadata, scaled to depth"))
+        Ok(ChosenCamera::stated(camera, format!("{}, scaled to depth", parts.metadata)))
     })?;
     let mut found = FoundLayout::new(NAME, camera, depth, colour);
-    found.codec = DepthCodec::Lzfse;
+    found.codec = parts.codec;
     let of_colour = Camera::pinhole((metadata.w, metadata.h), intrinsics.median, UNITS_PER_METRE);
     found.colour_camera = Some(ColourCamera { camera: of_colour, colour_from_depth: Pose::identity() });
     let confidence: Vec<_> = found.depth.iter().map(|entry| entry.file.with_extension("conf")).collect();
-    if confidence.iter().any(|file| folder.join(file).is_file()) {
+    if confidence.iter().any(|file| files.is_file(file)) {
         found.confidence = confidence;
         found.notes.push(("confidence", "pixels of low confidence are left out".to_owned()));
     }
@@ -94,6 +148,11 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.notes.push(("times", times));
     found.warnings.extend(intrinsics.warning());
+    if metadata.times.is_empty() && asked.fps.is_none() {
+        found
+            .warnings
+            .push(format!("{} has no frameTimestamps: times are those of its rate (--fps)", parts.metadata));
+    }
     let n_without = images.len().saturating_sub(found.depth.len());
     if n_without > 0 {
         found
@@ -167,24 +226,26 @@ fn poses(
     Ok(poses)
 }
 
-/// Columns and rows of depth: as `metadata` says, else by what the first images hold and the shape of
-/// colour.
+/// Columns and rows of depth: as `metadata` says, else by what the first images hold, and of LZFSE the
+/// shape of colour.
 fn depth_size(
-    folder: &Path,
+    files: &Files,
+    parts: &Parts,
     metadata: &Record3dMetadata,
     depth: &[ListEntry],
 ) -> Result<(u32, u32), SourceError> {
+    if parts.codec == DepthCodec::Png {
+        return files::size_in(files, depth);
+    }
     if let (Some(width), Some(height)) = (metadata.dw, metadata.dh) {
         return Ok((width, height));
     }
     let (w, h) = (metadata.w as usize, metadata.h as usize);
-    let n_pixels = |entry: &ListEntry| {
-        let bytes = std::fs::read(folder.join(&entry.file)).ok()?;
-        lzfse::n_pixels(&bytes, w.saturating_mul(h)).ok()?
-    };
+    let n_pixels =
+        |entry: &ListEntry| lzfse::n_pixels(&files.read(&entry.file).ok()?, w.saturating_mul(h)).ok()?;
     let found = depth.iter().take(5).find_map(n_pixels);
-    let n =
-        found.ok_or_else(|| wrong(folder, "none of the first depth images can be read, expected LZFSE"))?;
+    let n = found
+        .ok_or_else(|| wrong(files.root(), "none of the first depth images can be read, expected LZFSE"))?;
     let width = (n as f64 * w as f64 / h as f64).sqrt().round();
     let width = files::count(width).filter(|width| n.is_multiple_of(*width));
     let height = width.and_then(|width| n.checked_div(width));
@@ -192,7 +253,7 @@ fn depth_size(
     match side(width).zip(side(height)) {
         Some(size) => Ok(size),
         None => Err(wrong(
-            &folder.join(METADATA),
+            &files.path(Path::new(parts.metadata)),
             format!("no dw and dh, and depth images of {n} pixels do not have the shape of colour, {w}x{h}"),
         )),
     }

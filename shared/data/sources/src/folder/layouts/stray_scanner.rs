@@ -21,6 +21,9 @@ pub(super) const NAME: &str = "Stray Scanner (depth/, camera_matrix.csv, odometr
 const VIDEO: (f64, f64) = (1920.0, 1440.0);
 /// Folder of the video's images, where they were written.
 const VIDEO_IMAGES: &str = "rgb";
+/// Writes them: one for each frame of the video. Without `-fps_mode` ffmpeg makes its uneven times even, by
+/// images that it repeats and drops.
+const WRITE_IMAGES: &str = "ffmpeg -i rgb.mp4 -fps_mode passthrough -start_number 0 rgb/%06d.jpg";
 const UNITS_PER_METRE: f64 = 1000.0;
 
 pub(super) fn is(folder: &Path) -> bool {
@@ -51,8 +54,9 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         let (stamp_nanos, _) = odometry.get(&image.number).copied()?;
         Some(ListEntry { stamp_nanos, file: image.file.clone() })
     };
-    let mut colour: Vec<ListEntry> =
-        numbered(folder, VIDEO_IMAGES, "", &[".jpg", ".png"]).iter().filter_map(of_video).collect();
+    let video_images = numbered(folder, VIDEO_IMAGES, "", &[".jpg", ".png"]);
+    let n_beyond = video_images.iter().filter(|image| !odometry.contains_key(&image.number)).count();
+    let mut colour: Vec<ListEntry> = video_images.iter().filter_map(of_video).collect();
     colour.sort_by_key(|entry| entry.stamp_nanos);
     let colour_camera = match colour.is_empty() {
         true => None,
@@ -69,10 +73,15 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     found.ground_truth = poses.finish();
     found.notes.push(("ground truth of", "ARKit (odometry.csv): an estimate too".to_owned()));
     if folder.join("rgb.mp4").is_file() {
-        found.no_colour = Some(
-            "it is a video (rgb.mp4), which is not read: in the folder mkdir rgb && ffmpeg -i rgb.mp4 -start_number 0 rgb/%06d.jpg"
-                .to_owned(),
-        );
+        found.no_colour = Some(format!(
+            "it is a video (rgb.mp4), which is not read: in the folder mkdir rgb && {WRITE_IMAGES}"
+        ));
+    }
+    if n_beyond > 0 {
+        found.warnings.push(format!(
+            "{n_beyond} of {} images in rgb/ have no row in odometry.csv: colour may be of other frames than depth; write them again: {WRITE_IMAGES}",
+            video_images.len()
+        ));
     }
     if n_without > 0 {
         found.warnings.push(format!(

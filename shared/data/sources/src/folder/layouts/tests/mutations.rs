@@ -6,6 +6,9 @@ use super::*;
 /// Folders made; each from a seed of its own.
 const N_MUTATIONS: u64 = 2000;
 const N_FRAMES: u16 = 12;
+/// Kinds of folders: a third of them with depth as OpenEXR.
+const N_KINDS: usize = 6;
+const UNITS_PER_METRE: f32 = 2000.0;
 
 /// Numbers by chance (splitmix64).
 struct Chance(u64);
@@ -27,7 +30,26 @@ struct Valid {
     has_times: bool,
 }
 
-const CAMERA_FILES: [&str; 3] = ["camera.toml", "intrinsic.json", "info.txt"];
+const CAMERA_FILES: [&str; 4] = ["camera.toml", "intrinsic.json", "info.txt", "metadata.json"];
+
+/// An OpenEXR image of one depth in metres, not compressed.
+pub(super) fn exr_of((width, height): (u32, u32), metres: f32) -> Vec<u8> {
+    let attribute = |name: &str, value: &[u8]| {
+        [name.as_bytes(), b"\0x\0", &(value.len() as u32).to_le_bytes(), value].concat()
+    };
+    let window = [0, 0, width - 1, height - 1].map(u32::to_le_bytes).concat();
+    let channels = b"Z\0\x02\0\0\0\0\0\0\0\x01\0\0\0\x01\0\0\0\0";
+    let mut file = b"\x76\x2f\x31\x01\x02\0\0\0".to_vec();
+    file.extend([attribute("channels", channels), attribute("compression", &[0])].concat());
+    file.extend([attribute("dataWindow", &window), vec![0]].concat());
+    let begin = file.len() as u32 + 8 * height;
+    (0..height).for_each(|row| file.extend(u64::from(begin + row * (8 + 4 * width)).to_le_bytes()));
+    for row in 0..height {
+        file.extend([row, 4 * width].map(u32::to_le_bytes).concat());
+        file.extend(metres.to_le_bytes().repeat(width as usize));
+    }
+    file
+}
 
 /// Images of depth whose value is their number, and of colour.
 fn images(depth: impl Fn(u16) -> String, colour: impl Fn(u16) -> String) -> Vec<(String, Vec<u8>)> {
@@ -44,6 +66,13 @@ fn images(depth: impl Fn(u16) -> String, colour: impl Fn(u16) -> String) -> Vec<
 }
 
 fn valid(kind: usize) -> Valid {
+    let exr = |depth: fn(u16) -> String, colour: fn(u16) -> String| {
+        let mut images = images(depth, colour);
+        for (pair, k) in images.chunks_mut(2).zip(0_u16..) {
+            pair[0].1 = exr_of(SIZE, f32::from(1000 + k) / UNITS_PER_METRE);
+        }
+        images
+    };
     let json = r#"{"width": 32, "height": 24, "intrinsic_matrix": [30.0, 0, 0, 0, 30.0, 0, 15.5, 11.5, 1], "depth_scale": 2000.0, "fps": 15.0}"#;
     let info = "m_depthWidth = 32\nm_depthHeight = 24\nm_depthShift = 2000\nm_calibrationDepthIntrinsic = 30 0 15.5 0 0 30 11.5 0 0 0 1 0 0 0 0 1\n";
     match kind {
@@ -74,6 +103,24 @@ fn valid(kind: usize) -> Valid {
             Valid {
                 images: images(|k| format!("depth/{}.png", name(k)), |k| format!("color/{}.jpg", name(k))),
                 texts: vec![("intrinsic.json", json.to_owned())],
+                has_times: true,
+            }
+        }
+        3 => Valid {
+            images: exr(|k| format!("depth/{k:05}.exr"), |k| format!("color/{k:05}.jpg")),
+            texts: vec![("intrinsic.json", json.to_owned())],
+            has_times: false,
+        },
+        4 => {
+            let times: Vec<String> =
+                (0..N_FRAMES).map(|k| format!("{}", 7.5 + f64::from(k) / 30.0)).collect();
+            let text = format!(
+                "{{\"w\": 32, \"h\": 24,\n\"K\": [30.0, 0, 0, 0, 30.0, 0, 15.5, 11.5, 1],\n\"fps\": 30,\n\"frameTimestamps\": [{}]}}",
+                times.join(", ")
+            );
+            Valid {
+                images: exr(|k| format!("depth/{k}.exr"), |k| format!("rgb/{k}.jpg")),
+                texts: vec![("metadata.json", text)],
                 has_times: true,
             }
         }
@@ -172,7 +219,7 @@ fn fault_of_image(made: &Made, chance: &mut Chance) -> (usize, String) {
 
 #[test]
 fn a_folder_with_a_fault_is_refused_or_says_so_or_is_read_as_without_it() {
-    let kinds: Vec<Made> = (0..4).map(made).collect();
+    let kinds: Vec<Made> = (0..N_KINDS).map(made).collect();
     let (mut n_refused, mut n_warned, mut n_same) = (0, 0, 0);
     let mut silent = Vec::new();
     for seed in 0..N_MUTATIONS {
@@ -223,4 +270,57 @@ fn a_folder_with_a_fault_is_refused_or_says_so_or_is_read_as_without_it() {
     assert!(silent.is_empty(), "{} are read otherwise without a word:\n{first}", silent.len());
     // Each of these happens, so that none of the rules above is empty.
     assert!(n_refused > 100 && n_warned > 100 && n_same > 100, "{n_refused} {n_warned} {n_same}");
+}
+
+/// A `.r3d` with changed bytes: in its metadata, lists and images alike.
+#[test]
+fn a_packed_recording_with_a_fault_is_refused_or_says_so_or_is_read_as_without_it() {
+    let folder = super::record3d::recording(
+        r#", "dw": 32, "dh": 32, "frameTimestamps": [7.5, 7.6, 7.7, 7.8, 7.9, 8.0, 8.1, 8.2, 8.3, 8.4, 8.5]"#,
+    );
+    let path = super::record3d::packed(&folder, "a.r3d", true);
+    let whole = fs::read(&path).unwrap();
+    let (n, mut n_refused, mut n_broken, mut n_same) = (32 * 32, 0, 0, 0);
+    let read = || {
+        let source =
+            crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &SourceOptions::default())
+                .map_err(|_| true)?;
+        let mut seen = Vec::new();
+        for index in 0..source.n_frames().unwrap() {
+            let (mut depth, mut colour) = (vec![0; n], vec![0; 3 * n]);
+            let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+            source.read(index, &mut buffers).map_err(|_| false)?;
+            seen.push((source.stamp_nanos(index), depth, colour));
+        }
+        Ok((source.camera().clone(), source.warnings().to_vec(), seen))
+    };
+    let expected = read().unwrap();
+    for seed in 0..400 {
+        let mut chance = Chance(seed);
+        let mut bytes = whole.clone();
+        // Half of them in the list at the end, where names are.
+        let from = if seed % 2 == 0 { whole.len() - 900 } else { 0 };
+        let at = from + chance.below(whole.len() - from);
+        match chance.below(4) {
+            0 => bytes.truncate(at),
+            1 => drop(bytes.remove(at)),
+            _ => bytes[at] ^= 1 << chance.below(8),
+        }
+        fs::write(&path, bytes).unwrap();
+        match read() {
+            Err(true) => n_refused += 1,
+            Err(false) => n_broken += 1,
+            Ok((_, warnings, _)) if !warnings.is_empty() => n_broken += 1,
+            Ok((camera, _, seen)) => {
+                // A file whose name changed is a gap.
+                assert_eq!(camera, expected.0, "seed {seed}");
+                assert!(seen.len() + 1 >= expected.2.len(), "seed {seed}");
+                let is_as_before = |frame| expected.2.contains(frame);
+                let n_same_frames = seen.iter().filter(|frame| is_as_before(frame)).count();
+                assert!(n_same_frames + 1 >= seen.len(), "seed {seed}: {n_same_frames} of {}", seen.len());
+                n_same += 1;
+            }
+        }
+    }
+    assert!(n_refused > 50 && n_broken > 20 && n_same > 20, "{n_refused} {n_broken} {n_same}");
 }

@@ -89,7 +89,7 @@ fn lists_that_were_swapped_say_what_the_image_is() {
     let words = source.read(0, &mut buffers).unwrap_err().to_string();
     assert!(
         words.contains(
-            "rgb/0.jpg: found a JPEG (is it a colour image?), expected a PNG, TIFF, PGM or NPY of depth"
+            "rgb/0.jpg: found a JPEG (is it a colour image?), expected a PNG, TIFF, PGM, NPY or OpenEXR of depth"
         ),
         "{words}"
     );

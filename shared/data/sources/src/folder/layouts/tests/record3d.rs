@@ -1,6 +1,9 @@
 //! Record3D: `metadata` as its documentation says, images as Apple's own library compressed them.
 
 use super::*;
+use crate::folder::layouts::record3d::NAME;
+use crate::folder::zip::tests::zipped;
+use std::path::Path;
 
 /// 32x32 px, `metres` below, compressed by liblzfse (a block `bvx2`), behind a byte of the corpus.
 const DEPTH: &[u8] = include_bytes!("../../../../../../../fuzz/corpus/images/lzfse_depth");
@@ -26,7 +29,7 @@ fn metadata(more: &str) -> String {
     format!(r#"{{"w": 64, "h": 64, "K": [62.0, 0, 0, 0, 60.0, 0, 33.0, 31.0, 1], "cameraType": 1{more}}}"#)
 }
 
-fn recording(more: &str) -> Folder {
+pub(super) fn recording(more: &str) -> Folder {
     let folder = Folder::new();
     folder.write("metadata", metadata(more));
     for k in [0, 1, 2, 10] {
@@ -86,6 +89,77 @@ fn depth_confidence_colour_and_poses_are_read() {
     assert!(said(&source, "ground truth of").contains("an estimate too"));
 }
 
+/// A folder's files as the `.r3d` that it was unpacked from.
+pub(super) fn packed(folder: &Folder, into: &str, is_deflated: bool) -> std::path::PathBuf {
+    let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    let names: Vec<String> =
+        super::super::names(&folder.path().join("rgbd")).iter().map(|name| format!("rgbd/{name}")).collect();
+    let mut files = vec![("metadata", file("metadata"))];
+    files.extend(names.iter().map(|name| (name.as_str(), file(name))));
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (*name, bytes.as_slice())).collect();
+    let path = folder.path().join(into);
+    fs::write(&path, zipped(&files, is_deflated, false)).unwrap();
+    path
+}
+
+#[test]
+fn a_recording_is_read_as_it_is() {
+    let folder = recording(r#", "dw": 32, "dh": 32, "frameTimestamps": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]"#);
+    let unpacked = folder.open();
+    let options = SourceOptions::default();
+    for (name, is_deflated) in [("a.r3d", true), ("b.R3D", false), ("c.zip", true)] {
+        let path = packed(&folder, name, is_deflated);
+        let source = crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &options).unwrap();
+        assert_eq!((source.n_frames(), source.camera()), (Some(4), unpacked.camera()));
+        assert!(source.warnings().is_empty(), "{:?}", source.warnings());
+        let n = SIDE * SIDE;
+        for index in 0..4 {
+            let (mut depth, mut colour) = (vec![1; n], vec![1; 3 * n]);
+            let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
+            assert!(source.read(index, &mut buffers).unwrap().has_colour);
+            assert_eq!((depth, colour), images(&unpacked, index).unwrap());
+            assert!(source.inspect(index).is_ok());
+            let taken = source.colour_as_taken(index).unwrap().unwrap();
+            assert_eq!((taken.rgb.len(), taken.file), (64 * 64 * 3, None), "no file holds it alone");
+        }
+        let first = SourceOptions { frames: Some(2), skip: 1, ..SourceOptions::default() };
+        let first = crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &first).unwrap();
+        assert_eq!((first.n_frames(), first.stamp_nanos(0)), (Some(2), unpacked.stamp_nanos(1)));
+    }
+}
+
+#[test]
+fn damage_of_a_packed_recording_is_named_by_file_and_name_inside() {
+    let folder = recording(r#", "dw": 32, "dh": 32"#);
+    let open = |path: &Path| {
+        crate::open(&crate::SourceSpec::parse(&path.display().to_string()), &SourceOptions::default())
+    };
+    folder.write("rgbd/1.depth", &DEPTH[1..DEPTH.len() / 2]);
+    let path = packed(&folder, "a.r3d", true);
+    let source = open(&path).unwrap();
+    let mut buffers = FrameBuffers { depth: &mut [0; SIDE * SIDE], colour: &mut [0; 3 * SIDE * SIDE] };
+    let error = source.read(1, &mut buffers).unwrap_err();
+    let message = error.to_string();
+    assert!(error.is_of_one_frame() && message.contains("a.r3d/rgbd/1.depth"), "{message}");
+    assert!(message.contains("expected a whole LZFSE stream") && source.inspect(1).is_err(), "{message}");
+    assert!(source.read(2, &mut buffers).is_ok());
+    let refusal = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        open(&path).err().unwrap().to_string()
+    };
+    let whole = fs::read(&path).unwrap();
+    let message = refusal(&whole[..whole.len() / 2]);
+    assert!(message.contains("a.r3d") && message.contains("is it cut short?"), "{message}");
+    let message = refusal(&zipped(&[("metadata", b"{"), ("rgbd/0.depth", b"")], false, false));
+    assert!(message.contains("a.r3d/metadata") && message.contains("EOF while parsing"), "{message}");
+    let message = refusal(&zipped(&[("photos/1.jpg", b"")], false, false));
+    assert!(message.contains("a zip file, which is not read") && message.contains("unzip"), "{message}");
+    // A folder of one recording names it.
+    let outer = Folder::new();
+    outer.write("scan.r3d", &whole);
+    assert!(outer.refusal().contains("run the file: ") && outer.refusal().contains("scan.r3d"));
+}
+
 #[test]
 fn what_is_not_there_is_done_without() {
     // An older recording: no size of depth, no times, no intrinsics of each frame, no poses.
@@ -100,7 +174,8 @@ fn what_is_not_there_is_done_without() {
     assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (31.0, 30.0, 16.5, 15.5), "K goes by columns");
     assert_eq!(stamps(&source), [0, 20_000_000, 40_000_000, 200_000_000]);
     assert!(source.ground_truth().is_none());
-    assert_eq!(source.warnings(), ["no frame has colour: there are no colour images"]);
+    let no_times = "metadata has no frameTimestamps: times are those of its rate (--fps)";
+    assert_eq!(source.warnings(), [no_times, "no frame has colour: there are no colour images"]);
     assert!(images(&source, 0).unwrap().0[4] > 0, "no confidence, all depth");
     let slow = SourceOptions { fps: Some(10.0), ..SourceOptions::default() };
     assert_eq!(stamps(&FolderSource::open_with(folder.path(), &slow).unwrap())[1], 100_000_000);
@@ -177,4 +252,24 @@ fn changed_streams_are_read_or_refused() {
         n_refused += usize::from(images(&source, 0).is_err());
     }
     assert!(n_refused > 20, "{n_refused} of {} refused", DEPTH.len() - 1);
+}
+
+#[test]
+fn an_export_with_depth_as_openexr_is_read() {
+    let folder = Folder::new();
+    folder.write(
+        "metadata.json",
+        metadata(r#", "frameTimestamps": [1, 1.02, 1.04], "poses": [[0, 0, 0, 1, 0.5, 0, 0]]"#),
+    );
+    for k in 0..3 {
+        folder.write(&format!("depth/{k}.exr"), mutations::exr_of((32, 32), 1.5));
+        folder.colour(&format!("rgb/{k}.jpg"), (64, 64), 90);
+    }
+    let source = folder.open();
+    let camera = source.camera();
+    assert_eq!((camera.width, camera.height, camera.fx, camera.cx), (32, 32, 31.0, 16.5));
+    assert_eq!((stamps(&source)[1], said(&source, "layout")), (1_020_000_000, NAME.to_owned()));
+    let (depth, colour) = images(&source, 2).unwrap();
+    assert!(depth.iter().all(|raw| *raw == 7500) && colour[0].abs_diff(90) < 4);
+    assert!(source.warnings().is_empty() && source.ground_truth().is_some() && source.inspect(1).is_ok());
 }
