@@ -76,6 +76,11 @@ pub(crate) fn bridge(arguments: &Ros2Arguments, is_stopped: &AtomicBool) -> Resu
             started.begin_end(bridge.end_camera()?);
         }
         std::thread::sleep(LAST_WORDS);
+        if is_over && started.is_some() && !is_stopped.load(Ordering::Relaxed) {
+            // Ended, or another supervisor has taken the name: one that was cut off was still registered when its
+            // successor began. The process that was started tells.
+            continue;
+        }
         let Some(ending) = started.take_if(|_| !is_over) else { break };
         let (next, run_arguments) = next_run(&arguments.name, &run_dir, &arguments.run_arguments);
         let before = format!("{name} is in {}", run_dir.display());

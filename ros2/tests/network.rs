@@ -311,9 +311,9 @@ fn what_cannot_be_is_told_before_anything_begins() {
     let expected = if cfg!(feature = "zenoh") { "--network all opens it" } else { "--features zenoh" };
     let (code, words) = told(&zenoh, far);
     assert!(code == Some(2) && words.contains(expected), "{words}");
-    let domain = common::domain().to_string();
-    let (code, words) = told(&["x", "--camera", "no/such.toml", "--domain", &domain], ("A", ""));
+    let domain = common::Domain::claim();
+    let (code, words) = told(&["x", "--camera", "no/such.toml", "--domain", &domain.number], ("A", ""));
     assert!(code == Some(3) && words.contains("no/such.toml"), "{words}");
-    let (code, words) = told(&["a/b", "--domain", &domain], ("A", ""));
+    let (code, words) = told(&["a/b", "--domain", &domain.number], ("A", ""));
     assert!(code == Some(4) && words.contains("is not usable"), "{words}");
 }

@@ -83,8 +83,8 @@ impl Ports {
         self.pulse.waiting(on);
         if !self.listener.wait(IDLE)? {
             // Late subscribers get the last messages.
-            self.flow.update();
-            self.poses.0.update();
+            self.flow.update()?;
+            self.poses.0.update()?;
         }
         Ok(())
     }

@@ -10,13 +10,10 @@ use tessera_transport::{Link, Received, SliceSubscriber, Subscriber};
 pub(crate) type CheckedFrame = (FrameHeader, Kind, Received<FrameHeader, u16>);
 
 /// Frames as they come from the sensor.
-pub(crate) struct Feed<'a> {
-    link: &'a Link,
+pub(crate) struct Feed {
     frames: SliceSubscriber<FrameHeader, u16>,
     flow: Subscriber<Flow>,
     newest_flow: Option<Flow>,
-    /// No frame has come since the aligner asked for frames again.
-    is_starved: bool,
     /// Image size of the run's camera.
     pub(crate) shape: FrameShape,
     window: u64,
@@ -33,14 +30,12 @@ pub(crate) struct Feed<'a> {
     poison: BTreeSet<u64>,
 }
 
-impl<'a> Feed<'a> {
-    pub(crate) fn open(link: &'a Link, context: &StageContext) -> Result<Self, StageError> {
+impl Feed {
+    pub(crate) fn open(link: &Link, context: &StageContext) -> Result<Self, StageError> {
         Ok(Self {
-            link,
             frames: link.frame_subscriber()?,
             flow: link.flow_subscriber()?,
             newest_flow: None,
-            is_starved: false,
             shape: link.layout().frame,
             window: link.layout().window.into(),
             n_frames: context.run.n_frames,
@@ -57,14 +52,6 @@ impl<'a> Feed<'a> {
         if let Some(flow) = self.flow.newest()?
             && flow.validate().is_ok()
         {
-            if self.newest_flow.is_some_and(|known| flow.epoch > known.epoch) {
-                // Asked for twice, and nothing came: after a sensor that was killed twice within moments, iceoryx2
-                // 0.10 may never connect the reader to the third.
-                if std::mem::replace(&mut self.is_starved, true) {
-                    tracing::info!("no frame came: the connection to the sensor is made anew");
-                    self.frames = self.link.frame_subscriber()?;
-                }
-            }
             self.newest_flow = Some(flow);
         }
         Ok(self.newest_flow.is_some_and(|flow| flow.finished == 1))
@@ -79,7 +66,6 @@ impl<'a> Feed<'a> {
     pub(crate) fn next(&mut self, pulse: &mut Pulse) -> Result<Option<CheckedFrame>, StageError> {
         let mut newest: Option<CheckedFrame> = None;
         while let Some(frame) = self.frames.receive()? {
-            self.is_starved = false;
             let header = frame.header();
             let checked = header.validate(self.shape, self.limit(header.epoch)).and_then(|kind| {
                 // One that has just begun does not know.

@@ -50,7 +50,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
             return Ok(Outcome::Finished);
         }
         let Some((header, kind, frame)) = feed.next(&mut pulse)? else {
-            surfaces.update();
+            surfaces.update()?;
             pulse.waiting(WaitingOn::Frames);
             listener.wait(IDLE)?;
             continue;

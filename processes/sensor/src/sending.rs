@@ -195,7 +195,7 @@ impl SensorPorts {
     fn wait(&mut self, pace: Pace, on: WaitingOn) -> Result<(), StageError> {
         if matches!(pace, Pace::Window(_)) {
             // A late subscriber gets the history.
-            self.frames.update();
+            self.frames.update()?;
         }
         self.pulse.waiting(on);
         self.listener.wait(IDLE)?;

@@ -4,6 +4,8 @@ use crate::program::{Listener, Program};
 use crate::requirements::missing;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde_json::{Value, json};
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixListener};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -33,9 +35,28 @@ fn number() -> u32 {
     COUNT.fetch_add(1, Ordering::Relaxed)
 }
 
-/// A domain of one's own among those whose ports lie below the ephemeral ones.
-pub(crate) fn domain() -> u32 {
-    1 + (8 * std::process::id() + number()) % 100
+/// A domain of one's own on this machine, for as long as it is kept, also beside tests of other processes: the images
+/// of two cameras in one domain jump to and fro in time.
+pub(crate) struct Domain {
+    pub(crate) number: String,
+    /// Bound to the domain's name; the system frees it with the process.
+    _claim: UnixListener,
+}
+
+impl Domain {
+    pub(crate) fn claim() -> Self {
+        /// Domains whose ports lie below the ephemeral ones.
+        const N: u32 = 100;
+        let first = 8 * std::process::id() + number();
+        for next in 0..N {
+            let number = 1 + (first + next) % N;
+            let name = SocketAddr::from_abstract_name(format!("tessera-test-domain-{number}")).unwrap();
+            if let Ok(claim) = UnixListener::bind_addr(&name) {
+                return Self { number: number.to_string(), _claim: claim };
+            }
+        }
+        panic!("no domain is free");
+    }
 }
 
 pub(crate) fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
@@ -95,7 +116,7 @@ pub(crate) fn python() -> Option<PathBuf> {
 
 /// A ROS 2 network of one's own.
 pub(crate) struct Network {
-    domain: String,
+    domain: Domain,
     python: PathBuf,
     tessera: PathBuf,
     /// The router of Zenoh, where it is none of DDS.
@@ -114,11 +135,10 @@ pub(crate) struct Network {
 impl Network {
     /// `None`, with the reason printed, where something is missing.
     pub(crate) fn new() -> Option<Self> {
-        let domain = domain().to_string();
         Some(Self {
             tessera: tessera()?,
             python: python()?,
-            domain,
+            domain: Domain::claim(),
             router: None,
             keys: None,
             cyclone: Some(CYCLONE.to_owned()),
@@ -164,7 +184,7 @@ impl Network {
     }
 
     pub(crate) fn domain(&self) -> &str {
-        &self.domain
+        &self.domain.number
     }
 
     pub(crate) fn python(&self) -> &Path {
@@ -186,7 +206,7 @@ impl Network {
 
     pub(crate) fn camera(&self, setup: &Setup, arguments: &[&str]) -> Program {
         let mut command = self.script("camera.py");
-        command.arg(setup.frames()).arg(&self.domain).args(arguments);
+        command.arg(setup.frames()).arg(self.domain()).args(arguments);
         if let Some(router) = &self.router {
             command.args(["--router", router.as_str()]);
         }
@@ -195,21 +215,21 @@ impl Network {
 
     pub(crate) fn listen(&self, arguments: &[&str]) -> Listener {
         let mut command = self.script("listen.py");
-        command.arg(&self.domain).args(arguments).args(&self.router);
+        command.arg(self.domain()).args(arguments).args(&self.router);
         Listener(Program::start(command, true))
     }
 
     /// Runs a program to its end; what it prints.
     pub(crate) fn ask(&self, script: &str, words: &[&str]) -> Vec<Value> {
         let mut command = self.script(script);
-        command.arg(&self.domain).args(&self.router).args(words);
+        command.arg(self.domain()).args(&self.router).args(words);
         Listener(Program::start(command, true)).await_end()
     }
 
     /// A program that goes on beside the test.
     pub(crate) fn ask_beside(&self, script: &str, words: &[&str]) -> Listener {
         let mut command = self.script(script);
-        command.arg(&self.domain).args(words);
+        command.arg(self.domain()).args(words);
         Listener(Program::start(command, true))
     }
 
@@ -239,7 +259,7 @@ impl Network {
         let mut command = self.command(0, Path::new(env!("CARGO_BIN_EXE_tessera-ros2")));
         command.arg(&setup.name);
         if !self.is_domain_a_variable {
-            command.args(["--domain", &self.domain]);
+            command.args(["--domain", self.domain()]);
         }
         if self.router.is_some() {
             command.args(["--carrier", "zenoh"]);
@@ -250,7 +270,7 @@ impl Network {
         }
         command.env_remove("RMW_IMPLEMENTATION");
         if self.is_domain_a_variable {
-            command.env("ROS_DOMAIN_ID", &self.domain).envs(self.variables.iter().cloned());
+            command.env("ROS_DOMAIN_ID", self.domain()).envs(self.variables.iter().cloned());
         }
         match (&self.router, &self.keys) {
             (Some(_), Some(keys)) => command.env("ZENOH_SESSION_CONFIG_URI", keys.join("session.json5")),

@@ -128,7 +128,7 @@ impl ExternalCamera {
             self.flow.send(flow)?;
             self.published = Some(flow);
         } else {
-            self.flow.update();
+            self.flow.update()?;
         }
         Ok(())
     }

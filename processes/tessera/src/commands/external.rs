@@ -90,7 +90,7 @@ fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<
             return Ok(None);
         }
         let Some(image) = images.receive()? else {
-            flow.update();
+            flow.update()?;
             listener.wait(LOOK)?;
             continue;
         };

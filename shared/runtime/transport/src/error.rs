@@ -75,6 +75,12 @@ pub enum TransportError {
         /// The error of iceoryx2.
         reason: String,
     },
+    /// A living process cannot be connected with; one that is started again can.
+    #[error("cannot connect with a living process on {service}, as where memory or open files are used up")]
+    Unreached {
+        /// Which service.
+        service: &'static str,
+    },
 }
 
 fn lower_window(window: Option<u32>) -> String {

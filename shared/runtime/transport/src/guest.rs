@@ -7,9 +7,12 @@ use crate::layout::Layout;
 use crate::messages::Subscriber;
 use crate::node::open_node;
 use crate::patience::{patiently, service_name};
+use crate::reach::Reach;
+use crate::reader::Reader;
 use crate::slices::SlicePublisher;
 use crate::wake::Notifier;
 use crate::wire::{Wire, WireElement};
+use crate::writer::Writer;
 use iceoryx2::prelude::{AllocationStrategy, Config, MessagingPattern, Node, Service, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Message, PoseMessage, Stage};
@@ -54,15 +57,13 @@ impl Guest {
                 .user_header::<Wire<CameraFrame>>()
                 .open()
         })?;
-        let port = patiently("a publisher of camera", None, || {
-            service
-                .publisher_builder()
+        let writer = Writer::open(Reach::new(service, CAMERA, &self.config), None, |builder| {
+            builder
                 .max_loaned_samples(1)
                 .initial_max_slice_len(shape.payload_len())
                 .allocation_strategy(AllocationStrategy::Static)
-                .create()
         })?;
-        Ok(Some(SlicePublisher { port, service: CAMERA }))
+        Ok(Some(SlicePublisher { writer }))
     }
 
     /// Reads what a camera's program is told; `None` where the run has not made the service (yet).
@@ -108,9 +109,10 @@ impl Guest {
             patiently(&format!("service {name} of {}", T::NAME), None, || {
                 self.node.service_builder(&service_name).publish_subscribe::<Wire<T>>().open()
             })?;
-        let port =
-            patiently(&format!("a subscriber of {name}"), None, || service.subscriber_builder().create())?;
-        Ok(Some(Subscriber { port, service: name }))
+        // A guest tries again for as long as the run is there.
+        let reach = Reach::new(service, name, &self.config).tolerant_if(true);
+        let reader = Reader::open(reach, None)?;
+        Ok(Some(Subscriber { reader }))
     }
 
     fn is_made(&self, name: &str) -> Result<bool, TransportError> {

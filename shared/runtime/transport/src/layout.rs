@@ -45,6 +45,8 @@ pub struct Service {
     pub history: usize,
     /// Messages that a writer prepares at a time.
     pub loans: usize,
+    /// For observers: the run goes on where one of them cannot be reached.
+    pub is_observed: bool,
 }
 
 impl Layout {
@@ -59,6 +61,7 @@ impl Layout {
             borrowed: 2,
             history: if self.live { 1 } else { queue },
             loans: self.ahead as usize + 1,
+            is_observed: false,
         }
     }
 
@@ -74,6 +77,7 @@ impl Layout {
             borrowed: self.recent as usize + self.window as usize + 2,
             history: if self.live { 3 } else { queue },
             loans: 1,
+            is_observed: false,
         }
     }
 
@@ -87,12 +91,22 @@ impl Layout {
             borrowed: 2,
             history: 1,
             loans: 1,
+            is_observed: true,
         }
     }
 
     /// Flow: align to sensor and reconstruct; only the newest counts.
     pub fn flow(&self) -> Service {
-        Service { name: "flow", publishers: 2, subscribers: 6, buffer: 1, borrowed: 1, history: 1, loans: 1 }
+        Service {
+            name: "flow",
+            publishers: 2,
+            subscribers: 6,
+            buffer: 1,
+            borrowed: 1,
+            history: 1,
+            loans: 1,
+            is_observed: false,
+        }
     }
 
     /// Beats: all stages to the supervisor and to `status`.
@@ -105,6 +119,7 @@ impl Layout {
             borrowed: 2,
             history: 1,
             loans: 1,
+            is_observed: true,
         }
     }
 
@@ -118,6 +133,7 @@ impl Layout {
             borrowed: 2,
             history: 1,
             loans: 1,
+            is_observed: true,
         }
     }
 
@@ -133,6 +149,7 @@ impl Layout {
             borrowed: 2,
             history: 0,
             loans: 2,
+            is_observed: false,
         }
     }
 
@@ -147,6 +164,7 @@ impl Layout {
             borrowed: 2,
             history: 1,
             loans: 1,
+            is_observed: false,
         }
     }
 

@@ -18,12 +18,15 @@ mod node;
 mod nodes;
 mod patience;
 mod ports;
+mod reach;
+mod reader;
 mod registry;
 mod slices;
 mod space;
 mod sweeper;
 mod wake;
 mod wire;
+mod writer;
 
 pub use cleanup::{Cleaned, remove_everything};
 pub use error::TransportError;

@@ -7,10 +7,15 @@ use crate::layout::{Layout, Service, slice_type};
 use crate::messages::{Publisher, Subscriber};
 use crate::node::open_node;
 use crate::patience::{patiently, service_name};
+use crate::reach::Reach;
+use crate::reader::Reader;
 use crate::slices::{SlicePublisher, SliceSubscriber};
 use crate::wake::{Listener, Notifier};
 use crate::wire::{Wire, WireElement};
-use iceoryx2::prelude::{AllocationStrategy, Config, Node, ipc};
+use crate::writer::Writer;
+use iceoryx2::prelude::{AllocationStrategy, Config, IceoryxSend, Node, ZeroCopySend, ipc};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use std::fmt::Debug;
 use tessera_messages::{
     Beat, CameraFlow, CameraFrame, Element, Flow, FrameHeader, Message, PoseMessage, Stage, StageTimes,
     SurfaceHeader,
@@ -26,10 +31,8 @@ pub struct Link {
     pub(crate) layout: Layout,
 }
 
-type SliceService<H, E> =
-    iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [WireElement<E>], Wire<H>>;
-type MessageService<T> =
-    iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Wire<T>, ()>;
+type SliceService<H, E> = PortFactory<ipc::Service, [WireElement<E>], Wire<H>>;
+type MessageService<T> = PortFactory<ipc::Service, Wire<T>, ()>;
 
 type EventService = iceoryx2::service::port_factory::event::PortFactory<ipc::Service>;
 
@@ -146,48 +149,46 @@ impl Link {
         })
     }
 
+    fn reach<P, H>(&self, row: &Service, factory: PortFactory<ipc::Service, P, H>) -> Reach<P, H>
+    where
+        P: IceoryxSend + Debug + ?Sized + 'static,
+        H: ZeroCopySend + Debug + 'static,
+    {
+        Reach::new(factory, row.name, &self.config).tolerant_if(row.is_observed)
+    }
+
     pub(crate) fn slice_publisher<H: Message, E: Element>(
         &self,
         row: &Service,
         max_len: usize,
     ) -> Result<SlicePublisher<H, E>, TransportError> {
-        let service = self.slice_service::<H, E>(row)?;
-        let port = patiently(&format!("a publisher of {}", row.name), Some(&self.node), || {
-            service
-                .publisher_builder()
+        let reach = self.reach(row, self.slice_service::<H, E>(row)?);
+        let writer = Writer::open(reach, Some(&self.node), |builder| {
+            builder
                 .max_loaned_samples(row.loans)
                 .initial_max_slice_len(max_len)
                 .allocation_strategy(AllocationStrategy::Static)
-                .create()
         })?;
-        Ok(SlicePublisher { port, service: row.name })
+        Ok(SlicePublisher { writer })
     }
 
     pub(crate) fn slice_subscriber<H: Message, E: Element>(
         &self,
         row: &Service,
     ) -> Result<SliceSubscriber<H, E>, TransportError> {
-        let service = self.slice_service::<H, E>(row)?;
-        let port = patiently(&format!("a subscriber of {}", row.name), Some(&self.node), || {
-            service.subscriber_builder().create()
-        })?;
-        Ok(SliceSubscriber { port, service: row.name })
+        let reach = self.reach(row, self.slice_service::<H, E>(row)?);
+        Ok(SliceSubscriber { reader: Reader::open(reach, Some(&self.node))? })
     }
 
     pub(crate) fn publisher<T: Message>(&self, row: &Service) -> Result<Publisher<T>, TransportError> {
-        let service = self.message_service::<T>(row)?;
-        let port = patiently(&format!("a publisher of {}", row.name), Some(&self.node), || {
-            service.publisher_builder().max_loaned_samples(row.loans).create()
-        })?;
-        Ok(Publisher { port, service: row.name })
+        let reach = self.reach(row, self.message_service::<T>(row)?);
+        let writer = Writer::open(reach, Some(&self.node), |builder| builder.max_loaned_samples(row.loans))?;
+        Ok(Publisher { writer })
     }
 
     pub(crate) fn subscriber<T: Message>(&self, row: &Service) -> Result<Subscriber<T>, TransportError> {
-        let service = self.message_service::<T>(row)?;
-        let port = patiently(&format!("a subscriber of {}", row.name), Some(&self.node), || {
-            service.subscriber_builder().create()
-        })?;
-        Ok(Subscriber { port, service: row.name })
+        let reach = self.reach(row, self.message_service::<T>(row)?);
+        Ok(Subscriber { reader: Reader::open(reach, Some(&self.node))? })
     }
 
     /// A notifier that wakes a stage.
@@ -269,7 +270,7 @@ mod tests {
         (0..3).for_each(send);
         // A late reader gets the history; what overflows is the oldest.
         let subscriber = link.frame_subscriber().unwrap();
-        publisher.update();
+        publisher.update().unwrap();
         (3..6).for_each(send);
         let first = subscriber.receive().unwrap().unwrap();
         assert_eq!((first.header().index, first.payload()[5]), (2, 502));

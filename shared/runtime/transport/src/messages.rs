@@ -1,64 +1,60 @@
 //! Small messages of a fixed size.
 
 use crate::error::TransportError;
+use crate::reader::Reader;
 use crate::wire::Wire;
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::ipc;
+use crate::writer::Writer;
 use tessera_messages::Message;
 
 /// Writes messages of one type.
 #[derive(Debug)]
 pub struct Publisher<T: Message> {
-    pub(crate) port: iceoryx2::port::publisher::Publisher<ipc::Service, Wire<T>, ()>,
-    pub(crate) service: &'static str,
+    pub(crate) writer: Writer<Wire<T>, ()>,
 }
 
 impl<T: Message> Publisher<T> {
     /// Sends a copy.
     ///
     /// # Errors
-    /// Where iceoryx2 cannot; a service without a reader is no error.
+    /// Where iceoryx2 cannot, or a living reader cannot be reached; a service without a reader is no error.
     pub fn send(&self, message: T) -> Result<(), TransportError> {
-        self.port.send_copy(Wire(message)).map(drop).map_err(|e| TransportError::Message {
+        self.writer.port.send_copy(Wire(message)).map_err(|e| TransportError::Message {
             action: "send",
-            service: self.service,
+            service: self.writer.reach.service,
             reason: format!("{e:?}"),
-        })
+        })?;
+        self.writer.reach.check_readers()
     }
 
     /// Gives late readers their history; to be called now and then by a writer that is idle.
-    pub fn update(&self) {
-        let _ = self.port.update_connections();
+    ///
+    /// # Errors
+    /// Where a living reader cannot be reached.
+    pub fn update(&self) -> Result<(), TransportError> {
+        self.writer.update()
     }
 }
 
 /// Reads messages of one type.
 #[derive(Debug)]
 pub struct Subscriber<T: Message> {
-    pub(crate) port: iceoryx2::port::subscriber::Subscriber<ipc::Service, Wire<T>, ()>,
-    pub(crate) service: &'static str,
+    pub(crate) reader: Reader<Wire<T>, ()>,
 }
 
 impl<T: Message> Subscriber<T> {
     /// A copy of the oldest message that waits.
     ///
     /// # Errors
-    /// Where a connection is broken.
+    /// Where a connection is broken, or a living writer cannot be reached.
     pub fn receive(&self) -> Result<Option<T>, TransportError> {
-        match self.port.receive() {
-            Ok(sample) => Ok(sample.map(|sample| sample.payload().0)),
-            Err(e) => Err(TransportError::Message {
-                action: "receive",
-                service: self.service,
-                reason: format!("{e:?}"),
-            }),
-        }
+        let sample = self.reader.receive(|port| port.receive())?;
+        Ok(sample.map(|sample| sample.payload().0))
     }
 
     /// A copy of the newest message that waits; older ones are dropped.
     ///
     /// # Errors
-    /// Where a connection is broken.
+    /// As [`Self::receive`].
     pub fn newest(&self) -> Result<Option<T>, TransportError> {
         let mut newest = None;
         while let Some(message) = self.receive()? {

@@ -2,28 +2,28 @@
 #![expect(unsafe_code, reason = "a loan from shared memory is initialised by what it is")]
 
 use crate::error::TransportError;
+use crate::reach::Reach;
+use crate::reader::Reader;
 use crate::wire::{Wire, WireElement};
+use crate::writer::Writer;
 use bytemuck::TransparentWrapper;
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
+use std::rc::Rc;
 use tessera_messages::{Element, Message};
 
 /// Writes messages of a header and a slice.
 #[derive(Debug)]
 pub struct SlicePublisher<H: Message, E: Element> {
-    pub(crate) port: Publisher<ipc::Service, [WireElement<E>], Wire<H>>,
-    pub(crate) service: &'static str,
+    pub(crate) writer: Writer<[WireElement<E>], Wire<H>>,
 }
 
 /// A message in the making, in shared memory.
 #[derive(Debug)]
 pub struct Loan<H: Message, E: Element> {
     sample: SampleMut<ipc::Service, [WireElement<E>], Wire<H>>,
-    service: &'static str,
+    reach: Rc<Reach<[WireElement<E>], Wire<H>>>,
 }
 
 impl<H: Message, E: Element> SlicePublisher<H, E> {
@@ -32,20 +32,23 @@ impl<H: Message, E: Element> SlicePublisher<H, E> {
     /// # Errors
     /// Where `len` is above the service's limit or all loans are out.
     pub fn loan(&self, len: usize) -> Result<Loan<H, E>, TransportError> {
-        let sample = self.port.loan_slice_uninit(len).map_err(|e| TransportError::Message {
+        let sample = self.writer.port.loan_slice_uninit(len).map_err(|e| TransportError::Message {
             action: "borrow room",
-            service: self.service,
+            service: self.writer.reach.service,
             reason: format!("{e:?} for {len} elements"),
         })?;
         // SAFETY: the bytes lie in a mapped shared memory object, which the kernel has zeroed or
         // an earlier message has written; every bit pattern is a value of a `Pod` element.
         let sample = unsafe { sample.assume_init() };
-        Ok(Loan { sample, service: self.service })
+        Ok(Loan { sample, reach: Rc::clone(&self.writer.reach) })
     }
 
     /// Gives late readers their history; to be called now and then by a writer that is idle.
-    pub fn update(&self) {
-        let _ = self.port.update_connections();
+    ///
+    /// # Errors
+    /// Where a living reader cannot be reached.
+    pub fn update(&self) -> Result<(), TransportError> {
+        self.writer.update()
     }
 }
 
@@ -68,21 +71,21 @@ impl<H: Message, E: Element> Loan<H, E> {
     /// Hands the message to all readers.
     ///
     /// # Errors
-    /// Where iceoryx2 cannot; a service without a reader is no error.
+    /// Where iceoryx2 cannot, or a living reader cannot be reached; a service without a reader is no error.
     pub fn send(self) -> Result<(), TransportError> {
-        self.sample.send().map(drop).map_err(|e| TransportError::Message {
+        self.sample.send().map_err(|e| TransportError::Message {
             action: "send",
-            service: self.service,
+            service: self.reach.service,
             reason: format!("{e:?}"),
-        })
+        })?;
+        self.reach.check_readers()
     }
 }
 
 /// Reads messages of a header and a slice.
 #[derive(Debug)]
 pub struct SliceSubscriber<H: Message, E: Element> {
-    pub(crate) port: Subscriber<ipc::Service, [WireElement<E>], Wire<H>>,
-    pub(crate) service: &'static str,
+    pub(crate) reader: Reader<[WireElement<E>], Wire<H>>,
 }
 
 /// A message in shared memory, ours as long as we hold it, also when its sender has died.
@@ -95,16 +98,10 @@ impl<H: Message, E: Element> SliceSubscriber<H, E> {
     /// The oldest message that waits.
     ///
     /// # Errors
-    /// Where too many messages are held, or a connection is broken.
+    /// Where too many messages are held, a connection is broken, or a living writer cannot be reached.
     pub fn receive(&self) -> Result<Option<Received<H, E>>, TransportError> {
-        match self.port.receive() {
-            Ok(sample) => Ok(sample.map(|sample| Received { sample })),
-            Err(e) => Err(TransportError::Message {
-                action: "receive",
-                service: self.service,
-                reason: format!("{e:?}"),
-            }),
-        }
+        let sample = self.reader.receive(|port| port.receive())?;
+        Ok(sample.map(|sample| Received { sample }))
     }
 }
 

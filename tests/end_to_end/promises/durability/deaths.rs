@@ -1,6 +1,7 @@
 //! Each stage killed at each kill point: the outputs keep their bytes, nothing stays behind.
 
-use crate::common::{Run, room};
+use crate::common::{Run, room, signal, wait_for};
+use std::process::Command;
 use std::sync::OnceLock;
 
 /// What comes out when nothing happens.
@@ -145,4 +146,30 @@ fn two_runs_side_by_side_do_not_see_each_other() {
     assert!(second.wait().unwrap().success(), "{}", quiet.log());
     disturbed.assert_same_bytes(undisturbed(), "disturbed, beside another run");
     quiet.assert_same_bytes(undisturbed(), "beside a disturbed run");
+}
+
+/// A stage without memory cannot map what a partner that is started again has made: it read from none, for ever.
+#[test]
+fn a_stage_that_cannot_connect_with_a_new_partner_is_started_again() {
+    let cases = [
+        ("sensor", "read", "reconstruct"),
+        ("reconstruct", "received", "align"),
+        ("align", "received", "sensor"),
+    ];
+    for (partner, point, stage) in cases {
+        let run = room().with_faults(&format!("{partner}={point}:20:stop"));
+        let mut child = run.start();
+        let stopped = run.wait_until_stopped(partner);
+        let pid = run.stage_pid(stage).to_string();
+        assert!(Command::new("prlimit").args(["--pid", &pid, "--as=0:0"]).status().unwrap().success());
+        signal(stopped, "KILL");
+        let mut status = None;
+        wait_for("the end of the run", || {
+            status = child.try_wait().unwrap();
+            status.is_some()
+        });
+        assert!(status.unwrap().success(), "{}", run.log());
+        assert!(run.log().contains(&format!("{stage} died")), "{}", run.log());
+        run.assert_same_bytes(undisturbed(), stage);
+    }
 }

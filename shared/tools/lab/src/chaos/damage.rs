@@ -1,6 +1,7 @@
 //! Damage to the files of a run between its processes' death and `resume`.
 
 use super::schedule::{FaultKind, Random};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tessera_outputs::ToolError;
 use tessera_stage::RunFiles;
@@ -54,6 +55,25 @@ impl FileDamage {
     }
 }
 
+/// Forgets the damages to files that were written to since: the run went on with them, and what was before them is
+/// older than the run.
+pub(super) fn forget_overwritten(damages: &mut Vec<FileDamage>) {
+    // From the newest on: what it found is what the one before it left.
+    let mut found: BTreeMap<PathBuf, Option<Vec<u8>>> = BTreeMap::new();
+    let mut kept: Vec<FileDamage> = Vec::new();
+    for damage in damages.drain(..).rev() {
+        let bytes = found.remove(&damage.path).unwrap_or_else(|| std::fs::read(&damage.path).ok());
+        if bytes == damage.after {
+            found.insert(damage.path.clone(), Some(damage.before.clone()));
+            kept.push(damage);
+        } else {
+            found.insert(damage.path, bytes);
+        }
+    }
+    kept.reverse();
+    *damages = kept;
+}
+
 /// Writes in place: the file's owner and mode stay, and one that was deleted is its owner's alone.
 fn write(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     use std::io::Write;
@@ -84,5 +104,25 @@ mod tests {
             n += 1;
         }
         assert_eq!(n, 80);
+    }
+
+    #[test]
+    fn what_is_older_than_the_run_is_not_put_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let files = RunFiles::new(dir.path());
+        std::fs::write(files.store(), vec![7; 10_000]).unwrap();
+        let mut random = Random::new(3);
+        let kinds = [FaultKind::StoreCut, FaultKind::StoreCut, FaultKind::StoreLost];
+        let damages = kinds.map(|kind| damage(&files, kind, &mut random).unwrap());
+        let mut kept = damages.to_vec();
+        forget_overwritten(&mut kept);
+        assert_eq!(kept, damages, "one upon the other, with nothing written between");
+        damages[2].mend().unwrap();
+        kept.pop();
+        forget_overwritten(&mut kept);
+        assert_eq!(kept, damages[..2]);
+        std::fs::write(files.store(), vec![8; 10_000]).unwrap();
+        forget_overwritten(&mut kept);
+        assert!(kept.is_empty());
     }
 }

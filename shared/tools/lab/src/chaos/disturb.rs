@@ -1,6 +1,6 @@
 //! One run under the faults of a schedule, from its start to its end.
 
-use super::damage::{FileDamage, damage};
+use super::damage::{FileDamage, damage, forget_overwritten};
 use super::process::{n_open_files, rss_bytes, stage_pid, stage_pids, stages_in};
 use super::recovery::Hit;
 use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random, Strike};
@@ -58,6 +58,32 @@ pub(super) struct Disturbance {
     pub(super) problems: Vec<String>,
 }
 
+/// How a process of the run ended by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ending {
+    Finished,
+    /// A damaged file was refused by name.
+    Refused,
+    NotSynced,
+    Failed,
+}
+
+impl Ending {
+    fn of(is_success: bool, error: &str, damages: &[FileDamage]) -> Self {
+        let is_named = |damage: &FileDamage| error.contains(&damage.path.display().to_string());
+        if is_success {
+            Ending::Finished
+        } else if error.contains(NOT_SYNCED) {
+            // Before the names: it names a file too, and no damaged one.
+            Ending::NotSynced
+        } else if damages.iter().any(is_named) {
+            Ending::Refused
+        } else {
+            Ending::Failed
+        }
+    }
+}
+
 /// Strikes by a schedule.
 pub(super) struct Disturber {
     pub(super) schedule: FaultSchedule,
@@ -83,21 +109,22 @@ impl Disturber {
             {
                 trial.remember();
                 let error = trial.errors();
-                let is_named = |d: &FileDamage| error.contains(&d.path.display().to_string());
-                if !is_success && damages.iter().any(is_named) {
-                    // Told by name, and nothing is cut; put back, the run goes on.
-                    mend(&mut damages, &mut done)?;
-                    child = trial.start()?;
-                    continue;
-                }
-                if !is_success && error.contains(NOT_SYNCED) {
-                    done.n_failed_syncs += 1;
-                    child = trial.start()?;
-                    continue;
-                }
-                done.has_finished = is_success;
-                if !is_success {
-                    done.problems.push(format!("the run failed: {}", error.trim()));
+                match Ending::of(is_success, &error, &damages) {
+                    Ending::Refused => {
+                        // Told by name, and nothing is cut; put back, the run goes on.
+                        mend(&mut damages, &mut done)?;
+                        child = trial.start()?;
+                        continue;
+                    }
+                    Ending::NotSynced => {
+                        // Its stages ran: where they wrote to a damaged file, it was a torn end.
+                        forget_overwritten(&mut damages);
+                        done.n_failed_syncs += 1;
+                        child = trial.start()?;
+                        continue;
+                    }
+                    Ending::Failed => done.problems.push(format!("the run failed: {}", error.trim())),
+                    Ending::Finished => done.has_finished = true,
                 }
                 break;
             }
@@ -108,7 +135,10 @@ impl Disturber {
             }
             let Some(strike) = next else { continue };
             if matches!(strike.targets[..], [FaultTarget::Group | FaultTarget::Supervisor]) {
-                if !stage_pids(child.id()).is_empty() {
+                if stage_pids(child.id()).is_empty() {
+                    // At its beginning, or at an end that was not seen yet.
+                    forget_overwritten(&mut damages);
+                } else {
                     // The run goes on: what was damaged before was a torn end, or nothing that is needed.
                     damages.clear();
                 }
@@ -234,5 +264,29 @@ fn end_all(child: &mut Child, trial: &Trial) {
     let _ = child.wait();
     for (_, pid) in stages_in(&trial.dir) {
         let _ = strike(pid, FaultKind::Kill, &mut Random::new(0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The store was cut at its end, the run went on and wrote to it, and then the disk failed: that it was refused
+    /// was concluded from its name, and the bytes from before the cut were put back into a longer run.
+    #[test]
+    fn a_store_that_could_not_be_forced_to_disk_was_not_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let files = RunFiles::new(dir.path());
+        std::fs::write(files.store(), [7; 9000]).unwrap();
+        let store = files.store().display().to_string();
+        let damages = [damage(&files, FaultKind::StoreCut, &mut Random::new(1)).unwrap()];
+        let ending = |error: &str| Ending::of(false, error, &damages);
+        assert_eq!(ending(&format!("{store} was not forced to disk: Input/output error")), Ending::NotSynced);
+        assert_eq!(ending(&format!("align.journal is damaged: {store}: ends early")), Ending::Refused);
+        assert_eq!(ending("no space left"), Ending::Failed);
+        assert_eq!(Ending::of(true, "", &damages), Ending::Finished);
+        assert!(damages[0].is_untouched());
+        std::fs::write(files.store(), [8; 9000]).unwrap();
+        assert!(!damages[0].is_untouched());
     }
 }
