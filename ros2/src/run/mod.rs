@@ -33,8 +33,12 @@ impl JoinedRun {
     pub(crate) fn join(name: &str) -> Result<Option<Self>, Ros2Error> {
         check_name(name)?;
         let Some(entry) = living_runs()?.into_iter().find(|run| run.name == name) else { return Ok(None) };
-        let guest = Guest::open(&entry.identity, GUEST)?;
-        Ok(Some(Self { entry, guest }))
+        match Guest::open(&entry.identity, GUEST) {
+            Ok(guest) => Ok(Some(Self { entry, guest })),
+            // It was cut off, and its successor has not yet replaced the entry.
+            Err(_) if !entry.is_alive()? => Ok(None),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// Whether it still goes on, and is not another one of the same name.

@@ -7,12 +7,12 @@ use crate::layout::Layout;
 use crate::messages::Subscriber;
 use crate::node::open_node;
 use crate::patience::{patiently, service_name};
-use crate::reach::Reach;
-use crate::reader::Reader;
+use crate::reach::ServiceReach;
+use crate::reader::ReaderPort;
 use crate::slices::SlicePublisher;
 use crate::wake::Notifier;
 use crate::wire::{Wire, WireElement};
-use crate::writer::Writer;
+use crate::writer::WriterPort;
 use iceoryx2::prelude::{AllocationStrategy, Config, MessagingPattern, Node, Service, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Message, PoseMessage, Stage};
@@ -57,7 +57,7 @@ impl Guest {
                 .user_header::<Wire<CameraFrame>>()
                 .open()
         })?;
-        let writer = Writer::open(Reach::new(service, CAMERA, &self.config), None, |builder| {
+        let writer = WriterPort::open(ServiceReach::new(service, CAMERA, &self.config), None, |builder| {
             builder
                 .max_loaned_samples(1)
                 .initial_max_slice_len(shape.payload_len())
@@ -110,8 +110,8 @@ impl Guest {
                 self.node.service_builder(&service_name).publish_subscribe::<Wire<T>>().open()
             })?;
         // A guest tries again for as long as the run is there.
-        let reach = Reach::new(service, name, &self.config).tolerant_if(true);
-        let reader = Reader::open(reach, None)?;
+        let reach = ServiceReach::new(service, name, &self.config).tolerant_if(true);
+        let reader = ReaderPort::open(reach, None)?;
         Ok(Some(Subscriber { reader }))
     }
 

@@ -7,12 +7,12 @@ use crate::layout::{Layout, Service, slice_type};
 use crate::messages::{Publisher, Subscriber};
 use crate::node::open_node;
 use crate::patience::{patiently, service_name};
-use crate::reach::Reach;
-use crate::reader::Reader;
+use crate::reach::ServiceReach;
+use crate::reader::ReaderPort;
 use crate::slices::{SlicePublisher, SliceSubscriber};
 use crate::wake::{Listener, Notifier};
 use crate::wire::{Wire, WireElement};
-use crate::writer::Writer;
+use crate::writer::WriterPort;
 use iceoryx2::prelude::{AllocationStrategy, Config, IceoryxSend, Node, ZeroCopySend, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use std::fmt::Debug;
@@ -149,12 +149,12 @@ impl Link {
         })
     }
 
-    fn reach<P, H>(&self, row: &Service, factory: PortFactory<ipc::Service, P, H>) -> Reach<P, H>
+    fn reach<P, H>(&self, row: &Service, factory: PortFactory<ipc::Service, P, H>) -> ServiceReach<P, H>
     where
         P: IceoryxSend + Debug + ?Sized + 'static,
         H: ZeroCopySend + Debug + 'static,
     {
-        Reach::new(factory, row.name, &self.config).tolerant_if(row.is_observed)
+        ServiceReach::new(factory, row.name, &self.config).tolerant_if(row.is_observed)
     }
 
     pub(crate) fn slice_publisher<H: Message, E: Element>(
@@ -163,7 +163,7 @@ impl Link {
         max_len: usize,
     ) -> Result<SlicePublisher<H, E>, TransportError> {
         let reach = self.reach(row, self.slice_service::<H, E>(row)?);
-        let writer = Writer::open(reach, Some(&self.node), |builder| {
+        let writer = WriterPort::open(reach, Some(&self.node), |builder| {
             builder
                 .max_loaned_samples(row.loans)
                 .initial_max_slice_len(max_len)
@@ -177,18 +177,19 @@ impl Link {
         row: &Service,
     ) -> Result<SliceSubscriber<H, E>, TransportError> {
         let reach = self.reach(row, self.slice_service::<H, E>(row)?);
-        Ok(SliceSubscriber { reader: Reader::open(reach, Some(&self.node))? })
+        Ok(SliceSubscriber { reader: ReaderPort::open(reach, Some(&self.node))? })
     }
 
     pub(crate) fn publisher<T: Message>(&self, row: &Service) -> Result<Publisher<T>, TransportError> {
         let reach = self.reach(row, self.message_service::<T>(row)?);
-        let writer = Writer::open(reach, Some(&self.node), |builder| builder.max_loaned_samples(row.loans))?;
+        let writer =
+            WriterPort::open(reach, Some(&self.node), |builder| builder.max_loaned_samples(row.loans))?;
         Ok(Publisher { writer })
     }
 
     pub(crate) fn subscriber<T: Message>(&self, row: &Service) -> Result<Subscriber<T>, TransportError> {
         let reach = self.reach(row, self.message_service::<T>(row)?);
-        Ok(Subscriber { reader: Reader::open(reach, Some(&self.node))? })
+        Ok(Subscriber { reader: ReaderPort::open(reach, Some(&self.node))? })
     }
 
     /// A notifier that wakes a stage.

@@ -1,15 +1,15 @@
 //! Small messages of a fixed size.
 
 use crate::error::TransportError;
-use crate::reader::Reader;
+use crate::reader::ReaderPort;
 use crate::wire::Wire;
-use crate::writer::Writer;
+use crate::writer::WriterPort;
 use tessera_messages::Message;
 
 /// Writes messages of one type.
 #[derive(Debug)]
 pub struct Publisher<T: Message> {
-    pub(crate) writer: Writer<Wire<T>, ()>,
+    pub(crate) writer: WriterPort<Wire<T>, ()>,
 }
 
 impl<T: Message> Publisher<T> {
@@ -38,7 +38,7 @@ impl<T: Message> Publisher<T> {
 /// Reads messages of one type.
 #[derive(Debug)]
 pub struct Subscriber<T: Message> {
-    pub(crate) reader: Reader<Wire<T>, ()>,
+    pub(crate) reader: ReaderPort<Wire<T>, ()>,
 }
 
 impl<T: Message> Subscriber<T> {

@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A service, and whom a port of it has missed.
 #[derive(Debug)]
-pub(crate) struct Reach<P, H>
+pub(crate) struct ServiceReach<P, H>
 where
     P: IceoryxSend + Debug + ?Sized + 'static,
     H: ZeroCopySend + Debug + 'static,
@@ -30,7 +30,7 @@ where
     missed: Arc<Mutex<Vec<u128>>>,
 }
 
-impl<P, H> Reach<P, H>
+impl<P, H> ServiceReach<P, H>
 where
     P: IceoryxSend + Debug + ?Sized + 'static,
     H: ZeroCopySend + Debug + 'static,

@@ -2,7 +2,7 @@
 
 use crate::error::TransportError;
 use crate::patience::patiently;
-use crate::reach::Reach;
+use crate::reach::ServiceReach;
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{IceoryxSend, Node, ZeroCopySend, ipc};
@@ -11,17 +11,17 @@ use std::fmt::Debug;
 
 /// The reading end of a service.
 #[derive(Debug)]
-pub(crate) struct Reader<P, H>
+pub(crate) struct ReaderPort<P, H>
 where
     P: IceoryxSend + Debug + ?Sized + 'static,
     H: ZeroCopySend + Debug + 'static,
 {
     /// `None` only where it could not be made anew.
     port: RefCell<Option<Subscriber<ipc::Service, P, H>>>,
-    reach: Reach<P, H>,
+    reach: ServiceReach<P, H>,
 }
 
-impl<P, H> Reader<P, H>
+impl<P, H> ReaderPort<P, H>
 where
     P: IceoryxSend + Debug + ?Sized + 'static,
     H: ZeroCopySend + Debug + 'static,
@@ -31,7 +31,7 @@ where
     /// # Errors
     /// Where there is no place, or a living writer cannot be reached.
     pub(crate) fn open(
-        reach: Reach<P, H>,
+        reach: ServiceReach<P, H>,
         node: Option<&Node<ipc::Service>>,
     ) -> Result<Self, TransportError> {
         let reader = Self { port: RefCell::new(None), reach };

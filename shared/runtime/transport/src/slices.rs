@@ -2,10 +2,10 @@
 #![expect(unsafe_code, reason = "a loan from shared memory is initialised by what it is")]
 
 use crate::error::TransportError;
-use crate::reach::Reach;
-use crate::reader::Reader;
+use crate::reach::ServiceReach;
+use crate::reader::ReaderPort;
 use crate::wire::{Wire, WireElement};
-use crate::writer::Writer;
+use crate::writer::WriterPort;
 use bytemuck::TransparentWrapper;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
@@ -16,14 +16,14 @@ use tessera_messages::{Element, Message};
 /// Writes messages of a header and a slice.
 #[derive(Debug)]
 pub struct SlicePublisher<H: Message, E: Element> {
-    pub(crate) writer: Writer<[WireElement<E>], Wire<H>>,
+    pub(crate) writer: WriterPort<[WireElement<E>], Wire<H>>,
 }
 
 /// A message in the making, in shared memory.
 #[derive(Debug)]
 pub struct Loan<H: Message, E: Element> {
     sample: SampleMut<ipc::Service, [WireElement<E>], Wire<H>>,
-    reach: Rc<Reach<[WireElement<E>], Wire<H>>>,
+    reach: Rc<ServiceReach<[WireElement<E>], Wire<H>>>,
 }
 
 impl<H: Message, E: Element> SlicePublisher<H, E> {
@@ -85,7 +85,7 @@ impl<H: Message, E: Element> Loan<H, E> {
 /// Reads messages of a header and a slice.
 #[derive(Debug)]
 pub struct SliceSubscriber<H: Message, E: Element> {
-    pub(crate) reader: Reader<[WireElement<E>], Wire<H>>,
+    pub(crate) reader: ReaderPort<[WireElement<E>], Wire<H>>,
 }
 
 /// A message in shared memory, ours as long as we hold it, also when its sender has died.

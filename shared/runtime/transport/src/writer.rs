@@ -2,7 +2,7 @@
 
 use crate::error::TransportError;
 use crate::patience::patiently;
-use crate::reach::Reach;
+use crate::reach::ServiceReach;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{IceoryxSend, Node, ZeroCopySend, ipc};
@@ -15,17 +15,17 @@ use std::rc::Rc;
 /// It is not made anew where it missed a living reader: it holds the history, and loans that are out. Its process ends,
 /// and the successor writes again what is not acknowledged.
 #[derive(Debug)]
-pub(crate) struct Writer<P, H>
+pub(crate) struct WriterPort<P, H>
 where
     P: IceoryxSend + Debug + ?Sized + 'static,
     H: ZeroCopySend + Debug + 'static,
 {
     pub(crate) port: Publisher<ipc::Service, P, H>,
     /// Loans tell it too.
-    pub(crate) reach: Rc<Reach<P, H>>,
+    pub(crate) reach: Rc<ServiceReach<P, H>>,
 }
 
-impl<P, H> Writer<P, H>
+impl<P, H> WriterPort<P, H>
 where
     P: IceoryxSend + Debug + ?Sized + 'static,
     H: ZeroCopySend + Debug + 'static,
@@ -35,7 +35,7 @@ where
     /// # Errors
     /// Where there is no place, or a living reader cannot be reached.
     pub(crate) fn open(
-        reach: Reach<P, H>,
+        reach: ServiceReach<P, H>,
         node: Option<&Node<ipc::Service>>,
         build: impl Fn(
             PortFactoryPublisher<'_, ipc::Service, P, H>,

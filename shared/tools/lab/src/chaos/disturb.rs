@@ -60,7 +60,7 @@ pub(super) struct Disturbance {
 
 /// How a process of the run ended by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Ending {
+enum RunEnding {
     Finished,
     /// A damaged file was refused by name.
     Refused,
@@ -68,18 +68,18 @@ enum Ending {
     Failed,
 }
 
-impl Ending {
+impl RunEnding {
     fn of(is_success: bool, error: &str, damages: &[FileDamage]) -> Self {
         let is_named = |damage: &FileDamage| error.contains(&damage.path.display().to_string());
         if is_success {
-            Ending::Finished
+            RunEnding::Finished
         } else if error.contains(NOT_SYNCED) {
             // Before the names: it names a file too, and no damaged one.
-            Ending::NotSynced
+            RunEnding::NotSynced
         } else if damages.iter().any(is_named) {
-            Ending::Refused
+            RunEnding::Refused
         } else {
-            Ending::Failed
+            RunEnding::Failed
         }
     }
 }
@@ -109,22 +109,22 @@ impl Disturber {
             {
                 trial.remember();
                 let error = trial.errors();
-                match Ending::of(is_success, &error, &damages) {
-                    Ending::Refused => {
+                match RunEnding::of(is_success, &error, &damages) {
+                    RunEnding::Refused => {
                         // Told by name, and nothing is cut; put back, the run goes on.
                         mend(&mut damages, &mut done)?;
                         child = trial.start()?;
                         continue;
                     }
-                    Ending::NotSynced => {
+                    RunEnding::NotSynced => {
                         // Its stages ran: where they wrote to a damaged file, it was a torn end.
                         forget_overwritten(&mut damages);
                         done.n_failed_syncs += 1;
                         child = trial.start()?;
                         continue;
                     }
-                    Ending::Failed => done.problems.push(format!("the run failed: {}", error.trim())),
-                    Ending::Finished => done.has_finished = true,
+                    RunEnding::Failed => done.problems.push(format!("the run failed: {}", error.trim())),
+                    RunEnding::Finished => done.has_finished = true,
                 }
                 break;
             }
@@ -280,11 +280,14 @@ mod tests {
         std::fs::write(files.store(), [7; 9000]).unwrap();
         let store = files.store().display().to_string();
         let damages = [damage(&files, FaultKind::StoreCut, &mut Random::new(1)).unwrap()];
-        let ending = |error: &str| Ending::of(false, error, &damages);
-        assert_eq!(ending(&format!("{store} was not forced to disk: Input/output error")), Ending::NotSynced);
-        assert_eq!(ending(&format!("align.journal is damaged: {store}: ends early")), Ending::Refused);
-        assert_eq!(ending("no space left"), Ending::Failed);
-        assert_eq!(Ending::of(true, "", &damages), Ending::Finished);
+        let ending = |error: &str| RunEnding::of(false, error, &damages);
+        assert_eq!(
+            ending(&format!("{store} was not forced to disk: Input/output error")),
+            RunEnding::NotSynced
+        );
+        assert_eq!(ending(&format!("align.journal is damaged: {store}: ends early")), RunEnding::Refused);
+        assert_eq!(ending("no space left"), RunEnding::Failed);
+        assert_eq!(RunEnding::of(true, "", &damages), RunEnding::Finished);
         assert!(damages[0].is_untouched());
         std::fs::write(files.store(), [8; 9000]).unwrap();
         assert!(!damages[0].is_untouched());
