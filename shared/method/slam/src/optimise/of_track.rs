@@ -8,7 +8,8 @@ use crate::map::state::KeyframeState;
 use crate::pairs::weighted_pair::FeaturePair;
 use tessera_graph::PairBlock;
 
-/// Whether the features' relative pose agrees with that of the keyframes, each with its covariance; `variance_scale`:
+/// Whether the features' relative pose agrees with that of the keyframes, each with its covariance: the two add, for a
+/// track that is wrong states too little along itself, and features that are right correct it; `variance_scale`:
 /// of the features. Where either has none, it does.
 pub(crate) fn is_of_track(
     (newer, older): (&KeyframeState, &KeyframeState),
@@ -21,7 +22,7 @@ pub(crate) fn is_of_track(
     match (from, to, information.try_inverse()) {
         (Some(from), Some(to), Some(inverse)) => {
             let seen = UncertainPose { pose, covariance: inverse * variance_scale };
-            UncertainPose::along_track(&from, &to).agrees(&seen)
+            UncertainPose::apart(&from, &to).agrees(&seen)
         }
         _ => true,
     }
