@@ -1,6 +1,6 @@
 //! A base looked at from outside: what it says of itself in its folder, once or again and again.
 //!
-//! Whoever looks reads files alone, and whatever becomes of him, the base does not notice.
+//! A viewer reads files alone, and the base does not notice what becomes of it.
 
 mod figures;
 mod serve;

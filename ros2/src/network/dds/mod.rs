@@ -298,7 +298,7 @@ impl Carrier for Dds {
     }
 }
 
-/// What was tried where nobody is heard, and which line widens it.
+/// What was tried where no other program is heard, and which line widens it.
 fn alone_words(network: &Ros2Network, joined: &[Ipv4Addr], foreign: &[Ipv4Addr]) -> String {
     let list =
         |addresses: &[Ipv4Addr]| addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");

@@ -1,4 +1,4 @@
-//! Discovery among programs of this machine, whichever interface they chose.
+//! Discovery among programs of this machine, on each of its interfaces.
 //!
 //! RustDDS is kept to loopback, where a program with default settings neither speaks nor listens: Cyclone DDS
 //! takes one interface of a network, and finds others by multicast there. This stands between them, and is all
@@ -75,7 +75,7 @@ pub(super) struct Inside {
 }
 
 impl Inside {
-    /// Finds one that nobody else has.
+    /// Finds one that no other program has.
     ///
     /// # Errors
     /// Where all are taken, or the system refuses sockets.
@@ -280,7 +280,7 @@ impl DiscoveryRelay {
         let ports = (0..N_SLOTS).map(|slot| unicast_port(self.domain, slot));
         let slots = ports.filter(|port| *port != self.port).map(|port| address(of, port));
         for to in slots.chain([address(GROUP, multicast_port(self.domain))]) {
-            // An interface that is down refuses it, and is looked at again soon; in most slots nobody is.
+            // An interface that is down refuses it, and is looked at again soon; most slots are empty.
             let _ = voice.send_to(datagram, &to);
         }
     }
@@ -358,7 +358,7 @@ mod tests {
         let slot = SocketAddrV4::new(Ipv4Addr::LOCALHOST, unicast_port(inside.inner, 3));
         let participant = UdpSocket::bind((Ipv4Addr::LOCALHOST, unicast_port(inside.inner, 0))).unwrap();
         participant.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        // Nobody else gets that domain meanwhile.
+        // No other test gets that domain meanwhile.
         assert_ne!(Inside::open(domain).unwrap().inner, inside.inner);
         // Another program of this machine hears the group as Cyclone DDS does, on one interface.
         let other = group(domain).unwrap();

@@ -1,6 +1,6 @@
 //! The records of a run's journals, and which versions of them are read.
 //!
-//! A run that was recorded once stays readable. Whoever changes the form of a record, or of anything in it:
+//! A run that was recorded once stays readable. A change of the form of a record, or of anything in it:
 //! 1. raises `version` here and names what `earlier` reads,
 //! 2. keeps the form as it was in `record_versions/before_N.rs`, N being the new version: the changed types with
 //!    their fields, and the conversion into those of today; types that did not change are used as they are,

@@ -1,5 +1,5 @@
 //! Noticing that a process stood still: with a laptop that slept or a container that was paused. In that
-//! time nobody else could be heard, so that nobody was silent.
+//! time no other process could be heard, so that none was silent.
 
 use crate::clock::monotonic_nanos;
 

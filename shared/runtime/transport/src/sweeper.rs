@@ -1,7 +1,7 @@
 //! Removal of shared memory that never got a size.
 //!
 //! A process that is killed between making a file of shared memory and giving it a size leaves one of no bytes.
-//! Whoever opens that waits for ever: in iceoryx2 0.10 `open_impl` of its POSIX shared memory has no time limit
+//! A process that opens it waits for ever: in iceoryx2 0.10 `open_impl` of its POSIX shared memory has no time limit
 //! there, and neither has the removal of what the dead left, so that a supervisor stood still for good. Without the
 //! file the opening fails, and all go on.
 
@@ -20,7 +20,7 @@ use std::time::Duration;
 /// far less than this.
 const INTERVAL: Duration = Duration::from_secs(2);
 
-/// A thread that looks after a run's shared memory, for whoever is in an opening cannot look; ends when dropped.
+/// A thread that looks after a run's shared memory, for a process that waits in an opening cannot look; ends when dropped.
 #[derive(Debug)]
 pub struct Sweeper {
     is_over: Arc<AtomicBool>,

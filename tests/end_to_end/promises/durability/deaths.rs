@@ -1,7 +1,7 @@
 //! Each stage killed at each kill point: the outputs keep their bytes, nothing stays behind.
 
 use crate::common::{Run, room, signal, wait_for};
-use std::process::Command;
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use std::sync::OnceLock;
 
 /// What comes out when nothing happens.
@@ -160,8 +160,8 @@ fn a_stage_that_cannot_connect_with_a_new_partner_is_started_again() {
         let run = room().with_faults(&format!("{partner}={point}:20:stop"));
         let mut child = run.start();
         let stopped = run.wait_until_stopped(partner);
-        let pid = run.stage_pid(stage).to_string();
-        assert!(Command::new("prlimit").args(["--pid", &pid, "--as=0:0"]).status().unwrap().success());
+        let pid = Pid::from_raw(run.stage_pid(stage).try_into().unwrap());
+        prlimit(pid, Resource::As, Rlimit { current: Some(0), maximum: Some(0) }).unwrap();
         signal(stopped, "KILL");
         let mut status = None;
         wait_for("the end of the run", || {

@@ -1,4 +1,4 @@
-//! Whoever looks at a run changes nothing: started, stopped, killed or frozen.
+//! A viewer of a run changes nothing: started, stopped, killed or frozen.
 
 use crate::common::{Run, process_of, room, signal, wait_for};
 use crate::requirements::missing;

@@ -1,5 +1,5 @@
 //! Depth as OpenEXR: one part of scan lines, halves or floats in metres, not compressed or by RLE or
-//! zlib, as Record3D, Blender, OpenCV and tinyexr write it.
+//! zlib.
 
 use super::{check_size, damaged, raw_of_metres};
 use crate::ImageError;
@@ -266,9 +266,9 @@ fn unpacked(packed: &[u8], n_expected: usize, compression: u8) -> Result<Vec<u8>
         1 => runs(packed, n_expected)?,
         _ => {
             let mut bytes = Vec::new();
-            let read = ZlibDecoder::new(packed).take((n_expected as u64).saturating_add(1));
-            let mut read = read;
-            read.read_to_end(&mut bytes).map_err(|error| damaged("OpenEXR", &error))?;
+            let most = (n_expected as u64).saturating_add(1);
+            let read = ZlibDecoder::new(packed).take(most).read_to_end(&mut bytes);
+            read.map_err(|error| damaged("OpenEXR", &error))?;
             bytes
         }
     };

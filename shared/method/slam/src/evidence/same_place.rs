@@ -122,7 +122,7 @@ impl PlaceEvidence {
     }
 
     /// As [`Self::llr_nats`], or against another place whose surfaces are the same, as those of the storeys of a
-    /// building, by features alone: whichever is less.
+    /// building, by features alone: the lesser of the two.
     pub(crate) fn against_twins_nats(&self) -> f64 {
         let is_by_features = self.makes_a_pose() || self.missing > 0.0;
         let twins = if is_by_features { self.weigh(&ALIKE) } else { f64::INFINITY };

@@ -49,7 +49,7 @@ impl Meter {
     pub(super) fn time<T>(&mut self, work: impl FnOnce() -> T) -> T {
         let (cpu, began) = (cpu_nanos(), monotonic_nanos());
         let done = work();
-        // What follows belongs to no step, whichever was the last.
+        // What follows belongs to no step, not to the last one either.
         self.steps().leave();
         self.distributions.phase(Phase::Computing, monotonic_nanos().saturating_sub(began));
         self.cpu_nanos += cpu_nanos().saturating_sub(cpu);

@@ -226,7 +226,7 @@ fn poses(
     Ok(poses)
 }
 
-/// Columns and rows of depth: as `metadata` says, else by what the first images hold, and of LZFSE the
+/// Columns and rows of depth: as in `metadata`, else by what the first images hold, and of LZFSE the
 /// shape of colour.
 fn depth_size(
     files: &Files,
