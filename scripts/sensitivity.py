@@ -30,7 +30,7 @@ SEQUENCES = {
     "d435_office_400, colour halved": ["{data}/d435_office_400", "--frames", "150", "--colour", "halved"],
 }
 CONSTANT = re.compile(
-    r"^( *)(pub(?:\(crate\))? )?const ([A-Z][A-Z0-9_]*): (f64|f32|u32|u64|i64|usize|i32) = ([^;]*);", re.M
+    r"^( *)(pub(?:\(crate\))? )?const ([A-Z][A-Z0-9_]*): (f64|f32|u32|u64|i64|usize|i32) = ([^;{]*);", re.M
 )
 # What no name is replaced in: imports, comments, strings.
 KEPT = re.compile(r'(^ *(?:pub(?:\(crate\))? )?use [^;]*;|//[^\n]*|"(?:[^"\\]|\\.)*")', re.M)
@@ -52,8 +52,7 @@ def rewritten(text, path, names, left_out):
             return match[0]
         key = f"{path}::{name}"
         names.append(key)
-        value = value if kind.startswith("f") else re.sub(r"^([0-9_]+)$", r"\1.0", value)
-        body = f'crate::sensitivity::value("{key}", ({value}) as f64) as {kind}'
+        body = f'{{ let usual: {kind} = {value}; crate::sensitivity::value("{key}", usual as f64) as {kind} }}'
         once = f"static V: std::sync::OnceLock<{kind}> = std::sync::OnceLock::new(); *V.get_or_init(|| {body})"
         # `##`: a name that is defined is not called.
         return f"{indent}#[allow(non_snake_case)]\n{indent}{visible or ''}fn {name}##() -> {kind} {{ {once} }}"
@@ -90,7 +89,8 @@ def copy_with_factors(folder, left_out):
     for path in (folder / "shared/tools/offline/src").rglob("*.rs"):
         parts = KEPT.split(path.read_text())
         for k in range(0, len(parts), 2):
-            parts[k] = re.sub(r"(Settings::[A-Z][A-Z0-9_]+)\b(?!\()", r"\1()", parts[k])
+            of_method = rf"((?:Global|Window|Loop|Relocalise)Settings::(?:{'|'.join(sorted(public))}))\b(?!\()"
+            parts[k] = re.sub(of_method, r"\1()", parts[k])
         path.write_text("".join(parts))
     return names
 

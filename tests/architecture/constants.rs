@@ -4,7 +4,7 @@ use crate::code;
 
 /// Numeric constants of `shared/method/slam` outside of tests, fields of settings aside. Lower it with each
 /// one that is derived or estimated instead; 80 is the aim.
-const MOST_CONSTANTS: usize = 164;
+const MOST_CONSTANTS: usize = 162;
 
 /// Whether a line defines a constant that is a number, or several.
 fn is_number(line: &str) -> bool {
@@ -21,9 +21,12 @@ fn is_number(line: &str) -> bool {
 
 #[test]
 fn the_method_decides_with_no_more_numbers_than_before() {
+    // Modules that are compiled for tests alone.
+    let is_test = |name: &str| name.starts_with("test_") || name.ends_with("_tests");
     let n = code("shared/method/slam/src")
-        .values()
-        .flat_map(|text| text.lines())
+        .iter()
+        .filter(|(path, _)| !path.file_stem().and_then(|name| name.to_str()).is_some_and(is_test))
+        .flat_map(|(_, text)| text.lines())
         .filter(|l| is_number(l))
         .count();
     assert!(n > 0 && n <= MOST_CONSTANTS, "{n} numeric constants, at most {MOST_CONSTANTS}");
