@@ -71,6 +71,7 @@ impl Supply for Clocked<'_> {
             return Ok(Supplied::NotBefore(begin));
         }
         turn.ports.pulse.working(index);
+        self.frames.go_to(index, &mut turn.ports.pulse);
         let (prepared, problem) = self.frames.prepare(index..index + 1, &turn.ports.frames)?;
         self.readings.note(monotonic_nanos().saturating_sub(now));
         *next += 1;

@@ -52,6 +52,11 @@ impl<'a> Frames<'a> {
         }
     }
 
+    /// Before the first frame that a life of the sensor reads, and where reading begins anew.
+    pub(super) fn go_to(&self, index: u64, pulse: &mut Pulse) {
+        self.source.go_to(index, &mut || pulse.progress());
+    }
+
     /// Sensor time of a frame.
     pub(super) fn stamp_nanos(&self, index: u64) -> Option<i64> {
         self.source.stamp_nanos(index)

@@ -34,6 +34,7 @@ impl<'a> ReadAhead<'a> {
         // The first of a life is waited for; it comes soonest alone.
         let is_first = turn.ports.pulse.beat.frames == 0 && self.ready.is_empty();
         let n = if is_first { 1 } else { self.batch as u64 };
+        self.frames.go_to(self.next, &mut turn.ports.pulse);
         let end = self.frames.n_frames.min(self.next + n);
         let (prepared, problem) = self.frames.prepare(self.next..end, &turn.ports.frames)?;
         self.next += prepared.len() as u64;

@@ -6,6 +6,7 @@ mod buffers;
 mod neighbours;
 mod node;
 mod own_sockets;
+mod participants;
 mod raw;
 mod service;
 

@@ -89,6 +89,10 @@ pub trait Source: Send + Sync {
     /// slices then hold anything, but for [`SourceError::Colour`], where depth is whole.
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError>;
 
+    /// Makes reading from that frame on quick, with a sign of life now and then where that takes long: a video is
+    /// decoded from its beginning. What is read is the same without.
+    fn go_to(&self, _index: u64, _alive: &mut dyn FnMut()) {}
+
     /// The colour image of a frame as its own camera took it; `None` where [`Self::read`] gives it as it was
     /// taken, or there is none.
     ///

@@ -60,6 +60,10 @@ impl Source for ReducedSource {
         self.source.colour_as_taken(index)
     }
 
+    fn go_to(&self, index: u64, alive: &mut dyn FnMut()) {
+        self.source.go_to(index, alive);
+    }
+
     fn ground_truth(&self) -> Option<&Trajectory> {
         self.source.ground_truth()
     }

@@ -48,6 +48,10 @@ impl Source for SkippedSource {
         self.source.colour_as_taken(self.inner(index))
     }
 
+    fn go_to(&self, index: u64, alive: &mut dyn FnMut()) {
+        self.source.go_to(self.inner(index), alive);
+    }
+
     fn ground_truth(&self) -> Option<&Trajectory> {
         self.source.ground_truth()
     }

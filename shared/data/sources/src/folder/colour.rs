@@ -139,7 +139,7 @@ const MOST_TRIED: usize = 5;
 
 /// Columns and rows of those of some images, spread over all, that can be read.
 fn sizes(files: &Files, images: &[ListEntry]) -> Vec<(u32, u32)> {
-    let size_of = |entry: &ListEntry| decode::size(&files.read(&entry.file).ok()?).ok();
+    let size_of = |entry: &ListEntry| files.size_of(&entry.file);
     some(images).filter_map(size_of).collect()
 }
 

@@ -2,6 +2,7 @@
 
 use super::codec::DepthCodec;
 use super::layouts;
+use super::video::Video;
 use super::zip::ZipFile;
 use crate::{ImageError, SourceError};
 use std::path::{Path, PathBuf};
@@ -12,17 +13,19 @@ use tessera_frames::decode;
 pub(super) struct Files {
     root: PathBuf,
     zip: Option<ZipFile>,
+    /// A video whose frames are files too.
+    pub(super) video: Option<Video>,
 }
 
 impl Files {
     pub(super) fn folder(root: &Path) -> Self {
-        Self { root: root.to_owned(), zip: None }
+        Self { root: root.to_owned(), zip: None, video: None }
     }
 
     /// # Errors
     /// It is no whole zip file.
     pub(super) fn zip(file: &Path) -> Result<Self, SourceError> {
-        Ok(Self { root: file.to_owned(), zip: Some(ZipFile::open(file)?) })
+        Ok(Self { root: file.to_owned(), zip: Some(ZipFile::open(file)?), video: None })
     }
 
     /// The folder or zip file.
@@ -35,13 +38,29 @@ impl Files {
         self.root.join(file)
     }
 
+    /// The video that has this image, and the number of the image there.
+    fn frame_of(&self, file: &Path) -> Option<(&Video, u64)> {
+        let video = self.video.as_ref()?;
+        Some((video, video.number_of(file)?))
+    }
+
+    /// Columns and rows of a colour image that can be read.
+    pub(super) fn size_of(&self, file: &Path) -> Option<(u32, u32)> {
+        match self.frame_of(file) {
+            // All are alike, and none is decoded for it.
+            Some((video, _)) => Some(video.size),
+            None => decode::size(&self.read(file).ok()?).ok(),
+        }
+    }
+
     /// The path under which any program finds the file, if there is one.
     pub(super) fn own_path(&self, file: &Path) -> Option<PathBuf> {
-        self.zip.is_none().then(|| self.root.join(file))
+        (self.zip.is_none() && self.frame_of(file).is_none()).then(|| self.root.join(file))
     }
 
     pub(super) fn is_file(&self, file: &Path) -> bool {
         match &self.zip {
+            _ if self.frame_of(file).is_some() => true,
             Some(zip) => zip.is_file(file),
             None => self.root.join(file).is_file(),
         }
@@ -58,6 +77,9 @@ impl Files {
     /// # Errors
     /// It cannot be read.
     pub(super) fn read(&self, file: &Path) -> Result<Vec<u8>, ImageError> {
+        if let Some((video, number)) = self.frame_of(file) {
+            return video.read(number);
+        }
         match &self.zip {
             Some(zip) => zip.read(file),
             None => std::fs::read(self.root.join(file)).map_err(ImageError::Io),
@@ -69,6 +91,9 @@ impl Files {
     /// # Errors
     /// It is not there, or not whole.
     pub(super) fn inspect(&self, file: &Path, codec: Option<DepthCodec>) -> Result<(), ImageError> {
+        if self.frame_of(file).is_some() {
+            return Ok(());
+        }
         match (&self.zip, codec) {
             (Some(zip), Some(codec)) => codec.inspect_bytes(&zip.read(file)?),
             (Some(zip), None) => decode::inspect_bytes(&zip.read(file)?),

@@ -8,6 +8,7 @@ mod list;
 mod lzfse;
 mod names;
 mod pairs;
+mod video;
 mod zip;
 
 use crate::{ImageError, SourceError, SourceOptions};
@@ -107,6 +108,8 @@ impl FolderSource {
     ) -> Result<Self, SourceError> {
         let FoundLayout { layout, mut camera, mut camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
+        let mut files = files;
+        files.video = found.video;
         let file = asked.camera_file(files.root())?.map(|(file, _)| file);
         let is_distance = file.as_ref().is_some_and(|file| file.is_distance);
         let stated = file.and_then(|file| file.colour);
@@ -262,6 +265,16 @@ impl Source for FolderSource {
         let Some(colour) = self.colour_of(at) else { return Ok(None) };
         let own = self.files.own_path(&colour.file);
         self.image(index, &colour.file, |bytes| self.colour_images.as_taken(bytes, own))
+    }
+
+    fn go_to(&self, index: u64, alive: &mut dyn FnMut()) {
+        let at = usize::try_from(index).ok();
+        let image = at.and_then(|at| self.colour.get(at..)?.iter().flatten().next());
+        if let Some((video, image)) = self.files.video.as_ref().zip(image)
+            && let Some(number) = video.number_of(&image.file)
+        {
+            video.go_to(number, alive);
+        }
     }
 
     fn ground_truth(&self) -> Option<&Trajectory> {

@@ -22,6 +22,7 @@ mod unread;
 
 use super::codec::DepthCodec;
 use super::list::ListEntry;
+use super::video::Video;
 use crate::SourceError;
 pub(super) use asked::Asked;
 use asked::ChosenCamera;
@@ -47,6 +48,8 @@ pub(super) struct FoundLayout {
     pub(super) lens: Option<OtherLens>,
     pub(super) depth: Vec<ListEntry>,
     pub(super) colour: Vec<ListEntry>,
+    /// The video that colour is in.
+    pub(super) video: Option<Video>,
     /// Why there is no colour, where that is known.
     pub(super) no_colour: Option<String>,
     /// `None`: colour of the size of depth is registered to it.
@@ -77,6 +80,7 @@ impl FoundLayout {
             lens: chosen.lens,
             depth,
             colour,
+            video: None,
             no_colour: None,
             colour_camera: None,
             codec: DepthCodec::Png,

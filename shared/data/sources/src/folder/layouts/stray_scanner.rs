@@ -1,9 +1,10 @@
 //! Stray Scanner (iPhone): `depth/000000.png` in millimetres, `confidence/000000.png` (0, 1, 2),
-//! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`, whose
-//! images are read where they were written to `rgb/000000.jpg`.
+//! `camera_matrix.csv` of the video, `odometry.csv` with times and poses of ARKit, `rgb.mp4`, read
+//! by ffmpeg where that is there, and its images where they were written to `rgb/000000.jpg`.
 
 use super::super::list::ListEntry;
 use super::super::names::nanos_of;
+use super::super::video::Video;
 use super::asked::ChosenCamera;
 use super::files::{self, numbered, numbers, pinhole, size_of, some_depth, text, wrong};
 use super::pose::Poses;
@@ -24,6 +25,7 @@ const VIDEO_IMAGES: &str = "rgb";
 /// Writes them: one for each frame of the video. Without `-fps_mode` ffmpeg makes its uneven times even, by
 /// images that it repeats and drops.
 const WRITE_IMAGES: &str = "ffmpeg -i rgb.mp4 -fps_mode passthrough -start_number 0 rgb/%06d.jpg";
+const VIDEO_FILE: &str = "rgb.mp4";
 const UNITS_PER_METRE: f64 = 1000.0;
 
 pub(super) fn is(folder: &Path) -> bool {
@@ -57,10 +59,27 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let video_images = numbered(folder, VIDEO_IMAGES, "", &[".jpg", ".png"]);
     let n_beyond = video_images.iter().filter(|image| !odometry.contains_key(&image.number)).count();
     let mut colour: Vec<ListEntry> = video_images.iter().filter_map(of_video).collect();
+    let is_asked = colour.is_empty() && !asked.is_without_colour && folder.join(VIDEO_FILE).is_file();
+    let video = is_asked.then(|| Video::open(folder, VIDEO_FILE));
+    if let Some(Ok(video)) = &video {
+        let rows = odometry.iter().filter(|(number, _)| **number < video.n_frames);
+        colour = rows
+            .map(|(number, (stamp_nanos, _))| ListEntry {
+                stamp_nanos: *stamp_nanos,
+                file: video.name_of(*number),
+            })
+            .collect();
+    }
     colour.sort_by_key(|entry| entry.stamp_nanos);
     let colour_camera = match colour.is_empty() {
         true => None,
-        false => Some(camera_of(&folder.join("camera_matrix.csv"), size_of(folder, &colour)?)?),
+        false => {
+            let size = match &video {
+                Some(Ok(video)) => video.size,
+                _ => size_of(folder, &colour)?,
+            };
+            Some(camera_of(&folder.join("camera_matrix.csv"), size)?)
+        }
     };
     let mut found = FoundLayout::new(NAME, camera, depth, colour);
     // ARKit registers depth to colour: one camera at two sizes.
@@ -72,10 +91,14 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.ground_truth = poses.finish();
     found.notes.push(("ground truth of", "ARKit (odometry.csv): an estimate too".to_owned()));
-    if folder.join("rgb.mp4").is_file() {
-        found.no_colour = Some(format!(
-            "it is a video (rgb.mp4), which is not read: in the folder mkdir rgb && {WRITE_IMAGES}"
-        ));
+    match video {
+        Some(Ok(video)) => found.take_video(video, odometry.len()),
+        Some(Err(reason)) => {
+            found.no_colour = Some(format!(
+                "it is a video ({VIDEO_FILE}), and {reason}; its images are read too: in the folder mkdir rgb && {WRITE_IMAGES}"
+            ));
+        }
+        None => {}
     }
     if n_beyond > 0 {
         found.warnings.push(format!(
@@ -89,6 +112,20 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         ));
     }
     Ok(found)
+}
+
+impl FoundLayout {
+    /// Colour is in the video: whether it has as many frames as there are rows is said.
+    fn take_video(&mut self, video: Video, n_rows: usize) {
+        let n = video.n_frames;
+        self.notes.push(("video", format!("{VIDEO_FILE}, {n} frames, decoded by ffmpeg")));
+        if n != n_rows as u64 {
+            self.warnings.push(format!(
+                "{VIDEO_FILE} has {n} frames, odometry.csv {n_rows} rows: colour may be of other frames than depth"
+            ));
+        }
+        self.video = Some(video);
+    }
 }
 
 /// Time and pose of each frame: columns `timestamp, frame, x, y, z, qx, qy, qz, qw`, and more.
