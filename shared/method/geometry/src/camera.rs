@@ -181,7 +181,7 @@ impl Camera {
     }
 
     /// Distorts normalised image coordinates `(x/z, y/z)`.
-    #[inline]
+    #[inline(always)]
     pub fn distort(&self, x: f64, y: f64) -> (f64, f64) {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = x * x + y * y;
@@ -193,6 +193,7 @@ impl Camera {
     }
 
     /// The derivative of [`Self::distort`], a symmetric matrix `[a b; b d]` as `[a, b, d]`.
+    #[inline(always)]
     pub fn distortion_slope(&self, x: f64, y: f64) -> [f64; 3] {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = x * x + y * y;
@@ -205,7 +206,7 @@ impl Camera {
     }
 
     /// Undistorts normalised image coordinates by Newton's method with a numeric safeguard.
-    #[inline]
+    #[inline(always)]
     pub fn undistort(&self, xd: f64, yd: f64) -> (f64, f64) {
         let (mut x, mut y) = (xd, yd);
         if !self.is_distorted() {
@@ -241,7 +242,7 @@ impl Camera {
     }
 
     /// Ray `(x/z, y/z, 1)` through a pixel.
-    #[inline]
+    #[inline(always)]
     pub fn ray(&self, row: f64, column: f64) -> Vector3<f64> {
         let (x, y) = self.undistort((column - self.cx) / self.fx, (row - self.cy) / self.fy);
         Vector3::new(x, y, 1.0)

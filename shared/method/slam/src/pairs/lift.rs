@@ -94,7 +94,11 @@ impl Lifter<'_> {
         let focal_px = camera.focal_px() * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
         let beside = self.vertex_at(depth_row, depth_column);
-        let depth = beside.and_then(|(vertex, _)| self.meet(&origin, &direction, vertex.position[2]));
+        // A match, not a closure: that would be compiled apart, for the oldest processors.
+        let depth = match beside {
+            Some((vertex, _)) => self.meet(&origin, &direction, vertex.position[2]),
+            None => None,
+        };
         let ray = [direction.x, direction.y];
         let Some((position_m, slope)) = depth else { return Observation { ray, ray_sigma, point: None } };
         // Seen from the depth camera's own centre, which the ray misses by the motion during the lag.
