@@ -158,8 +158,12 @@ fn maxima(
             continue;
         }
         let kept = suppress(rows, first, floor);
-        for (word, bytes) in kept.chunks_exact(8).enumerate() {
-            let mut bits = bytes.iter().rev().fold(0u64, |word, &byte| word << 8 | u64::from(byte));
+        // Most runs with a score have no maximum.
+        if kept.iter().fold(0, |any, &score| any | score) == 0 {
+            continue;
+        }
+        for (word, bytes) in kept.as_chunks().0.iter().enumerate() {
+            let mut bits = u64::from_le_bytes(*bytes);
             while bits != 0 {
                 let byte = bits.trailing_zeros() as usize / 8;
                 bits &= !(0xff << (8 * byte));

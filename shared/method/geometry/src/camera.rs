@@ -181,6 +181,7 @@ impl Camera {
     }
 
     /// Distorts normalised image coordinates `(x/z, y/z)`.
+    #[inline(always)]
     pub fn distort(&self, x: f64, y: f64) -> (f64, f64) {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = x * x + y * y;
@@ -192,6 +193,7 @@ impl Camera {
     }
 
     /// The derivative of [`Self::distort`], a symmetric matrix `[a b; b d]` as `[a, b, d]`.
+    #[inline(always)]
     pub fn distortion_slope(&self, x: f64, y: f64) -> [f64; 3] {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = x * x + y * y;
@@ -204,6 +206,7 @@ impl Camera {
     }
 
     /// Undistorts normalised image coordinates by Newton's method with a numeric safeguard.
+    #[inline(always)]
     pub fn undistort(&self, xd: f64, yd: f64) -> (f64, f64) {
         let (mut x, mut y) = (xd, yd);
         if !self.is_distorted() {
@@ -229,6 +232,7 @@ impl Camera {
     }
 
     /// Pixel `(row, column)` of a point in the camera frame; `None` behind the camera.
+    #[inline]
     pub fn project(&self, point: &Vector3<f64>) -> Option<(f64, f64)> {
         if !(point.z > 0.0) {
             return None;
@@ -238,12 +242,14 @@ impl Camera {
     }
 
     /// Ray `(x/z, y/z, 1)` through a pixel.
+    #[inline(always)]
     pub fn ray(&self, row: f64, column: f64) -> Vector3<f64> {
         let (x, y) = self.undistort((column - self.cx) / self.fx, (row - self.cy) / self.fy);
         Vector3::new(x, y, 1.0)
     }
 
     /// Seconds between the exposure of `row` and the frame's stamp (method 1.6).
+    #[inline]
     pub fn row_time_s(&self, row: f64) -> f64 {
         ((row + 0.5) / f64::from(self.height) - 0.5) * self.readout_s
     }

@@ -183,6 +183,7 @@ impl PoseSearch<'_> {
 }
 
 /// Inliers, information and error of the refined pose; `None` where it is not good enough.
+#[inline(always)]
 fn judged(
     target_from_query: &Pose,
     guess: Option<usize>,

@@ -7,6 +7,7 @@ use tessera_geometry::{Pose, Twist, compose_normalised};
 
 /// Squared normalised error of an inlier at most: the same share of a chi-square distribution of
 /// two and of three dimensions.
+#[inline(always)]
 pub(crate) fn limit_sq(residual: &ReprojectionResidual, inlier_sigmas: f64) -> f64 {
     let of_dimensions = if residual.n_dimensions > 2.5 { 1.25 } else { 1.0 };
     inlier_sigmas * inlier_sigmas * of_dimensions
@@ -20,6 +21,7 @@ const STILL_SQ: f64 = 0.01;
 
 /// Least squares with the weights of Geman and McClure from a first pose; `None` where the
 /// correspondences near it do not determine a pose.
+#[inline(always)]
 pub(crate) fn refine(
     correspondences: &[Correspondence],
     start: &Pose,

@@ -36,6 +36,7 @@ impl ColourModel {
 
     /// Pixel `[row, column]` of the depth image that looks in the direction of a pixel of the colour
     /// image, both without distortion.
+    #[inline(always)]
     pub(crate) fn pixel_of_depth(&self, camera: &Camera, row: f64, column: f64) -> [f64; 2] {
         [
             (row - camera.cy) / self.focal_ratio + camera.cy,
@@ -45,6 +46,7 @@ impl ColourModel {
 
     /// Pixel `[row, column]` of the colour image in which a point of the camera's frame is seen, the
     /// motion during the lag left out.
+    #[inline(always)]
     pub(crate) fn pixel(&self, camera: &Camera, point: &Vector3<f64>) -> Option<[f64; 2]> {
         let (row, column) = camera.project(point)?;
         Some([

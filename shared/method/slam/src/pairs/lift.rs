@@ -17,17 +17,20 @@ const MIN_COSINE: f64 = 0.2;
 const MAX_DEPTH_STEP: f64 = 0.1;
 
 /// A point moved by `exp(velocity seconds)`, as the series up to the second order.
+#[inline(always)]
 fn moved(p: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
     let first = velocity.phi.cross(p) + velocity.rho;
     p + first * seconds + velocity.phi.cross(&first) * (0.5 * seconds * seconds)
 }
 
 /// A direction turned by `exp(velocity seconds)`, as the series up to the second order.
+#[inline(always)]
 fn turned(d: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
     let first = velocity.phi.cross(d);
     d + first * seconds + velocity.phi.cross(&first) * (0.5 * seconds * seconds)
 }
 
+#[inline(always)]
 fn vector(v: [f32; 3]) -> Vector3<f64> {
     Vector3::from(v.map(f64::from))
 }
@@ -41,14 +44,32 @@ pub(crate) fn lift(
     surface: &SurfaceView<'_>,
     velocity: &Twist,
 ) -> Vec<Observation> {
-    let lifter = Lifter { context, surface, velocity };
-    let observe = |(place, feature): (usize, &Feature)| {
-        if let Some(next) = features.get(place + AHEAD) {
-            lifter.read_ahead(next);
+    let arch = context.registration.isa.arch();
+    arch.dispatch(Lift { lifter: Lifter { context, surface, velocity }, features })
+}
+
+/// All features lifted, compiled for each instruction set: rounding down is an instruction on most, and a
+/// call where the oldest processors are served as well.
+struct Lift<'a> {
+    lifter: Lifter<'a>,
+    features: &'a [Feature],
+}
+
+impl pulp::WithSimd for Lift<'_> {
+    type Output = Vec<Observation>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> Vec<Observation> {
+        let Self { lifter, features } = self;
+        let mut observations = Vec::with_capacity(features.len());
+        for (place, feature) in features.iter().enumerate() {
+            if let Some(next) = features.get(place + AHEAD) {
+                lifter.read_ahead(next);
+            }
+            observations.push(lifter.observe(feature));
         }
-        lifter.observe(feature)
-    };
-    features.iter().enumerate().map(observe).collect()
+        observations
+    }
 }
 
 /// So many features before a feature's turn its vertex is asked for.
@@ -61,6 +82,7 @@ struct Lifter<'a> {
 }
 
 impl Lifter<'_> {
+    #[inline(always)]
     fn observe(&self, feature: &Feature) -> Observation {
         let camera = &self.context.camera;
         let [depth_row, depth_column] = self.pixel_of_depth(feature);
@@ -72,7 +94,11 @@ impl Lifter<'_> {
         let focal_px = camera.focal_px() * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
         let beside = self.vertex_at(depth_row, depth_column);
-        let depth = beside.and_then(|(vertex, _)| self.meet(&origin, &direction, vertex.position[2]));
+        // A match, not a closure: that would be compiled apart, for the oldest processors.
+        let depth = match beside {
+            Some((vertex, _)) => self.meet(&origin, &direction, vertex.position[2]),
+            None => None,
+        };
         let ray = [direction.x, direction.y];
         let Some((position_m, slope)) = depth else { return Observation { ray, ray_sigma, point: None } };
         // Seen from the depth camera's own centre, which the ray misses by the motion during the lag.
@@ -86,6 +112,7 @@ impl Lifter<'_> {
 
     /// Where a ray meets the surface, and the tangent of the angle at which it does; `about_m` is about
     /// the depth there.
+    #[inline(always)]
     fn meet(
         &self,
         origin: &Vector3<f64>,
@@ -109,6 +136,7 @@ impl Lifter<'_> {
     }
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
+    #[inline(always)]
     fn vertex(&self, point: &Vector3<f64>) -> Option<(Vertex, usize)> {
         let camera = &self.context.camera;
         let (mut row, mut column) = camera.project(point)?;
@@ -119,11 +147,13 @@ impl Lifter<'_> {
         self.vertex_at(row, column)
     }
 
+    #[inline(always)]
     fn pixel_of_depth(&self, feature: &Feature) -> [f64; 2] {
         let [row, column] = feature.pixel.map(f64::from);
         self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
+    #[inline(always)]
     fn read_ahead(&self, feature: &Feature) {
         let [row, column] = self.pixel_of_depth(feature);
         if let Some((vertex, _)) = self.cell_at(row, column) {
@@ -132,12 +162,14 @@ impl Lifter<'_> {
     }
 
     /// The vertex of the cell of a pixel of the depth image, and its row.
+    #[inline(always)]
     fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
         let (vertex, row) = self.cell_at(row, column)?;
         vertex.is_inner().then_some((*vertex, row))
     }
 
     /// As [`Self::vertex_at`], whatever the vertex is; its memory is not read.
+    #[inline(always)]
     fn cell_at(&self, row: f64, column: f64) -> Option<(&Vertex, usize)> {
         let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {

@@ -110,8 +110,9 @@ impl PairFinder {
         let gates = reach.radius_px.map(|radius_px| {
             self.gates.clear();
             let context = target.session.map_or(Cow::Borrowed(context), |session| context.of(session));
-            let gate = |o: &Observation| gate(&context, guess, o, radius_px);
-            self.gates.extend(query.observations.iter().map(gate));
+            let arch = context.registration.isa.arch();
+            let (context, observations, gates) = (&*context, query.observations, &mut self.gates);
+            arch.dispatch(Predict { context, guess, observations, radius_px, gates });
             self.gates.as_slice()
         });
         let matches =
@@ -124,6 +125,29 @@ impl PairFinder {
     }
 }
 
+/// The gates of all observations, compiled for each instruction set.
+struct Predict<'a> {
+    context: &'a Context,
+    /// `target_from_query`.
+    guess: &'a Pose,
+    observations: &'a [Observation],
+    radius_px: f64,
+    gates: &'a mut Vec<Gate>,
+}
+
+impl pulp::WithSimd for Predict<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) {
+        let Self { context, guess, observations, radius_px, gates } = self;
+        for observation in observations {
+            gates.push(gate(context, guess, observation, radius_px));
+        }
+    }
+}
+
+#[inline(always)]
 fn gate(context: &Context, guess: &Pose, o: &Observation, radius_px: f64) -> Gate {
     let usual = || Vector3::new(o.ray[0], o.ray[1], 1.0) * USUAL_DEPTH_M;
     let point = o.point.map_or_else(usual, |p| p.position_m);
