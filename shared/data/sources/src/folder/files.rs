@@ -14,12 +14,17 @@ pub(super) struct Files {
     root: PathBuf,
     zip: Option<ZipFile>,
     /// A video whose frames are files too.
-    pub(super) video: Option<Video>,
+    video: Option<Video>,
 }
 
 impl Files {
     pub(super) fn folder(root: &Path) -> Self {
         Self { root: root.to_owned(), zip: None, video: None }
+    }
+
+    /// With the frames of a video of the folder.
+    pub(super) fn with_video(self, video: Option<Video>) -> Self {
+        Self { video, ..self }
     }
 
     /// # Errors
@@ -42,6 +47,13 @@ impl Files {
     fn frame_of(&self, file: &Path) -> Option<(&Video, u64)> {
         let video = self.video.as_ref()?;
         Some((video, video.number_of(file)?))
+    }
+
+    /// Decodes what lies before an image of the video, with signs of life.
+    pub(super) fn go_to(&self, file: &Path, alive: &mut dyn FnMut()) {
+        if let Some((video, number)) = self.frame_of(file) {
+            video.go_to(number, alive);
+        }
     }
 
     /// Columns and rows of a colour image that can be read.

@@ -82,8 +82,9 @@ impl FolderSource {
             return Err(SourceError::NoFolder { path: folder.to_owned() });
         }
         let asked = Asked::new(options)?;
-        let found = layouts::read(folder, &asked)?;
-        Self::new(Files::folder(folder), found, &asked, options.frames)
+        let mut found = layouts::read(folder, &asked)?;
+        let files = Files::folder(folder).with_video(found.video.take());
+        Self::new(files, found, &asked, options.frames)
     }
 
     /// Opens a zip file that is a recording of Record3D (`.r3d`); `None`: it is another one.
@@ -108,8 +109,6 @@ impl FolderSource {
     ) -> Result<Self, SourceError> {
         let FoundLayout { layout, mut camera, mut camera_from, mut depth, colour, colour_camera, .. } = found;
         let mut warnings = found.warnings;
-        let mut files = files;
-        files.video = found.video;
         let file = asked.camera_file(files.root())?.map(|(file, _)| file);
         let is_distance = file.as_ref().is_some_and(|file| file.is_distance);
         let stated = file.and_then(|file| file.colour);
@@ -269,11 +268,8 @@ impl Source for FolderSource {
 
     fn go_to(&self, index: u64, alive: &mut dyn FnMut()) {
         let at = usize::try_from(index).ok();
-        let image = at.and_then(|at| self.colour.get(at..)?.iter().flatten().next());
-        if let Some((video, image)) = self.files.video.as_ref().zip(image)
-            && let Some(number) = video.number_of(&image.file)
-        {
-            video.go_to(number, alive);
+        if let Some(image) = at.and_then(|at| self.colour.get(at..)?.iter().flatten().next()) {
+            self.files.go_to(&image.file, alive);
         }
     }
 

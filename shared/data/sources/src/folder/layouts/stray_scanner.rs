@@ -62,13 +62,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let is_asked = colour.is_empty() && !asked.is_without_colour && folder.join(VIDEO_FILE).is_file();
     let video = is_asked.then(|| Video::open(folder, VIDEO_FILE));
     if let Some(Ok(video)) = &video {
-        let rows = odometry.iter().filter(|(number, _)| **number < video.n_frames);
-        colour = rows
-            .map(|(number, (stamp_nanos, _))| ListEntry {
-                stamp_nanos: *stamp_nanos,
-                file: video.name_of(*number),
-            })
-            .collect();
+        colour = frames_of(video, &odometry);
     }
     colour.sort_by_key(|entry| entry.stamp_nanos);
     let colour_camera = match colour.is_empty() {
@@ -91,14 +85,8 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.ground_truth = poses.finish();
     found.notes.push(("ground truth of", "ARKit (odometry.csv): an estimate too".to_owned()));
-    match video {
-        Some(Ok(video)) => found.take_video(video, odometry.len()),
-        Some(Err(reason)) => {
-            found.no_colour = Some(format!(
-                "it is a video ({VIDEO_FILE}), and {reason}; its images are read too: in the folder mkdir rgb && {WRITE_IMAGES}"
-            ));
-        }
-        None => {}
+    if let Some(video) = video {
+        found.take_video(video, odometry.len());
     }
     if n_beyond > 0 {
         found.warnings.push(format!(
@@ -114,9 +102,27 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     Ok(found)
 }
 
+/// The frames of the video that have a row.
+fn frames_of(video: &Video, odometry: &BTreeMap<u64, (i64, Pose)>) -> Vec<ListEntry> {
+    let entry = |(number, (stamp_nanos, _)): (&u64, &(i64, Pose))| ListEntry {
+        stamp_nanos: *stamp_nanos,
+        file: video.name_of(*number),
+    };
+    odometry.iter().filter(|(number, _)| **number < video.n_frames).map(entry).collect()
+}
+
 impl FoundLayout {
-    /// Colour is in the video: whether it has as many frames as there are rows is said.
-    fn take_video(&mut self, video: Video, n_rows: usize) {
+    /// Colour is in the video, or why it is not; whether it has as many frames as there are rows is stated.
+    fn take_video(&mut self, video: Result<Video, String>, n_rows: usize) {
+        let video = match video {
+            Ok(video) => video,
+            Err(reason) => {
+                self.no_colour = Some(format!(
+                    "it is a video ({VIDEO_FILE}), and {reason}; its images are read too: in the folder mkdir rgb && {WRITE_IMAGES}"
+                ));
+                return;
+            }
+        };
         let n = video.n_frames;
         self.notes.push(("video", format!("{VIDEO_FILE}, {n} frames, decoded by ffmpeg")));
         if n != n_rows as u64 {
@@ -139,7 +145,7 @@ fn odometry(path: &Path) -> Result<BTreeMap<u64, (i64, Pose)>, SourceError> {
         let quaternion = Quaternion::new(qw, qx, qy, qz);
         let is_pose =
             row.iter().take(9).all(|value| value.is_finite()) && (0.9..1.1).contains(&quaternion.norm());
-        if !(is_pose && time.abs() < 1e9 && frame >= 0.0) {
+        if !(is_pose && time.abs() < 9e9 && frame >= 0.0) {
             return Err(bad());
         }
         let pose = Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));

@@ -106,6 +106,8 @@ impl Video {
         if decoding.next > number || decoding.stream.is_none() {
             decoding.stream = Some(self.ffmpeg.decode(&self.path).map_err(|reason| damaged(&reason))?);
             decoding.next = 0;
+            // Later ones would push the one that is asked for out.
+            decoding.kept.clear();
         }
         let at = decoding.next;
         let image = match decoding.stream.as_mut().map(FrameStream::next) {
