@@ -43,11 +43,6 @@ impl Program {
         wait_for(words, || self.text.lock().unwrap().contains(words));
     }
 
-    /// How often it has printed this.
-    pub(crate) fn n_of(&self, words: &str) -> usize {
-        self.text.lock().unwrap().matches(words).count()
-    }
-
     /// All that it printed; it has ended.
     fn text(&mut self) -> String {
         self.printed.take().unwrap().join().unwrap();

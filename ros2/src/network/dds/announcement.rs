@@ -1,10 +1,5 @@
 //! What is said of locators in messages of discovery, changed in place (RTPS 2.5, 8.3 and 9.6).
 
-use std::net::{Ipv4Addr, SocketAddrV4};
-
-/// Where an RTPS message has its sender: magic, version and vendor come before.
-const PREFIX: std::ops::Range<usize> = 8..20;
-const MAGIC: &[u8] = b"RTPS";
 /// Submessages before which the header of a message stands.
 const HEADER: usize = 20;
 const DATA: u8 = 0x15;
@@ -24,16 +19,8 @@ const METATRAFFIC_MULTICAST: u16 = 0x0033;
 const DEFAULT_MULTICAST: u16 = 0x0048;
 /// A parameter of a vendor: who does not know it leaves it out.
 const OF_A_VENDOR: u16 = 0x8000;
-/// A locator: its kind, its port, 16 bytes of address.
-const LOCATOR: usize = 24;
-const UDP_V4: u32 = 1;
 /// Where a locator has its port, behind its kind.
 const PORT: std::ops::Range<usize> = 4..8;
-
-/// Who sent an RTPS message.
-pub(super) fn sender(datagram: &[u8]) -> Option<&[u8]> {
-    datagram.get(PREFIX).filter(|_| datagram.starts_with(MAGIC))
-}
 
 /// Takes multicast out of what others announce: they are spoken to by unicast alone.
 pub(super) fn take_out_multicast(message: &mut [u8]) {
@@ -55,47 +42,6 @@ pub(super) fn set_metatraffic_port(message: &mut [u8], port: u16) {
             place.copy_from_slice(&if is_little { port.to_le_bytes() } else { port.to_be_bytes() });
         }
     });
-}
-
-/// Where discovery is listened for, as announced: UDP over IPv4.
-pub(super) fn metatraffic(message: &mut [u8]) -> Vec<SocketAddrV4> {
-    let mut found = Vec::new();
-    for_parameters(message, &mut |id, is_little, _, value| {
-        if id == METATRAFFIC_UNICAST
-            && let Some((kind, port, address)) = locator(value, is_little)
-            && kind == UDP_V4
-        {
-            found.push(SocketAddrV4::new(address, port));
-        }
-    });
-    found
-}
-
-/// Says that discovery is listened for there, and nowhere else.
-pub(super) fn redirect_metatraffic(message: &mut [u8], to: SocketAddrV4) {
-    let mut is_first = true;
-    for_parameters(message, &mut |id, is_little, head, value| {
-        if id != METATRAFFIC_UNICAST {
-            return;
-        }
-        let is_said = std::mem::replace(&mut is_first, false) && value.len() == LOCATOR;
-        if !is_said {
-            let other = id | OF_A_VENDOR;
-            head.copy_from_slice(&if is_little { other.to_le_bytes() } else { other.to_be_bytes() });
-            return;
-        }
-        let number = |n: u32| if is_little { n.to_le_bytes() } else { n.to_be_bytes() };
-        let said = [number(UDP_V4), number(to.port().into()), [0; 4], [0; 4], [0; 4], to.ip().octets()];
-        value.copy_from_slice(said.as_flattened());
-    });
-}
-
-/// Kind, port and address of a locator.
-fn locator(value: &[u8], is_little: bool) -> Option<(u32, u16, Ipv4Addr)> {
-    let (words, _) = value.as_chunks::<4>();
-    let &[kind, port, _, _, _, address] = words else { return None };
-    let number = |bytes| if is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) };
-    Some((number(kind), u16::try_from(number(port)).ok()?, address.into()))
 }
 
 /// Calls `visit` with each parameter of what is announced: its id, whether it is little-endian, the bytes of
@@ -211,26 +157,12 @@ mod tests {
     }
 
     #[test]
-    fn others_are_spoken_to_at_one_place() {
-        let (to, other) =
-            (SocketAddrV4::new(Ipv4Addr::LOCALHOST, 4321), SocketAddrV4::new([127, 0, 0, 1].into(), 7410));
-        for (is_little, has_quality) in [(true, false), (false, false), (true, true), (false, true)] {
-            let mut message = announcement(is_little, has_quality);
-            assert_eq!(metatraffic(&mut message), [other]);
-            redirect_metatraffic(&mut message, to);
-            assert_eq!(metatraffic(&mut message), [to], "{is_little} {has_quality}");
-            assert_eq!(read(&mut message)[1], (0x33, 7410));
-        }
-    }
-
-    #[test]
     fn what_is_cut_off_or_none_of_discovery_stays_as_it_is() {
         let whole = announcement(true, true);
         for len in 0..whole.len() {
             let mut cut = whole[..len].to_vec();
             take_out_multicast(&mut cut);
             set_metatraffic_port(&mut cut, 9999);
-            redirect_metatraffic(&mut cut, SocketAddrV4::new(Ipv4Addr::LOCALHOST, 1));
             assert_eq!(cut.len(), len);
         }
         let mut of_a_user = announcement(true, false);

@@ -6,7 +6,6 @@ mod buffers;
 mod neighbours;
 mod node;
 mod own_sockets;
-mod participants;
 mod raw;
 mod service;
 
