@@ -5,10 +5,10 @@
     scripts/sensitivity.py --factor 0.5 --only motion_filter same_place
 
 A copy of the committed sources is made in a temporary folder, in which each numeric constant of
-shared/method/slam/src reads its factor from the environment; it is built once (release). Sequences are those of
-TESSERA_SHARED (default ../shared) /data. A constant is printed with the errors that it makes, the worst ratio to
+shared/method/slam/src reads its factor from the environment; it is built in release, once more for what is left out. Sequences are those
+of TESSERA_SHARED (default ../shared) /data. A constant is printed with the errors that it makes, the worst ratio to
 those with all constants as they are first; one that no sequence asks is counted, not printed. Constants that sizes
-of arrays or other constants are made of are left out, and named. Takes a quarter of an hour of one core.
+of arrays or other constants are made of are left out, and named. Takes some twenty minutes of one core.
 """
 
 import argparse

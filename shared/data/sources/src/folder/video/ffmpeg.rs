@@ -108,7 +108,7 @@ impl Ffmpeg {
 
 fn first_line(words: &[u8]) -> String {
     let words = String::from_utf8_lossy(words);
-    format!("ffmpeg: {}", words.lines().next().unwrap_or("it failed and does not say why"))
+    format!("ffmpeg: {}", words.lines().next().unwrap_or("it failed without a reason"))
 }
 
 /// Frames as they are decoded; the program ends with it.

@@ -45,7 +45,7 @@ impl Video {
     /// Counts the frames of a video and decodes the first.
     ///
     /// # Errors
-    /// A sentence: there is no ffmpeg on this machine, or what it says of the file.
+    /// A sentence: there is no ffmpeg on this machine, or its complaint about the file.
     pub(super) fn open(folder: &Path, file: &str) -> Result<Self, String> {
         Self::open_with(folder, file, "ffmpeg")
     }
@@ -93,6 +93,9 @@ impl Video {
     /// Decodes what lies before a frame, with a sign of life for each.
     pub(super) fn go_to(&self, number: u64, alive: &mut dyn FnMut()) {
         let mut decoding = self.decoding.lock().unwrap_or_else(PoisonError::into_inner);
+        if decoding.next > number && !decoding.kept.contains_key(&number) {
+            *decoding = Decoding { end: decoding.end.take(), ..Decoding::default() };
+        }
         while decoding.next < number && self.advance(&mut decoding, number).is_ok() {
             alive();
         }
