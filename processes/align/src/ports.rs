@@ -34,7 +34,7 @@ impl Ports {
             flow: link.flow_publisher()?,
             sensor: link.notifier(Stage::Sensor)?,
             optimise: link.notifier(Stage::Optimise)?,
-            pulse: Pulse::start(link, Stage::Align, &context.stopwatch)?,
+            pulse: Pulse::start(link, Stage::Align, context)?,
         })
     }
 

@@ -133,7 +133,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let link = context.link(Stage::Optimise)?;
     let listener = link.listener(Stage::Optimise)?;
     let align = link.notifier(Stage::Align)?;
-    let mut pulse = Pulse::start(&link, Stage::Optimise, &context.stopwatch)?;
+    let mut pulse = Pulse::start(&link, Stage::Optimise, &context)?;
     let mut base = BaseAnswers::open(&context)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);

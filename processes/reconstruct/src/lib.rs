@@ -37,7 +37,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
     let mut feed = Feed::open(&link, &context)?;
     let surfaces = link.surface_publisher()?;
     let align = link.notifier(Stage::Align)?;
-    let mut pulse = Pulse::start(&link, Stage::Reconstruct, &context.stopwatch)?;
+    let mut pulse = Pulse::start(&link, Stage::Reconstruct, &context)?;
     context.kill_points.pass("opened", 0);
     pulse.ready(None);
     loop {

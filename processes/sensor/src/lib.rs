@@ -44,7 +44,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         frames: link.frame_publisher()?,
         flow: link.flow_subscriber()?,
         reconstruct: link.notifier(Stage::Reconstruct)?,
-        pulse: Pulse::start(&link, Stage::Sensor, &context.stopwatch)?,
+        pulse: Pulse::start(&link, Stage::Sensor, &context)?,
     };
     context.kill_points.pass("opened", 0);
     ports.pulse.ready(None);

@@ -148,6 +148,16 @@ impl Message for Beat {
 }
 
 impl Beat {
+    /// The newest of the beats that were written one behind the other, as plain bytes of this machine.
+    pub fn last_of(bytes: &[u8]) -> Option<Self> {
+        bytes.chunks_exact(size_of::<Self>()).next_back().map(bytemuck::pod_read_unaligned)
+    }
+
+    /// As [`Beat::last_of`] reads it.
+    pub fn as_bytes(&self) -> &[u8] {
+        bytemuck::bytes_of(self)
+    }
+
     /// Checks the numbers that stand for names.
     ///
     /// # Errors
@@ -172,6 +182,14 @@ impl Beat {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_last_whole_beat_is_read() {
+        let [first, second] = [1, 2].map(|sequence| Beat { sequence, ..Beat::default() });
+        let bytes = [first.as_bytes(), second.as_bytes(), &first.as_bytes()[..9]].concat();
+        assert_eq!(Beat::last_of(&bytes), Some(second));
+        assert_eq!(Beat::last_of(&bytes[..9]), None);
+    }
 
     #[test]
     fn numbers_and_names_agree() {

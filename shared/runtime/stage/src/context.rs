@@ -79,7 +79,7 @@ pub struct StageContext {
     /// How long its steps take.
     pub stopwatch: Arc<Stopwatch>,
     /// Whether a supervisor starts this stage and cleans up after its death.
-    is_supervised: bool,
+    pub(crate) is_supervised: bool,
 }
 
 impl StageContext {

@@ -1,10 +1,12 @@
 //! Signs of life: what a stage is doing and has done, for the supervisor and for `status`.
 
 use crate::clock::{cpu_nanos, monotonic_nanos};
+use crate::context::StageContext;
 use crate::notify::SystemdNotifier;
 use crate::stopwatch::{Distributions, Stopwatch};
 use crate::tracer::{TraceEvent, Tracer};
 use hdrhistogram::Histogram;
+use std::io::Write;
 use std::sync::Arc;
 use tessera_messages::{Beat, BeatState, Latency, Phase, Stage, StageTimes, WaitingOn};
 use tessera_numerics::{Step, Steps};
@@ -39,6 +41,8 @@ pub struct Pulse {
     notifier: SystemdNotifier,
     has_output: bool,
     tracer: Option<Tracer>,
+    /// Whether standard output is a pipe to the supervisor, for the last beat alone.
+    is_supervised: bool,
 }
 
 impl Pulse {
@@ -46,7 +50,7 @@ impl Pulse {
     ///
     /// # Errors
     /// Where the service cannot be opened.
-    pub fn start(link: &Link, stage: Stage, stopwatch: &Arc<Stopwatch>) -> Result<Self, TransportError> {
+    pub fn start(link: &Link, stage: Stage, context: &StageContext) -> Result<Self, TransportError> {
         let mut beat = Beat {
             stage: stage.number(),
             pid: std::process::id(),
@@ -64,7 +68,7 @@ impl Pulse {
         let mut pulse = Self {
             publisher: link.beat_publisher()?,
             times_publisher: link.stage_times_publisher()?,
-            stopwatch: stopwatch.clone(),
+            stopwatch: context.stopwatch.clone(),
             distributions: Distributions::default(),
             waiting_since: None,
             beat,
@@ -75,6 +79,7 @@ impl Pulse {
             notifier: SystemdNotifier::from_environment(),
             has_output: false,
             tracer: Tracer::from_environment(stage.name()),
+            is_supervised: context.is_supervised,
         };
         pulse.notifier.ready();
         pulse.send();
@@ -186,12 +191,18 @@ impl Pulse {
         self.beat.end_to_end_counts.add(nanos);
     }
 
-    /// The last beat: all counters final.
+    /// The last beat: all counters final. It goes through the pipe too, for a life may be over before the supervisor
+    /// has connected with its publisher.
     pub fn finish(&mut self) {
         self.beat.state = BeatState::Finished as u32;
         self.beat.waiting_on = WaitingOn::Nothing as u32;
         self.beat.peak_rss_bytes = peak_rss_bytes();
         self.send();
+        if self.is_supervised {
+            let mut pipe = std::io::stdout().lock();
+            // Where it is closed there is no supervisor that could miss it.
+            let _ = pipe.write_all(self.beat.as_bytes()).and_then(|()| pipe.flush());
+        }
         self.notifier.stopping();
     }
 

@@ -3,11 +3,11 @@
 use crate::failure::SupervisorError;
 use crate::plan::Plan;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use tessera_messages::Stage;
+use tessera_messages::{Beat, Stage};
 use tessera_stage::{
     KILL_POINTS_VARIABLE, NOTIFY_VARIABLES, POISON_VARIABLE, RunFiles, STRUCK, StageError, TRACE_VARIABLE,
 };
@@ -38,7 +38,7 @@ pub(crate) fn spawn(
         .env_remove(POISON_VARIABLE)
         .env_remove(TRACE_VARIABLE)
         .stdin(Stdio::piped())
-        .stdout(Stdio::null())
+        .stdout(Stdio::piped())
         .stderr(log)
         .process_group(0);
     for name in NOTIFY_VARIABLES {
@@ -56,6 +56,17 @@ pub(crate) fn spawn(
         command.env(KILL_POINTS_VARIABLE, points.join(","));
     }
     command.spawn().map_err(failed)
+}
+
+/// The beat that a stage which ended by itself has left in its standard output.
+pub(crate) fn last_beat(child: &mut Child) -> Option<Beat> {
+    let mut pipe = child.stdout.take()?;
+    // A process that it started may have the pipe still.
+    rustix::fs::fcntl_setfl(&pipe, rustix::fs::OFlags::NONBLOCK).ok()?;
+    let mut bytes = Vec::new();
+    // Whatever was read before an error is in `bytes`.
+    let _ = pipe.read_to_end(&mut bytes);
+    Beat::last_of(&bytes).filter(|beat| beat.pid == child.id())
 }
 
 /// The kill points of a life: those with a star belong to every life, those with a plus to every

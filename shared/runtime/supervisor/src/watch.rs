@@ -3,7 +3,7 @@
 use crate::failure::{StageFailure, SupervisorError};
 use crate::limits::ensure_open_files;
 use crate::marks::SharedMemoryMarks;
-use crate::outcome::{MapCounts, Progress, RunOutcome, Supervised};
+use crate::outcome::{Progress, RunOutcome, Supervised};
 use crate::plan::{Plan, PreparedRun};
 use crate::signals::Signals;
 use crate::stage_process::{Meaning, describe, meaning, spawn};
@@ -11,7 +11,7 @@ use crate::tally::Counters;
 use crate::watched::Watched;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
-use tessera_messages::{Beat, BeatState, Stage};
+use tessera_messages::{Beat, Stage};
 use tessera_stage::{Standstill, SystemdNotifier};
 use tessera_transport::{Link, RunClaim, Subscriber, Sweeper, remove_everything, shared_memory_in_use};
 
@@ -162,18 +162,8 @@ impl Supervisor<'_> {
     /// Takes in all beats; those of the dead say nothing new.
     fn hear(&mut self) -> Result<(), SupervisorError> {
         while let Some(beat) = self.beats.receive()? {
-            let Ok((stage, state, _)) = beat.validate() else { continue };
-            let watched = &mut self.stages[stage as usize];
-            if watched.child.as_ref().is_some_and(|child| child.id() == beat.pid)
-                && beat.sequence > watched.tally.beat.sequence
-            {
-                watched.heard_at = Instant::now();
-                // To have come as far as waiting for work is progress too: there may be none.
-                watched.had_progress |= beat.progress > 0 || state == BeatState::Waiting;
-                if beat.keyframes > 0 {
-                    watched.map = MapCounts::from(&beat);
-                }
-                watched.tally.take(&beat);
+            if let Some(stage) = Stage::from_number(beat.stage) {
+                self.stages[stage as usize].hear(&beat);
             }
         }
         Ok(())
@@ -186,8 +176,7 @@ impl Supervisor<'_> {
             let Ok(Some(status)) = child.try_wait() else { continue };
             // Its last beats are still in the queue.
             self.hear()?;
-            self.stages[place].child = None;
-            self.stages[place].tally.close_life();
+            self.stages[place].close_life();
             if meaning(status) == Meaning::Finished {
                 self.stages[place].is_finished = true;
                 continue;
@@ -251,8 +240,7 @@ impl Supervisor<'_> {
                     let _ = child.kill();
                 }
                 if matches!(child.try_wait(), Ok(Some(_)) | Err(_)) {
-                    watched.child = None;
-                    watched.tally.close_life();
+                    watched.close_life();
                 }
             }
             self.signals.wait(Duration::from_millis(20));

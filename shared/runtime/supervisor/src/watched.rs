@@ -3,12 +3,12 @@
 use crate::failure::StageFailure;
 use crate::outcome::MapCounts;
 use crate::policy::{Death, History, RestartDecision};
-use crate::stage_process::{Meaning, describe, is_abort, meaning};
+use crate::stage_process::{Meaning, describe, is_abort, last_beat, meaning};
 use crate::tally::Tally;
 use std::path::Path;
 use std::process::{Child, ExitStatus};
 use std::time::Instant;
-use tessera_messages::Stage;
+use tessera_messages::{Beat, BeatState, Stage};
 use tessera_settings::Settings;
 use tessera_stage::{last_lines, ran_out_of_memory};
 
@@ -48,6 +48,31 @@ impl Watched {
             history: History::default(),
             poison: Vec::new(),
         }
+    }
+
+    /// Takes a beat of the present life, unless a newer one came first.
+    pub(crate) fn hear(&mut self, beat: &Beat) {
+        let is_own = self.child.as_ref().is_some_and(|child| child.id() == beat.pid);
+        let Ok((_, state, _)) = beat.validate() else { return };
+        if !is_own || beat.sequence <= self.tally.beat.sequence {
+            return;
+        }
+        self.heard_at = Instant::now();
+        // To have come as far as waiting for work is progress too: there may be none.
+        self.had_progress |= beat.progress > 0 || state == BeatState::Waiting;
+        if beat.keyframes > 0 {
+            self.map = MapCounts::from(beat);
+        }
+        self.tally.take(beat);
+    }
+
+    /// The present life is over: its process has been waited for.
+    pub(crate) fn close_life(&mut self) {
+        if let Some(beat) = self.child.as_mut().and_then(last_beat) {
+            self.hear(&beat);
+        }
+        self.child = None;
+        self.tally.close_life();
     }
 
     /// Decides what becomes of it after a death; a failure ends the run.
