@@ -10,12 +10,20 @@
 //! Version 16 of both is the first that is read; records of runs before it are refused by name.
 
 mod before_17;
+mod before_18;
 
 use tessera_journal::RecordKind;
 use tessera_slam::{AlignRecord, OptimiseRecord};
 
 /// The aligner's journal.
-pub const ALIGN_JOURNAL: RecordKind<AlignRecord> =
-    RecordKind { name: "align", version: 17, oldest: 16, earlier: |_, payload| before_17::align(payload) };
+pub const ALIGN_JOURNAL: RecordKind<AlignRecord> = RecordKind {
+    name: "align",
+    version: 18,
+    oldest: 16,
+    earlier: |version, payload| match version {
+        16 => before_17::align(payload),
+        _ => before_18::align(payload),
+    },
+};
 /// The optimiser's journal.
 pub const OPTIMISE_JOURNAL: RecordKind<OptimiseRecord> = RecordKind::only("optimise", 16);

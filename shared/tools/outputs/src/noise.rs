@@ -37,7 +37,7 @@ mod tests {
             halves: [0.6, 6.0],
             squared: [1.5, 6.0],
             redundancy: [3.0, 3.0],
-            step_variance: None,
+            ..NoiseRecord::default()
         };
         let few = NoiseSummary::new(&[record; 3]).unwrap();
         let many = NoiseSummary::new(&[record; 500]).unwrap();

@@ -31,6 +31,8 @@ pub struct NoiseRecord {
     pub squared: [f64; 2],
     /// Redundancy of each.
     pub redundancy: [f64; 2],
+    /// Mean variance factor of the matches of its pairs, and 1 where it has pairs with features, else nothing.
+    pub variance_factor: [f64; 2],
     /// Variance of the pose along and about each axis of the camera with its references fixed, m^2 and rad^2;
     /// nothing where a direction is degenerate.
     pub step_variance: Option<[f64; 6]>,
@@ -42,6 +44,7 @@ pub struct NoiseState {
     halves: [f64; 2],
     squared: [f64; 2],
     redundancy: [f64; 2],
+    variance_factor: [f64; 2],
 }
 
 /// Factors of the covariances that the sensors' models state.
@@ -67,6 +70,7 @@ impl NoiseState {
             self.halves[k] = KEPT * self.halves[k] + record.halves[k];
             self.squared[k] = KEPT * self.squared[k] + record.squared[k];
             self.redundancy[k] = KEPT * self.redundancy[k] + record.redundancy[k];
+            self.variance_factor[k] = KEPT * self.variance_factor[k] + record.variance_factor[k];
         }
     }
 
@@ -77,9 +81,15 @@ impl NoiseState {
         let of_halves = scale(self.halves[0], self.halves[1], SURFACE_SCALE);
         NoiseScales {
             surfaces: scale(self.squared[0], self.redundancy[0], of_halves),
-            // Before any was compared the features' own model holds as it is.
-            features: scale(self.squared[1], self.redundancy[1], 1.0),
+            // Before any was compared the features' own model holds for a pair of the usual variance.
+            features: scale(self.squared[1], self.redundancy[1], 1.0 / self.usual_variance_factor()),
         }
+    }
+
+    /// Mean of the variance factors by which the pairs of features were divided.
+    fn usual_variance_factor(&self) -> f64 {
+        let [sum, n] = self.variance_factor;
+        if n > 0.0 { sum / n } else { 1.0 }
     }
 
     /// Relative standard deviation of each scale, surfaces first: that of a chi-square of as many degrees of freedom.
@@ -101,5 +111,15 @@ mod tests {
         let scales = state.scales();
         assert!((scales.surfaces - 0.2).abs() < 0.01, "{scales:?}");
         assert_eq!(scales.features, 1.0);
+    }
+
+    #[test]
+    fn the_usual_variance_of_pairs_is_no_evidence_that_features_know_poses_better() {
+        let mut state = NoiseState::default();
+        let record = NoiseRecord { variance_factor: [0.5, 1.0], ..NoiseRecord::default() };
+        for _ in 0..10 {
+            state.apply(&record);
+        }
+        assert!((state.scales().features * 0.5 - 1.0).abs() < 1e-12, "{:?}", state.scales());
     }
 }

@@ -45,7 +45,12 @@ mod tests {
             sums.add(&point, &Vector3::zeros(), &(Matrix3::identity() / (0.003 * 0.003)));
             sums.n += 1;
         }
-        FeaturePair { target_from_query: Pose::translation(x_m, 0.0, 0.0), inliers: Vec::new(), sums }
+        FeaturePair {
+            target_from_query: Pose::translation(x_m, 0.0, 0.0),
+            inliers: Vec::new(),
+            variance_factor: 1.0,
+            sums,
+        }
     }
 
     #[test]

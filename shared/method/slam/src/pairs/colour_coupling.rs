@@ -3,21 +3,17 @@
 use crate::estimation::colour_model::ColourModel;
 use crate::estimation::colour_pose::Coupling;
 use crate::pairs::residuals::{PairMotion, RobustResidual};
+use crate::pairs::weighted_pair::FeaturePair;
 use nalgebra::{Matrix3x2, Vector3};
-use tessera_features::Correspondence;
-use tessera_geometry::{Pose, Twist, hat};
+use tessera_geometry::{Twist, hat};
 
 /// The coupling of a pair's inliers at the pose that they agree on; `velocities` of query and target.
-pub(crate) fn coupling(
-    inliers: &[Correspondence],
-    target_from_query: &Pose,
-    velocities: [&Twist; 2],
-    model: &ColourModel,
-) -> Coupling {
+pub(crate) fn coupling(pair: &FeaturePair, velocities: [&Twist; 2], model: &ColourModel) -> Coupling {
     let mut sum = Coupling::zeros();
+    let FeaturePair { target_from_query, inliers, .. } = pair;
     let rotation = target_from_query.rotation.to_rotation_matrix().into_inner();
     let at = PairMotion::from(target_from_query);
-    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, &at)) {
+    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, &at, pair.variance_factor)) {
         let [query, target] = velocities;
         let slope = moves(&residual.b, target, model) - rotation * moves(&residual.a, query, model);
         let weighted = residual.omega * slope;

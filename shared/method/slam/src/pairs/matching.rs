@@ -1,7 +1,6 @@
 //! Matches of a frame with a reference, and the relative pose that they agree on.
 
 use crate::map::context::Context;
-use crate::pairs::residuals;
 use crate::pairs::weighted_pair::FeaturePair;
 use nalgebra::Vector3;
 use std::borrow::Cow;
@@ -90,8 +89,7 @@ impl PairFinder {
         let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
         let inliers: Vec<Correspondence> =
             found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
-        let sums = residuals::sums(&inliers, &found.target_from_query);
-        Some(FeaturePair { target_from_query: found.target_from_query, inliers, sums })
+        Some(FeaturePair::new(found.target_from_query, inliers))
     }
 
     /// The pair's matches by their descriptors, near where `guess` predicts them.

@@ -37,6 +37,7 @@ pub(crate) fn evidence<'a>(
 ) -> Option<FrameEvidence> {
     let mut of_colour = ParameterSums::default();
     let (mut n_pairs, mut squared_sums, mut redundancy_sums) = (0.0, [0.0; 2], [0.0; 2]);
+    let mut variance_factors = 0.0;
     let mut halves = [(Matrix6::zeros(), Vector6::zeros()); 2];
     let mut n_matches = 0;
     for pair in pairs {
@@ -59,6 +60,7 @@ pub(crate) fn evidence<'a>(
             continue;
         };
         n_pairs += 1.0;
+        variance_factors += found.variance_factor;
         let weight = weight(squared[0] + squared[1]);
         for (k, scale) in [scales.surfaces, scales.features].into_iter().enumerate() {
             squared_sums[k] += scale * weight * squared[k];
@@ -66,8 +68,7 @@ pub(crate) fn evidence<'a>(
         }
         if let Some(colour) = colour {
             let [query, target] = &pair.velocities;
-            let coupling =
-                coupling(&found.inliers, &found.target_from_query, [query, target], colour) / scales.features;
+            let coupling = coupling(found, [query, target], colour) / scales.features;
             let joint = surfaces.0 + features.0;
             of_colour.add(&pull, (&features.0, &joint), &coupling, weight);
         }
@@ -82,6 +83,7 @@ pub(crate) fn evidence<'a>(
         halves,
         squared: squared_sums.map(|sum| sum / divisor),
         redundancy: redundancy_sums.map(|sum| sum / divisor),
+        variance_factor: [variance_factors / divisor, f64::min(n_pairs, 1.0)],
         step_variance: None,
     };
     of_colour.information /= divisor;
@@ -161,8 +163,12 @@ mod tests {
                     let mut half = || sums(&mut random, 0.01, planted.surfaces, [0.1, 0.3, 1.0]);
                     let surfaces = HalfSums { upper: half(), lower: half() };
                     let features = sums(&mut random, 0.01, planted.features, [1.0, 1.0, 0.2]);
-                    let found =
-                        FeaturePair { target_from_query: identity, inliers: Vec::new(), sums: features };
+                    let found = FeaturePair {
+                        target_from_query: identity,
+                        inliers: Vec::new(),
+                        variance_factor: 1.0,
+                        sums: features,
+                    };
                     (surfaces, WeightedPair::new(Arc::new(found), 1.0, &identity))
                 })
                 .collect();

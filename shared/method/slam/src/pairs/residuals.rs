@@ -20,12 +20,31 @@ struct Residual {
 /// Squared normalised error at which a residual has half its weight.
 const ROBUST_SQ: f64 = 9.0;
 
-/// Sums of all correspondences about `target_from_query`, metric, with robust weights there.
-pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose) -> BlockSums {
+/// Median of a chi-square distribution of three degrees of freedom.
+const MEDIAN_SQ: f64 = 2.366;
+/// Matches that the prior of a pair's variance factor counts as.
+const PRIOR_MATCHES: f64 = 60.0;
+
+/// Variance of a pair's matches over what their model states, by the median of their squared errors: a blurred image
+/// has a larger one. The prior is 1, and is what matches err by together.
+pub(crate) fn variance_factor(correspondences: &[Correspondence], target_from_query: &Pose) -> f64 {
+    let at = PairMotion::from(target_from_query);
+    let mut squared: Vec<f64> = correspondences.iter().map(|c| error_at(c, &at)).collect();
+    let n = squared.len();
+    if n == 0 {
+        return 1.0;
+    }
+    let (_, median, _) = squared.select_nth_unstable_by(n / 2, f64::total_cmp);
+    (PRIOR_MATCHES + n as f64 * *median / MEDIAN_SQ) / (PRIOR_MATCHES + n as f64)
+}
+
+/// Sums of all correspondences about `target_from_query`, metric, with robust weights there; `factor`: of their
+/// variances.
+pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose, factor: f64) -> BlockSums {
     let mut sums = BlockSums::default();
     let at = PairMotion::from(target_from_query);
     for RobustResidual { a, e, omega, .. } in
-        correspondences.iter().filter_map(|c| RobustResidual::of(c, &at))
+        correspondences.iter().filter_map(|c| RobustResidual::of(c, &at, factor))
     {
         sums.add(&a, &e, &omega);
         sums.n += 1;
@@ -42,8 +61,14 @@ pub(crate) struct RobustResidual {
 }
 
 impl RobustResidual {
-    pub(crate) fn of(correspondence: &Correspondence, target_from_query: &PairMotion) -> Option<Self> {
+    /// `factor`: of the correspondence's variance.
+    pub(crate) fn of(
+        correspondence: &Correspondence,
+        target_from_query: &PairMotion,
+        factor: f64,
+    ) -> Option<Self> {
         let Residual { a, b, omega } = residual(correspondence, target_from_query)?;
+        let omega = omega / factor;
         let e = target_from_query.error(&a, &b);
         let weight = 1.0 / (1.0 + e.dot(&(omega * e)) / ROBUST_SQ);
         Some(Self { a, b, e, omega: omega * weight })
@@ -119,4 +144,47 @@ fn bearing(observation: &Observation, seen: &Vector3<f64>) -> Option<(Vector3<f6
         let projector = Matrix3::identity() - direction * direction.transpose();
         (direction * along, projector / (across_m * across_m))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_features::PointEstimate;
+    use tessera_numerics::SplitMix64;
+
+    /// Points whose errors have `scale` times the deviation that their model states.
+    fn matches(n: usize, scale: f64) -> Vec<Correspondence> {
+        let mut random = SplitMix64::for_frame(3, 1);
+        let mut normal = || (0..12).map(|_| random.next_u64() as f64 / u64::MAX as f64).sum::<f64>() - 6.0;
+        let sigma_m = 0.01;
+        let mut side = |p: Vector3<f64>| {
+            let position_m = p + Vector3::from_fn(|_, _| normal()) * (scale * sigma_m);
+            let point =
+                PointEstimate { position_m, covariance_m2: Matrix3::identity() * (sigma_m * sigma_m) };
+            Observation { ray: [p.x / p.z, p.y / p.z], ray_sigma: 0.002, point: Some(point) }
+        };
+        let points = (0..n).map(|k| Vector3::new((k % 7) as f64 * 0.2, (k % 5) as f64 * 0.2, 2.0));
+        points.map(|p| Correspondence { query: side(p), target: side(p) }).collect()
+    }
+
+    #[test]
+    fn many_matches_tell_their_variance_and_few_leave_the_models() {
+        let at = Pose::identity();
+        for scale in [0.5, 1.0, 2.0] {
+            let of_many = variance_factor(&matches(6000, scale), &at) / (scale * scale);
+            assert!((0.9..1.1).contains(&of_many), "{scale}: {of_many}");
+        }
+        assert!(variance_factor(&matches(12, 2.0), &at) < 2.0);
+        assert_eq!(variance_factor(&[], &at), 1.0);
+    }
+
+    #[test]
+    fn sums_under_the_own_variance_are_those_of_the_scaled_model() {
+        let at = Pose::identity();
+        let plain = sums(&matches(60, 1.0), &at, 1.0);
+        let scaled = sums(&matches(60, 2.0), &at, 4.0);
+        // Errors of twice the size under four times the variance: a quarter of the information, the same cost.
+        assert!((scaled.c - plain.c).abs() < 1e-9 * plain.c, "{} {}", scaled.c, plain.c);
+        assert!(scaled.q[0] < 0.3 * plain.q[0]);
+    }
 }

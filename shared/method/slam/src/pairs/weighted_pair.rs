@@ -1,5 +1,6 @@
 //! Features that two views share, as a term of their alignment.
 
+use crate::pairs::residuals;
 use std::sync::Arc;
 use tessera_features::Correspondence;
 use tessera_geometry::Pose;
@@ -10,8 +11,19 @@ use tessera_graph::BlockSums;
 pub(crate) struct FeaturePair {
     pub(crate) target_from_query: Pose,
     pub(crate) inliers: Vec<Correspondence>,
+    /// Of the variances of the inliers.
+    pub(crate) variance_factor: f64,
     /// Of the inliers, about that pose, metric.
     pub(crate) sums: BlockSums,
+}
+
+impl FeaturePair {
+    /// Of matches that agree on a pose.
+    pub(crate) fn new(target_from_query: Pose, inliers: Vec<Correspondence>) -> Self {
+        let variance_factor = residuals::variance_factor(&inliers, &target_from_query);
+        let sums = residuals::sums(&inliers, &target_from_query, variance_factor);
+        Self { target_from_query, inliers, variance_factor, sums }
+    }
 }
 
 /// Mean squared normalised error at which a pair has its full weight, at most: two standard deviations.

@@ -102,8 +102,7 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
             lower.add(&p, &Vector3::zeros(), &(Matrix3::identity() * 1e6));
         }
         let surfaces = HalfSums { lower, ..HalfSums::default() };
-        let of_features = residuals::sums(&inliers, &target_from_query);
-        let found = Arc::new(FeaturePair { target_from_query, inliers, sums: of_features });
+        let found = Arc::new(FeaturePair::new(target_from_query, inliers));
         let features = WeightedPair::new(found, 1.0, &target_from_query);
         let pair = PairEvidence {
             target_from_query,
@@ -186,7 +185,7 @@ fn the_sums_have_the_slope_of_the_squared_errors() {
             Correspondence { query: side(a, k % 3 != 1), target: side(b.coords, k % 3 != 2) }
         })
         .collect();
-    let sums = residuals::sums(&correspondences, &at);
+    let sums = residuals::sums(&correspondences, &at, 1.0);
     assert_eq!(sums.n, 60);
     let block = PairBlock::new(&at, &sums);
     let (h, g, _) = block.linearise(&at);

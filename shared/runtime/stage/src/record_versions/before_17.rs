@@ -78,7 +78,7 @@ impl From<Noise16> for NoiseRecord {
     fn from(noise: Noise16) -> Self {
         let Noise16 { surface_residual, squared, redundancy, step_variance } = noise;
         let halves = [CORRELATION * surface_residual * DIRECTIONS, DIRECTIONS];
-        Self { halves, squared, redundancy, step_variance }
+        Self { halves, squared, redundancy, variance_factor: [0.0; 2], step_variance }
     }
 }
 

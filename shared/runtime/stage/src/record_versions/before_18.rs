@@ -1,0 +1,94 @@
+//! Records of version 17: a frame's evidence of noise had no variance factor of its features.
+
+use serde::{Deserialize, Serialize};
+use tessera_journal::decode;
+use tessera_slam::{
+    AlignRecord, AppliedCorrection, BlockRecord, Cause, ColourPoseRecord, ColourRecord, EvidenceRecord,
+    FrameRecord, MapChange, MapRecord, NoiseRecord, PoseRecord, RequestRecord, SkippedFrames, State,
+};
+use tessera_surface::WorkloadLevel;
+
+#[derive(Serialize, Deserialize)]
+enum Align17 {
+    Frame(Box<Frame17>),
+    Skipped(SkippedFrames),
+    Correction(Box<AppliedCorrection>),
+    End { n_frames: u64, request: Option<RequestRecord> },
+    Map(Box<MapRecord>),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Frame17 {
+    index: u64,
+    stamp_nanos: i64,
+    workload: WorkloadLevel,
+    state: State,
+    causes: Vec<Cause>,
+    submap: u32,
+    lost_nanos: i64,
+    evidence_nats: f64,
+    pose: PoseRecord,
+    evidence: Evidence17,
+    change: MapChange,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Evidence17 {
+    repeats_colour: bool,
+    colour: Option<ColourRecord>,
+    noise: Option<Noise17>,
+    colour_pose: Option<ColourPoseRecord>,
+    blocks: Vec<BlockRecord>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Noise17 {
+    halves: [f64; 2],
+    squared: [f64; 2],
+    redundancy: [f64; 2],
+    step_variance: Option<[f64; 6]>,
+}
+
+impl From<Noise17> for NoiseRecord {
+    fn from(noise: Noise17) -> Self {
+        let Noise17 { halves, squared, redundancy, step_variance } = noise;
+        // Its features were not divided by any.
+        Self { halves, squared, redundancy, variance_factor: [0.0; 2], step_variance }
+    }
+}
+
+impl From<Evidence17> for EvidenceRecord {
+    fn from(evidence: Evidence17) -> Self {
+        let Evidence17 { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
+        Self { repeats_colour, colour, noise: noise.map(NoiseRecord::from), colour_pose, blocks }
+    }
+}
+
+impl From<Frame17> for FrameRecord {
+    fn from(frame: Frame17) -> Self {
+        Self {
+            index: frame.index,
+            stamp_nanos: frame.stamp_nanos,
+            workload: frame.workload,
+            state: frame.state,
+            causes: frame.causes,
+            submap: frame.submap,
+            lost_nanos: frame.lost_nanos,
+            evidence_nats: frame.evidence_nats,
+            pose: frame.pose,
+            evidence: frame.evidence.into(),
+            change: frame.change,
+        }
+    }
+}
+
+/// The aligner's record in a payload of that version.
+pub(super) fn align(payload: &[u8]) -> Result<AlignRecord, String> {
+    Ok(match decode(payload)? {
+        Align17::Frame(frame) => AlignRecord::Frame(Box::new((*frame).into())),
+        Align17::Skipped(skipped) => AlignRecord::Skipped(skipped),
+        Align17::Correction(correction) => AlignRecord::Correction(correction),
+        Align17::End { n_frames, request } => AlignRecord::End { n_frames, request },
+        Align17::Map(map) => AlignRecord::Map(map),
+    })
+}
