@@ -4,6 +4,7 @@
 use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
 use crate::program::signal;
 use crate::services::ended;
+use std::time::Duration;
 
 /// The process that a program keeps.
 fn kept_by(keeper: u32) -> u32 {
@@ -53,6 +54,60 @@ fn a_program_that_dies_is_started_again_and_takes_its_run_over() {
     ros2.terminate();
     let words = ros2.finish();
     assert!(ended(&next).starts_with("\"finished\""), "{} {words}", ended(&next));
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
+
+/// As by Ctrl-Z and `fg`, or where a laptop sleeps: waits of all threads are interrupted.
+#[test]
+fn a_program_that_was_stopped_and_goes_on_hears_its_camera_again() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let run = setup.start();
+    let _camera = network.camera(&setup, &[]);
+    let ros2 = network.join(&setup, &[]);
+    setup.wait_for_growth("the first frames");
+    ros2.freeze();
+    std::thread::sleep(Duration::from_secs(1));
+    ros2.thaw();
+    setup.wait_for_growth("frames after the program was stopped");
+    ros2.terminate();
+    ros2.finish();
+    drop(run);
+}
+
+/// Of each thread of RustDDS in a process, whether `SIGCHLD` is held from it.
+fn signals_held(pid: u32) -> Vec<bool> {
+    const SIGCHLD: u64 = 1 << 16;
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().flatten();
+    let status = threads.map(|thread| std::fs::read_to_string(thread.path().join("status")).unwrap());
+    let held = status.filter(|status| status.starts_with("Name:\tRustDDS")).map(|status| {
+        let held = status.lines().find_map(|line| line.strip_prefix("SigBlk:\t")).unwrap();
+        u64::from_str_radix(held, 16).unwrap() & SIGCHLD != 0
+    });
+    held.collect()
+}
+
+#[test]
+fn the_owner_of_a_run_that_was_stopped_and_goes_on_is_still_its_owner() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let _camera = network.camera(&setup, &[]);
+    let ros2 = network.join_and_run(&setup);
+    setup.wait_for_growth("the first frames");
+    let kept = kept_by(ros2.id());
+    assert_eq!(signals_held(kept), [true, true], "the end of a child would end a loop of RustDDS");
+    for _ in 0..2 {
+        signal(kept, "-STOP");
+        std::thread::sleep(Duration::from_secs(1));
+        signal(kept, "-CONT");
+        setup.wait_for_growth("frames after the program was stopped");
+    }
+    assert_eq!(kept_by(ros2.id()), kept);
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(ended(&setup.out()).starts_with("\"finished\""), "{} {words}", ended(&setup.out()));
     assert_eq!(setup.leftovers(), Vec::<String>::new());
 }
 
