@@ -88,21 +88,34 @@ fn signals_held(pid: u32) -> Vec<bool> {
     held.collect()
 }
 
+/// The robot's programs: the keeper, what it keeps, and all processes of its run.
+fn of_robot(keeper: u32, out: &std::path::Path) -> Vec<u32> {
+    let words = out.display().to_string();
+    let of_run = std::fs::read_dir("/proc").unwrap().flatten().filter_map(|process| {
+        let pid: u32 = process.file_name().to_str()?.parse().ok()?;
+        let line = std::fs::read(process.path().join("cmdline")).ok()?;
+        String::from_utf8_lossy(&line).contains(&words).then_some(pid)
+    });
+    [keeper, kept_by(keeper)].into_iter().chain(of_run).collect()
+}
+
 #[test]
-fn the_owner_of_a_run_that_was_stopped_and_goes_on_is_still_its_owner() {
+fn a_laptop_that_sleeps_goes_on_with_its_run_and_owns_it() {
     let Some(network) = Network::new() else { return };
     let setup = Setup::new(100_000);
     room(setup.frames());
-    let _camera = network.camera(&setup, &[]);
+    let camera = network.camera(&setup, &[]);
     let ros2 = network.join_and_run(&setup);
     setup.wait_for_growth("the first frames");
     let kept = kept_by(ros2.id());
     assert_eq!(signals_held(kept), [true, true], "the end of a child would end a loop of RustDDS");
     for _ in 0..2 {
-        signal(kept, "-STOP");
-        std::thread::sleep(Duration::from_secs(1));
-        signal(kept, "-CONT");
-        setup.wait_for_growth("frames after the program was stopped");
+        let mut pids = of_robot(ros2.id(), &setup.out());
+        pids.push(camera.id());
+        pids.iter().for_each(|pid| signal(*pid, "-STOP"));
+        std::thread::sleep(Duration::from_secs(3));
+        pids.iter().for_each(|pid| signal(*pid, "-CONT"));
+        setup.wait_for_growth("frames after a sleep");
     }
     assert_eq!(kept_by(ros2.id()), kept);
     ros2.terminate();
@@ -113,13 +126,7 @@ fn the_owner_of_a_run_that_was_stopped_and_goes_on_is_still_its_owner() {
 
 /// Everything of a run in one blow, as when the robot is turned off.
 fn turn_off(keeper: u32, out: &std::path::Path) {
-    let words = out.display().to_string();
-    let of_run = std::fs::read_dir("/proc").unwrap().flatten().filter_map(|process| {
-        let pid: u32 = process.file_name().to_str()?.parse().ok()?;
-        let line = std::fs::read(process.path().join("cmdline")).ok()?;
-        String::from_utf8_lossy(&line).contains(&words).then_some(pid)
-    });
-    let pids: Vec<u32> = [keeper, kept_by(keeper)].into_iter().chain(of_run).collect();
+    let pids = of_robot(keeper, out);
     let mut command = std::process::Command::new("kill");
     command.arg("-KILL").args(pids.iter().map(u32::to_string)).status().unwrap();
     let is_there = |pid: &u32| {
