@@ -140,7 +140,7 @@ static_assert(offsetof(tessera_StepTimes, surface_sent) == 24, "the layout of St
 static_assert(offsetof(tessera_StepTimes, align_began) == 32, "the layout of StepTimes");
 static_assert(offsetof(tessera_StepTimes, pose_sent) == 40, "the layout of StepTimes");
 
-#define TESSERA_POSE_MESSAGE "tessera.Pose.v1"
+#define TESSERA_POSE_MESSAGE "tessera.Pose.v2"
 // A pose with its uncertainty. A controller follows `odom_from_camera`, which never jumps;
 // corrections change `world_from_odom`; `world_from_camera` is their product.
 typedef struct tessera_PoseMessage {
@@ -160,10 +160,13 @@ typedef struct tessera_PoseMessage {
     double world_from_odom[7];
     // 6x6 row by row, translation first, metres and radians; all zero where unknown.
     double covariance[6][6];
+    // Variance along and about each axis of the camera with its references fixed, m^2 and rad^2; all zero where
+    // unknown. The motion since the pose before has the variances of both: what `covariance` adds is common to them.
+    double step_variance[6];
     // When each step happened.
     tessera_StepTimes times;
 } tessera_PoseMessage;
-static_assert(sizeof(tessera_PoseMessage) == 536, "the layout of PoseMessage");
+static_assert(sizeof(tessera_PoseMessage) == 584, "the layout of PoseMessage");
 static_assert(offsetof(tessera_PoseMessage, index) == 0, "the layout of PoseMessage");
 static_assert(offsetof(tessera_PoseMessage, stamp_nanos) == 8, "the layout of PoseMessage");
 static_assert(offsetof(tessera_PoseMessage, state) == 16, "the layout of PoseMessage");
@@ -172,6 +175,7 @@ static_assert(offsetof(tessera_PoseMessage, reason) == 24, "the layout of PoseMe
 static_assert(offsetof(tessera_PoseMessage, odom_from_camera) == 88, "the layout of PoseMessage");
 static_assert(offsetof(tessera_PoseMessage, world_from_odom) == 144, "the layout of PoseMessage");
 static_assert(offsetof(tessera_PoseMessage, covariance) == 200, "the layout of PoseMessage");
-static_assert(offsetof(tessera_PoseMessage, times) == 488, "the layout of PoseMessage");
+static_assert(offsetof(tessera_PoseMessage, step_variance) == 488, "the layout of PoseMessage");
+static_assert(offsetof(tessera_PoseMessage, times) == 536, "the layout of PoseMessage");
 
 #endif

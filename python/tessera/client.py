@@ -49,12 +49,12 @@ class Pose(ctypes.Structure):
     _fields_ = [
         ("index", u64), ("stamp_nanos", i64), ("state", u32), ("n_correspondences", u32),
         ("reason", ctypes.c_char * 64), ("odom_from_camera", f64 * 7), ("world_from_odom", f64 * 7),
-        ("covariance", f64 * 36), ("times", u64 * 6),
+        ("covariance", f64 * 36), ("step_variance", f64 * 6), ("times", u64 * 6),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "tessera.Pose.v1"
+        return "tessera.Pose.v2"
 
 
 def private_folder() -> pathlib.Path:

@@ -12,6 +12,7 @@ use crate::network::remap::Remapped;
 use crate::network::ros_time::RosTime;
 use crate::poses::output::Output;
 use crate::report::{Report, ReportEvent};
+use crate::run::again::begin_anew;
 use crate::run::owned::Started;
 use crate::run::{JoinedRun, next_run};
 use crate::services::initial_pose::InitialPose;
@@ -232,6 +233,7 @@ impl<'a> Bridge<'a> {
 
     /// A moment without a run.
     fn idle(&mut self, name: &str, why: &str) -> Result<(), Ros2Error> {
+        self.look_at_carrier()?;
         self.input.leave_out(&mut self.report);
         self.time.step(&mut self.report);
         self.parameters.step(&mut self.report)?;
@@ -262,7 +264,7 @@ impl<'a> Bridge<'a> {
                 if !joined.run.is_current()? {
                     break;
                 }
-                self.look(&joined);
+                self.look(&joined)?;
             }
             let refusal = (!is_own).then(|| {
                 format!("this program did not start the run {name}: end it where it was started, and begin another one")
@@ -332,8 +334,14 @@ impl<'a> Bridge<'a> {
         Ok(())
     }
 
+    /// Begins this program anew where the network is carried no more.
+    fn look_at_carrier(&mut self) -> Result<(), Ros2Error> {
+        if self.carrier.has_ended() { Err(begin_anew(&self.report)) } else { Ok(()) }
+    }
+
     /// What is looked at now and then.
-    fn look(&mut self, joined: &Joined) {
+    fn look(&mut self, joined: &Joined) -> Result<(), Ros2Error> {
+        self.look_at_carrier()?;
         if let Err(error) = self.carrier.introduce() {
             self.report.note(ReportEvent::Carrier, || error.to_string());
         }
@@ -345,6 +353,7 @@ impl<'a> Bridge<'a> {
                 .note(ReportEvent::NoClock, || "no /clock comes: no path and no diagnostics".to_owned());
         }
         self.map.look(self.carrier, &joined.run.entry, self.input.base());
+        Ok(())
     }
 
     /// What is told now and then: path and diagnostics.

@@ -211,6 +211,10 @@ pub(crate) trait Carrier {
     fn alone(&self) -> Option<String> {
         None
     }
+    /// Whether it has ended by itself, so that nothing is carried any more.
+    fn has_ended(&mut self) -> bool {
+        false
+    }
     /// On what it listens and what may go wrong there, for people, a line each.
     fn words(&self) -> Vec<String>;
 }

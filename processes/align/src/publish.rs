@@ -22,6 +22,7 @@ pub(crate) fn pose_message(record: &FrameRecord, times: StepTimes) -> PoseMessag
         odom_from_camera: seven(&PoseBits::from(&odom_from_camera)),
         world_from_odom: seven(&record.pose.world_from_odom),
         covariance: from_upper_triangle(&record.pose.covariance).into(),
+        step_variance: record.evidence.noise.and_then(|noise| noise.step_variance).unwrap_or_default(),
         times,
     }
 }

@@ -76,6 +76,10 @@ impl Carrier for Remapped {
         self.carrier.wait(timeout)
     }
 
+    fn has_ended(&mut self) -> bool {
+        self.carrier.has_ended()
+    }
+
     fn introduce(&mut self) -> Result<(), CarrierError> {
         self.carrier.introduce()
     }

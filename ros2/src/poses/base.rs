@@ -64,8 +64,7 @@ impl Base {
     }
 
     /// Covariance of the base's velocity over `seconds` between two poses, in its own frame, from those of
-    /// the camera's poses about its own axes. What both have in common is counted twice, so that it is an
-    /// upper bound. `None` where either is unknown.
+    /// the camera's poses about its own axes, whose errors are independent. `None` where either is unknown.
     pub(crate) fn velocity_covariance(
         &self,
         [of_before, of_now]: [&[[f64; 6]; 6]; 2],

@@ -44,11 +44,25 @@ pub(crate) struct Output {
     pub(crate) n_poses: u64,
 }
 
-/// The pose before: its time, the pose of the base, and the covariance of the camera's where it was tracked.
+/// The pose before: its time, the pose of the base, and the covariance of the camera's with its references fixed
+/// where it was tracked.
 struct Before {
     stamp_nanos: i64,
     odom_from_base: Pose,
-    covariance: [[f64; 6]; 6],
+    step_covariance: [[f64; 6]; 6],
+}
+
+/// Covariance of the camera's pose with its references fixed: what these err by is common to the poses before and
+/// after, and cancels in a velocity. Where a direction is degenerate it is unknown, and the pose's own bounds it.
+fn step_covariance(message: &PoseMessage) -> [[f64; 6]; 6] {
+    let of = &message.step_variance;
+    if message.state == LOST {
+        return [[0.0; 6]; 6];
+    }
+    if of.iter().all(|variance| *variance == 0.0) {
+        return message.covariance;
+    }
+    std::array::from_fn(|row| std::array::from_fn(|column| if row == column { of[row] } else { 0.0 }))
 }
 
 impl Output {
@@ -108,8 +122,7 @@ impl Output {
         self.n_poses += 1;
         let is_lost = message.state == LOST;
         let covariance = base.covariance(&message.covariance, &odom_from_base).filter(|_| !is_lost);
-        let of_camera = if is_lost { [[0.0; 6]; 6] } else { message.covariance };
-        let now = Before { stamp_nanos, odom_from_base, covariance: of_camera };
+        let now = Before { stamp_nanos, odom_from_base, step_covariance: step_covariance(message) };
         let odometry = self.odometry(&now, covariance, base);
         self.odometry.send(&encode(&odometry)?)?;
         self.before = Some(now);
@@ -141,7 +154,7 @@ impl Output {
             let seconds = now.stamp_nanos.saturating_sub(before.stamp_nanos) as f64 * 1e-9;
             (seconds > 0.0 && seconds < MOST_SECONDS).then(|| {
                 let before_from_now = before.odom_from_base.inverse() * now.odom_from_base;
-                let of = [&before.covariance, &now.covariance];
+                let of = [&before.step_covariance, &now.step_covariance];
                 let covariance = base.velocity_covariance(of, &before_from_now, seconds);
                 (velocity(&before.odom_from_base, &now.odom_from_base, seconds), covariance)
             })
@@ -220,4 +233,34 @@ fn header(stamp_nanos: i64, frame: &'static str) -> Header<'static> {
 
 fn unknown() -> Covariance {
     std::array::from_fn(|row| std::array::from_fn(|column| if row == column { UNKNOWN } else { 0.0 }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tessera_messages::StepTimes;
+
+    #[test]
+    fn a_velocity_has_the_covariances_with_fixed_references_where_they_are_known() {
+        let whole = std::array::from_fn(|row| std::array::from_fn(|column| 1.0 + (row * column) as f64));
+        let step_variance = [1e-6, 2e-6, 3e-6, 4e-8, 5e-8, 6e-8];
+        let message = PoseMessage {
+            index: 0,
+            stamp_nanos: 0,
+            state: TRACKING,
+            n_correspondences: 0,
+            reason: [0; 64],
+            odom_from_camera: [0.0; 7],
+            world_from_odom: [0.0; 7],
+            covariance: whole,
+            step_variance,
+            times: StepTimes::default(),
+        };
+        let of_step = step_covariance(&message);
+        assert_eq!(std::array::from_fn(|k| of_step[k][k]), step_variance);
+        assert_eq!(of_step.iter().flatten().filter(|value| **value != 0.0).count(), 6);
+        // A degenerate direction: the pose's covariance bounds it. Lost: nothing is known.
+        assert_eq!(step_covariance(&PoseMessage { step_variance: [0.0; 6], ..message }), whole);
+        assert_eq!(step_covariance(&PoseMessage { state: LOST, ..message }), [[0.0; 6]; 6]);
+    }
 }

@@ -1,5 +1,6 @@
 //! The run that is joined.
 
+pub(crate) mod again;
 pub(crate) mod clock;
 pub(crate) mod cut_off;
 pub(crate) mod keeper;

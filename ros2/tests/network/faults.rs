@@ -105,3 +105,23 @@ fn a_program_that_comes_back_keeps_the_camera_of_the_run() {
     ros2.terminate();
     ros2.finish();
 }
+
+#[test]
+fn the_camera_of_a_program_that_was_killed_is_not_heard_in_another_domain() {
+    let (Some(network), Some(other)) = (Network::new(), Network::new()) else { return };
+    let (setup, beside) = (Setup::new(100_000), Setup::new(100_000));
+    room(setup.frames());
+    let _run = setup.start();
+    let _camera = network.camera(&setup, &[]);
+    let ros2 = network.join(&setup, &[]);
+    setup.wait_for_growth("the first frames");
+    let _other_run = beside.start();
+    // The camera was not told, and goes on sending to the ports of the one that is gone.
+    drop(ros2);
+    let ros2 = other.join(&beside, &[]);
+    let alone = "no program is heard in DDS domain";
+    wait_for("looks without a camera", || ros2.n_of(alone) >= 2 || ros2.n_of("depth /camera") > 0);
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(!words.contains("depth /camera"), "{words}");
+}

@@ -4,14 +4,19 @@ use crate::common::wait_for;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+
+/// Of what a program printed, as much is shown where its test fails.
+const SHOWN_BYTES: usize = 20_000;
 
 /// A program that is killed when it is dropped, with what it printed.
 pub(crate) struct Program {
     child: Child,
     printed: Option<JoinHandle<()>>,
     text: Arc<Mutex<String>>,
+    /// The command, for who reads of a failure.
+    name: String,
 }
 
 impl Program {
@@ -28,6 +33,7 @@ impl Program {
             true => Box::new(child.stdout.take().unwrap()),
             false => Box::new(child.stderr.take().unwrap()),
         };
+        let name = format!("{} {command:?}", child.id());
         let text = Arc::<Mutex<String>>::default();
         let to = Arc::clone(&text);
         let printed = std::thread::spawn(move || {
@@ -35,12 +41,17 @@ impl Program {
                 *to.lock().unwrap() += &(line + "\n");
             }
         });
-        Self { child, printed: Some(printed), text }
+        Self { child, printed: Some(printed), text, name }
     }
 
     /// Waits until it has printed this.
     pub(crate) fn await_words(&self, words: &str) {
         wait_for(words, || self.text.lock().unwrap().contains(words));
+    }
+
+    /// How often it has printed this.
+    pub(crate) fn n_of(&self, words: &str) -> usize {
+        self.text.lock().unwrap().matches(words).count()
     }
 
     /// All that it printed; it has ended.
@@ -82,6 +93,11 @@ impl Program {
         signal(self.child.id(), "-STOP");
     }
 
+    /// Lets it go on.
+    pub(crate) fn thaw(&self) {
+        signal(self.child.id(), "-CONT");
+    }
+
     fn end(mut self) -> String {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -95,7 +111,13 @@ pub(crate) fn signal(pid: u32, name: &str) {
 }
 
 impl Drop for Program {
+    /// A test that fails shows what its programs printed.
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            let text = self.text.lock().unwrap_or_else(PoisonError::into_inner);
+            let from = text.len().saturating_sub(SHOWN_BYTES);
+            eprintln!("{}:\n{}", self.name, text.get(from..).unwrap_or(&text));
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

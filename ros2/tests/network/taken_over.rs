@@ -4,6 +4,7 @@
 use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
 use crate::program::signal;
 use crate::services::ended;
+use std::time::Duration;
 
 /// The process that a program keeps.
 fn kept_by(keeper: u32) -> u32 {
@@ -56,15 +57,76 @@ fn a_program_that_dies_is_started_again_and_takes_its_run_over() {
     assert_eq!(setup.leftovers(), Vec::<String>::new());
 }
 
-/// Everything of a run in one blow, as when the robot is turned off.
-fn turn_off(keeper: u32, out: &std::path::Path) {
+/// As by Ctrl-Z and `fg`, or where a laptop sleeps: waits of all threads are interrupted.
+#[test]
+fn a_program_that_was_stopped_and_goes_on_hears_its_camera_again() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let run = setup.start();
+    let _camera = network.camera(&setup, &[]);
+    let ros2 = network.join(&setup, &[]);
+    setup.wait_for_growth("the first frames");
+    ros2.freeze();
+    std::thread::sleep(Duration::from_secs(1));
+    ros2.thaw();
+    setup.wait_for_growth("frames after the program was stopped");
+    ros2.terminate();
+    ros2.finish();
+    drop(run);
+}
+
+/// Of each thread of RustDDS in a process, whether `SIGCHLD` is held from it.
+fn signals_held(pid: u32) -> Vec<bool> {
+    const SIGCHLD: u64 = 1 << 16;
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().flatten();
+    let status = threads.map(|thread| std::fs::read_to_string(thread.path().join("status")).unwrap());
+    let held = status.filter(|status| status.starts_with("Name:\tRustDDS")).map(|status| {
+        let held = status.lines().find_map(|line| line.strip_prefix("SigBlk:\t")).unwrap();
+        u64::from_str_radix(held, 16).unwrap() & SIGCHLD != 0
+    });
+    held.collect()
+}
+
+/// The robot's programs: the keeper, what it keeps, and all processes of its run.
+fn of_robot(keeper: u32, out: &std::path::Path) -> Vec<u32> {
     let words = out.display().to_string();
     let of_run = std::fs::read_dir("/proc").unwrap().flatten().filter_map(|process| {
         let pid: u32 = process.file_name().to_str()?.parse().ok()?;
         let line = std::fs::read(process.path().join("cmdline")).ok()?;
         String::from_utf8_lossy(&line).contains(&words).then_some(pid)
     });
-    let pids: Vec<u32> = [keeper, kept_by(keeper)].into_iter().chain(of_run).collect();
+    [keeper, kept_by(keeper)].into_iter().chain(of_run).collect()
+}
+
+#[test]
+fn a_laptop_that_sleeps_goes_on_with_its_run_and_owns_it() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(100_000);
+    room(setup.frames());
+    let camera = network.camera(&setup, &[]);
+    let ros2 = network.join_and_run(&setup);
+    setup.wait_for_growth("the first frames");
+    let kept = kept_by(ros2.id());
+    assert_eq!(signals_held(kept), [true, true], "the end of a child would end a loop of RustDDS");
+    for _ in 0..2 {
+        let mut pids = of_robot(ros2.id(), &setup.out());
+        pids.push(camera.id());
+        pids.iter().for_each(|pid| signal(*pid, "-STOP"));
+        std::thread::sleep(Duration::from_secs(3));
+        pids.iter().for_each(|pid| signal(*pid, "-CONT"));
+        setup.wait_for_growth("frames after a sleep");
+    }
+    assert_eq!(kept_by(ros2.id()), kept);
+    ros2.terminate();
+    let words = ros2.finish();
+    assert!(ended(&setup.out()).starts_with("\"finished\""), "{} {words}", ended(&setup.out()));
+    assert_eq!(setup.leftovers(), Vec::<String>::new());
+}
+
+/// Everything of a run in one blow, as when the robot is turned off.
+fn turn_off(keeper: u32, out: &std::path::Path) {
+    let pids = of_robot(keeper, out);
     let mut command = std::process::Command::new("kill");
     command.arg("-KILL").args(pids.iter().map(u32::to_string)).status().unwrap();
     let is_there = |pid: &u32| {

@@ -1,5 +1,10 @@
 //! What is said of locators in messages of discovery, changed in place (RTPS 2.5, 8.3 and 9.6).
 
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+/// Where an RTPS message has its sender: magic, version and vendor come before.
+const PREFIX: std::ops::Range<usize> = 8..20;
+const MAGIC: &[u8] = b"RTPS";
 /// Submessages before which the header of a message stands.
 const HEADER: usize = 20;
 const DATA: u8 = 0x15;
@@ -19,8 +24,16 @@ const METATRAFFIC_MULTICAST: u16 = 0x0033;
 const DEFAULT_MULTICAST: u16 = 0x0048;
 /// A parameter of a vendor: who does not know it leaves it out.
 const OF_A_VENDOR: u16 = 0x8000;
+/// A locator: its kind, its port, 16 bytes of address.
+const LOCATOR: usize = 24;
+const UDP_V4: u32 = 1;
 /// Where a locator has its port, behind its kind.
 const PORT: std::ops::Range<usize> = 4..8;
+
+/// Who sent an RTPS message.
+pub(super) fn sender(datagram: &[u8]) -> Option<&[u8]> {
+    datagram.get(PREFIX).filter(|_| datagram.starts_with(MAGIC))
+}
 
 /// Takes multicast out of what others announce: they are spoken to by unicast alone.
 pub(super) fn take_out_multicast(message: &mut [u8]) {
@@ -42,6 +55,41 @@ pub(super) fn set_metatraffic_port(message: &mut [u8], port: u16) {
             place.copy_from_slice(&if is_little { port.to_le_bytes() } else { port.to_be_bytes() });
         }
     });
+}
+
+/// Replaces each place where discovery is listened for by a port of this machine that `port_for` gives. One of another
+/// kind than UDP over IPv4 is taken out, and one that has no port.
+pub(super) fn redirect_metatraffic(
+    message: &mut [u8],
+    port_for: &mut impl FnMut(SocketAddrV4) -> Option<u16>,
+) {
+    for_parameters(message, &mut |id, is_little, head, value| {
+        if id != METATRAFFIC_UNICAST {
+            return;
+        }
+        let at = locator(value, is_little).filter(|(kind, ..)| *kind == UDP_V4);
+        let port = at.and_then(|(_, port, address)| port_for(SocketAddrV4::new(address, port)));
+        let number = |n: u32| if is_little { n.to_le_bytes() } else { n.to_be_bytes() };
+        match (port, value.get_mut(..LOCATOR)) {
+            (Some(port), Some(value)) => {
+                let to = Ipv4Addr::LOCALHOST.octets();
+                let locator = [number(UDP_V4), number(port.into()), [0; 4], [0; 4], [0; 4], to];
+                value.copy_from_slice(locator.as_flattened());
+            }
+            _ => {
+                let other = id | OF_A_VENDOR;
+                head.copy_from_slice(&if is_little { other.to_le_bytes() } else { other.to_be_bytes() });
+            }
+        }
+    });
+}
+
+/// Kind, port and address of a locator.
+fn locator(value: &[u8], is_little: bool) -> Option<(u32, u16, Ipv4Addr)> {
+    let (words, _) = value.as_chunks::<4>();
+    let &[kind, port, _, _, _, address] = words else { return None };
+    let number = |bytes| if is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) };
+    Some((number(kind), u16::try_from(number(port)).ok()?, address.into()))
 }
 
 /// Calls `visit` with each parameter of what is announced: its id, whether it is little-endian, the bytes of
@@ -156,6 +204,28 @@ mod tests {
         }
     }
 
+    /// Cyclone DDS puts the announcements of all participants of a process into one message.
+    #[test]
+    fn each_place_where_others_listen_is_replaced_by_a_port_of_its_own() {
+        for (is_little, has_quality) in [(true, false), (false, false), (true, true), (false, true)] {
+            let mut message = announcement(is_little, has_quality);
+            let other = announcement(is_little, has_quality);
+            message.extend(&other[HEADER..]);
+            let mut seen = Vec::new();
+            redirect_metatraffic(&mut message, &mut |at| {
+                seen.push(at);
+                Some(4320 + seen.len() as u16)
+            });
+            let at = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 7410);
+            assert_eq!(seen, [at; 2]);
+            let unicast: Vec<(u16, u32)> =
+                read(&mut message).into_iter().filter(|(id, _)| *id == METATRAFFIC_UNICAST).collect();
+            assert_eq!(unicast, [(METATRAFFIC_UNICAST, 4321), (METATRAFFIC_UNICAST, 4322)]);
+            redirect_metatraffic(&mut message, &mut |_| None);
+            assert!(read(&mut message).iter().all(|(id, _)| *id != METATRAFFIC_UNICAST));
+        }
+    }
+
     #[test]
     fn what_is_cut_off_or_none_of_discovery_stays_as_it_is() {
         let whole = announcement(true, true);
@@ -163,6 +233,7 @@ mod tests {
             let mut cut = whole[..len].to_vec();
             take_out_multicast(&mut cut);
             set_metatraffic_port(&mut cut, 9999);
+            redirect_metatraffic(&mut cut, &mut |_| Some(1));
             assert_eq!(cut.len(), len);
         }
         let mut of_a_user = announcement(true, false);

@@ -3,6 +3,9 @@
 mod announcement;
 mod arrivals;
 mod buffers;
+mod destinations;
+mod held_signals;
+mod loops;
 mod neighbours;
 mod node;
 mod own_sockets;
@@ -16,6 +19,8 @@ use crate::carrier::{
 use crate::network::reach::{NetworkReach, Ros2Network};
 use arrivals::DdsArrivals;
 use buffers::doubt_buffers;
+use held_signals::HeldSignals;
+use loops::Loops;
 use neighbours::{Inside, Neighbours, multicast_port, unicast_port};
 use node::{NodeEnds, RosNode};
 use own_sockets::keep_to_loopback;
@@ -49,6 +54,7 @@ pub(crate) struct Dds {
     neighbours: Option<Neighbours>,
     /// What may go wrong with its sockets.
     doubts: Vec<String>,
+    loops: Loops,
 }
 
 /// A reader or writer: topic and type as DDS has them.
@@ -88,8 +94,10 @@ impl Dds {
             }
             NetworkReach::All => builder,
         };
+        let held = HeldSignals::hold();
         let participant =
             builder.build().map_err(|error| wrong(&format!("join DDS domain {}", network.domain), &error))?;
+        drop(held);
         let to = make_writer(&participant, node::TOPIC, (node::KIND, &Quality::LATCHED))?;
         let node = RosNode { name, to, told: Vec::new() };
         if network.reach == NetworkReach::Loopback
@@ -110,7 +118,17 @@ impl Dds {
         doubts.extend(doubt_buffers());
         let (network, arrivals) = (network.clone(), DdsArrivals::new()?);
         let (readers, writers) = (Vec::new(), Vec::new());
-        Ok(Self { participant, network, readers, writers, node, arrivals, neighbours, doubts })
+        Ok(Self {
+            participant,
+            network,
+            readers,
+            writers,
+            node,
+            arrivals,
+            neighbours,
+            doubts,
+            loops: Loops::default(),
+        })
     }
 
     fn reader(&mut self, topic: String, kind: RosType, quality: Quality) -> Result<DdsReader, CarrierError> {
@@ -208,6 +226,10 @@ impl Carrier for Dds {
 
     fn wait(&mut self, timeout: std::time::Duration) -> bool {
         self.arrivals.wait(timeout)
+    }
+
+    fn has_ended(&mut self) -> bool {
+        self.loops.have_ended()
     }
 
     fn introduce(&mut self) -> Result<(), CarrierError> {

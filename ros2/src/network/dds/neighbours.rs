@@ -6,9 +6,10 @@
 //! Announcements of this machine's addresses are heard on all interfaces and handed to RustDDS, without the
 //! multicast that it could not send; and what RustDDS announces is sent there with a TTL of 0, which no interface
 //! lets out, and to the ports of participants on loopback. Messages of discovery come to a port of this, data to
-//! that of RustDDS: both are unicast between addresses of this machine, which is loopback.
+//! that of RustDDS: unicast on loopback. What RustDDS says to one participant passes here too (`destinations.rs`).
 
-use super::announcement::{set_metatraffic_port, take_out_multicast};
+use super::announcement::{sender, set_metatraffic_port, take_out_multicast};
+use super::destinations::Destinations;
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -34,9 +35,6 @@ const N_SLOTS: u16 = 33;
 const MOST_PARTICIPANTS: u16 = 120;
 /// Domains whose ports lie above those that Linux gives away by itself.
 const INNER_DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
-/// Where an RTPS message has its sender: magic, version and vendor come before.
-const PREFIX: std::ops::Range<usize> = 8..20;
-const MAGIC: &[u8] = b"RTPS";
 /// Largest datagram of UDP.
 const MOST_BYTES: usize = 65_536;
 /// Time between two looks at the interfaces: a network may come up later.
@@ -118,6 +116,7 @@ impl Inside {
             domain: self.domain,
             prefix: prefix.to_owned(),
             voices: BTreeMap::new(),
+            others: Destinations::default(),
             last_words: None,
             heard: Arc::clone(&heard),
         };
@@ -174,6 +173,7 @@ struct DiscoveryRelay {
     prefix: Vec<u8>,
     /// Of each address of this machine, what sends there.
     voices: BTreeMap<Ipv4Addr, Socket>,
+    others: Destinations,
     /// The newest announcement of RustDDS, for interfaces that come later.
     last_words: Option<Vec<u8>>,
     heard: Arc<Mutex<HeardAnnouncement>>,
@@ -188,7 +188,7 @@ impl DiscoveryRelay {
                 looked = Some(Instant::now());
                 self.look();
             }
-            let sockets = [&self.group, &self.meta].into_iter().chain(&self.slots);
+            let sockets = [&self.group, &self.meta].into_iter().chain(&self.slots).chain(self.others.ears());
             let mut ready: Vec<PollFd<'_>> =
                 sockets.map(|socket| PollFd::new(socket, PollFlags::IN)).collect();
             if poll(&mut ready, Some(&TURN)).is_err() {
@@ -196,6 +196,12 @@ impl DiscoveryRelay {
             }
             let ready: Vec<bool> = ready.iter().map(|fd| fd.revents().contains(PollFlags::IN)).collect();
             let is_ready = |place: usize| ready.get(place) == Some(&true);
+            let first = self.slots.len().saturating_add(2);
+            for other in
+                (0..ready.len().saturating_sub(first)).filter(|at| is_ready(first.saturating_add(*at)))
+            {
+                self.others.pass_on(other, &mut datagram, (&self.prefix, self.port), &self.voices);
+            }
             if is_ready(0)
                 && let Ok((len, SocketAddr::V4(from))) = self.group.recv_from(&mut datagram)
             {
@@ -238,7 +244,7 @@ impl DiscoveryRelay {
     }
 
     /// Hands an announcement to RustDDS where it is one of this machine.
-    fn hear(&self, datagram: &mut [u8], from: Ipv4Addr) {
+    fn hear(&mut self, datagram: &mut [u8], from: Ipv4Addr) {
         if sender(datagram).is_none_or(|prefix| prefix == self.prefix) {
             return;
         }
@@ -254,8 +260,9 @@ impl DiscoveryRelay {
     }
 
     /// Hands a message of this machine to RustDDS.
-    fn hand_in(&self, datagram: &mut [u8]) {
+    fn hand_in(&mut self, datagram: &mut [u8]) {
         take_out_multicast(datagram);
+        self.others.redirect(datagram);
         // One that is lost comes again, as on a network.
         let _ = self.inside.send_to(datagram, self.to);
     }
@@ -284,11 +291,6 @@ impl DiscoveryRelay {
             let _ = voice.send_to(datagram, &to);
         }
     }
-}
-
-/// Who sent an RTPS message.
-fn sender(datagram: &[u8]) -> Option<&[u8]> {
-    datagram.get(PREFIX).filter(|_| datagram.starts_with(MAGIC))
 }
 
 fn udp() -> io::Result<Socket> {

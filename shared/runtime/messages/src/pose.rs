@@ -27,12 +27,15 @@ pub struct PoseMessage {
     pub world_from_odom: [f64; 7],
     /// 6x6 row by row, translation first, metres and radians; all zero where unknown.
     pub covariance: [[f64; 6]; 6],
+    /// Variance along and about each axis of the camera with its references fixed, m^2 and rad^2; all zero where
+    /// unknown. The motion since the pose before has the variances of both: what `covariance` adds is common to them.
+    pub step_variance: [f64; 6],
     /// When each step happened.
     pub times: StepTimes,
 }
 
 impl Message for PoseMessage {
-    const NAME: &'static str = "tessera.Pose.v1";
+    const NAME: &'static str = "tessera.Pose.v2";
 }
 
 impl PoseMessage {
@@ -56,6 +59,13 @@ impl PoseMessage {
         }
         if !self.covariance.iter().flatten().all(|v| v.is_finite()) {
             return refuse("covariance", "not finite".into(), "36 finite numbers");
+        }
+        if !self.step_variance.iter().all(|v| v.is_finite() && *v >= 0.0) {
+            return refuse(
+                "step_variance",
+                format!("{:?}", self.step_variance),
+                "6 finite numbers from 0 on",
+            );
         }
         Ok(())
     }
@@ -89,6 +99,9 @@ mod tests {
         assert_eq!(pose.validate(), Ok(()));
         pose.covariance[2][3] = f64::NAN;
         assert!(pose.validate().unwrap_err().to_string().contains("covariance"));
+        pose.covariance[2][3] = 0.0;
+        pose.step_variance[1] = -1.0;
+        assert!(pose.validate().unwrap_err().to_string().contains("step_variance"));
     }
 
     #[test]

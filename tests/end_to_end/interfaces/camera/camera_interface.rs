@@ -93,6 +93,7 @@ fn types() -> [Type; 6] {
                 odom_from_camera,
                 world_from_odom,
                 covariance,
+                step_variance,
                 times
             ]
         ),
