@@ -29,10 +29,9 @@ pub(crate) const AGREES_SQ: f64 = 25.0;
 /// Overlap of views that show the same. Of labelled pairs of one place that overlap so, features were missed in 1 to
 /// 18 % of those of simulated worlds and recordings with features; of those that overlap by 0.1 less in up to 56 %.
 const SAME_VIEW_OVERLAP: f64 = 0.75;
-/// Overlap of views whose surfaces tell anything, and share of so large an overlap that does where it stands in free
-/// space: of a smaller one as many points, for a few at the edge of a view err together.
+/// Overlap of views whose surfaces tell anything; half as many points do where they stand in free space, but a few at
+/// the edge of a view err together.
 const LEAST_OVERLAP: f64 = 0.4;
-const MOST_IN_FRONT: f64 = 0.5;
 /// Features that make a pose, as in [`PairFinder`].
 pub(crate) const LEAST_OF_POSE: usize = 12;
 
@@ -119,7 +118,7 @@ impl PlaceEvidence {
     pub(crate) fn least_nats(&self) -> Option<f64> {
         let is_telling = self.makes_a_pose()
             || self.overlap >= LEAST_OVERLAP
-            || self.overlap * self.in_front >= LEAST_OVERLAP * MOST_IN_FRONT;
+            || self.overlap * self.in_front >= 0.5 * LEAST_OVERLAP;
         is_telling.then(|| self.against_twins_nats())
     }
 
