@@ -1,12 +1,13 @@
 //! Keyframes of the simulated house, slightly off, with a request to optimise them.
 
 use rayon::prelude::*;
+use std::ops::Range;
 use tessera_geometry::{Pose, PoseBits, Twist, exp};
 use tessera_offline::Method;
 use tessera_slam::Ferns;
 use tessera_slam::{
-    AlignRecord, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, MapChange, Optimiser, PoseRecord,
-    RequestRecord, StoreSlot,
+    AlignRecord, AppliedCorrection, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, MapChange,
+    Optimiser, PoseRecord, RequestRecord, StoreSlot,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{SurfaceView, Vertex};
@@ -23,9 +24,15 @@ impl KeyframeSurfaces for Surfaces {
     }
 }
 
-/// An optimiser that holds `n` keyframes, in as many rounds through the house as they need, and the
-/// request to optimise them once.
-pub(crate) fn optimiser(n: u64) -> (Optimiser, RequestRecord, Surfaces) {
+/// Keyframes with their surfaces.
+pub(crate) struct Map {
+    context: Context,
+    frames: Vec<FrameRecord>,
+    pub(crate) surfaces: Surfaces,
+}
+
+/// `n` keyframes, in as many rounds through the house as they need.
+pub(crate) fn map(n: u64) -> Map {
     let source = SimulatedSource::open(SceneName::House, None, None, &SimulationOptions::default())
         .expect("the house opens");
     let method = Method::default();
@@ -36,21 +43,62 @@ pub(crate) fn optimiser(n: u64) -> (Optimiser, RequestRecord, Surfaces) {
         .into_par_iter()
         .map(|k| crate::common::surface(source.camera(), &method, &crate::common::read(&source, k * SPACING)))
         .collect();
-    let mut optimiser = Optimiser::new(context.clone());
     let ferns = Ferns::default();
-    for id in 0..n as usize {
-        let vertices = &surfaces[id % surfaces.len()];
-        let frame_index = id as u64 * SPACING;
+    let record = |id: u64| {
+        let vertices = &surfaces[id as usize % surfaces.len()];
+        let frame_index = id * SPACING;
         let pose = truth.poses[0].inverse() * truth.poses[frame_index as usize % truth.poses.len()];
         let surface = SurfaceView { grid: context.grid, vertices };
-        let record = frame(id as u32, frame_index, &shaken(id, &pose), ferns.code(&surface));
-        optimiser.apply(&AlignRecord::Frame(Box::new(record)));
+        frame(id as u32, frame_index, &shaken(id as usize, &pose), ferns.code(&surface))
+    };
+    let frames = (0..n).map(record).collect();
+    Map { context, frames, surfaces: Surfaces(surfaces) }
+}
+
+impl Map {
+    /// An optimiser that holds all keyframes, and the request to optimise them once.
+    pub(crate) fn optimiser(&self) -> (Optimiser, RequestRecord) {
+        let mut optimiser = Optimiser::new(self.context.clone());
+        let (n, n_frames) = (self.frames.len(), self.frames.len() as u64 * SPACING);
+        self.take(&mut optimiser, 0..n, None);
+        let request = RequestRecord { is_final: true, ..request(0, n) };
+        optimiser.apply(&AlignRecord::End { n_frames, request: Some(request) });
+        (optimiser, request)
     }
-    let n_frames = n * SPACING;
-    let n_keyframes = n as u32;
-    let request = RequestRecord { request: 0, n_keyframes, effective_before: n_frames, is_final: true };
-    optimiser.apply(&AlignRecord::End { n_frames, request: Some(request) });
-    (optimiser, request, Surfaces(surfaces))
+
+    /// An optimiser that corrected all keyframes but the last `n_new`, has lived on, and is asked again with those: they
+    /// close loops with what it knows.
+    pub(crate) fn corrected_optimiser(&self, n_new: usize) -> (Optimiser, RequestRecord) {
+        let mut optimiser = Optimiser::new(self.context.clone());
+        let n = self.frames.len();
+        let first = request(0, n - n_new);
+        self.take(&mut optimiser, 0..n - n_new, Some(first));
+        let solved = optimiser.solve(&first, &self.surfaces, &[].as_slice(), &mut || ()).expect("pending");
+        let applied = AppliedCorrection {
+            before_frame: first.effective_before,
+            correction: solved.correction().clone(),
+        };
+        optimiser.apply_own(&solved);
+        optimiser.apply(&AlignRecord::Correction(Box::new(applied)));
+        let second = request(1, n);
+        self.take(&mut optimiser, n - n_new..n, Some(second));
+        (optimiser, second)
+    }
+
+    /// Keyframes, the last with a request.
+    fn take(&self, optimiser: &mut Optimiser, keyframes: Range<usize>, request: Option<RequestRecord>) {
+        let last = keyframes.end - 1;
+        for id in keyframes {
+            let mut frame = self.frames[id].clone();
+            frame.change.request = request.filter(|_| id == last);
+            optimiser.apply(&AlignRecord::Frame(Box::new(frame)));
+        }
+    }
+}
+
+fn request(request: u64, n: usize) -> RequestRecord {
+    let effective_before = n as u64 * SPACING;
+    RequestRecord { request, n_keyframes: n as u32, effective_before, is_final: false }
 }
 
 /// Two millimetres and a tenth of a degree off, this way and that.

@@ -104,11 +104,11 @@ fn solve(
     state: &mut JournaledOptimiser,
     request: &RequestRecord,
     pulse: &mut Pulse,
-) -> Result<Correction, StageError> {
+) -> Result<OptimiseRecord, StageError> {
     let history = JournaledFrames::new(&context.files);
-    let correction = if context.poison.contains(&request.request) {
+    let answer = if context.poison.contains(&request.request) {
         tracing::warn!(request = request.request, "left out: it ended optimise again and again");
-        state.optimiser.decline(request)
+        state.optimiser.decline(request).map(|correction| OptimiseRecord::Correction(Box::new(correction)))
     } else {
         state.optimiser.solve(request, &state.keyframes, &history, &mut || {
             pulse.progress();
@@ -120,7 +120,7 @@ fn solve(
     // Culled keyframes are not needed again.
     state.keyframes.forget_unused(1);
     history.check()?;
-    correction.ok_or_else(|| StageError::Inconsistent(format!("request {} is not pending", request.request)))
+    answer.ok_or_else(|| StageError::Inconsistent(format!("request {} is not pending", request.request)))
 }
 
 /// Runs the stage until the run is finished or it is told to stop.
@@ -172,10 +172,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let record = match from_base {
             Waited::Stopped => continue,
             Waited::Answered(correction) => OptimiseRecord::FromBase(correction),
-            Waited::InVain => {
-                let correction = solve(&context, &mut state, &request, &mut pulse)?;
-                OptimiseRecord::Correction(Box::new(correction))
-            }
+            Waited::InVain => solve(&context, &mut state, &request, &mut pulse)?,
         };
         let solved = monotonic_nanos();
         pulse.phase(Phase::Computing, solved.saturating_sub(began));

@@ -10,6 +10,7 @@ mod quadratic;
 
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 pub use quadratic::Quadratic;
+use std::sync::Arc;
 use tessera_geometry::{Matrix6, Pose, Vector6};
 
 /// Raw sums over matches: `Q` (10 products of `a~` times 6 of `Omega`), `l` (4 times 3), `c`,
@@ -112,7 +113,7 @@ pub struct PairBlock {
 #[expect(clippy::large_enum_variant, reason = "in the last optimisation of a large map most are quadratic")]
 enum BlockTerms {
     /// More than twice as large.
-    Exact(Box<ExactTerms>),
+    Exact(Arc<ExactTerms>),
     /// Where the sums over the matches were not kept.
     Quadratic(Quadratic),
 }
@@ -139,7 +140,7 @@ fn matrix_of(pose: &Pose) -> Matrix3x4<f64> {
 impl PairBlock {
     /// A block from its sums and the transform at which the matches were found.
     pub fn new(target_from_query: &Pose, sums: &BlockSums) -> Self {
-        let terms = BlockTerms::Exact(Box::new(ExactTerms::new(sums)));
+        let terms = BlockTerms::Exact(Arc::new(ExactTerms::new(sums)));
         Self { origin: matrix_of(target_from_query), terms, n: sums.n }
     }
 
@@ -163,6 +164,16 @@ impl PairBlock {
         }
     }
 
+    /// How far the matched points are from where they were found, at another transform: `sum d^T Omega d` over their
+    /// displacements, exact unless the block is quadratic.
+    pub fn displacement(&self, target_from_query: &Pose) -> f64 {
+        let at = matrix_of(target_from_query);
+        match &self.terms {
+            BlockTerms::Exact(terms) => terms.displacement(&(at - self.origin)),
+            BlockTerms::Quadratic(terms) => terms.displacement(&self.origin, &at),
+        }
+    }
+
     /// Gauss-Newton terms for a right perturbation of the query's pose: `(H, g, F)` with
     /// `H d = -g` and `F` without the factor one half.
     pub fn linearise(&self, target_from_query: &Pose) -> (Matrix6, Vector6, f64) {
@@ -182,6 +193,18 @@ impl ExactTerms {
         }
         let l = [0, 1, 2, 3].map(|k| Vector3::new(sums.l[3 * k], sums.l[3 * k + 1], sums.l[3 * k + 2]));
         Self { q, l, c: sums.c }
+    }
+
+    fn displacement(&self, x: &Matrix3x4<f64>) -> f64 {
+        let mut squared = 0.0;
+        for k in 0..4 {
+            let mut sum = Vector3::zeros();
+            for m in 0..4 {
+                sum += self.q[PLACE[k][m]] * x.column(m);
+            }
+            squared += x.column(k).dot(&sum);
+        }
+        squared
     }
 
     fn cost(&self, x: &Matrix3x4<f64>) -> f64 {

@@ -22,12 +22,14 @@ pub struct Pair {
     /// Whether the pair closes a loop: it may be an outlier, so that graduated non-convexity
     /// decides on its weight. Odometry is trusted.
     pub is_loop: bool,
+    /// Cost of a loop pair at its own optimum, where that is known.
+    pub own_cost: Option<f64>,
 }
 
 impl Pair {
     /// A pair that counts in full and closes no loop.
     pub fn new(query: usize, target: usize, block: PairBlock) -> Self {
-        Self { query, target, block, weight: 1.0, is_loop: false }
+        Self { query, target, block, weight: 1.0, is_loop: false, own_cost: None }
     }
 }
 
@@ -64,6 +66,24 @@ pub struct Solver {
     system: Option<BlockSystem>,
     pub(crate) terms: Terms,
     pub(crate) lambda: Option<f64>,
+    pub(crate) stop: Stop,
+}
+
+/// When an optimisation ends, beside steps and decreases that are too small to be told from rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Stop {
+    /// Decrease of the cost that is too small to matter.
+    pub(crate) decrease: f64,
+    /// A step whose gain shows that the quadratic model is exact is the last.
+    pub(crate) is_rough: bool,
+}
+
+impl Solver {
+    /// For a graph with other pairs, which may have the places of those before.
+    pub(crate) fn begin(&mut self, stop: Stop) {
+        self.terms.forget();
+        self.stop = stop;
+    }
 }
 
 /// How an inner optimisation ended.

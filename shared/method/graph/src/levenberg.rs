@@ -55,7 +55,7 @@ impl Graph {
         progress: &mut dyn FnMut(),
     ) -> Result<InnerReport, NotPositiveDefinite> {
         let Order { free, slot } = order;
-        let Solver { terms, lambda: last_lambda, .. } = solver;
+        let Solver { terms, lambda: last_lambda, stop, .. } = solver;
         let mut cost = self.linearise(slot, system, terms);
         let mut report = InnerReport::default();
         let mut damping = Damping::new(system.max_diagonal(), *last_lambda);
@@ -91,7 +91,9 @@ impl Graph {
                 damping.accept(gain);
                 *last_lambda = Some(damping.lambda);
                 has_moved = true;
-                report.is_converged = is_tiny || decrease < DECREASE_LIMIT * cost;
+                let is_exact = stop.is_rough && (gain - 1.0).abs() < TRUE_GAIN;
+                let least_decrease = stop.decrease.max(DECREASE_LIMIT * cost);
+                report.is_converged = is_tiny || is_exact || decrease < least_decrease;
             } else {
                 // At the minimum rounding decides the sign of the gain: a tiny step is the end.
                 report.is_converged = is_tiny;

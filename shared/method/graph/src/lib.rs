@@ -21,6 +21,6 @@ mod statistics;
 pub use block::{BlockSums, HalfSums, PairBlock, Quadratic};
 pub use graph::{Graph, InnerReport, Pair, Prior, Solver};
 pub use multi_edge::{DataAssociation, INNER_ITERATIONS, MultiEdge, OuterIteration, Schedule, Solved};
-pub use robust::{GemanMcClure, RobustReport, disagreement_sigmas, optimise as optimise_robustly};
+pub use robust::{GemanMcClure, disagreement_sigmas, own_cost};
 pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
 pub use tessera_numerics::NotPositiveDefinite;

@@ -43,6 +43,11 @@ pub(crate) struct Terms {
 }
 
 impl Terms {
+    /// Pairs that follow are others.
+    pub(crate) fn forget(&mut self) {
+        self.poses.clear();
+    }
+
     /// Works out what is not known yet: all of it at other poses, where they are the same that of
     /// pairs with another weight.
     pub(crate) fn update(&mut self, graph: &Graph, slot: &[usize]) {

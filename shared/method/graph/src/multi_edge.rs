@@ -10,7 +10,7 @@
 //!
 //! Surfaces are unknown here: the caller is asked for the pairs ([`DataAssociation`]).
 
-use crate::graph::{Graph, Pair, Prior};
+use crate::graph::{Graph, Pair, Prior, Solver};
 use crate::robust::{self, GemanMcClure};
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_numerics::parallel::in_pool;
@@ -110,7 +110,8 @@ pub struct Solved {
     pub outer_iterations: u32,
     /// False where an inner optimisation failed: the poses are then those before it.
     pub is_solved: bool,
-    /// Disagreement of each pair with the poses, see [`robust::RobustReport`]; empty without a kernel.
+    /// Disagreement of each pair with the poses, see [`disagreement_sigmas`](crate::disagreement_sigmas);
+    /// empty without a kernel.
     pub residuals_sigmas: Vec<f64>,
     /// Rounds of graduated non-convexity over all outer iterations.
     pub n_rounds: u32,
@@ -137,12 +138,17 @@ impl MultiEdge {
         let mut solved = Solved { graph, is_solved: true, ..Solved::default() };
         let last = schedule.tightness.len().saturating_sub(1);
         let (mut k, mut n_held) = (0, None);
+        let mut solver = Solver::default();
         while let Some(&tightness) = schedule.tightness.get(k) {
             let iteration = OuterIteration { index: solved.outer_iterations, tightness };
             solved.graph.pairs = association.associate(&solved.graph.poses, iteration, progress);
             solved.outer_iterations += 1;
             let before = solved.graph.poses.clone();
-            let inner = solved.optimise(kernel.as_ref(), schedule.inner_iterations, progress);
+            if let Some(kernel) = &kernel {
+                let n_free = solved.graph.is_fixed.iter().filter(|is_fixed| !**is_fixed).count();
+                solver.begin(kernel.stop(n_free, k == last));
+            }
+            let inner = solved.optimise(kernel.as_ref(), schedule.inner_iterations, &mut solver, progress);
             solved.is_solved = inner.is_ok();
             if !solved.is_solved {
                 solved.graph.poses = before;
@@ -172,14 +178,16 @@ impl Solved {
         &mut self,
         kernel: Option<&GemanMcClure>,
         inner_iterations: u32,
+        solver: &mut Solver,
         progress: &mut dyn FnMut(),
     ) -> Result<(), NotPositiveDefinite> {
         let graph = &mut self.graph;
         let Some(kernel) = kernel else {
             return graph.optimise(inner_iterations, progress).map(|_| ());
         };
-        let report =
-            in_pool(progress, |progress| robust::optimise(graph, kernel, inner_iterations, progress))?;
+        let report = in_pool(progress, |progress| {
+            robust::optimise(graph, kernel, inner_iterations, solver, progress)
+        })?;
         self.n_rounds += report.n_rounds;
         self.residuals_sigmas = report.residuals_sigmas;
         Ok(())

@@ -8,7 +8,7 @@
 //! weight near zero, however many they are and even if they agree among themselves.
 
 use crate::block::PairBlock;
-use crate::graph::{Graph, InnerReport, Pair, Solver};
+use crate::graph::{Graph, InnerReport, Pair, Solver, Stop};
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_numerics::NotPositiveDefinite;
@@ -43,16 +43,27 @@ impl GemanMcClure {
     }
 }
 
+/// Part of its standard deviation by which an unknown may be off its optimum, root mean square.
+const STILL_SIGMAS: f64 = 0.01;
+
+impl GemanMcClure {
+    /// When an optimisation of a graph with so many free poses ends; `is_last`: its pairs are not searched again.
+    pub(crate) fn stop(&self, n_free: usize, is_last: bool) -> Stop {
+        let n_unknowns = 6.0 * n_free as f64;
+        Stop { decrease: STILL_SIGMAS * STILL_SIGMAS * self.metric_factor * n_unknowns, is_rough: !is_last }
+    }
+}
+
 /// How a robust optimisation ended.
-pub struct RobustReport {
+pub(crate) struct RobustReport {
     /// Disagreement of each pair with the solution, see [`disagreement_sigmas`]; 0 for odometry.
-    pub residuals_sigmas: Vec<f64>,
+    pub(crate) residuals_sigmas: Vec<f64>,
     /// Rounds of the graduated part; 0: every loop fitted at once.
-    pub n_rounds: u32,
+    pub(crate) n_rounds: u32,
 }
 
 /// A pair's own cost at its optimum, found from `start`.
-fn own_cost(block: &PairBlock, start: &Pose) -> f64 {
+pub fn own_cost(block: &PairBlock, start: &Pose) -> f64 {
     let mut graph = Graph {
         poses: vec![Pose::identity(), *start],
         is_fixed: vec![true, false],
@@ -81,18 +92,20 @@ pub fn disagreement_sigmas(
 ///
 /// # Errors
 /// As [`Graph::optimise`].
-pub fn optimise(
+pub(crate) fn optimise(
     graph: &mut Graph,
     kernel: &GemanMcClure,
     inner_iterations: u32,
+    solver: &mut Solver,
     progress: &mut dyn FnMut(),
 ) -> Result<RobustReport, NotPositiveDefinite> {
     let limit = kernel.limit_sigmas;
-    let mut solver = Solver::default();
     let start = graph.poses.clone();
-    graph.optimise_again(inner_iterations, &mut solver, progress)?;
-    let own =
-        |pair: &Pair| if pair.is_loop { own_cost(&pair.block, &graph.target_from_query(pair)) } else { 0.0 };
+    graph.optimise_again(inner_iterations, solver, progress)?;
+    let own = |pair: &Pair| match (pair.is_loop, pair.own_cost) {
+        (false, _) => 0.0,
+        (true, known) => known.unwrap_or_else(|| own_cost(&pair.block, &graph.target_from_query(pair))),
+    };
     let own_costs: Vec<f64> = graph.pairs.par_iter().map(own).with_min_len(16).collect();
     let residuals = |graph: &Graph| residuals_sigmas(graph, &own_costs, kernel.metric_factor);
     let mut found = residuals(graph);
@@ -102,7 +115,7 @@ pub fn optimise(
     graph.poses = start;
     set_weights(graph, |_| 0.0);
     // Odometry alone may be far off where the poses held loops before: more steps.
-    graph.optimise_again(3 * inner_iterations, &mut solver, progress)?;
+    graph.optimise_again(3 * inner_iterations, solver, progress)?;
     found = residuals(graph);
     let mut scale = first_scale(graph, &found).max(limit);
     let mut n_rounds = 0;
@@ -113,7 +126,7 @@ pub fn optimise(
             true => f64::from(u8::from(found[place] / scale <= 1.0)),
             false => GemanMcClure::weight(found[place], scale),
         });
-        graph.optimise_again(ROUND_STEPS, &mut solver, progress)?;
+        graph.optimise_again(ROUND_STEPS, solver, progress)?;
         found = residuals(graph);
         if is_last {
             break;
@@ -122,7 +135,7 @@ pub fn optimise(
     }
     // A loop that the others have brought home comes back in; one that left goes.
     set_weights(graph, |place| f64::from(u8::from(found[place] <= limit)));
-    graph.optimise_again(inner_iterations, &mut solver, progress)?;
+    graph.optimise_again(inner_iterations, solver, progress)?;
     Ok(RobustReport { residuals_sigmas: residuals(graph), n_rounds })
 }
 

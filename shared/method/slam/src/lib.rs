@@ -30,8 +30,8 @@ pub use map::pose_history::{FramePose, PoseHistory};
 pub use map::records::{
     AlignRecord, AppliedCorrection, BlockRecord, ContradictionRecord, Correction, EdgeRecord, EvidenceRecord,
     FrameRecord, JoinRecord, KeyframePose, KeyframeRecord, KeyframeState, LoopRecord, LoopVerdict, MapChange,
-    MapRecord, OptimiseRecord, PoseRecord, RefinedCamera, Refinement, RequestRecord, RetiredRecord,
-    SightingRecord, SkippedFrames, SplitRecord, State, StoreSlot,
+    MapRecord, MatchPose, MatchRecord, OptimiseRecord, PairChanges, PoseRecord, RefinedCamera, Refinement,
+    RequestRecord, RetiredRecord, SightingRecord, SkippedFrames, SplitRecord, State, StoreSlot,
 };
 pub use map::state::TrackerState;
 pub use map::submaps::{Origin, Submaps};

@@ -11,11 +11,13 @@
 
 mod before_17;
 
-use tessera_journal::RecordKind;
+use tessera_journal::{RecordKind, decode};
 use tessera_slam::{AlignRecord, OptimiseRecord};
 
 /// The aligner's journal.
 pub const ALIGN_JOURNAL: RecordKind<AlignRecord> =
     RecordKind { name: "align", version: 17, oldest: 16, earlier: |_, payload| before_17::align(payload) };
 /// The optimiser's journal.
-pub const OPTIMISE_JOURNAL: RecordKind<OptimiseRecord> = RecordKind::only("optimise", 16);
+pub const OPTIMISE_JOURNAL: RecordKind<OptimiseRecord> =
+    // Version 17 adds a kind of record behind those of version 16.
+    RecordKind { name: "optimise", version: 17, oldest: 16, earlier: |_, payload| decode(payload) };

@@ -26,9 +26,7 @@ pub use tessera_slam::{
     AlignRecord, ColourState, Correction, FrameRecord, KeyframeState, MappingSettings, RefinedCamera, State,
     Submaps,
 };
-use tessera_slam::{
-    Context, FrameSurface, KeyframeSurfaces, MapRecord, OptimiseRecord, Optimiser, Tracker, TrackerState,
-};
+use tessera_slam::{Context, FrameSurface, KeyframeSurfaces, MapRecord, Optimiser, Tracker, TrackerState};
 use tessera_sources::{FrameBuffers, FrameInfo};
 pub use tessera_sources::{Source, SourceError};
 pub use tessera_surface::{Grid, SurfaceSettings, Vertex};
@@ -347,11 +345,11 @@ impl Run {
 
     fn solve(&mut self) {
         if let Some(request) = self.optimiser.next_request()
-            && let Some(correction) =
+            && let Some(record) =
                 self.optimiser.solve(&request, &self.keyframes, &self.records.as_slice(), &mut || ())
         {
-            self.optimiser.apply_own(&OptimiseRecord::Correction(Box::new(correction.clone())));
-            self.correction = Some(correction);
+            self.optimiser.apply_own(&record);
+            self.correction = Some(record.into_correction());
         }
     }
 

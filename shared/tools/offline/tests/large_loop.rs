@@ -72,6 +72,7 @@ fn solved(is_recognised: bool) -> (f64, usize) {
     };
     optimiser.apply(&AlignRecord::End { n_frames: N_FRAMES + 41, request: Some(request) });
     let correction = optimiser.solve(&request, &Surfaces(surfaces), &[].as_slice(), &mut || ()).unwrap();
+    let correction = correction.into_correction();
     let largest = correction.keyframes.iter().zip(&truth).map(|(corrected, truth)| {
         translation_rotation_norms(&(truth.inverse() * Pose::from(&corrected.world_from_camera))).0
     });

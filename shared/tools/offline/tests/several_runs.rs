@@ -191,6 +191,7 @@ fn an_answer_is_the_run_s_own_without_others_and_another_with_those_that_share_a
     let (optimiser, request) = asking(&room, &run);
     let history = run.records.as_slice();
     let own = optimiser.solve(&request, &Surfaces(run.surfaces.clone()), &history, &mut || ()).unwrap();
+    let own = own.into_correction();
     let accept = |answer: Correction| optimiser.accept(&request, answer, &history).unwrap();
     let (alone, n_sharing) = answer(&room, &run, &[&elsewhere]);
     assert_eq!(n_sharing, 0);

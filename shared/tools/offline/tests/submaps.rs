@@ -203,6 +203,7 @@ fn a_wrong_join_comes_apart_again() {
     let request = state.pending.unwrap();
     let correction =
         optimiser.solve(&request, &Surfaces(map.surfaces), &journal.as_slice(), &mut || ()).unwrap();
+    let correction = correction.into_correction();
     let crosses = |newer: u32, older: u32| newer as usize >= first && (older as usize) < first;
     let across: Vec<_> = correction.loops.iter().filter(|l| crosses(l.newer, l.older)).collect();
     assert!(!across.is_empty() && across.iter().all(|l| l.verdict != LoopVerdict::Accepted), "{across:?}");

@@ -54,8 +54,9 @@ fn aligned(run: &crate::common::Run) -> String {
 fn optimised(run: &crate::common::Run) -> String {
     let mut journal = Follower::open(&run.out().join("optimise.journal"), OPTIMISE_JOURNAL).unwrap();
     let mut found = Vec::new();
-    while let Some(OptimiseRecord::Correction(correction)) = journal.next().unwrap() {
-        found.push(fingerprint(&*correction).unwrap());
+    while let Some(record) = journal.next().unwrap() {
+        let record: OptimiseRecord = record;
+        found.push(fingerprint(record.correction()).unwrap());
     }
     assert!(!found.is_empty());
     digest(found.into_iter())

@@ -95,6 +95,7 @@ impl StandIn {
         let request = optimiser.next_request().filter(|request| request.is_final)?;
         let surfaces: &dyn KeyframeSurfaces = &surfaces;
         let correction = optimiser.solve(&request, surfaces, &records.as_slice(), &mut || ()).unwrap();
+        let correction = correction.into_correction();
         Some(Correction { frames: Vec::new(), ..correction })
     }
 }

@@ -49,6 +49,11 @@ impl Quadratic {
         self.c + 2.0 * self.g.dot(&d) + d.dot(&(self.h * d))
     }
 
+    pub(super) fn displacement(&self, origin: &Matrix3x4<f64>, at: &Matrix3x4<f64>) -> f64 {
+        let (d, _) = motion(origin, at);
+        d.dot(&(self.h * d))
+    }
+
     pub(super) fn linearise(&self, origin: &Matrix3x4<f64>, at: &Matrix3x4<f64>) -> (Matrix6, Vector6, f64) {
         let (d, turned) = motion(origin, at);
         // u + M rho; and as M [p]x + [p]x M^T = [(tr M - M^T) p]x, v + (tr M - M^T) phi / 2.

@@ -161,3 +161,17 @@ fn the_targets_side_follows_from_the_querys_by_the_adjoint() {
         assert!(((cost(&d) - cost(&-d)) / 2e-6 - 2.0 * g_j[k]).abs() < 1e-6 * f, "direction {k}");
     }
 }
+
+#[test]
+fn the_displacement_of_matches_is_the_cost_of_moving_those_that_fit() {
+    let mut sums = BlockSums::default();
+    for m in &matches(40) {
+        sums.add(&m.a, &Vector3::zeros(), &m.omega);
+    }
+    let moved = exp(&Twist { rho: [0.01, -0.02, 0.005].into(), phi: [0.01, 0.0, -0.02].into() });
+    let block = PairBlock::new(&Pose::identity(), &sums);
+    assert!((block.displacement(&moved) - block.cost(&moved)).abs() < 1e-9 * block.cost(&moved));
+    assert_eq!(block.displacement(&Pose::identity()), 0.0);
+    let quadratic = PairBlock::quadratic(&Pose::identity(), Quadratic::of(&Pose::identity(), &sums), 40);
+    assert!((quadratic.displacement(&moved) / block.displacement(&moved) - 1.0).abs() < 0.1);
+}

@@ -79,3 +79,19 @@ fn a_prior_pulls_where_pairs_are_silent() {
     graph.optimise(10, &mut || ()).unwrap();
     assert!(translation_rotation_norms(&(predicted.inverse() * graph.poses[0])).0 < 1e-6);
 }
+
+#[test]
+fn a_rough_optimisation_ends_where_its_model_was_exact() {
+    let (_, graph) = ring(12);
+    let steps = |stop: Stop| {
+        let (mut graph, mut solver) = (graph.clone(), Solver::default());
+        solver.begin(stop);
+        let report = graph.optimise_again(10, &mut solver, &mut || ()).unwrap();
+        (report.n_accepted, graph.cost())
+    };
+    let (n, cost) = steps(Stop::default());
+    let (n_rough, rough_cost) = steps(Stop { is_rough: true, ..Stop::default() });
+    assert!(n_rough < n && rough_cost < 0.05 * graph.cost(), "{n_rough} of {n} steps, {rough_cost}, {cost}");
+    let (n_coarse, _) = steps(Stop { decrease: 0.1 * graph.cost(), is_rough: false });
+    assert!(n_coarse < n, "{n_coarse} of {n} steps");
+}

@@ -109,7 +109,7 @@ fn planted(share: f64, are_consistent: bool, seed: u64) -> Planted {
 
 fn solved_ate(planted: &mut Planted) -> f64 {
     let kernel = GemanMcClure { limit_sigmas: LIMIT_SIGMAS, metric_factor: METRIC_FACTOR };
-    optimise(&mut planted.graph, &kernel, 10, &mut || ()).unwrap();
+    optimise(&mut planted.graph, &kernel, 10, &mut Solver::default(), &mut || ()).unwrap();
     let squares = planted.graph.poses.iter().zip(&planted.truth);
     let sum: f64 = squares.map(|(a, b)| translation_rotation_norms(&(b.inverse() * a)).0.powi(2)).sum();
     (sum / N as f64).sqrt()

@@ -301,7 +301,7 @@ impl<'a> PlaceProbe<'a> {
         guess: &Pose,
     ) -> (Pose, PlaceEvidence) {
         let [own, other] = [query, target].map(|k| &self.sides[k]);
-        let (at, evidence) = measure(&mut self.matcher, &own.queries, other, guess);
+        let (at, evidence) = measure(&mut self.matcher, own.queries(), other, guess);
         let seen = [own.seen(self.context), other.seen(self.context)];
         let seed = (query as u64) << 32 | target as u64;
         let found = self.finder.find(self.context, seen, &at, Reach::ANYWHERE, seed);

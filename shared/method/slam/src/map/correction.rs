@@ -1,6 +1,7 @@
 //! The optimiser's answer to a request.
 
 use crate::map::keyframe::KeyframePose;
+use crate::map::rounded_pose::RoundedPose;
 use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, PoseBits};
@@ -43,6 +44,30 @@ pub struct LoopRecord {
     pub weight: f64,
     /// Why.
     pub verdict: LoopVerdict,
+}
+
+/// Where the matches of a pair of keyframes were searched, in an eighth of a millimetre and of a milliradian: far below
+/// their noise.
+pub type MatchPose = RoundedPose<8192>;
+
+/// A pair of keyframes whose matches were searched, or whose loop was refused, at a relative pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MatchRecord {
+    /// The newer keyframe, whose samples were the queries.
+    pub newer: u32,
+    /// The older keyframe.
+    pub older: u32,
+    /// `older_from_newer` of the search.
+    pub at: MatchPose,
+}
+
+/// How the pairs of an answer differ from those of the answer before it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PairChanges {
+    /// Those that are new, or were searched at another relative pose.
+    pub searched: Vec<MatchRecord>,
+    /// Ids of the newer and the older keyframe of those that are no more.
+    pub dropped: Vec<(u32, u32)>,
 }
 
 /// The answer to a request.

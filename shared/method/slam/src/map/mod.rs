@@ -17,6 +17,7 @@ pub(crate) mod newest_blocks;
 pub(crate) mod placement;
 pub(crate) mod pose_history;
 pub(crate) mod records;
+pub(crate) mod rounded_pose;
 mod single;
 pub(crate) mod split;
 pub(crate) mod state;

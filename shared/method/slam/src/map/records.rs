@@ -4,7 +4,8 @@
 //! that restarted and one that did not hold the same bits.
 
 pub use crate::map::correction::{
-    AppliedCorrection, Correction, LoopRecord, LoopVerdict, RefinedCamera, Refinement,
+    AppliedCorrection, Correction, LoopRecord, LoopVerdict, MatchPose, MatchRecord, PairChanges,
+    RefinedCamera, Refinement,
 };
 pub use crate::map::frame::{EvidenceRecord, FrameRecord, MapChange, PoseRecord, State};
 pub use crate::map::keyframe::{
@@ -220,20 +221,34 @@ pub enum OptimiseRecord {
     Correction(Box<Correction>),
     /// A request was answered by the base of a fleet, from the keyframes of several runs.
     FromBase(Box<Correction>),
+    /// A request was answered, and the next answer goes on from the pairs of this one.
+    Incremental(Box<Correction>, PairChanges),
 }
 
 impl OptimiseRecord {
     /// The answer.
     pub fn correction(&self) -> &Correction {
         match self {
-            Self::Correction(correction) | Self::FromBase(correction) => correction,
+            Self::Correction(correction) | Self::FromBase(correction) | Self::Incremental(correction, _) => {
+                correction
+            }
+        }
+    }
+
+    /// How its pairs differ from those before it; `None` where that is not known.
+    pub fn pair_changes(&self) -> Option<&PairChanges> {
+        match self {
+            Self::Correction(_) | Self::FromBase(_) => None,
+            Self::Incremental(_, changes) => Some(changes),
         }
     }
 
     /// The answer alone, without its origin.
     pub fn into_correction(self) -> Correction {
         match self {
-            Self::Correction(correction) | Self::FromBase(correction) => *correction,
+            Self::Correction(correction) | Self::FromBase(correction) | Self::Incremental(correction, _) => {
+                *correction
+            }
         }
     }
 }

@@ -37,8 +37,11 @@ impl ViewLimits {
         others: impl Iterator<Item = (Name, Vector3<f64>)>,
         axis_of: impl Fn(Name) -> Vector3<f64>,
     ) -> Vec<(f64, Name)> {
+        // Most views look elsewhere, which takes no arc cosine to tell.
+        let least_dot = libm::cos(self.angle_rad.min(std::f64::consts::PI)) - 1e-9;
         others
             .filter(|(_, other)| (other - centre).norm_squared() <= self.radius_m * self.radius_m)
+            .filter(|(name, _)| axis_of(*name).dot(axis) >= least_dot)
             .filter_map(|(name, other)| {
                 let angle_rad = angle_between(&axis_of(name), axis);
                 let apart = (other - centre).norm() / self.radius_m.max(1e-9);

@@ -194,7 +194,7 @@ impl JointMap {
         }
         let correction = optimiser.solve_with(&request, surfaces, (&none, &runs), progress);
         (*drawn, *features) = optimiser.into_known();
-        let correction = correction?;
+        let correction = correction?.into_correction();
         let _ = apply_correction(&mut self.state.keyframes, &correction);
         self.state.submaps.judge(&correction.submaps);
         Some(correction)

@@ -2,47 +2,43 @@
 //! recognised by appearance.
 
 use crate::map::context::Context;
-use crate::map::detection::{self, TrackPoint};
-use crate::map::records::{LoopRecord, LoopVerdict};
+use crate::map::records::{LoopRecord, LoopVerdict, MatchPose};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
 use crate::optimise::from_appearance::{self, AskedPairs};
+use crate::optimise::kept_matches::KeptMatches;
+use crate::optimise::keyframe_searches::PairSearcher;
+use crate::optimise::matchables::Matchables;
 use crate::optimise::of_track::is_of_track;
 use crate::pairs::covisibility;
-use crate::pairs::feature_cache::{FeatureCache, PairIds, RoundedGuess};
-use crate::pairs::keyframe_pair::{MIN_FEATURES, PairSearch};
-use crate::pairs::matchable::Matchable;
+use crate::pairs::feature_cache::{FeatureCache, PairIds};
+use crate::pairs::keyframe_pair::MIN_FEATURES;
+use crate::pairs::match_cache::{MatchCache, has_left};
 use crate::pairs::matching::{PairFinder, Reach};
-use crate::pairs::verification::{self, KnownLoops, Tested};
-use crate::pairs::weighted_pair::{FeaturePair, WeightedPair};
-use crate::settings::GlobalSettings;
-use crate::tracking::degeneracy::is_determined;
-use crate::tracking::sight::ENOUGH_FEATURES;
-use std::borrow::Cow;
+use crate::pairs::verification::{KnownLoops, Tested};
+use crate::pairs::weighted_pair::FeaturePair;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use tessera_geometry::{Matrix6, Pose};
+use tessera_geometry::Pose;
 use tessera_graph::{DataAssociation, OuterIteration, Pair, Solved};
 use tessera_numerics::Step;
 use tessera_numerics::parallel::map_in_parts;
-use tessera_registration::{MatchLimits, Matcher};
-use tessera_surface::Vertex;
 
 /// The pairs of all keyframes, each a vertex.
 pub(crate) struct KeyframeAssociation<'a> {
-    pub(crate) context: &'a Context,
-    pub(crate) keyframes: &'a [KeyframeState],
-    pub(crate) origins: &'a [Origin],
-    pub(crate) matchable: Vec<Matchable<'a>>,
-    pub(crate) cache: &'a FeatureCache,
-    /// Loops that are not tested again.
-    pub(crate) known: KnownLoops,
+    pub(crate) of: Keyframes<'a>,
+    /// Tests of loops in this optimisation.
+    known: KnownLoops,
     /// How far pairs by appearance may be from where the poses have them, metres.
     pub(crate) most_apart_m: f64,
     /// Those that there are, and how far each is.
     pub(crate) recognised: Vec<(PairIds, f64)>,
     /// Pairs that are part of each iteration as they are.
     pub(crate) fixed_pairs: Vec<Pair>,
+    /// Where the matches of pairs were searched, or their loops refused, in this optimisation.
+    pub(crate) searched: BTreeMap<PairIds, MatchPose>,
+    /// The poses at which the pairs were chosen, and these.
+    chosen: (Vec<Pose>, Vec<(usize, usize)>),
     /// Features by ids of the newer and the older keyframe, where they were looked for.
     seen: SeenPairs,
     /// The tests of the present pairs; `None` for odometry.
@@ -51,182 +47,165 @@ pub(crate) struct KeyframeAssociation<'a> {
     rejected: Vec<LoopRecord>,
 }
 
+/// What pairs are made of, and what is known of them.
+pub(crate) struct Keyframes<'a> {
+    pub(crate) context: &'a Context,
+    pub(crate) keyframes: &'a [KeyframeState],
+    pub(crate) origins: &'a [Origin],
+    pub(crate) matchables: Matchables<'a>,
+    pub(crate) cache: &'a FeatureCache,
+    pub(crate) matches: &'a MatchCache,
+    /// Loops that are not tested again.
+    pub(crate) settled: &'a KnownLoops,
+    /// Where earlier optimisations searched, and what they refused there.
+    pub(crate) kept: &'a KeptMatches,
+    pub(crate) refused: &'a KnownLoops,
+}
+
 /// Features that two keyframes share, by the ids of the newer and the older.
 type SeenPairs = BTreeMap<PairIds, Option<Arc<FeaturePair>>>;
 
-/// A pair with the tests that it had to pass, if it closes a loop.
+/// A pair of keyframes that one outer iteration looked at.
 struct SearchedPair {
-    pair: Pair,
+    ids: PairIds,
+    /// As a pair of the graph; `None` where it does not count.
+    pair: Option<Pair>,
+    /// The tests that it had to pass, if it closes a loop.
     tested: Option<Tested>,
+    /// Whether these were known.
+    is_known: bool,
     seen: Option<Arc<FeaturePair>>,
-}
-
-/// What looks at pairs one after the other.
-struct PairSearcher<'a> {
-    matcher: Matcher,
-    finder: PairFinder,
-    /// The place of the last target, and its vertices.
-    looked_at: Option<(usize, Cow<'a, [Vertex]>)>,
+    /// Where its matches were searched under the last limits, or its loop was refused.
+    at: Option<MatchPose>,
 }
 
 impl<'a> KeyframeAssociation<'a> {
-    pub(crate) fn new(
-        context: &'a Context,
-        (keyframes, origins): (&'a [KeyframeState], &'a [Origin]),
-        (matchable, cache): (Vec<Matchable<'a>>, &'a FeatureCache),
-        known: KnownLoops,
-    ) -> Self {
-        let (seen, tests, rejected) = (SeenPairs::new(), Vec::new(), Vec::new());
-        let fixed_pairs = Vec::new();
-        let (most_apart_m, recognised) = (f64::INFINITY, Vec::new());
+    pub(crate) fn new(of: Keyframes<'a>) -> Self {
         Self {
-            context,
-            keyframes,
-            origins,
-            matchable,
-            cache,
-            known,
-            most_apart_m,
-            recognised,
-            fixed_pairs,
-            seen,
-            tests,
-            rejected,
+            of,
+            known: KnownLoops::new(),
+            most_apart_m: f64::INFINITY,
+            recognised: Vec::new(),
+            fixed_pairs: Vec::new(),
+            searched: BTreeMap::new(),
+            chosen: Default::default(),
+            seen: SeenPairs::new(),
+            tests: Vec::new(),
+            rejected: Vec::new(),
+        }
+    }
+
+    /// Chooses the pairs, again where a pose moved as far as drift may have carried it.
+    fn choose(&mut self, poses: &[Pose]) {
+        let (at, pairs) = &mut self.chosen;
+        let is_near = at.len() == poses.len() && at.iter().zip(poses).all(|(at, now)| !has_left(at, now));
+        if !is_near {
+            let kept = self.of.kept.places(&self.of.keyframes.iter().map(|k| k.id).collect::<Vec<_>>());
+            (*at, *pairs) = (poses.to_vec(), covisibility::pairs(poses, self.of.origins, &kept));
         }
     }
 
     fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
+        let context = self.of.context;
         map_in_parts(
-            &covisibility::pairs(poses, self.origins),
-            || PairSearcher {
-                matcher: self.context.matcher(),
-                finder: PairFinder::new(self.context),
-                looked_at: None,
-            },
-            |searcher, &pair| self.search_one(searcher, poses, pair, tightness),
+            &self.chosen.1,
+            || PairSearcher { matcher: context.matcher(), finder: PairFinder::new(context), looked_at: None },
+            |searcher, &places| self.search_one(searcher, poses, places, tightness),
             progress,
         )
+    }
+
+    fn tested(&self, pair: &PairIds) -> Option<&Tested> {
+        self.known.get(pair).or_else(|| self.of.settled.get(pair))
     }
 
     fn search_one(
         &self,
         searcher: &mut PairSearcher<'a>,
         poses: &[Pose],
-        (query, target): (usize, usize),
+        places: (usize, usize),
         tightness: f32,
     ) -> SearchedPair {
-        let PairSearcher { matcher, finder, looked_at } = searcher;
-        let [newer, older] = [query, target].map(|k| &self.keyframes[k]);
-        let is_loop = detection::closes_loop(
-            &self.context.mapping.loops,
-            &TrackPoint::of_keyframe(newer),
-            &TrackPoint::of_keyframe(older),
-        );
-        let [queries, surface] = [query, target].map(|k| &self.matchable[k]);
-        let tested = is_loop.then(|| {
-            self.known.get(&(newer.id, older.id)).copied().unwrap_or_else(|| {
-                let at = poses[target].inverse() * poses[query];
-                verification::test(matcher, queries, surface, &at)
-            })
-        });
-        let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
-        let seen = self.seen_by_both(finder, poses, (query, target), reach);
-        let variance_scale = self.context.scales.features;
-        let seen = seen.filter(|found| is_loop || is_of_track((newer, older), found, variance_scale));
-        let weight = self.context.feature_weight() * matcher.metric_factor();
-        let limits = if is_loop { MatchLimits::drifted } else { MatchLimits::new };
-        // Pairs come by target, so that the surface of each is read once.
-        if looked_at.as_ref().is_none_or(|(of, _)| *of != target) {
-            *looked_at = Some((target, surface.vertices()));
-        }
-        let vertices = looked_at.as_ref().map_or(&[][..], |(_, vertices)| vertices);
-        let search = PairSearch {
-            query,
-            target,
-            queries: &queries.queries,
-            surface: surface.target(vertices),
-            is_consecutive: query == target + 1 && self.origins[query] == self.origins[target],
-            limits: limits(GlobalSettings::FIRST_DISTANCE_M, tightness),
-            // At their own pose: a loop may be far from where the poses have it.
-            features: seen.clone().map(|found| {
-                let at = found.target_from_query;
-                WeightedPair::new(found, weight, &at)
-            }),
+        let (of, (query, target)) = (&self.of, places);
+        let [newer, older] = [query, target].map(|k| &of.keyframes[k]);
+        let ids = (newer.id, older.id);
+        let now = poses[target].inverse() * poses[query];
+        let kept = self.searched.get(&ids).copied().or_else(|| of.kept.of(ids)).map(|at| (at, at.pose()));
+        let kept = kept.filter(|(_, pose)| !has_left(pose, &now));
+        let is_loop = of.closes_loop(places);
+        let refused = || of.refused.get(&ids).filter(|_| kept.is_some());
+        let known = if is_loop { self.tested(&ids).or_else(refused).copied() } else { None };
+        let tested = known.or_else(|| is_loop.then(|| of.test(searcher, places, &now)));
+        let verdict = tested.map_or(LoopVerdict::Accepted, |tested| tested.verdict);
+        let near = kept.map_or(now, |(_, pose)| pose);
+        // Features that many overlap say more of it than a little depth.
+        let seen = match verdict {
+            LoopVerdict::Accepted | LoopVerdict::LittleOverlap => {
+                let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
+                let found = || of.shared(searcher, places, &near, reach);
+                let seen = self.seen.get(&ids).cloned().unwrap_or_else(found);
+                seen.filter(|f| is_loop || is_of_track((newer, older), f, of.context.scales.features))
+            }
+            _ => None,
         };
-        let pair = Pair { is_loop, ..search.find(matcher, poses) };
+        let is_rescued = verdict == LoopVerdict::LittleOverlap
+            && seen.as_ref().is_some_and(|pair| pair.sums.n >= MIN_FEATURES);
+        if verdict != LoopVerdict::Accepted && !is_rescued {
+            let at = Some(kept.map_or_else(|| MatchPose::of(&now), |(at, _)| at));
+            let is_known = known.is_some();
+            return SearchedPair { ids, pair: None, tested, is_known, seen, at };
+        }
+        let factor = searcher.matcher.metric_factor();
+        let features = (seen.clone(), of.context.feature_weight() * factor);
+        let stays = kept.map(|at| of.matched(searcher, places, at, features.clone()));
+        let stays = stays.filter(|matched| !matched.has_moved(&now, factor));
+        let has_stayed = stays.is_some();
+        let (matched, at) = match stays {
+            Some(matched) => (Arc::clone(&matched), Some(matched.at)),
+            None if tightness < 1.0 => {
+                (of.searched_widely(searcher, places, (&now, tightness), features), None)
+            }
+            None => {
+                let at = MatchPose::of(&now);
+                (of.matched(searcher, places, (at, at.pose()), features), Some(at))
+            }
+        };
         let tested = tested.map(|tested| {
-            let verdict = self.by_features(tested.verdict, [queries, surface], seen.as_deref(), || {
-                pair.block.linearise(&(poses[target].inverse() * poses[query])).0
-            });
+            let verdict = match has_stayed {
+                // As it was when it was searched.
+                true => LoopVerdict::Accepted,
+                false => of
+                    .by_features(tested.verdict, places, seen.as_deref(), || matched.block.linearise(&now).0),
+            };
             Tested { verdict, ..tested }
         });
-        SearchedPair { pair, tested, seen }
-    }
-
-    /// The verdict on a loop by its surfaces, with what features say of it: what shares many overlaps, however
-    /// little depth there is, and of bare walls that fit wherever they are tried none says that two views with
-    /// features, which share none, are of one place.
-    fn by_features(
-        &self,
-        verdict: LoopVerdict,
-        sides: [&Matchable<'_>; 2],
-        seen: Option<&FeaturePair>,
-        information: impl Fn() -> Matrix6,
-    ) -> LoopVerdict {
-        let have_features =
-            || sides.iter().all(|side| side.seen(self.context).features.len() >= ENOUGH_FEATURES);
-        match (verdict, seen) {
-            (LoopVerdict::LittleOverlap, Some(pair)) if pair.sums.n >= MIN_FEATURES => LoopVerdict::Accepted,
-            (LoopVerdict::Accepted, None)
-                if self.context.is_colour_trusted
-                    && have_features()
-                    && !is_determined(self.context, &information()) =>
-            {
-                LoopVerdict::Inconsistent
-            }
-            (verdict, _) => verdict,
-        }
-    }
-
-    /// Features that two keyframes share, looked for once near where their poses predict them.
-    fn seen_by_both(
-        &self,
-        finder: &mut PairFinder,
-        poses: &[Pose],
-        (query, target): (usize, usize),
-        reach: Reach,
-    ) -> Option<Arc<FeaturePair>> {
-        let ids = (self.keyframes[query].id, self.keyframes[target].id);
-        if let Some(known) = self.seen.get(&ids) {
-            return known.clone();
-        }
-        let guess = RoundedGuess::of(&(poses[target].inverse() * poses[query]));
-        self.cache.shared(ids, guess, || {
-            let sides = [query, target].map(|k| self.matchable[k].seen(self.context));
-            let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
-            let found = finder.find(self.context, sides, &guess.pose(), reach, seed);
-            // Their sums are all that the graph needs.
-            found.map(|pair| Arc::new(FeaturePair { inliers: Vec::new(), ..pair }))
-        })
+        let is_consecutive = query == target + 1 && of.origins[query] == of.origins[target];
+        let is_good = tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
+        let pair = (is_good && matched.counts(is_consecutive)).then(|| {
+            let own_cost = is_loop.then(|| matched.own_cost());
+            Pair { is_loop, own_cost, ..Pair::new(query, target, matched.block.clone()) }
+        });
+        let is_known = known.map(|k| k.verdict) == tested.map(|t| t.verdict);
+        SearchedPair { ids, pair, tested, is_known, seen, at }
     }
 
     /// Pairs by appearance for the keyframes that no loop holds yet.
     fn recognise(&mut self, pairs: &mut Vec<Pair>, poses: &[Pose], progress: &mut dyn FnMut()) {
-        self.context.steps.enter(Step::Recognise);
-        let mut is_closed = vec![false; self.keyframes.len()];
+        self.of.context.steps.enter(Step::Recognise);
+        let mut is_closed = vec![false; self.of.keyframes.len()];
         for pair in pairs.iter().filter(|pair| pair.is_loop) {
             (is_closed[pair.query], is_closed[pair.target]) = (true, true);
         }
-        let open: Vec<usize> = (0..self.keyframes.len()).filter(|&i| !is_closed[i]).collect();
-        let keyframes = (self.keyframes, self.origins);
-        let matchable = (&self.matchable[..], self.cache);
-        let is_refused = |ids: &PairIds| {
-            self.known.get(ids).is_some_and(|known| known.verdict == LoopVerdict::Contradicted)
-        };
+        let open: Vec<usize> = (0..self.of.keyframes.len()).filter(|&i| !is_closed[i]).collect();
+        let of = &self.of;
+        let keyframes = (of.keyframes, of.origins);
+        let matchables = (&of.matchables, of.cache);
+        let is_refused =
+            |ids: &PairIds| self.tested(ids).is_some_and(|known| known.verdict == LoopVerdict::Contradicted);
         let asked =
             AskedPairs { newer: &open, poses, most_apart_m: self.most_apart_m, is_refused: &is_refused };
-        for found in from_appearance::pairs(self.context, keyframes, matchable, &asked, progress) {
-            let ids = (self.keyframes[found.pair.query].id, self.keyframes[found.pair.target].id);
+        for found in from_appearance::pairs(of.context, keyframes, matchables, &asked, progress) {
+            let ids = self.of.ids((found.pair.query, found.pair.target));
             self.recognised.push((ids, found.apart_m));
             pairs.push(found.pair);
             self.tests.push(Some(found.tested));
@@ -238,35 +217,28 @@ impl<'a> KeyframeAssociation<'a> {
     }
 
     /// All loops of the last outer iteration with their verdicts, by newer and older keyframe.
-    pub(crate) fn loop_records(mut self, solved: &Solved) -> Vec<LoopRecord> {
+    pub(crate) fn loop_records(&mut self, solved: &Solved) -> Vec<LoopRecord> {
         let mut records = std::mem::take(&mut self.rejected);
         if solved.is_solved {
             let residuals = &solved.residuals_sigmas;
             for ((pair, tested), residual) in solved.graph.pairs.iter().zip(&self.tests).zip(residuals) {
-                records.extend(tested.map(|tested| self.loop_record(pair, &tested, *residual, pair.weight)));
+                let ids = self.of.ids((pair.query, pair.target));
+                records.extend(tested.map(|tested| loop_record(ids, &tested, *residual, pair.weight)));
             }
         }
         records.sort_by_key(|l| (l.newer, l.older));
         records
     }
+}
 
-    fn loop_record(&self, pair: &Pair, tested: &Tested, residual_sigmas: f64, weight: f64) -> LoopRecord {
-        let verdict = match tested.verdict {
-            LoopVerdict::Accepted if pair.weight == 0.0 && residual_sigmas > 0.0 => LoopVerdict::Outvoted,
-            LoopVerdict::Accepted if pair.weight == 0.0 => LoopVerdict::LittleOverlap,
-            verdict => verdict,
-        };
-        LoopRecord {
-            newer: self.keyframes[pair.query].id,
-            older: self.keyframes[pair.target].id,
-            overlap: tested.overlap,
-            in_front: tested.in_front,
-            inconsistency_sigmas: tested.inconsistency_sigmas,
-            residual_sigmas,
-            weight,
-            verdict,
-        }
-    }
+fn loop_record((newer, older): PairIds, tested: &Tested, residual_sigmas: f64, weight: f64) -> LoopRecord {
+    let verdict = match tested.verdict {
+        LoopVerdict::Accepted if weight == 0.0 && residual_sigmas > 0.0 => LoopVerdict::Outvoted,
+        LoopVerdict::Accepted if weight == 0.0 => LoopVerdict::LittleOverlap,
+        verdict => verdict,
+    };
+    let Tested { overlap, in_front, inconsistency_sigmas, .. } = *tested;
+    LoopRecord { newer, older, overlap, in_front, inconsistency_sigmas, residual_sigmas, weight, verdict }
 }
 
 impl DataAssociation for KeyframeAssociation<'_> {
@@ -276,29 +248,33 @@ impl DataAssociation for KeyframeAssociation<'_> {
         iteration: OuterIteration,
         progress: &mut dyn FnMut(),
     ) -> Vec<Pair> {
-        self.context.steps.enter(Step::Search);
-        let poses = &poses[..self.keyframes.len()];
+        self.of.context.steps.enter(Step::Search);
+        let poses = &poses[..self.of.keyframes.len()];
+        self.choose(poses);
         let found = self.search(poses, iteration.tightness, progress);
-        let ids = |pair: &Pair| (self.keyframes[pair.query].id, self.keyframes[pair.target].id);
-        self.known.extend(found.iter().filter_map(|f| Some((ids(&f.pair), f.tested?))));
-        self.seen.extend(found.iter().map(|f| (ids(&f.pair), f.seen.clone())));
+        let news = found.iter().filter(|f| !f.is_known);
+        self.known.extend(news.filter_map(|f| Some((f.ids, f.tested?))));
+        if self.of.context.mapping.features.enabled {
+            self.seen.extend(found.iter().map(|f| (f.ids, f.seen.clone())));
+        }
+        // Those of an earlier iteration have no part in the answer.
+        self.searched = BTreeMap::from_iter(found.iter().filter_map(|f| Some((f.ids, f.at?))));
         self.rejected.clear();
         self.tests.clear();
         let mut pairs = Vec::new();
-        for SearchedPair { pair, tested, .. } in found {
-            let is_good = tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
-            if pair.weight > 0.0 && is_good {
+        for SearchedPair { ids, pair, tested, .. } in found {
+            if let Some(pair) = pair {
                 pairs.push(pair);
                 self.tests.push(tested);
             } else if let Some(tested) = tested {
-                self.rejected.push(self.loop_record(&pair, &tested, 0.0, 0.0));
+                self.rejected.push(loop_record(ids, &tested, 0.0, 0.0));
             }
         }
         if iteration.index == 0 {
             self.recognise(&mut pairs, poses, progress);
         }
         pairs.extend_from_slice(&self.fixed_pairs);
-        self.context.steps.enter(Step::Solve);
+        self.of.context.steps.enter(Step::Solve);
         pairs
     }
 }

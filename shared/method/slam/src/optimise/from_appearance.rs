@@ -7,6 +7,7 @@ use crate::map::detection::{self, TrackPoint};
 use crate::map::records::LoopVerdict;
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Origin;
+use crate::optimise::matchables::Matchables;
 use crate::pairs::feature_cache::{AlikePair, FeatureCache, PairIds};
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
@@ -62,7 +63,7 @@ pub(crate) struct AskedPairs<'a> {
 pub(crate) fn pairs(
     context: &Context,
     (keyframes, origins): (&[KeyframeState], &[Origin]),
-    (matchable, cache): (&[Matchable<'_>], &FeatureCache),
+    (matchables, cache): (&Matchables<'_>, &FeatureCache),
     asked: &AskedPairs<'_>,
     progress: &mut dyn FnMut(),
 ) -> Vec<RecognisedPair> {
@@ -73,11 +74,11 @@ pub(crate) fn pairs(
         |searchers, &query| {
             candidates(context, keyframes, origins, query).find_map(|target| {
                 let ids = (keyframes[query].id, keyframes[target].id);
-                let sides = [&matchable[query], &matchable[target]];
                 if is_refused(&ids) {
                     return None;
                 }
-                let found = cache.alike(ids, || alike(context, searchers, sides, ids).map(Arc::new))?;
+                let sides = || [query, target].map(|k| matchables.get(k));
+                let found = cache.alike(ids, || alike(context, searchers, sides(), ids).map(Arc::new))?;
                 let apart_m = apart_m(&(poses[target].inverse() * poses[query]), &found.older_from_newer);
                 let pair = Pair { is_loop: true, ..Pair::new(query, target, found.block.clone()) };
                 let recognised = RecognisedPair { pair, tested: found.tested, apart_m };
@@ -132,7 +133,7 @@ fn aligned(
     let first_m =
         if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { window.max_first_distance_m };
     let alignment = PairAlignment {
-        query: &newer.queries,
+        query: newer.queries(),
         target: older,
         n_queries: GlobalSettings::QUERIES_PER_PAIR,
         limits: &|tightness| MatchLimits::new(first_m, tightness),

@@ -3,24 +3,24 @@
 
 use crate::evidence::pose_agreement::FAR_M;
 use crate::map::context::Context;
-use crate::map::records::{LoopRecord, LoopVerdict};
+use crate::map::records::{LoopRecord, LoopVerdict, MatchPose};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
-use crate::optimise::association::KeyframeAssociation;
+use crate::optimise::association::{KeyframeAssociation, Keyframes};
 use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
 use crate::optimise::held::held;
+use crate::optimise::kept_matches::KeptMatches;
+use crate::optimise::matchables::Matchables;
 use crate::optimise::sample_cache::Drawn;
 use crate::pairs::feature_cache::{FeatureCache, PairIds};
-use crate::pairs::matchable::{KeyframeSurface, Matchable};
+use crate::pairs::match_cache::MatchCache;
 use crate::pairs::verification::KnownLoops;
 use crate::settings::GlobalSettings;
 use crate::submaps::brought_together;
+use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_graph::{GemanMcClure, INNER_ITERATIONS, MultiEdge, Schedule};
-use tessera_numerics::Step;
-use tessera_numerics::parallel::map_in_parts;
-use tessera_registration::{Sampler, gather};
 
 /// The outcome of an optimisation.
 pub(crate) struct Solution {
@@ -37,6 +37,8 @@ pub(crate) struct Solution {
     pub(crate) n_rounds: u32,
     /// Pairs by appearance, and how far each was from where the poses had it, metres.
     pub(crate) recognised: Vec<(PairIds, f64)>,
+    /// Where the matches of its pairs were searched, or their loops refused.
+    pub(crate) searched: BTreeMap<PairIds, MatchPose>,
 }
 
 /// What an optimisation starts from.
@@ -50,8 +52,12 @@ pub(crate) struct Start<'a> {
     pub(crate) surfaces: &'a dyn KeyframeSurfaces,
     pub(crate) drawn: &'a Drawn,
     pub(crate) cache: &'a FeatureCache,
+    pub(crate) matches: &'a MatchCache,
+    pub(crate) kept: &'a KeptMatches,
     /// Loops that are not tested again.
     pub(crate) known: &'a KnownLoops,
+    /// Loops that are not tested again where they were refused.
+    pub(crate) refused: &'a KnownLoops,
     /// The frames of the runs whose culled keyframes are solved for as well; others move along with their anchors.
     pub(crate) runs: &'a [RunFrames<'a>],
 }
@@ -116,8 +122,7 @@ fn solve_joined(
     most_apart_m: f64,
     progress: &mut dyn FnMut(),
 ) -> Solution {
-    let Start { context, active: keyframes, known, .. } = *start;
-    let matchable = matchable(context, keyframes, start.surfaces, start.drawn, progress);
+    let Start { context, active: keyframes, .. } = *start;
     let origins = submaps.origins(keyframes);
     let mut culled = CulledKeyframes::of(context, start.keyframes, submaps, start.runs);
     let vertices = keyframes.iter().chain(culled.ids().iter().map(|id| &start.keyframes[*id as usize]));
@@ -135,8 +140,18 @@ fn solve_joined(
         }),
         isa: context.registration.isa,
     };
-    let matchable = (matchable, start.cache);
-    let mut association = KeyframeAssociation::new(context, (keyframes, &origins), matchable, known.clone());
+    let of = Keyframes {
+        context,
+        keyframes,
+        origins: &origins,
+        matchables: Matchables::new(context, keyframes, start.surfaces, start.drawn),
+        cache: start.cache,
+        matches: start.matches,
+        settled: start.known,
+        kept: start.kept,
+        refused: start.refused,
+    };
+    let mut association = KeyframeAssociation::new(of);
     let weight = culled::weight(&context.mapping.keyframe, keyframes.len());
     association.fixed_pairs = culled.take_pairs(keyframes, weight);
     association.most_apart_m = most_apart_m;
@@ -144,39 +159,11 @@ fn solve_joined(
     context.steps.leave();
     let recognised = std::mem::take(&mut association.recognised);
     let loops = association.loop_records(&solved);
+    let searched = association.searched;
     let (outer_iterations, n_rounds) = (solved.outer_iterations, solved.n_rounds);
     let held = held(submaps.n(), &loops, start.keyframes);
     let submaps = if solved.is_solved { held } else { submaps.clone() };
     let mut poses = solved.graph.poses;
     let culled = culled.ids().iter().copied().zip(poses.split_off(keyframes.len())).collect();
-    Solution { poses, culled, loops, submaps, outer_iterations, n_rounds, recognised }
-}
-
-/// All keyframes with their samples, drawn or known from an earlier optimisation.
-fn matchable<'a>(
-    context: &Context,
-    keyframes: &[KeyframeState],
-    surfaces: &'a dyn KeyframeSurfaces,
-    drawn: &Drawn,
-    progress: &mut dyn FnMut(),
-) -> Vec<Matchable<'a>> {
-    context.steps.enter(Step::Prepare);
-    let matchable = map_in_parts(
-        keyframes,
-        Sampler::default,
-        |sampler, k| {
-            let surface = KeyframeSurface { surfaces, keyframe: k.id, grid: context.of(k.session).grid };
-            let vertices = surface.vertices();
-            let view = surface.view(&vertices);
-            let draw = || sampler.choose(&view, k.frame_index, &context.registration).into();
-            let mut samples = Vec::new();
-            let key = (k.id, k.frame_index, vertices.len());
-            gather(&view, &drawn.of(key, draw), &mut samples);
-            Matchable::with_samples(context, k, (surface, &view), &samples)
-                .with_features(context, surfaces.features_once(k.id))
-        },
-        progress,
-    );
-    drawn.keep_only(&keyframes.iter().map(|k| k.id).collect::<Vec<_>>());
-    matchable
+    Solution { poses, culled, loops, submaps, outer_iterations, n_rounds, recognised, searched }
 }

@@ -7,8 +7,8 @@ use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::placement::corrected;
 use crate::map::records::{
-    AlignRecord, Correction, KeyframePose, LoopRecord, OptimiseRecord, RefinedCamera, Refinement,
-    RequestRecord,
+    AlignRecord, Correction, KeyframePose, LoopRecord, OptimiseRecord, PairChanges, RefinedCamera,
+    Refinement, RequestRecord,
 };
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
@@ -16,11 +16,13 @@ use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::answer;
 use crate::optimise::culled::RunFrames;
 use crate::optimise::global::{self, Solution, Start};
+use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::said_loops::SaidLoops;
 use crate::optimise::sample_cache::Drawn;
 use crate::pairs::feature_cache::FeatureCache;
+use crate::pairs::match_cache::MatchCache;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -40,8 +42,10 @@ pub struct Optimiser {
     n_answered: u64,
     /// What the corrections so far say of loop pairs of the working map.
     said: SaidLoops,
+    kept: KeptMatches,
     drawn: Drawn,
     cache: FeatureCache,
+    matches: MatchCache,
 }
 
 /// A request with the map as it was at its record.
@@ -71,6 +75,7 @@ pub struct OptimiserState<'a> {
     state: Cow<'a, TrackerState>,
     n_answered: u64,
     said: Cow<'a, SaidLoops>,
+    kept: Cow<'a, KeptMatches>,
 }
 
 impl Optimiser {
@@ -82,8 +87,10 @@ impl Optimiser {
             pending: VecDeque::new(),
             n_answered: 0,
             said: SaidLoops::default(),
+            kept: KeptMatches::default(),
             drawn: Drawn::default(),
             cache: FeatureCache::default(),
+            matches: MatchCache::default(),
         }
     }
 
@@ -131,6 +138,7 @@ impl Optimiser {
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|pending| pending.request.request > correction.request);
         self.said.take(correction);
+        self.kept.take(record);
     }
 
     /// The oldest request without an answer.
@@ -160,6 +168,7 @@ impl Optimiser {
             state: Cow::Borrowed(&self.state),
             n_answered: self.n_answered,
             said: Cow::Borrowed(&self.said),
+            kept: Cow::Borrowed(&self.kept),
         })
     }
 
@@ -171,8 +180,10 @@ impl Optimiser {
             pending: VecDeque::new(),
             n_answered: snapshot.n_answered,
             said: snapshot.said.into_owned(),
+            kept: snapshot.kept.into_owned(),
             drawn: Drawn::default(),
             cache: FeatureCache::default(),
+            matches: MatchCache::default(),
         }
     }
 
@@ -184,7 +195,7 @@ impl Optimiser {
         surfaces: &dyn KeyframeSurfaces,
         history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
-    ) -> Option<Correction> {
+    ) -> Option<OptimiseRecord> {
         self.context.steps.enter(Step::Prepare);
         let pending = self.find(request)?;
         let own = self.own_frames(pending, history);
@@ -208,7 +219,7 @@ impl Optimiser {
         surfaces: &dyn KeyframeSurfaces,
         (history, runs): (&dyn FrameHistory, &[RunFrames<'_>]),
         progress: &mut dyn FnMut(),
-    ) -> Option<Correction> {
+    ) -> Option<OptimiseRecord> {
         let pending = self.find(request)?;
         let keyframes = &pending.keyframes;
         let solved = self.solve_keyframes(pending, surfaces, runs, progress);
@@ -219,7 +230,9 @@ impl Optimiser {
         let refinement = (request.is_final && self.context.mapping.global.refine_camera)
             .then(|| self.refine_camera(keyframes, &solved.active, (surfaces, history), solution, progress));
         self.context.steps.leave();
-        Some(Correction {
+        let changes =
+            if request.is_final { PairChanges::default() } else { self.kept.changes(&solution.searched) };
+        let correction = Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
             keyframes: solved.solved,
@@ -229,7 +242,8 @@ impl Optimiser {
             n_graduated_rounds: solution.n_rounds,
             loops: self.to_say(request, solved.solution.loops),
             submaps: solved.solution.submaps,
-        })
+        };
+        Some(OptimiseRecord::Incremental(Box::new(correction), changes))
     }
 
     /// Solves for the keyframes of a request, which may be more than the state's own: those of other runs
@@ -244,7 +258,9 @@ impl Optimiser {
         let Pending { keyframes, submaps, colour, noise, cameras, .. } = pending;
         let context = self.context.with_colour(colour, noise).with_cameras(cameras.clone());
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
-        self.cache.begin(context.colour, &active.iter().map(|k| k.id).collect::<Vec<_>>());
+        let ids: Vec<u32> = active.iter().map(|k| k.id).collect();
+        self.cache.begin(context.colour, &ids);
+        self.drawn.keep_only(&ids);
         let start = Start {
             context: &context,
             keyframes,
@@ -252,10 +268,15 @@ impl Optimiser {
             surfaces,
             drawn: &self.drawn,
             cache: &self.cache,
+            matches: &self.matches,
+            // What is final is searched anew.
+            kept: if pending.request.is_final { &KeptMatches::default() } else { &self.kept },
             known: &self.said.settled(),
+            refused: &self.said.refused(),
             runs,
         };
         let solution = global::solve(&start, submaps, progress);
+        self.matches.keep_only(&solution.searched.keys().copied().collect::<Vec<_>>());
         let solved = named(&active, &solution.poses, &solution.culled);
         let poses = all_poses(keyframes, &solved);
         SolvedKeyframes { active, solution, solved, poses }

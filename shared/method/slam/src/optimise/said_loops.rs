@@ -42,15 +42,23 @@ impl SaidLoops {
 
     /// Pairs that passed their tests, which need no other, and those of places that look alike.
     pub(crate) fn settled(&self) -> KnownLoops {
-        let settled = |tested: &Tested| match tested.verdict {
+        self.known(|verdict| match verdict {
             LoopVerdict::Accepted | LoopVerdict::Outvoted => Some(LoopVerdict::Accepted),
             LoopVerdict::Contradicted => Some(LoopVerdict::Contradicted),
             LoopVerdict::LittleOverlap | LoopVerdict::FreeSpaceViolated | LoopVerdict::Inconsistent => None,
-        };
-        let pairs = self.0.iter();
-        pairs
-            .filter_map(|(ids, (tested, _))| Some((*ids, Tested { verdict: settled(tested)?, ..*tested })))
-            .collect()
+        })
+    }
+
+    /// Pairs that did not pass their tests where they were.
+    pub(crate) fn refused(&self) -> KnownLoops {
+        use LoopVerdict::{FreeSpaceViolated, Inconsistent, LittleOverlap};
+        let is_refused = |v: &LoopVerdict| matches!(v, LittleOverlap | FreeSpaceViolated | Inconsistent);
+        self.known(|verdict| Some(verdict).filter(is_refused))
+    }
+
+    fn known(&self, verdict: impl Fn(LoopVerdict) -> Option<LoopVerdict>) -> KnownLoops {
+        let known = |tested: &Tested| Some(Tested { verdict: verdict(tested.verdict)?, ..*tested });
+        self.0.iter().filter_map(|(ids, (tested, _))| Some((*ids, known(tested)?))).collect()
     }
 }
 

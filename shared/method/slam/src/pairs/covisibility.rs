@@ -14,41 +14,55 @@ const FAR_GAP: usize = 10;
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
 /// picks neighbours in time). Where another run or another submap goes on, consecutive keyframes may be
 /// anywhere, and poses of different components are in different frames.
-pub fn pairs(poses: &[Pose], origins: &[Origin]) -> Vec<(usize, usize)> {
-    let views = Views::new(poses);
-    let of_each = (0..poses.len()).into_par_iter().with_min_len(16);
-    let mut found: Vec<(usize, usize)> = of_each.flat_map_iter(|i| of_one(i, &views, origins)).collect();
+///
+/// Pairs that are `kept` from before give way only to nearer ones, so that motion of millimetres changes nothing.
+pub fn pairs(poses: &[Pose], origins: &[Origin], kept: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    let views = Views::new(poses, origins);
+    let mut kept: Vec<(usize, usize)> = kept.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+    kept.sort_unstable();
+    let of_each = views.0.par_iter().with_min_len(16);
+    let found = of_each.flat_map_iter(|view| of_one(view, (&views, origins), kept_of(view.place, &kept)));
+    let mut found: Vec<(usize, usize)> = found.collect();
     // By target first: its surface then stays in the cache for all its pairs.
     found.sort_unstable_by_key(|&(newer, older)| (older, newer));
     found.dedup();
     found
 }
 
-/// All views, and which of them are in each cube of space as wide as neighbours reach: a keyframe looks at
-/// what is around it, however long the way.
-struct Views {
-    centres: Vec<Vector3<f64>>,
-    axes: Vec<Vector3<f64>>,
-    /// Cube and place of each view, sorted.
-    in_cubes: Vec<([i64; 3], usize)>,
+/// All views, sorted by the cube of space that they are in, as wide as neighbours reach: a keyframe looks at what is
+/// around it, however long the way.
+struct Views(Vec<PosedView>);
+
+/// One keyframe's view.
+#[derive(Clone, Copy)]
+struct PosedView {
+    cube: [i64; 3],
+    /// Place of the keyframe.
+    place: usize,
+    centre: Vector3<f64>,
+    axis: Vector3<f64>,
+    component: u32,
 }
 
 impl Views {
-    fn new(poses: &[Pose]) -> Self {
-        let centres: Vec<Vector3<f64>> = poses.iter().map(|pose| pose.translation.vector).collect();
-        let mut in_cubes: Vec<_> = centres.iter().map(cube).zip(0..).collect();
-        in_cubes.sort_unstable();
-        Self { centres, axes: poses.iter().map(optical_axis).collect(), in_cubes }
+    fn new(poses: &[Pose], origins: &[Origin]) -> Self {
+        let view = |(place, pose): (usize, &Pose)| {
+            let (centre, component) = (pose.translation.vector, origins[place].component);
+            PosedView { cube: cube(&centre), place, centre, axis: optical_axis(pose), component }
+        };
+        let mut views: Vec<PosedView> = poses.iter().enumerate().map(view).collect();
+        views.sort_unstable_by_key(|view| (view.cube, view.place));
+        Self(views)
     }
 
-    /// The views in the cube of one and in those around it.
-    fn around(&self, i: usize) -> impl Iterator<Item = usize> {
-        let [x, y, z] = cube(&self.centres[i]);
+    /// The views in the cube of one and in those around it, column by column.
+    fn around(&self, view: &PosedView) -> impl Iterator<Item = &[PosedView]> {
+        let [x, y, z] = view.cube;
         let columns = (-1..=1).flat_map(move |dx| (-1..=1).map(move |dy| (x + dx, y + dy)));
-        columns.flat_map(move |(x, y)| {
-            let from = self.in_cubes.partition_point(|(cube, _)| *cube < [x, y, z - 1]);
-            let rest = &self.in_cubes[from..];
-            rest.iter().take_while(move |(cube, _)| *cube <= [x, y, z + 1]).map(|&(_, j)| j)
+        columns.map(move |(x, y)| {
+            let from = self.0.partition_point(|view| view.cube < [x, y, z - 1]);
+            let rest = &self.0[from..];
+            &rest[..rest.partition_point(|view| view.cube <= [x, y, z + 1])]
         })
     }
 }
@@ -64,17 +78,34 @@ const CUBE_M: f64 = 1.001 * GlobalSettings::RADIUS_M;
 /// Cubes in one direction: what is farther away is in the last one.
 const MOST_CUBES: i64 = 1 << 40;
 
+/// The entries of one keyframe in a sorted list.
+fn kept_of(place: usize, kept: &[(usize, usize)]) -> &[(usize, usize)] {
+    let rest = &kept[kept.partition_point(|pair| pair.0 < place)..];
+    &rest[..rest.partition_point(|pair| pair.0 == place)]
+}
+
 /// The pairs that one keyframe asks for.
-fn of_one(i: usize, views: &Views, origins: &[Origin]) -> Vec<(usize, usize)> {
+fn of_one(
+    view: &PosedView,
+    (views, origins): (&Views, &[Origin]),
+    kept: &[(usize, usize)],
+) -> Vec<(usize, usize)> {
     let limits =
         ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
     let half = GlobalSettings::NEIGHBOURS.div_ceil(2);
-    let Views { centres, axes, .. } = views;
-    let others = views
-        .around(i)
-        .filter(|&j| j != i && origins[j].component == origins[i].component)
-        .map(|j| (j, centres[j]));
-    let mut near = limits.within(&centres[i], &axes[i], others, |j| axes[j]);
+    let (i, mut near) = (view.place, Vec::new());
+    for column in views.around(view) {
+        let others = column.iter().filter(|other| other.place != i && other.component == view.component);
+        let others = others.map(|other| (other, other.centre));
+        near.extend(limits.within(&view.centre, &view.axis, others, |other| other.axis));
+    }
+    // By as much as drift may have moved a pair: what takes the place of a kept neighbour is nearer by more.
+    let lead_m = |place: usize| {
+        f64::from(u8::from(kept.binary_search(&(i, place)).is_ok())) * GlobalSettings::FIRST_DISTANCE_M
+    };
+    let lead = |place: usize| lead_m(place) / GlobalSettings::RADIUS_M;
+    let scored = near.iter().map(|(score, other)| (score - lead(other.place), other.place));
+    let mut near: Vec<(f64, usize)> = scored.collect();
     let nearest = take_nearest(&mut near, half);
     near.retain(|n| n.1.abs_diff(i) >= FAR_GAP);
     let far = take_nearest(&mut near, half);
@@ -129,9 +160,29 @@ mod tests {
         poses.push(Pose::translation(f64::NAN, 0.0, 0.0));
         let origin = |k: usize| Origin { session: 0, submap: 0, component: u32::from(k.is_multiple_of(5)) };
         let origins: Vec<Origin> = (0..poses.len()).map(origin).collect();
-        let found = pairs(&poses, &origins);
+        let found = pairs(&poses, &origins, &[]);
         assert!(found.len() > 1000);
         assert_eq!(found, by_all(&poses, &origins));
-        assert_eq!(pairs(&[], &[]), []);
+        assert_eq!(pairs(&[], &[], &[]), []);
+    }
+
+    #[test]
+    fn kept_neighbours_give_way_to_much_nearer_ones_alone() {
+        let at = |x_m: f64| Pose::translation(x_m, 0.0, 0.0);
+        // As many neighbours as there may be, a group with its own, one at the side, one far away, and the keyframe.
+        let poses = |side_m: f64| -> Vec<Pose> {
+            let row = (0..12).map(|k| at(0.5 + 1e-3 * f64::from(k)));
+            let group = (0..6).map(|k| at(-0.7 - 1e-3 * f64::from(k)));
+            row.chain(group).chain([at(-side_m), at(1.2), at(0.0)]).collect()
+        };
+        let origins = vec![Origin { session: 0, submap: 0, component: 0 }; 21];
+        let of_last = |side_m: f64, kept: &[(usize, usize)]| -> Vec<usize> {
+            let found = pairs(&poses(side_m), &origins, kept);
+            found.iter().filter(|pair| pair.0 == 20).map(|pair| pair.1).collect()
+        };
+        let before = pairs(&poses(0.6), &origins, &[]);
+        assert_eq!(of_last(0.499, &before), of_last(0.6, &[]), "a millimetre");
+        assert!(of_last(0.499, &[]).contains(&18) && !of_last(0.6, &[]).contains(&18));
+        assert!(of_last(0.3, &before).contains(&18), "twenty centimetres");
     }
 }

@@ -4,34 +4,19 @@
 //! it makes no difference what is kept and what is found anew.
 
 use crate::estimation::colour_model::ColourModel;
+use crate::map::rounded_pose::RoundedPose;
 use crate::pairs::verification::Tested;
 use crate::pairs::weighted_pair::FeaturePair;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tessera_geometry::{Pose, Twist, Vector6, exp, log};
+use tessera_geometry::Pose;
 use tessera_graph::PairBlock;
 
 /// Ids of the newer and the older keyframe.
 pub(crate) type PairIds = (u32, u32);
 
-/// Step of the rounded guess, metres and radians: half of it is 8 px at 1 m, well within reach of the
-/// search.
-const STEP: f64 = 1.0 / 32.0;
-
-/// A relative pose whose tangent vector is in whole steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct RoundedGuess([i32; 6]);
-
-impl RoundedGuess {
-    pub(crate) fn of(target_from_query: &Pose) -> Self {
-        let tangent = log(target_from_query).to_vector() / STEP;
-        Self(std::array::from_fn(|k| tangent[k].round() as i32))
-    }
-
-    pub(crate) fn pose(&self) -> Pose {
-        exp(&Twist::from_vector(&(Vector6::from(self.0.map(f64::from)) * STEP)))
-    }
-}
+/// The relative pose about which features are matched: half a step is 8 px at 1 m, well within reach of the search.
+pub(crate) type RoundedGuess = RoundedPose<32>;
 
 /// Two keyframes that look alike, aligned by themselves, with the tests of that pose.
 #[derive(Debug)]
@@ -112,7 +97,6 @@ impl CachedPairs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tessera_geometry::translation_rotation_norms;
     use tessera_graph::BlockSums;
 
     fn found(n: u32) -> Option<Arc<FeaturePair>> {
@@ -122,27 +106,16 @@ mod tests {
     }
 
     #[test]
-    fn a_rounded_guess_is_near_and_the_same_for_poses_nearby() {
-        let at = |x: f64| exp(&Twist::from_vector(&Vector6::new(x, -0.4, 0.9, 0.3, -0.2, 0.1)));
-        let guess = RoundedGuess::of(&at(0.195));
-        assert_eq!(guess, RoundedGuess::of(&at(0.199)));
-        assert_ne!(guess, RoundedGuess::of(&at(0.240)));
-        assert_eq!(guess, RoundedGuess::of(&guess.pose()));
-        let (apart_m, apart_rad) = translation_rotation_norms(&(guess.pose().inverse() * at(0.195)));
-        assert!(apart_m < 2.0 * STEP && apart_rad < STEP, "{apart_m} m, {apart_rad} rad");
-    }
-
-    #[test]
     fn a_pair_is_found_once_for_each_guess_and_model() {
         let cache = FeatureCache::default();
-        let guess = RoundedGuess([0; 6]);
+        let [guess, other] = [0.0, 0.04].map(|x_m| RoundedGuess::of(&Pose::translation(x_m, 0.0, 0.0)));
         let n = |cache: &FeatureCache, at, n| cache.shared((7, 3), at, || found(n)).map(|pair| pair.sums.n);
         cache.begin(ColourModel::default(), &[3, 7]);
         assert_eq!([n(&cache, guess, 1), n(&cache, guess, 2)], [Some(1); 2]);
-        assert_eq!(n(&cache, RoundedGuess([1, 0, 0, 0, 0, 0]), 3), Some(3));
+        assert_eq!(n(&cache, other, 3), Some(3));
         cache.begin(ColourModel { lag_s: 0.01, ..ColourModel::default() }, &[3, 7]);
-        assert_eq!(n(&cache, RoundedGuess([1, 0, 0, 0, 0, 0]), 4), Some(4));
+        assert_eq!(n(&cache, other, 4), Some(4));
         cache.begin(ColourModel { lag_s: 0.01, ..ColourModel::default() }, &[7]);
-        assert_eq!(n(&cache, RoundedGuess([1, 0, 0, 0, 0, 0]), 5), Some(5));
+        assert_eq!(n(&cache, other, 5), Some(5));
     }
 }

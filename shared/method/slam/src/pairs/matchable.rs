@@ -6,16 +6,18 @@ use crate::map::surfaces::KeyframeSurfaces;
 use crate::pairs::lift::lift;
 use crate::pairs::matching::Seen;
 use std::borrow::Cow;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use tessera_features::{Feature, Observation};
 use tessera_geometry::{Twist, Vector6};
-use tessera_registration::{KdTree, Queries, Sample, Sampler, ShutterTable, Target};
+use tessera_registration::{KdTree, Queries, Sampler, ShutterTable, Target, gather};
 use tessera_surface::{Grid, SurfaceView, Vertex};
 
 /// A keyframe as both sides of a pair: its samples as queries, its surface as a target, each with
 /// the readout motion at its stamp.
 pub(crate) struct Matchable<'a> {
-    pub(crate) queries: Queries,
+    queries: OnceLock<Queries>,
+    /// The vertices of its samples, where these are not taken yet: a target needs none.
+    drawn: Arc<[u32]>,
     shutter: ShutterTable,
     surface: KeyframeSurface<'a>,
     tree: Option<KdTree>,
@@ -53,35 +55,49 @@ impl<'a> Matchable<'a> {
         keyframe: &KeyframeState,
         surfaces: &'a dyn KeyframeSurfaces,
     ) -> Self {
-        let grid = context.of(keyframe.session).grid;
-        let surface = KeyframeSurface { surfaces, keyframe: keyframe.id, grid };
-        let vertices = surface.vertices();
-        let view = surface.view(&vertices);
-        let mut samples = Vec::new();
-        sampler.draw(&view, keyframe.frame_index, &context.registration, &mut samples);
-        Self::with_samples(context, keyframe, (surface, &view), &samples)
+        let draw =
+            |view: &SurfaceView<'_>| sampler.choose(view, keyframe.frame_index, &context.registration).into();
+        let matchable = Self::with_drawn(context, keyframe, surfaces, draw);
+        matchable.queries();
+        matchable
     }
 
-    /// A keyframe with samples that are known.
-    pub(crate) fn with_samples(
+    /// A keyframe with these of its vertices as samples.
+    pub(crate) fn with_drawn(
         context: &Context,
         keyframe: &KeyframeState,
-        (surface, view): (KeyframeSurface<'a>, &SurfaceView<'_>),
-        samples: &[Sample],
+        surfaces: &'a dyn KeyframeSurfaces,
+        draw: impl FnOnce(&SurfaceView<'_>) -> Arc<[u32]>,
     ) -> Self {
-        let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
         let (context, session) = (context.of(keyframe.session), keyframe.session);
+        let surface = KeyframeSurface { surfaces, keyframe: keyframe.id, grid: context.grid };
+        let vertices = surface.vertices();
+        let view = surface.view(&vertices);
+        let velocity = Twist::from_vector(&Vector6::from_column_slice(&keyframe.velocity));
         let shutter = context.shutter(&velocity);
-        let mut queries = Queries::default();
-        queries.fill(samples, &shutter);
-        let (tree, features) = (context.tree(view, &shutter), Cow::default());
-        let observations = OnceLock::new();
-        Self { queries, shutter, surface, tree, velocity, session, features, observations }
+        let (drawn, tree, features) = (draw(&view), context.tree(&view, &shutter), Cow::default());
+        let (queries, observations) = (OnceLock::new(), OnceLock::new());
+        Self { queries, drawn, shutter, surface, tree, velocity, session, features, observations }
+    }
+
+    /// Its samples.
+    pub(crate) fn queries(&self) -> &Queries {
+        self.queries.get_or_init(|| {
+            let (mut samples, mut queries) = (Vec::new(), Queries::default());
+            gather(&self.surface.view(&self.vertices()), &self.drawn, &mut samples);
+            queries.fill(&samples, &self.shutter);
+            queries
+        })
     }
 
     /// The keyframe with its features.
     pub(crate) fn with_features(self, context: &Context, features: Cow<'a, [Feature]>) -> Self {
         if context.mapping.features.enabled { Self { features, ..self } } else { self }
+    }
+
+    /// Number of its features.
+    pub(crate) fn n_features(&self) -> usize {
+        self.features.len()
     }
 
     /// Its features with their observations, which are made when they are first asked for.

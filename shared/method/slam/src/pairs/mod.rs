@@ -5,6 +5,7 @@ pub(crate) mod covisibility;
 pub(crate) mod feature_cache;
 pub(crate) mod keyframe_pair;
 pub(crate) mod lift;
+pub(crate) mod match_cache;
 pub(crate) mod matchable;
 pub(crate) mod matching;
 pub(crate) mod noise_evidence;

@@ -101,7 +101,7 @@ mod tests {
         let mut matcher = context.matcher();
         let limits = |tightness: f32| MatchLimits::drifted(0.15, tightness);
         let alignment =
-            PairAlignment { query: &query.queries, target: &target, n_queries: 200, limits: &limits };
+            PairAlignment { query: query.queries(), target: &target, n_queries: 200, limits: &limits };
         let start = Pose::translation(0.03, 0.0, 0.04);
         let aligned = alignment.solve(&mut matcher, &start, &[0.0, 1.0, 1.0]);
         let mut at = start;

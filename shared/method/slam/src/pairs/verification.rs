@@ -41,10 +41,10 @@ pub(crate) fn test(
 ) -> Tested {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
     let alignment =
-        PairAlignment { query: &newer.queries, target: older, n_queries: N_QUERIES, limits: &limits };
+        PairAlignment { query: newer.queries(), target: older, n_queries: N_QUERIES, limits: &limits };
     let forward = alignment.solve(matcher, older_from_newer, &FORWARD);
     let newer_from_older = forward.target_from_query.inverse();
-    let reversed = PairAlignment { query: &older.queries, target: newer, ..alignment };
+    let reversed = PairAlignment { query: older.queries(), target: newer, ..alignment };
     let backward = reversed.solve(matcher, &newer_from_older, &BACKWARD);
     let (there, back) = (&forward.report, &backward.report);
     let overlap = share(there.n_matches, there.n_queries).min(share(back.n_matches, back.n_queries));
@@ -83,7 +83,7 @@ pub(crate) fn in_front(
     target_from_query: &Pose,
 ) -> InFront {
     let limits = |tightness: f32| MatchLimits::drifted(GlobalSettings::FIRST_DISTANCE_M, tightness);
-    let alignment = PairAlignment { query: &query.queries, target, n_queries: N_QUERIES, limits: &limits };
+    let alignment = PairAlignment { query: query.queries(), target, n_queries: N_QUERIES, limits: &limits };
     let at_optimum = alignment.solve(matcher, target_from_query, &FORWARD).report;
     let (_, as_placed) = alignment.search(matcher, target_from_query, 1.0);
     let [at_optimum, as_placed] = [at_optimum, as_placed].map(|r| share(r.n_in_front, r.n_in_view));

@@ -24,7 +24,7 @@ pub(crate) fn is_contradicted(
     let relative = |poses: &[Pose], (a, b): (usize, usize)| poses[b].inverse() * poses[a];
     let is_far = |pair: &(usize, usize)| apart_m(&relative(before, *pair), &relative(after, *pair)) > FAR_M;
     let (across, own): (Vec<_>, Vec<_>) =
-        covisibility::pairs(after, origins).into_iter().partition(|pair| is_far(pair));
+        covisibility::pairs(after, origins, &[]).into_iter().partition(|pair| is_far(pair));
     if across.is_empty() {
         return false;
     }

@@ -188,7 +188,7 @@ fn neighbours(
         let KeyframeState { session, submap, .. } = *k.keyframe;
         Origin { session, submap, component: component(k) }
     };
-    covisibility::pairs(&poses, &both.iter().map(origin).collect::<Vec<_>>())
+    covisibility::pairs(&poses, &both.iter().map(origin).collect::<Vec<_>>(), &[])
 }
 
 /// As many of these pairs as are asked.

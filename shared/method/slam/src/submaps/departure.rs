@@ -102,7 +102,7 @@ fn evidence(
         [own, old].map(|k| Matchable::new(input.context, &mut sampler, k, input.surfaces.keyframes));
     let mut matcher = input.context.matcher();
     let start = old_from_camera * camera_from_own;
-    let (old_from_own, surfaces) = same_place::measure(&mut matcher, &query.queries, &target, &start);
+    let (old_from_own, surfaces) = same_place::measure(&mut matcher, query.queries(), &target, &start);
     let at = old_from_own * camera_from_own.inverse();
     let n_agreeing = pair.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at));
     let n_seen = [aligner.sight.n_features(), there.features.len()];

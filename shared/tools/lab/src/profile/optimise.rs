@@ -7,7 +7,7 @@ use super::report::ProfileReport;
 use tessera_journal::fingerprint;
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
-use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, OptimiseRecord, Optimiser};
+use tessera_slam::{AlignRecord, FrameHistory, FrameRecord, Optimiser};
 use tessera_surface::packed;
 
 /// Answers each recorded request.
@@ -30,11 +30,12 @@ pub(super) fn profile(recorded: &Recorded, options: &Options) -> Result<ProfileR
                         let solve = || optimiser.solve(&request, &keyframes, recorded, &mut || ());
                         Some((request.request, meter.time(solve)?))
                     });
-                    let Some((request, correction)) = answer else {
+                    let Some((request, record)) = answer else {
                         return Err(ToolError::Stage("an answer is recorded where no request is".into()));
                     };
-                    meter.check(fingerprint(&correction)?, *expected, &format!("correction {request}"))?;
-                    optimiser.apply_own(&OptimiseRecord::Correction(Box::new(correction)));
+                    let found = fingerprint(record.correction())?;
+                    meter.check(found, *expected, &format!("correction {request}"))?;
+                    optimiser.apply_own(&record);
                 }
                 _ => {}
             }
