@@ -10,7 +10,7 @@ use tessera_numerics::SplitMix64;
 use tessera_settings::Settings;
 use tessera_slam::{
     AlignRecord, Cause, Correction, FrameRecord, KeyframeRecord, MapChange, OptimiseRecord, PoseRecord,
-    RetiredRecord, Submaps,
+    RetiredRecord,
 };
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
 use tessera_surface::{Grid, Vertex};
@@ -170,17 +170,7 @@ fn retired(keyframe: u32) -> RetiredRecord {
 
 /// An answer that corrects nothing, from no keyframes that a run has.
 pub(crate) fn correction(request: u64) -> Correction {
-    Correction {
-        request,
-        input_hash: request,
-        keyframes: Vec::new(),
-        frames: Vec::new(),
-        loops: Vec::new(),
-        submaps: Submaps::default(),
-        outer_iterations: 0,
-        n_graduated_rounds: 0,
-        refinement: None,
-    }
+    Correction { request, input_hash: request, ..Correction::default() }
 }
 
 /// Asserts that a copy is the run, byte for byte; of the store up to the last surface.

@@ -124,20 +124,9 @@ fn nanos(duration: Duration) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tessera_slam::Submaps;
 
     fn answer() -> BaseAnswer {
-        let correction = Correction {
-            request: 3,
-            input_hash: 7,
-            keyframes: Vec::new(),
-            frames: Vec::new(),
-            loops: Vec::new(),
-            submaps: Submaps::default(),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
-        };
+        let correction = Correction { request: 3, input_hash: 7, ..Correction::default() };
         BaseAnswer { identity: 5, correction }
     }
 

@@ -213,14 +213,10 @@ impl JointMap {
             Refiner { poses: &poses, n_map_keyframes, keyframes: &map.keyframes, submaps: &submaps };
         Correction {
             request: u64::MAX,
-            input_hash: 0,
             keyframes: (0..).zip(keyframes).map(entry).collect(),
             frames: refiner.solve(history),
-            loops: Vec::new(),
             submaps: submaps.clone(),
-            outer_iterations: 0,
-            n_graduated_rounds: 0,
-            refinement: None,
+            ..Correction::default()
         }
     }
 

@@ -129,12 +129,9 @@ mod tests {
             request: 3,
             input_hash: input_hash(keyframes),
             keyframes: keyframes.iter().map(pose).collect(),
-            frames: Vec::new(),
             loops: vec![pair],
             submaps: Submaps::apart(1),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
+            ..Correction::default()
         }
     }
 

@@ -318,13 +318,8 @@ impl Optimiser {
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
-            keyframes: Vec::new(),
-            frames: Vec::new(),
-            refinement: None,
-            loops: Vec::new(),
             submaps: submaps.clone(),
-            outer_iterations: 0,
-            n_graduated_rounds: 0,
+            ..Correction::default()
         })
     }
 
