@@ -137,7 +137,7 @@ impl AnswerFacts {
     pub fn take(&mut self, version: u32, payload: &[u8]) -> Result<(), String> {
         let record = OPTIMISE_JOURNAL.read(version, payload)?;
         self.n_answered = self.n_answered.max(record.correction().request.saturating_add(1));
-        let is_from_base = matches!(record, OptimiseRecord::FromBase(_));
+        let is_from_base = record.is_from_base();
         self.n_from_base = self.n_from_base.saturating_add(is_from_base.into());
         Ok(())
     }
