@@ -29,7 +29,8 @@ pub(crate) const AGREES_SQ: f64 = 25.0;
 /// Overlap of views that show the same. Of labelled pairs of one place that overlap so, features were missed in 1 to
 /// 18 % of those of simulated worlds and recordings with features; of those that overlap by 0.1 less in up to 56 %.
 const SAME_VIEW_OVERLAP: f64 = 0.75;
-/// Overlap of views whose surfaces tell anything, and share of the rest that does where it stands in free space.
+/// Overlap of views whose surfaces tell anything, and share of so large an overlap that does where it stands in free
+/// space: of a smaller one as many points, for a few at the edge of a view err together.
 const LEAST_OVERLAP: f64 = 0.4;
 const MOST_IN_FRONT: f64 = 0.5;
 /// Features that make a pose, as in [`PairFinder`].
@@ -116,8 +117,9 @@ impl PlaceEvidence {
 
     /// As [`Self::against_twins_nats`]; `None` of views that show too little of the same to tell.
     pub(crate) fn least_nats(&self) -> Option<f64> {
-        let is_telling =
-            self.makes_a_pose() || self.overlap >= LEAST_OVERLAP || self.in_front >= MOST_IN_FRONT;
+        let is_telling = self.makes_a_pose()
+            || self.overlap >= LEAST_OVERLAP
+            || self.overlap * self.in_front >= LEAST_OVERLAP * MOST_IN_FRONT;
         is_telling.then(|| self.against_twins_nats())
     }
 
@@ -331,5 +333,14 @@ mod tests {
         assert!(with(3, false).against_twins_nats() < 0.0 && with(3, true).against_twins_nats() > 0.0);
         let little = PlaceEvidence { overlap: 0.5, ..surfaces };
         assert_eq!(little.with_features([400; 2], (3, 90.0), || panic!("not asked")).missing, 0.0);
+    }
+
+    #[test]
+    fn a_few_points_in_free_space_at_the_edge_of_a_view_tell_nothing() {
+        let of = |overlap, in_front| {
+            PlaceEvidence { overlap, in_front, residual_sigmas: 4.0, ..PlaceEvidence::default() }.least_nats()
+        };
+        assert_eq!(of(0.075, 0.53), None);
+        assert!(of(0.35, 0.7).is_some_and(|nats| nats < -5.0));
     }
 }
