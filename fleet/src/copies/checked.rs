@@ -2,7 +2,7 @@
 //! that lies may spoil its own map and nothing else.
 
 use crate::copies::checked_record::CheckedRecord;
-use tessera_slam::{AlignRecord, KeyframeState, OptimiseRecord, SplitRecord, State, StoreSlot};
+use tessera_slam::{AlignRecord, KeyframeState, SplitRecord, State, StoreSlot};
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, slots};
 
 /// What was seen of a run's journal so far.

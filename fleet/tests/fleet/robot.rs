@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_journal::Follower;
-use tessera_slam::{AlignRecord, OptimiseRecord};
+use tessera_slam::AlignRecord;
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 
 /// A small camera, so that a run takes little time.

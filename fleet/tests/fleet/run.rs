@@ -98,7 +98,7 @@ impl GrowingRun {
         };
         self.align.append(&AlignRecord::Frame(Box::new(record)), false).unwrap();
         if index % 5 == 4 {
-            let correction = OptimiseRecord::Correction(Box::new(correction(index)));
+            let correction = OptimiseRecord::Correction(Box::new(answer_of(0, index).correction));
             self.optimise.append(&correction, false).unwrap();
         }
         self.n_frames += 1;
