@@ -258,11 +258,7 @@ fn compressed_images_are_decoded_and_run_starts_the_run() {
 #[test]
 fn a_run_that_was_started_ends_with_the_program() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(100_000);
-    room(setup.frames());
-    let _camera = network.camera(&setup, &[]);
-    let ros2 = network.join_and_run(&setup);
-    setup.wait_for_growth("the first frames");
+    let (setup, _camera, ros2) = network.running();
     ros2.terminate();
     let words = ros2.finish();
     assert!(!online(&setup.out()).is_empty(), "{words}");

@@ -2,7 +2,7 @@
 //! that lies may spoil its own map and nothing else.
 
 use crate::copies::checked_record::CheckedRecord;
-use tessera_slam::{AlignRecord, KeyframeState, OptimiseRecord, SplitRecord, State, StoreSlot};
+use tessera_slam::{AlignRecord, KeyframeState, SplitRecord, State, StoreSlot};
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, slots};
 
 /// What was seen of a run's journal so far.
@@ -137,7 +137,7 @@ impl AnswerFacts {
     pub fn take(&mut self, version: u32, payload: &[u8]) -> Result<(), String> {
         let record = OPTIMISE_JOURNAL.read(version, payload)?;
         self.n_answered = self.n_answered.max(record.correction().request.saturating_add(1));
-        let is_from_base = matches!(record, OptimiseRecord::FromBase(_));
+        let is_from_base = record.is_from_base();
         self.n_from_base = self.n_from_base.saturating_add(is_from_base.into());
         Ok(())
     }

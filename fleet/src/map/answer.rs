@@ -66,7 +66,7 @@ pub fn answer(
         joint.add(map.keyframes_of(run), other.surfaces.of_keyframes());
     }
     map.join(&joint, &mut || ());
-    let correction = map.answer(&optimiser, &request, &joint, &journal, &mut || ());
+    let answer = map.answer(&optimiser, &request, &joint, &journal, &mut || ());
     drop(joint);
     // What was computed from a surface that is damaged or was given up is no answer.
     let every = std::iter::once(&mut surfaces).chain(others.iter_mut().map(|other| &mut other.surfaces));
@@ -74,8 +74,8 @@ pub fn answer(
         surfaces.check()?;
         surfaces.check_held()?;
     }
-    let Some(correction) = correction else { return Ok(None) };
-    let bytes = BaseAnswer { identity, correction }.to_bytes()?;
+    let Some((correction, changes)) = answer else { return Ok(None) };
+    let bytes = BaseAnswer { identity, correction, changes }.to_bytes()?;
     Ok(Some(MadeAnswer { request: request.request, bytes, n_sharing: map.n_sharing() }))
 }
 

@@ -4,7 +4,7 @@ use crate::processes::{
     base, free_port, start, status, uplink, wait_for, wait_for_robot, wait_for_success, whole_base,
 };
 use crate::robot::{EARLY_LOOPS, Robot, tessera};
-use crate::run::correction;
+use crate::run::answer_of;
 use crate::strangers::{certificates, write_configuration};
 use std::path::Path;
 use std::sync::Arc;
@@ -16,7 +16,6 @@ use tessera_fleet::wire::keys::run_key;
 use tessera_fleet::wire::piece::{Piece, PieceKind};
 use tessera_fleet::wire::request::Request;
 use tessera_fleet::wire::session::{FleetEnd, configuration};
-use tessera_stage::BaseAnswer;
 use zenoh::{Session, Wait};
 
 /// Longest step of the simulated hand from one frame to the next, with room for errors, metres.
@@ -173,7 +172,7 @@ fn forged_answers_are_refused_counted_and_named() {
     robot.wait_for_contact();
     let identity = tessera_stage::identity_of(&std::fs::read(robot.out.join("run.json")).unwrap());
     let answer = |identity, bytes| ask(&session, "a", &Request::Answer { identity, bytes });
-    let bytes = |identity| BaseAnswer { identity, correction: correction(0) }.to_bytes().unwrap();
+    let bytes = |identity| answer_of(identity, 0).to_bytes().unwrap();
     let mut flipped = bytes(identity);
     flipped[50] ^= 1;
     let refused = [
@@ -196,7 +195,7 @@ fn forged_answers_are_refused_counted_and_named() {
         move || {
             // What the uplink cannot know to be wrong: of other keyframes.
             for request in (0..10).cycle() {
-                let bytes = BaseAnswer { identity, correction: correction(request) }.to_bytes().unwrap();
+                let bytes = answer_of(identity, request).to_bytes().unwrap();
                 ask(&session, "a", &Request::Answer { identity, bytes });
                 std::thread::sleep(Duration::from_millis(20));
                 if is_over.load(Ordering::Relaxed) {

@@ -135,7 +135,7 @@ fn a_changed_piece_is_none() {
 
 #[test]
 fn a_changed_answer_is_none() {
-    let answer = BaseAnswer { identity: 7, correction: crate::run::correction(3) };
+    let answer = crate::run::answer_of(7, 3);
     read_changed(6, &answer.to_bytes().unwrap(), |bytes| {
         let read = BaseAnswer::from_bytes(bytes, 7);
         assert!(read.as_ref().map_or_else(|why| !why.is_empty(), |read| *read == answer));

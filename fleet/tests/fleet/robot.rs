@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_journal::Follower;
-use tessera_slam::{AlignRecord, OptimiseRecord};
+use tessera_slam::AlignRecord;
 use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 
 /// A small camera, so that a run takes little time.
@@ -126,7 +126,7 @@ impl Robot {
         let path = self.out.join("optimise.journal");
         let mut journal = Follower::open(&path, OPTIMISE_JOURNAL).unwrap();
         let records: Vec<_> = std::iter::from_fn(|| journal.next().unwrap()).collect();
-        let n_from_base = records.iter().filter(|record| matches!(record, OptimiseRecord::FromBase(_)));
+        let n_from_base = records.iter().filter(|record| record.is_from_base());
         (records.len(), n_from_base.count())
     }
 

@@ -9,10 +9,10 @@ use tessera_messages::store_surface;
 use tessera_numerics::SplitMix64;
 use tessera_settings::Settings;
 use tessera_slam::{
-    AlignRecord, Cause, Correction, FrameRecord, KeyframeRecord, MapChange, OptimiseRecord, PoseRecord,
-    RetiredRecord, Submaps,
+    AlignRecord, Cause, Correction, FrameRecord, KeyframeRecord, MapChange, OptimiseRecord, PairChanges,
+    PoseRecord, RetiredRecord,
 };
-use tessera_stage::{ALIGN_JOURNAL, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
+use tessera_stage::{ALIGN_JOURNAL, BaseAnswer, OPTIMISE_JOURNAL, RunFile, RunFiles, store_slot};
 use tessera_surface::{Grid, Vertex};
 use tessera_transport::RunIdentity;
 
@@ -98,7 +98,7 @@ impl GrowingRun {
         };
         self.align.append(&AlignRecord::Frame(Box::new(record)), false).unwrap();
         if index % 5 == 4 {
-            let correction = OptimiseRecord::Correction(Box::new(correction(index)));
+            let correction = OptimiseRecord::Correction(Box::new(answer_of(0, index).correction));
             self.optimise.append(&correction, false).unwrap();
         }
         self.n_frames += 1;
@@ -169,18 +169,9 @@ fn retired(keyframe: u32) -> RetiredRecord {
 }
 
 /// An answer that corrects nothing, from no keyframes that a run has.
-pub(crate) fn correction(request: u64) -> Correction {
-    Correction {
-        request,
-        input_hash: request,
-        keyframes: Vec::new(),
-        frames: Vec::new(),
-        loops: Vec::new(),
-        submaps: Submaps::default(),
-        outer_iterations: 0,
-        n_graduated_rounds: 0,
-        refinement: None,
-    }
+pub(crate) fn answer_of(identity: u64, request: u64) -> BaseAnswer {
+    let correction = Correction { request, input_hash: request, ..Correction::default() };
+    BaseAnswer { identity, correction, changes: PairChanges::default() }
 }
 
 /// Asserts that a copy is the run, byte for byte; of the store up to the last surface.

@@ -2,7 +2,7 @@
 //! they are waited for, and which are used.
 
 use std::os::unix::fs::MetadataExt;
-use tessera_slam::{Correction, FrameHistory, Optimiser, RequestRecord};
+use tessera_slam::{FrameHistory, OptimiseRecord, Optimiser, RequestRecord};
 use tessera_stage::{
     BaseAnswer, BaseContact, RunFiles, StageContext, StageError, identity_of, monotonic_nanos,
 };
@@ -10,7 +10,7 @@ use tessera_stage::{
 /// What came of waiting.
 pub(crate) enum Waited {
     /// The base answered.
-    Answered(Box<Correction>),
+    Answered(Box<OptimiseRecord>),
     /// It is away, or it did not answer in time: the stage answers itself.
     InVain,
     /// The stage is told to stop.
@@ -62,8 +62,8 @@ impl BaseAnswers {
     ) -> Result<Waited, StageError> {
         let began = monotonic_nanos();
         loop {
-            if let Some(correction) = self.look(request, optimiser, history) {
-                return Ok(Waited::Answered(Box::new(correction)));
+            if let Some(record) = self.look(request, optimiser, history) {
+                return Ok(Waited::Answered(Box::new(record)));
             }
             let Some(contact) = BaseContact::read(&self.files) else { return Ok(Waited::InVain) };
             if self.unanswered_since == Some(contact.since_nanos) {
@@ -88,7 +88,7 @@ impl BaseAnswers {
         request: &RequestRecord,
         optimiser: &Optimiser,
         history: &dyn FrameHistory,
-    ) -> Option<Correction> {
+    ) -> Option<OptimiseRecord> {
         let found = std::fs::metadata(self.files.base_answer()).ok()?;
         // A file that is replaced is another one.
         let stamp = [found.ino(), found.mtime() as u64, found.mtime_nsec() as u64];
@@ -103,13 +103,13 @@ impl BaseAnswers {
                 self.unanswered_since = None;
                 return None;
             }
-            Ok(answer) => optimiser.accept(request, answer.correction, history),
+            Ok(answer) => optimiser.accept(request, (answer.correction, answer.changes), history),
             Err(problem) => Err(problem),
         };
         match used {
-            Ok(correction) => {
+            Ok(record) => {
                 self.unanswered_since = None;
-                Some(correction)
+                Some(record)
             }
             Err(problem) => {
                 self.n_refused += 1;

@@ -69,7 +69,7 @@ fn log_answer(request: &RequestRecord, record: &OptimiseRecord, nanos: u64) {
         request = request.request,
         keyframes = request.n_keyframes,
         "answered{} in {:.1} ms",
-        if matches!(record, OptimiseRecord::FromBase(_)) { " by the base" } else { "" },
+        if record.is_from_base() { " by the base" } else { "" },
         nanos as f64 * 1e-6
     );
 }
@@ -171,7 +171,7 @@ pub fn run(args: &StageArgs) -> Result<Outcome, StageError> {
         let began = monotonic_nanos();
         let record = match from_base {
             Waited::Stopped => continue,
-            Waited::Answered(correction) => OptimiseRecord::FromBase(correction),
+            Waited::Answered(record) => *record,
             Waited::InVain => solve(&context, &mut state, &request, &mut pulse)?,
         };
         let solved = monotonic_nanos();

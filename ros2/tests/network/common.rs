@@ -246,6 +246,16 @@ impl Network {
         self.join_and_run_with(setup, &[])
     }
 
+    /// A room that a camera sends, and a program that maps it in a run of its own.
+    pub(crate) fn running(&self) -> (Setup, Program, Program) {
+        let setup = Setup::new(100_000);
+        room(setup.frames());
+        let camera = self.camera(&setup, &[]);
+        let ros2 = self.join_and_run(&setup);
+        setup.wait_for_growth("the first frames");
+        (setup, camera, ros2)
+    }
+
     /// The same with arguments of the program's own.
     pub(crate) fn join_and_run_with(&self, setup: &Setup, own: &[&str]) -> Program {
         let run = setup.run_arguments();

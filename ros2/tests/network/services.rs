@@ -12,11 +12,7 @@ use std::path::PathBuf;
 #[test]
 fn the_map_is_saved_while_the_run_goes_on_or_the_reason_is_told() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(100_000);
-    room(setup.frames());
-    let _camera = network.camera(&setup, &[]);
-    let ros2 = network.join_and_run(&setup);
-    setup.wait_for_growth("the first frames");
+    let (setup, _camera, ros2) = network.running();
     let (map, config) = (setup.out().join("map.ply"), setup.out().join("config.toml"));
     assert!(!map.exists());
     for form in ["cyclone", "plain"] {
@@ -106,11 +102,7 @@ fn asked(out: &std::path::Path) -> Vec<String> {
 #[test]
 fn relocalisation_is_asked_for_with_an_image_or_refused() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(100_000);
-    room(setup.frames());
-    let camera = network.camera(&setup, &[]);
-    let ros2 = network.join_and_run(&setup);
-    setup.wait_for_growth("the first frames");
+    let (setup, camera, ros2) = network.running();
     for form in ["cyclone", "plain"] {
         let reply = network.call(form, "relocalise");
         assert_eq!(reply["success"], true, "{reply}");

@@ -25,11 +25,7 @@ fn kept_by(keeper: u32) -> u32 {
 #[test]
 fn a_program_that_dies_is_started_again_and_takes_its_run_over() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(100_000);
-    room(setup.frames());
-    let _camera = network.camera(&setup, &[]);
-    let ros2 = network.join_and_run(&setup);
-    setup.wait_for_growth("the first frames");
+    let (setup, _camera, ros2) = network.running();
     let taken = format!("the run {} goes on: it is taken over", setup.name);
     // It alone: its keeper starts it again.
     signal(kept_by(ros2.id()), "-KILL");
@@ -102,11 +98,7 @@ fn of_robot(keeper: u32, out: &std::path::Path) -> Vec<u32> {
 #[test]
 fn a_laptop_that_sleeps_goes_on_with_its_run_and_owns_it() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(100_000);
-    room(setup.frames());
-    let camera = network.camera(&setup, &[]);
-    let ros2 = network.join_and_run(&setup);
-    setup.wait_for_growth("the first frames");
+    let (setup, camera, ros2) = network.running();
     let kept = kept_by(ros2.id());
     assert_eq!(signals_held(kept), [true, true], "the end of a child would end a loop of RustDDS");
     for _ in 0..2 {

@@ -9,10 +9,10 @@ use std::time::Duration;
 use tessera_journal::{
     Durability, JournalError, RecordKind, sealed_record, unsealed_record, write_atomically,
 };
-use tessera_slam::Correction;
+use tessera_slam::{Correction, PairChanges};
 
 /// An answer in its file, and as it travels.
-const ANSWER: RecordKind<BaseAnswer> = RecordKind::only("answer", 16);
+const ANSWER: RecordKind<BaseAnswer> = RecordKind::only("answer", 17);
 /// Bytes of an answer, at most: some fifty thousand keyframes.
 pub const MAX_ANSWER_BYTES: usize = 4 << 20;
 /// Silence after which a base is away.
@@ -28,6 +28,8 @@ pub struct BaseAnswer {
     /// The answer, without frames: untrusted input
     /// ([`Optimiser::accept`](tessera_slam::Optimiser::accept)).
     pub correction: Correction,
+    /// What became of the pairs of keyframes: untrusted as well.
+    pub changes: PairChanges,
 }
 
 impl BaseAnswer {
@@ -124,21 +126,10 @@ fn nanos(duration: Duration) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tessera_slam::Submaps;
 
     fn answer() -> BaseAnswer {
-        let correction = Correction {
-            request: 3,
-            input_hash: 7,
-            keyframes: Vec::new(),
-            frames: Vec::new(),
-            loops: Vec::new(),
-            submaps: Submaps::default(),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
-        };
-        BaseAnswer { identity: 5, correction }
+        let correction = Correction { request: 3, input_hash: 7, ..Correction::default() };
+        BaseAnswer { identity: 5, correction, changes: PairChanges::default() }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::identity::RunIdentity;
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, Config, Node, NodeState, ipc};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
@@ -81,23 +81,66 @@ pub(crate) fn make_private(identity: &RunIdentity) -> Result<(), TransportError>
     Ok(())
 }
 
+/// How long a stage that was started by a supervisor as that died may make files, until it notices.
+const ORPHAN_PATIENCE: Duration = Duration::from_secs(5);
+
 /// Removes all that a run has in shared memory and in the private folder, dead or alive.
 ///
 /// # Errors
 /// Where something is there and cannot be removed.
 pub fn remove_everything(identity: &RunIdentity) -> Result<(), TransportError> {
-    for path in shared_memory_files(identity) {
-        ignore_absent(std::fs::remove_file(&path)).map_err(TransportError::io("remove", &path))?;
+    let began = Instant::now();
+    loop {
+        for path in shared_memory_files(identity) {
+            ignore_absent(std::fs::remove_file(&path)).map_err(TransportError::io("remove", &path))?;
+        }
+        match ignore_absent(std::fs::remove_dir_all(&identity.root)) {
+            Err(error) if is_written_to(&error) && began.elapsed() < ORPHAN_PATIENCE => {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            result => {
+                result.map_err(TransportError::io("remove", &identity.root))?;
+                break;
+            }
+        }
     }
-    ignore_absent(std::fs::remove_dir_all(&identity.root))
-        .map_err(TransportError::io("remove", &identity.root))?;
     ignore_absent(std::fs::remove_file(&identity.config_file))
         .map_err(TransportError::io("remove", &identity.config_file))
+}
+
+/// Whether something was made in a folder while it was emptied.
+fn is_written_to(error: &std::io::Error) -> bool {
+    error.kind() == std::io::ErrorKind::DirectoryNotEmpty
 }
 
 fn ignore_absent(result: std::io::Result<()>) -> std::io::Result<()> {
     match result {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
         other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_orphan_makes_while_all_is_removed_is_removed_too() {
+        let identity = RunIdentity::create().unwrap();
+        let (root, began) = (identity.root.clone(), Instant::now());
+        let orphan = std::thread::spawn(move || {
+            for k in 0.. {
+                let _ = std::fs::write(root.join(k.to_string()), "");
+                if began.elapsed() > Duration::from_millis(300) {
+                    return;
+                }
+            }
+        });
+        while entries(&identity.root).len() < 100 {
+            std::thread::yield_now();
+        }
+        remove_everything(&identity).unwrap();
+        orphan.join().unwrap();
+        assert!(!identity.root.exists());
     }
 }

@@ -7,7 +7,7 @@ use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_offline::{Method, RawFrame, Run};
 use tessera_slam::{
     AlignRecord, Context, Correction, FrameHistory, FramePose, JointMap, KeyframeSurfaces, OptimiseRecord,
-    Optimiser, PoseHistory, RequestRecord, TrackerState,
+    Optimiser, PairChanges, PoseHistory, RequestRecord, TrackerState,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::Vertex;
@@ -179,7 +179,9 @@ fn answer(source: &SimulatedSource, run: &Finished, others: &[&Finished]) -> (Co
     let all = std::iter::once(&run).chain(others).flat_map(|run| run.surfaces.clone());
     let surfaces = Surfaces(all.collect());
     map.join(&surfaces, &mut || ());
-    let found = map.answer(&optimiser, &request, &surfaces, &run.records.as_slice(), &mut || ()).unwrap();
+    let (found, changes) =
+        map.answer(&optimiser, &request, &surfaces, &run.records.as_slice(), &mut || ()).unwrap();
+    assert_eq!(changes, PairChanges::default(), "nothing follows the final answer");
     (found, map.n_sharing())
 }
 
@@ -192,7 +194,9 @@ fn an_answer_is_the_run_s_own_without_others_and_another_with_those_that_share_a
     let history = run.records.as_slice();
     let own = optimiser.solve(&request, &Surfaces(run.surfaces.clone()), &history, &mut || ()).unwrap();
     let own = own.into_correction();
-    let accept = |answer: Correction| optimiser.accept(&request, answer, &history).unwrap();
+    let accept = |answer: Correction| {
+        optimiser.accept(&request, (answer, PairChanges::default()), &history).unwrap().into_correction()
+    };
     let (alone, n_sharing) = answer(&room, &run, &[&elsewhere]);
     assert_eq!(n_sharing, 0);
     assert!(accept(alone) == own, "the same bits");

@@ -70,8 +70,8 @@ pub struct PairChanges {
     pub dropped: Vec<(u32, u32)>,
 }
 
-/// The answer to a request.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The answer to a request; by default one that corrects nothing.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Correction {
     /// Which request.
     pub request: u64,

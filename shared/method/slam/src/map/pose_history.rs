@@ -157,15 +157,9 @@ mod tests {
     fn correction(keyframes: &[(u32, f64)], frames: &[(u64, f64)]) -> Correction {
         let pose = |(id, x): &(u32, f64)| KeyframePose { id: *id, world_from_camera: along_x(*x) };
         Correction {
-            request: 0,
-            input_hash: 0,
             keyframes: keyframes.iter().map(pose).collect(),
             frames: frames.iter().map(|(index, x)| (*index, along_x(*x))).collect(),
-            loops: Vec::new(),
-            submaps: Submaps::default(),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
+            ..Correction::default()
         }
     }
 

@@ -219,19 +219,22 @@ impl AlignRecord {
 pub enum OptimiseRecord {
     /// A request was answered.
     Correction(Box<Correction>),
-    /// A request was answered by the base of a fleet, from the keyframes of several runs.
+    /// A request was answered by the base of a fleet, of which no pairs are known.
     FromBase(Box<Correction>),
     /// A request was answered, and the next answer goes on from the pairs of this one.
     Incremental(Box<Correction>, PairChanges),
+    /// The same by the base of a fleet, from the keyframes of several runs.
+    IncrementalFromBase(Box<Correction>, PairChanges),
 }
 
 impl OptimiseRecord {
     /// The answer.
     pub fn correction(&self) -> &Correction {
         match self {
-            Self::Correction(correction) | Self::FromBase(correction) | Self::Incremental(correction, _) => {
-                correction
-            }
+            Self::Correction(correction)
+            | Self::FromBase(correction)
+            | Self::Incremental(correction, _)
+            | Self::IncrementalFromBase(correction, _) => correction,
         }
     }
 
@@ -239,16 +242,22 @@ impl OptimiseRecord {
     pub fn pair_changes(&self) -> Option<&PairChanges> {
         match self {
             Self::Correction(_) | Self::FromBase(_) => None,
-            Self::Incremental(_, changes) => Some(changes),
+            Self::Incremental(_, changes) | Self::IncrementalFromBase(_, changes) => Some(changes),
         }
+    }
+
+    /// Whether the base of a fleet answered.
+    pub fn is_from_base(&self) -> bool {
+        matches!(self, Self::FromBase(_) | Self::IncrementalFromBase(..))
     }
 
     /// The answer alone, without its origin.
     pub fn into_correction(self) -> Correction {
         match self {
-            Self::Correction(correction) | Self::FromBase(correction) | Self::Incremental(correction, _) => {
-                *correction
-            }
+            Self::Correction(correction)
+            | Self::FromBase(correction)
+            | Self::Incremental(correction, _)
+            | Self::IncrementalFromBase(correction, _) => *correction,
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::map::cameras::{SessionCamera, SessionCameras};
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::placement::apply_correction;
-use crate::map::records::{AlignRecord, Correction, KeyframePose, RequestRecord};
+use crate::map::records::{AlignRecord, Correction, KeyframePose, PairChanges, RequestRecord};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 use crate::map::surfaces::KeyframeSurfaces;
@@ -213,21 +213,18 @@ impl JointMap {
             Refiner { poses: &poses, n_map_keyframes, keyframes: &map.keyframes, submaps: &submaps };
         Correction {
             request: u64::MAX,
-            input_hash: 0,
             keyframes: (0..).zip(keyframes).map(entry).collect(),
             frames: refiner.solve(history),
-            loops: Vec::new(),
             submaps: submaps.clone(),
-            outer_iterations: 0,
-            n_graduated_rounds: 0,
-            refinement: None,
+            ..Correction::default()
         }
     }
 
     /// The answer to the request that this map began with ([`Self::of_request`]), to be called behind
     /// [`Self::join`]: a correction of run 0's keyframes in their own gauge, without frames, from one graph
-    /// with the runs that share a place with it. Where none does, the bits are those of the run's own
-    /// optimisation. `history` holds the frames of run 0 up to the request.
+    /// with the runs that share a place with it, and what became of the pairs of run 0. Where none shares a
+    /// place, the bits are those of the run's own optimisation. `history` holds the frames of run 0 up to the
+    /// request.
     pub fn answer(
         &self,
         optimiser: &Optimiser,
@@ -235,7 +232,7 @@ impl JointMap {
         surfaces: &dyn KeyframeSurfaces,
         history: &dyn FrameHistory,
         progress: &mut dyn FnMut(),
-    ) -> Option<Correction> {
+    ) -> Option<(Correction, PairChanges)> {
         let own = optimiser.find(request)?;
         let joint = (self.n_sharing() > 0).then(|| Pending {
             request: *request,
@@ -251,6 +248,8 @@ impl JointMap {
         let poses = in_own_gauge(&own.keyframes, &submaps, &solved);
         let mut loops = solved.solution.loops;
         loops.retain(|l| (l.newer.max(l.older) as usize) < own.keyframes.len());
+        let mut searched = solved.solution.searched;
+        searched.retain(|(newer, older), _| (*newer.max(older) as usize) < own.keyframes.len());
         let origins = origins(&own.keyframes, &submaps);
         let pose = |id: u32| match &own.keyframes[id as usize] {
             origin if origins.contains(&(id as usize)) => origin.world_from_camera,
@@ -258,7 +257,7 @@ impl JointMap {
         };
         let own_ids = solved.solved.iter().map(|k| k.id).filter(|id| (*id as usize) < own.keyframes.len());
         let keyframes = own_ids.map(|id| KeyframePose { id, world_from_camera: pose(id) }).collect();
-        Some(Correction {
+        let correction = Correction {
             request: request.request,
             input_hash: input_hash(&own.keyframes),
             keyframes,
@@ -268,7 +267,8 @@ impl JointMap {
             outer_iterations: solved.solution.outer_iterations,
             n_graduated_rounds: solved.solution.n_rounds,
             refinement: None,
-        })
+        };
+        Some((correction, optimiser.changes(request, &searched)))
     }
 
     /// Runs that share a place with run 0.

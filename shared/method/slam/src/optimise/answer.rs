@@ -2,7 +2,7 @@
 //! used.
 
 use crate::map::input_hash::input_hash;
-use crate::map::records::{Correction, KeyframePose, LoopRecord, RequestRecord};
+use crate::map::records::{Correction, KeyframePose, LoopRecord, PairChanges, RequestRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 
@@ -97,10 +97,23 @@ fn check_loops(n_keyframes: usize, loops: &[LoopRecord]) -> Result<(), String> {
     }
 }
 
+/// Pairs among so many keyframes, those that are no more by id.
+pub(crate) fn check_pairs(n_keyframes: usize, changes: &PairChanges) -> Result<(), String> {
+    let searched = changes.searched.iter().map(|pair| (pair.newer, pair.older));
+    let is_pair = |(newer, older): (u32, u32)| newer != older && (newer.max(older) as usize) < n_keyframes;
+    match searched.chain(changes.dropped.iter().copied()).find(|pair| !is_pair(*pair)) {
+        Some((newer, older)) => {
+            Err(format!("a pair of keyframes {newer} and {older}, expected two of {n_keyframes}"))
+        }
+        None if !changes.dropped.is_sorted() => Err("pairs that are no more, not by id".to_owned()),
+        None => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::records::LoopVerdict;
+    use crate::map::records::{LoopVerdict, MatchPose, MatchRecord};
     use crate::map::test_wall::keyframe;
     use tessera_geometry::{Pose, PoseBits};
 
@@ -129,13 +142,23 @@ mod tests {
             request: 3,
             input_hash: input_hash(keyframes),
             keyframes: keyframes.iter().map(pose).collect(),
-            frames: Vec::new(),
             loops: vec![pair],
             submaps: Submaps::apart(1),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
+            ..Correction::default()
         }
+    }
+
+    #[test]
+    fn pairs_are_of_two_keyframes_of_the_run() {
+        let at = MatchPose::of(&Pose::identity());
+        let refusal = |searched: &[(u32, u32)], dropped: &[(u32, u32)]| {
+            let searched = searched.iter().map(|&(newer, older)| MatchRecord { newer, older, at }).collect();
+            check_pairs(4, &PairChanges { searched, dropped: dropped.to_vec() }).err().unwrap_or_default()
+        };
+        assert_eq!(refusal(&[(3, 1), (2, 0)], &[(1, 0), (2, 1)]), "");
+        assert!(refusal(&[(4, 1)], &[]).contains("keyframes 4 and 1, expected two of 4"));
+        assert!(refusal(&[], &[(2, 2)]).contains("keyframes 2 and 2"));
+        assert!(refusal(&[], &[(2, 1), (1, 0)]).contains("not by id"));
     }
 
     #[test]

@@ -49,22 +49,12 @@ impl KeptMatches {
 mod tests {
     use super::*;
     use crate::map::records::{Correction, KeyframePose};
-    use crate::map::submaps::Submaps;
     use tessera_geometry::{Pose, PoseBits};
 
     fn answer(keyframes: &[u32], changes: PairChanges) -> OptimiseRecord {
         let pose = |id: &u32| KeyframePose { id: *id, world_from_camera: PoseBits::IDENTITY };
-        let correction = Correction {
-            request: 0,
-            input_hash: 0,
-            keyframes: keyframes.iter().map(pose).collect(),
-            frames: Vec::new(),
-            loops: Vec::new(),
-            submaps: Submaps::default(),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
-        };
+        let correction =
+            Correction { keyframes: keyframes.iter().map(pose).collect(), ..Correction::default() };
         OptimiseRecord::Incremental(Box::new(correction), changes)
     }
 

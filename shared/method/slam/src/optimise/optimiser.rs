@@ -7,7 +7,7 @@ use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::placement::corrected;
 use crate::map::records::{
-    AlignRecord, Correction, KeyframePose, LoopRecord, OptimiseRecord, PairChanges, RefinedCamera,
+    AlignRecord, Correction, KeyframePose, LoopRecord, MatchPose, OptimiseRecord, PairChanges, RefinedCamera,
     Refinement, RequestRecord,
 };
 use crate::map::state::{KeyframeState, TrackerState};
@@ -21,11 +21,11 @@ use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::said_loops::SaidLoops;
 use crate::optimise::sample_cache::Drawn;
-use crate::pairs::feature_cache::FeatureCache;
+use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::match_cache::MatchCache;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use tessera_geometry::{Pose, PoseBits};
 use tessera_numerics::Step;
 
@@ -230,8 +230,7 @@ impl Optimiser {
         let refinement = (request.is_final && self.context.mapping.global.refine_camera)
             .then(|| self.refine_camera(keyframes, &solved.active, (surfaces, history), solution, progress));
         self.context.steps.leave();
-        let changes =
-            if request.is_final { PairChanges::default() } else { self.kept.changes(&solution.searched) };
+        let changes = self.changes(request, &solution.searched);
         let correction = Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
@@ -289,6 +288,15 @@ impl Optimiser {
         loops
     }
 
+    /// How the pairs of an answer differ from those before it; none of the final one, which nothing follows.
+    pub(crate) fn changes(
+        &self,
+        request: &RequestRecord,
+        searched: &BTreeMap<PairIds, MatchPose>,
+    ) -> PairChanges {
+        if request.is_final { PairChanges::default() } else { self.kept.changes(searched) }
+    }
+
     /// Completes an answer that a base computed ([`JointMap::answer`](crate::JointMap::answer)) with what
     /// this run alone knows: the frames, where the request is the final one.
     ///
@@ -297,18 +305,21 @@ impl Optimiser {
     pub fn accept(
         &self,
         request: &RequestRecord,
-        answer: Correction,
+        (answer, changes): (Correction, PairChanges),
         history: &dyn FrameHistory,
-    ) -> Result<Correction, String> {
+    ) -> Result<OptimiseRecord, String> {
         let pending =
             self.find(request).ok_or_else(|| format!("request {} is not pending", request.request))?;
         answer::check(request, (&pending.keyframes, &pending.submaps), &answer)?;
-        if !request.is_final {
-            return Ok(answer);
-        }
-        let poses = all_poses(&pending.keyframes, &answer.keyframes);
-        let frames = self.refine(&poses, &answer.submaps, history);
-        Ok(Correction { frames, ..answer })
+        answer::check_pairs(pending.keyframes.len(), &changes)?;
+        let frames = match request.is_final {
+            true => {
+                let poses = all_poses(&pending.keyframes, &answer.keyframes);
+                self.refine(&poses, &answer.submaps, history)
+            }
+            false => Vec::new(),
+        };
+        Ok(OptimiseRecord::IncrementalFromBase(Box::new(Correction { frames, ..answer }), changes))
     }
 
     /// The answer to a pending request that cannot be solved: it corrects nothing. `None` when the
@@ -318,13 +329,8 @@ impl Optimiser {
         Some(Correction {
             request: request.request,
             input_hash: input_hash(keyframes),
-            keyframes: Vec::new(),
-            frames: Vec::new(),
-            refinement: None,
-            loops: Vec::new(),
             submaps: submaps.clone(),
-            outer_iterations: 0,
-            n_graduated_rounds: 0,
+            ..Correction::default()
         })
     }
 

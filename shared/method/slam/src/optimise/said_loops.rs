@@ -66,7 +66,6 @@ impl SaidLoops {
 mod tests {
     use super::*;
     use crate::map::records::KeyframePose;
-    use crate::map::submaps::Submaps;
     use tessera_geometry::PoseBits;
 
     fn pair(newer: u32, older: u32, verdict: LoopVerdict, weight: f64) -> LoopRecord {
@@ -77,15 +76,9 @@ mod tests {
     fn correction(keyframes: &[u32], loops: &[LoopRecord]) -> Correction {
         let pose = |id: &u32| KeyframePose { id: *id, world_from_camera: PoseBits::IDENTITY };
         Correction {
-            request: 0,
-            input_hash: 0,
             keyframes: keyframes.iter().map(pose).collect(),
-            frames: Vec::new(),
             loops: loops.to_vec(),
-            submaps: Submaps::default(),
-            outer_iterations: 1,
-            n_graduated_rounds: 0,
-            refinement: None,
+            ..Correction::default()
         }
     }
 
