@@ -18,7 +18,7 @@ mod submaps;
 mod tracker;
 mod tracking;
 
-pub use estimation::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState, UNTRUSTED};
+pub use estimation::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState};
 pub use estimation::noise_scales::{NoiseRecord, NoiseScales, NoiseState};
 pub use evidence::same_place::{PlaceEvidence, PlaceProbe};
 pub use map::appearance::{Ferns, N_FERNS, PlaceCode, similarity};

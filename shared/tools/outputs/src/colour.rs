@@ -16,10 +16,9 @@ pub struct ColourSummary {
     pub applied_focal_ratio: f64,
     /// Residual of features against the surfaces after the correction, pixels.
     pub residual_px: f64,
-    /// What of it neither lag nor ratio explains, in units of what is allowed, and whether colour is
-    /// believed by that.
-    pub disagreement: f64,
-    /// As the disagreement.
+    /// Log odds that colour is of the time and place of depth, nats.
+    pub own_nats: f64,
+    /// Whether they are for it.
     pub is_believed: bool,
 }
 
@@ -33,7 +32,7 @@ impl ColourSummary {
             applied_lag_s: state.model.lag_s,
             applied_focal_ratio: state.model.focal_ratio,
             residual_px: state.residual_px,
-            disagreement: state.disagreement,
+            own_nats: state.own_nats,
             is_believed: state.is_trusted(),
         })
     }
@@ -58,7 +57,7 @@ mod tests {
         let none = ColourModel::default();
         assert_eq!(summary(none, std::slice::from_ref(&frame)), None);
         // A lag of 20 ms and a ratio of 0.9, as normal equations.
-        let colour = ColourRecord { n_pairs: 100, residual_px: 1.0, disagreement: 0.3 };
+        let colour = ColourRecord { n_pairs: 100, residual_px: 1.0, nats: 3.0 };
         let pose = ColourPoseRecord { information: [1e8, 0.0, 1e7], gradient: [2e6, -1e6] };
         let evidence =
             EvidenceRecord { colour: Some(colour), colour_pose: Some(pose), ..EvidenceRecord::default() };
@@ -68,9 +67,9 @@ mod tests {
         assert!((found.colour_focal_ratio[0] - 0.9).abs() < 1e-6);
         assert!((found.applied_lag_s - 0.02).abs() < 1e-6);
         assert!((found.applied_focal_ratio - 0.9).abs() < 1e-6);
-        assert!(found.is_believed && found.disagreement < 0.35);
+        assert!(found.is_believed && found.own_nats > 5.0);
         let mut foreign = frames[0].clone();
-        foreign.evidence.colour = Some(ColourRecord { disagreement: 1.5, ..colour });
+        foreign.evidence.colour = Some(ColourRecord { nats: -3.0, ..colour });
         assert!(!summary(none, &vec![foreign; 10]).unwrap().is_believed);
         // What the camera file states is applied before anything is certain.
         let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95 };

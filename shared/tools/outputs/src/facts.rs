@@ -183,7 +183,7 @@ impl Facts {
             focal_px: beside.focal_px,
             seen_focal: beside.seen_focal,
             lateral: beside.lateral,
-            unbelieved_colour: (!colour.is_trusted()).then_some(colour.disagreement),
+            unbelieved_colour: (!colour.is_trusted()).then_some(colour.own_nats),
             refined_focal_px: refined,
             source_doubts: beside.source_doubts.clone(),
             source_warnings: beside.source_warnings.clone(),

@@ -7,7 +7,6 @@ use crate::statistics::Ended;
 use crate::wrong_camera::{lens, off_truth, units};
 use serde::Serialize;
 use std::fmt;
-use tessera_slam::UNTRUSTED;
 use tessera_stage::BrokenFrames;
 
 /// Spans of untracked frames shorter than this, seconds, are bridged by the prediction.
@@ -132,9 +131,9 @@ pub fn verdict(facts: &Facts) -> Verdict {
 
 /// A note: what colour says is left out, and depth alone is judged by the others.
 fn unbelieved_colour(facts: &Facts) -> Option<Reason> {
-    facts.unbelieved_colour.map(|disagreement| {
+    facts.unbelieved_colour.map(|own_nats| {
         let found = format!(
-            "colour was not used at the end: it moves otherwise than depth (disagreement {disagreement:.1}, below {UNTRUSTED} is believed); it may be of another time, camera or scene"
+            "colour was not used at the end: it moves otherwise than depth (log odds {own_nats:.1} that it is of the same time and place, above 0 is believed); it may be of another time, camera or scene"
         );
         reason(Grade::Good, found, "")
     })

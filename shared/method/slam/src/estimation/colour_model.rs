@@ -63,8 +63,8 @@ pub struct ColourRecord {
     pub n_pairs: u32,
     /// Median residual of a pair against its surfaces, mean over the pairs, pixels.
     pub residual_px: f64,
-    /// Residual that lag and ratio do not explain, in units of what is allowed at this motion.
-    pub disagreement: f64,
+    /// Log-likelihood ratio of "this image is of its time and place", mean over the pairs, nats.
+    pub nats: f64,
 }
 
 /// A frame's normal equations of lag and ratio less one, about the parameters themselves.
@@ -85,20 +85,18 @@ impl ColourPoseRecord {
     }
 }
 
-/// Disagreement from which on colour is not trusted: one's own colour has 0.1 to 0.5, that of another
-/// scene 1 to 3.
-pub const UNTRUSTED: f64 = 0.85;
-/// A frame's disagreement that counts, at most: its surfaces may have gone astray.
-const MOST_DISAGREEMENT: f64 = 2.0;
-/// Least share that a frame has in the running means.
+/// Log odds before the first frame: of ten cameras one has colour of another time or scene.
+const FIRST_NATS: f64 = 2.3;
+/// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
+const OWN_SHARE: f64 = 1.0 / 3.0;
+/// Log odds, at most: colour goes wrong, or right, in one of a thousand frames.
+const MOST_NATS: f64 = 7.0;
+/// Least share that a frame has in the running mean.
 const LEAST_SHARE: f64 = 0.1;
-/// Residual in pixels, and disagreement, before the first frame.
+/// Residual before the first frame, pixels.
 const FIRST_RESIDUAL_PX: f64 = 4.0;
-const FIRST_DISAGREEMENT: f64 = 0.4;
 /// A frame's residual counts as this at least, pixels: what corners are found to.
 pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
-/// Matches that count for a frame's residual, at least.
-pub(crate) const MIN_PAIRS: u32 = 20;
 /// Residual from which on features are no start for the surfaces, pixels.
 const VAGUE_PX: f64 = 10.0;
 /// Frames in which colour is on probation.
@@ -107,7 +105,7 @@ const PROBATION_FRAMES: u32 = 2;
 const FORGETTING: f64 = 0.01;
 /// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
 /// and fields of view of the two lenses differ by some tenths.
-pub(crate) const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
+const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
 const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
 /// Standard deviations beyond which a parameter is not zero: one in 10^6.
@@ -125,8 +123,8 @@ pub struct ColourState {
     gradient: [f64; 2],
     /// Running residual, pixels.
     pub residual_px: f64,
-    /// Running disagreement.
-    pub disagreement: f64,
+    /// Log odds of "colour is of its time and place", nats.
+    pub own_nats: f64,
     /// The model as applied.
     pub model: ColourModel,
 }
@@ -138,7 +136,7 @@ impl Default for ColourState {
             information: precisions(PRIOR_SIGMAS),
             gradient: [0.0; 2],
             residual_px: FIRST_RESIDUAL_PX,
-            disagreement: FIRST_DISAGREEMENT,
+            own_nats: FIRST_NATS,
             model: ColourModel::default(),
         }
     }
@@ -189,13 +187,10 @@ impl ColourState {
 
     /// Takes in how the features of a frame lie against its surfaces.
     pub(crate) fn apply_audit(&mut self, record: &ColourRecord) {
-        if record.n_pairs < MIN_PAIRS {
-            return;
-        }
         self.n_frames = self.n_frames.saturating_add(1);
         // The first frames count alike.
         let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
-        self.disagreement += share * (record.disagreement.min(MOST_DISAGREEMENT) - self.disagreement);
+        self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-MOST_NATS, MOST_NATS);
         // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
         let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
         self.residual_px *= libm::pow(ratio, share);
@@ -216,7 +211,7 @@ impl ColourState {
 
     /// Whether features may lead: otherwise colour is of another time or another scene.
     pub fn is_trusted(&self) -> bool {
-        self.disagreement < UNTRUSTED
+        self.own_nats > 0.0
     }
 
     /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
@@ -226,10 +221,15 @@ impl ColourState {
         self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
     }
 
+    /// Covariance of lag and ratio.
+    pub(crate) fn covariance(&self) -> Option<ParameterMatrix> {
+        let [a, b, d] = self.information;
+        ParameterMatrix::new(a, b, b, d).try_inverse()
+    }
+
     /// Lag and ratio less one with their standard deviations, `[value, sigma]` each.
     pub fn estimate(&self) -> Option<[[f64; 2]; 2]> {
-        let [a, b, d] = self.information;
-        let covariance = ParameterMatrix::new(a, b, b, d).try_inverse()?;
+        let covariance = self.covariance()?;
         let value = covariance * ColourParameters::from(self.gradient);
         Some([0, 1].map(|k| [value[k], covariance[(k, k)].max(0.0).sqrt()]))
     }

@@ -1,6 +1,7 @@
 //! Two views: features and surfaces matched, aligned to each other, and tested.
 
 pub(crate) mod colour_coupling;
+pub(crate) mod colour_evidence;
 pub(crate) mod covisibility;
 pub(crate) mod feature_cache;
 pub(crate) mod keyframe_pair;

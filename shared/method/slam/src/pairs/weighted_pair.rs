@@ -41,7 +41,7 @@ impl WeightedPair {
     /// lie far beyond their noise there are of another scene or time.
     pub(crate) fn new(found: Arc<FeaturePair>, weight: f64, start: &Pose) -> Self {
         let cost = found.sums.about(&found.target_from_query, start).c;
-        let mean_sq = cost / f64::from(found.sums.n.max(1));
+        let mean_sq = cost * found.variance_factor / f64::from(found.sums.n.max(1));
         Self { found, weight: weight * MEAN_SQ / mean_sq.max(MEAN_SQ) }
     }
 

@@ -2,8 +2,8 @@
 //!
 //! A pose that follows wrong colour takes the data association of the surfaces along, which then
 //! agrees. So some frames are aligned once more without features, and their matches are judged there.
-//! Surfaces that leave a direction open, as those of a corridor or of one wall do, judge nothing: along it
-//! their pose is a prediction, and it would be colour that is found wrong.
+//! A direction that the surfaces leave open, as those of a corridor or of one wall do, is not judged: their covariance
+//! is large there.
 
 use crate::estimation::colour_model::ColourRecord;
 use crate::map::records::State;
@@ -21,7 +21,7 @@ use crate::tracking::window_alignment::{WindowAlignment, reference};
 const ALL_UNTIL: u32 = 40;
 const EVERY: u64 = 8;
 
-/// Audit of a frame's colour; `None` where it is not due, too few features match, or the surfaces are degenerate.
+/// Audit of a frame's colour; `None` where it is not due, or too few features match.
 pub(crate) fn colour_record(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -45,12 +45,11 @@ pub(crate) fn colour_record(
         ..*prediction
     };
     let alone = aligner.align(input.context, input.samples, &references, &guess);
-    if !alone.is_solved || !alone.degenerate.is_empty() {
+    if !alone.is_solved {
         return None;
     }
-    let factor = aligner.independent_factor();
-    let covariance = alone.information.try_inverse()? * aligner.metric_factor(input.context);
-    let mut sums = Observed::new(input.context, colour, covariance);
+    let (factor, parameters) = (aligner.independent_factor(), colour.covariance()?);
+    let mut sums = Observed::default();
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {
             continue;
@@ -61,9 +60,11 @@ pub(crate) fn colour_record(
             target_from_query,
             origin: *origin,
             sums: block,
+            factor,
             velocity: reference.velocity,
+            parameters,
         };
-        aligner.sight.judge(&judged, factor, &mut sums);
+        aligner.sight.judge(input.context, &judged, &mut sums);
     }
     sums.record()
 }

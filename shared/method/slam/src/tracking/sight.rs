@@ -1,9 +1,13 @@
 //! Feature matching of the tracker: the frame's features, the references', and the pairs between them.
 
 use crate::estimation::colour_model::{ColourModel, LEAST_RESIDUAL_PX};
+use crate::estimation::colour_pose::ParameterMatrix;
+use crate::estimation::noise_scales::NoiseScales;
 use crate::evidence::same_place::{self, AGREES_SQ};
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
+use crate::pairs::colour_coupling::coupling;
+use crate::pairs::colour_evidence::own_nats;
 use crate::pairs::lift::lift;
 use crate::pairs::matching::{PairFinder, Reach, Seen};
 use crate::pairs::residuals;
@@ -335,14 +339,22 @@ impl Sight {
     }
 
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
-    pub(crate) fn judge(&self, judged: &Judged<'_>, factor: f64, sums: &mut Observed<'_>) {
+    pub(crate) fn judge(&self, context: &Context, judged: &Judged<'_>, sums: &mut Observed) {
         let found =
             [&self.refused, &self.pairs].into_iter().find_map(|pairs| pairs.get(&judged.key)?.as_ref());
         let Some(pair) = found else { return };
-        let at = by_surfaces(judged, factor);
         let velocities = [&self.velocity, &judged.velocity];
-        pair.inliers.iter().for_each(|c| sums.add(c, &at, velocities));
-        sums.end_pair();
+        let at = by_surfaces(judged, judged.factor);
+        let of = |origin: &Pose, sums: &BlockSums, scale: f64| {
+            let (h, g, _) = PairBlock::new(origin, sums).linearise(&judged.target_from_query);
+            (h / scale, g / scale)
+        };
+        let NoiseScales { surfaces, features } = context.scales;
+        let of_surfaces = of(&judged.origin, judged.sums, judged.factor * surfaces);
+        let of_features = of(&pair.target_from_query, &pair.sums, features);
+        let coupling = coupling(pair, velocities, &context.colour) / features;
+        let nats = own_nats(&of_surfaces, &of_features, &coupling, &judged.parameters);
+        sums.add(&context.camera, &pair.inliers, &at, nats);
     }
 }
 
@@ -359,8 +371,12 @@ pub(crate) struct Judged<'a> {
     pub(crate) origin: Pose,
     /// Of the surfaces alone.
     pub(crate) sums: &'a BlockSums,
+    /// Makes them metric.
+    pub(crate) factor: f64,
     /// Of the target.
     pub(crate) velocity: Twist,
+    /// Covariance of lag and focal ratio.
+    pub(crate) parameters: ParameterMatrix,
 }
 
 /// Standard deviations of a relative pose beyond which the surfaces do not judge, metres and radians.

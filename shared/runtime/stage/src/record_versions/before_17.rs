@@ -1,6 +1,7 @@
 //! Records of version 16: a frame's evidence of noise had the mean residual of its surfaces where that of the two
 //! halves of the image is now, and its causes were a sentence with three answers beside it.
 
+use super::before_18::Colour16;
 use serde::{Deserialize, Serialize};
 use tessera_journal::decode;
 use tessera_slam::{
@@ -55,7 +56,7 @@ impl Causes16 {
 #[derive(Serialize, Deserialize)]
 struct Evidence16 {
     repeats_colour: bool,
-    colour: Option<ColourRecord>,
+    colour: Option<Colour16>,
     noise: Option<Noise16>,
     colour_pose: Option<ColourPoseRecord>,
     blocks: Vec<BlockRecord>,
@@ -85,7 +86,8 @@ impl From<Noise16> for NoiseRecord {
 impl From<Evidence16> for EvidenceRecord {
     fn from(evidence: Evidence16) -> Self {
         let Evidence16 { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
-        Self { repeats_colour, colour, noise: noise.map(NoiseRecord::from), colour_pose, blocks }
+        let (colour, noise) = (colour.map(ColourRecord::from), noise.map(NoiseRecord::from));
+        Self { repeats_colour, colour, noise, colour_pose, blocks }
     }
 }
 

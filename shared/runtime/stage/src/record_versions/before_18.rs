@@ -1,4 +1,5 @@
-//! Records of version 17: a frame's evidence of noise had no variance factor of its features.
+//! Records of version 17: a frame's evidence of noise had no variance factor of its features, and its audit of colour
+//! measured a disagreement.
 
 use serde::{Deserialize, Serialize};
 use tessera_journal::decode;
@@ -35,7 +36,7 @@ struct Frame17 {
 #[derive(Serialize, Deserialize)]
 struct Evidence17 {
     repeats_colour: bool,
-    colour: Option<ColourRecord>,
+    colour: Option<Colour16>,
     noise: Option<Noise17>,
     colour_pose: Option<ColourPoseRecord>,
     blocks: Vec<BlockRecord>,
@@ -49,6 +50,22 @@ struct Noise17 {
     step_variance: Option<[f64; 6]>,
 }
 
+/// The audit of a frame's colour of versions 16 and 17.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Colour16 {
+    n_pairs: u32,
+    residual_px: f64,
+    disagreement: f64,
+}
+
+impl From<Colour16> for ColourRecord {
+    fn from(colour: Colour16) -> Self {
+        let Colour16 { n_pairs, residual_px, disagreement } = colour;
+        // 0.85 was the limit; 0.3 was usual of a camera's own colour, 1.3 of another time's.
+        Self { n_pairs, residual_px, nats: -4.0 * (disagreement / 0.85).max(0.01).ln() }
+    }
+}
+
 impl From<Noise17> for NoiseRecord {
     fn from(noise: Noise17) -> Self {
         let Noise17 { halves, squared, redundancy, step_variance } = noise;
@@ -60,7 +77,8 @@ impl From<Noise17> for NoiseRecord {
 impl From<Evidence17> for EvidenceRecord {
     fn from(evidence: Evidence17) -> Self {
         let Evidence17 { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
-        Self { repeats_colour, colour, noise: noise.map(NoiseRecord::from), colour_pose, blocks }
+        let (colour, noise) = (colour.map(ColourRecord::from), noise.map(NoiseRecord::from));
+        Self { repeats_colour, colour, noise, colour_pose, blocks }
     }
 }
 

@@ -44,8 +44,8 @@ fn a_good_run_has_no_reasons_or_notes_alone() {
 
 #[test]
 fn colour_that_is_not_believed_is_a_note() {
-    let foreign = Facts { unbelieved_colour: Some(1.93), ..good() };
-    check(&foreign, Grade::Good, &["colour was not used", "disagreement 1.9, below 0.85"]);
+    let foreign = Facts { unbelieved_colour: Some(-1.93), ..good() };
+    check(&foreign, Grade::Good, &["colour was not used", "log odds -1.9"]);
 }
 
 #[test]
