@@ -85,8 +85,8 @@ impl ColourPoseRecord {
     }
 }
 
-/// Log odds before the first frame: of ten cameras one has colour of another time or scene.
-const FIRST_NATS: f64 = 2.3;
+/// Log odds before the first frame: of four cameras one has colour of another time or scene.
+const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
 const OWN_SHARE: f64 = 1.0 / 3.0;
 /// Log odds, at most: colour goes wrong, or right, in one of a thousand frames.

@@ -49,6 +49,8 @@ pub(crate) fn colour_record(
         return None;
     }
     let (factor, parameters) = (aligner.independent_factor(), colour.covariance()?);
+    // Those by the disagreement of the two would excuse any.
+    let scales = input.map.state().noise.scales_alone();
     let mut sums = Observed::default();
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {
@@ -61,6 +63,7 @@ pub(crate) fn colour_record(
             origin: *origin,
             sums: block,
             factor,
+            scales,
             velocity: reference.velocity,
             parameters,
         };
