@@ -89,6 +89,8 @@ impl ColourPoseRecord {
 const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
 const OWN_SHARE: f64 = 1.0 / 3.0;
+/// Log odds from which on colour that was found wrong is believed again: ten to one.
+const AGAIN_NATS: f64 = 2.3;
 /// Log odds, at most: colour goes wrong, or right, in one of a thousand frames.
 const MOST_NATS: f64 = 7.0;
 /// Least share that a frame has in the running mean.
@@ -125,6 +127,8 @@ pub struct ColourState {
     pub residual_px: f64,
     /// Log odds of "colour is of its time and place", nats.
     pub own_nats: f64,
+    /// Whether features may lead.
+    is_trusted: bool,
     /// The model as applied.
     pub model: ColourModel,
 }
@@ -137,6 +141,7 @@ impl Default for ColourState {
             gradient: [0.0; 2],
             residual_px: FIRST_RESIDUAL_PX,
             own_nats: FIRST_NATS,
+            is_trusted: true,
             model: ColourModel::default(),
         }
     }
@@ -191,6 +196,7 @@ impl ColourState {
         // The first frames count alike.
         let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
         self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-MOST_NATS, MOST_NATS);
+        self.is_trusted = self.own_nats > if self.is_trusted { 0.0 } else { AGAIN_NATS };
         // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
         let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
         self.residual_px *= libm::pow(ratio, share);
@@ -211,7 +217,7 @@ impl ColourState {
 
     /// Whether features may lead: otherwise colour is of another time or another scene.
     pub fn is_trusted(&self) -> bool {
-        self.own_nats > 0.0
+        self.is_trusted
     }
 
     /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
