@@ -1,12 +1,13 @@
 //! What a pair of images tells on whether colour is of its time and place (method 14.4).
 
 use crate::estimation::colour_pose::{Coupling, ParameterMatrix};
-use crate::estimation::motion_filter::STUDENT_FREEDOM;
 use tessera_geometry::{Matrix6, Vector6};
 
 /// Standard deviation of the pose of chance matches about that of the surfaces, metres and radians: they are searched
 /// near it. The most likely value on two simulated worlds with images of elsewhere; on six recordings .01 to .02.
 const FOREIGN_SIGMA: f64 = 0.02;
+/// Degrees of freedom of the disagreement of two poses: their noise scales are known to some four degrees each.
+const FREEDOM: f64 = 8.0;
 /// Probability that a pair of images of its time and place agrees: a keyframe may be blurred, or its stamp be wrong.
 const OWN_AGREES: f64 = 0.97;
 
@@ -38,7 +39,7 @@ fn log_density(covariance: &Matrix6, value: &Vector6) -> Option<f64> {
     let factor = covariance.cholesky()?;
     let squared = value.dot(&factor.solve(value));
     let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|v| 2.0 * libm::log(*v)).sum();
-    Some(-0.5 * (log_determinant + (STUDENT_FREEDOM + 6.0) * libm::log1p(squared / STUDENT_FREEDOM)))
+    Some(-0.5 * (log_determinant + (FREEDOM + 6.0) * libm::log1p(squared / FREEDOM)))
 }
 
 #[cfg(test)]

@@ -49,8 +49,7 @@ pub(crate) fn colour_record(
         return None;
     }
     let (factor, parameters) = (aligner.independent_factor(), colour.covariance()?);
-    // Those by the disagreement of the two would excuse any.
-    let scales = input.map.state().noise.scales_alone();
+    let scales = input.context.scales;
     let mut sums = Observed::default();
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {
