@@ -120,7 +120,7 @@ pub struct Facts {
     pub seen_focal: Option<FocalRatio>,
     /// Motions across the view against the true ones, as that camera saw them, where they tell something.
     pub lateral: Option<LateralScale>,
-    /// Disagreement of colour with depth at the end of the run, where it is not believed.
+    /// Log odds at the end of the run that colour is of the time and place of depth, where it is not believed.
     pub unbelieved_colour: Option<f64>,
     /// Focal length of the camera and of the refined one, pixels.
     pub refined_focal_px: Option<[f64; 2]>,

@@ -76,19 +76,13 @@ impl NoiseState {
 
     /// The scales: the evidence with the prior's degrees of freedom.
     pub fn scales(&self) -> NoiseScales {
-        let NoiseScales { surfaces, features } = self.scales_alone();
+        let scale =
+            |squared, redundancy, prior| (squared + PRIOR_FREEDOM * prior) / (redundancy + PRIOR_FREEDOM);
+        let of_halves = scale(self.halves[0], self.halves[1], SURFACE_SCALE);
         NoiseScales {
-            surfaces: scale(self.squared[0], self.redundancy[0], surfaces),
-            features: scale(self.squared[1], self.redundancy[1], features),
-        }
-    }
-
-    /// The scales of each kind by itself, untouched by how far the two disagree: of surfaces that of the image's halves,
-    /// of features their own model for a pair of the usual variance.
-    pub(crate) fn scales_alone(&self) -> NoiseScales {
-        NoiseScales {
-            surfaces: scale(self.halves[0], self.halves[1], SURFACE_SCALE),
-            features: 1.0 / self.usual_variance_factor(),
+            surfaces: scale(self.squared[0], self.redundancy[0], of_halves),
+            // Before any was compared the features' own model holds for a pair of the usual variance.
+            features: scale(self.squared[1], self.redundancy[1], 1.0 / self.usual_variance_factor()),
         }
     }
 
@@ -102,11 +96,6 @@ impl NoiseState {
     pub fn relative_deviations(&self) -> [f64; 2] {
         self.redundancy.map(|r| (2.0 / (r + PRIOR_FREEDOM)).sqrt())
     }
-}
-
-/// Evidence with the prior's degrees of freedom.
-fn scale(squared: f64, redundancy: f64, prior: f64) -> f64 {
-    (squared + PRIOR_FREEDOM * prior) / (redundancy + PRIOR_FREEDOM)
 }
 
 #[cfg(test)]

@@ -49,7 +49,6 @@ pub(crate) fn colour_record(
         return None;
     }
     let (factor, parameters) = (aligner.independent_factor(), colour.covariance()?);
-    let scales = input.context.scales;
     let mut sums = Observed::default();
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {
@@ -62,7 +61,6 @@ pub(crate) fn colour_record(
             origin: *origin,
             sums: block,
             factor,
-            scales,
             velocity: reference.velocity,
             parameters,
         };

@@ -349,7 +349,7 @@ impl Sight {
             let (h, g, _) = PairBlock::new(origin, sums).linearise(&judged.target_from_query);
             (h / scale, g / scale)
         };
-        let NoiseScales { surfaces, features } = judged.scales;
+        let NoiseScales { surfaces, features } = context.scales;
         let of_surfaces = of(&judged.origin, judged.sums, judged.factor * surfaces);
         let of_features = of(&pair.target_from_query, &pair.sums, features);
         let coupling = coupling(pair, velocities, &context.colour) / features;
@@ -373,8 +373,6 @@ pub(crate) struct Judged<'a> {
     pub(crate) sums: &'a BlockSums,
     /// Makes them metric.
     pub(crate) factor: f64,
-    /// Of surfaces and features, as they are without each other.
-    pub(crate) scales: NoiseScales,
     /// Of the target.
     pub(crate) velocity: Twist,
     /// Covariance of lag and focal ratio.
