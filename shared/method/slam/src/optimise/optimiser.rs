@@ -312,13 +312,9 @@ impl Optimiser {
             self.find(request).ok_or_else(|| format!("request {} is not pending", request.request))?;
         answer::check(request, (&pending.keyframes, &pending.submaps), &answer)?;
         answer::check_pairs(pending.keyframes.len(), &changes)?;
-        let frames = match request.is_final {
-            true => {
-                let poses = all_poses(&pending.keyframes, &answer.keyframes);
-                self.refine(&poses, &answer.submaps, history)
-            }
-            false => Vec::new(),
-        };
+        let poses = all_poses(&pending.keyframes, &answer.keyframes);
+        let refined = || self.refine(&poses, &answer.submaps, history);
+        let frames = if request.is_final { refined() } else { Vec::new() };
         Ok(OptimiseRecord::IncrementalFromBase(Box::new(Correction { frames, ..answer }), changes))
     }
 
