@@ -4,15 +4,11 @@
 # --compile: with that version, where rustup has it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source scripts/crates.sh
 
 for workspace in . fleet ros2 view python fuzz; do
     manifest=$workspace/Cargo.toml
-    if ! words=$(cargo fetch --locked --manifest-path "$manifest" 2>&1); then
-        case $words in
-        *--locked*) echo "$words" >&2 && exit 1 ;; # Its lock file does not fit the workspace any more.
-        *) echo "skipped: $workspace: its crates cannot be fetched: ${words##*$'\n'}" && continue ;;
-        esac
-    fi
+    can_be_built "$manifest" || continue
     stated=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' "$manifest")
     cargo metadata --locked --format-version 1 --filter-platform x86_64-unknown-linux-gnu \
         --manifest-path "$manifest" | python3 -c '

@@ -79,9 +79,9 @@ if ! $quick; then
     check "format, lints, documentation" scripts/check.sh
     check "release build" cargo build --release --locked
     check "tests" cargo test --locked
+    check "lints of what is built apart" scripts/check_apart.sh
     check "fleet" scripts/check_fleet.sh
-    check "ros2" scripts/check_ros2.sh
-    check "view" scripts/check_view.sh
+    check "ros2" scripts/check_ros2.sh --zenoh
     check "packages" scripts/check_packages.sh
     check "accuracy within its baseline" scripts/accuracy.py
     check "speed within its baseline" scripts/speed.py

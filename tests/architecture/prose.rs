@@ -40,6 +40,9 @@ const EMPTY_WORDS: [&str; 28] = [
     "worth noting",
 ];
 
+/// Pages that one must be able to read at a sitting, with the most words of each.
+const MOST_OF_PAGE: [(&str, usize); 2] = [("docs/method.md", 9000), ("docs/fleet.md", 2000)];
+
 /// The manual and the pages at its side; the laboratory's notes are none of them.
 fn prose_pages() -> Vec<PathBuf> {
     let items = fs::read_dir(root().join("docs")).unwrap().map(|item| item.unwrap().path());
@@ -188,6 +191,14 @@ fn pages_have_short_sentences_and_no_empty_words() {
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn long_pages_stay_within_their_limits() {
+    for (name, most) in MOST_OF_PAGE {
+        let n_words = fs::read_to_string(root().join(name)).unwrap().split_whitespace().count();
+        assert!(n_words <= most, "{name}: {n_words} words, expected at most {most}");
+    }
 }
 
 /// Comments of the method, those of the SLAM crate apart for now.

@@ -14,27 +14,24 @@ mod associate;
 mod ate;
 mod error;
 mod evaluate;
-mod file;
-mod forms;
 mod lateral;
-mod nerf;
 mod offset;
 mod rpe;
-mod stamp;
 mod statistics;
+mod text;
 
 pub use align::{Similarity, align_rigid, align_similarity};
 pub use associate::{associate_evo, associate_tum};
 pub use ate::{Ate, AteOptions, ape_evo, ate};
 pub use error::EvaluationError;
 pub use evaluate::{Coverage, Evaluation, EvaluationOptions, ScaleReport, TimeOffsetReport, evaluate};
-pub use file::{
-    ReadError, Trajectory, TrajectoryError, TumRows, parse_tum, read_tum, read_tum_rows, write_tum,
-    write_tum_row,
-};
-pub use forms::{TrajectoryFile, read_trajectory};
 pub use lateral::{LateralScale, lateral_scale};
 pub use offset::{SEARCH_S, best_time_offset_s};
 pub use rpe::{Rpe, RpeOptions, rpe};
-pub use stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};
 pub use statistics::Statistics;
+pub use text::file::{
+    ReadError, Trajectory, TrajectoryError, TumRows, parse_tum, read_tum, read_tum_rows, write_tum,
+    write_tum_row,
+};
+pub use text::forms::{TrajectoryFile, read_trajectory};
+pub use text::stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};

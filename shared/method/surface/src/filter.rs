@@ -249,15 +249,8 @@ fn moved(
     let is_filtered = is_normal(n) & (weight > 0.0);
     let scale = 1.0 / weight;
     let mean = [sum[0] * scale, sum[1] * scale, sum[2] * scale];
-    let along = match rule {
-        BoundaryRule::AlongNormal => {
-            n[0] * (mean[0] - p[0]) + n[1] * (mean[1] - p[1]) + n[2] * (mean[2] - p[2])
-        }
-        BoundaryRule::Keep | BoundaryRule::Full => 0.0,
-    };
-    let held = [p[0] + along * n[0], p[1] + along * n[1], p[2] + along * n[2]];
-    let is_held = is_boundary & (rule != BoundaryRule::Full);
-    select(is_filtered, select(is_held, held, mean), p)
+    let is_held = is_boundary & (rule == BoundaryRule::Keep);
+    select(is_filtered & !is_held, mean, p)
 }
 
 /// The normal after the filter, unit length again. Without one it stays none.

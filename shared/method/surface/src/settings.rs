@@ -32,8 +32,6 @@ pub enum BoundaryRule {
     /// Leave the point, filter the normal.
     #[default]
     Keep,
-    /// Move the point along its normal only.
-    AlongNormal,
     /// Treat it like any other vertex (the paper).
     Full,
 }

@@ -17,8 +17,6 @@
     )
 )]
 
-#[cfg(test)]
-mod documented;
 mod error;
 mod experiment;
 mod flow;

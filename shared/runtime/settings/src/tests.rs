@@ -1,5 +1,7 @@
 //! Presets load, layers override, and each wrong setting gets its message.
 
+mod documented;
+
 use super::*;
 
 /// The message that a text of settings is refused with.
@@ -39,7 +41,7 @@ fn default_toml_lists_every_default() {
     let header = "# Every setting with its default: those for users, then, below [experiment], variants of the method.\n\
                   # A file for --config holds what differs, for instance:\n# [surface]\n# step = 8\n\n";
     let defaults = Settings::default().to_toml().unwrap();
-    let expected = format!("{header}{}", crate::documented::with_comments(&defaults));
+    let expected = format!("{header}{}", documented::with_comments(&defaults));
     if std::env::var_os("TESSERA_UPDATE").is_some() {
         std::fs::write(path, &expected).unwrap();
     }

@@ -53,119 +53,52 @@ impl Layout {
     /// Frames: sensor to reconstruct.
     pub fn frames(&self) -> Service {
         let queue = self.queue();
-        Service {
-            name: "frames",
-            publishers: 2,
-            subscribers: 2,
-            buffer: queue,
-            borrowed: 2,
-            history: if self.live { 1 } else { queue },
-            loans: self.ahead as usize + 1,
-            is_observed: false,
-        }
+        let history = if self.live { 1 } else { queue };
+        let loans = self.ahead as usize + 1;
+        Service { name: "frames", subscribers: 2, buffer: queue, history, loans, ..Service::NEWEST }
     }
 
     /// Surfaces: reconstruct to align. Live, a late reader gets that of the frame whose pose its predecessor had
     /// sent, the one before it and a newer one.
     pub fn surfaces(&self) -> Service {
-        let queue = if self.live { 4 } else { self.queue() };
-        Service {
-            name: "surfaces",
-            publishers: 2,
-            subscribers: 2,
-            buffer: queue,
-            borrowed: self.recent as usize + self.window as usize + 2,
-            history: if self.live { 3 } else { queue },
-            loans: 1,
-            is_observed: false,
-        }
+        let (buffer, history) = if self.live { (4, 3) } else { (self.queue(), self.queue()) };
+        let borrowed = self.recent as usize + self.window as usize + 2;
+        Service { name: "surfaces", subscribers: 2, buffer, borrowed, history, ..Service::NEWEST }
     }
 
     /// Poses: align to any viewer.
     pub fn poses(&self) -> Service {
-        Service {
-            name: "poses",
-            publishers: 2,
-            subscribers: 8,
-            buffer: 16,
-            borrowed: 2,
-            history: 1,
-            loans: 1,
-            is_observed: true,
-        }
+        Service { name: "poses", buffer: 16, ..Service::OBSERVED }
     }
 
     /// Flow: align to sensor and reconstruct; only the newest counts.
     pub fn flow(&self) -> Service {
-        Service {
-            name: "flow",
-            publishers: 2,
-            subscribers: 6,
-            buffer: 1,
-            borrowed: 1,
-            history: 1,
-            loans: 1,
-            is_observed: false,
-        }
+        Service { name: "flow", borrowed: 1, ..Service::NEWEST }
     }
 
     /// Beats: all stages to the supervisor and to `status`.
     pub fn beats(&self) -> Service {
-        Service {
-            name: "beats",
-            publishers: 12,
-            subscribers: 8,
-            buffer: 16,
-            borrowed: 2,
-            history: 1,
-            loans: 1,
-            is_observed: true,
-        }
+        Service { name: "beats", publishers: 12, buffer: 16, ..Service::OBSERVED }
     }
 
     /// Times of the steps of each stage, to any viewer.
     pub fn stage_times(&self) -> Service {
-        Service {
-            name: "stage_times",
-            publishers: 12,
-            subscribers: 8,
-            buffer: 8,
-            borrowed: 2,
-            history: 1,
-            loans: 1,
-            is_observed: true,
-        }
+        Service { name: "stage_times", publishers: 12, buffer: 8, ..Service::OBSERVED }
     }
 
     /// Images of a camera's own program: from it to the sensor. Two epochs may be under way; places
     /// for the publisher, two dead ones and the next, and for the sensor, its dead twin and the
     /// command that waits for the first image.
     pub fn camera(&self) -> Service {
-        Service {
-            name: "camera",
-            publishers: 4,
-            subscribers: 3,
-            buffer: 2 * self.window as usize,
-            borrowed: 2,
-            history: 0,
-            loans: 2,
-            is_observed: false,
-        }
+        let buffer = 2 * self.window as usize;
+        let newest = Service::NEWEST;
+        Service { name: "camera", publishers: 4, subscribers: 3, buffer, history: 0, loans: 2, ..newest }
     }
 
     /// What a camera's own program is told; only the newest counts. A program may hold what it has
     /// while it takes the next.
     pub fn camera_flow(&self) -> Service {
-        Service {
-            name: "camera_flow",
-            publishers: 3,
-            subscribers: 6,
-            buffer: 1,
-            borrowed: 2,
-            history: 1,
-            loans: 1,
-            is_observed: false,
-        }
+        Service { name: "camera_flow", publishers: 3, ..Service::NEWEST }
     }
 
     /// Vertices of a surface message at most: the grid, and room for features.
@@ -196,6 +129,20 @@ impl Layout {
 }
 
 impl Service {
+    /// From one process to a few, of whom each has the newest message.
+    const NEWEST: Self = Self {
+        name: "",
+        publishers: 2,
+        subscribers: 6,
+        buffer: 1,
+        borrowed: 2,
+        history: 1,
+        loans: 1,
+        is_observed: false,
+    };
+    /// To anyone.
+    const OBSERVED: Self = Self { subscribers: 8, is_observed: true, ..Self::NEWEST };
+
     /// Bytes of one writer's data segment: a chunk for everything that can be held at once.
     fn segment_bytes(&self, payload_bytes: usize) -> u64 {
         let chunks = self.subscribers * (self.buffer + self.borrowed) + self.history + self.loans + 1;

@@ -253,8 +253,8 @@ fn an_index_that_jumps_costs_its_frame_alone_and_a_pause_is_one_record() {
     assert!(log.contains("its index leaves out") && log.contains("indices count images one by one"), "{log}");
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
     let n_read = summary["frames_read"].as_u64().unwrap();
-    // Counting begins with the first image that the sensor hears.
-    assert!((AFTER_PAUSE..=AFTER_PAUSE + 10).contains(&n_read), "{summary}");
+    // Counting begins with the first image that the sensor hears: a few before it says so.
+    assert!((AFTER_PAUSE..=AFTER_PAUSE + 30).contains(&n_read), "{summary}");
     let mut journal = Follower::open(&run.out().join("align.journal"), ALIGN_JOURNAL).unwrap();
     let mut n_skipped = Vec::new();
     while let Some(record) = journal.next().unwrap() {

@@ -19,6 +19,7 @@ mod times;
 mod truth;
 mod tum;
 mod unread;
+mod video_beside;
 
 use super::codec::DepthCodec;
 use super::list::ListEntry;

@@ -74,6 +74,9 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
             Some(format!("there is none of the folders {} beside depth/", COLOUR_FOLDERS[..5].join(", ")))
         }
     };
+    if colour_folder.is_none() {
+        found.take_video_beside(folder, asked);
+    }
     if n_same > 0 {
         found.warnings.push(format!("{n_same} depth images repeat the time of another and are left out"));
     }

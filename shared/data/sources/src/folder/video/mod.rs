@@ -134,4 +134,4 @@ fn damaged(message: &str) -> ImageError {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -3,7 +3,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
 /// A video of uneven times, whose frames are all different; `None`, with the reason printed, without ffmpeg.
-fn video(folder: &Path, n_frames: u64) -> Option<PathBuf> {
+pub(in crate::folder) fn video(folder: &Path, n_frames: u64) -> Option<PathBuf> {
     let path = folder.join("rgb.mp4");
     let source =
         "testsrc2=size=64x48:rate=30,noise=alls=60:allf=t,select='not(eq(n\\,3)+eq(n\\,7))',setpts=PTS+0";

@@ -1,6 +1,7 @@
 //! Names, lists and files near those that are known: read as they are meant, or told.
 
 use super::*;
+use crate::folder::video::tests::video;
 
 #[test]
 fn colour_that_is_numbered_from_one_is_that_of_depth_from_zero() {
@@ -93,4 +94,27 @@ fn lists_that_were_swapped_say_what_the_image_is() {
         ),
         "{words}"
     );
+}
+
+/// One frame for each depth image, of the size of depth.
+#[test]
+fn a_video_beside_depth_is_its_colour_where_they_are_as_many() {
+    let folder = Folder::new();
+    if video(folder.path(), 5).is_none() {
+        return;
+    }
+    folder.write("camera.toml", CAMERA.replace("32", "64").replace("24", "48"));
+    (0..4).for_each(|k| folder.depth_of(&format!("depth/{k}.png"), (64, 48), 1500));
+    let warnings = folder.open().warnings().join("\n");
+    let expected = "it is a video (rgb.mp4): has 5 frames, expected one for each of 4 depth images";
+    assert!(warnings.contains(expected), "{warnings}");
+    folder.depth_of("depth/4.png", (64, 48), 1500);
+    let source = folder.open();
+    assert_eq!((source.warnings(), source.pairing().n_pairs), (&[][..], 5));
+    assert!(said(&source, "video").starts_with("rgb.mp4, a frame for each depth image"));
+    let frames = [0, 1].map(|index| read(&source, index));
+    assert!(frames.iter().all(|frame| frame.1) && frames[0].2 != frames[1].2, "{frames:?}");
+    folder.write("rgb.mp4", "no video");
+    let warnings = folder.open().warnings().join("\n");
+    assert!(warnings.contains("no frame has colour: it is a video (rgb.mp4): "), "{warnings}");
 }

@@ -1,15 +1,6 @@
 //! `transforms.json` of nerfstudio with times, as an export writes it.
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::indexing_slicing,
-        clippy::cast_possible_truncation,
-        clippy::arithmetic_side_effects
-    )
-)]
 
-use crate::file::{ReadError, Trajectory, of_matrix};
+use crate::text::file::{ReadError, Trajectory, of_matrix};
 use nalgebra::Matrix3;
 use serde::Deserialize;
 use std::path::Path;

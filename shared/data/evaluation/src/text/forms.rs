@@ -1,16 +1,7 @@
 //! Trajectory files by their form: TUM, TUM with whole nanoseconds, EuRoC, KITTI, and what else an export writes.
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::indexing_slicing,
-        clippy::cast_possible_truncation,
-        clippy::arithmetic_side_effects
-    )
-)]
 
-use crate::file::{ROTATION_TOLERANCE, ReadError, Trajectory, of_matrix, parse_tum};
-use crate::nerf;
+use crate::text::file::{ROTATION_TOLERANCE, ReadError, Trajectory, of_matrix, parse_tum};
+use crate::text::nerf;
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::Path;

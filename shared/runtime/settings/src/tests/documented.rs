@@ -100,7 +100,7 @@ fn plain(words: &str) -> String {
 }
 
 /// The text of all defaults with the comment of each field above it.
-pub(crate) fn with_comments(toml: &str) -> String {
+pub(super) fn with_comments(toml: &str) -> String {
     let Declared { structs, enums } = read_crates();
     let (mut table, mut text, mut is_experiment) = ("Settings".to_owned(), String::new(), false);
     for line in toml.lines() {

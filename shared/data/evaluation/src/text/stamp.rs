@@ -1,13 +1,4 @@
 //! Timestamps: decimal seconds in files, whole nanoseconds in memory.
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::indexing_slicing,
-        clippy::cast_possible_truncation,
-        clippy::arithmetic_side_effects
-    )
-)]
 
 /// Why a word is not a timestamp.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

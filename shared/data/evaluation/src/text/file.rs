@@ -1,15 +1,6 @@
 //! Trajectories in the TUM text form: one `timestamp tx ty tz qx qy qz qw` a line.
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::indexing_slicing,
-        clippy::cast_possible_truncation,
-        clippy::arithmetic_side_effects
-    )
-)]
 
-use crate::stamp::{StampError, format_stamp, parse_stamp};
+use crate::text::stamp::{StampError, format_stamp, parse_stamp};
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
