@@ -47,5 +47,5 @@ impl Observed {
 fn residual_px(camera: &Camera, c: &Correspondence, target_from_query: &Pose) -> Option<f64> {
     let b = target_from_query * nalgebra::Point3::from(c.query.point.as_ref()?.position_m);
     let [x, y] = c.target.ray;
-    (b.z > 0.1).then(|| (b.x / b.z - x).hypot(b.y / b.z - y) * camera.focal_px())
+    (b.z > 0.1).then(|| libm::hypot(b.x / b.z - x, b.y / b.z - y) * camera.focal_px())
 }
