@@ -47,7 +47,7 @@ fn in_part<'a>(
     all.map(|(pair, terms)| (slot[pair.query], slot[pair.target], terms))
 }
 
-/// Adds what pairs say of each of their poses, and returns the cost.
+/// Adds the terms of single poses, and returns the cost.
 fn add_of_poses(
     graph: &Graph,
     slot: &[usize],
@@ -69,7 +69,7 @@ fn add_of_poses(
     cost
 }
 
-/// Adds what pairs say of both of their poses.
+/// Adds the terms between two poses.
 fn add_across(graph: &Graph, slot: &[usize], terms: &Terms, (lower, places): (&mut [Matrix6], &BlockPlaces)) {
     let mut next = 0;
     for (i, j, terms) in in_part(graph, slot, terms) {

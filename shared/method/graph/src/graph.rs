@@ -113,8 +113,14 @@ impl Graph {
         self.cost_at(&self.poses, &mut Costs::default())
     }
 
+    /// The cost of each pair, without its weight.
+    pub(crate) fn costs_at<'a>(&self, poses: &[Pose], costs: &'a mut Costs) -> &'a [f64] {
+        let cost = |p: &Pair| p.block.cost(&(poses[p.target].inverse() * poses[p.query]));
+        costs.at(poses, self.pairs.len(), || self.of_each(cost))
+    }
+
     pub(crate) fn cost_at(&self, poses: &[Pose], costs: &mut Costs) -> f64 {
-        let costs = costs.at(self, poses);
+        let costs = self.costs_at(poses, costs);
         let pairs: f64 = self.pairs.iter().zip(costs).map(|(pair, cost)| pair.weight * cost).sum();
         let priors: f64 = self
             .priors

@@ -112,7 +112,7 @@ pub(crate) fn optimise(
     };
     let own_costs: Vec<f64> = graph.pairs.par_iter().map(own).with_min_len(16).collect();
     let residuals = |graph: &Graph, costs: &mut Costs| {
-        residuals_sigmas(graph, &own_costs, costs.at(graph, &graph.poses), kernel.metric_factor)
+        residuals_sigmas(graph, &own_costs, graph.costs_at(&graph.poses, costs), kernel.metric_factor)
     };
     let mut found = residuals(graph, &mut solver.costs);
     if !(limit > 0.0) || found.iter().all(|r| *r <= limit) {
