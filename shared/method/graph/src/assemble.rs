@@ -1,39 +1,22 @@
 //! The normal equations of a graph from its pairs and priors (method 5.3).
 
-use crate::graph::Graph;
-use crate::linearised::Terms;
-use crate::solve::BlockSystem;
-use tessera_geometry::{Vector6, log};
+use crate::graph::{Graph, MIN_SHARED_PAIRS};
+use crate::linearised::{Linearised, Terms};
+use crate::solve::{BlockPlaces, BlockSystem};
+use tessera_geometry::{Matrix6, Vector6, log};
 
 impl Graph {
     /// Fills the system and returns the cost; `terms` keeps what it needs again.
     pub(crate) fn linearise(&self, slot: &[usize], system: &mut BlockSystem, terms: &mut Terms) -> f64 {
         system.clear();
         terms.update(self, slot);
-        let mut cost = 0.0;
-        for (pair, terms) in self.pairs.iter().zip(&terms.pairs).filter(|(_, terms)| terms.weight != 0.0) {
-            let (i, j) = (slot[pair.query], slot[pair.target]);
-            cost += terms.cost;
-            if i != usize::MAX {
-                system.diagonal[i] += terms.h_query;
-                system.gradient[i] += terms.g_query;
-            }
-            if j == usize::MAX {
-                continue;
-            }
-            system.diagonal[j] += terms.h_target;
-            system.gradient[j] -= terms.g_target;
-            if i != usize::MAX
-                && let Some(place) = system.place(i, j)
-            {
-                // H_ij = -H_ii Ad; stored with the larger slot as row.
-                if i > j {
-                    system.lower[place] -= terms.h_across;
-                } else {
-                    system.lower[place] -= terms.h_across.transpose();
-                }
-            }
-        }
+        let BlockSystem { diagonal, lower, gradient, places, .. } = system;
+        let mut of_poses = || add_of_poses(self, slot, terms, (diagonal, gradient));
+        let mut across = || add_across(self, slot, terms, (lower, places));
+        let (mut cost, ()) = match self.pairs.len() < MIN_SHARED_PAIRS {
+            true => (of_poses(), across()),
+            false => rayon::join(of_poses, across),
+        };
         for prior in &self.priors {
             let s = slot[prior.vertex];
             let e: Vector6 = log(&(prior.predicted.inverse() * self.poses[prior.vertex])).to_vector();
@@ -51,5 +34,53 @@ impl Graph {
             .filter(|p| p.weight != 0.0 && slot[p.query] == usize::MAX && slot[p.target] == usize::MAX)
             .map(|p| p.weight * p.block.cost(&self.target_from_query(p)))
             .sum::<f64>()
+    }
+}
+
+/// The terms that take part, with the places of their poses.
+fn in_part<'a>(
+    graph: &'a Graph,
+    slot: &'a [usize],
+    terms: &'a Terms,
+) -> impl Iterator<Item = (usize, usize, &'a Linearised)> {
+    let all = graph.pairs.iter().zip(&terms.pairs).filter(|(_, terms)| terms.weight != 0.0);
+    all.map(|(pair, terms)| (slot[pair.query], slot[pair.target], terms))
+}
+
+/// Adds the terms of single poses, and returns the cost.
+fn add_of_poses(
+    graph: &Graph,
+    slot: &[usize],
+    terms: &Terms,
+    (diagonal, gradient): (&mut [Matrix6], &mut [Vector6]),
+) -> f64 {
+    let mut cost = 0.0;
+    for (i, j, terms) in in_part(graph, slot, terms) {
+        cost += terms.cost;
+        if i != usize::MAX {
+            diagonal[i] += terms.h_query;
+            gradient[i] += terms.g_query;
+        }
+        if j != usize::MAX {
+            diagonal[j] += terms.h_target;
+            gradient[j] -= terms.g_target;
+        }
+    }
+    cost
+}
+
+/// Adds the terms between two poses.
+fn add_across(graph: &Graph, slot: &[usize], terms: &Terms, (lower, places): (&mut [Matrix6], &BlockPlaces)) {
+    let mut next = 0;
+    for (i, j, terms) in in_part(graph, slot, terms) {
+        if let Some(place) = places.find((i, j), next) {
+            next = place + 1;
+            // H_ij = -H_ii Ad; stored with the larger slot as row.
+            if i > j {
+                lower[place] -= terms.h_across;
+            } else {
+                lower[place] -= terms.h_across.transpose();
+            }
+        }
     }
 }

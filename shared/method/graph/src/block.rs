@@ -110,12 +110,10 @@ pub struct PairBlock {
 }
 
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "in the last optimisation of a large map most are quadratic")]
 enum BlockTerms {
-    /// More than twice as large.
     Exact(Arc<ExactTerms>),
     /// Where the sums over the matches were not kept.
-    Quadratic(Quadratic),
+    Quadratic(Arc<Quadratic>),
 }
 
 /// The cost of matches as sums, exact at any transform.
@@ -146,7 +144,7 @@ impl PairBlock {
 
     /// A block of `n` matches from what is known of its cost about a transform.
     pub fn quadratic(target_from_query: &Pose, cost: Quadratic, n: u32) -> Self {
-        Self { origin: matrix_of(target_from_query), terms: BlockTerms::Quadratic(cost), n }
+        Self { origin: matrix_of(target_from_query), terms: BlockTerms::Quadratic(Arc::new(cost)), n }
     }
 
     /// Matches in the block.

@@ -1,6 +1,7 @@
 //! A graph of poses and pair blocks, optimised with its pairs frozen (III-E; method 5).
 
 use crate::block::PairBlock;
+use crate::costs::Costs;
 use crate::linearised::Terms;
 use crate::solve::BlockSystem;
 use rayon::prelude::*;
@@ -60,11 +61,12 @@ pub struct Graph {
 }
 
 /// Kept from one optimisation of a graph to the next: where its blocks lie, the symbolic factor,
-/// its terms, and the damping that was last good.
+/// its terms and costs, and the damping that was last good.
 #[derive(Default)]
 pub struct Solver {
     system: Option<BlockSystem>,
     pub(crate) terms: Terms,
+    pub(crate) costs: Costs,
     pub(crate) lambda: Option<f64>,
     pub(crate) stop: Stop,
 }
@@ -82,6 +84,7 @@ impl Solver {
     /// For a graph with other pairs, which may have the places of those before.
     pub(crate) fn begin(&mut self, stop: Stop) {
         self.terms.forget();
+        self.costs.forget();
         self.stop = stop;
     }
 }
@@ -107,14 +110,18 @@ pub(crate) const MIN_SHARED_PAIRS: usize = 256;
 impl Graph {
     /// The cost `sum e Omega e` of all pairs and priors.
     pub fn cost(&self) -> f64 {
-        self.cost_at(&self.poses)
+        self.cost_at(&self.poses, &mut Costs::default())
     }
 
-    pub(crate) fn cost_at(&self, poses: &[Pose]) -> f64 {
-        let pairs: f64 = self
-            .of_each(|p| p.weight * p.block.cost(&(poses[p.target].inverse() * poses[p.query])))
-            .iter()
-            .sum();
+    /// The cost of each pair, without its weight.
+    pub(crate) fn costs_at<'a>(&self, poses: &[Pose], costs: &'a mut Costs) -> &'a [f64] {
+        let cost = |p: &Pair| p.block.cost(&(poses[p.target].inverse() * poses[p.query]));
+        costs.at(poses, self.pairs.len(), || self.of_each(cost))
+    }
+
+    pub(crate) fn cost_at(&self, poses: &[Pose], costs: &mut Costs) -> f64 {
+        let costs = self.costs_at(poses, costs);
+        let pairs: f64 = self.pairs.iter().zip(costs).map(|(pair, cost)| pair.weight * cost).sum();
         let priors: f64 = self
             .priors
             .iter()

@@ -55,7 +55,7 @@ impl Graph {
         progress: &mut dyn FnMut(),
     ) -> Result<InnerReport, NotPositiveDefinite> {
         let Order { free, slot } = order;
-        let Solver { terms, lambda: last_lambda, stop, .. } = solver;
+        let Solver { terms, costs, lambda: last_lambda, stop, .. } = solver;
         let mut cost = self.linearise(slot, system, terms);
         let mut report = InnerReport::default();
         let mut damping = Damping::new(system.max_diagonal(), *last_lambda);
@@ -79,7 +79,7 @@ impl Graph {
             for (&i, step) in free.iter().zip(&steps) {
                 moved[i] = compose_normalised(&self.poses[i], &Twist::from_vector(step));
             }
-            let new_cost = self.cost_at(&moved);
+            let new_cost = self.cost_at(&moved, costs);
             let decrease = cost - new_cost;
             let predicted = predicted_decrease(system, damping.lambda, &steps);
             let gain = decrease / (predicted + 1e-12 * cost + f64::MIN_POSITIVE);

@@ -10,6 +10,7 @@
 
 mod assemble;
 mod block;
+mod costs;
 mod graph;
 mod levenberg;
 mod linearised;

@@ -51,24 +51,31 @@ impl Terms {
     /// Works out what is not known yet: all of it at other poses, where they are the same that of
     /// pairs with another weight.
     pub(crate) fn update(&mut self, graph: &Graph, slot: &[usize]) {
-        let are_here = self.poses == graph.poses && self.pairs.len() == graph.pairs.len();
-        if !are_here {
-            self.pairs.resize(graph.pairs.len(), Linearised::default());
-            self.poses.clone_from(&graph.poses);
-        }
-        let update = |(terms, pair): (&mut Linearised, &Pair)| {
-            let (is_query_free, is_target_free) =
-                (slot[pair.query] != usize::MAX, slot[pair.target] != usize::MAX);
-            if pair.weight == 0.0 || !(is_query_free || is_target_free) {
-                terms.weight = 0.0;
-            } else if !are_here || terms.weight != pair.weight {
-                *terms = Linearised::new(pair, &graph.target_from_query(pair), is_target_free);
+        let anew = |pair: &Pair| {
+            let [is_query_free, is_target_free] = [pair.query, pair.target].map(|k| slot[k] != usize::MAX);
+            match pair.weight == 0.0 || !(is_query_free || is_target_free) {
+                true => Linearised::default(),
+                false => Linearised::new(pair, &graph.target_from_query(pair), is_target_free),
             }
         };
-        if self.pairs.len() < MIN_SHARED_PAIRS {
-            self.pairs.iter_mut().zip(&graph.pairs).for_each(update);
-        } else {
-            self.pairs.par_iter_mut().zip(&graph.pairs).with_min_len(64).for_each(update);
+        let has_many = graph.pairs.len() >= MIN_SHARED_PAIRS;
+        if self.poses != graph.poses || self.pairs.len() != graph.pairs.len() {
+            self.poses.clone_from(&graph.poses);
+            self.pairs.clear();
+            match has_many {
+                true => self.pairs.par_extend(graph.pairs.par_iter().with_min_len(64).map(anew)),
+                false => self.pairs.extend(graph.pairs.iter().map(anew)),
+            }
+            return;
+        }
+        let update = |(terms, pair): (&mut Linearised, &Pair)| {
+            if terms.weight != pair.weight {
+                *terms = anew(pair);
+            }
+        };
+        match has_many {
+            true => self.pairs.par_iter_mut().zip(&graph.pairs).with_min_len(64).for_each(update),
+            false => self.pairs.iter_mut().zip(&graph.pairs).for_each(update),
         }
     }
 }

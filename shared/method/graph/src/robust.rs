@@ -8,6 +8,7 @@
 //! weight near zero, however many they are and even if they agree among themselves.
 
 use crate::block::PairBlock;
+use crate::costs::Costs;
 use crate::graph::{Graph, InnerReport, Pair, Solver, Stop};
 use rayon::prelude::*;
 use tessera_geometry::Pose;
@@ -84,8 +85,11 @@ pub fn disagreement_sigmas(
     target_from_query: &Pose,
     metric_factor: f64,
 ) -> f64 {
-    let excess = (block.cost(target_from_query) - own_cost).max(0.0);
-    (excess / (metric_factor * f64::from(block.n_matches().max(1)))).sqrt()
+    excess_sigmas(block, block.cost(target_from_query) - own_cost, metric_factor)
+}
+
+fn excess_sigmas(block: &PairBlock, excess: f64, metric_factor: f64) -> f64 {
+    (excess.max(0.0) / (metric_factor * f64::from(block.n_matches().max(1)))).sqrt()
 }
 
 /// Optimises `graph` with a weight of its own for each loop pair; the weights stay in the graph.
@@ -107,8 +111,10 @@ pub(crate) fn optimise(
         (true, known) => known.unwrap_or_else(|| own_cost(&pair.block, &graph.target_from_query(pair))),
     };
     let own_costs: Vec<f64> = graph.pairs.par_iter().map(own).with_min_len(16).collect();
-    let residuals = |graph: &Graph| residuals_sigmas(graph, &own_costs, kernel.metric_factor);
-    let mut found = residuals(graph);
+    let residuals = |graph: &Graph, costs: &mut Costs| {
+        residuals_sigmas(graph, &own_costs, graph.costs_at(&graph.poses, costs), kernel.metric_factor)
+    };
+    let mut found = residuals(graph, &mut solver.costs);
     if !(limit > 0.0) || found.iter().all(|r| *r <= limit) {
         return Ok(RobustReport { residuals_sigmas: found, n_rounds: 0 });
     }
@@ -116,7 +122,7 @@ pub(crate) fn optimise(
     set_weights(graph, |_| 0.0);
     // Odometry alone may be far off where the poses held loops before: more steps.
     graph.optimise_again(3 * inner_iterations, solver, progress)?;
-    found = residuals(graph);
+    found = residuals(graph, &mut solver.costs);
     let mut scale = first_scale(graph, &found).max(limit);
     let mut n_rounds = 0;
     loop {
@@ -127,7 +133,7 @@ pub(crate) fn optimise(
             false => GemanMcClure::weight(found[place], scale),
         });
         graph.optimise_again(ROUND_STEPS, solver, progress)?;
-        found = residuals(graph);
+        found = residuals(graph, &mut solver.costs);
         if is_last {
             break;
         }
@@ -136,16 +142,16 @@ pub(crate) fn optimise(
     // A loop that the others have brought home comes back in; one that left goes.
     set_weights(graph, |place| f64::from(u8::from(found[place] <= limit)));
     graph.optimise_again(inner_iterations, solver, progress)?;
-    Ok(RobustReport { residuals_sigmas: residuals(graph), n_rounds })
+    Ok(RobustReport { residuals_sigmas: residuals(graph, &mut solver.costs), n_rounds })
 }
 
-/// The disagreement of each pair with the poses; 0 for odometry.
-fn residuals_sigmas(graph: &Graph, own_costs: &[f64], metric_factor: f64) -> Vec<f64> {
-    let residual = |(pair, own): (&Pair, &f64)| match pair.is_loop {
-        true => disagreement_sigmas(&pair.block, *own, &graph.target_from_query(pair), metric_factor),
+/// The disagreement of each pair with the poses that have these costs; 0 for odometry.
+fn residuals_sigmas(graph: &Graph, own_costs: &[f64], costs: &[f64], metric_factor: f64) -> Vec<f64> {
+    let residual = |(pair, (cost, own)): (&Pair, (&f64, &f64))| match pair.is_loop {
+        true => excess_sigmas(&pair.block, cost - own, metric_factor),
         false => 0.0,
     };
-    graph.pairs.iter().zip(own_costs).map(residual).collect()
+    graph.pairs.iter().zip(costs.iter().zip(own_costs)).map(residual).collect()
 }
 
 /// Twice the 20 % quantile of the loops' residuals.

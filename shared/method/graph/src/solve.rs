@@ -3,11 +3,33 @@
 use tessera_geometry::{Matrix6, Vector6};
 use tessera_numerics::{BlockCholesky, Isa, NotPositiveDefinite};
 
-/// Places of the lower triangle's blocks, worked out once per graph.
+/// Off-diagonal blocks as (row, column) with row > column, sorted by column, then row.
+#[derive(PartialEq)]
+pub(crate) struct BlockPlaces(Vec<(usize, usize)>);
+
+impl BlockPlaces {
+    /// These places, in any order.
+    fn new(places: impl Iterator<Item = (usize, usize)>) -> Self {
+        let mut pattern: Vec<_> = places.map(|(a, b)| (a.max(b), a.min(b))).filter(|(a, b)| a != b).collect();
+        pattern.sort_unstable_by_key(|&(row, column)| (column, row));
+        pattern.dedup();
+        Self(pattern)
+    }
+
+    /// Position of the block between two poses; `next` is tried first.
+    pub(crate) fn find(&self, (a, b): (usize, usize), next: usize) -> Option<usize> {
+        let place = (a.max(b), a.min(b));
+        if self.0.get(next) == Some(&place) {
+            return Some(next);
+        }
+        self.0.binary_search_by_key(&(place.1, place.0), |&(row, column)| (column, row)).ok()
+    }
+}
+
+/// A system with the places of the lower triangle's blocks, worked out once per graph.
 pub(crate) struct BlockSystem {
     n: usize,
-    /// Off-diagonal blocks as (row, column) with row > column, sorted by column, then row.
-    pattern: Vec<(usize, usize)>,
+    pub(crate) places: BlockPlaces,
     pub(crate) diagonal: Vec<Matrix6>,
     pub(crate) lower: Vec<Matrix6>,
     pub(crate) gradient: Vec<Vector6>,
@@ -25,30 +47,22 @@ impl BlockSystem {
         isa: Isa,
         before: Option<Self>,
     ) -> Self {
-        let mut pattern: Vec<_> = places.map(|(a, b)| (a.max(b), a.min(b))).filter(|(a, b)| a != b).collect();
-        pattern.sort_unstable_by_key(|&(row, column)| (column, row));
-        pattern.dedup();
+        let places = BlockPlaces::new(places);
         if let Some(before) = before
             && (before.n, before.isa) == (n, isa)
-            && before.pattern == pattern
+            && before.places == places
         {
             return before;
         }
         Self {
             n,
             diagonal: vec![Matrix6::zeros(); n],
-            lower: vec![Matrix6::zeros(); pattern.len()],
+            lower: vec![Matrix6::zeros(); places.0.len()],
             gradient: vec![Vector6::zeros(); n],
-            factor: (n > 1).then(|| BlockCholesky::new(n, &pattern, isa.arch())),
-            pattern,
+            factor: (n > 1).then(|| BlockCholesky::new(n, &places.0, isa.arch())),
+            places,
             isa,
         }
-    }
-
-    /// Position in `lower` of the block between two poses.
-    pub(crate) fn place(&self, a: usize, b: usize) -> Option<usize> {
-        let key = (a.min(b), a.max(b));
-        self.pattern.binary_search_by_key(&key, |&(row, column)| (column, row)).ok()
     }
 
     pub(crate) fn clear(&mut self) {

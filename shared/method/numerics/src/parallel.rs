@@ -14,15 +14,38 @@ pub fn map_in_parts<T: Sync, R: Send, S: Send>(
     map: impl Fn(&mut S, &T) -> R + Sync + Send,
     progress: &mut dyn FnMut(),
 ) -> Vec<R> {
+    map_parts(items.chunks(PART), items.len(), state, map, progress)
+}
+
+/// As [`map_in_parts`], for items that change.
+pub fn map_in_parts_mut<T: Send, R: Send, S: Send>(
+    items: &mut [T],
+    state: impl Fn() -> S + Sync + Send,
+    map: impl Fn(&mut S, &mut T) -> R + Sync + Send,
+    progress: &mut dyn FnMut(),
+) -> Vec<R> {
+    let n = items.len();
+    map_parts(items.chunks_mut(PART), n, state, map, progress)
+}
+
+fn map_parts<P: IntoParallelIterator, R: Send, S: Send>(
+    parts: impl Iterator<Item = P> + Send,
+    n: usize,
+    state: impl Fn() -> S + Sync + Send,
+    map: impl Fn(&mut S, P::Item) -> R + Sync + Send,
+    progress: &mut dyn FnMut(),
+) -> Vec<R> {
     let idle = Mutex::new(Vec::new());
     let lend = || Lent { state: locked(&idle).pop(), idle: &idle };
-    let mut mapped = Vec::with_capacity(items.len());
-    for part in items.chunks(PART) {
-        let map = |lent: &mut Lent<'_, S>, item: &T| map(lent.state.get_or_insert_with(&state), item);
-        mapped.par_extend(part.par_iter().map_init(lend, map));
-        progress();
-    }
-    mapped
+    let map = |lent: &mut Lent<'_, S>, item| map(lent.state.get_or_insert_with(&state), item);
+    in_pool(progress, |progress| {
+        let mut mapped = Vec::with_capacity(n);
+        for part in parts {
+            mapped.par_extend(part.into_par_iter().map_init(lend, map));
+            progress();
+        }
+        mapped
+    })
 }
 
 /// A state with its buffers, given back for the next part of the work.
@@ -99,5 +122,8 @@ mod tests {
         let squares = map_in_parts(&items, || (), |(), item| item * item, &mut || n_calls += 1);
         assert_eq!(squares, items.iter().map(|item| item * item).collect::<Vec<_>>());
         assert_eq!(n_calls, 4);
+        let mut changed = items.clone();
+        let before = map_in_parts_mut(&mut changed, || (), |(), item| std::mem::take(item), &mut || ());
+        assert_eq!((before, changed), (items, vec![0; 3 * PART + 1]));
     }
 }

@@ -24,6 +24,13 @@ pub enum LoopVerdict {
     Contradicted,
 }
 
+impl LoopVerdict {
+    /// Whether the pair may fit elsewhere: it was refused by tests where the poses had it.
+    pub(crate) fn is_of_where_it_was(self) -> bool {
+        matches!(self, Self::LittleOverlap | Self::FreeSpaceViolated | Self::Inconsistent)
+    }
+}
+
 /// A pair of keyframes that would close a loop, and why it does or does not take part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LoopRecord {

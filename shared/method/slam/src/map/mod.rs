@@ -19,6 +19,7 @@ pub(crate) mod pose_history;
 pub(crate) mod records;
 pub(crate) mod rounded_pose;
 mod single;
+pub(crate) mod sorted_keys;
 pub(crate) mod split;
 pub(crate) mod state;
 pub(crate) mod submaps;

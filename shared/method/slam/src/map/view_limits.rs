@@ -37,31 +37,67 @@ impl ViewLimits {
         others: impl Iterator<Item = (Name, Vector3<f64>)>,
         axis_of: impl Fn(Name) -> Vector3<f64>,
     ) -> Vec<(f64, Name)> {
-        // Most views look elsewhere, which takes no arc cosine to tell.
-        let least_dot = libm::cos(self.angle_rad.min(std::f64::consts::PI)) - 1e-9;
+        let least_dot = self.least_dot();
         others
             .filter(|(_, other)| (other - centre).norm_squared() <= self.radius_m * self.radius_m)
             .filter(|(name, _)| axis_of(*name).dot(axis) >= least_dot)
             .filter_map(|(name, other)| {
-                let angle_rad = angle_between(&axis_of(name), axis);
-                let apart = (other - centre).norm() / self.radius_m.max(1e-9);
-                let score = apart + angle_rad / self.angle_rad.max(1e-9);
-                (angle_rad <= self.angle_rad).then_some((score, name))
+                let (apart_sq, dot) = ((other - centre).norm_squared(), axis_of(name).dot(axis));
+                Some((self.score(apart_sq, dot)?, name))
             })
             .collect()
     }
+
+    /// The cosine below which views look elsewhere: most do, which takes no arc cosine to tell.
+    pub(crate) fn least_dot(&self) -> f64 {
+        libm::cos(self.angle_rad.min(std::f64::consts::PI)) - 1e-9
+    }
+
+    /// The score of a view by the squared distance of both and the cosine between their axes; `None` where that is
+    /// beyond the limit.
+    pub(crate) fn score(&self, apart_sq: f64, dot: f64) -> Option<f64> {
+        let angle_rad = libm::acos(dot.clamp(-1.0, 1.0));
+        (angle_rad <= self.angle_rad).then(|| self.sum(apart_sq, angle_rad))
+    }
+
+    /// What a score cannot be below: a chord is no longer than its arc.
+    pub(crate) fn least_score(&self, apart_sq: f64, dot: f64) -> f64 {
+        self.sum(apart_sq, (2.0 - 2.0 * dot).max(0.0).sqrt()) - 1e-9
+    }
+
+    fn sum(&self, apart_sq: f64, angle_rad: f64) -> f64 {
+        apart_sq.sqrt() / self.radius_m.max(1e-9) + angle_rad / self.angle_rad.max(1e-9)
+    }
 }
 
-/// Takes the `n` nearest views out of a list, nearest first.
-pub(crate) fn take_nearest<Name: Copy + Ord>(views: &mut Vec<(f64, Name)>, n: usize) -> Vec<(f64, Name)> {
-    if views.len() > n {
-        // The order of thousands is not asked for.
-        views.select_nth_unstable_by(n, by_score);
+/// At most `n` views, the nearest of those that were offered, nearest first.
+pub(crate) struct Nearest<Name> {
+    n: usize,
+    views: Vec<(f64, Name)>,
+}
+
+impl<Name: Ord> Nearest<Name> {
+    pub(crate) fn new(n: usize) -> Self {
+        Self { n, views: Vec::with_capacity(n + 1) }
     }
-    let rest = views.split_off(n.min(views.len()));
-    let mut nearest = std::mem::replace(views, rest);
-    nearest.sort_by(by_score);
-    nearest
+
+    /// Whether a view may be among them that has no smaller score.
+    pub(crate) fn admits(&self, score: f64) -> bool {
+        self.views.len() < self.n || self.views.last().is_some_and(|last| score <= last.0)
+    }
+
+    pub(crate) fn offer(&mut self, score: f64, name: Name) {
+        let view = (score, name);
+        let place = self.views.partition_point(|nearer| by_score(nearer, &view).is_lt());
+        if place < self.n {
+            self.views.insert(place, view);
+            self.views.truncate(self.n);
+        }
+    }
+
+    pub(crate) fn names(&self) -> impl Iterator<Item = &Name> {
+        self.views.iter().map(|(_, name)| name)
+    }
 }
 
 fn by_score<Name: Ord>(a: &(f64, Name), b: &(f64, Name)) -> std::cmp::Ordering {
@@ -71,11 +107,6 @@ fn by_score<Name: Ord>(a: &(f64, Name), b: &(f64, Name)) -> std::cmp::Ordering {
 /// The optical axis, a unit vector in the world.
 pub(crate) fn optical_axis(world_from_camera: &Pose) -> Vector3<f64> {
     world_from_camera.rotation * Vector3::z()
-}
-
-/// Angle between two unit vectors, radians.
-fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
 
 #[cfg(test)]

@@ -249,7 +249,7 @@ impl JointMap {
         let mut loops = solved.solution.loops;
         loops.retain(|l| (l.newer.max(l.older) as usize) < own.keyframes.len());
         let mut searched = solved.solution.searched;
-        searched.retain(|(newer, older), _| (*newer.max(older) as usize) < own.keyframes.len());
+        searched.retain(|((newer, older), _)| (*newer.max(older) as usize) < own.keyframes.len());
         let origins = origins(&own.keyframes, &submaps);
         let pose = |id: u32| match &own.keyframes[id as usize] {
             origin if origins.contains(&(id as usize)) => origin.world_from_camera,

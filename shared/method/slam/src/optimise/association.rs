@@ -8,39 +8,31 @@ use crate::map::submaps::Origin;
 use crate::optimise::from_appearance::{self, AskedPairs};
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::keyframe_searches::PairSearcher;
+use crate::optimise::known_pairs::KnownPairs;
 use crate::optimise::matchables::Matchables;
-use crate::optimise::of_track::is_of_track;
+use crate::optimise::said_loops::SaidLoops;
 use crate::pairs::covisibility;
 use crate::pairs::feature_cache::{FeatureCache, PairIds};
-use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::match_cache::{MatchCache, has_left};
-use crate::pairs::matching::{PairFinder, Reach};
-use crate::pairs::verification::{KnownLoops, Tested};
-use crate::pairs::weighted_pair::FeaturePair;
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use crate::pairs::matching::PairFinder;
+use crate::pairs::verification::Tested;
 use tessera_geometry::Pose;
 use tessera_graph::{DataAssociation, OuterIteration, Pair, Solved};
 use tessera_numerics::Step;
-use tessera_numerics::parallel::map_in_parts;
+use tessera_numerics::parallel::map_in_parts_mut;
 
 /// The pairs of all keyframes, each a vertex.
 pub(crate) struct KeyframeAssociation<'a> {
     pub(crate) of: Keyframes<'a>,
-    /// Tests of loops in this optimisation.
-    known: KnownLoops,
     /// How far pairs by appearance may be from where the poses have them, metres.
     pub(crate) most_apart_m: f64,
     /// Those that there are, and how far each is.
     pub(crate) recognised: Vec<(PairIds, f64)>,
     /// Pairs that are part of each iteration as they are.
     pub(crate) fixed_pairs: Vec<Pair>,
-    /// Where the matches of pairs were searched, or their loops refused, in this optimisation.
-    pub(crate) searched: BTreeMap<PairIds, MatchPose>,
-    /// The poses at which the pairs were chosen, and these.
-    chosen: (Vec<Pose>, Vec<(usize, usize)>),
-    /// Features by ids of the newer and the older keyframe, where they were looked for.
-    seen: SeenPairs,
+    /// The pairs, and the poses at which they were chosen.
+    chosen: KnownPairs,
+    chosen_at: Vec<Pose>,
     /// The tests of the present pairs; `None` for odometry.
     tests: Vec<Option<Tested>>,
     /// Loops that the present pairs do not hold.
@@ -55,41 +47,21 @@ pub(crate) struct Keyframes<'a> {
     pub(crate) matchables: Matchables<'a>,
     pub(crate) cache: &'a FeatureCache,
     pub(crate) matches: &'a MatchCache,
-    /// Loops that are not tested again.
-    pub(crate) settled: &'a KnownLoops,
-    /// Where earlier optimisations searched, and what they refused there.
+    /// What earlier optimisations said of loops.
+    pub(crate) said: &'a SaidLoops,
+    /// Where they searched, or refused.
     pub(crate) kept: &'a KeptMatches,
-    pub(crate) refused: &'a KnownLoops,
-}
-
-/// Features that two keyframes share, by the ids of the newer and the older.
-type SeenPairs = BTreeMap<PairIds, Option<Arc<FeaturePair>>>;
-
-/// A pair of keyframes that one outer iteration looked at.
-struct SearchedPair {
-    ids: PairIds,
-    /// As a pair of the graph; `None` where it does not count.
-    pair: Option<Pair>,
-    /// The tests that it had to pass, if it closes a loop.
-    tested: Option<Tested>,
-    /// Whether these were known.
-    is_known: bool,
-    seen: Option<Arc<FeaturePair>>,
-    /// Where its matches were searched under the last limits, or its loop was refused.
-    at: Option<MatchPose>,
 }
 
 impl<'a> KeyframeAssociation<'a> {
     pub(crate) fn new(of: Keyframes<'a>) -> Self {
         Self {
             of,
-            known: KnownLoops::new(),
             most_apart_m: f64::INFINITY,
             recognised: Vec::new(),
             fixed_pairs: Vec::new(),
-            searched: BTreeMap::new(),
-            chosen: Default::default(),
-            seen: SeenPairs::new(),
+            chosen: KnownPairs::default(),
+            chosen_at: Vec::new(),
             tests: Vec::new(),
             rejected: Vec::new(),
         }
@@ -97,96 +69,41 @@ impl<'a> KeyframeAssociation<'a> {
 
     /// Chooses the pairs, again where a pose moved as far as drift may have carried it.
     fn choose(&mut self, poses: &[Pose]) {
-        let (at, pairs) = &mut self.chosen;
-        let is_near = at.len() == poses.len() && at.iter().zip(poses).all(|(at, now)| !has_left(at, now));
-        if !is_near {
-            let kept = self.of.kept.places(&self.of.keyframes.iter().map(|k| k.id).collect::<Vec<_>>());
-            (*at, *pairs) = (poses.to_vec(), covisibility::pairs(poses, self.of.origins, &kept));
+        let is_near = |(at, now)| !has_left(at, now);
+        if self.chosen_at.len() == poses.len() && self.chosen_at.iter().zip(poses).all(is_near) {
+            return;
         }
+        let of = &self.of;
+        let kept = of.kept.places(&of.keyframes.iter().map(|k| k.id).collect::<Vec<_>>());
+        let places = covisibility::pairs(poses, of.origins, &kept);
+        let mut chosen = KnownPairs::new(&places, of.keyframes, |places| of.closes_loop(places));
+        chosen.recall(of.kept, of.said, of.matches);
+        chosen.recall_from(&self.chosen);
+        (self.chosen, self.chosen_at) = (chosen, poses.to_vec());
     }
 
-    fn search(&self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<SearchedPair> {
-        let context = self.of.context;
-        map_in_parts(
-            &self.chosen.1,
+    fn search(&mut self, poses: &[Pose], tightness: f32, progress: &mut dyn FnMut()) -> Vec<Option<Pair>> {
+        let Self { of, chosen, .. } = self;
+        let context = of.context;
+        map_in_parts_mut(
+            &mut chosen.pairs,
             || PairSearcher { matcher: context.matcher(), finder: PairFinder::new(context), looked_at: None },
-            |searcher, &places| self.search_one(searcher, poses, places, tightness),
+            |searcher, known| of.search_one(searcher, poses, known, tightness),
             progress,
         )
     }
 
-    fn tested(&self, pair: &PairIds) -> Option<&Tested> {
-        self.known.get(pair).or_else(|| self.of.settled.get(pair))
+    /// Where the matches of the last iteration's pairs were searched, or their loops refused, by their ids.
+    pub(crate) fn searched(&self) -> Vec<(PairIds, MatchPose)> {
+        // Those of an earlier iteration have no part in the answer.
+        let searched = self.chosen.in_order().filter(|known| known.is_searched);
+        searched.filter_map(|known| Some((known.ids, known.at?.0))).collect()
     }
 
-    fn search_one(
-        &self,
-        searcher: &mut PairSearcher<'a>,
-        poses: &[Pose],
-        places: (usize, usize),
-        tightness: f32,
-    ) -> SearchedPair {
-        let (of, (query, target)) = (&self.of, places);
-        let [newer, older] = [query, target].map(|k| &of.keyframes[k]);
-        let ids = (newer.id, older.id);
-        let now = poses[target].inverse() * poses[query];
-        let kept = self.searched.get(&ids).copied().or_else(|| of.kept.of(ids)).map(|at| (at, at.pose()));
-        let kept = kept.filter(|(_, pose)| !has_left(pose, &now));
-        let is_loop = of.closes_loop(places);
-        let refused = || of.refused.get(&ids).filter(|_| kept.is_some());
-        let known = if is_loop { self.tested(&ids).or_else(refused).copied() } else { None };
-        let tested = known.or_else(|| is_loop.then(|| of.test(searcher, places, &now)));
-        let verdict = tested.map_or(LoopVerdict::Accepted, |tested| tested.verdict);
-        let near = kept.map_or(now, |(_, pose)| pose);
-        // Features that many overlap say more of it than a little depth.
-        let seen = match verdict {
-            LoopVerdict::Accepted | LoopVerdict::LittleOverlap => {
-                let reach = if is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
-                let found = || of.shared(searcher, places, &near, reach);
-                let seen = self.seen.get(&ids).cloned().unwrap_or_else(found);
-                seen.filter(|f| is_loop || is_of_track((newer, older), f, of.context.scales.features))
-            }
-            _ => None,
-        };
-        let is_rescued = verdict == LoopVerdict::LittleOverlap
-            && seen.as_ref().is_some_and(|pair| pair.sums.n >= MIN_FEATURES);
-        if verdict != LoopVerdict::Accepted && !is_rescued {
-            let at = Some(kept.map_or_else(|| MatchPose::of(&now), |(at, _)| at));
-            let is_known = known.is_some();
-            return SearchedPair { ids, pair: None, tested, is_known, seen, at };
-        }
-        let factor = searcher.matcher.metric_factor();
-        let features = (seen.clone(), of.context.feature_weight() * factor);
-        let stays = kept.map(|at| of.matched(searcher, places, at, features.clone()));
-        let stays = stays.filter(|matched| !matched.has_moved(&now, factor));
-        let has_stayed = stays.is_some();
-        let (matched, at) = match stays {
-            Some(matched) => (Arc::clone(&matched), Some(matched.at)),
-            None if tightness < 1.0 => {
-                (of.searched_widely(searcher, places, (&now, tightness), features), None)
-            }
-            None => {
-                let at = MatchPose::of(&now);
-                (of.matched(searcher, places, (at, at.pose()), features), Some(at))
-            }
-        };
-        let tested = tested.map(|tested| {
-            let verdict = match has_stayed {
-                // As it was when it was searched.
-                true => LoopVerdict::Accepted,
-                false => of
-                    .by_features(tested.verdict, places, seen.as_deref(), || matched.block.linearise(&now).0),
-            };
-            Tested { verdict, ..tested }
-        });
-        let is_consecutive = query == target + 1 && of.origins[query] == of.origins[target];
-        let is_good = tested.is_none_or(|t| t.verdict == LoopVerdict::Accepted);
-        let pair = (is_good && matched.counts(is_consecutive)).then(|| {
-            let own_cost = is_loop.then(|| matched.own_cost());
-            Pair { is_loop, own_cost, ..Pair::new(query, target, matched.block.clone()) }
-        });
-        let is_known = known.map(|k| k.verdict) == tested.map(|t| t.verdict);
-        SearchedPair { ids, pair, tested, is_known, seen, at }
+    /// Keeps the matches for the next optimisation.
+    pub(crate) fn keep_matches(&self) {
+        let searched = self.chosen.in_order().filter(|known| known.is_searched);
+        self.of.matches.keep(searched.filter_map(|known| Some((known.ids, known.matched.clone()?))));
     }
 
     /// Pairs by appearance for the keyframes that no loop holds yet.
@@ -200,8 +117,7 @@ impl<'a> KeyframeAssociation<'a> {
         let of = &self.of;
         let keyframes = (of.keyframes, of.origins);
         let matchables = (&of.matchables, of.cache);
-        let is_refused =
-            |ids: &PairIds| self.tested(ids).is_some_and(|known| known.verdict == LoopVerdict::Contradicted);
+        let is_refused = |ids: &PairIds| of.said.is_contradicted(ids);
         let asked =
             AskedPairs { newer: &open, poses, most_apart_m: self.most_apart_m, is_refused: &is_refused };
         for found in from_appearance::pairs(of.context, keyframes, matchables, &asked, progress) {
@@ -210,9 +126,9 @@ impl<'a> KeyframeAssociation<'a> {
             pairs.push(found.pair);
             self.tests.push(Some(found.tested));
             // The poses will move: what was refused where they were may fit then.
-            self.known.retain(|_, tested| {
-                matches!(tested.verdict, LoopVerdict::Accepted | LoopVerdict::Contradicted)
-            });
+            for known in &mut self.chosen.pairs {
+                known.tested = known.tested.filter(|tested| !tested.verdict.is_of_where_it_was());
+            }
         }
     }
 
@@ -252,24 +168,17 @@ impl DataAssociation for KeyframeAssociation<'_> {
         let poses = &poses[..self.of.keyframes.len()];
         self.choose(poses);
         let found = self.search(poses, iteration.tightness, progress);
-        let news = found.iter().filter(|f| !f.is_known);
-        self.known.extend(news.filter_map(|f| Some((f.ids, f.tested?))));
-        if self.of.context.mapping.features.enabled {
-            self.seen.extend(found.iter().map(|f| (f.ids, f.seen.clone())));
-        }
-        // Those of an earlier iteration have no part in the answer.
-        self.searched = BTreeMap::from_iter(found.iter().filter_map(|f| Some((f.ids, f.at?))));
         self.rejected.clear();
         self.tests.clear();
-        let mut pairs = Vec::new();
-        for SearchedPair { ids, pair, tested, .. } in found {
-            if let Some(pair) = pair {
-                pairs.push(pair);
-                self.tests.push(tested);
-            } else if let Some(tested) = tested {
-                self.rejected.push(loop_record(ids, &tested, 0.0, 0.0));
+        for (known, pair) in self.chosen.pairs.iter().zip(&found) {
+            match (pair, known.judged) {
+                (Some(_), judged) => self.tests.push(judged),
+                (None, Some(tested)) => self.rejected.push(loop_record(known.ids, &tested, 0.0, 0.0)),
+                (None, None) => {}
             }
         }
+        let mut pairs = Vec::with_capacity(found.len() + self.fixed_pairs.len());
+        pairs.extend(found.into_iter().flatten());
         if iteration.index == 0 {
             self.recognise(&mut pairs, poses, progress);
         }

@@ -12,13 +12,12 @@ use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
 use crate::optimise::held::held;
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::matchables::Matchables;
+use crate::optimise::said_loops::SaidLoops;
 use crate::optimise::sample_cache::Drawn;
 use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::match_cache::MatchCache;
-use crate::pairs::verification::KnownLoops;
 use crate::settings::GlobalSettings;
 use crate::submaps::brought_together;
-use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_graph::{GemanMcClure, INNER_ITERATIONS, MultiEdge, Schedule};
 
@@ -37,8 +36,8 @@ pub(crate) struct Solution {
     pub(crate) n_rounds: u32,
     /// Pairs by appearance, and how far each was from where the poses had it, metres.
     pub(crate) recognised: Vec<(PairIds, f64)>,
-    /// Where the matches of its pairs were searched, or their loops refused.
-    pub(crate) searched: BTreeMap<PairIds, MatchPose>,
+    /// Where the matches of its pairs were searched, or their loops refused, by their ids.
+    pub(crate) searched: Vec<(PairIds, MatchPose)>,
 }
 
 /// What an optimisation starts from.
@@ -54,10 +53,8 @@ pub(crate) struct Start<'a> {
     pub(crate) cache: &'a FeatureCache,
     pub(crate) matches: &'a MatchCache,
     pub(crate) kept: &'a KeptMatches,
-    /// Loops that are not tested again.
-    pub(crate) known: &'a KnownLoops,
-    /// Loops that are not tested again where they were refused.
-    pub(crate) refused: &'a KnownLoops,
+    /// What earlier optimisations said of loops.
+    pub(crate) said: &'a SaidLoops,
     /// The frames of the runs whose culled keyframes are solved for as well; others move along with their anchors.
     pub(crate) runs: &'a [RunFrames<'a>],
 }
@@ -147,9 +144,8 @@ fn solve_joined(
         matchables: Matchables::new(context, keyframes, start.surfaces, start.drawn),
         cache: start.cache,
         matches: start.matches,
-        settled: start.known,
+        said: start.said,
         kept: start.kept,
-        refused: start.refused,
     };
     let mut association = KeyframeAssociation::new(of);
     let weight = culled::weight(&context.mapping.keyframe, keyframes.len());
@@ -159,7 +155,8 @@ fn solve_joined(
     context.steps.leave();
     let recognised = std::mem::take(&mut association.recognised);
     let loops = association.loop_records(&solved);
-    let searched = association.searched;
+    association.keep_matches();
+    let searched = association.searched();
     let (outer_iterations, n_rounds) = (solved.outer_iterations, solved.n_rounds);
     let held = held(submaps.n(), &loops, start.keyframes);
     let submaps = if solved.is_solved { held } else { submaps.clone() };

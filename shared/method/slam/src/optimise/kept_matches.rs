@@ -2,9 +2,11 @@
 //! optimiser's own records, so that a successor goes on where its predecessor was.
 
 use crate::map::records::{MatchPose, MatchRecord, OptimiseRecord, PairChanges};
+use crate::map::sorted_keys::values_of;
 use crate::pairs::feature_cache::PairIds;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::iter::zip;
 
 /// Where the matches of each pair of the working map were searched, by the ids of the newer and the older keyframe.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,24 +26,27 @@ impl KeptMatches {
         }
     }
 
-    pub(crate) fn of(&self, pair: PairIds) -> Option<MatchPose> {
-        self.0.get(&pair).copied()
+    /// Where these pairs, whose ids rise, were searched.
+    pub(crate) fn of(&self, pairs: &[PairIds]) -> impl Iterator<Item = Option<MatchPose>> {
+        values_of(pairs.iter().copied(), self.0.iter()).map(Option::<&MatchPose>::copied)
     }
 
     /// Pairs of keyframes with these ids, which rise, by their places.
     pub(crate) fn places(&self, ids: &[u32]) -> Vec<(usize, usize)> {
-        let place = |id: u32| ids.binary_search(&id).ok();
+        let mut place = vec![None; ids.last().map_or(0, |last| *last as usize + 1)];
+        ids.iter().enumerate().for_each(|(k, id)| place[*id as usize] = Some(k));
+        let place = |id: u32| place.get(id as usize).copied().flatten();
         self.0.keys().filter_map(|(newer, older)| Some((place(*newer)?, place(*older)?))).collect()
     }
 
-    /// How the pairs of an optimisation differ from these.
-    pub(crate) fn changes(&self, found: &BTreeMap<PairIds, MatchPose>) -> PairChanges {
-        let news = found.iter().filter(|(pair, at)| self.0.get(pair) != Some(at));
-        let searched = news.map(|(&(newer, older), &at)| MatchRecord { newer, older, at }).collect();
-        PairChanges {
-            searched,
-            dropped: self.0.keys().filter(|pair| !found.contains_key(pair)).copied().collect(),
-        }
+    /// How the pairs of an optimisation, whose ids rise, differ from these.
+    pub(crate) fn changes(&self, found: &[(PairIds, MatchPose)]) -> PairChanges {
+        let before = values_of(found.iter().map(|(pair, _)| *pair), self.0.iter());
+        let news = zip(found, before).filter(|((_, at), before)| *before != Some(at));
+        let searched = news.map(|(&((newer, older), at), _)| MatchRecord { newer, older, at }).collect();
+        let now = values_of(self.0.keys().copied(), found.iter().map(|(pair, at)| (pair, at)));
+        let dropped = zip(self.0.keys(), now).filter(|(_, now)| now.is_none());
+        PairChanges { searched, dropped: dropped.map(|(pair, _)| *pair).collect() }
     }
 }
 
@@ -66,12 +71,12 @@ mod tests {
             BTreeMap::from([((1, 0), at(0.1)), ((2, 1), at(0.2)), ((3, 1), at(0.3))]),
             BTreeMap::from([((1, 0), at(0.1)), ((2, 1), at(0.4)), ((3, 2), at(0.5))]),
         ] {
-            let changes = kept.changes(&pairs);
+            let changes = kept.changes(&Vec::from_iter(pairs.clone()));
             kept.take(&answer(&[0, 1, 2, 3], changes));
             assert_eq!(kept.0, pairs);
         }
         assert_eq!(kept.places(&[1, 2, 3]), [(1, 0), (2, 1)]);
-        let changes = kept.changes(&BTreeMap::from([((1, 0), at(0.1)), ((2, 1), at(0.4))]));
+        let changes = kept.changes(&[((1, 0), at(0.1)), ((2, 1), at(0.4))]);
         assert_eq!((changes.searched.len(), &changes.dropped[..]), (0, &[(3, 2)][..]));
         kept.take(&answer(&[0, 2, 3], PairChanges::default()));
         assert_eq!(kept.0.keys().collect::<Vec<_>>(), [&(3, 2)], "a culled keyframe");

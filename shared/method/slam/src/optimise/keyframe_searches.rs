@@ -3,6 +3,7 @@
 use crate::map::detection::{self, TrackPoint};
 use crate::map::records::{LoopVerdict, MatchPose};
 use crate::optimise::association::Keyframes;
+use crate::optimise::known_pairs::KnownPair;
 use crate::pairs::feature_cache::{PairIds, RoundedGuess};
 use crate::pairs::keyframe_pair::{MIN_FEATURES, PairSearch, SurfaceMatches};
 use crate::pairs::match_cache::{MatchedPair, PairFeatures};
@@ -71,13 +72,15 @@ impl<'a> Keyframes<'a> {
     pub(crate) fn matched(
         &self,
         searcher: &mut PairSearcher<'a>,
-        places: (usize, usize),
+        known: &mut KnownPair,
         at: (MatchPose, Pose),
         features: PairFeatures,
     ) -> Arc<MatchedPair> {
         let limits = MatchLimits::new(GlobalSettings::FIRST_DISTANCE_M, 1.0);
-        let find = |pose: &Pose| self.surfaces_matched(searcher, places, pose, &limits);
-        self.matches.matched(self.ids(places), at, features, find)
+        let find = |pose: &Pose| self.surfaces_matched(searcher, known.places, pose, &limits);
+        let matched = MatchedPair::known_or(known.matched.take(), at, features, find);
+        known.matched = Some(Arc::clone(&matched));
+        matched
     }
 
     /// The pair with its matches under the limits of an early iteration.

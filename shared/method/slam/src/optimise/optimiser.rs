@@ -25,7 +25,7 @@ use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::match_cache::MatchCache;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use tessera_geometry::{Pose, PoseBits};
 use tessera_numerics::Step;
 
@@ -270,30 +270,23 @@ impl Optimiser {
             matches: &self.matches,
             // What is final is searched anew.
             kept: if pending.request.is_final { &KeptMatches::default() } else { &self.kept },
-            known: &self.said.settled(),
-            refused: &self.said.refused(),
+            said: &self.said,
             runs,
         };
         let solution = global::solve(&start, submaps, progress);
-        self.matches.keep_only(&solution.searched.keys().copied().collect::<Vec<_>>());
         let solved = named(&active, &solution.poses, &solution.culled);
         let poses = all_poses(keyframes, &solved);
         SolvedKeyframes { active, solution, solved, poses }
     }
 
-    /// The loop pairs that a correction names: those that have another verdict than was said before, and in
-    /// the final one all.
-    pub(crate) fn to_say(&self, request: &RequestRecord, mut loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
-        loops.retain(|pair| request.is_final || !self.said.is_said(pair));
-        loops
+    /// The loop pairs, by ids that rise, that a correction names: those that have another verdict than was said
+    /// before, and in the final one all.
+    pub(crate) fn to_say(&self, request: &RequestRecord, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
+        if request.is_final { loops } else { self.said.unsaid(loops) }
     }
 
     /// How the pairs of an answer differ from those before it; none of the final one, which nothing follows.
-    pub(crate) fn changes(
-        &self,
-        request: &RequestRecord,
-        searched: &BTreeMap<PairIds, MatchPose>,
-    ) -> PairChanges {
+    pub(crate) fn changes(&self, request: &RequestRecord, searched: &[(PairIds, MatchPose)]) -> PairChanges {
         if request.is_final { PairChanges::default() } else { self.kept.changes(searched) }
     }
 

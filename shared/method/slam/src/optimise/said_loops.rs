@@ -2,9 +2,12 @@
 //! else, so that the journals grow with the way and not with the map.
 
 use crate::map::records::{Correction, LoopRecord, LoopVerdict};
-use crate::pairs::verification::{KnownLoops, Tested};
+use crate::map::sorted_keys::values_of;
+use crate::pairs::feature_cache::PairIds;
+use crate::pairs::verification::Tested;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::iter::zip;
 
 /// Factor of a pair's cost below which the optimiser set it aside.
 const LITTLE_WEIGHT: f64 = 0.5;
@@ -12,7 +15,7 @@ const LITTLE_WEIGHT: f64 = 0.5;
 /// Loop pairs of the working map, by the ids of the newer and the older keyframe, with what was last said: a
 /// fold over the corrections.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct SaidLoops(BTreeMap<(u32, u32), (Tested, bool)>);
+pub(crate) struct SaidLoops(BTreeMap<PairIds, (Tested, bool)>);
 
 impl SaidLoops {
     /// Takes the next correction in; pairs of keyframes that it no longer solves for are forgotten.
@@ -33,32 +36,29 @@ impl SaidLoops {
         }
     }
 
-    /// Whether a record says no more than what was said.
-    pub(crate) fn is_said(&self, pair: &LoopRecord) -> bool {
-        self.0.get(&(pair.newer, pair.older)).is_some_and(|(said, has_weight)| {
+    /// The records that say more than what was said; their ids rise.
+    pub(crate) fn unsaid(&self, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
+        let before = values_of(loops.iter().map(|pair| (pair.newer, pair.older)), self.0.iter());
+        let is_said = |pair: &LoopRecord, (said, has_weight): &(Tested, bool)| {
             (said.verdict, *has_weight) == (pair.verdict, pair.weight >= LITTLE_WEIGHT)
-        })
+        };
+        let news = zip(&loops, before).filter(|(pair, said)| said.is_none_or(|said| !is_said(pair, said)));
+        news.map(|(pair, _)| *pair).collect()
     }
 
-    /// Pairs that passed their tests, which need no other, and those of places that look alike.
-    pub(crate) fn settled(&self) -> KnownLoops {
-        self.known(|verdict| match verdict {
-            LoopVerdict::Accepted | LoopVerdict::Outvoted => Some(LoopVerdict::Accepted),
-            LoopVerdict::Contradicted => Some(LoopVerdict::Contradicted),
-            LoopVerdict::LittleOverlap | LoopVerdict::FreeSpaceViolated | LoopVerdict::Inconsistent => None,
-        })
+    /// What was said of these pairs, whose ids rise. One that lost its weight had passed its tests.
+    pub(crate) fn of(&self, pairs: &[PairIds]) -> impl Iterator<Item = Option<Tested>> {
+        let verdict = |verdict: LoopVerdict| match verdict {
+            LoopVerdict::Outvoted => LoopVerdict::Accepted,
+            said => said,
+        };
+        let said = move |(tested, _): &(Tested, bool)| Tested { verdict: verdict(tested.verdict), ..*tested };
+        values_of(pairs.iter().copied(), self.0.iter()).map(move |known| known.map(said))
     }
 
-    /// Pairs that did not pass their tests where they were.
-    pub(crate) fn refused(&self) -> KnownLoops {
-        use LoopVerdict::{FreeSpaceViolated, Inconsistent, LittleOverlap};
-        let is_refused = |v: &LoopVerdict| matches!(v, LittleOverlap | FreeSpaceViolated | Inconsistent);
-        self.known(|verdict| Some(verdict).filter(is_refused))
-    }
-
-    fn known(&self, verdict: impl Fn(LoopVerdict) -> Option<LoopVerdict>) -> KnownLoops {
-        let known = |tested: &Tested| Some(Tested { verdict: verdict(tested.verdict)?, ..*tested });
-        self.0.iter().filter_map(|(ids, (tested, _))| Some((*ids, known(tested)?))).collect()
+    /// Whether a pair is of two places that look alike.
+    pub(crate) fn is_contradicted(&self, pair: &PairIds) -> bool {
+        self.0.get(pair).is_some_and(|(tested, _)| tested.verdict == LoopVerdict::Contradicted)
     }
 }
 
@@ -87,16 +87,20 @@ mod tests {
         use LoopVerdict::{Accepted, Inconsistent, Outvoted};
         let mut said = SaidLoops::default();
         let first = [pair(8, 1, Accepted, 1.0), pair(9, 1, Outvoted, 0.0), pair(9, 2, Inconsistent, 0.0)];
-        assert!(!said.is_said(&first[0]));
+        let unsaid = |said: &SaidLoops, loops: &[LoopRecord]| -> Vec<PairIds> {
+            said.unsaid(loops.to_vec()).iter().map(|pair| (pair.newer, pair.older)).collect()
+        };
+        assert_eq!(unsaid(&said, &first[..1]), [(8, 1)]);
         said.take(&correction(&[1, 2, 8, 9], &first));
-        assert!(first.iter().all(|pair| said.is_said(pair)));
-        assert!(said.is_said(&pair(8, 1, Accepted, 0.9)), "a weight moves in each optimisation");
-        assert!(!said.is_said(&pair(8, 1, Accepted, 0.4)) && !said.is_said(&pair(9, 2, Accepted, 1.0)));
-        assert_eq!(said.settled().keys().collect::<Vec<_>>(), [&(8, 1), &(9, 1)]);
-        assert_eq!(said.settled()[&(9, 1)].verdict, Accepted);
+        assert_eq!(unsaid(&said, &first), []);
+        assert_eq!(unsaid(&said, &[pair(8, 1, Accepted, 0.9)]), [], "a weight moves in each optimisation");
+        let others = [pair(8, 1, Accepted, 0.4), pair(9, 2, Accepted, 1.0)];
+        assert_eq!(unsaid(&said, &others), [(8, 1), (9, 2)]);
+        let verdicts: Vec<_> = said.of(&[(8, 0), (8, 1), (9, 1), (9, 2)]).map(|t| Some(t?.verdict)).collect();
+        assert_eq!(verdicts, [None, Some(Accepted), Some(Accepted), Some(Inconsistent)]);
         said.take(&correction(&[], &[]));
-        assert!(first.iter().all(|pair| said.is_said(pair)), "a request that was declined");
+        assert_eq!(unsaid(&said, &first), [], "a request that was declined");
         said.take(&correction(&[1, 8, 9], &[pair(9, 1, Accepted, 1.0)]));
-        assert_eq!(first.map(|pair| said.is_said(&pair)), [true, false, false]);
+        assert_eq!(unsaid(&said, &first), [(9, 1), (9, 2)]);
     }
 }

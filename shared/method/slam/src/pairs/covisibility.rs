@@ -1,7 +1,7 @@
 //! Covisibility by pose: which keyframes share multi-edges in the global optimisation (method 8.1).
 
 use crate::map::submaps::Origin;
-use crate::map::view_limits::{ViewLimits, optical_axis, take_nearest};
+use crate::map::view_limits::{Nearest, ViewLimits, optical_axis};
 use crate::settings::GlobalSettings;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -17,14 +17,12 @@ const FAR_GAP: usize = 10;
 ///
 /// Pairs that are `kept` from before give way only to nearer ones, so that motion of millimetres changes nothing.
 pub fn pairs(poses: &[Pose], origins: &[Origin], kept: &[(usize, usize)]) -> Vec<(usize, usize)> {
-    let views = Views::new(poses, origins);
-    let mut kept: Vec<(usize, usize)> = kept.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
-    kept.sort_unstable();
+    let (views, kept) = (Views::new(poses, origins), KeptPairs::new(poses.len(), kept));
     let of_each = views.0.par_iter().with_min_len(16);
-    let found = of_each.flat_map_iter(|view| of_one(view, (&views, origins), kept_of(view.place, &kept)));
+    let found = of_each.flat_map_iter(|view| of_one(view, (&views, origins), &kept));
     let mut found: Vec<(usize, usize)> = found.collect();
     // By target first: its surface then stays in the cache for all its pairs.
-    found.sort_unstable_by_key(|&(newer, older)| (older, newer));
+    found.par_sort_unstable_by_key(|&(newer, older)| (older, newer));
     found.dedup();
     found
 }
@@ -58,7 +56,8 @@ impl Views {
     /// The views in the cube of one and in those around it, column by column.
     fn around(&self, view: &PosedView) -> impl Iterator<Item = &[PosedView]> {
         let [x, y, z] = view.cube;
-        let columns = (-1..=1).flat_map(move |dx| (-1..=1).map(move |dy| (x + dx, y + dy)));
+        // Its own first: the nearest are there.
+        let columns = [0, -1, 1].into_iter().flat_map(move |dx| [0, -1, 1].map(move |dy| (x + dx, y + dy)));
         columns.map(move |(x, y)| {
             let from = self.0.partition_point(|view| view.cube < [x, y, z - 1]);
             let rest = &self.0[from..];
@@ -78,40 +77,67 @@ const CUBE_M: f64 = 1.001 * GlobalSettings::RADIUS_M;
 /// Cubes in one direction: what is farther away is in the last one.
 const MOST_CUBES: i64 = 1 << 40;
 
-/// The entries of one keyframe in a sorted list.
-fn kept_of(place: usize, kept: &[(usize, usize)]) -> &[(usize, usize)] {
-    let rest = &kept[kept.partition_point(|pair| pair.0 < place)..];
-    &rest[..rest.partition_point(|pair| pair.0 == place)]
+/// Pairs that are kept from before: the older keyframes of each newer one, rising.
+struct KeptPairs {
+    older: Vec<usize>,
+    /// Those of keyframe `k` at `starts[k]..starts[k + 1]`.
+    starts: Vec<usize>,
+}
+
+impl KeptPairs {
+    /// Pairs among `n` keyframes.
+    fn new(n: usize, pairs: &[(usize, usize)]) -> Self {
+        let mut pairs = pairs.to_vec();
+        pairs.sort_unstable();
+        let mut starts = vec![0; n + 1];
+        pairs.iter().for_each(|(newer, _)| starts[newer + 1] += 1);
+        (0..n).for_each(|k| starts[k + 1] += starts[k]);
+        Self { older: pairs.into_iter().map(|(_, older)| older).collect(), starts }
+    }
+
+    fn has(&self, a: usize, b: usize) -> bool {
+        let (newer, older) = (a.max(b), a.min(b));
+        self.older[self.starts[newer]..self.starts[newer + 1]].binary_search(&older).is_ok()
+    }
 }
 
 /// The pairs that one keyframe asks for.
 fn of_one(
     view: &PosedView,
     (views, origins): (&Views, &[Origin]),
-    kept: &[(usize, usize)],
-) -> Vec<(usize, usize)> {
+    kept: &KeptPairs,
+) -> impl Iterator<Item = (usize, usize)> + use<> {
     let limits =
         ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
     let half = GlobalSettings::NEIGHBOURS.div_ceil(2);
-    let (i, mut near) = (view.place, Vec::new());
-    for column in views.around(view) {
-        let others = column.iter().filter(|other| other.place != i && other.component == view.component);
-        let others = others.map(|other| (other, other.centre));
-        near.extend(limits.within(&view.centre, &view.axis, others, |other| other.axis));
-    }
     // By as much as drift may have moved a pair: what takes the place of a kept neighbour is nearer by more.
-    let lead_m = |place: usize| {
-        f64::from(u8::from(kept.binary_search(&(i, place)).is_ok())) * GlobalSettings::FIRST_DISTANCE_M
-    };
-    let lead = |place: usize| lead_m(place) / GlobalSettings::RADIUS_M;
-    let scored = near.iter().map(|(score, other)| (score - lead(other.place), other.place));
-    let mut near: Vec<(f64, usize)> = scored.collect();
-    let nearest = take_nearest(&mut near, half);
-    near.retain(|n| n.1.abs_diff(i) >= FAR_GAP);
-    let far = take_nearest(&mut near, half);
+    let lead = GlobalSettings::FIRST_DISTANCE_M / GlobalSettings::RADIUS_M;
+    let (i, least_dot) = (view.place, limits.least_dot());
+    // Half of those far away may be among the nearest of all.
+    let (mut nearest, mut far) = (Nearest::new(half), Nearest::new(2 * half));
+    for other in views.around(view).flatten() {
+        let apart_sq = (other.centre - view.centre).norm_squared();
+        let (dot, is_far) = (other.axis.dot(&view.axis), other.place.abs_diff(i) >= FAR_GAP);
+        let is_near = apart_sq <= limits.radius_m * limits.radius_m && dot >= least_dot;
+        if !is_near || other.place == i || other.component != view.component {
+            continue;
+        }
+        // Most are farther than as many that were looked at, which takes no arc cosine to tell.
+        let least = limits.least_score(apart_sq, dot) - lead;
+        if !(nearest.admits(least) || is_far && far.admits(least)) {
+            continue;
+        }
+        let Some(score) = limits.score(apart_sq, dot) else { continue };
+        let score = score - f64::from(u8::from(kept.has(i, other.place))) * lead;
+        nearest.offer(score, other.place);
+        if is_far {
+            far.offer(score, other.place);
+        }
+    }
+    let nearest: Vec<usize> = nearest.names().copied().collect();
+    let others: Vec<usize> = far.names().copied().filter(|j| !nearest.contains(j)).take(half).collect();
     let before = (i > 0 && origins[i] == origins[i - 1]).then(|| (i, i - 1));
-    let both = nearest.iter().chain(&far).map(|&(_, j)| (i.max(j), i.min(j)));
-    before.into_iter().chain(both).collect()
+    before.into_iter().chain(nearest.into_iter().chain(others).map(move |j| (i.max(j), i.min(j))))
 }
 
 #[cfg(test)]

@@ -4,12 +4,12 @@
 //! makes no difference what is kept and what is found anew.
 
 use crate::map::records::MatchPose;
+use crate::map::sorted_keys::values_of;
 use crate::pairs::feature_cache::PairIds;
 use crate::pairs::keyframe_pair::{MIN_FEATURES, SurfaceMatches};
 use crate::pairs::weighted_pair::{FeaturePair, WeightedPair};
 use crate::settings::GlobalSettings;
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_graph::{PairBlock, own_cost};
 
@@ -55,6 +55,28 @@ impl MatchedPair {
         Self { at, pose, surfaces, features, block, own_cost: OnceLock::new() }
     }
 
+    /// The matches of a pair at a pose: those that are known, or by `find` where those of its surfaces are not known
+    /// there.
+    pub(crate) fn known_or(
+        known: Option<Arc<Self>>,
+        (at, pose): (MatchPose, Pose),
+        features: PairFeatures,
+        find: impl FnOnce(&Pose) -> SurfaceMatches,
+    ) -> Arc<Self> {
+        match known {
+            Some(known) if known.has(&at, &features) => known,
+            known => {
+                let surfaces = known.filter(|known| known.at == at).map(|known| known.surfaces);
+                Arc::new(Self::new((at, pose), surfaces.unwrap_or_else(|| find(&pose)), features))
+            }
+        }
+    }
+
+    /// A relative pose, which mostly is that of the matches.
+    pub(crate) fn pose_at(&self, at: &MatchPose) -> Pose {
+        if self.at == *at { self.pose } else { at.pose() }
+    }
+
     fn has(&self, at: &MatchPose, (seen, weight): &PairFeatures) -> bool {
         let is_same = match (&self.features.0, seen) {
             (Some(kept), Some(seen)) => Arc::ptr_eq(kept, seen) && self.features.1 == *weight,
@@ -83,37 +105,21 @@ impl MatchedPair {
     }
 }
 
-/// The matches of pairs at the poses at which they were last searched.
+/// The matches of pairs at the poses at which they were last searched, by ids that rise.
 #[derive(Debug, Default)]
-pub(crate) struct MatchCache(Mutex<BTreeMap<PairIds, Arc<MatchedPair>>>);
+pub(crate) struct MatchCache(Mutex<Vec<(PairIds, Arc<MatchedPair>)>>);
 
 impl MatchCache {
-    /// The matches of a pair at a pose, by `find` where those of its surfaces are not known there.
-    pub(crate) fn matched(
-        &self,
-        pair: PairIds,
-        (at, pose): (MatchPose, Pose),
-        features: PairFeatures,
-        find: impl FnOnce(&Pose) -> SurfaceMatches,
-    ) -> Arc<MatchedPair> {
-        let known = self.kept().get(&pair).cloned();
-        if let Some(known) = known.as_ref().filter(|known| known.has(&at, &features)) {
-            return Arc::clone(known);
-        }
-        let surfaces = known.filter(|known| known.at == at).map(|known| known.surfaces);
-        let found = MatchedPair::new((at, pose), surfaces.unwrap_or_else(|| find(&pose)), features);
-        let found = Arc::new(found);
-        self.kept().insert(pair, Arc::clone(&found));
-        found
+    /// What is known of these pairs, whose ids rise.
+    pub(crate) fn of(&self, pairs: &[PairIds]) -> Vec<Option<Arc<MatchedPair>>> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let entries = kept.iter().map(|(pair, matched)| (pair, matched));
+        values_of(pairs.iter().copied(), entries).map(Option::<&Arc<MatchedPair>>::cloned).collect()
     }
 
-    /// Forgets all pairs but these, which rise.
-    pub(crate) fn keep_only(&self, pairs: &[PairIds]) {
-        self.kept().retain(|pair, _| pairs.binary_search(pair).is_ok());
-    }
-
-    fn kept(&self) -> MutexGuard<'_, BTreeMap<PairIds, Arc<MatchedPair>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Keeps these pairs, whose ids rise, and forgets all others.
+    pub(crate) fn keep(&self, pairs: impl Iterator<Item = (PairIds, Arc<MatchedPair>)>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pairs.collect();
     }
 }
 
@@ -138,10 +144,15 @@ mod tests {
         let (cache, mut n_searches) = (MatchCache::default(), 0);
         let mut matched = |x_m: f64, features: PairFeatures| {
             let at = MatchPose::of(&Pose::translation(x_m, 0.0, 0.0));
-            cache.matched((1, 0), (at, at.pose()), features, |pose| {
+            let known = cache.of(&[(1, 0), (2, 0)]);
+            assert!(known[1].is_none());
+            let known = known.into_iter().next().flatten();
+            let matched = MatchedPair::known_or(known, (at, at.pose()), features, |pose| {
                 n_searches += 1;
                 search.find(&mut matcher, pose, &MatchLimits::new(GlobalSettings::FIRST_DISTANCE_M, 1.0))
-            })
+            });
+            cache.keep(std::iter::once(((1, 0), Arc::clone(&matched))));
+            matched
         };
         let target_from_query = Pose::translation(0.03, 0.0, 0.0);
         let sums = BlockSums { n: MIN_FEATURES, ..BlockSums::default() };

@@ -6,7 +6,6 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::pair_alignment::{AlignedPair, PairAlignment};
 use crate::settings::GlobalSettings;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 use tessera_graph::disagreement_sigmas;
 use tessera_registration::{MatchLimits, Matcher};
@@ -28,9 +27,6 @@ pub(crate) struct Tested {
     pub(crate) inconsistency_sigmas: f64,
     pub(crate) verdict: LoopVerdict,
 }
-
-/// Tests by the ids of the newer and the older keyframe.
-pub(crate) type KnownLoops = BTreeMap<(u32, u32), Tested>;
 
 /// Tests the pair at its own optimum, which it looks for from `newer`'s pose in `older`'s frame.
 pub(crate) fn test(
