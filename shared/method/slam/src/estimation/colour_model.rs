@@ -118,7 +118,7 @@ const DOUBTED_SIGMAS: f64 = 2.6;
 /// Colour model and its trust, estimated from all frames so far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColourState {
-    /// Frames with enough matches.
+    /// Frames that were audited.
     pub n_frames: u32,
     /// Sums of the records, older ones less.
     information: [f64; 3],

@@ -344,7 +344,7 @@ impl Sight {
             [&self.refused, &self.pairs].into_iter().find_map(|pairs| pairs.get(&judged.key)?.as_ref());
         let Some(pair) = found else { return };
         let velocities = [&self.velocity, &judged.velocity];
-        let at = by_surfaces(judged, judged.factor);
+        let at = by_surfaces(judged);
         let of = |origin: &Pose, sums: &BlockSums, scale: f64| {
             let (h, g, _) = PairBlock::new(origin, sums).linearise(&judged.target_from_query);
             (h / scale, g / scale)
@@ -384,9 +384,9 @@ const JUDGED_M: f64 = 0.002;
 const JUDGED_RAD: f64 = 0.002;
 
 /// The relative pose by the surfaces alone; as aligned where they hardly hold it.
-fn by_surfaces(judged: &Judged<'_>, factor: f64) -> Pose {
+fn by_surfaces(judged: &Judged<'_>) -> Pose {
     let block = PairBlock::new(&judged.origin, judged.sums);
-    let (t, r) = (factor / (JUDGED_M * JUDGED_M), factor / (JUDGED_RAD * JUDGED_RAD));
+    let (t, r) = (judged.factor / (JUDGED_M * JUDGED_M), judged.factor / (JUDGED_RAD * JUDGED_RAD));
     let prior = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
     let (h, g, _) = block.linearise(&judged.target_from_query);
     let step = (h + prior).cholesky().map(|factor| -factor.solve(&g));
